@@ -1,0 +1,12 @@
+# Writes every shaders/**/*.glsl into one C++ file as a table from name to text.
+file(GLOB_RECURSE files RELATIVE ${SOURCE_DIR} ${SOURCE_DIR}/*.glsl)
+list(SORT files)
+set(out "// Generated from shaders/. Do not edit.\n#include \"fastibl/render/gl/shaders.h\"\n\nnamespace fastibl {\n")
+string(APPEND out "const std::map<std::string, std::string>& embedded_shaders() {\n")
+string(APPEND out "  static const std::map<std::string, std::string> table = {\n")
+foreach(file IN LISTS files)
+  file(READ ${SOURCE_DIR}/${file} text)
+  string(APPEND out "      {\"${file}\", R\"glsl(${text})glsl\"},\n")
+endforeach()
+string(APPEND out "  };\n  return table;\n}\n}  // namespace fastibl\n")
+file(WRITE ${OUTPUT} "${out}")

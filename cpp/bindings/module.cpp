@@ -1,0 +1,15 @@
+#include "bindings/numpy.h"
+
+PYBIND11_MODULE(_fastibl, module) {
+  using namespace fastibl::bindings;
+  module.doc() = "fastibl's C++ core. Import fastibl instead.";
+  module.attr("__version__") = FASTIBL_VERSION;
+  bind_core(module);
+  bind_scene(module);
+  // bind_lighting(module);
+#ifdef FASTIBL_WITH_GL
+  module.attr("with_gl") = true;
+#else
+  module.attr("with_gl") = false;
+#endif
+}

@@ -1,0 +1,156 @@
+// The border to NumPy: shape and dtype are checked, any float dtype and stride is converted
+// knowingly, everything else is refused with the name of what came.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "fastibl/core/pose.h"
+#include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/picture.h"
+
+namespace py = pybind11;
+
+namespace fastibl::bindings {
+
+using Floats = py::array_t<float, py::array::c_style>;
+using Doubles = py::array_t<double, py::array::c_style>;
+
+inline std::string shape_of(const py::array& array) { return py::str(array.attr("shape")); }
+
+// A NumPy array or what NumPy makes a float array of (a list of numbers); bare numbers, integers
+// and objects are refused: TypeError.
+inline py::array require_array(const py::object& object, const char* name) {
+  if (!py::isinstance<py::array>(object)) {
+    if (!py::isinstance<py::sequence>(object) || py::isinstance<py::str>(object))
+      throw py::type_error(std::string(name) + " must be an array of floats, got " +
+                           std::string(py::str(py::type::handle_of(object).attr("__name__"))));
+    // Lists and tuples are small and typed by hand: whole numbers in them are meant as floats.
+    py::array array = py::array::ensure(object);
+    if (!array) {
+      PyErr_Clear();
+      throw py::type_error(std::string(name) +
+                           " must be an array of floats, got a sequence that is none");
+    }
+    if (array.dtype().kind() == 'i') return py::array(array.attr("astype")("float64"));
+    return array;
+  }
+  return py::reinterpret_borrow<py::array>(object);
+}
+
+template <typename T>
+py::array_t<T, py::array::c_style> require_floats(const py::object& object, const char* name) {
+  const py::array array = require_array(object, name);
+  if (array.dtype().kind() != 'f')
+    throw py::type_error(std::string(name) + " must hold floats, got dtype " +
+                         std::string(py::str(array.dtype())));
+  return py::array_t<T, py::array::c_style | py::array::forcecast>::ensure(array);
+}
+
+// (..., 3) of any float dtype.
+inline Floats require_vectors(const py::object& object, const char* name) {
+  const Floats array = require_floats<float>(object, name);
+  if (array.ndim() < 1 || array.shape(array.ndim() - 1) != 3)
+    throw py::value_error(std::string(name) + " must have shape (..., 3), got " + shape_of(array));
+  return array;
+}
+
+inline glm::dmat4 require_matrix(const py::object& object, const char* name) {
+  const Doubles array = require_floats<double>(object, name);
+  if (array.ndim() != 2 || array.shape(0) != 4 || array.shape(1) != 4)
+    throw py::value_error(std::string(name) + " must have shape (4, 4), got " + shape_of(array));
+  glm::dmat4 matrix;
+  for (int r = 0; r < 4; ++r)
+    for (int c = 0; c < 4; ++c) matrix[c][r] = array.at(r, c);
+  return matrix;
+}
+
+// A Pose object or a (4, 4) array.
+inline Pose require_pose(const py::object& object, const char* name) {
+  if (py::isinstance<Pose>(object)) return object.cast<Pose>();
+  return Pose::from_matrix(require_matrix(object, name));
+}
+
+inline Doubles matrix_array(const glm::dmat4& matrix) {
+  Doubles array({4, 4});
+  for (int r = 0; r < 4; ++r)
+    for (int c = 0; c < 4; ++c) array.mutable_at(r, c) = matrix[c][r];
+  return array;
+}
+
+// The array's memory as n packed vec3.
+inline const glm::vec3* vectors(const Floats& array) {
+  return reinterpret_cast<const glm::vec3*>(array.data());
+}
+inline glm::vec3* vectors(Floats& array) {
+  return reinterpret_cast<glm::vec3*>(array.mutable_data());
+}
+
+inline std::vector<py::ssize_t> shape_vector(const py::array& array) {
+  return {array.shape(), array.shape() + array.ndim()};
+}
+
+// uint8 or uint16 encoded RGB, or float linear RGB, (height, width, 3). `keep` owns the memory
+// used.
+inline Picture require_picture(const py::object& object, const char* name, py::array& keep) {
+  if (!py::isinstance<py::array>(object))
+    throw py::type_error(std::string(name) + " must be an array (height, width, 3), got " +
+                         std::string(py::str(py::type::handle_of(object).attr("__name__"))));
+  py::array array = py::reinterpret_borrow<py::array>(object);
+  const char kind = array.dtype().kind();
+  const auto size = array.dtype().itemsize();
+  Picture picture;
+  if (kind == 'u' && size == 1)
+    picture.type = PixelType::uint8;
+  else if (kind == 'u' && size == 2)
+    picture.type = PixelType::uint16;
+  else if (kind == 'f')
+    picture.type = PixelType::float32;
+  else
+    throw py::type_error(std::string(name) +
+                         " must be uint8, uint16 (encoded) or float (linear), got dtype " +
+                         std::string(py::str(array.dtype())));
+  if (array.ndim() != 3 || array.shape(2) != 3 || array.shape(0) < 1 || array.shape(1) < 1)
+    throw py::value_error(std::string(name) + " must have shape (height, width, 3), got " +
+                          shape_of(array));
+  if (picture.type == PixelType::float32)
+    keep = py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(array);
+  else
+    keep = py::array::ensure(array, py::array::c_style);
+  picture.data = keep.data();
+  picture.height = int(keep.shape(0)), picture.width = int(keep.shape(1));
+  picture.row_bytes = keep.strides(0);
+  return picture;
+}
+
+// (n, n, …) image owned by a value of C++ is copied out.
+template <typename T>
+py::array_t<T> image_array(const Image<T>& image) {
+  std::vector<py::ssize_t> shape{image.height, image.width};
+  if (image.channels != 1) shape.push_back(image.channels);
+  py::array_t<T> array(shape);
+  std::memcpy(array.mutable_data(), image.data.data(), image.data.size() * sizeof(T));
+  return array;
+}
+
+inline std::vector<glm::vec3> require_colours(const py::object& object, const char* name) {
+  const Floats array = require_vectors(object, name);
+  return {vectors(array), vectors(array) + array.size() / 3};
+}
+
+void bind_core(py::module_& module);
+void bind_scene(py::module_& module);
+void bind_tracking(py::module_& module);
+void bind_capture(py::module_& module);
+void bind_lighting(py::module_& module);
+void bind_shadow(py::module_& module);
+void bind_shading(py::module_& module);
+void bind_plan(py::module_& module);
+void bind_render(py::module_& module);
+void bind_gl(py::module_& module);
+
+}  // namespace fastibl::bindings

@@ -1,0 +1,680 @@
+#include <pybind11/operators.h>
+#include <pybind11/stl.h>
+
+#include "bindings/numpy.h"
+#include "fastibl/core/parallel.h"
+#include "fastibl/scene/board.h"
+#include "fastibl/scene/bvh.h"
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/environment.h"
+#include "fastibl/scene/equirect.h"
+#include "fastibl/scene/mesh.h"
+
+namespace fastibl::bindings {
+namespace {
+
+CubeMap cube_from_array(const py::object& object) {
+  const Floats array = require_floats<float>(object, "faces");
+  if (array.ndim() != 4 || array.shape(0) != 6 || array.shape(3) != 3 ||
+      array.shape(1) != array.shape(2) || array.shape(1) < 1)
+    throw py::value_error("faces must have shape (6, n, n, 3) with n at least 1, got " +
+                          shape_of(array));
+  return CubeMap(int(array.shape(1)), {vectors(array), std::size_t(array.size() / 3)});
+}
+
+// Zero-copy view of one level; `owner` is kept alive by it.
+py::array level_view(const CubeMap& cube, int k, const py::object& owner) {
+  const CubeLevel& level = cube.level(k);
+  const py::ssize_t n = level.size(), t = sizeof(glm::vec3);
+  py::array view(py::dtype::of<float>(), {py::ssize_t{6}, n, n, py::ssize_t{3}},
+                 {level.face_stride() * t, level.row_stride() * t, t, py::ssize_t(sizeof(float))},
+                 &level.face(0)->x, owner);
+  view.attr("setflags")(py::arg("write") = false);
+  return view;
+}
+
+glm::vec3 colour(const py::object& object, const char* name) {
+  const Floats array = require_floats<float>(object, name);
+  if (array.ndim() != 1 || array.size() != 3)
+    throw py::value_error(std::string(name) + " must be three numbers, got shape " +
+                          shape_of(array));
+  return {array.at(0), array.at(1), array.at(2)};
+}
+
+py::tuple colour_tuple(const glm::vec3& c) { return py::make_tuple(c.x, c.y, c.z); }
+
+void bind_cube(py::module_& module) {
+  py::class_<CubeMap>(module, "CubeMap", R"(Linear radiance over the sphere, with its MIP chain.
+
+faces: (6, n, n, 3), any float dtype, faces in the order +x -x +y -y +z -z with OpenGL's orientation; a
+marker-frame direction is the OpenGL cube coordinate. NaN and negative values become 0, values above 1e9 (and
+infinity) become 1e9; `cleaned` counts them. Raises ValueError for another shape, TypeError for integers.)")
+      .def(py::init(&cube_from_array), py::arg("faces"))
+      .def_property_readonly(
+          "faces",
+          [](const py::object& self) { return level_view(self.cast<const CubeMap&>(), 0, self); },
+          "(6, n, n, 3) float32: a read-only view, no copy.")
+      .def(
+          "level",
+          [](const py::object& self, int k) {
+            const CubeMap& cube = self.cast<const CubeMap&>();
+            if (k < 0 || k >= cube.level_count())
+              throw py::index_error("level must be 0 to " + std::to_string(cube.level_count() - 1) +
+                                    ", got " + std::to_string(k));
+            return level_view(cube, k, self);
+          },
+          py::arg("k"),
+          "MIP level k as a read-only view (6, n >> k, n >> k, 3) float32: solid-angle means of "
+          "level 0.")
+      .def_property_readonly("size", &CubeMap::size, "Face edge n in texels.")
+      .def_property_readonly("level_count", &CubeMap::level_count)
+      .def_property_readonly(
+          "cleaned",
+          [](const CubeMap& cube) {
+            const CleaningStatistics& s = cube.cleaned();
+            return py::dict(py::arg("nan") = s.nan, py::arg("negative") = s.negative,
+                            py::arg("capped") = s.capped);
+          },
+          "Numbers of values that cleaning on entry changed: nan, negative, capped.")
+      .def(
+          "mean",
+          [](const CubeMap& cube) {
+            const glm::dvec3 m = cube.mean();
+            return py::make_tuple(m.x, m.y, m.z);
+          },
+          "Solid-angle mean radiance of the sphere, RGB.")
+      .def(
+          "sample",
+          [](const CubeMap& cube, const py::object& directions, const py::object& level) {
+            const Floats in = require_vectors(directions, "directions");
+            const py::ssize_t count = in.size() / 3;
+            py::array_t<float, py::array::c_style | py::array::forcecast> levels;
+            float single = 0;
+            const bool scalar =
+                py::isinstance<py::float_>(level) || py::isinstance<py::int_>(level);
+            if (scalar) {
+              single = level.cast<float>();
+            } else {
+              std::vector<py::ssize_t> shape = shape_vector(in);
+              shape.pop_back();
+              levels = py::module_::import("numpy").attr("broadcast_to")(
+                  require_floats<float>(level, "level"), py::tuple(py::cast(shape)));
+            }
+            Floats out(shape_vector(in));
+            const glm::vec3* d = vectors(in);
+            glm::vec3* to = vectors(out);
+            const float* per = scalar ? nullptr : levels.data();
+            {
+              const py::gil_scoped_release release;
+              parallel_for(int(count), 4096, [&](int begin, int end) {
+                for (int i = begin; i < end; ++i) to[i] = cube.sample(d[i], per ? per[i] : single);
+              });
+            }
+            return out;
+          },
+          py::arg("directions"), py::arg("level") = 0.0,
+          R"(Seamless trilinear look-up.
+
+directions: (..., 3) any float dtype, marker frame, any length. level: MIP level, a number or broadcastable to
+(...), clamped to the chain. Returns (..., 3) float32. Raises ValueError for another shape, TypeError for integers.)")
+      .def(py::self == py::self)
+      .def("__repr__",
+           [](const CubeMap& cube) {
+             return "<fastibl.CubeMap 6 x " + std::to_string(cube.size()) + " x " +
+                    std::to_string(cube.size()) + ">";
+           })
+      .def("__copy__", [](const CubeMap& cube) { return cube; })
+      .def(
+          "__deepcopy__", [](const CubeMap& cube, const py::dict&) { return cube; },
+          py::arg("memo"))
+      .def(py::pickle(
+          [](const py::object& self) {
+            return py::make_tuple(py::module_::import("numpy").attr("array")(
+                level_view(self.cast<const CubeMap&>(), 0, self)));
+          },
+          [](const py::tuple& t) { return cube_from_array(t[0]); }));
+
+  module.def(
+      "cubemap_from_equirect",
+      [](const py::object& object, int size) {
+        const Floats array = require_floats<float>(object, "image");
+        if (array.ndim() != 3 || array.shape(2) != 3 || array.shape(0) < 1 || array.shape(1) < 1)
+          throw py::value_error("image must have shape (height, width, 3), got " + shape_of(array));
+        const ImageView<const float> view{array.data(), int(array.shape(1)), int(array.shape(0)), 3,
+                                          3 * array.shape(1)};
+        const py::gil_scoped_release release;
+        return cubemap_from_equirect(view, size);
+      },
+      py::arg("image"), py::arg("size") = 128,
+      R"(Cube map of an equirectangular picture, area-exact: the energy of each channel is kept.
+
+image: (height, width, 3) any float dtype, linear radiance; z at the top, the centre looks along +y, x grows to
+the right. size: face edge in texels. Raises ValueError for another shape, TypeError for integers.)");
+  module.def(
+      "equirect_from_cubemap",
+      [](const CubeMap& cube, int height) {
+        Image<float> image;
+        {
+          const py::gil_scoped_release release;
+          image = equirect_from_cubemap(cube, height);
+        }
+        return image_array(image);
+      },
+      py::arg("cube"), py::arg("height") = 512,
+      "Equirectangular picture (height, 2 height, 3) float32 of a cube map, area-exact.");
+  module.def(
+      "texel_solid_angles",
+      [](int size) {
+        if (size < 1) throw py::value_error("size must be at least 1, got " + std::to_string(size));
+        const std::vector<double> angles = texel_solid_angles(size);
+        Doubles out({size, size});
+        std::copy(angles.begin(), angles.end(), out.mutable_data());
+        return out;
+      },
+      py::arg("size"),
+      "Exact solid angles (size, size) float64 of the texels of one face; six faces sum to 4 pi.");
+  module.def(
+      "texel_directions",
+      [](int size) {
+        if (size < 1) throw py::value_error("size must be at least 1, got " + std::to_string(size));
+        Floats out({6, size, size, 3});
+        glm::vec3* to = vectors(out);
+        for (int f = 0; f < 6; ++f)
+          for (int y = 0; y < size; ++y)
+            for (int x = 0; x < size; ++x) *to++ = glm::normalize(texel_direction(f, x, y, size));
+        return out;
+      },
+      py::arg("size"),
+      "Unit directions (6, size, size, 3) float32 of the texel centres, marker frame.");
+}
+
+void bind_camera(py::module_& module) {
+  py::class_<Response>(module, "Response",
+                       "A camera's response: encoded = response(linear), white at 1.")
+      .def_static("srgb", &Response::srgb, "The sRGB curve.")
+      .def_static("gamma", &Response::gamma, py::arg("exponent"), "linear = encoded ** exponent.")
+      .def_static(
+          "from_curve",
+          [](const py::object& curve) {
+            const Floats array = require_floats<float>(curve, "curve");
+            return Response::from_curve({array.data(), array.data() + array.size()});
+          },
+          py::arg("curve"),
+          "Linear values at evenly spaced encoded values, from 0 to 1, strictly increasing.")
+      .def_property_readonly(
+          "curve",
+          [](const Response& r) {
+            return py::array_t<float>(py::ssize_t(r.curve.size()), r.curve.data());
+          },
+          "(n,) float32; empty for sRGB.")
+      .def(
+          "decode",
+          [](const Response& r, const py::object& encoded) {
+            Floats in = require_floats<float>(encoded, "encoded");
+            Floats out(shape_vector(in));
+            for (py::ssize_t i = 0; i < in.size(); ++i)
+              out.mutable_data()[i] = r.decode(in.data()[i]);
+            return out;
+          },
+          py::arg("encoded"), "Linear values of encoded ones in [0, 1]; any shape.")
+      .def(
+          "encode",
+          [](const Response& r, const py::object& linear) {
+            Floats in = require_floats<float>(linear, "linear");
+            Floats out(shape_vector(in));
+            for (py::ssize_t i = 0; i < in.size(); ++i)
+              out.mutable_data()[i] = r.encode(in.data()[i]);
+            return out;
+          },
+          py::arg("linear"), "Encoded values in [0, 1] of linear ones; any shape.")
+      .def(py::self == py::self)
+      .def("__repr__",
+           [](const Response& r) {
+             return r.curve.empty()
+                        ? std::string("Response.srgb()")
+                        : "<fastibl.Response of " + std::to_string(r.curve.size()) + " points>";
+           })
+      .def(
+          py::pickle([](const Response& r) { return py::make_tuple(r.curve); },
+                     [](const py::tuple& t) { return Response{t[0].cast<std::vector<float>>()}; }));
+
+  py::class_<Camera>(module, "Camera",
+                     R"(Pinhole camera with OpenCV's lens model. Frame: x right, y down, z forward.
+
+width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion:
+k1 k2 p1 p2 [k3 [k4 k5 k6]]. response: encoded = response(exposure * gain * vignetting * radiance). vignetting:
+v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. Raises ValueError for what is not a camera.)")
+      .def(py::init([](int width, int height, double fx, double fy, double cx, double cy,
+                       std::vector<double> distortion, const std::optional<Response>& response,
+                       double gain, std::vector<double> vignetting) {
+             Camera camera{width,
+                           height,
+                           fx,
+                           fy,
+                           cx,
+                           cy,
+                           std::move(distortion),
+                           response.value_or(Response{}),
+                           gain,
+                           std::move(vignetting)};
+             camera.validate();
+             return camera;
+           }),
+           py::arg("width"), py::arg("height"), py::arg("fx"), py::arg("fy"), py::arg("cx"),
+           py::arg("cy"), py::arg("distortion") = std::vector<double>{},
+           py::arg("response") = py::none(), py::arg("gain") = 1.0,
+           py::arg("vignetting") = std::vector<double>{})
+      .def_static(
+          "from_opencv",
+          [](const py::object& K, std::vector<double> distortion, std::pair<int, int> size,
+             const std::optional<Response>& response, double gain, std::vector<double> vignetting) {
+            const Doubles k = require_floats<double>(K, "K");
+            if (k.ndim() != 2 || k.shape(0) != 3 || k.shape(1) != 3)
+              throw py::value_error("K must have shape (3, 3), got " + shape_of(k));
+            Camera camera{size.first,
+                          size.second,
+                          k.at(0, 0),
+                          k.at(1, 1),
+                          k.at(0, 2) + 0.5,
+                          k.at(1, 2) + 0.5,
+                          std::move(distortion),
+                          response.value_or(Response{}),
+                          gain,
+                          std::move(vignetting)};
+            camera.validate();
+            return camera;
+          },
+          py::arg("K"), py::arg("distortion"), py::arg("size"), py::arg("response") = py::none(),
+          py::arg("gain") = 1.0, py::arg("vignetting") = std::vector<double>{},
+          "From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = "
+          "(width, height).")
+      .def_property_readonly(
+          "opencv_matrix",
+          [](const Camera& c) {
+            Doubles k({3, 3});
+            std::fill_n(k.mutable_data(), 9, 0.0);
+            k.mutable_at(0, 0) = c.fx, k.mutable_at(1, 1) = c.fy, k.mutable_at(2, 2) = 1;
+            k.mutable_at(0, 2) = c.cx - 0.5, k.mutable_at(1, 2) = c.cy - 0.5;
+            return k;
+          },
+          "(3, 3) float64 in OpenCV's convention.")
+      .def_readonly("width", &Camera::width)
+      .def_readonly("height", &Camera::height)
+      .def_readonly("fx", &Camera::fx)
+      .def_readonly("fy", &Camera::fy)
+      .def_readonly("cx", &Camera::cx)
+      .def_readonly("cy", &Camera::cy)
+      .def_property_readonly("distortion",
+                             [](const Camera& c) { return py::tuple(py::cast(c.distortion)); })
+      .def_readonly("response", &Camera::response)
+      .def_readonly("gain", &Camera::gain)
+      .def_property_readonly("vignetting",
+                             [](const Camera& c) { return py::tuple(py::cast(c.vignetting)); })
+      .def(
+          "project",
+          [](const Camera& camera, const py::object& points) {
+            const Doubles in = require_floats<double>(points, "points");
+            if (in.ndim() < 1 || in.shape(in.ndim() - 1) != 3)
+              throw py::value_error("points must have shape (..., 3), got " + shape_of(in));
+            std::vector<py::ssize_t> shape = shape_vector(in);
+            shape.back() = 2;
+            Doubles out(shape);
+            const Lens lens(camera);
+            for (py::ssize_t i = 0; i < in.size() / 3; ++i) {
+              const double* p = in.data() + 3 * i;
+              const auto pixel = lens.project({p[0], p[1], p[2]});
+              out.mutable_data()[2 * i] =
+                  pixel ? pixel->x : std::numeric_limits<double>::quiet_NaN();
+              out.mutable_data()[2 * i + 1] =
+                  pixel ? pixel->y : std::numeric_limits<double>::quiet_NaN();
+            }
+            return out;
+          },
+          py::arg("points"),
+          "Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind it and "
+          "beyond the lens model.")
+      .def(
+          "unproject",
+          [](const Camera& camera, const py::object& pixels) {
+            const Doubles in = require_floats<double>(pixels, "pixels");
+            if (in.ndim() < 1 || in.shape(in.ndim() - 1) != 2)
+              throw py::value_error("pixels must have shape (..., 2), got " + shape_of(in));
+            std::vector<py::ssize_t> shape = shape_vector(in);
+            shape.back() = 3;
+            Doubles out(shape);
+            const Lens lens(camera);
+            for (py::ssize_t i = 0; i < in.size() / 2; ++i) {
+              const auto ray = lens.unproject({in.data()[2 * i], in.data()[2 * i + 1]});
+              for (int c = 0; c < 3; ++c)
+                out.mutable_data()[3 * i + c] =
+                    ray ? (*ray)[c] : std::numeric_limits<double>::quiet_NaN();
+            }
+            return out;
+          },
+          py::arg("pixels"),
+          "Directions (..., 3) float64 with z = 1 through pixels (..., 2); NaN beyond the lens "
+          "model.")
+      .def(py::self == py::self)
+      .def("__repr__",
+           [](const Camera& c) {
+             return "Camera(" + std::to_string(c.width) + ", " + std::to_string(c.height) +
+                    ", fx=" + std::string(py::repr(py::float_(c.fx))) +
+                    ", fy=" + std::string(py::repr(py::float_(c.fy))) +
+                    ", cx=" + std::string(py::repr(py::float_(c.cx))) +
+                    ", cy=" + std::string(py::repr(py::float_(c.cy))) +
+                    ", distortion=" + std::string(py::repr(py::cast(c.distortion))) + ")";
+           })
+      .def("__copy__", [](const Camera& c) { return c; })
+      .def(
+          "__deepcopy__", [](const Camera& c, const py::dict&) { return c; }, py::arg("memo"))
+      .def(py::pickle(
+          [](const Camera& c) {
+            return py::make_tuple(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion,
+                                  c.response, c.gain, c.vignetting);
+          },
+          [](const py::tuple& t) {
+            return Camera{t[0].cast<int>(),
+                          t[1].cast<int>(),
+                          t[2].cast<double>(),
+                          t[3].cast<double>(),
+                          t[4].cast<double>(),
+                          t[5].cast<double>(),
+                          t[6].cast<std::vector<double>>(),
+                          t[7].cast<Response>(),
+                          t[8].cast<double>(),
+                          t[9].cast<std::vector<double>>()};
+          }));
+
+  py::class_<Rig>(
+      module, "Rig",
+      "A back camera, and a front camera fixed to it by front_from_back (Pose or (4, 4)).")
+      .def(py::init([](const Camera& back, const std::optional<Camera>& front,
+                       const py::object& front_from_back) {
+             if (front.has_value() == front_from_back.is_none())
+               throw py::value_error("a rig needs both front and front_from_back, or neither");
+             return Rig{back, front,
+                        front ? require_pose(front_from_back, "front_from_back") : Pose{}};
+           }),
+           py::arg("back"), py::arg("front") = py::none(), py::arg("front_from_back") = py::none())
+      .def_readonly("back", &Rig::back)
+      .def_readonly("front", &Rig::front)
+      .def_readonly("front_from_back", &Rig::front_from_back)
+      .def(py::self == py::self)
+      .def("__repr__", [](const Rig& r) {
+        return std::string("<fastibl.Rig ") + (r.front ? "back and front camera>" : "back camera>");
+      });
+}
+
+void bind_board(py::module_& module) {
+  py::class_<Tag>(module, "Tag",
+                  "A tag of a board: id, and corners (4, 2) in metres (upper left, upper right, "
+                  "lower right, lower left).")
+      .def_readonly("id", &Tag::id)
+      .def_property_readonly("corners",
+                             [](const Tag& t) {
+                               Doubles out({4, 2});
+                               for (int i = 0; i < 4; ++i)
+                                 out.mutable_at(i, 0) = t.corners[std::size_t(i)].x,
+                                                   out.mutable_at(i, 1) =
+                                                       t.corners[std::size_t(i)].y;
+                               return out;
+                             })
+      .def("__repr__", [](const Tag& t) { return "<fastibl.Tag " + std::to_string(t.id) + ">"; });
+  py::class_<Board>(module, "_Board")
+      .def(py::init([](const py::list& tags, int border_bits, double width, double height) {
+             Board board;
+             board.border_bits = border_bits, board.width = width, board.height = height;
+             for (const auto& item : tags) {
+               const auto pair = item.cast<py::tuple>();
+               const Doubles c = require_floats<double>(pair[1], "corners");
+               if (c.ndim() != 2 || c.shape(0) != 4 || c.shape(1) != 2)
+                 throw py::value_error("corners must have shape (4, 2), got " + shape_of(c));
+               Tag tag{pair[0].cast<int>(), {}};
+               for (int i = 0; i < 4; ++i) tag.corners[std::size_t(i)] = {c.at(i, 0), c.at(i, 1)};
+               board.tags.push_back(tag);
+             }
+             board.validate();
+             return board;
+           }),
+           py::arg("tags"), py::arg("border_bits"), py::arg("width"), py::arg("height"))
+      .def_static("_default", &Board::default_board)
+      .def_static("_grid", &Board::grid, py::arg("rows"), py::arg("columns"), py::arg("tag_size"),
+                  py::arg("spacing"), py::arg("border_bits"))
+      .def_readonly("tags", &Board::tags, "List of Tag.")
+      .def_readonly("border_bits", &Board::border_bits, "Width of the black border in modules.")
+      .def_readonly("width", &Board::width, "Page width in metres.")
+      .def_readonly("height", &Board::height, "Page height in metres.")
+      .def(py::self == py::self);
+}
+
+void bind_mesh(py::module_& module) {
+  py::class_<Mesh>(module, "Mesh", R"(Triangle mesh.
+
+vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
+or None. Raises ValueError for wrong shapes, indices out of range, or vertices that are not finite.)")
+      .def(py::init(
+               [](const py::object& vertices, const py::object& triangles, const py::object& uvs) {
+                 const Floats v = require_vectors(vertices, "vertices");
+                 if (v.ndim() != 2)
+                   throw py::value_error("vertices must have shape (v, 3), got " + shape_of(v));
+                 const py::array t = py::array::ensure(triangles);
+                 if (!t || (t.dtype().kind() != 'i' && t.dtype().kind() != 'u')) {
+                   PyErr_Clear();
+                   throw py::type_error("triangles must hold integers");
+                 }
+                 if (t.ndim() != 2 || t.shape(1) != 3)
+                   throw py::value_error("triangles must have shape (t, 3), got " + shape_of(t));
+                 const auto wide =
+                     py::array_t<long long, py::array::c_style | py::array::forcecast>::ensure(t);
+                 Mesh mesh;
+                 mesh.vertices.assign(vectors(v), vectors(v) + v.shape(0));
+                 for (py::ssize_t i = 0; i < wide.shape(0); ++i) {
+                   glm::ivec3 triangle;
+                   for (int c = 0; c < 3;
+                        ++c)  // an index beyond int is out of range; −1 is reported as such
+                     triangle[c] =
+                         wide.at(i, c) > 0x7fffffff || wide.at(i, c) < 0 ? -1 : int(wide.at(i, c));
+                   mesh.triangles.push_back(triangle);
+                 }
+                 if (!uvs.is_none()) {
+                   const Floats uv = require_floats<float>(uvs, "uvs");
+                   if (uv.ndim() != 2 || uv.shape(1) != 2)
+                     throw py::value_error("uvs must have shape (v, 2), got " + shape_of(uv));
+                   for (py::ssize_t i = 0; i < uv.shape(0); ++i)
+                     mesh.uvs.push_back({uv.at(i, 0), uv.at(i, 1)});
+                 }
+                 mesh.validate();
+                 return mesh;
+               }),
+           py::arg("vertices"), py::arg("triangles"), py::arg("uvs") = py::none())
+      .def_property_readonly(
+          "vertices",
+          [](const Mesh& m) {
+            Floats out({py::ssize_t(m.vertices.size()), py::ssize_t{3}});
+            std::copy(m.vertices.begin(), m.vertices.end(), vectors(out));
+            return out;
+          },
+          "(v, 3) float32 metres, a copy.")
+      .def_property_readonly(
+          "triangles",
+          [](const Mesh& m) {
+            py::array_t<int> out({py::ssize_t(m.triangles.size()), py::ssize_t{3}});
+            std::memcpy(out.mutable_data(), m.triangles.data(),
+                        m.triangles.size() * sizeof(glm::ivec3));
+            return out;
+          },
+          "(t, 3) int32, a copy.")
+      .def_property_readonly(
+          "uvs",
+          [](const Mesh& m) -> py::object {
+            if (m.uvs.empty()) return py::none();
+            Floats out({py::ssize_t(m.uvs.size()), py::ssize_t{2}});
+            std::memcpy(out.mutable_data(), m.uvs.data(), m.uvs.size() * sizeof(glm::vec2));
+            return out;
+          },
+          "(v, 2) float32, a copy, or None.")
+      .def_property_readonly(
+          "normals",
+          [](const Mesh& m) {
+            const std::vector<glm::vec3> normals = vertex_normals(m);
+            Floats out({py::ssize_t(normals.size()), py::ssize_t{3}});
+            std::copy(normals.begin(), normals.end(), vectors(out));
+            return out;
+          },
+          "(v, 3) float32 unit vertex normals, weighted by angle.")
+      .def(py::self == py::self)
+      .def("__repr__",
+           [](const Mesh& m) {
+             return "<fastibl.Mesh of " + std::to_string(m.vertices.size()) + " vertices, " +
+                    std::to_string(m.triangles.size()) + " triangles>";
+           })
+      .def(py::pickle(
+          [](const py::object& self) {
+            return py::make_tuple(self.attr("vertices"), self.attr("triangles"), self.attr("uvs"));
+          },
+          [](const py::tuple& t) { return py::type::of<Mesh>()(t[0], t[1], t[2]).cast<Mesh>(); }));
+
+  py::class_<Bvh>(module, "Bvh", "Ray queries on a mesh. Triangles are two-sided.")
+      .def(py::init([](const Mesh& mesh) {
+             const py::gil_scoped_release release;
+             return Bvh(mesh);
+           }),
+           py::arg("mesh"))
+      .def(
+          "occluded",
+          [](const Bvh& bvh, const py::object& origins, const py::object& directions, float t_min) {
+            const Floats o = require_vectors(origins, "origins"),
+                         d = require_vectors(directions, "directions");
+            if (shape_vector(o) != shape_vector(d))
+              throw py::value_error("origins and directions must have the same shape, got " +
+                                    shape_of(o) + " and " + shape_of(d));
+            std::vector<py::ssize_t> shape = shape_vector(o);
+            shape.pop_back();
+            py::array_t<bool> out(shape);
+            bool* to = out.mutable_data();
+            {
+              const py::gil_scoped_release release;
+              parallel_for(int(o.size() / 3), 1024, [&](int begin, int end) {
+                for (int i = begin; i < end; ++i)
+                  to[i] = bvh.occluded({vectors(o)[i], vectors(d)[i], t_min});
+              });
+            }
+            return out;
+          },
+          py::arg("origins"), py::arg("directions"), py::arg("t_min") = 0.0f,
+          "Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.")
+      .def(
+          "nearest",
+          [](const Bvh& bvh, const py::object& origins, const py::object& directions, float t_min) {
+            const Floats o = require_vectors(origins, "origins"),
+                         d = require_vectors(directions, "directions");
+            if (shape_vector(o) != shape_vector(d))
+              throw py::value_error("origins and directions must have the same shape, got " +
+                                    shape_of(o) + " and " + shape_of(d));
+            std::vector<py::ssize_t> shape = shape_vector(o);
+            shape.pop_back();
+            py::array_t<int> triangle(shape);
+            Floats t(shape);
+            shape.push_back(2);
+            Floats uv(shape);
+            int* to = triangle.mutable_data();
+            float *tt = t.mutable_data(), *tuv = uv.mutable_data();
+            {
+              const py::gil_scoped_release release;
+              parallel_for(int(o.size() / 3), 1024, [&](int begin, int end) {
+                for (int i = begin; i < end; ++i) {
+                  const Bvh::Hit hit = bvh.nearest({vectors(o)[i], vectors(d)[i], t_min});
+                  to[i] = hit.triangle,
+                  tt[i] = hit.triangle < 0 ? std::numeric_limits<float>::infinity() : hit.t;
+                  tuv[2 * i] = hit.u, tuv[2 * i + 1] = hit.v;
+                }
+              });
+            }
+            return py::make_tuple(triangle, t, uv);
+          },
+          py::arg("origins"), py::arg("directions"), py::arg("t_min") = 0.0f,
+          "First hits of the rays (..., 3): triangle index (-1: none), t, and barycentric (u, v) "
+          "of its second and third vertex.");
+
+  py::class_<Material>(module, "Material",
+                       R"(Reflectance of Eq. 3, Croubois et al. 2014. Colours are linear RGB.
+
+diffuse: k_L. glossy: k_G. exponent: s >= 0, half-vector exponent, may be infinite. emission: radiance. Raises
+ValueError for negative values.)")
+      .def(py::init([](const py::object& diffuse, const py::object& glossy, float exponent,
+                       const py::object& emission) {
+             Material m{colour(diffuse, "diffuse"), colour(glossy, "glossy"), exponent,
+                        colour(emission, "emission")};
+             m.validate();
+             return m;
+           }),
+           py::arg("diffuse") = py::make_tuple(0.8, 0.8, 0.8),
+           py::arg("glossy") = py::make_tuple(0.0, 0.0, 0.0), py::arg("exponent") = 64.0f,
+           py::arg("emission") = py::make_tuple(0.0, 0.0, 0.0))
+      .def_property_readonly("diffuse", [](const Material& m) { return colour_tuple(m.diffuse); })
+      .def_property_readonly("glossy", [](const Material& m) { return colour_tuple(m.glossy); })
+      .def_readonly("exponent", &Material::exponent)
+      .def_property_readonly("emission", [](const Material& m) { return colour_tuple(m.emission); })
+      .def(py::self == py::self)
+      .def("__repr__",
+           [](const Material& m) {
+             return "Material(diffuse=" + std::string(py::repr(colour_tuple(m.diffuse))) +
+                    ", glossy=" + std::string(py::repr(colour_tuple(m.glossy))) +
+                    ", exponent=" + std::string(py::repr(py::float_(m.exponent))) +
+                    ", emission=" + std::string(py::repr(colour_tuple(m.emission))) + ")";
+           })
+      .def(py::pickle(
+          [](const Material& m) {
+            return py::make_tuple(colour_tuple(m.diffuse), colour_tuple(m.glossy), m.exponent,
+                                  colour_tuple(m.emission));
+          },
+          [](const py::tuple& t) {
+            return Material{colour(t[0], "diffuse"), colour(t[1], "glossy"), t[2].cast<float>(),
+                            colour(t[3], "emission")};
+          }));
+}
+
+void bind_environment(py::module_& module) {
+  const auto faces = [](const std::vector<float>& values, int n) {
+    py::array_t<float> out({6, n, n});
+    std::copy(values.begin(), values.end(), out.mutable_data());
+    return out;
+  };
+  py::class_<Environment>(
+      module, "Environment",
+      "What is known of the light of a place: radiance, and how well it is known.")
+      .def(py::init(&environment_from), py::arg("radiance"), "A map that is known everywhere.")
+      .def_property_readonly(
+          "radiance", [](const Environment& e) -> const CubeMap& { return e.radiance; },
+          py::return_value_policy::reference_internal,
+          "CubeMap; unseen texels hold the value of the nearest seen one.")
+      .def_property_readonly(
+          "confidence",
+          [faces](const Environment& e) { return faces(e.confidence, e.radiance.size()); },
+          "(6, n, n) float32 in [0, 1]; 0 where never seen.")
+      .def_property_readonly(
+          "age", [faces](const Environment& e) { return faces(e.age, e.radiance.size()); },
+          "(6, n, n) float32 seconds since last seen; infinite if never.")
+      .def_readonly("coverage", &Environment::coverage,
+                    "Share of the sphere's solid angle that was ever seen.")
+      .def_readonly("clipped", &Environment::clipped,
+                    "Share of the seen solid angle whose value is only a lower bound.")
+      .def_readonly("predicted_error", &Environment::predicted_error,
+                    "Expected relative error of the irradiance.")
+      .def("__repr__", [](const Environment& e) {
+        return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
+               std::to_string(e.coverage) + ">";
+      });
+}
+
+}  // namespace
+
+void bind_scene(py::module_& module) {
+  bind_cube(module);
+  bind_camera(module);
+  bind_board(module);
+  bind_mesh(module);
+  bind_environment(module);
+}
+
+}  // namespace fastibl::bindings

@@ -1,0 +1,18 @@
+// Wall time for the timings that a Session reports.
+#pragma once
+
+#include <chrono>
+
+namespace fastibl {
+
+class Stopwatch {
+ public:
+  double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace fastibl

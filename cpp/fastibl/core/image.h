@@ -1,0 +1,54 @@
+// Images and views of them. Row 0 is on top; the centre of pixel (x, y) is at (x + 0.5, y + 0.5).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl {
+
+// Borrowed pixels, channels interleaved, rows `row_stride` elements apart. Does not own.
+template <typename T>
+struct ImageView {
+  T* data = nullptr;
+  int width = 0;
+  int height = 0;
+  int channels = 3;
+  std::ptrdiff_t row_stride = 0;  // in elements of T
+
+  T* row(int y) const { return data + y * row_stride; }
+  T* pixel(int x, int y) const { return row(y) + std::ptrdiff_t{x} * channels; }
+  bool empty() const { return data == nullptr || width <= 0 || height <= 0; }
+  operator ImageView<const T>() const { return {data, width, height, channels, row_stride}; }
+};
+
+// Owned pixels, rows packed.
+template <typename T>
+struct Image {
+  int width = 0;
+  int height = 0;
+  int channels = 3;
+  std::vector<T> data;
+
+  Image() = default;
+  Image(int w, int h, int c, T value = {})
+      : width(w), height(h), channels(c), data(std::size_t(w) * h * c, value) {}
+
+  T* row(int y) { return data.data() + std::size_t(y) * width * channels; }
+  const T* row(int y) const { return data.data() + std::size_t(y) * width * channels; }
+  T* pixel(int x, int y) { return row(y) + std::size_t(x) * channels; }
+  const T* pixel(int x, int y) const { return row(y) + std::size_t(x) * channels; }
+  bool empty() const { return data.empty(); }
+
+  ImageView<T> view() {
+    return {data.data(), width, height, channels, std::ptrdiff_t{width} * channels};
+  }
+  ImageView<const T> view() const {
+    return {data.data(), width, height, channels, std::ptrdiff_t{width} * channels};
+  }
+  bool operator==(const Image&) const = default;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,18 @@
+// A parallel loop over a small pool of std::thread. Work is cut into the same blocks for any number
+// of threads, so results are the same bits as long as a block depends on its own index alone.
+#pragma once
+
+#include <functional>
+
+namespace fastibl {
+
+// Number of threads that parallel_for uses, at least 1. 0 asks for the machine's number of cores.
+// Not to be called from inside a parallel_for.
+void set_threads(int count);
+int threads();
+
+// Calls body(begin, end) for consecutive blocks of at most `grain` indices of [0, count) and waits.
+// The first exception thrown by a body is rethrown here. Nested calls run in the calling thread.
+void parallel_for(int count, int grain, const std::function<void(int begin, int end)>& body);
+
+}  // namespace fastibl

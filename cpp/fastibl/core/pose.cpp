@@ -1,0 +1,57 @@
+#include "fastibl/core/pose.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl {
+
+Pose Pose::from_matrix(const glm::dmat4& m) {
+  for (int c = 0; c < 4; ++c)
+    for (int r = 0; r < 4; ++r)
+      check(std::isfinite(m[c][r]), "a pose must be finite, got ", m[c][r], " at row ", r,
+            ", column ", c);
+  check(m[0][3] == 0 && m[1][3] == 0 && m[2][3] == 0 && m[3][3] == 1,
+        "the last row of a pose must be 0 0 0 1, got ", m[0][3], " ", m[1][3], " ", m[2][3], " ",
+        m[3][3]);
+  const glm::dmat3 rotation(m);
+  const glm::dmat3 gram = glm::transpose(rotation) * rotation;
+  double off = 0;
+  for (int c = 0; c < 3; ++c)
+    for (int r = 0; r < 3; ++r) off = std::max(off, std::abs(gram[c][r] - (c == r ? 1.0 : 0.0)));
+  check(off < 1e-6, "the rotation of a pose must be orthonormal within 1e-6, got a departure of ",
+        off);
+  check(glm::determinant(rotation) > 0,
+        "the rotation of a pose must have determinant +1, got a mirror");
+  return {rotation, glm::dvec3(m[3])};
+}
+
+glm::dmat4 Pose::matrix() const {
+  glm::dmat4 m(rotation);
+  m[3] = glm::dvec4(translation, 1.0);
+  return m;
+}
+
+Pose Pose::inverse() const {
+  const glm::dmat3 back = glm::transpose(rotation);
+  return {back, -(back * translation)};
+}
+
+glm::dmat3 rotation_from_vector(const glm::dvec3& w) {
+  const double angle2 = glm::dot(w, w);
+  const double angle = std::sqrt(angle2);
+  // sin(a)/a and (1 - cos a)/a² by their series where the quotient would lose digits.
+  const double a = angle < 1e-4 ? 1.0 - angle2 / 6.0 : std::sin(angle) / angle;
+  const double b = angle < 1e-4 ? 0.5 - angle2 / 24.0 : (1.0 - std::cos(angle)) / angle2;
+  const glm::dmat3 cross(0, w.z, -w.y, -w.z, 0, w.x, w.y, -w.x, 0);  // columns of [w]×
+  return glm::dmat3(1.0) + a * cross + b * (cross * cross);
+}
+
+double rotation_angle(const glm::dmat3& a, const glm::dmat3& b) {
+  const glm::dmat3 r = glm::transpose(a) * b;
+  const glm::dvec3 axis(r[1][2] - r[2][1], r[2][0] - r[0][2], r[0][1] - r[1][0]);
+  return std::atan2(glm::length(axis), r[0][0] + r[1][1] + r[2][2] - 1.0);
+}
+
+}  // namespace fastibl

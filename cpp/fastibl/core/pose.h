@@ -1,0 +1,33 @@
+// A rigid transform, named target_from_source: x_in_target = target_from_source * x_in_source.
+#pragma once
+
+#include <glm/glm.hpp>
+
+namespace fastibl {
+
+struct Pose {
+  glm::dmat3 rotation{1.0};     // orthonormal, determinant +1
+  glm::dvec3 translation{0.0};  // metres
+
+  // Re-orthonormalises nothing; throws std::invalid_argument when the matrix is not a rigid
+  // transform (columns orthonormal within 1e-6, determinant +1, last row 0 0 0 1, all finite).
+  static Pose from_matrix(const glm::dmat4& matrix);
+  glm::dmat4 matrix() const;
+  Pose inverse() const;
+
+  bool operator==(const Pose&) const = default;
+};
+
+inline Pose operator*(const Pose& a, const Pose& b) {
+  return {a.rotation * b.rotation, a.rotation * b.translation + a.translation};
+}
+inline glm::dvec3 operator*(const Pose& pose, const glm::dvec3& point) {
+  return pose.rotation * point + pose.translation;
+}
+
+// Rotation by |w| radians about w (Rodrigues), stable for |w| → 0.
+glm::dmat3 rotation_from_vector(const glm::dvec3& w);
+// Angle in radians of the rotation between the two, stable near 0 and π.
+double rotation_angle(const glm::dmat3& a, const glm::dmat3& b);
+
+}  // namespace fastibl

@@ -1,0 +1,12 @@
+// FASTIBL_CLONES on a function compiles it for plain x86-64 and for AVX2 + FMA and picks at run
+// time. The function must be plain loops over arrays: inline functions of other headers would be
+// compiled without the attribute. Results can differ in the last bits between the two, never
+// between threads.
+#pragma once
+
+#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_THREAD__)
+#define FASTIBL_CLONES __attribute__((target_clones("default", "arch=x86-64-v3")))
+#else
+#define FASTIBL_CLONES
+#endif

@@ -1,0 +1,54 @@
+// Ray queries on a triangle mesh: bounding volume hierarchy, shared by occlusion, sphere fitting
+// and everything that asks what a direction meets. Triangles are two-sided.
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "fastibl/scene/mesh.h"
+
+namespace fastibl {
+
+struct Ray {
+  glm::vec3 origin;
+  glm::vec3 direction;  // any length; t is in units of it
+  float t_min = 0;
+  float t_max = std::numeric_limits<float>::infinity();
+};
+
+class Bvh {
+ public:
+  Bvh() = default;
+  explicit Bvh(const Mesh& mesh);  // copies what it needs
+
+  bool occluded(const Ray& ray) const;   // whether anything is met within (t_min, t_max)
+  int count_hits(const Ray& ray) const;  // number of triangles met
+  // Nearest hit: index of the triangle, or −1; t and barycentric u, v of its second and third
+  // vertex.
+  struct Hit {
+    int triangle = -1;
+    float t = 0, u = 0, v = 0;
+  };
+  Hit nearest(const Ray& ray) const;
+
+ private:
+  struct Node {
+    glm::vec3 lower, upper;
+    int first =
+        0;  // leaf: first triangle; inner: index of the second child (the first follows the node)
+    int count = 0;  // leaf: number of triangles; inner: 0
+  };
+  struct Corner {
+    glm::vec3 origin, edge1, edge2;
+    int index;
+  };
+  template <typename Visit>
+  void traverse(const Ray& ray, float& t_max, Visit&& visit) const;
+  int build(std::vector<int>& order, const std::vector<glm::vec3>& centres, const Mesh& mesh,
+            int begin, int end);
+
+  std::vector<Node> nodes_;
+  std::vector<Corner> corners_;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,71 @@
+// Pinhole camera with OpenCV's lens model. Camera frame: x right, y down, z forward.
+// Pixel (0, 0) is the picture's upper left corner; the centre of pixel (x, y) is at (x + 0.5, y +
+// 0.5).
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "fastibl/core/pose.h"
+#include "fastibl/scene/response.h"
+
+namespace fastibl {
+
+struct Camera {
+  int width = 0, height = 0;              // pixels
+  double fx = 0, fy = 0, cx = 0, cy = 0;  // pixels; (cx, cy) in the convention above, not OpenCV's
+  // k1 k2 p1 p2 [k3 [k4 k5 k6]] of OpenCV; 0, 4, 5 or 8 numbers.
+  std::vector<double> distortion;
+  Response response;  // encoded = response(exposure × gain × vignetting × radiance)
+  double gain = 1;    // of this camera against the others
+  std::vector<double>
+      vignetting;  // 1 + v1 r² + v2 r⁴ + …, r = distance from (cx, cy) in units of f
+
+  // Throws std::invalid_argument for sizes or focal lengths ≤ 0, NaN, or another number of
+  // coefficients.
+  void validate() const;
+
+  // Pixel of a point in the camera frame. Nothing behind the camera, nor beyond the radius where
+  // the lens model stops growing (it would fold back into the picture). May lie outside the
+  // picture.
+  std::optional<glm::dvec2> project(const glm::dvec3& point) const;
+  // Direction (z = 1) that meets a pixel. Nothing where the lens model does not reach.
+  std::optional<glm::dvec3> unproject(const glm::dvec2& pixel) const;
+  bool inside(const glm::dvec2& pixel) const {
+    return pixel.x >= 0 && pixel.y >= 0 && pixel.x < width && pixel.y < height;
+  }
+  double vignette(const glm::dvec2& pixel) const;
+  bool operator==(const Camera&) const = default;
+};
+
+// The lens model alone, with what repeated projection needs worked out once.
+class Lens {
+ public:
+  explicit Lens(const Camera& camera);
+  // Distorted from ideal position on the plane z = 1, and its derivative where asked for.
+  glm::dvec2 distort(const glm::dvec2& ideal, glm::dmat2* derivative = nullptr) const;
+  bool valid(const glm::dvec2& ideal) const { return glm::dot(ideal, ideal) < limit2_; }
+  double limit2() const {
+    return limit2_;
+  }  // squared radius up to which the model grows; may be infinite
+  bool trivial() const { return trivial_; }
+  std::optional<glm::dvec2> project(const glm::dvec3& point,
+                                    glm::dmat2x3* derivative = nullptr) const;
+  std::optional<glm::dvec3> unproject(const glm::dvec2& pixel) const;
+
+ private:
+  double fx_, fy_, cx_, cy_;
+  double k_[8] = {};  // k1 k2 p1 p2 k3 k4 k5 k6
+  double limit2_;
+  bool trivial_;
+};
+
+// Back camera, and the front camera fixed to it.
+struct Rig {
+  Camera back;
+  std::optional<Camera> front;
+  Pose front_from_back;
+  bool operator==(const Rig&) const = default;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,107 @@
+// Cube maps of linear radiance. A marker-frame direction is the OpenGL cube coordinate, unrotated.
+//
+//            +---------+
+//            |   +y    |        Faces in the order +x −x +y −y +z −z. Row 0 of the ±x and ±z faces
+//            | row 0:  |        lies towards +y, that of +y towards −z, that of −y towards +z.
+//            |  −z     |        Seen from inside, as OpenGL has it:
+//  +---------+---------+---------+---------+
+//  |   −x    |   +z    |   +x    |   −z    |     face   s (right)   t (down)
+//  | row 0:  | row 0:  | row 0:  | row 0:  |     +x       −z          −y
+//  |  +y     |  +y     |  +y     |  +y     |     −x       +z          −y
+//  +---------+---------+---------+---------+     +y       +x          +z
+//            |   −y    |                         −y       +x          −z
+//            | row 0:  |                         +z       +x          −y
+//            |  +z     |                         −z       −x          −y
+//            +---------+
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "fastibl/core/vector.h"
+
+namespace fastibl {
+
+// Which texel of which face a direction meets; s and t in [0, 1] over the face, t downwards.
+struct FacePoint {
+  int face;
+  float s, t;
+};
+FacePoint face_point(glm::vec3 direction);             // any length but 0
+glm::vec3 face_direction(int face, float s, float t);  // not normalised: length in [1, √3]
+inline glm::vec3 texel_direction(int face, int x, int y, int size) {  // not normalised
+  return face_direction(face, (float(x) + 0.5f) / float(size), (float(y) + 0.5f) / float(size));
+}
+
+// Solid angle of texel (x, y) of a face, exact (arctangent of the corners); the 6 n² sum to 4π.
+double texel_solid_angle(int x, int y, int size);
+// All n² of a face, row by row.
+std::vector<double> texel_solid_angles(int size);
+
+// One MIP level. Texels are stored with a border of one texel copied from the adjacent faces (mean
+// of three at a corner), so that bilinear filtering is seamless without a branch.
+class CubeLevel {
+ public:
+  CubeLevel() = default;
+  explicit CubeLevel(int size);
+
+  int size() const { return size_; }
+  glm::vec3& texel(int face, int x, int y) { return texels_[index(face, x, y)]; }
+  const glm::vec3& texel(int face, int x, int y) const { return texels_[index(face, x, y)]; }
+  // (0, 0) of a face; the row above lies `row_stride()` texels before it.
+  glm::vec3* face(int f) { return &texels_[index(f, 0, 0)]; }
+  const glm::vec3* face(int f) const { return &texels_[index(f, 0, 0)]; }
+  std::ptrdiff_t row_stride() const { return size_ + 2; }
+  std::ptrdiff_t face_stride() const { return std::ptrdiff_t(size_ + 2) * (size_ + 2); }
+
+  void update_border();  // to be called after texels were written, before sample()
+  glm::vec3 sample(glm::vec3 direction) const;  // seamless bilinear
+  bool operator==(const CubeLevel&) const = default;
+
+ private:
+  std::size_t index(int face, int x, int y) const {
+    return std::size_t(face) * face_stride() + std::size_t(y + 1) * row_stride() +
+           std::size_t(x + 1);
+  }
+  int size_ = 0;
+  std::vector<glm::vec3>
+      texels_;  // one more at the end, so that four floats can be loaded anywhere
+};
+
+// What cleaning on entry did: NaN and negative values become 0, infinite and larger ones the cap.
+struct CleaningStatistics {
+  int nan = 0, negative = 0, capped = 0;  // numbers of values (not texels)
+  int total() const { return nan + negative + capped; }
+  bool operator==(const CleaningStatistics&) const = default;
+};
+inline constexpr float kRadianceCap = 1e9f;  // its square still sums in float32 without overflow
+float clean_radiance(float value, CleaningStatistics& statistics);
+
+// Radiance over the sphere with its MIP chain. Every level is the solid-angle mean of the one
+// above, so each level holds the same energy (a plain 2×2 mean over-weights the corners of the
+// cube).
+class CubeMap {
+ public:
+  CubeMap() = default;
+  // faces: 6 n² texels, packed face by face. Cleans them. Throws for size < 1 or another length.
+  CubeMap(int size, std::span<const glm::vec3> faces);
+
+  int size() const { return levels_.empty() ? 0 : levels_[0].size(); }
+  int level_count() const { return int(levels_.size()); }  // level k has faces of max(1, n >> k)
+  const CubeLevel& level(int k) const { return levels_[std::size_t(k)]; }
+  // The level whose faces are at most `size` texels wide.
+  const CubeLevel& level_at_most(int size) const;
+  const CleaningStatistics& cleaned() const { return cleaned_; }
+
+  // Seamless trilinear look-up; level is clamped to [0, level_count − 1], NaN to 0.
+  glm::vec3 sample(glm::vec3 direction, float level) const;
+  glm::dvec3 mean() const;  // solid-angle mean radiance of the sphere
+  bool operator==(const CubeMap&) const = default;
+
+ private:
+  std::vector<CubeLevel> levels_;
+  CleaningStatistics cleaned_;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,65 @@
+#include "fastibl/scene/picture.h"
+
+#include <cmath>
+#include <cstring>
+
+namespace fastibl {
+
+Image<float> linear_from(const Picture& picture, const Response& response) {
+  Image<float> out(picture.width, picture.height, 3);
+  const int count = 3 * picture.width;
+  if (picture.type == PixelType::uint8) {
+    const ByteResponse table(response);
+    for (int y = 0; y < picture.height; ++y) {
+      const std::uint8_t* in = picture.row(y);
+      float* to = out.row(y);
+      for (int i = 0; i < count; ++i) to[i] = table.decode(in[i]);
+    }
+  } else if (picture.type == PixelType::uint16) {
+    std::vector<float> table(65536);
+    for (std::size_t i = 0; i < table.size(); ++i) table[i] = response.decode(float(i) / 65535.0f);
+    for (int y = 0; y < picture.height; ++y) {
+      const auto* in = reinterpret_cast<const std::uint16_t*>(picture.row(y));
+      float* to = out.row(y);
+      for (int i = 0; i < count; ++i) to[i] = table[in[i]];
+    }
+  } else {
+    for (int y = 0; y < picture.height; ++y) {
+      const auto* in = reinterpret_cast<const float*>(picture.row(y));
+      float* to = out.row(y);
+      for (int i = 0; i < count; ++i) to[i] = std::isnan(in[i]) ? 0.0f : in[i];
+    }
+  }
+  return out;
+}
+
+Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response) {
+  Image<std::uint8_t> out(picture.width, picture.height, 3);
+  const int count = 3 * picture.width;
+  const ByteResponse table(response);
+  for (int y = 0; y < picture.height; ++y) {
+    std::uint8_t* to = out.row(y);
+    if (picture.type == PixelType::uint8) {
+      std::memcpy(to, picture.row(y), std::size_t(count));
+    } else if (picture.type == PixelType::uint16) {
+      const auto* in = reinterpret_cast<const std::uint16_t*>(picture.row(y));
+      for (int i = 0; i < count; ++i) to[i] = std::uint8_t((in[i] * 255u + 32767u) / 65535u);
+    } else {
+      const auto* in = reinterpret_cast<const float*>(picture.row(y));
+      for (int i = 0; i < count; ++i) to[i] = table.encode(in[i]);
+    }
+  }
+  return out;
+}
+
+Image<std::uint8_t> grey_from(const Picture& picture, const Response& response) {
+  const Image<std::uint8_t> rgb = bytes_from(picture, response);
+  Image<std::uint8_t> grey(picture.width, picture.height, 1);
+  for (std::size_t i = 0; i < grey.data.size(); ++i) {
+    const std::uint8_t* p = &rgb.data[3 * i];
+    grey.data[i] = std::uint8_t((p[0] * 19595u + p[1] * 38470u + p[2] * 7471u + 32768u) >> 16);
+  }
+  return grey;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,33 @@
+// A camera picture as it arrives: RGB, encoded (8 or 16 bit) or linear (float).
+#pragma once
+
+#include <cstdint>
+
+#include "fastibl/core/image.h"
+#include "fastibl/scene/response.h"
+
+namespace fastibl {
+
+enum class PixelType { uint8, uint16, float32 };
+
+// Borrowed; rows `row_bytes` apart, three interleaved channels.
+struct Picture {
+  const void* data = nullptr;
+  PixelType type = PixelType::uint8;
+  int width = 0, height = 0;
+  std::ptrdiff_t row_bytes = 0;
+
+  bool empty() const { return data == nullptr; }
+  const std::uint8_t* row(int y) const {
+    return static_cast<const std::uint8_t*>(data) + y * row_bytes;
+  }
+};
+
+// Linear values (exposure × gain × vignetting × radiance). Float pictures are copied, NaN to 0.
+Image<float> linear_from(const Picture& picture, const Response& response);
+// 8-bit RGB as a person sees it: 8-bit input unchanged, else encoded with the response.
+Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response);
+// 8-bit grey for detection, from the encoded values (Rec. 601 luma).
+Image<std::uint8_t> grey_from(const Picture& picture, const Response& response);
+
+}  // namespace fastibl

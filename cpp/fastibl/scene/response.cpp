@@ -1,0 +1,59 @@
+#include "fastibl/scene/response.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl {
+
+Response Response::gamma(double exponent) {
+  check(exponent > 0 && std::isfinite(exponent), "a gamma must be positive and finite, got ",
+        exponent);
+  std::vector<float> curve(1025);
+  for (std::size_t i = 0; i < curve.size(); ++i)
+    curve[i] = float(std::pow(double(i) / double(curve.size() - 1), exponent));
+  return {std::move(curve)};
+}
+
+Response Response::from_curve(std::vector<float> curve) {
+  check(curve.size() >= 2, "a response curve needs at least 2 values, got ", curve.size());
+  check(curve.front() == 0 && curve.back() == 1, "a response curve must run from 0 to 1, got ",
+        curve.front(), " to ", curve.back());
+  for (std::size_t i = 1; i < curve.size(); ++i)
+    check(curve[i] > curve[i - 1], "a response curve must increase strictly, got ", curve[i - 1],
+          " then ", curve[i], " at ", i);
+  return {std::move(curve)};
+}
+
+float Response::decode(float encoded) const {
+  const float e = std::clamp(encoded, 0.0f, 1.0f);
+  if (curve.empty()) return e <= 0.04045f ? e / 12.92f : std::pow((e + 0.055f) / 1.055f, 2.4f);
+  const float x = e * float(curve.size() - 1);
+  const std::size_t i = std::min(std::size_t(x), curve.size() - 2);
+  return curve[i] + (x - float(i)) * (curve[i + 1] - curve[i]);
+}
+
+float Response::encode(float linear) const {
+  if (!(linear > 0)) return 0;
+  if (linear >= 1) return 1;
+  if (curve.empty())
+    return linear <= 0.0031308f ? linear * 12.92f : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
+  const auto above = std::upper_bound(curve.begin(), curve.end(), linear);
+  const std::size_t i = std::size_t(above - curve.begin()) - 1;
+  return (float(i) + (linear - curve[i]) / (curve[i + 1] - curve[i])) / float(curve.size() - 1);
+}
+
+ByteResponse::ByteResponse(const Response& response) {
+  for (int k = 0; k < 256; ++k) {
+    decode_[std::size_t(k)] = response.decode(float(k) / 255.0f);
+    upper_[std::size_t(k)] = k < 255 ? response.decode((float(k) + 0.5f) / 255.0f) : 2.0f;
+  }
+  int code = 0;
+  for (int i = 0; i < kGuesses; ++i) {
+    while (float(i) / kGuesses >= upper_[std::size_t(code)]) ++code;
+    guess_[std::size_t(i)] = std::uint8_t(code);
+  }
+}
+
+}  // namespace fastibl

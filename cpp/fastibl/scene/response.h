@@ -1,0 +1,45 @@
+// From encoded picture values to linear ones and back: encoded = response(linear), white at 1.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace fastibl {
+
+// A camera's response. Without a curve it is sRGB's.
+struct Response {
+  // Linear values at evenly spaced encoded values, from 0 at 0 to 1 at 1, strictly increasing.
+  std::vector<float> curve;
+
+  static Response srgb() { return {}; }
+  static Response gamma(double exponent);                // linear = encoded^exponent
+  static Response from_curve(std::vector<float> curve);  // throws unless it is as stated above
+
+  float decode(float encoded) const;  // clamped to [0, 1] before
+  float encode(float linear) const;   // clamped to [0, 1] before; NaN gives 0
+  bool operator==(const Response&) const = default;
+};
+
+// The same for 8-bit pictures, by table; encoding rounds to the nearest code exactly.
+class ByteResponse {
+ public:
+  explicit ByteResponse(const Response& response);
+  float decode(std::uint8_t encoded) const { return decode_[encoded]; }
+  std::uint8_t encode(float linear) const {
+    if (!(linear > 0)) return 0;  // NaN too
+    if (linear >= 1) return 255;
+    // The guess is exact to one code; the thresholds between codes settle it.
+    int code = guess_[std::size_t(linear * kGuesses)];
+    while (linear >= upper_[std::size_t(code)]) ++code;
+    return std::uint8_t(code);
+  }
+
+ private:
+  static constexpr int kGuesses = 4096;
+  std::array<float, 256> decode_{};
+  std::array<float, 256> upper_{};              // linear value at which code k ends
+  std::array<std::uint8_t, kGuesses> guess_{};  // code at the lower end of each bin
+};
+
+}  // namespace fastibl

@@ -1,0 +1,28 @@
+// Sphere proxies, and the shadow that they cast on the marker plane.
+#pragma once
+
+#include <vector>
+
+#include "fastibl/core/image.h"
+#include "fastibl/core/vector.h"
+
+namespace fastibl {
+
+// xyz centre, w radius; metres. Spheres that are not finite or have a radius ≤ 0 are ignored and
+// counted.
+using SphereSet = std::vector<glm::vec4>;
+
+// Ratio of the light on the plane z = 0 with and without the object, RGB in [0, 1].
+struct ShadowMap {
+  Image<float> ratio;  // texel (i, j) is centred at centre + extent · ((i, j) + ½ − n/2) · 2/n; row
+                       // 0 is y min
+  glm::vec2 centre{0};  // metres, marker frame
+  float extent = 0;     // half the edge in metres; outside the ratio is 1
+  int ignored_spheres = 0;
+  bool no_light = false;  // nothing lights the plane: the ratio is 1 everywhere
+
+  glm::vec3 sample(glm::vec2 point) const;  // bilinear; 1 outside
+  bool operator==(const ShadowMap&) const = default;
+};
+
+}  // namespace fastibl

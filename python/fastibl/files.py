@@ -1,0 +1,76 @@
+"""Reading environment maps and meshes."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ._fastibl import CubeMap, Mesh, cubemap_from_equirect
+
+
+def read_environment(path: str | os.PathLike[str], size: int = 128) -> CubeMap:
+    """Environment map of an equirectangular HDR picture (.hdr).
+
+    path: Radiance .hdr, z (up) at the top, image centre along +y. size: face edge in texels.
+    Raises FileNotFoundError, or ValueError for a file that is no such picture.
+    """
+    import cv2
+
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"no environment map at {path}")
+    image = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError(f"{path} is not a picture that can be read; expected an equirectangular .hdr")
+    if image.dtype != np.float32:
+        raise ValueError(
+            f"{path} holds {image.dtype} values; an environment map needs linear radiance (.hdr)"
+        )
+    if image.shape[1] != 2 * image.shape[0]:
+        raise ValueError(
+            f"{path} is {image.shape[1]} x {image.shape[0]}; an equirectangular picture is twice as wide as high"
+        )
+    return cubemap_from_equirect(np.ascontiguousarray(image[..., ::-1]), size=size)
+
+
+def read_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:
+    """Triangle mesh of a file that trimesh reads (.obj, .ply, .glb, ...), turned so that +z is up.
+
+    up: the file's upward axis, "y" (most files) or "z". Vertices at the same place are merged, so that normals
+    are smooth across texture seams. Raises FileNotFoundError, or ValueError for a file that is no mesh.
+    """
+    import trimesh
+
+    path = Path(path)
+    if up not in ("y", "z"):
+        raise ValueError(f'up must be "y" or "z", got {up!r}')
+    if not path.is_file():
+        raise FileNotFoundError(f"no mesh at {path}")
+    try:
+        loaded = trimesh.load(path, force="mesh", process=False, skip_materials=True)
+    except Exception as error:  # trimesh raises what its loaders raise
+        raise ValueError(f"{path} is not a mesh that can be read: {error}") from error
+    if len(getattr(loaded, "faces", ())) == 0:
+        raise ValueError(f"{path} holds no triangles")
+    loaded.merge_vertices(merge_tex=True, merge_norm=True)
+    vertices = np.asarray(loaded.vertices, np.float64)
+    if up == "y":
+        vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
+    return Mesh(vertices, np.asarray(loaded.faces, np.int64))
+
+
+def stand(mesh: Mesh, height: float) -> Mesh:
+    """The mesh in the marker frame: scaled to `height` metres, centred on the z axis, lowest point on z = 0.
+
+    Raises ValueError for a height that is not positive and finite, or a flat mesh.
+    """
+    if not (np.isfinite(height) and height > 0):
+        raise ValueError(f"height must be positive and finite (metres), got {height}")
+    vertices = mesh.vertices.astype(np.float64)
+    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+    if not upper[2] > lower[2]:
+        raise ValueError("a mesh without extent along z cannot be scaled to a height")
+    origin = np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
+    return Mesh((vertices - origin) * (height / (upper[2] - lower[2])), mesh.triangles, mesh.uvs)
