@@ -16,6 +16,7 @@ from ._fastibl import (
     Rig,
     __version__,
     cubemap_from_equirect,
+    directional_albedo,
     equirect_from_cubemap,
     set_threads,
     texel_directions,
@@ -23,20 +24,25 @@ from ._fastibl import (
     threads,
 )
 from .files import read_environment, read_mesh, stand
+from .lighting import Lighting, Method, methods
 
 __all__ = [
     "Bvh",
     "Camera",
     "CubeMap",
     "Environment",
+    "Lighting",
     "Material",
     "Mesh",
+    "Method",
     "Pose",
     "Response",
     "Rig",
     "__version__",
     "cubemap_from_equirect",
+    "directional_albedo",
     "equirect_from_cubemap",
+    "methods",
     "read_environment",
     "read_mesh",
     "reference",

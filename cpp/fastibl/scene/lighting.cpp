@@ -1,0 +1,128 @@
+#include "fastibl/scene/lighting.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/core/check.h"
+#include "fastibl/scene/shared_formulas.h"
+
+namespace fastibl {
+namespace {
+
+template <typename Method, std::size_t N>
+Method parse(std::string_view text, const std::array<Method, N>& methods, const char* step) {
+  std::string all;
+  for (const Method method : methods) {
+    if (name(method) == text) return method;
+    all += (all.empty() ? "" : ", ") + std::string(name(method));
+  }
+  check(false, "no ", step, " method \"", text, "\"; there are: ", all);
+  return methods[0];
+}
+
+glm::vec3 exact_faces(const Irradiance& e, const glm::dvec3& n) {
+  // n along the s, t and major axis of each face (see the drawing in cube_map.h).
+  const glm::dvec3 local[6] = {{-n.z, -n.y, n.x}, {n.z, -n.y, -n.x}, {n.x, n.z, n.y},
+                               {n.x, -n.z, -n.y}, {n.x, -n.y, n.z},  {-n.x, -n.y, -n.z}};
+  glm::vec3 sum(0);
+  for (std::size_t f = 0; f < 6; ++f) sum += float(shared::exact_face_weight(local[f])) * e.faces[f];
+  return sum;
+}
+
+// ρ by midpoints in p = (n·h)^{s+1}, which flattens the lobe, and azimuth:
+// ρ = (s + 8)/(8π) ∫ c^s max(n·l, 0) 4 (v·h) dh, dh = dc dφ, c^s dc = dp/(s + 1).
+double albedo_quadrature(double cos_view, double s) {
+  constexpr int kSteps = 64, kTurns = 48;
+  static const std::array<double, kTurns> turns = [] {
+    std::array<double, kTurns> cosines;
+    for (int k = 0; k < kTurns; ++k) cosines[std::size_t(k)] = std::cos((k + 0.5) / kTurns * std::numbers::pi);
+    return cosines;
+  }();
+  const double sin_view = std::sqrt(std::max(0.0, 1 - cos_view * cos_view));
+  double sum = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    const double c = std::pow((i + 0.5) / kSteps, 1 / (s + 1)), h = std::sqrt(std::max(0.0, 1 - c * c));
+    for (const double turn : turns) {  // half a turn: the integrand is even in φ
+      const double vh = cos_view * c + sin_view * h * turn;
+      sum += std::max(0.0, vh) * std::max(0.0, 2 * vh * c - cos_view);
+    }
+  }
+  return (s + 8) / (s + 1) * sum / (kSteps * kTurns);  // 4 · 2π / 8π = 1
+}
+
+}  // namespace
+
+std::string_view name(DiffuseMethod method) {
+  switch (method) {
+    case DiffuseMethod::nearest_face: return "nearest-face";
+    case DiffuseMethod::six_face: return "six-face";
+    case DiffuseMethod::six_face_exact: return "six-face-exact";
+    default: return "sh9";
+  }
+}
+std::string_view name(GlossyMethod) { return "mip"; }
+DiffuseMethod diffuse_method(std::string_view text) { return parse(text, kDiffuseMethods, "diffuse"); }
+GlossyMethod glossy_method(std::string_view text) { return parse(text, kGlossyMethods, "glossy"); }
+Normalization normalization(std::string_view text) {
+  check(text == "energy" || text == "paper", "normalization must be \"energy\" or \"paper\", got \"", text, "\"");
+  return text == "energy" ? Normalization::energy : Normalization::paper;
+}
+
+glm::vec3 evaluate(const Irradiance& e, glm::vec3 n) {
+  switch (e.method) {
+    case DiffuseMethod::nearest_face:
+      return kPi * e.faces[std::size_t(face_point(n).face)];
+    case DiffuseMethod::six_face: {
+      const float cosine[6] = {n.x, -n.x, n.y, -n.y, n.z, -n.z};
+      glm::vec3 sum(0);
+      for (std::size_t f = 0; f < 6; ++f) sum += shared::face_weight(cosine[f]) * e.faces[f];
+      return sum;
+    }
+    case DiffuseMethod::six_face_exact: return exact_faces(e, glm::dvec3(n));
+    default: {
+      const std::array<glm::vec3, 9>& c = e.polynomial;
+      const glm::vec3 sum = c[0] + c[1] * n.y + c[2] * n.z + c[3] * n.x + c[4] * (n.x * n.y) + c[5] * (n.y * n.z) +
+                            c[6] * (3 * n.z * n.z - 1) + c[7] * (n.x * n.z) + c[8] * (n.x * n.x - n.y * n.y);
+      return glm::max(sum, 0.0f);  // ringing of a small bright light dips below 0 on the far side
+    }
+  }
+}
+
+glm::vec3 evaluate_glossy(const Lighting& lighting, glm::vec3 n, glm::vec3 v, float s) {
+  if (s == 0) return evaluate(lighting.irradiance, n) / kPi;  // Eq. 3 with s = 0 is Lambert's law
+  const float cosine = glm::dot(n, v);
+  const glm::vec3 mirror = 2 * cosine * n - v;
+  const CubeMap& map = *lighting.radiance;
+  const glm::vec3 value = map.sample(mirror, shared::mip_level(float(map.size()), s));
+  return lighting.normalization == Normalization::paper ? value * directional_albedo(cosine, s) : value;
+}
+
+const std::vector<float>& albedo_table() {
+  static const std::vector<float> table = [] {
+    constexpr int n = kAlbedoTableSize;
+    std::vector<float> values(std::size_t(n) * n);
+    for (int row = 0; row < n; ++row)
+      for (int column = 0; column < n; ++column) {
+        const double q = double(row) / (n - 1), cosine = double(column) / (n - 1);
+        // s → ∞: the half vector is the normal, so v·h and n·l are both cos θ_v.
+        values[std::size_t(row) * n + std::size_t(column)] =
+            float(row == 0 ? cosine * cosine : albedo_quadrature(cosine, 8 / (q * q) - 8));
+      }
+    return values;
+  }();
+  return table;
+}
+
+float directional_albedo(float cos_view, float exponent) {
+  constexpr int n = kAlbedoTableSize;
+  const std::vector<float>& table = albedo_table();
+  const float x = std::clamp(cos_view, 0.0f, 1.0f) * (n - 1);
+  const float y = shared::albedo_coordinate(exponent) * (n - 1);
+  const int ix = std::min(int(x), n - 2), iy = std::min(int(y), n - 2);
+  const float fx = x - float(ix), fy = y - float(iy);
+  const float* a = &table[std::size_t(iy) * n + std::size_t(ix)];
+  const float upper = a[0] + fx * (a[1] - a[0]), lower = a[n] + fx * (a[n + 1] - a[n]);
+  return upper + fy * (lower - upper);
+}
+
+}  // namespace fastibl

@@ -1,0 +1,15 @@
+// The formulas of shaders/shared, compiled for C++ through GLM. For .cpp files: the path is private.
+#pragma once
+
+#include "fastibl/core/vector.h"
+
+#define FN inline
+#define REAL double
+#define REAL3 dvec3
+namespace fastibl::shared {
+using namespace glm;
+#include "shaders/shared/lighting.glsl"
+}  // namespace fastibl::shared
+#undef FN
+#undef REAL
+#undef REAL3

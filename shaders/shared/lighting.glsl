@@ -1,0 +1,56 @@
+// Lighting formulas that C++ (through scene/shared_formulas.h) and GLSL ES 3.00 both compile.
+
+// Share of the irradiance that a face of the cube gives, by the angle between normal and face axis:
+// Croubois et al. 2014, Eq. 9. Its six values sum to 0.966–0.978 π.
+FN float face_weight(float cos_theta) {
+  float t = max(0.75f + cos_theta, 0.0f);
+  return t * t / 1.75f;
+}
+
+// Contribution of the edge from a to b to Lambert's formula for the irradiance of a polygon.
+FN REAL polygon_edge(REAL3 a, REAL3 b, REAL3 n) {
+  REAL3 c = cross(a, b);
+  REAL l = length(c);
+  return l > REAL(1e-12f) ? atan(l, dot(a, b)) / l * dot(c, n) : REAL(0.0f);
+}
+
+// W_F of Eq. 7 in closed form: the face's square, clipped at the horizon of n, by Lambert's formula.
+// n: unit normal in the face's own frame, along its s and t axes and its major axis. Six faces sum to π.
+FN REAL exact_face_weight(REAL3 n) {
+  REAL3 corner[4];
+  corner[0] = REAL3(-1.0f, -1.0f, 1.0f);
+  corner[1] = REAL3(1.0f, -1.0f, 1.0f);
+  corner[2] = REAL3(1.0f, 1.0f, 1.0f);
+  corner[3] = REAL3(-1.0f, 1.0f, 1.0f);
+  REAL sum = REAL(0.0f);
+  REAL3 leaving = REAL3(0.0f);   // where the outline goes below the horizon,
+  REAL3 entering = REAL3(0.0f);  // and where it comes back
+  for (int i = 0; i < 4; ++i) {
+    REAL3 a = corner[i];
+    REAL3 b = corner[(i + 1) % 4];
+    REAL da = dot(a, n);
+    REAL db = dot(b, n);
+    if (da > REAL(0.0f) && db > REAL(0.0f)) {
+      sum += polygon_edge(a, b, n);
+    } else if (da > REAL(0.0f)) {
+      leaving = a + (b - a) * (da / (da - db));
+      sum += polygon_edge(a, leaving, n);
+    } else if (db > REAL(0.0f)) {
+      entering = a + (b - a) * (da / (da - db));
+      sum += polygon_edge(entering, b, n);
+    }
+  }
+  sum += polygon_edge(leaving, entering, n);
+  return max(sum * REAL(0.5f), REAL(0.0f));
+}
+
+// MIP level whose texels are as wide as the lobe of half-vector exponent s: Eq. 2, logarithm base 2,
+// clamped to the chain. face_size: texels of level 0.
+FN float mip_level(float face_size, float exponent) {
+  float top = log2(face_size);
+  float level = log2(face_size * 1.7320508f) - 0.5f * log2(exponent + 1.0f);
+  return clamp(level, 0.0f, top);
+}
+
+// Where the table of the directional albedo is read, in [0, 1]: 1 at s = 0, 0 at s = ∞.
+FN float albedo_coordinate(float exponent) { return 1.0f / sqrt(1.0f + exponent / 8.0f); }
