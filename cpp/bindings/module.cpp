@@ -7,6 +7,7 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_core(module);
   bind_scene(module);
   bind_lighting(module);
+  bind_capture(module);
 #ifdef FASTIBL_WITH_GL
   module.attr("with_gl") = true;
 #else

@@ -7,6 +7,7 @@ from . import reference
 from ._fastibl import (
     Bvh,
     Camera,
+    Capture,
     CubeMap,
     Environment,
     Material,
@@ -29,6 +30,7 @@ from .lighting import Lighting, Method, methods
 __all__ = [
     "Bvh",
     "Camera",
+    "Capture",
     "CubeMap",
     "Environment",
     "Lighting",

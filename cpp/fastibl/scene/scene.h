@@ -1,0 +1,28 @@
+// The virtual object: what is shaded, and what casts the shadow.
+#pragma once
+
+#include <vector>
+
+#include "fastibl/core/pose.h"
+#include "fastibl/scene/mesh.h"
+#include "fastibl/scene/shadow_map.h"
+
+namespace fastibl {
+
+struct Scene {
+  Mesh mesh;                       // marker frame, moved by marker_from_object
+  Material material;
+  Pose marker_from_object;
+  std::vector<glm::vec3> normals;  // one a vertex, unit
+  std::vector<float> visibility;   // P_V of Eq. 8, one a vertex in [0, 1]
+  SphereSet spheres;               // proxies of the mesh, in its frame
+
+  // The spheres where the object stands.
+  SphereSet placed_spheres() const {
+    SphereSet placed;
+    for (const glm::vec4& s : spheres) placed.emplace_back(glm::vec3(marker_from_object * glm::dvec3(s)), s.w);
+    return placed;
+  }
+};
+
+}  // namespace fastibl

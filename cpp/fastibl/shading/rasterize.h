@@ -1,0 +1,25 @@
+// Which surface a camera sees in each pixel: a z-buffer with four samples a pixel.
+#pragma once
+
+#include <vector>
+
+#include "fastibl/core/pose.h"
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/scene.h"
+
+namespace fastibl {
+
+// The part of a pixel that one triangle covers; several may share a pixel.
+struct Fragment {
+  int x, y;
+  float coverage;      // in quarters
+  glm::vec3 position;  // marker frame, metres
+  glm::vec3 normal;    // marker frame, unit, facing the camera's side of the triangle
+  float visibility;    // P_V
+};
+
+// Fragments in order of rows, then columns. Vertices go through the full lens model; edges between them
+// are straight. Triangles with a vertex behind the camera or beyond the lens model are left out.
+std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera, const Pose& camera_from_marker);
+
+}  // namespace fastibl
