@@ -7,12 +7,14 @@
 namespace fastibl::bindings {
 
 void bind_capture(py::module_& module) {
-  py::class_<Capture>(module, "Capture", R"(Measures the light of a place from camera pictures with known poses.
+  py::class_<Capture>(module, "Capture",
+                      R"(Measures the light of a place from camera pictures with known poses.
 
 size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
 (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
 Raises ValueError for values out of range.)")
-      .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre, double plane_albedo) {
+      .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
+                       double plane_albedo) {
              CaptureOptions options;
              options.size = size;
              options.board = board;
@@ -20,41 +22,57 @@ Raises ValueError for values out of range.)")
              options.plane_albedo = plane_albedo;
              return Capture(options);
            }),
-           py::arg("size") = 128, py::arg("board") = py::none(), py::arg("centre") = std::array<double, 3>{0, 0, 0.05},
-           py::arg("plane_albedo") = 0.5)
-      .def("add", [](Capture& capture, const py::object& image, const Camera& camera, const py::object& camera_from_marker, double exposure, double time, const py::object& mask) {
+           py::arg("size") = 128, py::arg("board") = py::none(),
+           py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5)
+      .def(
+          "add",
+          [](Capture& capture, const py::object& image, const Camera& camera,
+             const py::object& camera_from_marker, double exposure, double time,
+             const py::object& mask) {
             py::array keep, keep_mask;
             const Picture picture = require_picture(image, "image", keep);
             const Pose pose = require_pose(camera_from_marker, "camera_from_marker");
             ImageView<const std::uint8_t> view;
             if (!mask.is_none()) {
               const py::array given = py::array::ensure(mask);
-              if (!given || given.ndim() != 2 || (given.dtype().kind() != 'b' && !(given.dtype().kind() == 'u' && given.dtype().itemsize() == 1))) {
+              if (!given || given.ndim() != 2 ||
+                  (given.dtype().kind() != 'b' &&
+                   !(given.dtype().kind() == 'u' && given.dtype().itemsize() == 1))) {
                 PyErr_Clear();
                 throw py::type_error("mask must be a (height, width) array of bool or uint8");
               }
               keep_mask = py::array::ensure(given, py::array::c_style);
-              view = {static_cast<const std::uint8_t*>(keep_mask.data()), int(keep_mask.shape(1)), int(keep_mask.shape(0)), 1, keep_mask.shape(1)};
+              view = {static_cast<const std::uint8_t*>(keep_mask.data()), int(keep_mask.shape(1)),
+                      int(keep_mask.shape(0)), 1, keep_mask.shape(1)};
             }
             const py::gil_scoped_release release;
             capture.add(picture, camera, pose, exposure, time, view);
-          }, py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"), py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
+          },
+          py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"),
+          py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
           R"(Update the texels that a picture sees.
 
 image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
 or (4, 4). exposure: multiplier. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
 what is not part of the place. Raises ValueError or TypeError, naming what was expected and what came.)")
-      .def("environment", [](Capture& capture) {
+      .def(
+          "environment",
+          [](Capture& capture) {
             const py::gil_scoped_release release;
             return std::const_pointer_cast<Environment>(capture.environment());
-          }, "Environment at the time of the last picture, without holes.")
-      .def_property_readonly("last_seen", [](const Capture& capture) {
+          },
+          "Environment at the time of the last picture, without holes.")
+      .def_property_readonly(
+          "last_seen",
+          [](const Capture& capture) {
             const int n = capture.size();
             py::array_t<float> out({6, n, n});
             std::copy(capture.last_seen().begin(), capture.last_seen().end(), out.mutable_data());
             return out;
-          }, "(6, n, n) float32: time at which each texel was last seen; -inf if never.")
-      .def("__repr__", [](const Capture& c) { return "<fastibl.Capture " + std::to_string(c.size()) + "^2>"; });
+          },
+          "(6, n, n) float32: time at which each texel was last seen; -inf if never.")
+      .def("__repr__",
+           [](const Capture& c) { return "<fastibl.Capture " + std::to_string(c.size()) + "^2>"; });
 }
 
 }  // namespace fastibl::bindings

@@ -21,7 +21,8 @@ Floats map_vectors(const Floats& in, F&& f) {
 
 glm::vec3 unit(const glm::vec3& v) {
   const float length = glm::length(v);
-  return length > 0 ? v / length : v;  // length 0 has no direction: the result is defined, not useful
+  return length > 0 ? v / length
+                    : v;  // length 0 has no direction: the result is defined, not useful
 }
 
 }  // namespace
@@ -35,49 +36,75 @@ void bind_lighting(py::module_& module) {
              return fit_lighting(std::make_shared<const CubeMap>(cube), options);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("glossy"))
-      .def("irradiance", [](const Lighting& lighting, const py::object& normals) {
+      .def(
+          "irradiance",
+          [](const Lighting& lighting, const py::object& normals) {
             const Floats in = require_vectors(normals, "normals");
-            return map_vectors(in, [&](int i) { return evaluate(lighting.irradiance, unit(vectors(in)[i])); });
-          }, py::arg("normals"), R"(Irradiance on surfaces facing `normals`.
+            return map_vectors(
+                in, [&](int i) { return evaluate(lighting.irradiance, unit(vectors(in)[i])); });
+          },
+          py::arg("normals"), R"(Irradiance on surfaces facing `normals`.
 
 normals: (..., 3) any float dtype, marker frame; normalised inside. Returns (..., 3) float32, never negative; pi
 for a constant map of radiance 1 (six-face: 0.966 to 0.978 of it). Raises ValueError for another shape, TypeError
 for integers or objects.)")
-      .def("glossy", [](const Lighting& lighting, const py::object& normals, const py::object& views, const py::object& exponent, const std::string& normalization_name) {
+      .def(
+          "glossy",
+          [](const Lighting& lighting, const py::object& normals, const py::object& views,
+             const py::object& exponent, const std::string& normalization_name) {
             const py::module_ numpy = py::module_::import("numpy");
-            const py::tuple pair = numpy.attr("broadcast_arrays")(require_vectors(normals, "normals"), require_vectors(views, "views"));
+            const py::tuple pair = numpy.attr("broadcast_arrays")(
+                require_vectors(normals, "normals"), require_vectors(views, "views"));
             const Floats n = Floats::ensure(pair[0]), v = Floats::ensure(pair[1]);
             std::vector<py::ssize_t> shape = shape_vector(n);
             shape.pop_back();
-            const py::object plain = py::isinstance<py::int_>(exponent) ? py::object(py::float_(exponent)) : exponent;
-            const Floats s = Floats::ensure(numpy.attr("ascontiguousarray")(numpy.attr("broadcast_to")(
-                py::isinstance<py::float_>(plain) ? py::object(numpy.attr("float32")(plain)) : py::object(require_floats<float>(plain, "exponent")),
-                py::tuple(py::cast(shape)))));
+            const py::object plain =
+                py::isinstance<py::int_>(exponent) ? py::object(py::float_(exponent)) : exponent;
+            const Floats s = Floats::ensure(numpy.attr("ascontiguousarray")(numpy.attr(
+                "broadcast_to")(py::isinstance<py::float_>(plain)
+                                    ? py::object(numpy.attr("float32")(plain))
+                                    : py::object(require_floats<float>(plain, "exponent")),
+                                py::tuple(py::cast(shape)))));
             for (py::ssize_t i = 0; i < s.size(); ++i)
-              if (!(s.data()[i] >= 0)) throw py::value_error("exponent must be at least 0, got " + std::to_string(s.data()[i]));
+              if (!(s.data()[i] >= 0))
+                throw py::value_error("exponent must be at least 0, got " +
+                                      std::to_string(s.data()[i]));
             Lighting with = lighting;
             with.normalization = normalization(normalization_name);
             const float* exponents = s.data();
-            return map_vectors(n, [&](int i) { return evaluate_glossy(with, unit(vectors(n)[i]), unit(vectors(v)[i]), exponents[i]); });
-          }, py::arg("normals"), py::arg("views"), py::arg("exponent") = 64.0, py::arg("normalization") = "energy",
+            return map_vectors(n, [&](int i) {
+              return evaluate_glossy(with, unit(vectors(n)[i]), unit(vectors(v)[i]), exponents[i]);
+            });
+          },
+          py::arg("normals"), py::arg("views"), py::arg("exponent") = 64.0,
+          py::arg("normalization") = "energy",
           R"(Radiance that a glossy lobe (Eq. 3, k_G = 1) reflects towards `views`.
 
 normals, views: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
 exponent: half-vector exponent s >= 0, broadcasts to (...); 0 gives irradiance / pi, infinity the mirror.
 normalization: "energy" (the lobe's average) or "paper" (times Eq. 3's directional albedo). Returns (..., 3)
 float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.)")
-      .def_property_readonly("sh9", [](const Lighting& lighting) {
+      .def_property_readonly(
+          "sh9",
+          [](const Lighting& lighting) {
             const std::array<glm::dvec3, 9> sh = project_sh9(lighting.radiance->level_at_most(16));
             Floats out({9, 3});
             for (int i = 0; i < 9; ++i)
               for (int c = 0; c < 3; ++c) out.mutable_at(i, c) = float(sh[std::size_t(i)][c]);
             return out;
-          }, R"((9, 3) float32: radiance in real, orthonormal spherical harmonics without Condon-Shortley phase, order
+          },
+          R"((9, 3) float32: radiance in real, orthonormal spherical harmonics without Condon-Shortley phase, order
 00, 1-1 (y), 10 (z), 11 (x), 2-2 (xy), 2-1 (yz), 20 (3z^2 - 1), 21 (xz), 22 (x^2 - y^2).)")
-      .def_property_readonly("plane_irradiance", [](const Lighting& l) { return py::make_tuple(l.plane_irradiance.x, l.plane_irradiance.y, l.plane_irradiance.z); },
-                             "Irradiance E(z) on the marker plane, RGB, summed over the map.")
-      .def_property_readonly("_diffuse", [](const Lighting& l) { return std::string(name(l.irradiance.method)); })
-      .def_property_readonly("_glossy", [](const Lighting& l) { return std::string(name(l.glossy)); })
+      .def_property_readonly(
+          "plane_irradiance",
+          [](const Lighting& l) {
+            return py::make_tuple(l.plane_irradiance.x, l.plane_irradiance.y, l.plane_irradiance.z);
+          },
+          "Irradiance E(z) on the marker plane, RGB, summed over the map.")
+      .def_property_readonly(
+          "_diffuse", [](const Lighting& l) { return std::string(name(l.irradiance.method)); })
+      .def_property_readonly("_glossy",
+                             [](const Lighting& l) { return std::string(name(l.glossy)); })
       .def_readonly("_irradiance_error", &Lighting::irradiance_error);
   module.def("_diffuse_methods", [] {
     std::vector<std::string> names;
@@ -89,13 +116,19 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
     for (const GlossyMethod method : kGlossyMethods) names.emplace_back(name(method));
     return names;
   });
-  module.def("directional_albedo", [](const py::object& cos_view, float exponent) {
+  module.def(
+      "directional_albedo",
+      [](const py::object& cos_view, float exponent) {
         const Floats in = require_floats<float>(cos_view, "cos_view");
-        if (!(exponent >= 0)) throw py::value_error("exponent must be at least 0, got " + std::to_string(exponent));
+        if (!(exponent >= 0))
+          throw py::value_error("exponent must be at least 0, got " + std::to_string(exponent));
         Floats out(shape_vector(in));
-        for (py::ssize_t i = 0; i < in.size(); ++i) out.mutable_data()[i] = directional_albedo(in.data()[i], exponent);
+        for (py::ssize_t i = 0; i < in.size(); ++i)
+          out.mutable_data()[i] = directional_albedo(in.data()[i], exponent);
         return out;
-      }, py::arg("cos_view"), py::arg("exponent"), "rho(theta_v, s) of Eq. 3 from the library's table; any shape of cos theta_v.");
+      },
+      py::arg("cos_view"), py::arg("exponent"),
+      "rho(theta_v, s) of Eq. 3 from the library's table; any shape of cos theta_v.");
 }
 
 }  // namespace fastibl::bindings

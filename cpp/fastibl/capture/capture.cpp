@@ -19,20 +19,22 @@ constexpr float kModelNoise = 0.03f;
 constexpr float kDrift = 0.1f;
 // A sample further than this many standard deviations from the value is a change of the place.
 constexpr float kChange = 4.0f;
-constexpr float kClippedShare = 0.01f;   // of a footprint: more makes the sample a lower bound
-constexpr float kBoundNoise = 1.0f;      // relative standard deviation of a value that is only a bound
-constexpr float kShotNoise = 2.5e-4f;    // variance per linear value: a full well of 4000 electrons
-constexpr double kBoardMargin = 0.01;    // metres around the page, for blur and the pose's error
+constexpr float kClippedShare = 0.01f;  // of a footprint: more makes the sample a lower bound
+constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
+constexpr float kShotNoise = 2.5e-4f;  // variance per linear value: a full well of 4000 electrons
+constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
 
-// Standard deviation of one pixel's linear value, by value: one code of noise and quantisation. Small
-// footprints and steps that repeat (a dark wall all of one code) do not average away: the mean keeps half.
+// Standard deviation of one pixel's linear value, by value: one code of noise and quantisation.
+// Small footprints and steps that repeat (a dark wall all of one code) do not average away: the
+// mean keeps half.
 class SensorNoise {
  public:
   explicit SensorNoise(const Response& response) {
     for (int k = 0; k <= kBins; ++k) {
       const float y = float(k) / kBins * float(k) / kBins;  // finer in the dark
       const float e = response.encode(y);
-      const float step = response.decode(std::min(1.0f, e + 0.5f / 255)) - response.decode(std::max(0.0f, e - 0.5f / 255));
+      const float step = response.decode(std::min(1.0f, e + 0.5f / 255)) -
+                         response.decode(std::max(0.0f, e - 0.5f / 255));
       variance_[std::size_t(k)] = step * step;
     }
   }
@@ -52,15 +54,16 @@ class SensorNoise {
 Capture::Capture(CaptureOptions options) : options_(std::move(options)) {
   const int n = options_.size;
   check(n >= 1 && n <= 4096, "the map's size must be 1 to 4096 texels, got ", n);
-  check(options_.centre.z > 0 && std::isfinite(options_.centre.z), "the centre must lie above the plane (z > 0), got z = ",
-        options_.centre.z);
-  check(options_.plane_albedo > 0 && options_.plane_albedo <= 1, "the plane's albedo must be in (0, 1], got ",
-        options_.plane_albedo);
+  check(options_.centre.z > 0 && std::isfinite(options_.centre.z),
+        "the centre must lie above the plane (z > 0), got z = ", options_.centre.z);
+  check(options_.plane_albedo > 0 && options_.plane_albedo <= 1,
+        "the plane's albedo must be in (0, 1], got ", options_.plane_albedo);
   const std::size_t count = 6 * std::size_t(n) * std::size_t(n);
   directions_.reserve(count);
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < n; ++y)
-      for (int x = 0; x < n; ++x) directions_.push_back(glm::normalize(texel_direction(f, x, y, n)));
+      for (int x = 0; x < n; ++x)
+        directions_.push_back(glm::normalize(texel_direction(f, x, y, n)));
   for (const double angle : texel_solid_angles(n)) solid_angle_.push_back(float(angle));
   value_.assign(count, glm::vec3(0));
   variance_.assign(count, glm::vec3(0));
@@ -69,15 +72,19 @@ Capture::Capture(CaptureOptions options) : options_(std::move(options)) {
   nearest_.assign(count, -1);
 }
 
-void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker, double exposure,
-                  double time, ImageView<const std::uint8_t> mask) {
+void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
+                  double exposure, double time, ImageView<const std::uint8_t> mask) {
   camera.validate();
-  check(picture.width == camera.width && picture.height == camera.height, "the picture must be the camera's ", camera.width,
-        " × ", camera.height, ", got ", picture.width, " × ", picture.height);
-  check(mask.empty() || (mask.width == camera.width && mask.height == camera.height), "the mask must be the camera's ",
-        camera.width, " × ", camera.height, ", got ", mask.width, " × ", mask.height);
-  check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ", exposure);
-  check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ", time_, " s");
+  check(picture.width == camera.width && picture.height == camera.height,
+        "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
+        picture.width, " × ", picture.height);
+  check(mask.empty() || (mask.width == camera.width && mask.height == camera.height),
+        "the mask must be the camera's ", camera.width, " × ", camera.height, ", got ", mask.width,
+        " × ", mask.height);
+  check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
+        exposure);
+  check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
+        time_, " s");
   time_ = time;
 
   const FramePyramid pyramid(picture, camera.response);
@@ -89,11 +96,15 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   const glm::dvec3 origin = camera_from_marker * options_.centre;
   // Half-angle of the picture around the optical axis, for culling tiles of distant light.
   double widest = 0;
-  for (const glm::dvec2 corner : {glm::dvec2(0, 0), glm::dvec2(camera.width, 0), glm::dvec2(0, camera.height), glm::dvec2(camera.width, camera.height)}) {
+  for (const glm::dvec2 corner :
+       {glm::dvec2(0, 0), glm::dvec2(camera.width, 0), glm::dvec2(0, camera.height),
+        glm::dvec2(camera.width, camera.height)}) {
     const auto ray = lens.unproject(corner);
-    widest = std::max(widest, ray ? std::atan(glm::length(glm::dvec2(*ray))) : std::numbers::pi / 2);
+    widest =
+        std::max(widest, ray ? std::atan(glm::length(glm::dvec2(*ray))) : std::numbers::pi / 2);
   }
-  const glm::vec3 axis = glm::vec3(glm::transpose(rotation)[2]);  // optical axis in the marker frame
+  const glm::vec3 axis =
+      glm::vec3(glm::transpose(rotation)[2]);  // optical axis in the marker frame
   const bool above_plane = (camera_from_marker.inverse().translation).z > 0;
 
   // Pixel, and distance-free direction, at which a texel is seen; false where it is not.
@@ -103,11 +114,13 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       in_camera = rotation * d;
       return true;
     }
-    if (!above_plane) return false;  // the plane hides what is under it, and its underside is not the table
+    if (!above_plane)
+      return false;  // the plane hides what is under it, and its underside is not the table
     const double distance = options_.centre.z / -d.z;
     if (options_.board) {
       const glm::dvec3 p = options_.centre + distance * d;
-      if (std::abs(p.x) < options_.board->width / 2 + kBoardMargin && std::abs(p.y) < options_.board->height / 2 + kBoardMargin)
+      if (std::abs(p.x) < options_.board->width / 2 + kBoardMargin &&
+          std::abs(p.y) < options_.board->height / 2 + kBoardMargin)
         return false;
     }
     in_camera = origin + distance * (rotation * d);
@@ -118,28 +131,38 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   std::vector<std::uint8_t> newly_seen(std::size_t(6 * tiles * tiles), 0);
   parallel_for(6 * tiles * tiles, 4, [&](int begin, int end) {
     for (int tile = begin; tile < end; ++tile) {
-      const int f = tile / (tiles * tiles), x0 = tile % tiles * kTile, y0 = tile / tiles % tiles * kTile;
+      const int f = tile / (tiles * tiles), x0 = tile % tiles * kTile,
+                y0 = tile / tiles % tiles * kTile;
       const int x1 = std::min(x0 + kTile, n), y1 = std::min(y0 + kTile, n);
-      const auto corner = [&](int x, int y) { return glm::normalize(face_direction(f, float(x) / float(n), float(y) / float(n))); };
+      const auto corner = [&](int x, int y) {
+        return glm::normalize(face_direction(f, float(x) / float(n), float(y) / float(n)));
+      };
       const glm::vec3 corners[4] = {corner(x0, y0), corner(x1, y0), corner(x0, y1), corner(x1, y1)};
       const glm::vec3 middle = glm::normalize(corners[0] + corners[1] + corners[2] + corners[3]);
       float radius = 1, lowest = 1;
-      for (const glm::vec3& c : corners) radius = std::min(radius, glm::dot(c, middle)), lowest = std::min(lowest, c.z);
-      if (lowest >= 0 && std::acos(std::clamp(glm::dot(middle, axis), -1.0f, 1.0f)) > float(widest) + std::acos(std::min(radius, 1.0f)))
+      for (const glm::vec3& c : corners)
+        radius = std::min(radius, glm::dot(c, middle)), lowest = std::min(lowest, c.z);
+      if (lowest >= 0 && std::acos(std::clamp(glm::dot(middle, axis), -1.0f, 1.0f)) >
+                             float(widest) + std::acos(std::min(radius, 1.0f)))
         continue;
       for (int y = y0; y < y1; ++y)
         for (int x = x0; x < x1; ++x) {
-          const std::size_t in_face = std::size_t(y) * n + std::size_t(x), i = std::size_t(f) * n * n + in_face;
+          const std::size_t in_face = std::size_t(y) * n + std::size_t(x),
+                            i = std::size_t(f) * n * n + in_face;
           glm::dvec3 p;
           if (!seen_at(i, p)) continue;
           const auto pixel = lens.project(p);
           if (!pixel || !camera.inside(*pixel)) continue;
           if (!mask.empty() && *mask.pixel(int(pixel->x), int(pixel->y)) == 0) continue;
-          // Pixels that the texel covers: solid angle times f² over cos³ of the angle to the optical axis.
+          // Pixels that the texel covers: solid angle times f² over cos³ of the angle to the
+          // optical axis.
           const double cosine = p.z / glm::length(p);
-          const float area = float(solid_angle_[in_face] * focal * focal / (cosine * cosine * cosine));
-          const FootprintSample s = pyramid.sample(float(pixel->x), float(pixel->y), std::sqrt(area));
-          const float scale = camera.vignetting.empty() ? per_linear : per_linear / float(camera.vignette(*pixel));
+          const float area =
+              float(solid_angle_[in_face] * focal * focal / (cosine * cosine * cosine));
+          const FootprintSample s =
+              pyramid.sample(float(pixel->x), float(pixel->y), std::sqrt(area));
+          const float scale =
+              camera.vignetting.empty() ? per_linear : per_linear / float(camera.vignette(*pixel));
 
           const bool first = last_seen_[i] < -1e29f;
           if (first) newly_seen[std::size_t(tile)] = 1;
@@ -156,14 +179,16 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
               continue;
             }
             const float sample_noise = kModelNoise * sample;
-            const float sample_variance = noise.variance(s.linear[c], area) * scale * scale + sample_noise * sample_noise;
+            const float sample_variance =
+                noise.variance(s.linear[c], area) * scale * scale + sample_noise * sample_noise;
             if (first) {
               value = sample, variance = sample_variance;
               continue;
             }
             variance += kDrift * kDrift * value * value * elapsed;
             const float difference = sample - value;
-            if (difference * difference > kChange * kChange * (variance + sample_variance)) variance = difference * difference;
+            if (difference * difference > kChange * kChange * (variance + sample_variance))
+              variance = difference * difference;
             const float gain = variance / std::max(variance + sample_variance, 1e-30f);
             value += gain * difference;
             variance *= 1 - gain;
@@ -176,8 +201,8 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   for (const std::uint8_t changed : newly_seen) coverage_changed_ = coverage_changed_ || changed;
 }
 
-// Nearest seen texel for every unseen one on its side of the horizon: sources spread from neighbour to
-// neighbour as long as that brings a texel closer to its source.
+// Nearest seen texel for every unseen one on its side of the horizon: sources spread from neighbour
+// to neighbour as long as that brings a texel closer to its source.
 void Capture::update_nearest() {
   const int n = options_.size;
   const std::size_t count = directions_.size();
@@ -188,7 +213,8 @@ void Capture::update_nearest() {
       const int steps[4][2] = {{x - 1, y}, {x + 1, y}, {x, y - 1}, {x, y + 1}};
       for (std::size_t k = 0; k < 4; ++k) {
         const FacePoint p = face_point(texel_direction(f, steps[k][0], steps[k][1], n));
-        const int px = std::clamp(int(p.s * float(n)), 0, n - 1), py = std::clamp(int(p.t * float(n)), 0, n - 1);
+        const int px = std::clamp(int(p.s * float(n)), 0, n - 1),
+                  py = std::clamp(int(p.t * float(n)), 0, n - 1);
         neighbours_[i][k] = (p.face * n + py) * n + px;
       }
     }
@@ -233,19 +259,27 @@ std::shared_ptr<const Environment> Capture::environment() {
       up += angle, flux += angle * brightness;
       up_irradiance += angle * double(directions_[i].z) * glm::dvec3(faces[i]);
     }
-    result->age[i] = is_seen ? float(time_) - last_seen_[i] : std::numeric_limits<float>::infinity();
+    result->age[i] =
+        is_seen ? float(time_) - last_seen_[i] : std::numeric_limits<float>::infinity();
     if (!is_seen) continue;
     seen += angle;
-    if (above) up_seen += angle;
-    else plane_seen += angle, plane_mean += angle * glm::dvec3(faces[i]);
+    if (above)
+      up_seen += angle;
+    else
+      plane_seen += angle, plane_mean += angle * glm::dvec3(faces[i]);
     if (bound_[i]) bound += angle, bound_flux += above ? angle * brightness : 0;
-    const glm::vec3 variance = variance_[i] + kDrift * kDrift * faces[i] * faces[i] * result->age[i];
-    const float relative = (variance.x + variance.y + variance.z) / std::max(1e-20f, glm::dot(faces[i], faces[i]));
+    const glm::vec3 variance =
+        variance_[i] + kDrift * kDrift * faces[i] * faces[i] * result->age[i];
+    const float relative =
+        (variance.x + variance.y + variance.z) / std::max(1e-20f, glm::dot(faces[i], faces[i]));
     result->confidence[i] = 1 / (1 + relative / (0.1f * 0.1f));  // ½ at 10 % standard deviation
   }
-  // Nothing of the upper half seen: a uniform sky that would light the plane as it looks, or mid-grey.
+  // Nothing of the upper half seen: a uniform sky that would light the plane as it looks, or
+  // mid-grey.
   if (up_seen == 0) {
-    const glm::vec3 sky = plane_seen > 0 ? glm::vec3(plane_mean / plane_seen / options_.plane_albedo) : glm::vec3(0.5f);
+    const glm::vec3 sky = plane_seen > 0
+                              ? glm::vec3(plane_mean / plane_seen / options_.plane_albedo)
+                              : glm::vec3(0.5f);
     for (std::size_t i = 0; i < count; ++i)
       if (directions_[i].z >= 0) faces[i] = sky;
     up_irradiance = glm::dvec3(sky) * std::numbers::pi;
@@ -258,10 +292,12 @@ std::shared_ptr<const Environment> Capture::environment() {
   constexpr double sphere = 4 * std::numbers::pi;
   result->coverage = seen / sphere;
   result->clipped = seen > 0 ? bound / seen : 0;
-  // Expected error of the irradiance, fitted to nearest-seen filling on real maps: it falls with the
-  // square of what is unseen above the horizon. Light known only as a lower bound may be twice as strong.
+  // Expected error of the irradiance, fitted to nearest-seen filling on real maps: it falls with
+  // the square of what is unseen above the horizon. Light known only as a lower bound may be twice
+  // as strong.
   const double unseen = 1 - up_seen / up;
-  result->predicted_error = 0.02 + 0.85 * unseen * unseen + (flux > 0 ? 0.5 * bound_flux / flux : 0);
+  result->predicted_error =
+      0.02 + 0.85 * unseen * unseen + (flux > 0 ? 0.5 * bound_flux / flux : 0);
   result->radiance = CubeMap(options_.size, faces);
   return result;
 }

@@ -17,31 +17,35 @@
 namespace fastibl {
 
 struct CaptureOptions {
-  int size = 128;                // face edge of the map in texels
-  std::optional<Board> board;    // its page is masked: the plane there is filled from around it
-  glm::dvec3 centre{0, 0, 0.05};  // metres, z > 0: where the object stands, from which the plane is seen
-  double plane_albedo = 0.5;     // of the plane where no camera saw it: radiance albedo · E(z)/π
+  int size = 128;              // face edge of the map in texels
+  std::optional<Board> board;  // its page is masked: the plane there is filled from around it
+  glm::dvec3 centre{0, 0,
+                    0.05};  // metres, z > 0: where the object stands, from which the plane is seen
+  double plane_albedo = 0.5;  // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
 
-// Measures the environment: every picture updates the texels that it sees. Above the horizon light is
-// taken as distant; below it a texel is the point of the opaque marker plane that `centre` sees there.
+// Measures the environment: every picture updates the texels that it sees. Above the horizon light
+// is taken as distant; below it a texel is the point of the opaque marker plane that `centre` sees
+// there.
 //
-// Each channel of a texel is a value with a variance (a Kalman filter per texel): noise of the sensor and
-// of quantisation, grown with time, decide how much a new sample counts; a sample that contradicts the
-// value replaces it. A clipped sample is a lower bound: it raises a value below it, agrees with one
-// above it and never lowers it.
+// Each channel of a texel is a value with a variance (a Kalman filter per texel): noise of the
+// sensor and of quantisation, grown with time, decide how much a new sample counts; a sample that
+// contradicts the value replaces it. A clipped sample is a lower bound: it raises a value below it,
+// agrees with one above it and never lowers it.
 class Capture {
  public:
-  explicit Capture(CaptureOptions options = {});  // throws std::invalid_argument for options out of range
+  explicit Capture(
+      CaptureOptions options = {});  // throws std::invalid_argument for options out of range
 
-  // time: seconds, not decreasing. mask: one byte a pixel, 0 where the picture shows what is not part of
-  // the place; empty for none. Throws std::invalid_argument for a picture or mask of another size than
-  // the camera's, an exposure that is not positive and finite, or a time before the last one.
-  void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker, double exposure, double time,
-           ImageView<const std::uint8_t> mask = {});
+  // time: seconds, not decreasing. mask: one byte a pixel, 0 where the picture shows what is not
+  // part of the place; empty for none. Throws std::invalid_argument for a picture or mask of
+  // another size than the camera's, an exposure that is not positive and finite, or a time before
+  // the last one.
+  void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
+           double exposure, double time, ImageView<const std::uint8_t> mask = {});
 
-  // The map at the time of the last picture, without holes: unseen texels take the nearest seen value on
-  // their side of the horizon, at confidence 0.
+  // The map at the time of the last picture, without holes: unseen texels take the nearest seen
+  // value on their side of the horizon, at confidence 0.
   std::shared_ptr<const Environment> environment();
 
   int size() const { return options_.size; }

@@ -21,7 +21,8 @@ Image<float> halve(const Image<float>& fine) {
     float* out = coarse.row(y);
     for (int x = 0; x < coarse.width; ++x) {
       const int l = 2 * x * n, r = std::min(2 * x + 1, fine.width - 1) * n;
-      for (int c = 0; c < n; ++c) out[x * n + c] = 0.25f * (a[l + c] + a[r + c] + b[l + c] + b[r + c]);
+      for (int c = 0; c < n; ++c)
+        out[x * n + c] = 0.25f * (a[l + c] + a[r + c] + b[l + c] + b[r + c]);
     }
   }
   return coarse;
@@ -69,13 +70,15 @@ Image<float> with_clipping(const Picture& picture, const Response& response) {
 void bilinear(const Image<float>& image, float x, float y, float out[6]) {
   const float limit_x = float(image.width - 1), limit_y = float(image.height - 1);
   x = std::clamp(x - 0.5f, 0.0f, limit_x), y = std::clamp(y - 0.5f, 0.0f, limit_y);
-  const int ix = std::min(int(x), std::max(image.width - 2, 0)), iy = std::min(int(y), std::max(image.height - 2, 0));
+  const int ix = std::min(int(x), std::max(image.width - 2, 0)),
+            iy = std::min(int(y), std::max(image.height - 2, 0));
   const float fx = x - float(ix), fy = y - float(iy);
   const float* a = image.pixel(ix, iy);
   const float* b = image.pixel(ix, std::min(iy + 1, image.height - 1));
   const int right = ix + 1 < image.width ? 6 : 0;
   for (int c = 0; c < 6; ++c) {
-    const float upper = a[c] + fx * (a[c + right] - a[c]), lower = b[c] + fx * (b[c + right] - b[c]);
+    const float upper = a[c] + fx * (a[c + right] - a[c]),
+                lower = b[c] + fx * (b[c + right] - b[c]);
     out[c] = upper + fy * (lower - upper);
   }
 }
@@ -90,8 +93,10 @@ FramePyramid::FramePyramid(const Picture& picture, const Response& response) {
 }
 
 FootprintSample FramePyramid::sample(float x, float y, float width) const {
-  // A bilinear tap on a level of cell c averages about 1.5 c: half a level finer than log2 of the width.
-  const float level = std::clamp(std::log2(std::max(width, 1.0f)) - 0.5f - kFirst, 0.0f, float(levels_.size() - 1));
+  // A bilinear tap on a level of cell c averages about 1.5 c: half a level finer than log2 of the
+  // width.
+  const float level =
+      std::clamp(std::log2(std::max(width, 1.0f)) - 0.5f - kFirst, 0.0f, float(levels_.size() - 1));
   const int k = std::min(int(level), int(levels_.size()) - 1);
   const float f = level - float(k);
   float fine[6], coarse[6] = {};

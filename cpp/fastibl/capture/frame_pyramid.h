@@ -9,7 +9,8 @@
 
 namespace fastibl {
 
-// Value under a footprint: linear RGB (exposure included), and the share of clipped pixels a channel.
+// Value under a footprint: linear RGB (exposure included), and the share of clipped pixels a
+// channel.
 struct FootprintSample {
   glm::vec3 linear{0};
   glm::vec3 clipped{0};

@@ -7,8 +7,8 @@
 namespace fastibl {
 namespace {
 
-constexpr int kFitSize = 16;     // face edge of the level that SH and the error are summed over
-constexpr int kPlaneSize = 32;   // the plane's irradiance divides every shadow: a finer sum
+constexpr int kFitSize = 16;    // face edge of the level that SH and the error are summed over
+constexpr int kPlaneSize = 32;  // the plane's irradiance divides every shadow: a finer sum
 
 template <typename Visit>  // visit(unit direction, solid angle, radiance)
 void for_each_texel(const CubeLevel& level, Visit&& visit) {
@@ -17,16 +17,19 @@ void for_each_texel(const CubeLevel& level, Visit&& visit) {
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < n; ++y)
       for (int x = 0; x < n; ++x)
-        visit(glm::normalize(glm::dvec3(texel_direction(f, x, y, n))), angle[std::size_t(y) * n + std::size_t(x)],
-              glm::dvec3(level.texel(f, x, y)));
+        visit(glm::normalize(glm::dvec3(texel_direction(f, x, y, n))),
+              angle[std::size_t(y) * n + std::size_t(x)], glm::dvec3(level.texel(f, x, y)));
 }
 
 std::array<glm::vec3, 9> irradiance_polynomial(const std::array<glm::dvec3, 9>& sh) {
   // A_l of the clamped cosine (π, 2π/3, π/4) times the constant of each basis function.
   constexpr double pi = std::numbers::pi;
-  constexpr double constant[9] = {0.28209479177387814 * pi,         0.48860251190291992 * 2 * pi / 3, 0.48860251190291992 * 2 * pi / 3,
-                                  0.48860251190291992 * 2 * pi / 3, 1.0925484305920792 * pi / 4,      1.0925484305920792 * pi / 4,
-                                  0.31539156525252005 * pi / 4,     1.0925484305920792 * pi / 4,      0.54627421529603959 * pi / 4};
+  constexpr double constant[9] = {
+      0.28209479177387814 * pi,         0.48860251190291992 * 2 * pi / 3,
+      0.48860251190291992 * 2 * pi / 3, 0.48860251190291992 * 2 * pi / 3,
+      1.0925484305920792 * pi / 4,      1.0925484305920792 * pi / 4,
+      0.31539156525252005 * pi / 4,     1.0925484305920792 * pi / 4,
+      0.54627421529603959 * pi / 4};
   std::array<glm::vec3, 9> polynomial;
   for (std::size_t i = 0; i < 9; ++i) polynomial[i] = glm::vec3(sh[i] * constant[i]);
   return polynomial;
@@ -83,7 +86,8 @@ Irradiance fit_irradiance(const CubeMap& radiance, DiffuseMethod method) {
     result.polynomial = irradiance_polynomial(project_sh9(radiance.level_at_most(kFitSize)));
     return result;
   }
-  // The 1×1 level holds solid-angle means; the box MIP of nearest-face is the plain mean of all texels.
+  // The 1×1 level holds solid-angle means; the box MIP of nearest-face is the plain mean of all
+  // texels.
   const CubeLevel& top = radiance.level(radiance.level_count() - 1);
   const CubeLevel& base = radiance.level(0);
   for (int f = 0; f < 6; ++f) {
@@ -105,8 +109,11 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   lighting.glossy = options.glossy;
   lighting.normalization = options.normalization;
   lighting.irradiance = fit_irradiance(*radiance, options.diffuse);
-  lighting.plane_irradiance = glm::vec3(sum_irradiance(radiance->level_at_most(kPlaneSize), {0, 0, 1}));
-  if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, radiance->level_at_most(kFitSize));
+  lighting.plane_irradiance =
+      glm::vec3(sum_irradiance(radiance->level_at_most(kPlaneSize), {0, 0, 1}));
+  if (options.measure_error)
+    lighting.irradiance_error =
+        measure_error(lighting.irradiance, radiance->level_at_most(kFitSize));
   lighting.radiance = std::move(radiance);
   return lighting;
 }

@@ -3,29 +3,18 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fastibl/core/check.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
 namespace {
-
-template <typename Method, std::size_t N>
-Method parse(std::string_view text, const std::array<Method, N>& methods, const char* step) {
-  std::string all;
-  for (const Method method : methods) {
-    if (name(method) == text) return method;
-    all += (all.empty() ? "" : ", ") + std::string(name(method));
-  }
-  check(false, "no ", step, " method \"", text, "\"; there are: ", all);
-  return methods[0];
-}
 
 glm::vec3 exact_faces(const Irradiance& e, const glm::dvec3& n) {
   // n along the s, t and major axis of each face (see the drawing in cube_map.h).
   const glm::dvec3 local[6] = {{-n.z, -n.y, n.x}, {n.z, -n.y, -n.x}, {n.x, n.z, n.y},
                                {n.x, -n.z, -n.y}, {n.x, -n.y, n.z},  {-n.x, -n.y, -n.z}};
   glm::vec3 sum(0);
-  for (std::size_t f = 0; f < 6; ++f) sum += float(shared::exact_face_weight(local[f])) * e.faces[f];
+  for (std::size_t f = 0; f < 6; ++f)
+    sum += float(shared::exact_face_weight(local[f])) * e.faces[f];
   return sum;
 }
 
@@ -35,13 +24,15 @@ double albedo_quadrature(double cos_view, double s) {
   constexpr int kSteps = 64, kTurns = 48;
   static const std::array<double, kTurns> turns = [] {
     std::array<double, kTurns> cosines;
-    for (int k = 0; k < kTurns; ++k) cosines[std::size_t(k)] = std::cos((k + 0.5) / kTurns * std::numbers::pi);
+    for (int k = 0; k < kTurns; ++k)
+      cosines[std::size_t(k)] = std::cos((k + 0.5) / kTurns * std::numbers::pi);
     return cosines;
   }();
   const double sin_view = std::sqrt(std::max(0.0, 1 - cos_view * cos_view));
   double sum = 0;
   for (int i = 0; i < kSteps; ++i) {
-    const double c = std::pow((i + 0.5) / kSteps, 1 / (s + 1)), h = std::sqrt(std::max(0.0, 1 - c * c));
+    const double c = std::pow((i + 0.5) / kSteps, 1 / (s + 1)),
+                 h = std::sqrt(std::max(0.0, 1 - c * c));
     for (const double turn : turns) {  // half a turn: the integrand is even in φ
       const double vh = cos_view * c + sin_view * h * turn;
       sum += std::max(0.0, vh) * std::max(0.0, 2 * vh * c - cos_view);
@@ -51,22 +42,6 @@ double albedo_quadrature(double cos_view, double s) {
 }
 
 }  // namespace
-
-std::string_view name(DiffuseMethod method) {
-  switch (method) {
-    case DiffuseMethod::nearest_face: return "nearest-face";
-    case DiffuseMethod::six_face: return "six-face";
-    case DiffuseMethod::six_face_exact: return "six-face-exact";
-    default: return "sh9";
-  }
-}
-std::string_view name(GlossyMethod) { return "mip"; }
-DiffuseMethod diffuse_method(std::string_view text) { return parse(text, kDiffuseMethods, "diffuse"); }
-GlossyMethod glossy_method(std::string_view text) { return parse(text, kGlossyMethods, "glossy"); }
-Normalization normalization(std::string_view text) {
-  check(text == "energy" || text == "paper", "normalization must be \"energy\" or \"paper\", got \"", text, "\"");
-  return text == "energy" ? Normalization::energy : Normalization::paper;
-}
 
 glm::vec3 evaluate(const Irradiance& e, glm::vec3 n) {
   switch (e.method) {
@@ -78,11 +53,13 @@ glm::vec3 evaluate(const Irradiance& e, glm::vec3 n) {
       for (std::size_t f = 0; f < 6; ++f) sum += shared::face_weight(cosine[f]) * e.faces[f];
       return sum;
     }
-    case DiffuseMethod::six_face_exact: return exact_faces(e, glm::dvec3(n));
+    case DiffuseMethod::six_face_exact:
+      return exact_faces(e, glm::dvec3(n));
     default: {
       const std::array<glm::vec3, 9>& c = e.polynomial;
-      const glm::vec3 sum = c[0] + c[1] * n.y + c[2] * n.z + c[3] * n.x + c[4] * (n.x * n.y) + c[5] * (n.y * n.z) +
-                            c[6] * (3 * n.z * n.z - 1) + c[7] * (n.x * n.z) + c[8] * (n.x * n.x - n.y * n.y);
+      const glm::vec3 sum = c[0] + c[1] * n.y + c[2] * n.z + c[3] * n.x + c[4] * (n.x * n.y) +
+                            c[5] * (n.y * n.z) + c[6] * (3 * n.z * n.z - 1) + c[7] * (n.x * n.z) +
+                            c[8] * (n.x * n.x - n.y * n.y);
       return glm::max(sum, 0.0f);  // ringing of a small bright light dips below 0 on the far side
     }
   }
@@ -94,7 +71,8 @@ glm::vec3 evaluate_glossy(const Lighting& lighting, glm::vec3 n, glm::vec3 v, fl
   const glm::vec3 mirror = 2 * cosine * n - v;
   const CubeMap& map = *lighting.radiance;
   const glm::vec3 value = map.sample(mirror, shared::mip_level(float(map.size()), s));
-  return lighting.normalization == Normalization::paper ? value * directional_albedo(cosine, s) : value;
+  return lighting.normalization == Normalization::paper ? value * directional_albedo(cosine, s)
+                                                        : value;
 }
 
 const std::vector<float>& albedo_table() {

@@ -5,8 +5,8 @@
 
 namespace fastibl {
 
-// Linear radiance times coverage (RGB), and coverage (A), in the rectangle [x, x + width) × [y, y + height) of
-// the picture; elsewhere nothing.
+// Linear radiance times coverage (RGB), and coverage (A), in the rectangle [x, x + width) × [y, y +
+// height) of the picture; elsewhere nothing.
 struct ObjectLayer {
   int x = 0, y = 0;
   Image<float> rgba{0, 0, 4};

@@ -10,7 +10,7 @@
 namespace fastibl {
 
 struct Scene {
-  Mesh mesh;                       // marker frame, moved by marker_from_object
+  Mesh mesh;  // marker frame, moved by marker_from_object
   Material material;
   Pose marker_from_object;
   std::vector<glm::vec3> normals;  // one a vertex, unit
@@ -20,7 +20,8 @@ struct Scene {
   // The spheres where the object stands.
   SphereSet placed_spheres() const {
     SphereSet placed;
-    for (const glm::vec4& s : spheres) placed.emplace_back(glm::vec3(marker_from_object * glm::dvec3(s)), s.w);
+    for (const glm::vec4& s : spheres)
+      placed.emplace_back(glm::vec3(marker_from_object * glm::dvec3(s)), s.w);
     return placed;
   }
 };

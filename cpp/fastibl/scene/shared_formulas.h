@@ -1,4 +1,5 @@
-// The formulas of shaders/shared, compiled for C++ through GLM. For .cpp files: the path is private.
+// The formulas of shaders/shared, compiled for C++ through GLM. For .cpp files: the path is
+// private.
 #pragma once
 
 #include "fastibl/core/vector.h"

@@ -10,16 +10,16 @@
 namespace fastibl {
 namespace {
 
-// Positions snap to 1/256 pixel and the four samples lie where GPUs put them, so that the GL back end
-// covers the same samples.
+// Positions snap to 1/256 pixel and the four samples lie where GPUs put them, so that the GL back
+// end covers the same samples.
 constexpr int kSubpixel = 256;
 constexpr int kSamples = 4;
 constexpr int kSampleX[kSamples] = {96, 224, 32, 160}, kSampleY[kSamples] = {32, 96, 160, 224};
-constexpr int kBand = 16;                    // rows that one thread fills at a time
-constexpr double kFarthest = 1 << 21;        // pixels: beyond, fixed-point edges would overflow
+constexpr int kBand = 16;              // rows that one thread fills at a time
+constexpr double kFarthest = 1 << 21;  // pixels: beyond, fixed-point edges would overflow
 
 struct Corner {
-  std::int64_t x, y;   // 1/256 pixel
+  std::int64_t x, y;  // 1/256 pixel
   float inverse_depth;
   bool valid;
 };
@@ -38,7 +38,8 @@ struct Cell {
 
 }  // namespace
 
-std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera, const Pose& camera_from_marker) {
+std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
+                                const Pose& camera_from_marker) {
   const Pose camera_from_object = camera_from_marker * scene.marker_from_object;
   const Lens lens(camera);
   const Mesh& mesh = scene.mesh;
@@ -49,10 +50,13 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera, const 
     const auto pixel = lens.project(p);
     corners[i].valid = pixel && std::abs(pixel->x) < kFarthest && std::abs(pixel->y) < kFarthest;
     if (!corners[i].valid) continue;
-    corners[i].x = std::llround(pixel->x * kSubpixel), corners[i].y = std::llround(pixel->y * kSubpixel);
+    corners[i].x = std::llround(pixel->x * kSubpixel),
+    corners[i].y = std::llround(pixel->y * kSubpixel);
     corners[i].inverse_depth = float(1 / p.z);
-    left = std::min(left, int(std::floor(pixel->x)) - 1), right = std::max(right, int(pixel->x) + 1);
-    top = std::min(top, int(std::floor(pixel->y)) - 1), bottom = std::max(bottom, int(pixel->y) + 1);
+    left = std::min(left, int(std::floor(pixel->x)) - 1),
+    right = std::max(right, int(pixel->x) + 1);
+    top = std::min(top, int(std::floor(pixel->y)) - 1),
+    bottom = std::max(bottom, int(pixel->y) + 1);
   }
   left = std::max(left, 0), right = std::min(right, camera.width - 1);
   top = std::max(top, 0), bottom = std::min(bottom, camera.height - 1);
@@ -61,12 +65,14 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera, const 
   const int width = right - left + 1, rows = bottom - top + 1, bands = (rows + kBand - 1) / kBand;
   std::vector<std::vector<int>> triangles_of(static_cast<std::size_t>(bands));
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    const Corner &a = corners[std::size_t(mesh.triangles[i][0])], &b = corners[std::size_t(mesh.triangles[i][1])],
+    const Corner &a = corners[std::size_t(mesh.triangles[i][0])],
+                 &b = corners[std::size_t(mesh.triangles[i][1])],
                  &c = corners[std::size_t(mesh.triangles[i][2])];
     if (!a.valid || !b.valid || !c.valid) continue;
     const int y0 = std::max(int(std::min({a.y, b.y, c.y}) / kSubpixel) - top, 0) / kBand;
     const int y1 = std::min(int(std::max({a.y, b.y, c.y}) / kSubpixel) - top, rows - 1);
-    for (int band = y0; band <= y1 / kBand && y1 >= 0; ++band) triangles_of[std::size_t(band)].push_back(int(i));
+    for (int band = y0; band <= y1 / kBand && y1 >= 0; ++band)
+      triangles_of[std::size_t(band)].push_back(int(i));
   }
 
   const glm::dmat3 marker_from_object = scene.marker_from_object.rotation;
@@ -78,11 +84,14 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera, const 
       cells.assign(std::size_t(width) * kBand, Cell{});
       for (const int t : triangles_of[std::size_t(band)]) {
         const glm::ivec3& index = mesh.triangles[std::size_t(t)];
-        const Corner* v[3] = {&corners[std::size_t(index[0])], &corners[std::size_t(index[1])], &corners[std::size_t(index[2])]};
+        const Corner* v[3] = {&corners[std::size_t(index[0])], &corners[std::size_t(index[1])],
+                              &corners[std::size_t(index[2])]};
         std::int64_t area = edge(*v[0], *v[1], v[2]->x, v[2]->y);
         if (area == 0) continue;
         if (area < 0) std::swap(v[1], v[2]), area = -area;
-        const std::int64_t bias[3] = {owns_edge(*v[1], *v[2]) ? 0 : -1, owns_edge(*v[2], *v[0]) ? 0 : -1, owns_edge(*v[0], *v[1]) ? 0 : -1};
+        const std::int64_t bias[3] = {owns_edge(*v[1], *v[2]) ? 0 : -1,
+                                      owns_edge(*v[2], *v[0]) ? 0 : -1,
+                                      owns_edge(*v[0], *v[1]) ? 0 : -1};
         const int x0 = std::max(int(std::min({v[0]->x, v[1]->x, v[2]->x}) / kSubpixel), left);
         const int x1 = std::min(int(std::max({v[0]->x, v[1]->x, v[2]->x}) / kSubpixel), right);
         const int y0 = std::max(int(std::min({v[0]->y, v[1]->y, v[2]->y}) / kSubpixel), y_begin);
@@ -91,10 +100,14 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera, const 
         for (int y = y0; y <= y1; ++y)
           for (int x = x0; x <= x1; ++x)
             for (int s = 0; s < kSamples; ++s) {
-              const std::int64_t px = std::int64_t{x} * kSubpixel + kSampleX[s], py = std::int64_t{y} * kSubpixel + kSampleY[s];
-              const std::int64_t e0 = edge(*v[1], *v[2], px, py), e1 = edge(*v[2], *v[0], px, py), e2 = area - e0 - e1;
+              const std::int64_t px = std::int64_t{x} * kSubpixel + kSampleX[s],
+                                 py = std::int64_t{y} * kSubpixel + kSampleY[s];
+              const std::int64_t e0 = edge(*v[1], *v[2], px, py), e1 = edge(*v[2], *v[0], px, py),
+                                 e2 = area - e0 - e1;
               if (e0 + bias[0] < 0 || e1 + bias[1] < 0 || e2 + bias[2] < 0) continue;
-              const float depth = per_area * (float(e0) * v[0]->inverse_depth + float(e1) * v[1]->inverse_depth + float(e2) * v[2]->inverse_depth);
+              const float depth =
+                  per_area * (float(e0) * v[0]->inverse_depth + float(e1) * v[1]->inverse_depth +
+                              float(e2) * v[2]->inverse_depth);
               Cell& cell = cells[std::size_t(y - y_begin) * width + std::size_t(x - left)];
               if (depth <= cell.inverse_depth[std::size_t(s)]) continue;
               cell.inverse_depth[std::size_t(s)] = depth;
@@ -117,29 +130,41 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera, const 
               px += kSampleX[k], py += kSampleY[k], ++count;
             }
             if (before) continue;
-            px = std::int64_t{x} * kSubpixel + px / count, py = std::int64_t{y} * kSubpixel + py / count;
+            px = std::int64_t{x} * kSubpixel + px / count,
+            py = std::int64_t{y} * kSubpixel + py / count;
             const glm::ivec3& index = mesh.triangles[std::size_t(t)];
-            const std::size_t i[3] = {std::size_t(index[0]), std::size_t(index[1]), std::size_t(index[2])};
-            const float area = float(edge(corners[i[0]], corners[i[1]], corners[i[2]].x, corners[i[2]].y));
-            glm::vec3 w(float(edge(corners[i[1]], corners[i[2]], px, py)) / area, float(edge(corners[i[2]], corners[i[0]], px, py)) / area, 0);
+            const std::size_t i[3] = {std::size_t(index[0]), std::size_t(index[1]),
+                                      std::size_t(index[2])};
+            const float area =
+                float(edge(corners[i[0]], corners[i[1]], corners[i[2]].x, corners[i[2]].y));
+            glm::vec3 w(float(edge(corners[i[1]], corners[i[2]], px, py)) / area,
+                        float(edge(corners[i[2]], corners[i[0]], px, py)) / area, 0);
             w.z = 1 - w.x - w.y;
-            w *= glm::vec3(corners[i[0]].inverse_depth, corners[i[1]].inverse_depth, corners[i[2]].inverse_depth);
+            w *= glm::vec3(corners[i[0]].inverse_depth, corners[i[1]].inverse_depth,
+                           corners[i[2]].inverse_depth);
             w /= w.x + w.y + w.z;
-            const glm::vec3 position = w.x * mesh.vertices[i[0]] + w.y * mesh.vertices[i[1]] + w.z * mesh.vertices[i[2]];
-            glm::vec3 normal = w.x * scene.normals[i[0]] + w.y * scene.normals[i[1]] + w.z * scene.normals[i[2]];
-            // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
+            const glm::vec3 position =
+                w.x * mesh.vertices[i[0]] + w.y * mesh.vertices[i[1]] + w.z * mesh.vertices[i[2]];
+            glm::vec3 normal =
+                w.x * scene.normals[i[0]] + w.y * scene.normals[i[1]] + w.z * scene.normals[i[2]];
+            // In the picture, y down, a triangle seen from outside runs clockwise: its area is
+            // negative.
             if (area > 0) normal = -normal;
             normal = glm::mat3(marker_from_object) * normal;
             const float length = glm::length(normal);
-            const float visibility = w.x * scene.visibility[i[0]] + w.y * scene.visibility[i[1]] + w.z * scene.visibility[i[2]];
-            found[std::size_t(band)].push_back({x, y, float(count) / kSamples, glm::vec3(scene.marker_from_object * glm::dvec3(position)),
-                                                length > 0 ? normal / length : glm::vec3(0, 0, 1), visibility});
+            const float visibility = w.x * scene.visibility[i[0]] + w.y * scene.visibility[i[1]] +
+                                     w.z * scene.visibility[i[2]];
+            found[std::size_t(band)].push_back(
+                {x, y, float(count) / kSamples,
+                 glm::vec3(scene.marker_from_object * glm::dvec3(position)),
+                 length > 0 ? normal / length : glm::vec3(0, 0, 1), visibility});
           }
         }
     }
   });
   std::vector<Fragment> fragments;
-  for (const std::vector<Fragment>& band : found) fragments.insert(fragments.end(), band.begin(), band.end());
+  for (const std::vector<Fragment>& band : found)
+    fragments.insert(fragments.end(), band.begin(), band.end());
   return fragments;
 }
 

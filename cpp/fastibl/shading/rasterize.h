@@ -18,8 +18,10 @@ struct Fragment {
   float visibility;    // P_V
 };
 
-// Fragments in order of rows, then columns. Vertices go through the full lens model; edges between them
-// are straight. Triangles with a vertex behind the camera or beyond the lens model are left out.
-std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera, const Pose& camera_from_marker);
+// Fragments in order of rows, then columns. Vertices go through the full lens model; edges between
+// them are straight. Triangles with a vertex behind the camera or beyond the lens model are left
+// out.
+std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
+                                const Pose& camera_from_marker);
 
 }  // namespace fastibl

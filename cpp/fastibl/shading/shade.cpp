@@ -9,12 +9,14 @@
 namespace fastibl {
 namespace {
 
-// Where the plane may be shadowed, in pixels: the projected outline of the shadow map, cut to the picture.
+// Where the plane may be shadowed, in pixels: the projected outline of the shadow map, cut to the
+// picture.
 struct Rectangle {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
 };
 
-Rectangle shadowed_pixels(const Camera& camera, const Pose& camera_from_marker, const ShadowMap& shadow) {
+Rectangle shadowed_pixels(const Camera& camera, const Pose& camera_from_marker,
+                          const ShadowMap& shadow) {
   if (shadow.ratio.empty() || shadow.no_light) return {};
   const Lens lens(camera);
   glm::dvec2 lower(std::numeric_limits<double>::infinity()), upper(-lower);
@@ -22,21 +24,33 @@ Rectangle shadowed_pixels(const Camera& camera, const Pose& camera_from_marker, 
   for (int side = 0; side < 4; ++side)
     for (int k = 0; k < kSteps; ++k) {
       const double a = 2.0 * k / kSteps - 1;
-      const glm::dvec2 p = side == 0 ? glm::dvec2(a, -1) : side == 1 ? glm::dvec2(1, a) : side == 2 ? glm::dvec2(-a, 1) : glm::dvec2(-1, -a);
-      const auto pixel = lens.project(camera_from_marker * glm::dvec3(glm::dvec2(shadow.centre) + double(shadow.extent) * p, 0));
-      if (!pixel) return {0, 0, camera.width, camera.height};  // partly behind the camera: look everywhere
+      const glm::dvec2 p = side == 0   ? glm::dvec2(a, -1)
+                           : side == 1 ? glm::dvec2(1, a)
+                           : side == 2 ? glm::dvec2(-a, 1)
+                                       : glm::dvec2(-1, -a);
+      const auto pixel =
+          lens.project(camera_from_marker *
+                       glm::dvec3(glm::dvec2(shadow.centre) + double(shadow.extent) * p, 0));
+      if (!pixel)
+        return {0, 0, camera.width, camera.height};  // partly behind the camera: look everywhere
       lower = glm::min(lower, *pixel), upper = glm::max(upper, *pixel);
     }
-  const auto clamp = [](double value, int limit) { return int(std::clamp(value, 0.0, double(limit))); };
-  return {clamp(std::floor(lower.x) - 1, camera.width), clamp(std::floor(lower.y) - 1, camera.height),
-          clamp(std::ceil(upper.x) + 1, camera.width), clamp(std::ceil(upper.y) + 1, camera.height)};
+  const auto clamp = [](double value, int limit) {
+    return int(std::clamp(value, 0.0, double(limit)));
+  };
+  return {
+      clamp(std::floor(lower.x) - 1, camera.width), clamp(std::floor(lower.y) - 1, camera.height),
+      clamp(std::ceil(upper.x) + 1, camera.width), clamp(std::ceil(upper.y) + 1, camera.height)};
 }
 
-// Ratio of the plane point that a pixel sees; 1 where it sees none. The camera must be above the plane.
+// Ratio of the plane point that a pixel sees; 1 where it sees none. The camera must be above the
+// plane.
 class PlaneShadow {
  public:
   PlaneShadow(const RayTable& table, const Pose& camera_from_marker, const ShadowMap& shadow)
-      : table_(table), shadow_(shadow), area_(shadowed_pixels(table.camera, camera_from_marker, shadow)) {
+      : table_(table),
+        shadow_(shadow),
+        area_(shadowed_pixels(table.camera, camera_from_marker, shadow)) {
     const Pose marker_from_camera = camera_from_marker.inverse();
     rotation_ = glm::mat3(marker_from_camera.rotation);
     eye_ = glm::vec3(marker_from_camera.translation);
@@ -44,7 +58,8 @@ class PlaneShadow {
   }
   glm::vec3 operator()(int x, int y) const {
     if (x < area_.x0 || x >= area_.x1 || y < area_.y0 || y >= area_.y1) return glm::vec3(1);
-    const glm::vec3 d = rotation_ * table_.rays[std::size_t(y) * table_.camera.width + std::size_t(x)];
+    const glm::vec3 d =
+        rotation_ * table_.rays[std::size_t(y) * table_.camera.width + std::size_t(x)];
     if (!(d.z < 0)) return glm::vec3(1);
     const float t = -eye_.z / d.z;
     return shadow_.sample({eye_.x + t * d.x, eye_.y + t * d.y});
@@ -61,7 +76,8 @@ class PlaneShadow {
 
 Rectangle around(const Rectangle& a, const ObjectLayer& object) {
   if (object.rgba.empty()) return a;
-  const Rectangle b{object.x, object.y, object.x + object.rgba.width, object.y + object.rgba.height};
+  const Rectangle b{object.x, object.y, object.x + object.rgba.width,
+                    object.y + object.rgba.height};
   if (a.x0 >= a.x1 || a.y0 >= a.y1) return b;
   return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
 }
@@ -80,15 +96,20 @@ float exposure_at(const Camera& camera, double exposure, int x, int y) {
 
 }  // namespace
 
-glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lighting, glm::vec3 eye) {
+glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lighting,
+                glm::vec3 eye) {
   glm::vec3 colour = material.emission;
-  if (material.diffuse != glm::vec3(0)) colour += material.diffuse * (f.visibility / kPi) * evaluate(lighting.irradiance, f.normal);
+  if (material.diffuse != glm::vec3(0))
+    colour += material.diffuse * (f.visibility / kPi) * evaluate(lighting.irradiance, f.normal);
   if (material.glossy != glm::vec3(0))
-    colour += material.glossy * evaluate_glossy(lighting, f.normal, glm::normalize(eye - f.position), material.exponent);
+    colour +=
+        material.glossy *
+        evaluate_glossy(lighting, f.normal, glm::normalize(eye - f.position), material.exponent);
   return colour;
 }
 
-ObjectLayer shade(std::span<const Fragment> fragments, const Material& material, const Lighting& lighting, glm::vec3 eye) {
+ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
+                  const Lighting& lighting, glm::vec3 eye) {
   ObjectLayer layer;
   if (fragments.empty()) return layer;
   int x0 = fragments[0].x, x1 = x0, y0 = fragments[0].y, y1 = y0;
@@ -100,7 +121,8 @@ ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
   layer.rgba = Image<float>(x1 - x0 + 1, y1 - y0 + 1, 4);
   std::vector<glm::vec3> colours(fragments.size());
   parallel_for(int(fragments.size()), 2048, [&](int begin, int end) {
-    for (int i = begin; i < end; ++i) colours[std::size_t(i)] = shade(fragments[std::size_t(i)], material, lighting, eye);
+    for (int i = begin; i < end; ++i)
+      colours[std::size_t(i)] = shade(fragments[std::size_t(i)], material, lighting, eye);
   });
   for (std::size_t i = 0; i < fragments.size(); ++i) {
     const Fragment& f = fragments[i];
@@ -111,22 +133,26 @@ ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
   return layer;
 }
 
-RayTable::RayTable(const Camera& c) : camera(c), rays(std::size_t(c.width) * std::size_t(c.height)) {
+RayTable::RayTable(const Camera& c)
+    : camera(c), rays(std::size_t(c.width) * std::size_t(c.height)) {
   const Lens lens(camera);
   parallel_for(camera.height, 16, [&](int begin, int end) {
     for (int y = begin; y < end; ++y)
       for (int x = 0; x < camera.width; ++x) {
         const auto ray = lens.unproject({x + 0.5, y + 0.5});
-        rays[std::size_t(y) * camera.width + std::size_t(x)] = ray ? glm::vec3(*ray) : glm::vec3(std::numeric_limits<float>::quiet_NaN());
+        rays[std::size_t(y) * camera.width + std::size_t(x)] =
+            ray ? glm::vec3(*ray) : glm::vec3(std::numeric_limits<float>::quiet_NaN());
       }
   });
 }
 
-Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTable& table, const Pose& camera_from_marker,
-                              const ObjectLayer& object, const ShadowMap& shadow) {
+Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTable& table,
+                              const Pose& camera_from_marker, const ObjectLayer& object,
+                              const ShadowMap& shadow) {
   const Camera& camera = table.camera;
   const ByteResponse response(camera.response);
-  Image<std::uint8_t> out = back.empty() ? Image<std::uint8_t>(camera.width, camera.height, 3) : bytes_from(back, camera.response);
+  Image<std::uint8_t> out = back.empty() ? Image<std::uint8_t>(camera.width, camera.height, 3)
+                                         : bytes_from(back, camera.response);
   const PlaneShadow plane(table, camera_from_marker, shadow);
   const Rectangle area = around(plane.area(), object);
   parallel_for(area.y1 - area.y0, 16, [&](int begin, int end) {
@@ -137,15 +163,17 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTab
         if (o.w == 0 && ratio == glm::vec3(1)) continue;
         std::uint8_t* p = out.pixel(x, y);
         const float scale = o.w > 0 ? exposure_at(camera, exposure, x, y) : 0.0f;
-        // 16-bit and float pictures are darkened in their rounded codes too: their output has 8 bits.
-        for (int c = 0; c < 3; ++c) p[c] = response.encode(scale * o[c] + (1 - o.w) * ratio[c] * response.decode(p[c]));
+        // 16-bit and float pictures are darkened in their rounded codes too: their output has 8
+        // bits.
+        for (int c = 0; c < 3; ++c)
+          p[c] = response.encode(scale * o[c] + (1 - o.w) * ratio[c] * response.decode(p[c]));
       }
   });
   return out;
 }
 
-Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& camera_from_marker, const ObjectLayer& object,
-                          const ShadowMap& shadow) {
+Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& camera_from_marker,
+                          const ObjectLayer& object, const ShadowMap& shadow) {
   const Camera& camera = table.camera;
   const ByteResponse response(camera.response);
   Image<std::uint8_t> out(camera.width, camera.height, 4);
@@ -159,7 +187,8 @@ Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& ca
       const float alpha = o.w + (1 - o.w) * darkness;
       if (alpha <= 0) continue;
       std::uint8_t* p = out.pixel(x, y);
-      for (int c = 0; c < 3; ++c) p[c] = response.encode(exposure_at(camera, exposure, x, y) * o[c] / alpha);
+      for (int c = 0; c < 3; ++c)
+        p[c] = response.encode(exposure_at(camera, exposure, x, y) * o[c] / alpha);
       p[3] = std::uint8_t(std::lround(255 * alpha));
     }
   return out;

@@ -15,24 +15,29 @@
 namespace fastibl {
 
 // L = emission + k_L · P_V · E/π + k_G · glossy, towards `eye` (marker frame).
-glm::vec3 shade(const Fragment& fragment, const Material& material, const Lighting& lighting, glm::vec3 eye);
-ObjectLayer shade(std::span<const Fragment> fragments, const Material& material, const Lighting& lighting, glm::vec3 eye);
+glm::vec3 shade(const Fragment& fragment, const Material& material, const Lighting& lighting,
+                glm::vec3 eye);
+ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
+                  const Lighting& lighting, glm::vec3 eye);
 
-// Directions through the pixels of a camera (z = 1, camera frame), worked out once; NaN beyond the lens model.
+// Directions through the pixels of a camera (z = 1, camera frame), worked out once; NaN beyond the
+// lens model.
 struct RayTable {
   Camera camera;
   std::vector<glm::vec3> rays;
   explicit RayTable(const Camera& c);
 };
 
-// Back picture × shadow ratio, the object over it, in linear light, encoded with the camera's response.
-// Pixels without object whose ratio is 1 keep their bytes. An empty picture gives black there.
-Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTable& table, const Pose& camera_from_marker,
-                              const ObjectLayer& object, const ShadowMap& shadow);
+// Back picture × shadow ratio, the object over it, in linear light, encoded with the camera's
+// response. Pixels without object whose ratio is 1 keep their bytes. An empty picture gives black
+// there.
+Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTable& table,
+                              const Pose& camera_from_marker, const ObjectLayer& object,
+                              const ShadowMap& shadow);
 
-// Object and shadow without a picture behind: straight (not premultiplied) encoded RGB and alpha, where a
-// shadow is black with alpha 1 − ratio (mean over RGB).
-Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& camera_from_marker, const ObjectLayer& object,
-                          const ShadowMap& shadow);
+// Object and shadow without a picture behind: straight (not premultiplied) encoded RGB and alpha,
+// where a shadow is black with alpha 1 − ratio (mean over RGB).
+Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& camera_from_marker,
+                          const ObjectLayer& object, const ShadowMap& shadow);
 
 }  // namespace fastibl

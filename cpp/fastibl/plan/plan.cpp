@@ -1,0 +1,141 @@
+#include "fastibl/plan/plan.h"
+
+#include <cmath>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl {
+namespace {
+
+using namespace product;
+
+Pass pass_of(PassId id, const Scene& scene) {
+  const Material& m = scene.material;
+  const bool matte_lobe = m.exponent == 0;  // s = 0 reads the irradiance
+  switch (id) {
+    case PassId::track:
+      return {id, back_picture, 0, pose};
+    case PassId::capture:
+      return {id, light_pictures, pose, texels};
+    case PassId::mips:
+      return {id, texels, 0, radiance};
+    case PassId::irradiance:
+      return {id, radiance, 0, irradiance};
+    case PassId::shadow:
+      return {id, radiance | irradiance | placement, 0, shadow};
+    case PassId::shade: {
+      Products reads = pose | placement | material;
+      if (m.diffuse != glm::vec3(0) || (matte_lobe && m.glossy != glm::vec3(0)))
+        reads |= irradiance;
+      if (m.glossy != glm::vec3(0) && !matte_lobe) reads |= radiance;
+      return {id, reads, 0, object};
+    }
+    default:
+      return {id, back_picture | pose | object | shadow, 0, image};
+  }
+}
+
+}  // namespace
+
+std::string_view name(PassId id) {
+  constexpr std::array names = {"track",  "capture", "mips",     "irradiance",
+                                "shadow", "shade",   "composite"};
+  return names[std::size_t(id)];
+}
+
+bool Plan::includes(PassId id) const {
+  for (const PlannedPass& p : passes)
+    if (p.pass.id == id) return p.included;
+  return false;
+}
+
+double Plan::expected_error() const {
+  double sum = 0;
+  for (const PlannedPass& p : passes)
+    if (p.included && p.error) sum += *p.error * *p.error;
+  return std::sqrt(sum);
+}
+
+double Plan::omission_bound() const {
+  double sum = 0;
+  for (const PlannedPass& p : passes)
+    if (!p.included) sum += p.bound;
+  return sum;
+}
+
+Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options) {
+  check(options.error >= 0, "an error budget must be at least 0, got ", options.error);
+  check(options.milliseconds >= 0, "a time budget must be at least 0 ms, got ",
+        options.milliseconds);
+  Plan plan;
+  plan.methods = options.methods;
+  plan.error_budget = options.error, plan.milliseconds_budget = options.milliseconds;
+  for (const PassId id : kPasses) {
+    PlannedPass line{pass_of(id, scene), true, "", "", 0, std::nullopt};
+    const auto leave_out = [&](std::string reason) {
+      line.included = false, line.reason = std::move(reason);
+    };
+    switch (id) {
+      case PassId::track:
+        line.method = name(options.methods.tracking);
+        if (!options.track) leave_out("poses are given");
+        break;
+      case PassId::capture:
+        line.method = name(options.methods.capture);
+        if (environment && options.capture) line.error = environment->predicted_error;
+        if (!options.capture) leave_out("the environment is given");
+        break;
+      case PassId::mips:
+        if (!options.capture) leave_out("the environment is given with its chain");
+        break;
+      case PassId::irradiance: {
+        line.method = name(options.methods.diffuse);
+        const Material& m = scene.material;
+        const bool lit = m.diffuse != glm::vec3(0) || (m.glossy != glm::vec3(0) && m.exponent == 0);
+        const bool shadowed = options.cast_shadow && !scene.spheres.empty();
+        if (!lit && !shadowed) leave_out("k_L = 0 and no shadow: nothing reads it");
+        break;
+      }
+      case PassId::shadow:
+        line.method = name(options.methods.shadow);
+        if (!options.cast_shadow)
+          leave_out("no shadow was asked for");
+        else if (scene.spheres.empty())
+          leave_out("the object has no spheres");
+        break;
+      case PassId::shade: {
+        const Material& m = scene.material;
+        line.method = m.glossy == glm::vec3(0)    ? "diffuse"
+                      : m.diffuse == glm::vec3(0) ? "glossy"
+                                                  : "diffuse + glossy";
+        if (m.glossy != glm::vec3(0))
+          line.method += " (" + std::string(name(options.methods.glossy)) + ")";
+        break;
+      }
+      default:
+        break;
+    }
+    plan.passes.push_back(std::move(line));
+  }
+  return plan;
+}
+
+std::vector<PassId> due_passes(const Plan& plan, Products wanted, Products& stale) {
+  Products needed = wanted;
+  for (auto p = plan.passes.rbegin(); p != plan.passes.rend(); ++p)
+    if (p->included && (p->pass.writes & needed)) needed |= p->pass.reads | p->pass.needs;
+  std::vector<PassId> due;
+  for (const PlannedPass& p : plan.passes) {
+    if (!p.included) continue;
+    if (p.pass.reads & stale) stale |= p.pass.writes;
+  }
+  for (const PlannedPass& p : plan.passes)
+    if (p.included && (p.pass.writes & stale) && (p.pass.writes & needed)) due.push_back(p.pass.id);
+  for (const PlannedPass& p : plan.passes)
+    for (const PassId id : due)
+      if (p.pass.id == id) stale &= ~p.pass.writes;
+  stale &= ~product::inputs;
+  return due;
+}
+
+}  // namespace fastibl

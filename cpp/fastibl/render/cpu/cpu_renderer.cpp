@@ -1,0 +1,61 @@
+#include <optional>
+
+#include "fastibl/render/renderer.h"
+#include "fastibl/shading/shade.h"
+#include "fastibl/shadow/sphere_shadow.h"
+
+namespace fastibl {
+namespace {
+
+class CpuRenderer final : public Renderer {
+ public:
+  std::string_view backend() const override { return "cpu"; }
+
+  void run(PassId pass, const RenderInput& in) override {
+    switch (pass) {
+      case PassId::shadow: {
+        ShadowOptions options;
+        options.method = in.methods.shadow;
+        shadow_ = cast_shadow(*in.lighting.radiance, in.lighting.plane_irradiance,
+                              in.scene.placed_spheres(), options);
+        return;
+      }
+      case PassId::shade: {
+        const glm::vec3 eye(in.camera_from_marker.inverse().translation);
+        object_ = shade(rasterize(in.scene, in.camera, in.camera_from_marker), in.scene.material,
+                        in.lighting, eye);
+        return;
+      }
+      case PassId::composite:
+        if (!rays_ || rays_->camera != in.camera) rays_.emplace(in.camera);
+        image_ =
+            in.back.empty()
+                ? matte(in.exposure, *rays_, in.camera_from_marker, object_, shadow_)
+                : composite(in.back, in.exposure, *rays_, in.camera_from_marker, object_, shadow_);
+        return;
+      default:
+        check(false, "the CPU back end has no pass ", name(pass));
+    }
+  }
+
+  void clear(PassId pass) override {
+    if (pass == PassId::shadow) shadow_ = {};
+    if (pass == PassId::shade) object_ = {};
+  }
+
+  ShadowMap shadow_map() override { return shadow_; }
+  ObjectLayer object() override { return object_; }
+  Image<std::uint8_t> image() override { return image_; }
+
+ private:
+  ShadowMap shadow_;
+  ObjectLayer object_;
+  Image<std::uint8_t> image_;
+  std::optional<RayTable> rays_;
+};
+
+}  // namespace
+
+std::unique_ptr<Renderer> make_cpu_renderer() { return std::make_unique<CpuRenderer>(); }
+
+}  // namespace fastibl

@@ -1,0 +1,47 @@
+// What a back end does: cast the shadow, shade the object, make the picture.
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "fastibl/plan/plan.h"
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/object_layer.h"
+#include "fastibl/scene/picture.h"
+#include "fastibl/scene/shadow_map.h"
+
+namespace fastibl {
+
+// The passes that belong to a back end; the others are the same code for all.
+inline constexpr std::array kRenderPasses = {PassId::shadow, PassId::shade, PassId::composite};
+
+// What the passes of one frame read. References are valid for the call.
+struct RenderInput {
+  const Scene& scene;
+  const Methods& methods;
+  const Lighting& lighting;
+  const Camera& camera;
+  const Pose& camera_from_marker;
+  const Picture& back;  // empty: the object on transparent
+  double exposure;
+};
+
+class Renderer {
+ public:
+  virtual ~Renderer() = default;
+  virtual std::string_view backend() const = 0;
+  // Runs one of kRenderPasses; throws std::invalid_argument for another.
+  virtual void run(PassId pass, const RenderInput& input) = 0;
+  // Forgets a product: the ratio is 1, or nothing covers the picture.
+  virtual void clear(PassId pass) = 0;
+
+  // Products of the last run of each pass; a GPU back end reads them back.
+  virtual ShadowMap shadow_map() = 0;
+  virtual ObjectLayer object() = 0;
+  virtual Image<std::uint8_t>
+  image() = 0;  // 3 channels, or 4 (straight alpha) without a back picture
+};
+
+std::unique_ptr<Renderer> make_cpu_renderer();
+
+}  // namespace fastibl

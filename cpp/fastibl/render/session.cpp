@@ -1,0 +1,214 @@
+#include "fastibl/render/session.h"
+
+#include <cmath>
+
+#include "fastibl/core/clock.h"
+#include "fastibl/lighting/fit_lighting.h"
+
+namespace fastibl {
+namespace {
+
+constexpr double kPoseLifetime = 0.1;  // seconds that a front picture may use an earlier pose
+constexpr double kSinglePeriod = 5;    // seconds between the paper's front pictures
+constexpr double kSmallestHeight =
+    0.01;  // metres: an object's centre for capture, however flat it is
+
+}  // namespace
+
+Session::Session(Scene scene, Rig rig, std::optional<Board> board,
+                 std::shared_ptr<const Environment> environment, Detector detector,
+                 std::unique_ptr<Renderer> renderer, SessionOptions options)
+    : scene_(std::move(scene)),
+      rig_(std::move(rig)),
+      board_(std::move(board)),
+      environment_(std::move(environment)),
+      fixed_environment_(environment_ != nullptr),
+      detector_(std::move(detector)),
+      renderer_(std::move(renderer)),
+      options_(options) {
+  rig_.back.validate();
+  if (rig_.front) rig_.front->validate();
+  if (board_) board_->validate();
+  check(!board_ || detector_, "a session with a board needs a detector");
+  check(renderer_ != nullptr, "a session needs a renderer");
+  CaptureOptions capture;
+  capture.size = options_.map_size;
+  capture.board = board_;
+  // The map is the light at the object: half-way up, where it stands.
+  const Bounds box = bounds(scene_.mesh.vertices);
+  capture.centre = scene_.marker_from_object * glm::dvec3(box.centre());
+  capture.centre.z = std::max(capture.centre.z, kSmallestHeight);
+  capture_.emplace(std::move(capture));
+  replan();
+}
+
+void Session::replan() {
+  PlanOptions options;
+  options.methods = options_.methods;
+  options.track = board_.has_value();
+  options.capture = !fixed_environment_;
+  options.cast_shadow = options_.cast_shadow;
+  options.error = options_.error, options.milliseconds = options_.milliseconds;
+  const Plan before = std::move(plan_);
+  plan_ = make_plan(scene_, environment_.get(), options);
+  // What was left out may come back, and what was made by another method is old.
+  for (const PlannedPass& p : plan_.passes) {
+    if (!p.included && (p.pass.id == PassId::shadow || p.pass.id == PassId::shade))
+      renderer_->clear(p.pass.id);
+    if (p.pass.id != PassId::track && p.pass.id != PassId::capture) stale_ |= p.pass.writes;
+  }
+}
+
+void Session::set_material(const Material& material) {
+  material.validate();
+  scene_.material = material;
+  replan();
+}
+void Session::move(const Pose& marker_from_object) {
+  scene_.marker_from_object = marker_from_object;
+  stale_ |= product::placement;
+}
+void Session::set_methods(const Methods& methods) {
+  options_.methods = methods;
+  replan();
+}
+void Session::set_cast_shadow(bool cast) {
+  options_.cast_shadow = cast;
+  replan();
+}
+void Session::set_environment(std::shared_ptr<const Environment> environment) {
+  fixed_environment_ = environment != nullptr;
+  environment_ = std::move(environment);
+  replan();
+}
+void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
+  check(renderer != nullptr, "a session needs a renderer");
+  renderer_ = std::move(renderer);
+  replan();
+}
+
+std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) {
+  if (frame.back_from_marker) return frame.back_from_marker;
+  if (!board_ || frame.back.empty()) return std::nullopt;
+  TrackOptions options;
+  options.method = options_.methods.tracking;
+  const Image<std::uint8_t> grey = grey_from(frame.back, rig_.back.response);
+  result.tracked = track(grey.view(), *board_, rig_.back, detector_, options);
+  if (!result.tracked) return std::nullopt;
+  return result.tracked->camera_from_marker;
+}
+
+bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose) const {
+  if (fixed_environment_) return false;
+  const bool front_usable =
+      !frame.front.empty() && rig_.front &&
+      (pose || (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime));
+  if (options_.methods.capture == CaptureMethod::continuous)
+    return front_usable || (pose && !frame.back.empty());
+  return front_usable &&
+         (!last_capture_time_ || (frame.time - *last_capture_time_ >= kSinglePeriod &&
+                                  frame.front_exposure == *capture_exposure_));
+}
+
+void Session::capture_frame(const Frame& frame, const std::optional<Pose>& pose) {
+  const bool continuous = options_.methods.capture == CaptureMethod::continuous;
+  if (continuous && pose && !frame.back.empty())
+    capture_->add(frame.back, rig_.back, *pose, frame.back_exposure, frame.time);
+  if (!frame.front.empty() && rig_.front) {
+    const Pose back_from_marker = pose ? *pose : *last_pose_;
+    capture_->add(frame.front, *rig_.front, rig_.front_from_back * back_from_marker,
+                  frame.front_exposure, frame.time);
+    last_capture_time_ = frame.time;
+    if (!capture_exposure_) capture_exposure_ = frame.front_exposure;
+  }
+}
+
+FrameResult Session::process(const Frame& frame) {
+  const auto matches = [](const Picture& picture, const Camera& camera, const char* which) {
+    check(picture.empty() || (picture.width == camera.width && picture.height == camera.height),
+          "the ", which, " picture must be the camera's ", camera.width, " × ", camera.height,
+          ", got ", picture.width, " × ", picture.height);
+  };
+  matches(frame.back, rig_.back, "back");
+  if (rig_.front) matches(frame.front, *rig_.front, "front");
+  check(frame.front.empty() || rig_.front, "a front picture came, but the rig has no front camera");
+  check(frame.back_exposure > 0 && std::isfinite(frame.back_exposure),
+        "exposures must be positive and finite, got ", frame.back_exposure);
+  check(frame.front_exposure > 0 && std::isfinite(frame.front_exposure),
+        "exposures must be positive and finite, got ", frame.front_exposure);
+  check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
+        "a frame needs a picture or a pose");
+
+  const Stopwatch total;
+  FrameResult result;
+  const auto timed = [&](PassId id, auto&& body) {
+    const Stopwatch watch;
+    body();
+    result.passes.push_back(id);
+    result.timings[std::string(name(id))] += watch.seconds();
+  };
+
+  // Tracking decides what else can be done, so it runs by itself; a given pose stands in for it.
+  if (frame.back_from_marker || !board_)
+    result.back_from_marker = frame.back_from_marker;
+  else
+    timed(PassId::track, [&] { result.back_from_marker = find_pose(frame, result); });
+  const std::optional<Pose>& pose = result.back_from_marker;
+  stale_ |= product::back_picture | product::pose;
+  if (wants_capture(frame, pose)) stale_ |= product::light_pictures;
+  if (pose) last_pose_ = pose, last_pose_time_ = frame.time;
+
+  Products wanted = product::texels;
+  // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map.
+  if (pose) wanted |= product::image;
+  const Camera& camera = rig_.back;
+  for (const PassId id : due_passes(plan_, wanted, stale_)) {
+    switch (id) {
+      case PassId::track:
+        break;
+      case PassId::capture:
+        if (wants_capture(frame, pose)) timed(id, [&] { capture_frame(frame, pose); });
+        break;
+      case PassId::mips:
+        timed(id, [&] { environment_ = capture_->environment(); });
+        break;
+      case PassId::irradiance:
+        timed(id, [&] {
+          LightingOptions options;
+          options.diffuse = options_.methods.diffuse;
+          options.glossy = options_.methods.glossy;
+          options.normalization = options_.methods.normalization;
+          lighting_ = std::make_shared<const Lighting>(fit_lighting(
+              std::shared_ptr<const CubeMap>(environment_, &environment_->radiance), options));
+        });
+        break;
+      default: {
+        if (!lighting_ || lighting_->radiance.get() != &environment_->radiance) {
+          // No pass reads the irradiance, but the glossy look-up needs its chain.
+          Lighting chain;
+          chain.glossy = options_.methods.glossy;
+          chain.normalization = options_.methods.normalization;
+          chain.radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
+          lighting_ = std::make_shared<const Lighting>(std::move(chain));
+        }
+        const RenderInput input{scene_, options_.methods, *lighting_,         camera,
+                                *pose,  frame.back,       frame.back_exposure};
+        timed(id, [&] { renderer_->run(id, input); });
+      }
+    }
+  }
+  if (pose)
+    result.image = renderer_->image();
+  else if (!frame.back.empty())
+    result.image = bytes_from(frame.back, camera.response);
+  else
+    result.image = Image<std::uint8_t>(camera.width, camera.height, 4);
+  result.environment = environment_;
+  result.lighting = lighting_;
+  if (environment_ && lighting_)
+    result.predicted_error = std::hypot(environment_->predicted_error, lighting_->irradiance_error);
+  result.timings["total"] = total.seconds();
+  return result;
+}
+
+}  // namespace fastibl

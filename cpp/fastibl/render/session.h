@@ -1,0 +1,99 @@
+// The whole, frame by frame: track, capture, light, shadow, shade, composite. The only long-lived
+// object.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fastibl/capture/capture.h"
+#include "fastibl/plan/plan.h"
+#include "fastibl/render/renderer.h"
+#include "fastibl/scene/board.h"
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/environment.h"
+#include "fastibl/scene/scene.h"
+#include "fastibl/tracking/detector.h"
+#include "fastibl/tracking/tracker.h"
+
+namespace fastibl {
+
+// One moment of the cameras. Pictures are borrowed for the call.
+struct Frame {
+  double time = 0;  // seconds, not decreasing
+  Picture back, front;
+  double back_exposure = 1, front_exposure = 1;
+  std::optional<Pose> back_from_marker;  // skips tracking
+};
+
+struct FrameResult {
+  Image<std::uint8_t> image;  // RGB; RGBA with straight alpha where the frame has no back picture
+  std::optional<Pose>
+      back_from_marker;  // nothing where the board is not seen: the picture is the back picture
+  std::optional<Tracked> tracked;  // where it was tracked, not given
+  std::shared_ptr<const Environment> environment;
+  std::shared_ptr<const Lighting> lighting;
+  std::vector<PassId> passes;             // that ran
+  std::map<std::string, double> timings;  // seconds, by pass, and "total"
+  double predicted_error = 0;  // relative error of the irradiance: capture and method together
+};
+
+struct SessionOptions {
+  Methods methods;
+  double error = 0.02, milliseconds = 0;  // budgets, 0 for none
+  int map_size = 128;
+  bool cast_shadow = true;
+};
+
+class Session {
+ public:
+  // rig: needed for anything but a fixed environment with given poses, and always for the size of
+  // the picture. board and detector: where poses are tracked. environment: null where it is
+  // captured. Throws std::invalid_argument for a camera or board that is none, or tracking without
+  // a detector.
+  Session(Scene scene, Rig rig, std::optional<Board> board,
+          std::shared_ptr<const Environment> environment, Detector detector,
+          std::unique_ptr<Renderer> renderer, SessionOptions options = {});
+
+  FrameResult process(const Frame& frame);
+
+  const Plan& plan() const { return plan_; }
+  ShadowMap shadow_map() { return renderer_->shadow_map(); }
+  ObjectLayer object() { return renderer_->object(); }
+  const Capture& capture() const { return *capture_; }
+  Renderer& renderer() { return *renderer_; }
+
+  const Scene& scene() const { return scene_; }
+  void set_material(const Material& material);
+  void move(const Pose& marker_from_object);
+  void set_methods(const Methods& methods);
+  void set_cast_shadow(bool cast);
+  void set_environment(std::shared_ptr<const Environment> environment);  // null: capture
+  void set_renderer(std::unique_ptr<Renderer> renderer);
+
+ private:
+  void replan();
+  std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
+  bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
+  void capture_frame(const Frame& frame, const std::optional<Pose>& pose);
+
+  Scene scene_;
+  Rig rig_;
+  std::optional<Board> board_;
+  std::shared_ptr<const Environment> environment_;
+  bool fixed_environment_;
+  Detector detector_;
+  std::unique_ptr<Renderer> renderer_;
+  SessionOptions options_;
+  std::optional<Capture> capture_;
+  std::shared_ptr<const Lighting> lighting_;
+  Plan plan_;
+  Products stale_ = product::all & ~product::inputs;
+  std::optional<Pose> last_pose_;
+  double last_pose_time_ = 0;
+  std::optional<double> last_capture_time_, capture_exposure_;  // of the paper's single pictures
+};
+
+}  // namespace fastibl

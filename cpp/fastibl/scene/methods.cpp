@@ -1,0 +1,49 @@
+#include "fastibl/scene/methods.h"
+
+namespace fastibl {
+
+std::string_view name(DiffuseMethod method) {
+  switch (method) {
+    case DiffuseMethod::nearest_face:
+      return "nearest-face";
+    case DiffuseMethod::six_face:
+      return "six-face";
+    case DiffuseMethod::six_face_exact:
+      return "six-face-exact";
+    default:
+      return "sh9";
+  }
+}
+std::string_view name(GlossyMethod) { return "mip"; }
+std::string_view name(Normalization n) { return n == Normalization::energy ? "energy" : "paper"; }
+std::string_view name(ShadowMethod method) {
+  return method == ShadowMethod::cap_sum ? "cap-sum" : "cap-product";
+}
+std::string_view name(TrackingMethod method) {
+  return method == TrackingMethod::board ? "board" : "frame-marker";
+}
+std::string_view name(CaptureMethod method) {
+  return method == CaptureMethod::single ? "single" : "continuous";
+}
+
+DiffuseMethod diffuse_method(std::string_view text) {
+  return method_named(text, kDiffuseMethods, "diffuse");
+}
+GlossyMethod glossy_method(std::string_view text) {
+  return method_named(text, kGlossyMethods, "glossy");
+}
+Normalization normalization(std::string_view text) {
+  return method_named(text, std::array{Normalization::energy, Normalization::paper},
+                      "normalization");
+}
+ShadowMethod shadow_method(std::string_view text) {
+  return method_named(text, kShadowMethods, "shadow");
+}
+TrackingMethod tracking_method(std::string_view text) {
+  return method_named(text, kTrackingMethods, "tracking");
+}
+CaptureMethod capture_method(std::string_view text) {
+  return method_named(text, kCaptureMethods, "capture");
+}
+
+}  // namespace fastibl
