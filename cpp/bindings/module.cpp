@@ -8,6 +8,8 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_scene(module);
   bind_lighting(module);
   bind_capture(module);
+  bind_shadow(module);
+  bind_shading(module);
 #ifdef FASTIBL_WITH_GL
   module.attr("with_gl") = true;
 #else

@@ -10,6 +10,7 @@
 namespace fastibl::shared {
 using namespace glm;
 #include "shaders/shared/lighting.glsl"
+#include "shaders/shared/sphere_cap.glsl"
 }  // namespace fastibl::shared
 #undef FN
 #undef REAL

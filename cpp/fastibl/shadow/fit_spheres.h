@@ -1,0 +1,21 @@
+// Sphere proxies of a mesh, for shadows.
+#pragma once
+
+#include "fastibl/scene/mesh.h"
+#include "fastibl/scene/shadow_map.h"
+
+namespace fastibl {
+
+struct FitSpheresOptions {
+  int count = 50;       // at most this many spheres
+  int resolution = 64;  // voxels along the mesh's longest edge; time grows with its cube
+};
+
+// At most `count` spheres (mesh frame, largest gain first) that together fill the mesh's inside and
+// little beside it. Deterministic. Open, flipped and torn meshes work: a point is inside when most
+// lines through it say so, or all meet triangles on both sides of it.
+// A mesh that encloses nothing (flat, or thinner than a voxel everywhere) gets spheres spread over
+// its surface, whose discs have its area together. Never empty; throws for an invalid mesh.
+SphereSet fit_spheres(const Mesh& mesh, const FitSpheresOptions& options = {});
+
+}  // namespace fastibl
