@@ -6,6 +6,7 @@ PYBIND11_MODULE(_fastibl, module) {
   module.attr("__version__") = FASTIBL_VERSION;
   bind_core(module);
   bind_scene(module);
+  bind_tracking(module);
   // bind_lighting(module);
 #ifdef FASTIBL_WITH_GL
   module.attr("with_gl") = true;

@@ -5,15 +5,19 @@ Frames, units and pixel conventions are stated once, in docs/conventions.md.
 
 from . import reference
 from ._fastibl import (
+    Board,
     Bvh,
     Camera,
     CubeMap,
+    DetectedTag,
     Environment,
     Material,
     Mesh,
     Pose,
     Response,
     Rig,
+    Tag,
+    Tracked,
     __version__,
     cubemap_from_equirect,
     equirect_from_cubemap,
@@ -23,17 +27,23 @@ from ._fastibl import (
     threads,
 )
 from .files import read_environment, read_mesh, stand
+from .tracking import Tracker
 
 __all__ = [
+    "Board",
     "Bvh",
     "Camera",
     "CubeMap",
+    "DetectedTag",
     "Environment",
     "Material",
     "Mesh",
     "Pose",
     "Response",
     "Rig",
+    "Tag",
+    "Tracked",
+    "Tracker",
     "__version__",
     "cubemap_from_equirect",
     "equirect_from_cubemap",
