@@ -36,6 +36,7 @@ void bind_lighting(py::module_& module) {
              return fit_lighting(std::make_shared<const CubeMap>(cube), options);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("glossy"))
+      .def(py::init([](const Lighting& other) { return other; }), py::arg("other"))
       .def(
           "irradiance",
           [](const Lighting& lighting, const py::object& normals) {
@@ -106,16 +107,6 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
       .def_property_readonly("_glossy",
                              [](const Lighting& l) { return std::string(name(l.glossy)); })
       .def_readonly("_irradiance_error", &Lighting::irradiance_error);
-  module.def("_diffuse_methods", [] {
-    std::vector<std::string> names;
-    for (const DiffuseMethod method : kDiffuseMethods) names.emplace_back(name(method));
-    return names;
-  });
-  module.def("_glossy_methods", [] {
-    std::vector<std::string> names;
-    for (const GlossyMethod method : kGlossyMethods) names.emplace_back(name(method));
-    return names;
-  });
   module.def(
       "directional_albedo",
       [](const py::object& cos_view, float exponent) {

@@ -10,6 +10,9 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_capture(module);
   bind_shadow(module);
   bind_shading(module);
+  bind_tracking(module);
+  bind_plan(module);
+  bind_render(module);
 #ifdef FASTIBL_WITH_GL
   module.attr("with_gl") = true;
 #else

@@ -5,10 +5,12 @@ Frames, units and pixel conventions are stated once, in docs/conventions.md.
 
 from . import reference
 from ._fastibl import (
+    Board,
     Bvh,
     Camera,
     Capture,
     CubeMap,
+    DetectedTag,
     Environment,
     Material,
     Mesh,
@@ -16,6 +18,8 @@ from ._fastibl import (
     Response,
     Rig,
     ShadowMap,
+    Tag,
+    Tracked,
     __version__,
     ambient_occlusion,
     cast_shadow,
@@ -31,12 +35,15 @@ from ._fastibl import (
 )
 from .files import read_environment, read_mesh, stand
 from .lighting import Lighting, Method, methods
+from .tracking import Tracker
 
 __all__ = [
+    "Board",
     "Bvh",
     "Camera",
     "Capture",
     "CubeMap",
+    "DetectedTag",
     "Environment",
     "Lighting",
     "Material",
@@ -46,6 +53,9 @@ __all__ = [
     "Response",
     "Rig",
     "ShadowMap",
+    "Tag",
+    "Tracked",
+    "Tracker",
     "__version__",
     "ambient_occlusion",
     "cast_shadow",

@@ -5,10 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ._fastibl import CubeMap, Environment, _diffuse_methods, _glossy_methods, _Lighting
+from ._fastibl import CubeMap, Environment, _Lighting, _method_names, _Methods
 
-_DEFAULT = {"diffuse": "sh9", "glossy": "mip", "shadow": "cap-product", "tracking": "board"}
-_PAPER = {"diffuse": "six-face", "glossy": "mip", "shadow": "cap-product", "tracking": "frame-marker"}
+STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow")
+AUTO = _Methods(
+    tracking="board",
+    capture="continuous",
+    diffuse="sh9",
+    glossy="mip",
+    normalization="energy",
+    shadow="cap-product",
+)
+PAPER = _Methods(
+    tracking="frame-marker",
+    capture="single",
+    diffuse="six-face",
+    glossy="mip",
+    normalization="paper",
+    shadow="cap-product",
+)
 
 
 @dataclass(frozen=True)
@@ -26,29 +41,38 @@ class Method:
 
 
 def methods(step: str) -> list[Method]:
-    """Every method (and setting) of a step: "diffuse", "glossy", "shadow" or "tracking".
+    """Every method (and setting) of a step: "tracking", "capture", "diffuse", "glossy" or "shadow".
 
     Raises ValueError for another step.
     """
-    names = {
-        "diffuse": _diffuse_methods,
-        "glossy": _glossy_methods,
-        "shadow": lambda: ["cap-sum", "cap-product"],
-        "tracking": lambda: ["frame-marker", "board"],
-    }
-    if step not in names:
-        raise ValueError(f"no step {step!r}; there are: {', '.join(names)}")
-    return [Method(name) for name in names[step]()]
+    names = _method_names(step)
+    if not names:
+        raise ValueError(f"no step {step!r}; there are: {', '.join(STEPS)}")
+    return [Method(name) for name in names]
 
 
 def method_name(step: str, method: str | Method) -> str:
     """Name of a given method, with "auto" and "paper" resolved. Raises ValueError, naming all, if there is none."""
     name = method.name if isinstance(method, Method) else method
-    name = _DEFAULT[step] if name == "auto" else _PAPER[step] if name == "paper" else name
+    if name in ("auto", "paper"):
+        return str(getattr(AUTO if name == "auto" else PAPER, step))
     known = [m.name for m in methods(step)]
     if name not in known:
         raise ValueError(f'no {step} method "{name}"; there are: {", ".join(known)}')
     return name
+
+
+def resolve_methods(given: str | Mapping[str, str | Method]) -> _Methods:
+    """All steps of "auto", "paper", or a mapping from step (or "normalization") to method; the rest is automatic."""
+    if isinstance(given, str):
+        if given not in ("auto", "paper"):
+            raise ValueError(f'methods must be "auto", "paper" or a mapping, got {given!r}')
+        return AUTO if given == "auto" else PAPER
+    unknown = set(given) - set(STEPS) - {"normalization"}
+    if unknown:
+        raise ValueError(f"no step {sorted(unknown)[0]!r}; there are: {', '.join(STEPS)}")
+    chosen = {step: method_name(step, given.get(step, "auto")) for step in STEPS}
+    return _Methods(normalization=str(given.get("normalization", "energy")), **chosen)
 
 
 class Lighting(_Lighting):
@@ -61,6 +85,12 @@ class Lighting(_Lighting):
     def __init__(self, cube: CubeMap | Environment, diffuse: str | Method = "auto", glossy: str | Method = "auto"):
         radiance = cube.radiance if isinstance(cube, Environment) else cube
         super().__init__(radiance, method_name("diffuse", diffuse), method_name("glossy", glossy))
+
+    @classmethod
+    def _wrap(cls, core: _Lighting) -> Lighting:
+        lighting = cls.__new__(cls)
+        _Lighting.__init__(lighting, core)
+        return lighting
 
     @property
     def methods(self) -> dict[str, Method]:

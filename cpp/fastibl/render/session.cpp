@@ -90,10 +90,10 @@ void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
 std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) {
   if (frame.back_from_marker) return frame.back_from_marker;
   if (!board_ || frame.back.empty()) return std::nullopt;
-  TrackOptions options;
+  TrackingOptions options;
   options.method = options_.methods.tracking;
   const Image<std::uint8_t> grey = grey_from(frame.back, rig_.back.response);
-  result.tracked = track(grey.view(), *board_, rig_.back, detector_, options);
+  result.tracked = track(detector_, grey.view(), *board_, rig_.back, options);
   if (!result.tracked) return std::nullopt;
   return result.tracked->camera_from_marker;
 }

@@ -1,5 +1,6 @@
 #include "fastibl/scene/board.h"
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -50,6 +51,23 @@ Board Board::grid(int rows, int columns, double tag_size, double spacing, int bo
           r * columns + c, {(c - (columns - 1) / 2.0) * pitch, ((rows - 1) / 2.0 - r) * pitch},
           tag_size));
   board.validate();
+  return board;
+}
+
+Board Board::kalibr(int rows, int columns, double tag_size, double spacing_ratio) {
+  check(spacing_ratio > 0 && std::isfinite(spacing_ratio),
+        "the spacing ratio must be positive and finite, got ", spacing_ratio);
+  Board board = grid(rows, columns, tag_size, tag_size * spacing_ratio, 2);
+  for (Tag& tag : board.tags) {
+    const int row = tag.id / columns, column = tag.id % columns;
+    tag.id = (rows - 1 - row) * columns + column;
+    // Printed tags carry AprilTag's own orientation, OpenCV's dictionary the opposite one (read off
+    // photographs of a printed grid).
+    std::swap(tag.corners[0], tag.corners[2]);
+    std::swap(tag.corners[1], tag.corners[3]);
+  }
+  std::sort(board.tags.begin(), board.tags.end(),
+            [](const Tag& a, const Tag& b) { return a.id < b.id; });
   return board;
 }
 

@@ -27,6 +27,9 @@ struct Board {
   // rows × columns tags of `tag_size` metres, `spacing` metres apart, ids from 0 row by row from
   // the top.
   static Board grid(int rows, int columns, double tag_size, double spacing, int border_bits = 1);
+  // Kalibr's AprilGrid: borders of two modules, ids from 0 row by row from the bottom left, the
+  // space between tags `spacing_ratio` of their size, tags turned by half a turn against OpenCV's.
+  static Board kalibr(int rows, int columns, double tag_size, double spacing_ratio);
 
   // Throws std::invalid_argument for no tags, an id twice or outside 0…586, sizes not positive and
   // finite.

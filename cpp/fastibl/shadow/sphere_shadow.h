@@ -11,14 +11,10 @@
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/methods.h"
 #include "fastibl/scene/shadow_map.h"
 
 namespace fastibl {
-
-enum class ShadowMethod {
-  cap_sum,      // 1 − Σ o, clamped at 0
-  cap_product,  // ∏ (1 − o)
-};
 
 struct ShadowOptions {
   ShadowMethod method = ShadowMethod::cap_product;

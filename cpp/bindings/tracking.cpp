@@ -1,0 +1,152 @@
+#include <pybind11/operators.h>
+#include <pybind11/stl.h>
+
+#include "bindings/detector.h"
+#include "bindings/numpy.h"
+#include "fastibl/tracking/tracker.h"
+
+namespace fastibl::bindings {
+namespace {
+
+ImageView<const std::uint8_t> require_grey(const py::array_t<std::uint8_t>& grey) {
+  if (grey.ndim() != 2)
+    throw py::value_error("grey must have shape (height, width), got " + shape_of(grey));
+  if (grey.shape(0) < 1 || grey.shape(1) < 1 || grey.strides(1) != 1)
+    throw py::value_error("grey must have rows of packed pixels, got shape " + shape_of(grey));
+  return {grey.data(), int(grey.shape(1)), int(grey.shape(0)), 1, grey.strides(0)};
+}
+
+Doubles covariance_array(const std::array<double, 36>& covariance) {
+  Doubles out({6, 6});
+  std::copy(covariance.begin(), covariance.end(), out.mutable_data());
+  return out;
+}
+
+TrackingMethod method_named(const std::string& name) {
+  if (name == "board") return TrackingMethod::board;
+  if (name == "frame-marker") return TrackingMethod::frame_marker;
+  throw py::value_error("method must be 'board' or 'frame-marker', got '" + name + "'");
+}
+
+py::tuple tracked_state(const Tracked& t) {
+  return py::make_tuple(t.camera_from_marker, t.residual_px, t.tags, t.covariance, t.ambiguous,
+                        t.ambiguity);
+}
+
+}  // namespace
+
+void bind_tracking(py::module_& module) {
+  py::class_<DetectedTag>(module, "DetectedTag",
+                          "A tag found in a picture: id, and corners (4, 2) in pixels with centres "
+                          "at + 0.5, in the order of Tag.corners.")
+      .def(py::init([](int id, const py::object& corners) {
+             return DetectedTag{id, require_corners(corners, "corners")};
+           }),
+           py::arg("id"), py::arg("corners"))
+      .def_readonly("id", &DetectedTag::id)
+      .def_property_readonly("corners",
+                             [](const DetectedTag& t) { return corners_array(t.corners); })
+      .def(py::self == py::self)
+      .def(
+          "__repr__",
+          [](const DetectedTag& t) { return "<fastibl.DetectedTag " + std::to_string(t.id) + ">"; })
+      .def(py::pickle(
+          [](const DetectedTag& t) { return py::make_tuple(t.id, corners_array(t.corners)); },
+          [](const py::tuple& t) {
+            return DetectedTag{t[0].cast<int>(), require_corners(t[1], "corners")};
+          }));
+
+  py::class_<Tracked>(module, "Tracked", "Where the board is seen by a camera in one picture.")
+      .def_readonly("camera_from_marker", &Tracked::camera_from_marker, "Pose.")
+      .def_readonly("residual_px", &Tracked::residual_px,
+                    "RMS distance in pixels between seen and expected corners of `tags`.")
+      .def_readonly("tags", &Tracked::tags, "List of DetectedTag: those used.")
+      .def_property_readonly(
+          "covariance", [](const Tracked& t) { return covariance_array(t.covariance); },
+          R"((6, 6) float64 of (w, d) where the true pose is {exp([w]x) R, t + d}: rotation first, in
+rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `ambiguous`.)")
+      .def_readonly("ambiguous", &Tracked::ambiguous,
+                    "True where the pose with the board's normal mirrored about the viewing "
+                    "direction fits nearly as well.")
+      .def_readonly("ambiguity", &Tracked::ambiguity,
+                    "Cost of this pose by that of the mirrored one, 0 to 1; 0 where there is no "
+                    "second minimum.")
+      .def(py::self == py::self)
+      .def("__repr__",
+           [](const Tracked& t) {
+             return "<fastibl.Tracked by " + std::to_string(t.tags.size()) + " tags, residual " +
+                    std::string(py::str(py::float_(t.residual_px))) + " px" +
+                    (t.ambiguous ? ", ambiguous>" : ">");
+           })
+      .def(py::pickle(&tracked_state, [](const py::tuple& t) {
+        return Tracked{t[0].cast<Pose>(),
+                       t[1].cast<double>(),
+                       t[2].cast<std::vector<DetectedTag>>(),
+                       t[3].cast<std::array<double, 36>>(),
+                       t[4].cast<bool>(),
+                       t[5].cast<double>()};
+      }));
+
+  module.def(
+      "_track",
+      [](const py::object& tags, const py::object& start, const Board& board, const Camera& camera,
+         const std::string& method, const std::optional<py::array_t<std::uint8_t>>& grey) {
+        Detection detection{require_tags(tags), std::nullopt};
+        if (!start.is_none()) detection.start = require_pose(start, "start");
+        TrackingOptions options;
+        options.method = method_named(method);
+        std::optional<ImageView<const std::uint8_t>> view;
+        if (grey) view = require_grey(*grey);
+        const py::gil_scoped_release release;
+        if (view) detection.tags = refine_corners(*view, detection.tags, board.border_bits, camera);
+        return track(detection, board, camera, options);
+      },
+      py::arg("tags"), py::arg("start"), py::arg("board"), py::arg("camera"),
+      py::arg("method") = "board", py::arg("grey") = py::none(),
+      "Pose from tags [(id, corners (4, 2))]; with a grey picture, their corners are refined "
+      "first.");
+  module.def(
+      "_track_with",
+      [](const py::object& detector, const py::array_t<std::uint8_t>& grey, const Board& board,
+         const Camera& camera, const std::string& method, bool refine) {
+        const Detector wrapped = make_detector(detector);
+        TrackingOptions options;
+        options.method = method_named(method), options.refine = refine;
+        const ImageView<const std::uint8_t> view = require_grey(grey);
+        const py::gil_scoped_release release;
+        return track(wrapped, view, board, camera, options);
+      },
+      py::arg("detector"), py::arg("grey"), py::arg("board"), py::arg("camera"),
+      py::arg("method") = "board", py::arg("refine") = true,
+      "One frame as a Session runs it: detector(grey, board, camera) -> (tags, start), refinement, "
+      "pose.");
+  module.def(
+      "_refine_corners",
+      [](const py::array_t<std::uint8_t>& grey, const py::object& tags, int border_bits,
+         const Camera& camera) {
+        return refine_corners(require_grey(grey), require_tags(tags), border_bits, camera);
+      },
+      py::arg("grey"), py::arg("tags"), py::arg("border_bits"), py::arg("camera"),
+      "Corners by edges measured in linear light; list of DetectedTag.");
+  module.def(
+      "_grey",
+      [](const py::object& image, const Camera& camera) {
+        py::array keep;
+        const Picture picture = require_picture(image, "image", keep);
+        if (picture.width != camera.width || picture.height != camera.height)
+          throw py::value_error("image is " + std::to_string(picture.width) + " x " +
+                                std::to_string(picture.height) + ", but the camera is " +
+                                std::to_string(camera.width) + " x " +
+                                std::to_string(camera.height));
+        Image<std::uint8_t> grey;
+        {
+          const py::gil_scoped_release release;
+          grey = grey_from(picture, camera.response);
+        }
+        return image_array(grey);
+      },
+      py::arg("image"), py::arg("camera"),
+      "(height, width) uint8 for detection, of a picture that must have the camera's size.");
+}
+
+}  // namespace fastibl::bindings

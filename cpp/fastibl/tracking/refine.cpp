@@ -1,0 +1,226 @@
+#include "fastibl/tracking/refine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace fastibl {
+namespace {
+
+constexpr int kDataModules = 6;         // of 36h11 along one side, without its border
+constexpr double kSideStart = 0.08;     // part of a side left out at either corner: blurred round
+constexpr double kSmallestReach = 1.2;  // px; a narrower border holds no black level
+constexpr double kBorderShare = 0.85;   // of the border's width that a profile may cross
+constexpr double kStep = 0.5;           // px between samples of a profile
+constexpr int kMostSteps = 32;
+
+// Position on the plane z = 1, and how it maps to pixels nearby.
+struct Local {
+  glm::dvec2 pixel;
+  glm::dmat2 pixel_from_ideal;
+};
+
+struct Line {
+  glm::dvec2 point, direction;  // on the plane z = 1; direction of unit length
+};
+
+struct EdgePoint {
+  double along, offset;  // in units of the plane z = 1
+};
+
+class Refiner {
+ public:
+  Refiner(ImageView<const std::uint8_t> grey, const Camera& camera, const RefineOptions& options)
+      : grey_(grey), camera_(camera), lens_(camera), options_(options), table_(camera.response) {}
+
+  std::optional<DetectedTag> refine(const DetectedTag& tag, int border_bits) const {
+    std::array<glm::dvec2, 4> ideal;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto ray = lens_.unproject(tag.corners[i]);
+      if (!ray) return std::nullopt;
+      ideal[i] = glm::dvec2(*ray);
+    }
+    for (int round = 0; round < options_.rounds; ++round) {
+      const double reach = reach_px(ideal, border_bits);
+      if (reach < kSmallestReach) return std::nullopt;
+      std::array<Line, 4> sides;
+      for (std::size_t i = 0; i < 4; ++i) {
+        const auto line = fit_side(ideal[i], ideal[(i + 1) % 4], reach);
+        if (!line) return std::nullopt;
+        sides[i] = *line;
+      }
+      for (std::size_t i = 0; i < 4; ++i) {
+        const auto corner = meet(sides[(i + 3) % 4], sides[i]);
+        if (!corner || !lens_.valid(*corner)) return std::nullopt;
+        ideal[i] = *corner;
+      }
+    }
+    DetectedTag out{tag.id, {}};
+    for (std::size_t i = 0; i < 4; ++i) {
+      out.corners[i] = local(ideal[i]).pixel;
+      const double side = glm::length(tag.corners[(i + 1) % 4] - tag.corners[i]);
+      const double move = glm::length(out.corners[i] - tag.corners[i]);
+      if (!(move <= std::max(2.0, options_.longest_move * side))) return std::nullopt;
+    }
+    return out;
+  }
+
+ private:
+  Local local(const glm::dvec2& ideal) const {
+    Local result;
+    glm::dmat2 d(1.0);
+    const glm::dvec2 p = lens_.distort(ideal, &d);
+    result.pixel = {camera_.fx * p.x + camera_.cx, camera_.fy * p.y + camera_.cy};
+    result.pixel_from_ideal = glm::dmat2(camera_.fx, 0, 0, camera_.fy) * d;
+    return result;
+  }
+
+  // Half the length of a profile: it must stay inside the black border, which is narrowest where
+  // opposite sides are closest.
+  double reach_px(const std::array<glm::dvec2, 4>& ideal, int border_bits) const {
+    std::array<glm::dvec2, 4> p;
+    for (std::size_t i = 0; i < 4; ++i) p[i] = local(ideal[i]).pixel;
+    double narrowest = 1e9;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const glm::dvec2 a = p[i], side = p[(i + 1) % 4] - a;
+      const double length = glm::length(side);
+      if (!(length > 1)) return 0;
+      for (const std::size_t k : {(i + 2) % 4, (i + 3) % 4}) {
+        const glm::dvec2 d = p[k] - a;
+        narrowest = std::min(narrowest, std::abs(side.x * d.y - side.y * d.x) / length);
+      }
+    }
+    const double module = narrowest / (kDataModules + 2 * border_bits);
+    return std::min(options_.reach_px, kBorderShare * border_bits * module);
+  }
+
+  // Linear value between pixel centres, which are at + 0.5.
+  double sample(const glm::dvec2& pixel) const {
+    const double x = pixel.x - 0.5, y = pixel.y - 0.5;
+    const int ix = int(x), iy = int(y);
+    const double fx = x - ix, fy = y - iy;
+    const std::uint8_t *a = grey_.row(iy) + ix, *b = grey_.row(iy + 1) + ix;
+    return (1 - fy) * ((1 - fx) * table_.decode(a[0]) + fx * table_.decode(a[1])) +
+           fy * ((1 - fx) * table_.decode(b[0]) + fx * table_.decode(b[1]));
+  }
+  bool reachable(const glm::dvec2& p) const {
+    return p.x >= 0.5 && p.y >= 0.5 && p.x < grey_.width - 0.5 - 1e-9 &&
+           p.y < grey_.height - 0.5 - 1e-9;
+  }
+
+  // Pixels from the middle of the profile to the edge; `out` points from black to white. With I
+  // rising from I_b at −h to I_w at +h, ∫ (I − I_b)/(I_w − I_b) ds = h − s for an edge at s.
+  std::optional<double> edge_offset(const glm::dvec2& middle, const glm::dvec2& out,
+                                    double reach) const {
+    if (!reachable(middle - reach * out) || !reachable(middle + reach * out)) return std::nullopt;
+    const int steps = std::min(kMostSteps, 2 * std::max(2, int(std::lround(reach / kStep))));
+    std::array<double, kMostSteps + 1> value;
+    const double step = 2 * reach / steps;
+    for (int k = 0; k <= steps; ++k)
+      value[std::size_t(k)] = sample(middle + (k * step - reach) * out);
+    const int level = std::max(1, steps / 6);  // samples averaged at either end for the levels
+    double black = 0, white = 0, area = 0;
+    for (int k = 0; k < level; ++k)
+      black += value[std::size_t(k)], white += value[std::size_t(steps - k)];
+    black /= level, white /= level;
+    // Shadows, glare and neighbouring ink leave no clear step; their offsets would be made up.
+    if (!(white - black > 0.25 * white) || !(white - black > 2e-3)) return std::nullopt;
+    for (int k = 0; k <= steps; ++k)  // trapezium
+      area += (k == 0 || k == steps ? 0.5 : 1.0) * value[std::size_t(k)];
+    const double offset = reach - step * (area - steps * black) / (white - black);
+    if (std::abs(offset) > 0.75 * reach) return std::nullopt;
+    return offset;
+  }
+
+  // Line through the edge points between two corners; black is on the right of a → b, as corners
+  // run clockwise in the picture.
+  std::optional<Line> fit_side(const glm::dvec2& a, const glm::dvec2& b, double reach) const {
+    const glm::dvec2 side = b - a;
+    const double length = glm::length(side);
+    if (!(length > 0)) return std::nullopt;
+    const glm::dvec2 t = side / length, n(t.y, -t.x);
+    const double pixels = length * camera_.fx;
+    const int count = std::clamp(int(pixels), 8, options_.most_samples);
+    std::vector<EdgePoint> points;
+    points.reserve(std::size_t(count));
+    for (int i = 0; i < count; ++i) {
+      const double along = kSideStart + (1 - 2 * kSideStart) * (i + 0.5) / count;
+      const glm::dvec2 ideal = a + along * side;
+      if (!lens_.valid(ideal)) continue;
+      const Local at = local(ideal);
+      const glm::dvec2 tangent = glm::normalize(at.pixel_from_ideal * t);
+      const glm::dvec2 out(tangent.y, -tangent.x);
+      const auto offset = edge_offset(at.pixel, out, reach);
+      if (!offset) continue;
+      const glm::dvec2 delta = glm::inverse(at.pixel_from_ideal) * (*offset * out);
+      points.push_back({along * length + glm::dot(delta, t), glm::dot(delta, n)});
+    }
+    if (int(points.size()) < std::max(5, count / 2)) return std::nullopt;
+    return robust_line(points, a, t, n);
+  }
+
+  static std::optional<Line> robust_line(const std::vector<EdgePoint>& points, const glm::dvec2& a,
+                                         const glm::dvec2& t, const glm::dvec2& n) {
+    std::vector<double> weight(points.size(), 1.0), residual(points.size());
+    double slope = 0, middle = 0, centre = 0;
+    for (int round = 0; round < 4; ++round) {
+      double w = 0, x = 0, y = 0, xx = 0, xy = 0;
+      for (std::size_t i = 0; i < points.size(); ++i)
+        w += weight[i], x += weight[i] * points[i].along, y += weight[i] * points[i].offset;
+      if (!(w > 2)) return std::nullopt;
+      centre = x / w, middle = y / w;
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        const double d = points[i].along - centre;
+        xx += weight[i] * d * d, xy += weight[i] * d * (points[i].offset - middle);
+      }
+      if (!(xx > 0)) return std::nullopt;
+      slope = xy / xx;
+      for (std::size_t i = 0; i < points.size(); ++i)
+        residual[i] = points[i].offset - middle - slope * (points[i].along - centre);
+      std::vector<double> sizes(residual.size());
+      std::transform(residual.begin(), residual.end(), sizes.begin(),
+                     [](double r) { return std::abs(r); });
+      std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2),
+                       sizes.end());
+      // Tukey's biweight at 4.685 standard deviations (1.4826 medians); the floor keeps exact
+      // profiles from dividing by zero.
+      const double cut = std::max(4.685 * 1.4826 * sizes[sizes.size() / 2], 1e-9);
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        const double q = residual[i] / cut;
+        weight[i] = std::abs(q) < 1 ? (1 - q * q) * (1 - q * q) : 0;
+      }
+    }
+    return Line{a + centre * t + middle * n, glm::normalize(t + slope * n)};
+  }
+
+  static std::optional<glm::dvec2> meet(const Line& a, const Line& b) {
+    const double det = a.direction.x * b.direction.y - a.direction.y * b.direction.x;
+    if (std::abs(det) < 1e-3) return std::nullopt;  // nearly parallel sides: seen edge-on
+    const glm::dvec2 d = b.point - a.point;
+    return a.point + (d.x * b.direction.y - d.y * b.direction.x) / det * a.direction;
+  }
+
+  ImageView<const std::uint8_t> grey_;
+  const Camera& camera_;
+  Lens lens_;
+  RefineOptions options_;
+  ByteResponse table_;
+};
+
+}  // namespace
+
+std::vector<DetectedTag> refine_corners(ImageView<const std::uint8_t> grey,
+                                        const std::vector<DetectedTag>& tags, int border_bits,
+                                        const Camera& camera, const RefineOptions& options) {
+  check(grey.channels == 1 && grey.width == camera.width && grey.height == camera.height,
+        "refine_corners needs a grey picture of the camera's size ", camera.width, " × ",
+        camera.height, ", got ", grey.width, " × ", grey.height, " with ", grey.channels,
+        " channels");
+  const Refiner refiner(grey, camera, options);
+  std::vector<DetectedTag> out;
+  out.reserve(tags.size());
+  for (const DetectedTag& tag : tags) out.push_back(refiner.refine(tag, border_bits).value_or(tag));
+  return out;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,49 @@
+// From tags to the pose of the camera in front of the board. Pure functions: a frame without a
+// board has no pose, never an old one.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "fastibl/scene/methods.h"
+#include "fastibl/tracking/detector.h"
+#include "fastibl/tracking/refine.h"
+
+namespace fastibl {
+
+struct TrackingOptions {
+  TrackingMethod method = TrackingMethod::board;
+  bool refine = true;  // corners by refine_corners before the fit; needs the picture
+  RefineOptions refining;
+  double noise_px = 0.1;  // expected error of a corner; costs closer than it explains are ambiguous
+  double largest_residual_px = 3;  // and 3 % of a tag's side: beyond, ids are taken to be wrong
+};
+
+struct Tracked {
+  Pose camera_from_marker;
+  double residual_px = 0;         // RMS distance between seen and expected corners of `tags`
+  std::vector<DetectedTag> tags;  // those used, with the corners that were used
+  // Of (w, d) in {exp([w]×) R, t + d}: rad², rad m, m²; rotation first, row major, camera frame. Of
+  // the minimum chosen alone: see `ambiguous`.
+  std::array<double, 36> covariance{};
+  bool ambiguous = false;  // the mirrored pose fits nearly as well
+  // Cost of this pose / cost of the mirrored one, each with the expected noise added; 0 where there
+  // is no second minimum.
+  double ambiguity = 0;
+  bool operator==(const Tracked&) const = default;
+};
+
+// Nothing when no tag of the board is seen, the tags agree on no pose (wrong ids), or the board
+// would be behind the camera or seen from its back. Ids that are not on the board or seen twice are
+// ignored, and so are tags that disagree with the others.
+std::optional<Tracked> track(const Detection& detection, const Board& board, const Camera& camera,
+                             const TrackingOptions& options = {});
+
+// Detects, refines if asked for, and fits. Throws std::invalid_argument where the picture is not
+// grey or not of the camera's size.
+std::optional<Tracked> track(const Detector& detector, ImageView<const std::uint8_t> grey,
+                             const Board& board, const Camera& camera,
+                             const TrackingOptions& options = {});
+
+}  // namespace fastibl

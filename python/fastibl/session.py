@@ -1,0 +1,111 @@
+"""The whole, frame by frame, and the plan behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ._fastibl import Board as _CoreBoard
+from ._fastibl import CubeMap, Environment, FrameResult, Plan, Rig, Scene, _make_plan, _Session, with_gl
+from .lighting import Lighting, Method, resolve_methods
+from .recording import Frame
+from .tracking import detect
+
+Methods = str | Mapping[str, str | Method]
+
+
+def make_plan(
+    scene: Scene,
+    environment: Environment | CubeMap | None = None,
+    *,
+    error: float = 0.0,
+    milliseconds: float = 0.0,
+    methods: Methods = "auto",
+    track: bool = True,
+    capture: bool | None = None,
+    cast_shadow: bool = True,
+) -> Plan:
+    """Plan of a frame: print it for the bill.
+
+    environment: what is known of the light; a CubeMap is a map known everywhere. error, milliseconds: budgets, 0 for
+    none. methods: "auto", "paper" or a mapping from step to method. track, capture: whether poses and map come from
+    pictures; capture defaults to whether no environment is given. Raises ValueError for unknown names or negative
+    budgets.
+    """
+    if isinstance(environment, CubeMap):
+        environment = Environment(environment)
+    if capture is None:
+        capture = environment is None
+    return _make_plan(
+        scene, environment, resolve_methods(methods), track, capture, cast_shadow, float(error), float(milliseconds)
+    )
+
+
+class Session(_Session):
+    """Track, capture, light, shadow, shade and composite, frame by frame.
+
+    scene: Scene. rig: Rig (or only its back camera's). board: Board, or None where every frame brings its pose.
+    environment: Environment or CubeMap to use instead of capturing. error, milliseconds: budgets of the plan.
+    methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
+    function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
+    Raises ValueError for unknown names, RuntimeError where the GL back end cannot start.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        rig: Rig,
+        board: _CoreBoard | None = None,
+        environment: Environment | CubeMap | None = None,
+        error: float | None = 0.02,
+        milliseconds: float | None = None,
+        methods: Methods = "auto",
+        backend: str = "auto",
+        *,
+        detector: Callable[..., Any] = detect,
+        size: int = 128,
+        cast_shadow: bool = True,
+    ):
+        if isinstance(environment, CubeMap):
+            environment = Environment(environment)
+        super().__init__(
+            scene,
+            rig,
+            board,
+            environment,
+            detector if board is not None else None,
+            "cpu" if backend == "auto" else backend,
+            resolve_methods(methods),
+            float(error or 0),
+            float(milliseconds or 0),
+            size,
+            cast_shadow,
+        )
+
+    def process(self, frame: Frame) -> FrameResult:
+        """One frame: pictures, exposures and, optionally, the pose.
+
+        Raises ValueError for pictures of another size than the camera's, exposures that are not positive, time that
+        runs backwards, or a frame with neither picture nor pose; TypeError for other dtypes.
+        """
+        return self._process(
+            frame.time, frame.back, frame.front, frame.back_exposure, frame.front_exposure, frame.back_from_marker
+        )
+
+    def set_methods(self, methods: Methods) -> None:
+        """Use other methods from the next frame on."""
+        self._set_methods(resolve_methods(methods))
+
+    def set_backend(self, backend: str) -> None:
+        """Render with another back end ("cpu", "gl") from the next frame on."""
+        self._set_backend("cpu" if backend == "auto" else backend)
+
+
+def _lighting(result: FrameResult) -> Lighting | None:
+    core = result._lighting
+    return None if core is None else Lighting._wrap(core)
+
+
+FrameResult.lighting = property(_lighting, doc="Lighting of the frame, or None before there is any.")
+
+__all__ = ["Frame", "FrameResult", "Session", "make_plan", "with_gl"]

@@ -1,0 +1,88 @@
+"""Where the board is: detection by OpenCV, then refinement and pose by fastibl's own core."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._fastibl import Board, Camera, DetectedTag, Pose, Tracked, _grey, _track
+
+METHODS = ("board", "frame-marker")
+
+
+def detect(
+    grey: NDArray[np.uint8], board: Board, camera: Camera, subpixel: bool = True
+) -> tuple[list[tuple[int, NDArray[np.float64]]], Pose | None]:
+    """Tags of family 36h11 in a grey picture, and a pose to start from: what a Session asks of a detector.
+
+    grey: (height, width) uint8, encoded values. Returns ([(id, corners (4, 2))], camera_from_marker or None);
+    corners have pixel centres at + 0.5 and the order of Tag.corners. Ids that are not on the board are
+    reported too. The start is by SQPnP, not IPPE, which fails on a board seen exactly fronto-parallel.
+    """
+    import cv2  # heavy, and not needed to import fastibl
+
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.markerBorderBits = board.border_bits
+    parameters.cornerRefinementMethod = (
+        cv2.aruco.CORNER_REFINE_SUBPIX if subpixel else cv2.aruco.CORNER_REFINE_NONE
+    )
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    quads, ids, _ = cv2.aruco.ArucoDetector(family, parameters).detectMarkers(grey)
+    if ids is None:
+        return [], None
+    # OpenCV counts from the centre of the upper left pixel, fastibl from its corner.
+    tags = [
+        (int(i), quad[0].astype(np.float64) + 0.5) for i, quad in zip(np.ravel(ids), quads, strict=True)
+    ]
+    return tags, _start(tags, board, camera)
+
+
+def _start(tags, board: Board, camera: Camera) -> Pose | None:
+    import cv2
+
+    on_board = {tag.id: tag.corners for tag in board.tags}
+    known = [(on_board[i], corners) for i, corners in tags if i in on_board]
+    if not known:
+        return None
+    points = np.pad(np.concatenate([p for p, _ in known]), ((0, 0), (0, 1)))
+    pixels = np.concatenate([q for _, q in known]) - 0.5
+    lens = np.array(camera.distortion, np.float64)
+    try:
+        found, rotation, translation = cv2.solvePnP(
+            points, pixels, camera.opencv_matrix, lens, flags=cv2.SOLVEPNP_SQPNP
+        )
+    except cv2.error:  # degenerate points; the tracker has starts of its own
+        return None
+    if not found or not np.isfinite(rotation).all() or not np.isfinite(translation).all():
+        return None
+    return Pose.from_rotation_vector(np.ravel(rotation), np.ravel(translation))
+
+
+class Tracker:
+    """Tracks a board in the pictures of one camera; keeps nothing from one picture to the next.
+
+    method: "board" uses all tags, robustly; "frame-marker" the corners of the largest one, as the paper of 2014.
+    refine: measure corners again along the tags' sides, in linear light (uses camera.response).
+    Raises ValueError for another method.
+    """
+
+    def __init__(self, board: Board, camera: Camera, method: str = "board", refine: bool = True):
+        if method not in METHODS:
+            raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+        self.board, self.camera, self.method, self.refine = board, camera, method, bool(refine)
+
+    def track(self, image: ArrayLike) -> Tracked | None:
+        """Pose of the board in one picture, or None where it is not seen.
+
+        image: (height, width, 3) RGB, uint8 or uint16 (encoded) or float (linear), of the camera's size.
+        Raises ValueError for another size or shape, TypeError for another dtype.
+        """
+        grey = _grey(image, self.camera)
+        tags, start = detect(grey, self.board, self.camera)
+        return _track(tags, start, self.board, self.camera, self.method, grey if self.refine else None)
+
+    def __repr__(self) -> str:
+        return f"Tracker({self.board!r}, {self.camera!r}, method={self.method!r}, refine={self.refine})"
+
+
+__all__ = ["METHODS", "DetectedTag", "Tracked", "Tracker", "detect"]
