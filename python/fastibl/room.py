@@ -133,7 +133,7 @@ def _window(wall: _Surface, u0, z0, u1, z1, rng):
     rows, columns = wall._slice(u0, z0, u1, z1)
     height, width = rows.stop - rows.start, columns.stop - columns.start
     v = np.linspace(0, 1, height, dtype=np.float32)[:, None, None]
-    sky = (1 - v) * np.float32([26, 38, 58]) + v * np.float32([52, 54, 55])
+    sky = (1 - v) * np.float32([32, 41, 56]) + v * np.float32([52, 54, 55])
     sky = np.broadcast_to(sky, (height, width, 3)).copy()
     clouds = sum(
         cv2.resize(
