@@ -1,0 +1,526 @@
+"""Recordings: the pictures of a back and a front camera with their calibration, and the truth where it is known.
+
+A recording is a folder:
+
+- rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves
+- board.yaml: the printed board: tags, border_bits, page size
+- frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame. `file` is a
+  lossless picture, or a frame of a lossless video: back.mkv#12
+- truth/: where known, environment maps by time, camera poses by time, and what happened
+"""
+
+from __future__ import annotations
+
+import bisect
+import csv
+import json
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import Camera, CubeMap, Pose, Response, Rig
+
+CAMERAS = ("back", "front")
+
+
+@dataclass(eq=False)
+class Frame:
+    """Pictures of one moment.
+
+    time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of radiance.
+    back_from_marker: Pose where it is known, which skips tracking.
+    """
+
+    time: float
+    back: NDArray | None = None
+    front: NDArray | None = None
+    back_exposure: float = 1.0
+    front_exposure: float = 1.0
+    back_from_marker: Pose | None = None
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Frame):
+            return NotImplemented
+        same = [
+            np.array_equal(a, b) if a is not None and b is not None else a is b
+            for a, b in ((self.back, other.back), (self.front, other.front))
+        ]
+        return (
+            all(same)
+            and (self.time, self.back_exposure, self.front_exposure)
+            == (other.time, other.back_exposure, other.front_exposure)
+            and self.back_from_marker == other.back_from_marker
+        )
+
+    def __repr__(self) -> str:
+        seen = [n for n in CAMERAS if getattr(self, n) is not None]
+        return f"<fastibl.Frame at {self.time:.3f} s: {' and '.join(seen) or 'no picture'}>"
+
+
+class RecordingWarning(UserWarning):
+    """A recording ends early; what was read before stays valid."""
+
+
+@dataclass(eq=False)
+class Truth:
+    """What is known of a recording besides its pictures.
+
+    maps: (time from which it holds, environment map at the object), in order. poses: (time, back_from_marker), in
+    order. lamp_time: when a lamp was switched on, or None. hand: begin and end of a hand before the front camera, or
+    None. position: the place in the marker frame that the maps are seen from, metres.
+    """
+
+    maps: Sequence[tuple[float, CubeMap]] = ()
+    poses: Sequence[tuple[float, Pose]] = ()
+    lamp_time: float | None = None
+    hand: tuple[float, float] | None = None
+    position: tuple[float, float, float] = (0.0, 0.0, 0.06)
+
+    def environment(self, time: float) -> CubeMap:
+        """The environment map that holds at `time`; before the first, the first. LookupError where none is known."""
+        if not self.maps:
+            raise LookupError("this recording holds no true environment map")
+        return self.maps[max(0, bisect.bisect_right([t for t, _ in self.maps], time) - 1)][1]
+
+    def pose(self, time: float) -> Pose:
+        """back_from_marker of the frame at `time` (within 1 ms). LookupError where it is not known."""
+        times = [t for t, _ in self.poses]
+        k = bisect.bisect_left(times, time)
+        near = [i for i in (k - 1, k) if 0 <= i < len(times) and abs(times[i] - time) <= 1e-3]
+        if not near:
+            raise LookupError(f"this recording holds no true pose at {time} s")
+        return self.poses[min(near, key=lambda i: abs(times[i] - time))][1]
+
+
+class Recording:
+    """Frames of a rig, in order of time; iterate as often as you like.
+
+    .rig, .board (None where there is none), .truth (None where nothing is known), .path (None in memory). A picture
+    that is missing or broken ends the iteration with a RecordingWarning that names it.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        frames: Sequence[Frame] = (),
+        board: Any = None,
+        truth: Truth | None = None,
+        path: Path | None = None,
+    ):
+        self.rig, self.board, self.truth, self.path = rig, board, truth, path
+        self._frames = frames
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> Recording:
+        """The recording in a folder. FileNotFoundError names what is missing, ValueError what cannot be read."""
+        path = Path(path)
+        if not path.is_dir():
+            raise FileNotFoundError(f"no recording at {path}: expected a folder with rig.yaml and frames.csv")
+        rig = read_rig(path / "rig.yaml")
+        frames = _StoredFrames(path)
+        if rig.front is None and any("front" in pictures for _, pictures in frames.moments):
+            raise ValueError(
+                f"{path / 'frames.csv'} lists front pictures, but rig.yaml has no front camera"
+            )
+        board = read_board(path / "board.yaml") if (path / "board.yaml").is_file() else None
+        truth = _read_truth(path / "truth") if (path / "truth").is_dir() else None
+        return cls(rig, frames, board, truth, path)
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return iter(self._frames)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        times = self.times
+        return times[-1] - times[0] if times else 0.0
+
+    @property
+    def times(self) -> list[float]:
+        """Time of each frame in seconds, without reading pictures."""
+        if isinstance(self._frames, _StoredFrames):
+            return [time for time, _ in self._frames.moments]
+        return [frame.time for frame in self._frames]
+
+    def __repr__(self) -> str:
+        where = f" at {self.path}" if self.path else ""
+        return f"<fastibl.Recording of {len(self)} frames, {self.duration:.1f} s{where}>"
+
+
+class RecordingWriter:
+    """Writes a recording, picture by picture; a context manager.
+
+    path: a folder that does not exist or is empty; an older recording there is replaced. video: lossless FFV1 videos
+    instead of one PNG a picture. FileExistsError for a folder that holds something else.
+    """
+
+    def __init__(
+        self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False
+    ):
+        self.path = Path(path)
+        if self.path.exists() and not self.path.is_dir():
+            raise FileExistsError(f"{self.path} is a file; a recording is a folder")
+        self._clear()
+        self.path.mkdir(parents=True, exist_ok=True)
+        write_rig(self.path / "rig.yaml", rig)
+        if board is not None:
+            write_board(self.path / "board.yaml", board)
+        self._videos: dict[str, tuple[cv2.VideoWriter, tuple[int, ...]]] | None = {} if video else None
+        self._counts = dict.fromkeys(CAMERAS, 0)
+        self._file = open(self.path / "frames.csv", "w", newline="")
+        self._rows = csv.writer(self._file, lineterminator="\n")
+        self._rows.writerow(("time", "camera", "file", "exposure"))
+
+    def _clear(self) -> None:
+        if not self.path.is_dir():
+            return
+        known = {"rig.yaml", "board.yaml", "frames.csv", "truth", "back", "front", "back.mkv", "front.mkv"}
+        other = sorted(p.name for p in self.path.iterdir() if p.name not in known)
+        if other:
+            raise FileExistsError(f"{self.path} holds {other[0]}, which is no part of a recording; choose another")
+        for item in self.path.iterdir():
+            if item.is_dir():
+                for file in item.iterdir():
+                    file.unlink()
+                item.rmdir()
+            else:
+                item.unlink()
+
+    def add(self, frame: Frame) -> None:
+        """Stores the pictures of a frame. ValueError for what is no (h, w, 3) uint8 picture."""
+        for camera in CAMERAS:
+            picture = getattr(frame, camera)
+            if picture is None:
+                continue
+            picture = np.asarray(picture)
+            if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
+                raise ValueError(
+                    f"the {camera} picture must be (h, w, 3) uint8, got {picture.shape} {picture.dtype}"
+                )
+            name = self._store(camera, np.ascontiguousarray(picture[..., ::-1]))
+            exposure = getattr(frame, f"{camera}_exposure")
+            self._rows.writerow((repr(float(frame.time)), camera, name, repr(float(exposure))))
+        self._file.flush()  # what was recorded survives a crash
+
+    def _store(self, camera: str, picture: NDArray) -> str:
+        number = self._counts[camera]
+        self._counts[camera] += 1
+        if self._videos is None:
+            name = f"{camera}/{number:05d}.png"
+            (self.path / camera).mkdir(exist_ok=True)
+            if not cv2.imwrite(str(self.path / name), picture, [cv2.IMWRITE_PNG_COMPRESSION, 1]):
+                raise OSError(f"could not write {self.path / name}")
+            return name
+        file = self.path / f"{camera}.mkv"
+        if camera not in self._videos:
+            size = (picture.shape[1], picture.shape[0])
+            writer = cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"FFV1"), 30, size)
+            if not writer.isOpened():
+                raise OSError(f"this OpenCV cannot write FFV1 video to {file}; write pictures instead")
+            self._videos[camera] = writer, picture.shape
+        writer, shape = self._videos[camera]
+        if picture.shape != shape:
+            raise ValueError(f"the pictures of a video must have one size, got {picture.shape} after {shape}")
+        writer.write(picture)
+        return f"{file.name}#{number}"
+
+    def write_truth(self, truth: Truth) -> None:
+        folder = self.path / "truth"
+        folder.mkdir(exist_ok=True)
+        with open(folder / "maps.csv", "w", newline="") as file:
+            rows = csv.writer(file, lineterminator="\n")
+            rows.writerow(("time", "file"))
+            for k, (time, cube) in enumerate(truth.maps):
+                np.save(folder / f"map-{k}.npy", np.ascontiguousarray(cube.faces))
+                rows.writerow((repr(float(time)), f"map-{k}.npy"))
+        with open(folder / "poses.csv", "w", newline="") as file:
+            rows = csv.writer(file, lineterminator="\n")
+            rows.writerow(("time", *(f"m{i}{j}" for i in range(3) for j in range(4))))
+            for time, pose in truth.poses:
+                rows.writerow((repr(float(time)), *(repr(float(v)) for v in pose.matrix[:3].ravel())))
+        events = {
+            "lamp": truth.lamp_time,
+            "hand": list(truth.hand) if truth.hand else None,
+            "position": list(truth.position),
+        }
+        (folder / "events.json").write_text(json.dumps(events, indent=2) + "\n")
+
+    def close(self) -> None:
+        for writer, _ in (self._videos or {}).values():
+            writer.release()
+        self._file.close()
+
+    def __enter__(self) -> RecordingWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _StoredFrames(Sequence):
+    """Frames that are read when they are asked for."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.moments = _read_moments(path / "frames.csv")
+        self._videos: dict[str, tuple[cv2.VideoCapture, int]] = {}
+
+    def __len__(self) -> int:
+        return len(self.moments)
+
+    def __getitem__(self, index: int) -> Frame:
+        time, pictures = self.moments[index]
+        frame = Frame(time)
+        for camera, (file, exposure) in pictures.items():
+            setattr(frame, camera, self._read(file))
+            setattr(frame, f"{camera}_exposure", exposure)
+        return frame
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index in range(len(self)):
+            try:
+                frame = self[index]
+            except OSError as error:
+                warnings.warn(
+                    f"{error}; {index} of {len(self)} frames were read",
+                    RecordingWarning,
+                    stacklevel=2,
+                )
+                return
+            yield frame
+
+    def _read(self, file: str) -> NDArray[np.uint8]:
+        name, mark, number = file.rpartition("#")
+        picture = self._read_video(name, int(number)) if mark else self._read_picture(file)
+        return np.ascontiguousarray(picture[..., ::-1])
+
+    def _read_picture(self, file: str) -> NDArray[np.uint8]:
+        path = self.path / file
+        if not path.is_file():
+            raise FileNotFoundError(f"the picture {path} is missing")
+        picture = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR) if path.stat().st_size else None
+        if picture is None:
+            raise OSError(f"the picture {path} cannot be read; it may be cut off")
+        return picture
+
+    def _read_video(self, name: str, number: int) -> NDArray[np.uint8]:
+        path = self.path / name
+        if not path.is_file():
+            raise FileNotFoundError(f"the video {path} is missing")
+        video, following = self._videos.get(name, (None, 0))
+        if video is None or number < following:  # frame by frame: seeking is not exact in every container
+            video, following = cv2.VideoCapture(str(path)), 0
+        if not video.isOpened():
+            raise OSError(f"the video {path} cannot be read")
+        picture = None
+        while following <= number:
+            read, picture = video.read()
+            if not read:
+                self._videos.pop(name, None)
+                raise OSError(f"the video {path} ends after {following} frames, frame {number} is missing")
+            following += 1
+        self._videos[name] = video, following
+        return picture
+
+
+def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]]:
+    if not path.is_file():
+        raise FileNotFoundError(f"the recording has no {path.name}: expected {path}")
+    moments: dict[float, dict[str, tuple[str, float]]] = {}
+    with open(path, newline="") as file:
+        rows = csv.DictReader(file)
+        missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
+        if missing:
+            raise ValueError(f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure")
+        for row in rows:
+            where = f"{path} line {rows.line_num}"
+            try:
+                time, exposure = float(row["time"]), float(row["exposure"])
+            except (TypeError, ValueError):
+                raise ValueError(
+                    f"{where}: time and exposure must be numbers, got {row['time']!r} and {row['exposure']!r}"
+                ) from None
+            if not (np.isfinite(time) and np.isfinite(exposure) and exposure > 0):
+                raise ValueError(f"{where}: time must be finite and exposure positive")
+            if row["camera"] not in CAMERAS:
+                raise ValueError(f"{where}: camera must be back or front, got {row['camera']!r}")
+            name, mark, number = row["file"].rpartition("#")
+            if not row["file"] or (mark and not (name and number.isdecimal())):
+                raise ValueError(f"{where}: expected a picture or video#number, got {row['file']!r}")
+            moments.setdefault(time, {})[row["camera"]] = row["file"], exposure
+    return sorted(moments.items(), key=lambda item: item[0])
+
+
+# rig.yaml and board.yaml
+
+
+def _open_yaml(path: Path, mode: int) -> cv2.FileStorage:
+    try:
+        storage = cv2.FileStorage(str(path), mode)
+    except (cv2.error, SystemError) as error:
+        raise ValueError(f"{path} is not a file that OpenCV's FileStorage reads: {error}") from None
+    if not storage.isOpened():
+        raise OSError(f"{path} cannot be opened")
+    return storage
+
+
+def _number(node: cv2.FileNode, name: str, path: Path) -> float:
+    item = node.getNode(name)
+    if item.empty() or not (item.isInt() or item.isReal()):
+        raise ValueError(f"{path} has no number {name}")
+    return item.real()
+
+
+def _matrix(node: cv2.FileNode, name: str) -> NDArray | None:
+    item = node.getNode(name)
+    return None if item.empty() else item.mat()
+
+
+def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
+    """Writes a rig as OpenCV's FileStorage; camera matrices are in OpenCV's convention."""
+    storage = _open_yaml(Path(path), cv2.FILE_STORAGE_WRITE)
+    for name in CAMERAS:
+        camera = getattr(rig, name)
+        if camera is None:
+            continue
+        storage.startWriteStruct(name, cv2.FileNode_MAP)
+        storage.write("width", camera.width)
+        storage.write("height", camera.height)
+        storage.write("camera_matrix", camera.opencv_matrix)
+        if camera.distortion:
+            storage.write("distortion", np.array([camera.distortion], np.float64))
+        if camera.vignetting:
+            storage.write("vignetting", np.array([camera.vignetting], np.float64))
+        storage.write("gain", float(camera.gain))
+        if camera.response.curve.size:
+            storage.write("response", np.atleast_2d(camera.response.curve))
+        else:
+            storage.write("response", "srgb")
+        storage.endWriteStruct()
+    if rig.front is not None:
+        storage.write("front_from_back", rig.front_from_back.matrix)
+    storage.release()
+
+
+def read_rig(path: str | os.PathLike[str]) -> Rig:
+    """Rig of a rig.yaml. FileNotFoundError where there is none, ValueError that names what it lacks."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"the calibration {path} is missing")
+    storage = _open_yaml(path, cv2.FILE_STORAGE_READ)
+    try:
+        back = _read_camera(storage.getNode("back"), "back", path)
+        if back is None:
+            raise ValueError(f"{path} has no back camera")
+        front = _read_camera(storage.getNode("front"), "front", path)
+        pose = storage.getNode("front_from_back")
+        if front is None:
+            return Rig(back)
+        if pose.empty():
+            raise ValueError(f"{path} has a front camera, but no front_from_back")
+        return Rig(back, front, Pose(pose.mat()))
+    finally:
+        storage.release()
+
+
+def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
+    if node.empty():
+        return None
+    if not node.isMap():
+        raise ValueError(f"{path}: {name} must be a map")
+    matrix = _matrix(node, "camera_matrix")
+    if matrix is None:
+        raise ValueError(f"{path} has no camera_matrix of the {name} camera")
+    distortion, vignetting = _matrix(node, "distortion"), _matrix(node, "vignetting")
+    response = node.getNode("response")
+    curve = None if response.empty() or response.isString() else response.mat()
+    if response.isString() and response.string() != "srgb":
+        raise ValueError(f'{path}: response must be "srgb" or a curve, got {response.string()!r}')
+    gain = node.getNode("gain")
+    return Camera.from_opencv(
+        np.asarray(matrix, np.float64),
+        [] if distortion is None else distortion.ravel().tolist(),
+        (int(_number(node, "width", path)), int(_number(node, "height", path))),
+        response=None if curve is None else Response.from_curve(curve.ravel()),
+        gain=1.0 if gain.empty() else gain.real(),
+        vignetting=[] if vignetting is None else vignetting.ravel().tolist(),
+    )
+
+
+def write_board(path: str | os.PathLike[str], board: Any) -> None:
+    """Writes a board's page size, border_bits and tags (ids, and corners in metres, (4 tags, 2))."""
+    storage = _open_yaml(Path(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("width", float(board.width))
+    storage.write("height", float(board.height))
+    storage.write("border_bits", int(getattr(board, "border_bits", 1)))
+    tags = list(getattr(board, "tags", ()))
+    if tags:
+        storage.write("ids", np.array([[tag.id for tag in tags]], np.int32))
+        storage.write("corners", np.concatenate([np.asarray(tag.corners, np.float64) for tag in tags]))
+    storage.release()
+
+
+def read_board(path: str | os.PathLike[str]) -> Any:
+    """Board of a board.yaml; None where it lists no tags."""
+    path = Path(path)
+    storage = _open_yaml(path, cv2.FILE_STORAGE_READ)
+    try:
+        root = storage.root()
+        ids, corners = _matrix(root, "ids"), _matrix(root, "corners")
+        if ids is None:
+            return None
+        if corners is None or corners.size != 8 * ids.size:
+            raise ValueError(f"{path}: expected four corners (x, y) for each of {ids.size} tags")
+        tags = [(int(i), np.asarray(c)) for i, c in zip(ids.ravel(), corners.reshape(-1, 4, 2), strict=True)]
+        border = int(_number(root, "border_bits", path))
+        return _board_type()(tags, border, _number(root, "width", path), _number(root, "height", path))
+    finally:
+        storage.release()
+
+
+def _board_type() -> type:
+    try:
+        from .board import Board
+    except ImportError:
+        from ._fastibl import _Board as Board
+    return Board
+
+
+def _read_truth(folder: Path) -> Truth:
+    truth = Truth()
+
+    def rows(name: str) -> list[list[str]]:
+        if not (folder / name).is_file():
+            return []
+        with open(folder / name, newline="") as file:
+            return list(csv.reader(file))[1:]
+
+    try:
+        maps = []
+        for time, name in rows("maps.csv"):
+            if not (folder / name).is_file():
+                raise FileNotFoundError(f"the true map {folder / name} is missing")
+            maps.append((float(time), CubeMap(np.load(folder / name))))
+        truth.maps = maps
+        truth.poses = [
+            (float(row[0]), Pose(np.vstack([np.array(row[1:], np.float64).reshape(3, 4), [0, 0, 0, 1]])))
+            for row in rows("poses.csv")
+        ]
+        if (folder / "events.json").is_file():
+            events = json.loads((folder / "events.json").read_text())
+            truth.lamp_time = events.get("lamp")
+            truth.hand = tuple(events["hand"]) if events.get("hand") else None
+            truth.position = tuple(events.get("position", truth.position))
+    except ValueError as error:
+        raise ValueError(f"{folder} cannot be read: {error}") from error
+    return truth

@@ -1,0 +1,451 @@
+"""Recordings of a place whose light is known: a room, or any environment map at infinity, seen by a hand-held rig."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._fastibl import Camera, CubeMap, Pose, Rig, cubemap_from_equirect, texel_directions, texel_solid_angles
+from .recording import Frame, Recording, RecordingWriter, Truth
+from .room import OBJECT, TABLE, Room, _look_up, table_albedo, truth_map, wood
+
+PAPER, INK = 0.80, 0.045  # albedo of the printed page
+FRONT_STEPS = (1.0, 1 / 16, 1 / 256)  # exposures of the front camera, in turn
+
+_FULL_WELL, _READ_NOISE = 4000, 6  # electrons
+_BLUR = 0.55  # standard deviation of the lens in pixels
+_TABLE_LEVEL = 0.30  # the table's mean in the back pictures, of white
+_WALL_LEVEL = 0.20  # the median of what the front camera can see, of white
+_HAND_FADE = 0.12  # seconds in which the hand comes and goes
+
+
+class Place(Protocol):
+    """What the simulator asks of a place; Room and DistantPlace are such."""
+
+    def radiance(self, position: ArrayLike, directions: ArrayLike, lamp: bool, unit: bool) -> NDArray: ...
+
+    def irradiance(self, points: ArrayLike, lamp: bool) -> NDArray: ...
+
+    def truth(self, position: ArrayLike, size: int, lamp: bool) -> CubeMap: ...
+
+
+class DistantPlace:
+    """An environment map at infinity above the horizon, and below it an opaque wooden table that it lights.
+
+    environment: CubeMap, or equirectangular picture (h, 2h, 3) of any float dtype. albedo: of the table, a number or
+    RGB; where it is seen far from the marker it is plain.
+    """
+
+    _DENSITY = 500  # texels a metre of the table
+    _PLAIN = (1.2, 2.5)  # metres from the marker between which the grain fades
+
+    def __init__(self, environment: CubeMap | ArrayLike, albedo: ArrayLike | None = None):
+        if isinstance(environment, CubeMap):
+            self._cube, self._equirect = environment, None
+        else:
+            image = np.asarray(environment)
+            if image.ndim != 3 or image.shape[2] != 3 or image.shape[1] != 2 * image.shape[0]:
+                raise ValueError(
+                    f"an equirectangular picture must have shape (height, 2 height, 3), got {image.shape}"
+                )
+            if not np.issubdtype(image.dtype, np.floating):
+                raise TypeError(f"an environment map holds linear radiance in floats, got {image.dtype}")
+            self._cube = cubemap_from_equirect(image, size=128)
+            image = np.nan_to_num(image.astype(np.float32), nan=0, posinf=1e9, neginf=0).clip(0, 1e9)
+            # One column more on each side: interpolation runs on across the seam.
+            self._equirect = cv2.copyMakeBorder(image, 0, 0, 1, 1, cv2.BORDER_WRAP)
+        self.albedo = table_albedo(albedo)
+        up = texel_directions(self._cube.size)[..., 2:].astype(np.float64)
+        angles = texel_solid_angles(self._cube.size)[None, ..., None]
+        self._light = np.sum(self._cube.faces * np.maximum(up, 0) * angles, axis=(0, 1, 2)).astype(np.float32)
+        plain = self.albedo * self._light / np.float32(np.pi)
+        self._plain = plain
+        grain = wood(2 * TABLE[0], 2 * TABLE[1], self._DENSITY, np.ones(3))
+        self._table = grain * plain
+
+    def irradiance(self, points: ArrayLike, lamp: bool = False) -> NDArray[np.float32]:
+        """Irradiance (..., 3) of the table at points (..., 2); the same everywhere."""
+        return np.broadcast_to(self._light, (*np.shape(points)[:-1], 3))
+
+    def radiance(
+        self, position: ArrayLike, directions: ArrayLike, lamp: bool = False, unit: bool = False
+    ) -> NDArray[np.float32]:
+        """Radiance (..., 3) float32 that arrives at `position` (3,), above the table, from `directions` (..., 3)."""
+        o = np.asarray(position, np.float32)
+        d = np.asarray(directions, np.float32)
+        if o.shape != (3,) or d.shape[-1:] != (3,):
+            raise ValueError(f"expected position (3,) and directions (..., 3), got {o.shape} and {d.shape}")
+        if not o[2] > 0:
+            raise ValueError(f"position must lie above the table, got z = {o[2]}")
+        if not unit:
+            d = d / np.linalg.norm(d, axis=-1, keepdims=True)
+        below = d[..., 2] < 0
+        if below.all():
+            return self._table_radiance(o, d)
+        if not below.any():
+            return self._sky(d)
+        out = np.empty(d.shape, np.float32)
+        out[below] = self._table_radiance(o, d[below])
+        out[~below] = self._sky(d[~below])
+        return out
+
+    def _sky(self, d: NDArray) -> NDArray:
+        if self._equirect is None:
+            return self._cube.sample(d)
+        height, width = self._equirect.shape[0], self._equirect.shape[1] - 2
+        x = (0.5 + np.arctan2(d[..., 0], d[..., 1]) * np.float32(0.5 / np.pi)) * width + 0.5
+        y = np.arccos(np.clip(d[..., 2], -1, 1)) * np.float32(height / np.pi) - 0.5
+        return _look_up(self._equirect, x, y, cv2.BORDER_REPLICATE)
+
+    def _table_radiance(self, o: NDArray, d: NDArray) -> NDArray:
+        t = o[2] / np.maximum(-d[..., 2], 1e-6)
+        x, y = o[0] + t * d[..., 0], o[1] + t * d[..., 1]
+        far = np.sqrt(x * x + y * y)
+        near, plain = self._PLAIN
+        share = np.clip((plain - far) / (plain - near), 0, 1)[..., None]
+        column = np.clip((x + np.float32(TABLE[0])) * self._DENSITY - 0.5, -16000, 16000)
+        row = np.clip((np.float32(TABLE[1]) - y) * self._DENSITY - 0.5, -16000, 16000)
+        grain = _look_up(self._table, column, row, cv2.BORDER_REFLECT)
+        return self._plain + (grain - self._plain) * share
+
+    def truth(
+        self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4
+    ) -> CubeMap:
+        """The true environment map at a place: the given map above the horizon, below it the table without board.
+
+        As Room.truth says of the printed board.
+        """
+        faces = truth_map(lambda d: self.radiance(position, d), size, samples).faces.copy()
+        if size % 2 == 0:  # no texel lies across the horizon: take over the given map as it is
+            above = texel_directions(size)[..., 2] > 0
+            if self._equirect is not None:
+                faces[above] = cubemap_from_equirect(self._equirect[:, 1:-1], size=size).faces[above]
+            elif size == self._cube.size:
+                faces[above] = self._cube.faces[above]
+        return CubeMap(faces)
+
+
+def default_rig(size: tuple[int, int] = (640, 480)) -> Rig:
+    """A telephone's two cameras: back 63 degrees wide, front 78, looking the opposite way; pictures of 4:3.
+
+    size: (width, height) in pixels.
+    """
+    width, height = size
+    s = width / 640
+    back = Camera(
+        width,
+        height,
+        fx=522.0 * s,
+        fy=521.5 * s,
+        cx=width / 2 + 3.25 * s,
+        cy=height / 2 - 2.5 * s,
+        distortion=(0.06, -0.11, 0.0006, -0.0004, 0.0),
+        vignetting=(-0.30, 0.08),
+    )
+    front = Camera(
+        width,
+        height,
+        fx=395.5 * s,
+        fy=395.0 * s,
+        cx=width / 2 - 4.5 * s,
+        cy=height / 2 + 1.75 * s,
+        distortion=(-0.08, 0.012, -0.0003, 0.0005, 0.0),
+        vignetting=(-0.34, 0.09),
+    )
+    turn = Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0])
+    misfit = Pose.from_rotation_vector([0.012, -0.018, 0.007], [0.021, 0.013, 0.004])
+    return Rig(back, front, misfit @ turn)
+
+
+class HandPath:
+    """Where a hand holds the back camera: around the board, 0.42 to 0.58 m away, tilted by 24 to 52 degrees.
+
+    Smooth slow sweeps and a small tremor, drawn from the seed; a function of time alone, whatever the frame rate.
+    """
+
+    def __init__(self, rng: np.random.Generator, seconds: float):
+        self._start = rng.uniform(0, 2 * np.pi)
+        turn = min(2.2 * np.pi, np.radians(55) * seconds)  # no faster than a hand
+        self._speed = rng.choice([-1, 1]) * turn / max(seconds, 1e-9)
+        self._slow = rng.uniform(0, 2 * np.pi, (5, 2))
+        self._tremor = rng.uniform(0, 2 * np.pi, (6, 3)), rng.uniform(2.5, 8, (6, 3))
+
+    def back_from_marker(self, time: float) -> Pose:
+        def slow(k: int, first: float, second: float) -> float:  # about -1 to 1; waves in Hz
+            a, b = self._slow[k]
+            return (
+                0.65 * np.sin(2 * np.pi * first * time + a) + 0.35 * np.sin(2 * np.pi * second * time + b)
+            )
+
+        phases, waves = self._tremor
+        tremor = (np.sin(2 * np.pi * waves * time + phases) / (waves / 2.5)).sum(axis=1) / 3
+        azimuth = self._start + self._speed * time + 0.06 * slow(0, 0.31, 0.53)
+        tilt = np.radians(38 + 14 * slow(1, 0.27, 0.61))
+        distance = 0.50 + 0.08 * slow(2, 0.19, 0.43)
+        away = np.array(
+            [np.sin(tilt) * np.sin(azimuth), -np.sin(tilt) * np.cos(azimuth), np.cos(tilt)]
+        )
+        eye = distance * away + 0.0012 * tremor[:3]
+        aim = np.array([0.018 * slow(3, 0.23, 0.47), 0.018 * slow(4, 0.29, 0.57), 0.0])
+        forward = (aim - eye) / np.linalg.norm(aim - eye)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        look = np.eye(4)
+        look[:3, :3] = right, np.cross(forward, right), forward
+        look[:3, 3] = -look[:3, :3] @ eye
+        roll = 0.05 * slow(3, 0.37, 0.71)
+        shake = Pose.from_rotation_vector(np.array([0, 0, roll]) + 0.0022 * tremor[3:], np.zeros(3))
+        return shake @ Pose(look)
+
+
+class _Eye:
+    """A camera with its rays worked out: from radiance along them to pictures."""
+
+    def __init__(self, camera: Camera):
+        self.camera = camera
+        y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64) + 0.5
+        rays = camera.unproject(np.stack([x, y], axis=-1))
+        if np.isnan(rays).any():
+            raise ValueError("the lens model does not reach the picture's corners")
+        self.rays = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)
+        y, x = (np.mgrid[: 2 * camera.height, : 2 * camera.width].astype(np.float64) + 0.5) / 2
+        self.fine = camera.unproject(np.stack([x, y], axis=-1)).astype(np.float32)  # 2 x 2 a pixel
+        offsets = (np.mgrid[: camera.height, : camera.width] + 0.5).astype(np.float64)
+        r2 = ((offsets[1] - camera.cx) / camera.fx) ** 2 + ((offsets[0] - camera.cy) / camera.fy) ** 2
+        factor = 1 + sum(v * r2 ** (k + 1) for k, v in enumerate(camera.vignetting))
+        self.factor = (camera.gain * np.maximum(factor, 1e-3)).astype(np.float32)[..., None]
+        codes = camera.response.encode(np.linspace(0, 1, 65536, dtype=np.float32))
+        self.codes = np.round(codes * 255).astype(np.uint8)
+
+    def expose(self, radiance: NDArray, exposure: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+        """Lens blur, vignetting, shot and read noise, response."""
+        light = cv2.GaussianBlur(radiance, (0, 0), _BLUR, borderType=cv2.BORDER_REPLICATE)
+        light *= self.factor * np.float32(exposure)
+        np.clip(light, 0, 2, out=light)
+        noise = rng.standard_normal(light.shape, np.float32)
+        noise *= np.sqrt(light * np.float32(1 / _FULL_WELL) + np.float32((_READ_NOISE / _FULL_WELL) ** 2))
+        light += noise
+        np.clip(light, 0, 1, out=light)
+        return self.codes[np.round(light * 65535).astype(np.uint16)]
+
+
+class _PrintedBoard:
+    """The page on the table as a picture of radiance and coverage for each state of the lamp."""
+
+    _TEXEL = 0.00034  # metres; about half a pixel of the back camera at its nearest
+
+    def __init__(self, board: Any, place: Place):
+        self.width, self.height = float(board.width), float(board.height)
+        page = np.asarray(board.image(600))
+        if page.ndim != 2 or page.dtype != np.uint8:
+            raise ValueError(f"board.image must give a grey (h, w) uint8 page, got {page.shape} {page.dtype}")
+        shape = max(8, round(self.width / self._TEXEL)), max(8, round(self.height / self._TEXEL))
+        page = cv2.resize(page.astype(np.float32), shape, interpolation=cv2.INTER_AREA)
+        albedo = INK + (PAPER - INK) * page[..., None] / 255
+        self.albedo = float(albedo.mean())
+        x = (np.arange(shape[0]) + 0.5) / shape[0] * self.width - self.width / 2
+        y = self.height / 2 - (np.arange(shape[1]) + 0.5) / shape[1] * self.height
+        points = np.stack(np.meshgrid(x, y), axis=-1)
+        self.pictures = {}
+        for lamp in (False, True):
+            radiance = albedo * place.irradiance(points, lamp) / np.float32(np.pi)
+            full = np.concatenate([radiance, np.ones_like(albedo)], axis=-1).astype(np.float32)
+            self.pictures[lamp] = cv2.copyMakeBorder(full, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
+        self.scale = np.float32(shape[0] / self.width), np.float32(shape[1] / self.height)
+
+    def lay(self, picture: NDArray, eye: _Eye, camera_from_marker: Pose, lamp: bool) -> None:
+        """Draws the page over a picture of radiance, in place, from 2 x 2 rays a pixel."""
+        ends = np.linspace(-0.5, 0.5, 17)
+        sides = [(e, s) for e in ends for s in (-0.5, 0.5)] + [(s, e) for e in ends for s in (-0.5, 0.5)]
+        outline = np.array([(a * self.width, b * self.height, 0.0) for a, b in sides])
+        seen = eye.camera.project(camera_from_marker @ outline)
+        height, width = picture.shape[:2]
+        if np.isnan(seen).any():
+            x0, y0, x1, y1 = 0, 0, width, height
+        else:
+            x0, y0 = np.clip(np.floor(seen.min(axis=0)).astype(int) - 2, 0, (width, height))
+            x1, y1 = np.clip(np.ceil(seen.max(axis=0)).astype(int) + 2, 0, (width, height))
+        if x1 <= x0 or y1 <= y0:
+            return
+        marker_from_camera = camera_from_marker.inverse()
+        rays = eye.fine[2 * y0 : 2 * y1, 2 * x0 : 2 * x1]
+        d = cv2.transform(rays, marker_from_camera.rotation)
+        o = marker_from_camera.translation.astype(np.float32)
+        t = np.where(d[..., 2] < -1e-6, -o[2] / np.minimum(d[..., 2], -1e-6), np.float32(1e6))
+        x = (o[0] + t * d[..., 0] + np.float32(self.width / 2)) * self.scale[0] + np.float32(0.5)
+        y = (np.float32(self.height / 2) - o[1] - t * d[..., 1]) * self.scale[1] + np.float32(0.5)
+        image = self.pictures[lamp]
+        np.clip(x, -9, image.shape[1] + 9, out=x), np.clip(y, -9, image.shape[0] + 9, out=y)
+        page = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        page = cv2.resize(page, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)
+        part = picture[y0:y1, x0:x1]
+        part *= 1 - page[..., 3:]
+        part += page[..., :3]
+
+
+class _Hand:
+    """A dark hand, out of focus, that comes from below and covers the whole front picture."""
+
+    def __init__(self, begin: float, end: float, light: float, shape: tuple[int, int]):
+        self.begin, self.end = begin, end
+        self.fade = min(_HAND_FADE, (end - begin) / 4)
+        rows = np.linspace(1, 0, shape[0], dtype=np.float32)[:, None]
+        self._height = np.broadcast_to(rows, shape)
+        x = np.linspace(-1, 1, shape[1], dtype=np.float32)
+        folds = 1 + 0.25 * np.cos(3 * np.pi * x + 0.6) * np.cos(1.2 * np.pi * rows) - 0.3 * rows
+        self._skin = folds[..., None] * (np.float32([0.60, 0.36, 0.26]) * np.float32(0.10 * light))
+
+    def cover(self, picture: NDArray, time: float) -> NDArray:
+        if not self.begin - self.fade < time < self.end + self.fade:
+            return picture
+        risen = min(1.0, (time - self.begin) / self.fade + 1, (self.end - time) / self.fade + 1)
+        share = np.clip((2 * risen - self._height - 0.5) * 2 + 0.5, 0, 1)[..., None]
+        return picture + (self._skin - picture) * share if risen < 1 else self._skin
+
+
+def _place_of(environment: Any, albedo: ArrayLike | None) -> tuple[Place, bool]:
+    if environment is None:
+        return Room(albedo), True
+    if isinstance(environment, (str, os.PathLike)):
+        return DistantPlace(_read_equirect(Path(environment)), albedo), False
+    return DistantPlace(environment, albedo), False
+
+
+def _read_equirect(path: Path) -> NDArray[np.float32]:
+    if not path.is_file():
+        raise FileNotFoundError(f"no environment map at {path}")
+    image = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
+    if image is None or image.dtype != np.float32:
+        raise ValueError(f"{path} is not an HDR picture; expected an equirectangular .hdr of linear radiance")
+    return np.ascontiguousarray(image[..., ::-1])
+
+
+def _default_board() -> Any:
+    try:
+        from .board import Board
+    except ImportError:  # built without the board: an empty table
+        return None
+    return Board.default()
+
+
+def simulate(
+    environment: CubeMap | ArrayLike | str | os.PathLike[str] | None = None,
+    seed: int = 0,
+    seconds: float = 8.0,
+    fps: float = 15.0,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    size: tuple[int, int] = (640, 480),
+    board: Any = None,
+    albedo: ArrayLike | None = None,
+    lamp: bool = True,
+    hand: bool = True,
+    rig: Rig | None = None,
+    video: bool = False,
+    truth_size: int = 128,
+    progress: bool = False,
+) -> Recording:
+    """Makes a recording of a place whose light is known.
+
+    environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the path of
+    an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights. albedo: the table's mean, a
+    number or RGB; by default about that of the printed page. board: the printed page (`.image(dpi)` grey uint8,
+    `.width`, `.height` in metres); None is Board.default(), False none at all. size: width and height of the
+    pictures. rig: cameras of your own, whatever `size` says. truth_size: texels along a face of the true maps.
+
+    The back camera circles the board as if held by a hand, at constant exposure; the front camera, which looks the
+    other way, takes each third picture 16 and each third 256 times darker. lamp: in the room, a lamp is switched
+    on at half-time. hand: a hand covers the front camera for one second after 70 % of the time. `truth` holds the
+    maps at the object (OBJECT, 6 cm above the board's centre), the poses, and when both happened.
+
+    out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos instead of PNG
+    pictures. The same arguments give the same bytes. Raises ValueError for what makes no recording.
+    """
+    if not (np.isfinite(seconds) and seconds > 0 and np.isfinite(fps) and fps > 0):
+        raise ValueError(f"seconds and fps must be positive and finite, got {seconds} and {fps}")
+    if len(tuple(size)) != 2 or min(size) < 16:
+        raise ValueError(f"size must be (width, height), each at least 16 pixels, got {size}")
+    place, has_lamp = _place_of(environment, albedo)
+    rig = default_rig(tuple(size)) if rig is None else rig
+    board = _default_board() if board is None else (board or None)
+    path_rng, noise = (np.random.default_rng([seed, k]) for k in (0, 1))
+    path = HandPath(path_rng, seconds)
+    times = [k / fps for k in range(max(1, round(seconds * fps)))]
+
+    truth = Truth(position=OBJECT)
+    truth.maps = [(0.0, place.truth(OBJECT, truth_size, False))]
+    if lamp and has_lamp:
+        truth.lamp_time = seconds / 2
+        truth.maps.append((truth.lamp_time, place.truth(OBJECT, truth_size, True)))
+    truth.poses = [(time, path.back_from_marker(time)) for time in times]
+    if hand:
+        begin = 0.7 * seconds
+        truth.hand = (begin, begin + min(1.0, 0.2 * seconds))
+
+    make = _Pictures(place, rig, board, truth, noise)
+    writer = RecordingWriter(out, rig, board, video=video) if out is not None else None
+    frames: list[Frame] = []
+    steps = enumerate(truth.poses)
+    if progress:
+        from tqdm import tqdm
+
+        steps = tqdm(steps, total=len(times), desc="simulate", unit="frame")
+    try:
+        for index, (time, pose) in steps:
+            frame = make.frame(index, time, pose)
+            frames.append(frame) if writer is None else writer.add(frame)
+        if writer is not None:
+            writer.write_truth(truth)
+    finally:
+        if writer is not None:
+            writer.close()
+    if writer is not None:
+        return Recording.open(writer.path)
+    return Recording(rig, frames, board, truth)
+
+
+class _Pictures:
+    """Takes the pictures of both cameras."""
+
+    def __init__(self, place: Place, rig: Rig, board: Any, truth: Truth, noise: np.random.Generator):
+        self.place, self.rig, self.truth, self.noise = place, rig, truth, noise
+        self.back = _Eye(rig.back)
+        self.front = _Eye(rig.front) if rig.front is not None else None
+        self.page = _PrintedBoard(board, place) if board is not None else None
+        middle = place.truth(OBJECT, 32, False)
+        up = texel_directions(32)[..., 2]
+        brightness = middle.faces.mean(axis=-1)
+        table, walls = brightness[up < -0.5].mean(), np.median(brightness[up > 0])
+        # A dark place still gives finite exposures.
+        self.back_exposure = float(_TABLE_LEVEL / max(table, 1e-9))
+        self.front_exposure = float(_WALL_LEVEL / max(walls, 1e-9))
+        self.hand = None
+        if truth.hand is not None and self.front is not None:
+            shape = self.front.rays.shape[:2]
+            self.hand = _Hand(*truth.hand, float(walls), shape)
+
+    def frame(self, index: int, time: float, back_from_marker: Pose) -> Frame:
+        lamp = self.truth.lamp_time is not None and time >= self.truth.lamp_time
+        frame = Frame(time, back_exposure=self.back_exposure)
+        light = self._radiance(self.back, back_from_marker, lamp)
+        frame.back = self.back.expose(light, self.back_exposure, self.noise)
+        if self.front is not None:
+            light = self._radiance(self.front, self.rig.front_from_back @ back_from_marker, lamp)
+            if self.hand is not None:
+                light = self.hand.cover(light, time)
+            frame.front_exposure = self.front_exposure * FRONT_STEPS[index % len(FRONT_STEPS)]
+            frame.front = self.front.expose(light, frame.front_exposure, self.noise)
+        return frame
+
+    def _radiance(self, eye: _Eye, camera_from_marker: Pose, lamp: bool) -> NDArray:
+        marker_from_camera = camera_from_marker.inverse()
+        directions = cv2.transform(eye.rays, marker_from_camera.rotation)
+        light = self.place.radiance(marker_from_camera.translation, directions, lamp, unit=True)
+        if self.page is not None:
+            self.page.lay(light, eye, camera_from_marker, lamp)
+        return light
