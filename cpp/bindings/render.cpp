@@ -17,7 +17,8 @@ std::unique_ptr<Renderer> renderer_named(const std::string& backend) {
 #ifdef FASTIBL_WITH_GL
   if (backend == "gl") return make_gl_renderer();
 #else
-  if (backend == "gl") throw std::runtime_error("this fastibl was built without its GL back end (FASTIBL_GL=ON)");
+  if (backend == "gl")
+    throw std::runtime_error("this fastibl was built without its GL back end (FASTIBL_GL=ON)");
 #endif
   throw py::value_error("backend must be \"cpu\" or \"gl\", got \"" + backend + "\"");
 }
@@ -36,74 +37,144 @@ void bind_render(py::module_& module) {
 
 mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
 frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0 for none.)")
-      .def(py::init([](const Mesh& mesh, const std::optional<Material>& material, const py::object& marker_from_object, int spheres, int rays) {
-             const Pose pose = marker_from_object.is_none() ? Pose{} : require_pose(marker_from_object, "marker_from_object");
+      .def(py::init([](const Mesh& mesh, const std::optional<Material>& material,
+                       const py::object& marker_from_object, int spheres, int rays) {
+             const Pose pose = marker_from_object.is_none()
+                                   ? Pose{}
+                                   : require_pose(marker_from_object, "marker_from_object");
              const py::gil_scoped_release release;
              return make_scene(mesh, material.value_or(Material{}), pose, {spheres, rays});
-           }), py::arg("mesh"), py::arg("material") = py::none(), py::arg("marker_from_object") = py::none(), py::arg("spheres") = 50, py::arg("visibility_rays") = 64)
-      .def_readonly("mesh", &Scene::mesh).def_readonly("material", &Scene::material).def_readonly("marker_from_object", &Scene::marker_from_object)
-      .def_property_readonly("visibility", [](const Scene& s) { return py::array_t<float>(py::ssize_t(s.visibility.size()), s.visibility.data()); }, "P_V, (v,) float32.")
-      .def_property_readonly("spheres", [](const Scene& s) {
+           }),
+           py::arg("mesh"), py::arg("material") = py::none(),
+           py::arg("marker_from_object") = py::none(), py::arg("spheres") = 50,
+           py::arg("visibility_rays") = 64)
+      .def_readonly("mesh", &Scene::mesh)
+      .def_readonly("material", &Scene::material)
+      .def_readonly("marker_from_object", &Scene::marker_from_object)
+      .def_property_readonly(
+          "visibility",
+          [](const Scene& s) {
+            return py::array_t<float>(py::ssize_t(s.visibility.size()), s.visibility.data());
+          },
+          "P_V, (v,) float32.")
+      .def_property_readonly(
+          "spheres",
+          [](const Scene& s) {
             Floats out({py::ssize_t(s.spheres.size()), py::ssize_t{4}});
             std::memcpy(out.mutable_data(), s.spheres.data(), s.spheres.size() * sizeof(glm::vec4));
             return out;
-          }, "(m, 4) float32: centre and radius, mesh frame.")
-      .def("__repr__", [](const Scene& s) { return "<fastibl.Scene of " + std::to_string(s.mesh.triangles.size()) + " triangles, " + std::to_string(s.spheres.size()) + " spheres>"; });
+          },
+          "(m, 4) float32: centre and radius, mesh frame.")
+      .def("__repr__", [](const Scene& s) {
+        return "<fastibl.Scene of " + std::to_string(s.mesh.triangles.size()) + " triangles, " +
+               std::to_string(s.spheres.size()) + " spheres>";
+      });
 
-  py::class_<ObjectLayer>(module, "ObjectLayer", "The shaded object before it is laid over the picture.")
-      .def_readonly("x", &ObjectLayer::x).def_readonly("y", &ObjectLayer::y)
-      .def_property_readonly("rgba", [](const ObjectLayer& l) { return image_array(l.rgba); }, "(h, w, 4) float32: linear radiance times coverage, and coverage, from pixel (x, y) on.");
+  py::class_<ObjectLayer>(module, "ObjectLayer",
+                          "The shaded object before it is laid over the picture.")
+      .def_readonly("x", &ObjectLayer::x)
+      .def_readonly("y", &ObjectLayer::y)
+      .def_property_readonly(
+          "rgba", [](const ObjectLayer& l) { return image_array(l.rgba); },
+          "(h, w, 4) float32: linear radiance times coverage, and coverage, from pixel (x, y) on.");
 
   py::class_<Result>(module, "FrameResult", "What a Session made of a frame.")
-      .def_property_readonly("image", [](const Result& r) { return image_array(r.frame.image); },
-                             "(h, w, 3) uint8 encoded RGB; (h, w, 4) with straight alpha where the frame had no back picture.")
-      .def_property_readonly("back_from_marker", [](const Result& r) { return r.frame.back_from_marker; }, "Pose, or None where the board is not seen: the image is the back picture.")
-      .def_property_readonly("tracked", [](const Result& r) { return r.frame.tracked; }, "Tracked, or None where the pose was given or the board is not seen.")
-      .def_property_readonly("environment", [](const Result& r) { return std::const_pointer_cast<Environment>(r.frame.environment); })
-      .def_property_readonly("_lighting", [](const Result& r) -> py::object { return r.frame.lighting ? py::cast(*r.frame.lighting) : py::none(); })
+      .def_property_readonly(
+          "image", [](const Result& r) { return image_array(r.frame.image); },
+          "(h, w, 3) uint8 encoded RGB; (h, w, 4) with straight alpha where the frame had no back "
+          "picture.")
+      .def_property_readonly(
+          "back_from_marker", [](const Result& r) { return r.frame.back_from_marker; },
+          "Pose, or None where the board is not seen: the image is the back picture.")
+      .def_property_readonly(
+          "tracked", [](const Result& r) { return r.frame.tracked; },
+          "Tracked, or None where the pose was given or the board is not seen.")
+      .def_property_readonly(
+          "environment",
+          [](const Result& r) { return std::const_pointer_cast<Environment>(r.frame.environment); })
+      .def_property_readonly("_lighting",
+                             [](const Result& r) -> py::object {
+                               return r.frame.lighting ? py::cast(*r.frame.lighting) : py::none();
+                             })
       .def_property_readonly("shadow_map", [](const Result& r) { return r.shadow; })
       .def_property_readonly("plan", [](const Result& r) { return r.plan; })
-      .def_property_readonly("passes", [](const Result& r) {
+      .def_property_readonly(
+          "passes",
+          [](const Result& r) {
             std::vector<std::string> names;
             for (const PassId id : r.frame.passes) names.emplace_back(name(id));
             return names;
-          }, "Names of the passes that ran, in order.")
-      .def_property_readonly("timings", [](const Result& r) { return r.frame.timings; }, "Seconds by pass, and in total.")
-      .def_property_readonly("predicted_error", [](const Result& r) { return r.frame.predicted_error; }, "Expected relative error of the irradiance.");
+          },
+          "Names of the passes that ran, in order.")
+      .def_property_readonly(
+          "timings", [](const Result& r) { return r.frame.timings; },
+          "Seconds by pass, and in total.")
+      .def_property_readonly(
+          "predicted_error", [](const Result& r) { return r.frame.predicted_error; },
+          "Expected relative error of the irradiance.");
 
   py::class_<Session>(module, "_Session")
-      .def(py::init([](const Scene& scene, const Rig& rig, const std::optional<Board>& board, const std::shared_ptr<Environment>& environment, const py::object& detector,
-                       const std::string& backend, const Methods& methods, double error, double milliseconds, int size, bool cast_shadow) {
+      .def(py::init([](const Scene& scene, const Rig& rig, const std::optional<Board>& board,
+                       const std::shared_ptr<Environment>& environment, const py::object& detector,
+                       const std::string& backend, const Methods& methods, double error,
+                       double milliseconds, int size, bool cast_shadow) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
-             return std::make_unique<Session>(scene, rig, board, environment, std::move(function), std::move(renderer), SessionOptions{methods, error, milliseconds, size, cast_shadow});
-           }), py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"), py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
+             return std::make_unique<Session>(
+                 scene, rig, board, environment, std::move(function), std::move(renderer),
+                 SessionOptions{methods, error, milliseconds, size, cast_shadow});
+           }),
+           py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
+           py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
            py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"))
-      .def("_process", [](Session& session, double time, const py::object& back, const py::object& front, double back_exposure, double front_exposure, const py::object& back_from_marker) {
+      .def(
+          "_process",
+          [](Session& session, double time, const py::object& back, const py::object& front,
+             double back_exposure, double front_exposure, const py::object& back_from_marker) {
             py::array keep_back, keep_front;
             Frame frame;
-            frame.time = time, frame.back_exposure = back_exposure, frame.front_exposure = front_exposure;
+            frame.time = time, frame.back_exposure = back_exposure,
+            frame.front_exposure = front_exposure;
             if (!back.is_none()) frame.back = require_picture(back, "back", keep_back);
             if (!front.is_none()) frame.front = require_picture(front, "front", keep_front);
-            if (!back_from_marker.is_none()) frame.back_from_marker = require_pose(back_from_marker, "back_from_marker");
+            if (!back_from_marker.is_none())
+              frame.back_from_marker = require_pose(back_from_marker, "back_from_marker");
             const py::gil_scoped_release release;
             Result result{session.process(frame), {}, session.plan()};
             result.shadow = session.shadow_map();
             return result;
-          }, py::arg("time"), py::arg("back"), py::arg("front"), py::arg("back_exposure"), py::arg("front_exposure"), py::arg("back_from_marker"))
+          },
+          py::arg("time"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
+          py::arg("front_exposure"), py::arg("back_from_marker"))
       .def_property_readonly("plan", &Session::plan)
       .def_property_readonly("scene", &Session::scene)
-      .def_property_readonly("shadow_map", &Session::shadow_map, "ShadowMap of the last frame: .image, .extent.")
+      .def_property_readonly("shadow_map", &Session::shadow_map,
+                             "ShadowMap of the last frame: .image, .extent.")
       .def_property_readonly("object", &Session::object, "ObjectLayer of the last frame.")
-      .def_property_readonly("capture", &Session::capture, py::return_value_policy::reference_internal)
-      .def_property_readonly("backend", [](Session& s) { return std::string(s.renderer().backend()); })
-      .def("set_material", &Session::set_material, py::arg("material"), "Use another material from the next frame on.")
-      .def("move", [](Session& s, const py::object& pose) { s.move(require_pose(pose, "marker_from_object")); }, py::arg("marker_from_object"), "Move the object: Pose or (4, 4).")
-      .def("set_cast_shadow", &Session::set_cast_shadow, py::arg("cast"), "Switch the shadow on or off.")
-      .def("set_environment", [](Session& s, const std::shared_ptr<Environment>& e) { s.set_environment(e); }, py::arg("environment"), "Use a given Environment; None to capture.")
+      .def_property_readonly("capture", &Session::capture,
+                             py::return_value_policy::reference_internal)
+      .def_property_readonly("backend",
+                             [](Session& s) { return std::string(s.renderer().backend()); })
+      .def("set_material", &Session::set_material, py::arg("material"),
+           "Use another material from the next frame on.")
+      .def(
+          "move",
+          [](Session& s, const py::object& pose) {
+            s.move(require_pose(pose, "marker_from_object"));
+          },
+          py::arg("marker_from_object"), "Move the object: Pose or (4, 4).")
+      .def("set_cast_shadow", &Session::set_cast_shadow, py::arg("cast"),
+           "Switch the shadow on or off.")
+      .def(
+          "set_environment",
+          [](Session& s, const std::shared_ptr<Environment>& e) { s.set_environment(e); },
+          py::arg("environment"), "Use a given Environment; None to capture.")
       .def("_set_methods", &Session::set_methods, py::arg("methods"))
-      .def("_set_backend", [](Session& s, const std::string& backend) { s.set_renderer(renderer_named(backend)); }, py::arg("backend"));
+      .def(
+          "_set_backend",
+          [](Session& s, const std::string& backend) { s.set_renderer(renderer_named(backend)); },
+          py::arg("backend"));
 }
 
 }  // namespace fastibl::bindings

@@ -701,7 +701,7 @@ void bind_environment(py::module_& module) {
     std::copy(values.begin(), values.end(), out.mutable_data());
     return out;
   };
-  py::class_<Environment>(
+  py::class_<Environment, std::shared_ptr<Environment>>(
       module, "Environment",
       "What is known of the light of a place: radiance, and how well it is known.")
       .def(py::init(&environment_from), py::arg("radiance"), "A map that is known everywhere.")

@@ -82,7 +82,9 @@ class Lighting(_Lighting):
     for an unknown name.
     """
 
-    def __init__(self, cube: CubeMap | Environment, diffuse: str | Method = "auto", glossy: str | Method = "auto"):
+    def __init__(
+        self, cube: CubeMap | Environment, diffuse: str | Method = "auto", glossy: str | Method = "auto"
+    ):
         radiance = cube.radiance if isinstance(cube, Environment) else cube
         super().__init__(radiance, method_name("diffuse", diffuse), method_name("glossy", glossy))
 
@@ -95,7 +97,10 @@ class Lighting(_Lighting):
     @property
     def methods(self) -> dict[str, Method]:
         """The method of each step, with the error of its irradiance as measured on this map."""
-        return {"diffuse": Method(self._diffuse, error=self._irradiance_error), "glossy": Method(self._glossy)}
+        return {
+            "diffuse": Method(self._diffuse, error=self._irradiance_error),
+            "glossy": Method(self._glossy),
+        }
 
     def __repr__(self) -> str:
         return f"<fastibl.Lighting diffuse {self.methods['diffuse']}, glossy {self.methods['glossy']}>"

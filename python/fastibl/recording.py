@@ -126,9 +126,7 @@ class Recording:
         rig = read_rig(path / "rig.yaml")
         frames = _StoredFrames(path)
         if rig.front is None and any("front" in pictures for _, pictures in frames.moments):
-            raise ValueError(
-                f"{path / 'frames.csv'} lists front pictures, but rig.yaml has no front camera"
-            )
+            raise ValueError(f"{path / 'frames.csv'} lists front pictures, but rig.yaml has no front camera")
         board = read_board(path / "board.yaml") if (path / "board.yaml").is_file() else None
         truth = _read_truth(path / "truth") if (path / "truth").is_dir() else None
         return cls(rig, frames, board, truth, path)
@@ -164,9 +162,7 @@ class RecordingWriter:
     instead of one PNG a picture. FileExistsError for a folder that holds something else.
     """
 
-    def __init__(
-        self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False
-    ):
+    def __init__(self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False):
         self.path = Path(path)
         if self.path.exists() and not self.path.is_dir():
             raise FileExistsError(f"{self.path} is a file; a recording is a folder")
@@ -187,7 +183,9 @@ class RecordingWriter:
         known = {"rig.yaml", "board.yaml", "frames.csv", "truth", "back", "front", "back.mkv", "front.mkv"}
         other = sorted(p.name for p in self.path.iterdir() if p.name not in known)
         if other:
-            raise FileExistsError(f"{self.path} holds {other[0]}, which is no part of a recording; choose another")
+            raise FileExistsError(
+                f"{self.path} holds {other[0]}, which is no part of a recording; choose another"
+            )
         for item in self.path.iterdir():
             if item.is_dir():
                 for file in item.iterdir():
@@ -341,7 +339,9 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]
         rows = csv.DictReader(file)
         missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
         if missing:
-            raise ValueError(f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure")
+            raise ValueError(
+                f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure"
+            )
         for row in rows:
             where = f"{path} line {rows.line_num}"
             try:

@@ -37,7 +37,14 @@ def make_plan(
     if capture is None:
         capture = environment is None
     return _make_plan(
-        scene, environment, resolve_methods(methods), track, capture, cast_shadow, float(error), float(milliseconds)
+        scene,
+        environment,
+        resolve_methods(methods),
+        track,
+        capture,
+        cast_shadow,
+        float(error),
+        float(milliseconds),
     )
 
 
@@ -89,7 +96,12 @@ class Session(_Session):
         runs backwards, or a frame with neither picture nor pose; TypeError for other dtypes.
         """
         return self._process(
-            frame.time, frame.back, frame.front, frame.back_exposure, frame.front_exposure, frame.back_from_marker
+            frame.time,
+            frame.back,
+            frame.front,
+            frame.back_exposure,
+            frame.front_exposure,
+            frame.back_from_marker,
         )
 
     def set_methods(self, methods: Methods) -> None:

@@ -178,18 +178,14 @@ class HandPath:
     def back_from_marker(self, time: float) -> Pose:
         def slow(k: int, first: float, second: float) -> float:  # about -1 to 1; waves in Hz
             a, b = self._slow[k]
-            return (
-                0.65 * np.sin(2 * np.pi * first * time + a) + 0.35 * np.sin(2 * np.pi * second * time + b)
-            )
+            return 0.65 * np.sin(2 * np.pi * first * time + a) + 0.35 * np.sin(2 * np.pi * second * time + b)
 
         phases, waves = self._tremor
         tremor = (np.sin(2 * np.pi * waves * time + phases) / (waves / 2.5)).sum(axis=1) / 3
         azimuth = self._start + self._speed * time + 0.06 * slow(0, 0.31, 0.53)
         tilt = np.radians(38 + 14 * slow(1, 0.27, 0.61))
         distance = 0.50 + 0.08 * slow(2, 0.19, 0.43)
-        away = np.array(
-            [np.sin(tilt) * np.sin(azimuth), -np.sin(tilt) * np.cos(azimuth), np.cos(tilt)]
-        )
+        away = np.array([np.sin(tilt) * np.sin(azimuth), -np.sin(tilt) * np.cos(azimuth), np.cos(tilt)])
         eye = distance * away + 0.0012 * tremor[:3]
         aim = np.array([0.018 * slow(3, 0.23, 0.47), 0.018 * slow(4, 0.29, 0.57), 0.0])
         forward = (aim - eye) / np.linalg.norm(aim - eye)

@@ -31,9 +31,7 @@ def detect(
     if ids is None:
         return [], None
     # OpenCV counts from the centre of the upper left pixel, fastibl from its corner.
-    tags = [
-        (int(i), quad[0].astype(np.float64) + 0.5) for i, quad in zip(np.ravel(ids), quads, strict=True)
-    ]
+    tags = [(int(i), quad[0].astype(np.float64) + 0.5) for i, quad in zip(np.ravel(ids), quads, strict=True)]
     return tags, _start(tags, board, camera)
 
 

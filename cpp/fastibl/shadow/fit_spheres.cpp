@@ -45,7 +45,7 @@ struct LineSet {
   int axis, sa, sb;
 };
 // The 13 directions to the 26 neighbours.
-constexpr LineSet kLines[] = {{0, 0, 0}, {1, 0, -1}, {1, 0, 0},  {1, 0, 1},  {2, -1, -1},
+constexpr LineSet kLines[] = {{0, 0, 0},  {1, 0, -1}, {1, 0, 0},  {1, 0, 1}, {2, -1, -1},
                               {2, -1, 0}, {2, -1, 1}, {2, 0, -1}, {2, 0, 0}, {2, 0, 1},
                               {2, 1, -1}, {2, 1, 0},  {2, 1, 1}};
 
@@ -183,8 +183,8 @@ std::vector<float> squared_distances(const std::vector<std::uint8_t>& inside, co
       std::vector<float> in(length), out(length), from(length);
       std::vector<int> at(length);
       for (int line = begin; line < end; ++line) {
-        float* first =
-            &d[std::size_t(line % grid.size[a] * grid.stride(a) + line / grid.size[a] * grid.stride(b))];
+        float* first = &d[std::size_t(line % grid.size[a] * grid.stride(a) +
+                                      line / grid.size[a] * grid.stride(b))];
         for (int i = 0; i < n; ++i) in[std::size_t(i)] = first[i * stride];
         distance_line(in.data(), out.data(), n, at, from);
         for (int i = 0; i < n; ++i) first[i * stride] = out[std::size_t(i)];
@@ -205,7 +205,10 @@ struct Ball {
 class Cover {
  public:
   Cover(const std::vector<std::uint8_t>& inside, const Grid& grid)
-      : grid_(grid), worth_(inside.size()), balls_(inside.size()), sums_(inside.size() + std::size_t(grid.size.y) * grid.size.z) {
+      : grid_(grid),
+        worth_(inside.size()),
+        balls_(inside.size()),
+        sums_(inside.size() + std::size_t(grid.size.y) * grid.size.z) {
     for (std::size_t i = 0; i < worth_.size(); ++i) worth_[i] = inside[i] ? 1.0f : -1.0f;
     for (int z = 0; z < grid.size.z; ++z)
       for (int y = 0; y < grid.size.y; ++y) sum_row(y, z);
@@ -223,7 +226,8 @@ class Cover {
   // change: +1 to choose the ball, −1 to give it back.
   void change(const Ball& ball, int change) {
     rows(ball, [&](int y, int z, int first, int last) {
-      for (int x = first; x <= last; ++x) balls_[std::size_t(grid_.index(x, y, z))] += std::int16_t(change);
+      for (int x = first; x <= last; ++x)
+        balls_[std::size_t(grid_.index(x, y, z))] += std::int16_t(change);
       sum_row(y, z);
     });
   }
@@ -278,8 +282,7 @@ std::vector<Ball> candidates(const std::vector<float>& squared, const Grid& grid
             for (int dx = -1; dx <= 1 && ridge; ++dx) {
               if (dx == 0 && dy == 0 && dz == 0) continue;
               const float step = std::sqrt(float(dx * dx + dy * dy + dz * dz));
-              const float there =
-                  std::sqrt(squared[std::size_t(i + grid.index(dx, dy, dz))]);
+              const float there = std::sqrt(squared[std::size_t(i + grid.index(dx, dy, dz))]);
               ridge = there < d + step - 0.25f;
             }
         if (!ridge) continue;
@@ -294,7 +297,8 @@ SphereSet cover(const std::vector<std::uint8_t>& inside, const Grid& grid, int c
   const auto weigh = [&](auto&& stale) {
     parallel_for(int(balls.size()), 256, [&](int begin, int end) {
       for (int i = begin; i < end; ++i)
-        if (stale(balls[std::size_t(i)])) balls[std::size_t(i)].gain = state.gain(balls[std::size_t(i)]);
+        if (stale(balls[std::size_t(i)]))
+          balls[std::size_t(i)].gain = state.gain(balls[std::size_t(i)]);
     });
   };
   weigh([](const Ball&) { return true; });

@@ -1,0 +1,78 @@
+"""How far an estimated environment is from the true one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import CubeMap, Environment, texel_directions, texel_solid_angles
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Errors of what a matte (irradiance), a glossy (exponent 64) and a mirror sphere would show.
+
+    rmse: relative to the true mean. scale_invariant_rmse: the same after the best common factor. angular: mean angle
+    between estimated and true RGB, in degrees. median: median relative error of the irradiance over normals.
+    """
+
+    rmse: dict[str, float]
+    scale_invariant_rmse: dict[str, float]
+    angular: dict[str, float]
+    median: float
+
+
+def _radiance(source: Any) -> CubeMap:
+    if isinstance(source, Environment):
+        return source.radiance
+    return source if isinstance(source, CubeMap) else CubeMap(np.asarray(source, np.float64))
+
+
+def irradiance_over_sphere(source: Any, size: int = 8) -> NDArray:
+    """Irradiance (6, size, size, 3) float64 over normals, summed over the map's level of at most 32 squared texels."""
+    cube = _radiance(source)
+    level = next((k for k in range(cube.level_count) if cube.level(k).shape[1] <= 32), 0)
+    faces = np.asarray(cube.level(level), np.float64)
+    n = faces.shape[1]
+    directions = texel_directions(n).reshape(-1, 3).astype(np.float64)
+    flux = faces.reshape(-1, 3) * np.tile(texel_solid_angles(n).reshape(-1), 6)[:, None]
+    normals = texel_directions(size).reshape(-1, 3).astype(np.float64)
+    return (np.maximum(normals @ directions.T, 0) @ flux).reshape(6, size, size, 3)
+
+
+def relative_errors(estimated: NDArray, true: NDArray) -> NDArray:
+    """RMS over RGB of the difference, by the true RGB mean at the same place; (...,)."""
+    scale = np.maximum(true.mean(axis=-1), 1e-12)
+    return np.sqrt(((estimated - true) ** 2).mean(axis=-1)) / scale
+
+
+def compare(estimated: Any, true: Any) -> Comparison:
+    """Compare two maps (Environment, CubeMap or faces (6, n, n, 3)) by the spheres that they would light.
+
+    Raises ValueError or TypeError for what is no map.
+    """
+    from .lighting import Lighting
+
+    a, b = _radiance(estimated), _radiance(true)
+    matte = irradiance_over_sphere(a), irradiance_over_sphere(b)
+    directions = texel_directions(16)
+    spheres = {
+        "matte": matte,
+        "glossy": tuple(
+            Lighting(m).glossy(directions, directions, exponent=64.0).astype(np.float64) for m in (a, b)
+        ),
+        "mirror": (a.sample(directions).astype(np.float64), b.sample(directions).astype(np.float64)),
+    }
+    rmse, invariant, angular = {}, {}, {}
+    for name, (x, y) in spheres.items():
+        mean = max(y.mean(), 1e-12)
+        rmse[name] = float(np.sqrt(((x - y) ** 2).mean()) / mean)
+        factor = (x * y).sum() / max((x * x).sum(), 1e-12)
+        invariant[name] = float(np.sqrt(((factor * x - y) ** 2).mean()) / mean)
+        lengths = np.linalg.norm(x, axis=-1) * np.linalg.norm(y, axis=-1)
+        cosine = (x * y).sum(axis=-1)[lengths > 0] / lengths[lengths > 0]
+        angular[name] = float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean()) if cosine.size else 0.0
+    return Comparison(rmse, invariant, angular, float(np.median(relative_errors(*matte))))
