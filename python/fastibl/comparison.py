@@ -61,9 +61,7 @@ def compare(estimated: Any, true: Any) -> Comparison:
     directions = texel_directions(16)
     spheres = {
         "matte": matte,
-        "glossy": tuple(
-            Lighting(m).glossy(directions, directions, exponent=64.0).astype(np.float64) for m in (a, b)
-        ),
+        "glossy": tuple(Lighting(m).glossy(directions, directions, exponent=64.0).astype(np.float64) for m in (a, b)),
         "mirror": (a.sample(directions).astype(np.float64), b.sample(directions).astype(np.float64)),
     }
     rmse, invariant, angular = {}, {}, {}

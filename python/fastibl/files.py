@@ -25,9 +25,7 @@ def read_environment(path: str | os.PathLike[str], size: int = 128) -> CubeMap:
     if image is None:
         raise ValueError(f"{path} is not a picture that can be read; expected an equirectangular .hdr")
     if image.dtype != np.float32:
-        raise ValueError(
-            f"{path} holds {image.dtype} values; an environment map needs linear radiance (.hdr)"
-        )
+        raise ValueError(f"{path} holds {image.dtype} values; an environment map needs linear radiance (.hdr)")
     if image.shape[1] != 2 * image.shape[0]:
         raise ValueError(
             f"{path} is {image.shape[1]} x {image.shape[0]}; an equirectangular picture is twice as wide as high"

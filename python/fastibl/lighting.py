@@ -82,9 +82,7 @@ class Lighting(_Lighting):
     for an unknown name.
     """
 
-    def __init__(
-        self, cube: CubeMap | Environment, diffuse: str | Method = "auto", glossy: str | Method = "auto"
-    ):
+    def __init__(self, cube: CubeMap | Environment, diffuse: str | Method = "auto", glossy: str | Method = "auto"):
         radiance = cube.radiance if isinstance(cube, Environment) else cube
         super().__init__(radiance, method_name("diffuse", diffuse), method_name("glossy", glossy))
 

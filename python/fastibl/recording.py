@@ -183,9 +183,7 @@ class RecordingWriter:
         known = {"rig.yaml", "board.yaml", "frames.csv", "truth", "back", "front", "back.mkv", "front.mkv"}
         other = sorted(p.name for p in self.path.iterdir() if p.name not in known)
         if other:
-            raise FileExistsError(
-                f"{self.path} holds {other[0]}, which is no part of a recording; choose another"
-            )
+            raise FileExistsError(f"{self.path} holds {other[0]}, which is no part of a recording; choose another")
         for item in self.path.iterdir():
             if item.is_dir():
                 for file in item.iterdir():
@@ -202,9 +200,7 @@ class RecordingWriter:
                 continue
             picture = np.asarray(picture)
             if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
-                raise ValueError(
-                    f"the {camera} picture must be (h, w, 3) uint8, got {picture.shape} {picture.dtype}"
-                )
+                raise ValueError(f"the {camera} picture must be (h, w, 3) uint8, got {picture.shape} {picture.dtype}")
             name = self._store(camera, np.ascontiguousarray(picture[..., ::-1]))
             exposure = getattr(frame, f"{camera}_exposure")
             self._rows.writerow((repr(float(frame.time)), camera, name, repr(float(exposure))))
@@ -339,9 +335,7 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]
         rows = csv.DictReader(file)
         missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
         if missing:
-            raise ValueError(
-                f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure"
-            )
+            raise ValueError(f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure")
         for row in rows:
             where = f"{path} line {rows.line_num}"
             try:

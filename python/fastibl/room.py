@@ -38,9 +38,7 @@ _PAD = 2  # texels around each surface in the atlas, so that interpolation never
 def linear(colour: str) -> NDArray[np.float32]:
     """Linear RGB of "#rrggbb"."""
     encoded = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(
-        np.float32
-    )
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def wood(width: float, height: float, density: float, mean: ArrayLike, seed: int = 7) -> NDArray[np.float32]:
@@ -59,9 +57,7 @@ def wood(width: float, height: float, density: float, mean: ArrayLike, seed: int
     planks = max(1, round(height / 0.13))
     plank = np.minimum((y * planks / height).astype(int), planks - 1)
     tone = rng.normal(0, 0.06, planks).astype(np.float32)[plank]
-    rings = np.sin(
-        2 * np.pi * (y * 55 + 1.3 * noise(9, 1.5) + 7 * rng.random(planks).astype(np.float32)[plank])
-    )
+    rings = np.sin(2 * np.pi * (y * 55 + 1.3 * noise(9, 1.5) + 7 * rng.random(planks).astype(np.float32)[plank]))
     grain = 0.035 * rings + 0.03 * noise(220, 5) + 0.03 * noise(60, 2) + 0.02 * noise(500, 14)
     gap = np.abs(y * planks / height - np.round(y * planks / height)) * (height / planks)
     shade = (1 + tone + grain) * np.where((gap < 0.0012) & (y > 0.01) & (y < height - 0.01), 0.72, 1)
@@ -96,9 +92,7 @@ class _Surface:
 
     def disc(self, u, z, radius, colour):
         d, h = self.density, self.size[1]
-        cv2.circle(
-            self.albedo, (round(u * d), round((h - z) * d)), round(radius * d), linear(colour).tolist(), -1
-        )
+        cv2.circle(self.albedo, (round(u * d), round((h - z) * d)), round(radius * d), linear(colour).tolist(), -1)
 
     def polygon(self, points, colour):
         d, h = self.density, self.size[1]
@@ -125,9 +119,7 @@ class _Surface:
 
     def corners(self, u0, v0, u1, v1) -> NDArray:
         """Corners (4, 3) of a rectangle, clockwise for who looks at the surface from inside."""
-        return np.array(
-            [self.origin + u * self.u + v * self.v for u, v in ((u0, v0), (u1, v0), (u1, v1), (u0, v1))]
-        )
+        return np.array([self.origin + u * self.u + v * self.v for u, v in ((u0, v0), (u1, v0), (u1, v1), (u0, v1))])
 
 
 def _window(wall: _Surface, u0, z0, u1, z1, rng):
@@ -138,9 +130,7 @@ def _window(wall: _Surface, u0, z0, u1, z1, rng):
     sky = (1 - v) * np.float32([32, 41, 56]) + v * np.float32([52, 54, 55])
     sky = np.broadcast_to(sky, (height, width, 3)).copy()
     clouds = sum(
-        cv2.resize(
-            rng.standard_normal((n, n + 1)).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC
-        )
+        cv2.resize(rng.standard_normal((n, n + 1)).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
         * weight
         for n, weight in ((4, 1.0), (8, 0.5), (16, 0.25))
     )
@@ -209,9 +199,7 @@ def _paint_north(wall: _Surface, rng):
                 u += rng.uniform(0.05, 0.2)
                 continue
             spine = str(
-                rng.choice(
-                    ["#9c2f2a", "#2f5b8a", "#3d7a4a", "#d6a93b", "#e4dcc8", "#6a4a7d", "#1f2d3d", "#c2643a"]
-                )
+                rng.choice(["#9c2f2a", "#2f5b8a", "#3d7a4a", "#d6a93b", "#e4dcc8", "#6a4a7d", "#1f2d3d", "#c2643a"])
             )
             top = z + rng.uniform(0.2, 0.32)
             wall.rectangle(u, z, min(u + w, 2.64), top, spine)
@@ -284,9 +272,7 @@ def _paint_south(wall: _Surface, rng):
     u = UPPER[0] - _LAMP_CENTRE[0]
     wall.rectangle(u - 0.025, 0.95, u + 0.025, 1.25, "#b08d4a")
     wall.disc(u, 0.95, 0.06, "#b08d4a")
-    for k, (background, accent) in enumerate(
-        (("#f3d9c6", "#c2452d"), ("#dfe8c9", "#3d6b35"), ("#cfdcec", "#23406e"))
-    ):
+    for k, (background, accent) in enumerate((("#f3d9c6", "#c2452d"), ("#dfe8c9", "#3d6b35"), ("#cfdcec", "#23406e"))):
         a = 0.45 + 0.6 * k
         _picture(
             wall,
@@ -464,9 +450,7 @@ class Room:
         light = sum(self._direct[state][index] for state in states)
         return light + sum(self._reflected[state][index] for state in states) if reflected else light
 
-    def irradiance(
-        self, points: ArrayLike, lamp: bool = False, reflected: bool = True
-    ) -> NDArray[np.float32]:
+    def irradiance(self, points: ArrayLike, lamp: bool = False, reflected: bool = True) -> NDArray[np.float32]:
         """Irradiance (..., 3) of the table and the floor at points (..., 2) in metres.
 
         reflected: False leaves out the light that came by a wall, the floor or the ceiling.
@@ -591,9 +575,7 @@ class Room:
                 out[hit] = self._glass * (1 + 0.35 * side)[:, None]
         return out
 
-    def truth(
-        self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4
-    ) -> CubeMap:
+    def truth(self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4) -> CubeMap:
         """The true environment map at a place: radiance averaged over each texel by samples x samples rays.
 
         position: (3,) metres, by default the middle of a virtual object on the board. Below the horizon the map

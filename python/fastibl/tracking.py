@@ -23,9 +23,7 @@ def detect(
 
     parameters = cv2.aruco.DetectorParameters()
     parameters.markerBorderBits = board.border_bits
-    parameters.cornerRefinementMethod = (
-        cv2.aruco.CORNER_REFINE_SUBPIX if subpixel else cv2.aruco.CORNER_REFINE_NONE
-    )
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX if subpixel else cv2.aruco.CORNER_REFINE_NONE
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     quads, ids, _ = cv2.aruco.ArucoDetector(family, parameters).detectMarkers(grey)
     if ids is None:

@@ -10,16 +10,30 @@ namespace {
 constexpr int kFitSize = 16;    // face edge of the level that SH and the error are summed over
 constexpr int kPlaneSize = 32;  // the plane's irradiance divides every shadow: a finer sum
 
-template <typename Visit>  // visit(unit direction, solid angle, radiance)
-void for_each_texel(const CubeLevel& level, Visit&& visit) {
-  const int n = level.size();
-  const std::vector<double> angle = texel_solid_angles(n);
-  for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < n; ++y)
-      for (int x = 0; x < n; ++x)
-        visit(glm::normalize(glm::dvec3(texel_direction(f, x, y, n))),
-              angle[std::size_t(y) * n + std::size_t(x)], glm::dvec3(level.texel(f, x, y)));
-}
+// Directions and flux (radiance times solid angle) of every texel of a level, for sums over the
+// map.
+struct Texels {
+  std::vector<glm::dvec3> directions, flux;
+
+  explicit Texels(const CubeLevel& level) {
+    const int n = level.size();
+    const std::vector<double> angle = texel_solid_angles(n);
+    for (int f = 0; f < 6; ++f)
+      for (int y = 0; y < n; ++y)
+        for (int x = 0; x < n; ++x) {
+          directions.push_back(glm::normalize(glm::dvec3(texel_direction(f, x, y, n))));
+          flux.push_back(angle[std::size_t(y) * n + std::size_t(x)] *
+                         glm::dvec3(level.texel(f, x, y)));
+        }
+  }
+
+  glm::dvec3 irradiance(glm::dvec3 n) const {
+    glm::dvec3 sum(0);
+    for (std::size_t i = 0; i < flux.size(); ++i)
+      sum += std::max(0.0, glm::dot(n, directions[i])) * flux[i];
+    return sum;
+  }
+};
 
 std::array<glm::vec3, 9> irradiance_polynomial(const std::array<glm::dvec3, 9>& sh) {
   // A_l of the clamped cosine (π, 2π/3, π/4) times the constant of each basis function.
@@ -35,19 +49,17 @@ std::array<glm::vec3, 9> irradiance_polynomial(const std::array<glm::dvec3, 9>& 
   return polynomial;
 }
 
-// Relative RMS over RGB and 96 normals.
-double measure_error(const Irradiance& irradiance, const CubeLevel& level) {
+// Relative RMS over RGB, mean over 96 normals.
+double measure_error(const Irradiance& irradiance, const Texels& texels) {
   double error = 0, truth = 0;
-  int count = 0;
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < 4; ++y)
       for (int x = 0; x < 4; ++x) {
         const glm::dvec3 n = glm::normalize(glm::dvec3(texel_direction(f, x, y, 4)));
-        const glm::dvec3 exact = sum_irradiance(level, n);
+        const glm::dvec3 exact = texels.irradiance(n);
         const glm::dvec3 d = glm::dvec3(evaluate(irradiance, glm::vec3(n))) - exact;
         error += std::sqrt(glm::dot(d, d) / 3);
         truth += (exact.x + exact.y + exact.z) / 3;
-        ++count;
       }
   return truth > 0 ? error / truth : 0;
 }
@@ -55,17 +67,14 @@ double measure_error(const Irradiance& irradiance, const CubeLevel& level) {
 }  // namespace
 
 glm::dvec3 sum_irradiance(const CubeLevel& level, glm::dvec3 n) {
-  glm::dvec3 sum(0);
-  for_each_texel(level, [&](const glm::dvec3& d, double angle, const glm::dvec3& radiance) {
-    sum += std::max(0.0, glm::dot(n, d)) * angle * radiance;
-  });
-  return sum;
+  return Texels(level).irradiance(n);
 }
 
 std::array<glm::dvec3, 9> project_sh9(const CubeLevel& level) {
+  const Texels texels(level);
   std::array<glm::dvec3, 9> sh{};
-  for_each_texel(level, [&](const glm::dvec3& d, double angle, const glm::dvec3& radiance) {
-    const glm::dvec3 flux = angle * radiance;
+  for (std::size_t i = 0; i < texels.flux.size(); ++i) {
+    const glm::dvec3 &d = texels.directions[i], &flux = texels.flux[i];
     sh[0] += 0.28209479177387814 * flux;
     sh[1] += 0.48860251190291992 * d.y * flux;
     sh[2] += 0.48860251190291992 * d.z * flux;
@@ -75,7 +84,7 @@ std::array<glm::dvec3, 9> project_sh9(const CubeLevel& level) {
     sh[6] += 0.31539156525252005 * (3 * d.z * d.z - 1) * flux;
     sh[7] += 1.0925484305920792 * d.x * d.z * flux;
     sh[8] += 0.54627421529603959 * (d.x * d.x - d.y * d.y) * flux;
-  });
+  }
   return sh;
 }
 
@@ -113,7 +122,7 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
       glm::vec3(sum_irradiance(radiance->level_at_most(kPlaneSize), {0, 0, 1}));
   if (options.measure_error)
     lighting.irradiance_error =
-        measure_error(lighting.irradiance, radiance->level_at_most(kFitSize));
+        measure_error(lighting.irradiance, Texels(radiance->level_at_most(kFitSize)));
   lighting.radiance = std::move(radiance);
   return lighting;
 }

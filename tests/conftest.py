@@ -1,0 +1,44 @@
+"""Shared places and helpers. Real maps and meshes lie beside the project; what needs them skips without."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fastibl
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+MAPS = sorted((SHARED / "hdri").glob("*.hdr"))
+
+
+def units(count, seed=0):
+    """Random unit vectors (count, 3) float64."""
+    directions = np.random.default_rng(seed).normal(size=(count, 3))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+@pytest.fixture(scope="session")
+def real_maps():
+    """The seven real HDR maps as cube maps of 128 squared texels, by name."""
+    if not MAPS:
+        pytest.skip(f"no real HDR maps under {SHARED}")
+    return {path.stem.removesuffix("_1k"): fastibl.read_environment(path) for path in MAPS}
+
+
+@pytest.fixture(scope="session")
+def marked():
+    """An asymmetric cube map: every face another colour, with a bright spot off its middle."""
+    faces = np.zeros((6, 32, 32, 3))
+    faces += np.array([(1, 0.1, 0.1), (0.1, 1, 1), (0.1, 1, 0.1), (1, 0.1, 1), (0.1, 0.1, 1), (1, 1, 0.1)])[
+        :, None, None
+    ]
+    faces[:, 4:8, 18:24] = 6
+    return fastibl.CubeMap(faces)
+
+
+def same_error(call, kind, *words):
+    """The call raises `kind`, and the message holds all words."""
+    with pytest.raises(kind) as caught:
+        call()
+    for word in words:
+        assert word in str(caught.value), str(caught.value)
