@@ -42,8 +42,7 @@ Floats colours_at(const Floats& points, const std::vector<glm::vec3>& colours) {
 ShadowMethod require_method(const std::string& name) {
   if (name == "cap-sum") return ShadowMethod::cap_sum;
   if (name == "auto" || name == "cap-product") return ShadowMethod::cap_product;
-  throw py::value_error(R"(method must be "auto", "cap-sum" or "cap-product", got ")" + name +
-                        '"');
+  throw py::value_error(R"(method must be "auto", "cap-sum" or "cap-product", got ")" + name + '"');
 }
 
 // E(z) by summing a small level. Texels are cut into an even number ≥ 32 along an edge, so that
@@ -103,7 +102,7 @@ void bind_shadow(py::module_& module) {
 
 resolution: voxels along the longest edge. Deterministic; the mesh may be open, flipped or torn. A mesh that
 encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
-[8, 256].)");
+[8, 128].)");
 
   py::class_<ShadowMap>(module, "ShadowMap",
                         R"(Ratio of the light on the marker plane with and without the object.)")
@@ -164,10 +163,10 @@ spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. 
 spheres hold back, "cap-product" multiplies what they let through; "auto" takes the better. A channel without light
 has ratio 1, a point in or on a sphere 0; spheres that are not finite, have a radius of 0 or less, or lie below the
 plane are ignored. Raises ValueError for another shape or method, TypeError for integers.)");
-  module.def(
-      "cast_shadow", &cast, py::arg("cube"), py::arg("spheres"), py::arg("method") = "auto",
-      py::arg("resolution") = 64, py::arg("extent") = py::none(), py::arg("centre") = py::none(),
-      R"(ShadowMap of spheres, see shadow_ratio.
+  module.def("cast_shadow", &cast, py::arg("cube"), py::arg("spheres"), py::arg("method") = "auto",
+             py::arg("resolution") = 64, py::arg("extent") = py::none(),
+             py::arg("centre") = py::none(),
+             R"(ShadowMap of spheres, see shadow_ratio.
 
 extent: half the map's edge in metres, by default 3 times the spheres' half width. centre: (x, y), by default the
 middle of the spheres. The ratio fades to 1 over the outer tenth of the map.)");

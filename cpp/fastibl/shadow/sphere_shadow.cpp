@@ -10,10 +10,10 @@
 namespace fastibl {
 namespace {
 
-constexpr float kFade = 0.1f;            // share of half the map's edge over which it fades to 1
-constexpr float kNegligible = 1e-6f;     // obstruction below which a sphere is skipped at a point
-constexpr float kDefaultExtent = 3.0f;   // × the half width of the spheres
-constexpr float kFarthest = 1e30f;       // metres; keeps centre and extent finite for any sphere
+constexpr float kFade = 0.1f;           // share of half the map's edge over which it fades to 1
+constexpr float kNegligible = 1e-6f;    // obstruction below which a sphere is skipped at a point
+constexpr float kDefaultExtent = 3.0f;  // × the half width of the spheres
+constexpr float kFarthest = 1e30f;      // metres; keeps centre and extent finite for any sphere
 
 bool usable(const glm::vec4& s) {
   return std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.z) && std::isfinite(s.w) &&
@@ -23,8 +23,8 @@ bool usable(const glm::vec4& s) {
 // A sphere that can hold back light. In double, so that squares of 1e30 do not overflow.
 struct Caster {
   double x, y, z;
-  double r2;         // r²
-  double beyond;     // (z − r)(z + r): with |p − (x, y)|² it is d² − r² without cancellation
+  double r2;      // r²
+  double beyond;  // (z − r)(z + r): with |p − (x, y)|² it is d² − r² without cancellation
   double look_up_z;  // middle of the part above the plane: the centre, unless the plane cuts it
   bool clipped;      // some of it may lie below the horizon
 };
@@ -80,9 +80,9 @@ class Obstruction {
       const float projected =
           s.clipped ? shared::cap_projected_solid_angle(cos_theta, sin2_alpha, cos2_alpha)
                     : kPi * sin2_alpha * cos_theta;
-      const glm::vec3 seen = radiance_.sample(
-          {float(dx), float(dy), float(s.look_up_z)},
-          shared::cap_mip_level(sin2_alpha, cos2_alpha, float(radiance_.size())));
+      const glm::vec3 seen =
+          radiance_.sample({float(dx), float(dy), float(s.look_up_z)},
+                           shared::cap_mip_level(sin2_alpha, cos2_alpha, float(radiance_.size())));
       const glm::vec3 o = shared::cap_obstruction(seen, projected, inverse_);
       if (method_ == ShadowMethod::cap_sum)
         left = glm::max(left - o, 0.0f);
