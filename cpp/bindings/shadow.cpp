@@ -1,4 +1,5 @@
 #include <pybind11/operators.h>
+#include <pybind11/stl.h>
 
 #include <optional>
 
