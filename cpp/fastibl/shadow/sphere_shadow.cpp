@@ -143,8 +143,10 @@ class Obstruction {
           out[i] = glm::vec3(0);
         } else {
           const glm::vec3 o = hidden(caster, caps, i);
-          out[i] =
-              method_ == ShadowMethod::cap_sum ? glm::max(out[i] - o, 0.0f) : out[i] * (1.0f - o);
+          const bool sum = method_ == ShadowMethod::cap_sum;
+          const glm::vec3 left = sum ? out[i] - o : out[i] * (1.0f - o);
+          // Far below what can be seen; the denormal numbers of a long product are slow.
+          for (int c = 0; c < 3; ++c) out[i][c] = left[c] > 1e-9f ? left[c] : 0;
         }
       }
     }
