@@ -75,17 +75,24 @@ void see_caps(const Caster& c, const float* px, const float* py, float face_size
   }
 }
 
-glm::vec3 bilinear(const CubeLevel& level, const FacePoint& p) {
+// Four floats, of which the last is whatever follows: one SIMD register.
+struct Texel {
+  float v[4];
+};
+
+// Adds weight × the bilinear value.
+void add_bilinear(const CubeLevel& level, const FacePoint& p, float weight, Texel& sum) {
   const float n = float(level.size());
   // min and max in this order turn the NaN of an overflow into 1: any texel, but one of the map.
   const float x = std::max(0.0f, std::min(1.0f, p.s)) * n + 0.5f,
               y = std::max(0.0f, std::min(1.0f, p.t)) * n + 0.5f;
   const int ix = int(x), iy = int(y);
   const float fx = x - float(ix), fy = y - float(iy);
-  const glm::vec3* a = level.face(p.face) + (iy - 1) * level.row_stride() + (ix - 1);
-  const glm::vec3* b = a + level.row_stride();
-  const glm::vec3 upper = a[0] + fx * (a[1] - a[0]), lower = b[0] + fx * (b[1] - b[0]);
-  return upper + fy * (lower - upper);
+  const float lower = weight * fy, upper = weight - lower, wb = upper * fx, wa = upper - wb,
+              wd = lower * fx, wc = lower - wd;
+  const float* a = &level.face(p.face)[(iy - 1) * level.row_stride() + (ix - 1)].x;
+  const float* b = a + 3 * level.row_stride();
+  for (int k = 0; k < 4; ++k) sum.v[k] += wa * a[k] + wb * a[k + 3] + wc * b[k] + wd * b[k + 3];
 }
 
 // CubeMap::sample, with the face already found.
@@ -93,9 +100,11 @@ glm::vec3 look_up(const CubeMap& cube, const FacePoint& p, float level) {
   const int last = cube.level_count() - 1;
   const float clamped = std::min(std::max(0.0f, level), float(last));
   const int k = int(clamped);
-  const glm::vec3 fine = bilinear(cube.level(k), p);
-  if (k == last) return fine;
-  return fine + (clamped - float(k)) * (bilinear(cube.level(k + 1), p) - fine);
+  const float f = clamped - float(k);
+  Texel sum{};
+  add_bilinear(cube.level(k), p, 1 - f, sum);
+  if (k < last) add_bilinear(cube.level(k + 1), p, f, sum);
+  return {sum.v[0], sum.v[1], sum.v[2]};
 }
 
 class Obstruction {
