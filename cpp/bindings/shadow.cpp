@@ -1,4 +1,5 @@
 #include <pybind11/operators.h>
+#include <pybind11/stl.h>
 
 #include <optional>
 
@@ -102,7 +103,7 @@ void bind_shadow(py::module_& module) {
 
 resolution: voxels along the longest edge. Deterministic; the mesh may be open, flipped or torn. A mesh that
 encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
-[8, 256].)");
+[8, 128].)");
 
   py::class_<ShadowMap>(module, "ShadowMap",
                         R"(Ratio of the light on the marker plane with and without the object.)")

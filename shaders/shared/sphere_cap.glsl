@@ -19,11 +19,15 @@ FN float cap_projected_solid_angle(float cos_theta, float sin2_alpha, float cos2
   return clamp(projected, 0.0f, 3.14159265f);
 }
 
-// MIP level of a cube with faces of face_size^2 texels at which a texel (4 pi / 6 face_size^2 at
-// level 0) has the cap's solid angle 2 pi (1 - cos(alpha)); below 0 for a cap smaller than that.
+// The cap's solid angle 2 pi (1 - cos(alpha)) in texels of a cube with faces of face_size^2, each
+// 4 pi / 6 face_size^2. 1 - cos(alpha) is sin^2(alpha) / (1 + cos(alpha)), stable for small caps.
+FN float cap_texels(float sin2_alpha, float cos2_alpha, float face_size) {
+  return 3.0f * face_size * face_size * sin2_alpha / (1.0f + sqrt(cos2_alpha));
+}
+
+// The MIP level at which a texel has the cap's solid angle; below 0 for a smaller cap.
 FN float cap_mip_level(float sin2_alpha, float cos2_alpha, float face_size) {
-  // 1 - cos(alpha) as sin^2(alpha) / (1 + cos(alpha)), stable for small caps.
-  return 0.5f * log2(3.0f * face_size * face_size * sin2_alpha / (1.0f + sqrt(cos2_alpha)));
+  return 0.5f * log2(cap_texels(sin2_alpha, cos2_alpha, face_size));
 }
 
 // Share of the plane's irradiance that the cap holds back, per channel in [0, 1]. radiance: at the
