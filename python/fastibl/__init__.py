@@ -3,7 +3,7 @@
 Frames, units and pixel conventions are stated once, in docs/conventions.md.
 """
 
-from . import reference
+from . import reference, shapes
 from ._fastibl import (
     Bvh,
     Camera,
@@ -23,15 +23,18 @@ from ._fastibl import (
     threads,
 )
 from .files import read_environment, read_mesh, stand
+from .recording import Frame, Recording
 
 __all__ = [
     "Bvh",
     "Camera",
     "CubeMap",
     "Environment",
+    "Frame",
     "Material",
     "Mesh",
     "Pose",
+    "Recording",
     "Response",
     "Rig",
     "__version__",
@@ -41,8 +44,18 @@ __all__ = [
     "read_mesh",
     "reference",
     "set_threads",
+    "shapes",
+    "simulate",
     "stand",
     "texel_directions",
     "texel_solid_angles",
     "threads",
 ]
+
+
+def __getattr__(name: str):
+    if name == "simulate":  # brings OpenCV along, so only when it is asked for
+        from .simulator import simulate
+
+        return simulate
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

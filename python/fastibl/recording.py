@@ -19,13 +19,15 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Camera, CubeMap, Pose, Response, Rig
+
+if TYPE_CHECKING:
+    import cv2
 
 CAMERAS = ("back", "front")
 
@@ -126,9 +128,7 @@ class Recording:
         rig = read_rig(path / "rig.yaml")
         frames = _StoredFrames(path)
         if rig.front is None and any("front" in pictures for _, pictures in frames.moments):
-            raise ValueError(
-                f"{path / 'frames.csv'} lists front pictures, but rig.yaml has no front camera"
-            )
+            raise ValueError(f"{path / 'frames.csv'} lists front pictures, but rig.yaml has no front camera")
         board = read_board(path / "board.yaml") if (path / "board.yaml").is_file() else None
         truth = _read_truth(path / "truth") if (path / "truth").is_dir() else None
         return cls(rig, frames, board, truth, path)
@@ -138,6 +138,10 @@ class Recording:
 
     def __iter__(self) -> Iterator[Frame]:
         return iter(self._frames)
+
+    def __getitem__(self, index: int) -> Frame:
+        """One frame. OSError where a picture of it is missing or broken."""
+        return self._frames[index]
 
     @property
     def duration(self) -> float:
@@ -164,9 +168,7 @@ class RecordingWriter:
     instead of one PNG a picture. FileExistsError for a folder that holds something else.
     """
 
-    def __init__(
-        self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False
-    ):
+    def __init__(self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False):
         self.path = Path(path)
         if self.path.exists() and not self.path.is_dir():
             raise FileExistsError(f"{self.path} is a file; a recording is a folder")
@@ -187,7 +189,9 @@ class RecordingWriter:
         known = {"rig.yaml", "board.yaml", "frames.csv", "truth", "back", "front", "back.mkv", "front.mkv"}
         other = sorted(p.name for p in self.path.iterdir() if p.name not in known)
         if other:
-            raise FileExistsError(f"{self.path} holds {other[0]}, which is no part of a recording; choose another")
+            raise FileExistsError(
+                f"{self.path} holds {other[0]}, which is no part of a recording; choose another"
+            )
         for item in self.path.iterdir():
             if item.is_dir():
                 for file in item.iterdir():
@@ -213,6 +217,8 @@ class RecordingWriter:
         self._file.flush()  # what was recorded survives a crash
 
     def _store(self, camera: str, picture: NDArray) -> str:
+        import cv2
+
         number = self._counts[camera]
         self._counts[camera] += 1
         if self._videos is None:
@@ -305,6 +311,8 @@ class _StoredFrames(Sequence):
         return np.ascontiguousarray(picture[..., ::-1])
 
     def _read_picture(self, file: str) -> NDArray[np.uint8]:
+        import cv2
+
         path = self.path / file
         if not path.is_file():
             raise FileNotFoundError(f"the picture {path} is missing")
@@ -314,6 +322,8 @@ class _StoredFrames(Sequence):
         return picture
 
     def _read_video(self, name: str, number: int) -> NDArray[np.uint8]:
+        import cv2
+
         path = self.path / name
         if not path.is_file():
             raise FileNotFoundError(f"the video {path} is missing")
@@ -341,7 +351,9 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]
         rows = csv.DictReader(file)
         missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
         if missing:
-            raise ValueError(f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure")
+            raise ValueError(
+                f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure"
+            )
         for row in rows:
             where = f"{path} line {rows.line_num}"
             try:
@@ -364,7 +376,10 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]
 # rig.yaml and board.yaml
 
 
-def _open_yaml(path: Path, mode: int) -> cv2.FileStorage:
+def _open_yaml(path: Path, write: bool = False) -> cv2.FileStorage:
+    import cv2
+
+    mode = cv2.FILE_STORAGE_WRITE if write else cv2.FILE_STORAGE_READ
     try:
         storage = cv2.FileStorage(str(path), mode)
     except (cv2.error, SystemError) as error:
@@ -388,7 +403,9 @@ def _matrix(node: cv2.FileNode, name: str) -> NDArray | None:
 
 def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
     """Writes a rig as OpenCV's FileStorage; camera matrices are in OpenCV's convention."""
-    storage = _open_yaml(Path(path), cv2.FILE_STORAGE_WRITE)
+    import cv2
+
+    storage = _open_yaml(Path(path), write=True)
     for name in CAMERAS:
         camera = getattr(rig, name)
         if camera is None:
@@ -417,7 +434,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"the calibration {path} is missing")
-    storage = _open_yaml(path, cv2.FILE_STORAGE_READ)
+    storage = _open_yaml(path)
     try:
         back = _read_camera(storage.getNode("back"), "back", path)
         if back is None:
@@ -459,7 +476,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
 
 def write_board(path: str | os.PathLike[str], board: Any) -> None:
     """Writes a board's page size, border_bits and tags (ids, and corners in metres, (4 tags, 2))."""
-    storage = _open_yaml(Path(path), cv2.FILE_STORAGE_WRITE)
+    storage = _open_yaml(Path(path), write=True)
     storage.write("width", float(board.width))
     storage.write("height", float(board.height))
     storage.write("border_bits", int(getattr(board, "border_bits", 1)))
@@ -473,7 +490,7 @@ def write_board(path: str | os.PathLike[str], board: Any) -> None:
 def read_board(path: str | os.PathLike[str]) -> Any:
     """Board of a board.yaml; None where it lists no tags."""
     path = Path(path)
-    storage = _open_yaml(path, cv2.FILE_STORAGE_READ)
+    storage = _open_yaml(path)
     try:
         root = storage.root()
         ids, corners = _matrix(root, "ids"), _matrix(root, "corners")

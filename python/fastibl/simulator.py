@@ -163,7 +163,7 @@ def default_rig(size: tuple[int, int] = (640, 480)) -> Rig:
 
 
 class HandPath:
-    """Where a hand holds the back camera: around the board, 0.42 to 0.58 m away, tilted by 24 to 52 degrees.
+    """Where a hand holds the back camera: around the board, 0.45 to 0.6 m away, tilted by 24 to 52 degrees.
 
     Smooth slow sweeps and a small tremor, drawn from the seed; a function of time alone, whatever the frame rate.
     """
@@ -178,18 +178,14 @@ class HandPath:
     def back_from_marker(self, time: float) -> Pose:
         def slow(k: int, first: float, second: float) -> float:  # about -1 to 1; waves in Hz
             a, b = self._slow[k]
-            return (
-                0.65 * np.sin(2 * np.pi * first * time + a) + 0.35 * np.sin(2 * np.pi * second * time + b)
-            )
+            return 0.65 * np.sin(2 * np.pi * first * time + a) + 0.35 * np.sin(2 * np.pi * second * time + b)
 
         phases, waves = self._tremor
         tremor = (np.sin(2 * np.pi * waves * time + phases) / (waves / 2.5)).sum(axis=1) / 3
         azimuth = self._start + self._speed * time + 0.06 * slow(0, 0.31, 0.53)
         tilt = np.radians(38 + 14 * slow(1, 0.27, 0.61))
-        distance = 0.50 + 0.08 * slow(2, 0.19, 0.43)
-        away = np.array(
-            [np.sin(tilt) * np.sin(azimuth), -np.sin(tilt) * np.cos(azimuth), np.cos(tilt)]
-        )
+        distance = 0.525 + 0.07 * slow(2, 0.19, 0.43)
+        away = np.array([np.sin(tilt) * np.sin(azimuth), -np.sin(tilt) * np.cos(azimuth), np.cos(tilt)])
         eye = distance * away + 0.0012 * tremor[:3]
         aim = np.array([0.018 * slow(3, 0.23, 0.47), 0.018 * slow(4, 0.29, 0.57), 0.0])
         forward = (aim - eye) / np.linalg.norm(aim - eye)
@@ -396,11 +392,11 @@ def simulate(
 
         steps = tqdm(steps, total=len(times), desc="simulate", unit="frame")
     try:
+        if writer is not None:
+            writer.write_truth(truth)  # first: a run that is broken off leaves a shorter recording
         for index, (time, pose) in steps:
             frame = make.frame(index, time, pose)
             frames.append(frame) if writer is None else writer.add(frame)
-        if writer is not None:
-            writer.write_truth(truth)
     finally:
         if writer is not None:
             writer.close()
