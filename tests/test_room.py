@@ -1,9 +1,8 @@
 """The built-in room: its light is plausible, its radiance belongs to places, its truth is what rays see."""
 
+import fastibl
 import numpy as np
 import pytest
-
-import fastibl
 from fastibl import reference
 from fastibl.room import (
     _LAMP_CENTRE,
@@ -42,7 +41,8 @@ def test_radiance_belongs_to_the_wall_not_to_the_view(room, lamp):
         points = points[np.linalg.norm(c - (along @ c)[:, None] * along, axis=1) > 0.15]
         c = _LAMP_CENTRE - eye
     from_a, from_b = room.radiance(a, points - a, lamp), room.radiance(b, points - b, lamp)
-    # Float32 coordinates move a look-up by a hundredth of a texel; at an edge of a window pane that is visible.
+    # Float32 coordinates move a look-up by a hundredth of a texel; at an edge of a window pane that is
+    # visible.
     near = np.isclose(from_a, from_b, rtol=0.02, atol=0.02).all(axis=1)
     assert len(points) > 200
     assert near.mean() > 0.98
@@ -119,7 +119,8 @@ def test_truth_has_the_orientation_of_rays(room):
     direct = room.radiance(OBJECT, d, True)
     for face in range(6):
         a, b = np.log(truth.faces[face].ravel()), np.log(np.maximum(direct[face].ravel(), 1e-3))
-        # A texel's mean and the ray through its middle differ where the room has detail; a turned face would not fit.
+        # A texel's mean and the ray through its middle differ where the room has detail; a turned face would
+        # not fit.
         assert np.mean(np.abs(a - b)) < 0.12, face
     brightest = d.reshape(-1, 3)[truth.faces.sum(axis=-1).argmax()]
     towards = (_LAMP_CENTRE - OBJECT) / np.linalg.norm(_LAMP_CENTRE - OBJECT)

@@ -4,7 +4,6 @@ import time
 
 import numpy as np
 import pytest
-
 from fastibl import Bvh, shapes
 
 

@@ -1,11 +1,11 @@
-"""Recordings: the pictures of a back and a front camera with their calibration, and the truth where it is known.
+"""Recordings: pictures of a back and a front camera, their calibration, and the truth where it is known.
 
 A recording is a folder:
 
 - rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves
 - board.yaml: the printed board: tags, border_bits, page size
-- frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame. `file` is a
-  lossless picture, or a frame of a lossless video: back.mkv#12
+- frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
+  `file` is a lossless picture, or a frame of a lossless video: back.mkv#12
 - truth/: where known, environment maps by time, camera poses by time, and what happened
 """
 
@@ -36,8 +36,8 @@ CAMERAS = ("back", "front")
 class Frame:
     """Pictures of one moment.
 
-    time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of radiance.
-    back_from_marker: Pose where it is known, which skips tracking.
+    time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of
+    radiance. back_from_marker: Pose where it is known, which skips tracking.
     """
 
     time: float
@@ -74,9 +74,10 @@ class RecordingWarning(UserWarning):
 class Truth:
     """What is known of a recording besides its pictures.
 
-    maps: (time from which it holds, environment map at the object), in order. poses: (time, back_from_marker), in
-    order. lamp_time: when a lamp was switched on, or None. hand: begin and end of a hand before the front camera, or
-    None. position: the place in the marker frame that the maps are seen from, metres.
+    maps: (time from which it holds, environment map at the object), in order. poses: (time,
+    back_from_marker), in order. lamp_time: when a lamp was switched on, or None. hand: begin and end of a
+    hand before the front camera, or None. position: the place in the marker frame that the maps are seen
+    from, metres.
     """
 
     maps: Sequence[tuple[float, CubeMap]] = ()
@@ -86,7 +87,7 @@ class Truth:
     position: tuple[float, float, float] = (0.0, 0.0, 0.06)
 
     def environment(self, time: float) -> CubeMap:
-        """The environment map that holds at `time`; before the first, the first. LookupError where none is known."""
+        """The environment map that holds at `time`; before the first, the first. LookupError without any."""
         if not self.maps:
             raise LookupError("this recording holds no true environment map")
         return self.maps[max(0, bisect.bisect_right([t for t, _ in self.maps], time) - 1)][1]
@@ -104,8 +105,8 @@ class Truth:
 class Recording:
     """Frames of a rig, in order of time; iterate as often as you like.
 
-    .rig, .board (None where there is none), .truth (None where nothing is known), .path (None in memory). A picture
-    that is missing or broken ends the iteration with a RecordingWarning that names it.
+    .rig, .board (None where there is none), .truth (None where nothing is known), .path (None in memory). A
+    picture that is missing or broken ends the iteration with a RecordingWarning that names it.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class Recording:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Recording:
-        """The recording in a folder. FileNotFoundError names what is missing, ValueError what cannot be read."""
+        """The recording in a folder. FileNotFoundError or ValueError names what is wrong."""
         path = Path(path)
         if not path.is_dir():
             raise FileNotFoundError(f"no recording at {path}: expected a folder with rig.yaml and frames.csv")
@@ -164,8 +165,8 @@ class Recording:
 class RecordingWriter:
     """Writes a recording, picture by picture; a context manager.
 
-    path: a folder that does not exist or is empty; an older recording there is replaced. video: lossless FFV1 videos
-    instead of one PNG a picture. FileExistsError for a folder that holds something else.
+    path: a folder that does not exist or is empty; an older recording there is replaced. video: lossless FFV1
+    videos instead of one PNG a picture. FileExistsError for a folder that holds something else.
     """
 
     def __init__(self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False):

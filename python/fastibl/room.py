@@ -1,10 +1,12 @@
 """The built-in room: a box with windows, a ceiling light, a lamp and a table, ray-cast from any place in it.
 
-Its light is worked out once: what the windows, the ceiling light and the lamp send to every surface directly (in closed
-form), and a few reflections on a coarse grid of patches. Every surface is Lambertian, so radiance does not
-depend on where it is seen from, and what is kept is one picture of radiance a surface and a state of the lamp.
+Its light is worked out once: what the windows, the ceiling light and the lamp send to every surface directly
+(in closed form), and a few reflections on a coarse grid of patches. Every surface is Lambertian, so radiance
+does not depend on where it is seen from, and what is kept is one picture of radiance a surface and a state of
+the lamp.
 
-World = marker frame: the board's plane z = 0 is the table top, and the floor beyond it lies at the same height.
+World = marker frame: the board's plane z = 0 is the table top, and the floor beyond it lies at the same
+height.
 """
 
 from __future__ import annotations
@@ -345,10 +347,10 @@ def _paint_floor(wall: _Surface, rng):
 
 
 def _rectangle_irradiance(points: NDArray, normal: NDArray, corners: NDArray) -> NDArray:
-    """Irradiance (...) at points (..., 3) from a rectangle of radiance 1 that lies wholly above their horizon.
+    """Irradiance (...) at points (..., 3) from a rectangle of radiance 1, wholly above their horizon.
 
-    Lambert 1760: half the sum over the edges of the angle an edge subtends times the cosine between the normal and
-    the normal of the plane through the edge and the point.
+    Lambert 1760: half the sum over the edges of the angle an edge subtends times the cosine between the
+    normal and the normal of the plane through the edge and the point.
     """
     arrows = corners[:, None, :] - points.reshape(1, -1, 3)
     arrows /= np.maximum(np.linalg.norm(arrows, axis=-1, keepdims=True), 1e-9)
@@ -361,7 +363,7 @@ def _rectangle_irradiance(points: NDArray, normal: NDArray, corners: NDArray) ->
 
 
 def _sphere_irradiance(points: NDArray, normal: NDArray) -> NDArray:
-    """Irradiance (...) at points from the lamp with radiance 1; it lies above the horizon of every surface."""
+    """Irradiance (...) at points from the lamp with radiance 1, wholly above their horizon."""
     arrow = _LAMP_CENTRE - points
     squared = np.sum(arrow * arrow, axis=-1)
     return np.pi * _LAMP_RADIUS**2 * np.maximum(arrow @ normal, 0) / squared**1.5
@@ -370,8 +372,8 @@ def _sphere_irradiance(points: NDArray, normal: NDArray) -> NDArray:
 class Room:
     """A furnished room of 6 x 5 x 2.6 m around the marker, with two windows, a ceiling light and a lamp.
 
-    The plane z = 0 is a wooden table of 2.0 x 1.3 m with a darker floor around it. The lamp, 2.5 m from the marker,
-    is on or off: every method takes `lamp`. albedo: the table's mean albedo, a number or RGB.
+    The plane z = 0 is a wooden table of 2.0 x 1.3 m with a darker floor around it. The lamp, 2.5 m from the
+    marker, is on or off: every method takes `lamp`. albedo: the table's mean albedo, a number or RGB.
     """
 
     def __init__(self, albedo: ArrayLike | None = None):
@@ -521,8 +523,8 @@ class Room:
                 padded = cv2.copyMakeBorder(tile, _PAD, _PAD, _PAD, _PAD, cv2.BORDER_REPLICATE)
                 atlas[r : r + padded.shape[0], c : c + padded.shape[1]] = padded
             self._atlas[lamp] = atlas
-        # Atlas column = scale * a + shift, where a is y on the x walls and x elsewhere; row likewise, of z on the
-        # walls and y on floor and ceiling.
+        # Atlas column = scale * a + shift, where a is y on the x walls and x elsewhere; row likewise, of z on
+        # the walls and y on floor and ceiling.
         table_frame = (np.array([-half[0], half[1], 0]), np.array([1, 0, 0]), np.array([0, -1, 0]))
         frames = [(s.origin, s.u, s.v) for s in self._surfaces] + [table_frame]
         columns, rows = [], []
@@ -563,8 +565,8 @@ class Room:
     ) -> NDArray[np.float32]:
         """Radiance (..., 3) float32 that arrives at `position` from `directions` (..., 3), marker frame.
 
-        position: (3,) or as directions, metres, inside the room. unit: the directions have length 1 already. Raises
-        ValueError for a position outside.
+        position: (3,) or as directions, metres, inside the room. unit: the directions have length 1 already.
+        Raises ValueError for a position outside.
         """
         p = np.asarray(position, np.float64)
         d = np.asarray(directions, np.float32)
@@ -598,9 +600,10 @@ class Room:
     ) -> CubeMap:
         """The true environment map at a place: radiance averaged over each texel by samples x samples rays.
 
-        position: (3,) metres, by default the middle of a virtual object on the board. Below the horizon the map
-        holds the table as it is without the printed board: what lights an object is the board, but its mean albedo
-        and the table's agree to a few per cent, and whoever measures masks the board and fills it from around.
+        position: (3,) metres, by default the middle of a virtual object on the board. Below the horizon the
+        map holds the table as it is without the printed board: what lights an object is the board, but its
+        mean albedo and the table's agree to a few per cent, and whoever measures masks the board and fills it
+        from around.
         """
         return truth_map(lambda d: self.radiance(position, d, lamp), size, samples)
 

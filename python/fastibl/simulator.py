@@ -1,4 +1,4 @@
-"""Recordings of a place whose light is known: a room, or any environment map at infinity, seen by a hand-held rig."""
+"""Recordings by a hand-held rig in a place whose light is known: a room, or any map at infinity."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Place(Protocol):
 class DistantPlace:
     """An environment map at infinity above the horizon, and below it an opaque wooden table that it lights.
 
-    environment: CubeMap, or equirectangular picture (h, 2h, 3) of any float dtype. albedo: of the table, a number or
-    RGB; where it is seen far from the marker it is plain.
+    environment: CubeMap, or equirectangular picture (h, 2h, 3) of any float dtype. albedo: of the table, a
+    number or RGB; where it is seen far from the marker it is plain.
     """
 
     _DENSITY = 500  # texels a metre of the table
@@ -75,7 +75,7 @@ class DistantPlace:
     def radiance(
         self, position: ArrayLike, directions: ArrayLike, lamp: bool = False, unit: bool = False
     ) -> NDArray[np.float32]:
-        """Radiance (..., 3) float32 that arrives at `position` (3,), above the table, from `directions` (..., 3)."""
+        """Radiance (..., 3) float32 that arrives at `position` (3,), z > 0, from `directions` (..., 3)."""
         o = np.asarray(position, np.float32)
         d = np.asarray(directions, np.float32)
         if o.shape != (3,) or d.shape[-1:] != (3,):
@@ -116,7 +116,7 @@ class DistantPlace:
     def truth(
         self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4
     ) -> CubeMap:
-        """The true environment map at a place: the given map above the horizon, below it the table without board.
+        """The true environment map at a place: the given one above the horizon, below it the table.
 
         As Room.truth says of the printed board.
         """
@@ -165,7 +165,8 @@ def default_rig(size: tuple[int, int] = (640, 480)) -> Rig:
 class HandPath:
     """Where a hand holds the back camera: around the board, 0.45 to 0.6 m away, tilted by 24 to 52 degrees.
 
-    Smooth slow sweeps and a small tremor, drawn from the seed; a function of time alone, whatever the frame rate.
+    Smooth slow sweeps and a small tremor, drawn from the seed; a function of time alone, whatever the frame
+    rate.
     """
 
     def __init__(self, rng: np.random.Generator, seconds: float):
@@ -348,16 +349,18 @@ def simulate(
 ) -> Recording:
     """Makes a recording of a place whose light is known.
 
-    environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the path of
-    an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights. albedo: the table's mean, a
-    number or RGB; by default about that of the printed page. board: the printed page (`.image(dpi)` grey uint8,
-    `.width`, `.height` in metres); None is Board.default(), False none at all. size: width and height of the
-    pictures. rig: cameras of your own, whatever `size` says. truth_size: texels along a face of the true maps.
+    environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the
+    path of an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights. albedo: the
+    table's mean, a number or RGB; by default about that of the printed page. board: the printed page
+    (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False none at all.
+    size: width and height of the pictures. rig: cameras of your own, whatever `size` says. truth_size: texels
+    along a face of the true maps.
 
-    The back camera circles the board as if held by a hand, at constant exposure; the front camera, which looks the
-    other way, takes each third picture 16 and each third 256 times darker. lamp: in the room, a lamp is switched
-    on at half-time. hand: a hand covers the front camera for one second after 70 % of the time. `truth` holds the
-    maps at the object (OBJECT, 6 cm above the board's centre), the poses, and when both happened.
+    The back camera circles the board as if held by a hand, at constant exposure; the front camera, which
+    looks the other way, takes each third picture 16 and each third 256 times darker. lamp: in the room, a
+    lamp is switched on at half-time. hand: a hand covers the front camera for one second after 70 % of the
+    time. `truth` holds the maps at the object (OBJECT, 6 cm above the board's centre), the poses, and when
+    both happened.
 
     out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos instead of PNG
     pictures. The same arguments give the same bytes. Raises ValueError for what makes no recording.
