@@ -3,7 +3,7 @@
 Frames, units and pixel conventions are stated once, in docs/conventions.md.
 """
 
-from . import reference
+from . import reference, shapes
 from ._fastibl import (
     Board,
     Bvh,
@@ -90,6 +90,7 @@ __all__ = [
     "reference",
     "set_threads",
     "shadow_ratio",
+    "shapes",
     "simulate",
     "stand",
     "texel_directions",

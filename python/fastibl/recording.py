@@ -1,11 +1,11 @@
-"""Recordings: the pictures of a back and a front camera with their calibration, and the truth where it is known.
+"""Recordings: pictures of a back and a front camera, their calibration, and the truth where it is known.
 
 A recording is a folder:
 
 - rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves
 - board.yaml: the printed board: tags, border_bits, page size
-- frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame. `file` is a
-  lossless picture, or a frame of a lossless video: back.mkv#12
+- frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
+  `file` is a lossless picture, or a frame of a lossless video: back.mkv#12
 - truth/: where known, environment maps by time, camera poses by time, and what happened
 """
 
@@ -19,13 +19,15 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Camera, CubeMap, Pose, Response, Rig
+
+if TYPE_CHECKING:
+    import cv2
 
 CAMERAS = ("back", "front")
 
@@ -34,8 +36,8 @@ CAMERAS = ("back", "front")
 class Frame:
     """Pictures of one moment.
 
-    time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of radiance.
-    back_from_marker: Pose where it is known, which skips tracking.
+    time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of
+    radiance. back_from_marker: Pose where it is known, which skips tracking.
     """
 
     time: float
@@ -72,9 +74,10 @@ class RecordingWarning(UserWarning):
 class Truth:
     """What is known of a recording besides its pictures.
 
-    maps: (time from which it holds, environment map at the object), in order. poses: (time, back_from_marker), in
-    order. lamp_time: when a lamp was switched on, or None. hand: begin and end of a hand before the front camera, or
-    None. position: the place in the marker frame that the maps are seen from, metres.
+    maps: (time from which it holds, environment map at the object), in order. poses: (time,
+    back_from_marker), in order. lamp_time: when a lamp was switched on, or None. hand: begin and end of a
+    hand before the front camera, or None. position: the place in the marker frame that the maps are seen
+    from, metres.
     """
 
     maps: Sequence[tuple[float, CubeMap]] = ()
@@ -84,7 +87,7 @@ class Truth:
     position: tuple[float, float, float] = (0.0, 0.0, 0.06)
 
     def environment(self, time: float) -> CubeMap:
-        """The environment map that holds at `time`; before the first, the first. LookupError where none is known."""
+        """The environment map that holds at `time`; before the first, the first. LookupError without any."""
         if not self.maps:
             raise LookupError("this recording holds no true environment map")
         return self.maps[max(0, bisect.bisect_right([t for t, _ in self.maps], time) - 1)][1]
@@ -102,8 +105,8 @@ class Truth:
 class Recording:
     """Frames of a rig, in order of time; iterate as often as you like.
 
-    .rig, .board (None where there is none), .truth (None where nothing is known), .path (None in memory). A picture
-    that is missing or broken ends the iteration with a RecordingWarning that names it.
+    .rig, .board (None where there is none), .truth (None where nothing is known), .path (None in memory). A
+    picture that is missing or broken ends the iteration with a RecordingWarning that names it.
     """
 
     def __init__(
@@ -119,7 +122,7 @@ class Recording:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Recording:
-        """The recording in a folder. FileNotFoundError names what is missing, ValueError what cannot be read."""
+        """The recording in a folder. FileNotFoundError or ValueError names what is wrong."""
         path = Path(path)
         if not path.is_dir():
             raise FileNotFoundError(f"no recording at {path}: expected a folder with rig.yaml and frames.csv")
@@ -136,6 +139,10 @@ class Recording:
 
     def __iter__(self) -> Iterator[Frame]:
         return iter(self._frames)
+
+    def __getitem__(self, index: int) -> Frame:
+        """One frame. OSError where a picture of it is missing or broken."""
+        return self._frames[index]
 
     @property
     def duration(self) -> float:
@@ -158,8 +165,8 @@ class Recording:
 class RecordingWriter:
     """Writes a recording, picture by picture; a context manager.
 
-    path: a folder that does not exist or is empty; an older recording there is replaced. video: lossless FFV1 videos
-    instead of one PNG a picture. FileExistsError for a folder that holds something else.
+    path: a folder that does not exist or is empty; an older recording there is replaced. video: lossless FFV1
+    videos instead of one PNG a picture. FileExistsError for a folder that holds something else.
     """
 
     def __init__(self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False):
@@ -183,7 +190,9 @@ class RecordingWriter:
         known = {"rig.yaml", "board.yaml", "frames.csv", "truth", "back", "front", "back.mkv", "front.mkv"}
         other = sorted(p.name for p in self.path.iterdir() if p.name not in known)
         if other:
-            raise FileExistsError(f"{self.path} holds {other[0]}, which is no part of a recording; choose another")
+            raise FileExistsError(
+                f"{self.path} holds {other[0]}, which is no part of a recording; choose another"
+            )
         for item in self.path.iterdir():
             if item.is_dir():
                 for file in item.iterdir():
@@ -207,6 +216,8 @@ class RecordingWriter:
         self._file.flush()  # what was recorded survives a crash
 
     def _store(self, camera: str, picture: NDArray) -> str:
+        import cv2
+
         number = self._counts[camera]
         self._counts[camera] += 1
         if self._videos is None:
@@ -299,6 +310,8 @@ class _StoredFrames(Sequence):
         return np.ascontiguousarray(picture[..., ::-1])
 
     def _read_picture(self, file: str) -> NDArray[np.uint8]:
+        import cv2
+
         path = self.path / file
         if not path.is_file():
             raise FileNotFoundError(f"the picture {path} is missing")
@@ -308,6 +321,8 @@ class _StoredFrames(Sequence):
         return picture
 
     def _read_video(self, name: str, number: int) -> NDArray[np.uint8]:
+        import cv2
+
         path = self.path / name
         if not path.is_file():
             raise FileNotFoundError(f"the video {path} is missing")
@@ -335,7 +350,9 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]
         rows = csv.DictReader(file)
         missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
         if missing:
-            raise ValueError(f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure")
+            raise ValueError(
+                f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure"
+            )
         for row in rows:
             where = f"{path} line {rows.line_num}"
             try:
@@ -358,7 +375,10 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]
 # rig.yaml and board.yaml
 
 
-def _open_yaml(path: Path, mode: int) -> cv2.FileStorage:
+def _open_yaml(path: Path, write: bool = False) -> cv2.FileStorage:
+    import cv2
+
+    mode = cv2.FILE_STORAGE_WRITE if write else cv2.FILE_STORAGE_READ
     try:
         storage = cv2.FileStorage(str(path), mode)
     except (cv2.error, SystemError) as error:
@@ -382,7 +402,9 @@ def _matrix(node: cv2.FileNode, name: str) -> NDArray | None:
 
 def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
     """Writes a rig as OpenCV's FileStorage; camera matrices are in OpenCV's convention."""
-    storage = _open_yaml(Path(path), cv2.FILE_STORAGE_WRITE)
+    import cv2
+
+    storage = _open_yaml(Path(path), write=True)
     for name in CAMERAS:
         camera = getattr(rig, name)
         if camera is None:
@@ -411,7 +433,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"the calibration {path} is missing")
-    storage = _open_yaml(path, cv2.FILE_STORAGE_READ)
+    storage = _open_yaml(path)
     try:
         back = _read_camera(storage.getNode("back"), "back", path)
         if back is None:
@@ -453,7 +475,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
 
 def write_board(path: str | os.PathLike[str], board: Any) -> None:
     """Writes a board's page size, border_bits and tags (ids, and corners in metres, (4 tags, 2))."""
-    storage = _open_yaml(Path(path), cv2.FILE_STORAGE_WRITE)
+    storage = _open_yaml(Path(path), write=True)
     storage.write("width", float(board.width))
     storage.write("height", float(board.height))
     storage.write("border_bits", int(getattr(board, "border_bits", 1)))
@@ -467,7 +489,7 @@ def write_board(path: str | os.PathLike[str], board: Any) -> None:
 def read_board(path: str | os.PathLike[str]) -> Any:
     """Board of a board.yaml; None where it lists no tags."""
     path = Path(path)
-    storage = _open_yaml(path, cv2.FILE_STORAGE_READ)
+    storage = _open_yaml(path)
     try:
         root = storage.root()
         ids, corners = _matrix(root, "ids"), _matrix(root, "corners")

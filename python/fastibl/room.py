@@ -1,10 +1,12 @@
 """The built-in room: a box with windows, a ceiling light, a lamp and a table, ray-cast from any place in it.
 
-Its light is worked out once: what the windows, the ceiling light and the lamp send to every surface directly (in closed
-form), and a few reflections on a coarse grid of patches. Every surface is Lambertian, so radiance does not
-depend on where it is seen from, and what is kept is one picture of radiance a surface and a state of the lamp.
+Its light is worked out once: what the windows, the ceiling light and the lamp send to every surface directly
+(in closed form), and a few reflections on a coarse grid of patches. Every surface is Lambertian, so radiance
+does not depend on where it is seen from, and what is kept is one picture of radiance a surface and a state of
+the lamp.
 
-World = marker frame: the board's plane z = 0 is the table top, and the floor beyond it lies at the same height.
+World = marker frame: the board's plane z = 0 is the table top, and the floor beyond it lies at the same
+height.
 """
 
 from __future__ import annotations
@@ -57,7 +59,9 @@ def wood(width: float, height: float, density: float, mean: ArrayLike, seed: int
     planks = max(1, round(height / 0.13))
     plank = np.minimum((y * planks / height).astype(int), planks - 1)
     tone = rng.normal(0, 0.06, planks).astype(np.float32)[plank]
-    rings = np.sin(2 * np.pi * (y * 55 + 1.3 * noise(9, 1.5) + 7 * rng.random(planks).astype(np.float32)[plank]))
+    rings = np.sin(
+        2 * np.pi * (y * 55 + 1.3 * noise(9, 1.5) + 7 * rng.random(planks).astype(np.float32)[plank])
+    )
     grain = 0.035 * rings + 0.03 * noise(220, 5) + 0.03 * noise(60, 2) + 0.02 * noise(500, 14)
     gap = np.abs(y * planks / height - np.round(y * planks / height)) * (height / planks)
     shade = (1 + tone + grain) * np.where((gap < 0.0012) & (y > 0.01) & (y < height - 0.01), 0.72, 1)
@@ -199,7 +203,9 @@ def _paint_north(wall: _Surface, rng):
                 u += rng.uniform(0.05, 0.2)
                 continue
             spine = str(
-                rng.choice(["#9c2f2a", "#2f5b8a", "#3d7a4a", "#d6a93b", "#e4dcc8", "#6a4a7d", "#1f2d3d", "#c2643a"])
+                rng.choice(
+                    ["#9c2f2a", "#2f5b8a", "#3d7a4a", "#d6a93b", "#e4dcc8", "#6a4a7d", "#1f2d3d", "#c2643a"]
+                )
             )
             top = z + rng.uniform(0.2, 0.32)
             wall.rectangle(u, z, min(u + w, 2.64), top, spine)
@@ -272,7 +278,9 @@ def _paint_south(wall: _Surface, rng):
     u = UPPER[0] - _LAMP_CENTRE[0]
     wall.rectangle(u - 0.025, 0.95, u + 0.025, 1.25, "#b08d4a")
     wall.disc(u, 0.95, 0.06, "#b08d4a")
-    for k, (background, accent) in enumerate((("#f3d9c6", "#c2452d"), ("#dfe8c9", "#3d6b35"), ("#cfdcec", "#23406e"))):
+    for k, (background, accent) in enumerate(
+        (("#f3d9c6", "#c2452d"), ("#dfe8c9", "#3d6b35"), ("#cfdcec", "#23406e"))
+    ):
         a = 0.45 + 0.6 * k
         _picture(
             wall,
@@ -331,10 +339,10 @@ def _paint_floor(wall: _Surface, rng):
 
 
 def _rectangle_irradiance(points: NDArray, normal: NDArray, corners: NDArray) -> NDArray:
-    """Irradiance (...) at points (..., 3) from a rectangle of radiance 1 that lies wholly above their horizon.
+    """Irradiance (...) at points (..., 3) from a rectangle of radiance 1, wholly above their horizon.
 
-    Lambert 1760: half the sum over the edges of the angle an edge subtends times the cosine between the normal and
-    the normal of the plane through the edge and the point.
+    Lambert 1760: half the sum over the edges of the angle an edge subtends times the cosine between the
+    normal and the normal of the plane through the edge and the point.
     """
     arrows = corners[:, None, :] - points.reshape(1, -1, 3)
     arrows /= np.maximum(np.linalg.norm(arrows, axis=-1, keepdims=True), 1e-9)
@@ -347,7 +355,7 @@ def _rectangle_irradiance(points: NDArray, normal: NDArray, corners: NDArray) ->
 
 
 def _sphere_irradiance(points: NDArray, normal: NDArray) -> NDArray:
-    """Irradiance (...) at points from the lamp with radiance 1; it lies above the horizon of every surface."""
+    """Irradiance (...) at points from the lamp with radiance 1, wholly above their horizon."""
     arrow = _LAMP_CENTRE - points
     squared = np.sum(arrow * arrow, axis=-1)
     return np.pi * _LAMP_RADIUS**2 * np.maximum(arrow @ normal, 0) / squared**1.5
@@ -356,8 +364,8 @@ def _sphere_irradiance(points: NDArray, normal: NDArray) -> NDArray:
 class Room:
     """A furnished room of 6 x 5 x 2.6 m around the marker, with two windows, a ceiling light and a lamp.
 
-    The plane z = 0 is a wooden table of 2.0 x 1.3 m with a darker floor around it. The lamp, 2.5 m from the marker,
-    is on or off: every method takes `lamp`. albedo: the table's mean albedo, a number or RGB.
+    The plane z = 0 is a wooden table of 2.0 x 1.3 m with a darker floor around it. The lamp, 2.5 m from the
+    marker, is on or off: every method takes `lamp`. albedo: the table's mean albedo, a number or RGB.
     """
 
     def __init__(self, albedo: ArrayLike | None = None):
@@ -450,7 +458,9 @@ class Room:
         light = sum(self._direct[state][index] for state in states)
         return light + sum(self._reflected[state][index] for state in states) if reflected else light
 
-    def irradiance(self, points: ArrayLike, lamp: bool = False, reflected: bool = True) -> NDArray[np.float32]:
+    def irradiance(
+        self, points: ArrayLike, lamp: bool = False, reflected: bool = True
+    ) -> NDArray[np.float32]:
         """Irradiance (..., 3) of the table and the floor at points (..., 2) in metres.
 
         reflected: False leaves out the light that came by a wall, the floor or the ceiling.
@@ -505,8 +515,8 @@ class Room:
                 padded = cv2.copyMakeBorder(tile, _PAD, _PAD, _PAD, _PAD, cv2.BORDER_REPLICATE)
                 atlas[r : r + padded.shape[0], c : c + padded.shape[1]] = padded
             self._atlas[lamp] = atlas
-        # Atlas column = scale * a + shift, where a is y on the x walls and x elsewhere; row likewise, of z on the
-        # walls and y on floor and ceiling.
+        # Atlas column = scale * a + shift, where a is y on the x walls and x elsewhere; row likewise, of z on
+        # the walls and y on floor and ceiling.
         table_frame = (np.array([-half[0], half[1], 0]), np.array([1, 0, 0]), np.array([0, -1, 0]))
         frames = [(s.origin, s.u, s.v) for s in self._surfaces] + [table_frame]
         columns, rows = [], []
@@ -547,8 +557,8 @@ class Room:
     ) -> NDArray[np.float32]:
         """Radiance (..., 3) float32 that arrives at `position` from `directions` (..., 3), marker frame.
 
-        position: (3,) or (..., 3), metres, inside the room. unit: the directions have length 1 already. Raises
-        ValueError for a position outside.
+        position: (3,) or as directions, metres, inside the room. unit: the directions have length 1 already.
+        Raises ValueError for a position outside.
         """
         p = np.asarray(position, np.float64)
         d = np.asarray(directions, np.float32)
@@ -558,6 +568,8 @@ class Room:
             raise ValueError(f"position must lie in the room, between {LOWER.tolist()} and {UPPER.tolist()}")
         if not unit:
             d = d / np.linalg.norm(d, axis=-1, keepdims=True)
+        if d.ndim == 1:
+            return self.radiance(p, d[None], lamp, unit=True)[0]
         dx, dy, dz = (np.ascontiguousarray(d[..., i]) for i in range(3))
         o = tuple(p[..., i].astype(np.float32) for i in range(3))
         columns, rows = self._locate(o, dx, dy, dz)
@@ -578,9 +590,10 @@ class Room:
     def truth(self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4) -> CubeMap:
         """The true environment map at a place: radiance averaged over each texel by samples x samples rays.
 
-        position: (3,) metres, by default the middle of a virtual object on the board. Below the horizon the map
-        holds the table as it is without the printed board: what lights an object is the board, but its mean albedo
-        and the table's agree to a few per cent, and whoever measures masks the board and fills it from around.
+        position: (3,) metres, by default the middle of a virtual object on the board. Below the horizon the
+        map holds the table as it is without the printed board: what lights an object is the board, but its
+        mean albedo and the table's agree to a few per cent, and whoever measures masks the board and fills it
+        from around.
         """
         return truth_map(lambda d: self.radiance(position, d, lamp), size, samples)
 

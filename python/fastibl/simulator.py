@@ -1,4 +1,4 @@
-"""Recordings of a place whose light is known: a room, or any environment map at infinity, seen by a hand-held rig."""
+"""Recordings by a hand-held rig in a place whose light is known: a room, or any map at infinity."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Place(Protocol):
 class DistantPlace:
     """An environment map at infinity above the horizon, and below it an opaque wooden table that it lights.
 
-    environment: CubeMap, or equirectangular picture (h, 2h, 3) of any float dtype. albedo: of the table, a number or
-    RGB; where it is seen far from the marker it is plain.
+    environment: CubeMap, or equirectangular picture (h, 2h, 3) of any float dtype. albedo: of the table, a
+    number or RGB; where it is seen far from the marker it is plain.
     """
 
     _DENSITY = 500  # texels a metre of the table
@@ -50,7 +50,9 @@ class DistantPlace:
         else:
             image = np.asarray(environment)
             if image.ndim != 3 or image.shape[2] != 3 or image.shape[1] != 2 * image.shape[0]:
-                raise ValueError(f"an equirectangular picture must have shape (height, 2 height, 3), got {image.shape}")
+                raise ValueError(
+                    f"an equirectangular picture must have shape (height, 2 height, 3), got {image.shape}"
+                )
             if not np.issubdtype(image.dtype, np.floating):
                 raise TypeError(f"an environment map holds linear radiance in floats, got {image.dtype}")
             self._cube = cubemap_from_equirect(image, size=128)
@@ -73,7 +75,7 @@ class DistantPlace:
     def radiance(
         self, position: ArrayLike, directions: ArrayLike, lamp: bool = False, unit: bool = False
     ) -> NDArray[np.float32]:
-        """Radiance (..., 3) float32 that arrives at `position` (3,), above the table, from `directions` (..., 3)."""
+        """Radiance (..., 3) float32 that arrives at `position` (3,), z > 0, from `directions` (..., 3)."""
         o = np.asarray(position, np.float32)
         d = np.asarray(directions, np.float32)
         if o.shape != (3,) or d.shape[-1:] != (3,):
@@ -111,8 +113,10 @@ class DistantPlace:
         grain = _look_up(self._table, column, row, cv2.BORDER_REFLECT)
         return self._plain + (grain - self._plain) * share
 
-    def truth(self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4) -> CubeMap:
-        """The true environment map at a place: the given map above the horizon, below it the table without board.
+    def truth(
+        self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4
+    ) -> CubeMap:
+        """The true environment map at a place: the given one above the horizon, below it the table.
 
         As Room.truth says of the printed board.
         """
@@ -159,9 +163,10 @@ def default_rig(size: tuple[int, int] = (640, 480)) -> Rig:
 
 
 class HandPath:
-    """Where a hand holds the back camera: around the board, 0.42 to 0.58 m away, tilted by 24 to 52 degrees.
+    """Where a hand holds the back camera: around the board, 0.45 to 0.6 m away, tilted by 24 to 52 degrees.
 
-    Smooth slow sweeps and a small tremor, drawn from the seed; a function of time alone, whatever the frame rate.
+    Smooth slow sweeps and a small tremor, drawn from the seed; a function of time alone, whatever the frame
+    rate.
     """
 
     def __init__(self, rng: np.random.Generator, seconds: float):
@@ -180,7 +185,7 @@ class HandPath:
         tremor = (np.sin(2 * np.pi * waves * time + phases) / (waves / 2.5)).sum(axis=1) / 3
         azimuth = self._start + self._speed * time + 0.06 * slow(0, 0.31, 0.53)
         tilt = np.radians(38 + 14 * slow(1, 0.27, 0.61))
-        distance = 0.50 + 0.08 * slow(2, 0.19, 0.43)
+        distance = 0.525 + 0.07 * slow(2, 0.19, 0.43)
         away = np.array([np.sin(tilt) * np.sin(azimuth), -np.sin(tilt) * np.cos(azimuth), np.cos(tilt)])
         eye = distance * away + 0.0012 * tremor[:3]
         aim = np.array([0.018 * slow(3, 0.23, 0.47), 0.018 * slow(4, 0.29, 0.57), 0.0])
@@ -344,16 +349,18 @@ def simulate(
 ) -> Recording:
     """Makes a recording of a place whose light is known.
 
-    environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the path of
-    an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights. albedo: the table's mean, a
-    number or RGB; by default about that of the printed page. board: the printed page (`.image(dpi)` grey uint8,
-    `.width`, `.height` in metres); None is Board.default(), False none at all. size: width and height of the
-    pictures. rig: cameras of your own, whatever `size` says. truth_size: texels along a face of the true maps.
+    environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the
+    path of an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights. albedo: the
+    table's mean, a number or RGB; by default about that of the printed page. board: the printed page
+    (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False none at all.
+    size: width and height of the pictures. rig: cameras of your own, whatever `size` says. truth_size: texels
+    along a face of the true maps.
 
-    The back camera circles the board as if held by a hand, at constant exposure; the front camera, which looks the
-    other way, takes each third picture 16 and each third 256 times darker. lamp: in the room, a lamp is switched
-    on at half-time. hand: a hand covers the front camera for one second after 70 % of the time. `truth` holds the
-    maps at the object (OBJECT, 6 cm above the board's centre), the poses, and when both happened.
+    The back camera circles the board as if held by a hand, at constant exposure; the front camera, which
+    looks the other way, takes each third picture 16 and each third 256 times darker. lamp: in the room, a
+    lamp is switched on at half-time. hand: a hand covers the front camera for one second after 70 % of the
+    time. `truth` holds the maps at the object (OBJECT, 6 cm above the board's centre), the poses, and when
+    both happened.
 
     out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos instead of PNG
     pictures. The same arguments give the same bytes. Raises ValueError for what makes no recording.
@@ -388,11 +395,11 @@ def simulate(
 
         steps = tqdm(steps, total=len(times), desc="simulate", unit="frame")
     try:
+        if writer is not None:
+            writer.write_truth(truth)  # first: a run that is broken off leaves a shorter recording
         for index, (time, pose) in steps:
             frame = make.frame(index, time, pose)
             frames.append(frame) if writer is None else writer.add(frame)
-        if writer is not None:
-            writer.write_truth(truth)
     finally:
         if writer is not None:
             writer.close()

@@ -1,0 +1,39 @@
+"""The command `fastibl`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from . import __version__, commands
+
+
+def build_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="fastibl",
+        description="Measures the light of a place with ordinary cameras and lights virtual objects with it.",
+        epilog="fastibl COMMAND --help shows a command's options and an example.",
+    )
+    parser.add_argument("--version", action="version", version=f"fastibl {__version__}")
+    sub = parser.add_subparsers(metavar="COMMAND", required=True)
+    for module in commands.ALL:
+        module.add(sub)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs a command; the exit code is 0, 2 for bad input, 130 when interrupted."""
+    arguments = build_parser().parse_args(argv)
+    try:
+        return arguments.run(arguments) or 0
+    except (OSError, ValueError, TypeError, LookupError) as error:
+        print(f"fastibl: error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("fastibl: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,27 @@
+"""Argument types that say what was expected."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """ "640x480" as (640, 480)."""
+    match = re.fullmatch(r"(\d+)x(\d+)", text)
+    if not match or min(int(g) for g in match.groups()) < 16:
+        raise argparse.ArgumentTypeError(
+            f"expected WIDTHxHEIGHT of at least 16x16, as in 640x480, got {text!r}"
+        )
+    return int(match[1]), int(match[2])
+
+
+def positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (value > 0 and math.isfinite(value)):
+        raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
+    return value

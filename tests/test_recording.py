@@ -1,0 +1,301 @@
+"""Recordings keep what was written to the bit, and say what is missing."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import fastibl
+import numpy as np
+import pytest
+from fastibl import Camera, CubeMap, Frame, Pose, Recording, Response, Rig
+from fastibl.__main__ import main
+from fastibl._fastibl import _Board
+from fastibl.recording import (
+    RecordingWarning,
+    RecordingWriter,
+    Truth,
+    read_board,
+    read_rig,
+    write_board,
+    write_rig,
+)
+from standin import Page
+
+RNG = np.random.default_rng(5)
+TURN = Pose.from_rotation_vector([0.1, 3.0, 0.02], [0.01, -0.02, 0.003])
+
+
+def cameras():
+    curve = np.linspace(0, 1, 33) ** 2.1
+    back = Camera(48, 32, 41.123456789, 40.9, 23.7, 16.4, (0.1, -0.2, 0.001, 0.002, 0.03), gain=1.25)
+    front = Camera(40, 30, 30, 30.5, 20.25, 15, response=Response.from_curve(curve), vignetting=(-0.3, 0.07))
+    return back, front
+
+
+def frames(count=5):
+    def picture(height, width):
+        return RNG.integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+    return [
+        Frame(k / 7, picture(32, 48), picture(30, 40), back_exposure=0.3, front_exposure=0.7 / 16 ** (k % 3))
+        for k in range(count)
+    ]
+
+
+def write(path, given, video=False, rig=None, board=None, truth=None):
+    with RecordingWriter(path, rig or Rig(*cameras(), TURN), board, video=video) as writer:
+        for frame in given:
+            writer.add(frame)
+        if truth is not None:
+            writer.write_truth(truth)
+    return path
+
+
+def test_frame():
+    frame = Frame(0.5)
+    assert (frame.back, frame.front, frame.back_exposure, frame.front_exposure) == (None, None, 1.0, 1.0)
+    assert frame.back_from_marker is None
+    assert frame == Frame(0.5) and frame != Frame(0.5, back=np.zeros((2, 2, 3), np.uint8))
+    assert frame != 3 and "no picture" in repr(frame)
+
+
+@pytest.mark.parametrize("video", [False, True])
+def test_round_trip_keeps_every_bit(tmp_path, video):
+    given, rig = frames(), Rig(*cameras(), TURN)
+    recording = Recording.open(write(tmp_path / "r", given, video, rig))
+    assert len(recording) == 5 and recording.path == tmp_path / "r"
+    assert list(recording) == given
+    assert list(recording) == given  # again
+    assert recording[3] == given[3] and recording[1] == given[1]
+    assert recording.times == [f.time for f in given]
+    assert recording.duration == pytest.approx(4 / 7)
+    assert recording.board is None and recording.truth is None
+    assert (tmp_path / "r" / "back.mkv").is_file() == video
+    assert recording.rig.back == rig.back and recording.rig.front == rig.front
+    assert "5 frames" in repr(recording)
+
+
+def test_rig_round_trip(tmp_path):
+    rig = Rig(*cameras(), TURN)
+    write_rig(tmp_path / "rig.yaml", rig)
+    read = read_rig(tmp_path / "rig.yaml")
+    assert read.back == rig.back and read.front == rig.front
+    np.testing.assert_array_equal(read.front_from_back.matrix, TURN.matrix)
+    import cv2
+
+    storage = cv2.FileStorage(str(tmp_path / "rig.yaml"), cv2.FILE_STORAGE_READ)
+    matrix = storage.getNode("back").getNode("camera_matrix").mat()
+    assert matrix[0, 2] == pytest.approx(23.7 - 0.5)  # OpenCV's convention
+    write_rig(tmp_path / "one.yaml", Rig(rig.back))
+    assert read_rig(tmp_path / "one.yaml") == Rig(rig.back)
+
+
+def test_board_round_trip(tmp_path):
+    board = _Board._default()
+    write_board(tmp_path / "board.yaml", board)
+    read = read_board(tmp_path / "board.yaml")
+    assert (read.width, read.height, read.border_bits) == (board.width, board.height, board.border_bits)
+    assert [t.id for t in read.tags] == [t.id for t in board.tags]
+    np.testing.assert_array_equal(read.tags[7].corners, board.tags[7].corners)
+    write_board(tmp_path / "page.yaml", Page())
+    assert read_board(tmp_path / "page.yaml") is None
+
+
+def test_truth_round_trip(tmp_path):
+    maps = [(0.0, CubeMap(RNG.random((6, 4, 4, 3)))), (0.3, CubeMap(RNG.random((6, 4, 4, 3))))]
+    poses = [(k / 7, Pose.from_rotation_vector(RNG.normal(size=3), RNG.normal(size=3))) for k in range(5)]
+    truth = Truth(maps, poses, lamp_time=0.3, hand=(0.4, 0.5), position=(0.0, 0.0, 0.05))
+    read = Recording.open(write(tmp_path / "r", frames(), truth=truth)).truth
+    assert read.environment(0.0) == maps[0][1] and read.environment(0.29) == maps[0][1]
+    assert read.environment(0.3) == maps[1][1]
+    np.testing.assert_array_equal(read.pose(3 / 7).matrix, poses[3][1].matrix)
+    assert (read.lamp_time, read.hand, read.position) == (0.3, (0.4, 0.5), (0.0, 0.0, 0.05))
+    with pytest.raises(LookupError, match="no true pose"):
+        read.pose(0.05)
+    with pytest.raises(LookupError, match="no true environment"):
+        Truth().environment(0)
+
+
+def test_cameras_need_not_be_in_step(tmp_path):
+    given = frames(3)
+    given[1].front = None
+    given[2].back = None
+    recording = Recording.open(write(tmp_path / "r", given))
+    assert [(f.back is None, f.front is None) for f in recording] == [
+        (False, False),
+        (False, True),
+        (True, False),
+    ]
+
+
+def test_an_older_recording_is_replaced_but_nothing_else(tmp_path):
+    write(tmp_path / "r", frames(5), video=True)
+    write(tmp_path / "r", frames(2))
+    assert len(list(Recording.open(tmp_path / "r"))) == 2
+    assert not (tmp_path / "r" / "back.mkv").exists()
+    (tmp_path / "r" / "notes.txt").write_text("mine")
+    with pytest.raises(FileExistsError, match="notes.txt"):
+        write(tmp_path / "r", frames(1))
+    assert len(list(Recording.open(tmp_path / "r"))) == 2
+    with pytest.raises(FileExistsError, match="is a file"):
+        RecordingWriter(tmp_path / "r" / "notes.txt", Rig(cameras()[0]))
+
+
+def test_writer_refuses_what_is_no_picture(tmp_path):
+    with RecordingWriter(tmp_path / "r", Rig(cameras()[0])) as writer:
+        with pytest.raises(ValueError, match="uint8"):
+            writer.add(Frame(0.0, back=np.zeros((4, 4, 3))))
+        with pytest.raises(ValueError, match="uint8"):
+            writer.add(Frame(0.0, back=np.zeros((4, 4), np.uint8)))
+    with RecordingWriter(tmp_path / "v", Rig(cameras()[0]), video=True) as writer:
+        writer.add(Frame(0.0, back=np.zeros((16, 16, 3), np.uint8)))
+        with pytest.raises(ValueError, match="one size"):
+            writer.add(Frame(0.1, back=np.zeros((16, 18, 3), np.uint8)))
+
+
+def read_until_it_breaks(path, message):
+    recording, read = Recording.open(path), []
+    with pytest.warns(RecordingWarning, match=message):
+        for frame in recording:
+            read.append(frame)
+    return read
+
+
+def test_a_missing_or_cut_picture_ends_the_recording(tmp_path):
+    given = frames()
+    path = write(tmp_path / "r", given)
+    picture = path / "front" / "00003.png"
+    whole = picture.read_bytes()
+    picture.write_bytes(whole[: len(whole) // 2])
+    assert read_until_it_breaks(path, r"front.00003\.png cannot be read.*3 of 5 frames") == given[:3]
+    picture.write_bytes(b"")
+    assert read_until_it_breaks(path, r"00003\.png cannot be read") == given[:3]
+    picture.unlink()
+    assert read_until_it_breaks(path, r"front.00003\.png is missing.*3 of 5 frames") == given[:3]
+    with pytest.raises(FileNotFoundError, match="00003.png"):
+        Recording.open(path)[3]
+
+
+def test_a_cut_video_ends_the_recording(tmp_path):
+    given = frames(20)
+    path = write(tmp_path / "r", given, video=True)
+    video = path / "front.mkv"
+    whole = video.read_bytes()
+    video.write_bytes(whole[: len(whole) * 2 // 3])
+    read = read_until_it_breaks(path, r"front\.mkv ends after \d+ frames")
+    assert 5 < len(read) < 19 and read == given[: len(read)]
+    video.write_bytes(b"no video")
+    assert read_until_it_breaks(path, r"front\.mkv cannot be read") == []
+    video.unlink()
+    assert read_until_it_breaks(path, r"front\.mkv is missing") == []
+
+
+def test_missing_files_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no recording at"):
+        Recording.open(tmp_path / "nowhere")
+    path = write(tmp_path / "r", frames(1))
+    for name in ("rig.yaml", "frames.csv"):
+        broken = tmp_path / f"without-{name}"
+        shutil.copytree(path, broken)
+        (broken / name).unlink()
+        with pytest.raises(FileNotFoundError, match=name):
+            Recording.open(broken)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,camera,file\n", "no column exposure"),
+        ("", "no column"),
+        ("time,camera,file,exposure\nsoon,back,a.png,1\n", "line 2: time and exposure"),
+        ("time,camera,file,exposure\n0,back,a.png\n", "line 2: time and exposure"),
+        ("time,camera,file,exposure\n0,back,a.png,0\n", "positive"),
+        ("time,camera,file,exposure\nnan,back,a.png,1\n", "finite"),
+        ("time,camera,file,exposure\n0,side,a.png,1\n", "back or front"),
+        ("time,camera,file,exposure\n0,back,a.mkv#x,1\n", "video#number"),
+        ("time,camera,file,exposure\n0,back,,1\n", "video#number"),
+    ],
+)
+def test_bad_frame_lists(tmp_path, text, message):
+    path = write(tmp_path / "r", frames(1))
+    (path / "frames.csv").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        Recording.open(path)
+
+
+@pytest.mark.parametrize(
+    ("find", "replace", "message"),
+    [
+        ("camera_matrix", "matrix", "no camera_matrix of the back camera"),
+        ("width", "wide", "no number width"),
+        ("back:", "rear:", "no back camera"),
+        ("front_from_back", "pose", "no front_from_back"),
+        ("response: srgb", "response: film", "srgb"),
+    ],
+)
+def test_bad_rigs(tmp_path, find, replace, message):
+    path = write(tmp_path / "r", frames(1))
+    text = (path / "rig.yaml").read_text()
+    assert find in text
+    (path / "rig.yaml").write_text(text.replace(find, replace, 1))
+    with pytest.raises(ValueError, match=message):
+        Recording.open(path)
+
+
+def test_a_rig_that_is_no_yaml(tmp_path):
+    path = write(tmp_path / "r", frames(1))
+    for text in ("", "no yaml", "%YAML:1.0\n---\nback: [1, 2"):
+        (path / "rig.yaml").write_text(text)
+        with pytest.raises((ValueError, OSError), match="rig.yaml"):
+            Recording.open(path)
+
+
+def test_front_pictures_without_a_front_camera(tmp_path):
+    path = write(tmp_path / "r", frames(1), rig=Rig(cameras()[0]))
+    with pytest.raises(ValueError, match="no front camera"):
+        Recording.open(path)
+
+
+def test_broken_truth(tmp_path):
+    truth = Truth([(0.0, CubeMap(RNG.random((6, 4, 4, 3))))], [(0.0, TURN)])
+    path = write(tmp_path / "r", frames(1), truth=truth)
+    (path / "truth" / "map-0.npy").unlink()
+    with pytest.raises(FileNotFoundError, match="map-0.npy"):
+        Recording.open(path)
+    (path / "truth" / "maps.csv").write_text("time,file\n")
+    (path / "truth" / "poses.csv").write_text("time,m\n0,1,2\n")
+    with pytest.raises(ValueError, match="truth"):
+        Recording.open(path)
+
+
+def test_command(tmp_path, capsys):
+    out = str(tmp_path / "r")
+    assert main(["simulate", out, "--seconds", "0.2", "--fps", "10", "--size", "64x48"]) == 0
+    assert "2 frames" in capsys.readouterr().out
+    recording = fastibl.Recording.open(out)
+    assert [f.front.shape for f in recording] == [(48, 64, 3)] * 2
+    assert main(["simulate", out, "--environment", str(tmp_path / "x.hdr")]) == 2
+    assert "x.hdr" in capsys.readouterr().err
+    for arguments in (
+        ["simulate"],
+        ["simulate", out, "--size", "64"],
+        ["simulate", out, "--seconds", "-1"],
+        ["simulate", out, "--fps", "fast"],
+        ["nothing"],
+        [],
+    ):
+        with pytest.raises(SystemExit) as stop:
+            main(arguments)
+        assert stop.value.code == 2
+        assert "error" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as stop:
+        main(["simulate", "--help"])
+    assert stop.value.code == 0
+    assert "example:" in capsys.readouterr().out
+
+
+def test_opencv_is_imported_only_where_it_is_used():
+    code = "import sys, fastibl; fastibl.Frame(0.0), fastibl.Recording; assert 'cv2' not in sys.modules"
+    root = Path(fastibl.__file__).parents[1]
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=root)

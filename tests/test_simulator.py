@@ -1,0 +1,302 @@
+"""Simulated pictures show what the cameras, the place and the exposures say they should."""
+
+import inspect
+from pathlib import Path
+
+import fastibl
+import numpy as np
+import pytest
+from fastibl import Camera, CubeMap, Pose, Recording, Rig, reference
+from fastibl.room import OBJECT
+from fastibl.simulator import (
+    FRONT_STEPS,
+    INK,
+    PAPER,
+    DistantPlace,
+    HandPath,
+    _default_board,
+    _Eye,
+    _PrintedBoard,
+    default_rig,
+    simulate,
+)
+from standin import Page
+
+HDRI = Path(__file__).resolve().parents[1] / ".." / "shared" / "data" / "hdri"
+SMALL = {"size": (160, 120), "truth_size": 16}  # quick
+
+
+def marked_map(height=64):
+    """Dim, with a bright spot 60 degrees from +y to +x and 45 high; the ground of another colour."""
+    v, u = np.mgrid[:height, : 2 * height]
+    polar, azimuth = (v + 0.5) / height * np.pi, ((u + 0.5) / (2 * height) - 0.5) * 2 * np.pi
+    d = np.stack([np.sin(polar) * np.sin(azimuth), np.sin(polar) * np.cos(azimuth), np.cos(polar)], axis=-1)
+    image = np.where(d[..., 2:] > 0, [0.3, 0.4, 0.5], [0.0, 5.0, 0.0]).astype(np.float32)
+    image[d @ SPOT > np.cos(np.radians(6))] = (40, 30, 20)
+    return image
+
+
+SPOT = np.array([np.sin(np.pi / 3), np.cos(np.pi / 3), 1.0])
+SPOT /= np.linalg.norm(SPOT)
+
+
+@pytest.fixture(scope="module")
+def room_recording():
+    return simulate(seed=3, seconds=1.5, fps=8, board=Page(), **SMALL)
+
+
+def linear(picture):
+    return fastibl.Response.srgb().decode(picture.astype(np.float32) / 255)
+
+
+def test_signature():
+    names = list(inspect.signature(fastibl.simulate).parameters)
+    assert names[:5] == ["environment", "seed", "seconds", "fps", "out"]
+
+
+def test_the_page_is_where_the_camera_projects_it():
+    recording = simulate(seconds=0.5, fps=4, board=Page(), hand=False, truth_size=16)
+    camera, worst = recording.rig.back, 0
+    for frame in recording:
+        pose = recording.truth.pose(frame.time)
+        light = linear(frame.back).mean(axis=-1)
+        for centre in Page.discs:
+            angles = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+            rim = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1) * Page.radius
+            outline = camera.project(pose @ (rim + [*centre, 0.0]))
+            # The area's centroid, which perspective moves away from the projected centre.
+            a, b = outline, np.roll(outline, -1, axis=0)
+            cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+            expected = ((a + b) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
+            x0, y0 = np.floor(expected).astype(int) - 14
+            window = light[y0 : y0 + 29, x0 : x0 + 29]
+            dark = np.clip(np.percentile(window, 80) * 0.85 - window, 0, None)
+            y, x = np.mgrid[y0 : y0 + 29, x0 : x0 + 29] + 0.5
+            found = np.array([(x * dark).sum(), (y * dark).sum()]) / dark.sum()
+            worst = max(worst, np.linalg.norm(found - expected))
+    print(f"worst centroid {worst:.3f} px")
+    assert worst < 0.1
+
+
+def test_the_page_stays_in_the_picture_and_the_hand_is_steady():
+    camera = default_rig().back
+    corners = np.array([(x, y, 0.0) for x in (-0.1485, 0.1485) for y in (-0.105, 0.105)])
+    for seed in range(8):
+        path = HandPath(np.random.default_rng([seed, 0]), 8.0)
+        last, azimuths = None, []
+        for time in np.arange(0, 8, 1 / 15):
+            pose = path.back_from_marker(time)
+            pixels = camera.project(pose @ corners)
+            assert (pixels > 0).all() and (pixels < [640, 480]).all(), (seed, time)
+            inverse = pose.inverse()
+            tilt = np.degrees(np.arccos(-inverse.rotation[2, 2]))
+            distance = np.linalg.norm(inverse.translation)
+            assert 15 < tilt < 56 and 0.35 < distance < 0.65
+            azimuths.append(np.arctan2(*inverse.translation[1::-1]))
+            if last is not None:
+                assert pose.angle_to(last) < np.radians(9)
+            last = pose
+        assert abs(np.unwrap(azimuths)[-1] - azimuths[0]) > 1.8 * np.pi
+
+
+def test_front_exposures_are_16_apart(room_recording):
+    exposures = [frame.front_exposure for frame in room_recording]
+    assert exposures[0] / exposures[1] == pytest.approx(16)
+    assert exposures[1] / exposures[2] == pytest.approx(16)
+    assert exposures[3] == exposures[0]
+    assert len({frame.back_exposure for frame in room_recording}) == 1
+
+
+def test_exposure_response_and_noise():
+    response = fastibl.Response.gamma(2.0)
+    camera = Camera(64, 48, fx=60, fy=60, cx=32, cy=24, response=response, gain=1.5, vignetting=(-0.2,))
+    eye, rng = _Eye(camera), np.random.default_rng(0)
+    grey = np.full((48, 64, 3), 2.0, np.float32)
+    means = []
+    for exposure in (0.2, 0.2 / 16):
+        pictures = [eye.expose(grey.copy(), exposure, rng) for _ in range(200)]
+        assert pictures[0].dtype == np.uint8
+        light = (np.stack(pictures)[:, 22:26, 30:34] / 255.0) ** 2
+        expected = exposure * 1.5 * 2.0
+        assert light.mean() == pytest.approx(expected, rel=0.01)
+        noise = np.sqrt(expected / 4000 + (6 / 4000) ** 2)
+        step = 2 * np.sqrt(expected) / 255  # of the 8-bit code
+        assert light.std() == pytest.approx(np.hypot(noise, step / np.sqrt(12)), rel=0.1)
+        means.append(light.mean())
+    assert means[0] / means[1] == pytest.approx(16, rel=0.01)
+    corner = (np.mean([eye.expose(grey.copy(), 0.2, rng)[0, 0] for _ in range(200)], axis=0) / 255) ** 2
+    r2 = (31.5 / 60) ** 2 + (23.5 / 60) ** 2
+    np.testing.assert_allclose(corner, 0.6 * (1 - 0.2 * r2), rtol=0.03)
+
+
+def test_back_pictures_are_well_exposed(room_recording):
+    for frame in room_recording:
+        assert (frame.back == 255).mean() < 0.01
+        assert 0.1 < linear(frame.back).mean() < 0.7
+
+
+def test_lamp_and_hand_happen_when_the_truth_says(room_recording):
+    truth, frames = room_recording.truth, list(room_recording)
+    assert truth.lamp_time == pytest.approx(0.75)
+    begin, end = truth.hand
+    assert begin == pytest.approx(1.05) and end == pytest.approx(1.35)
+    before, after = truth.environment(truth.lamp_time - 0.01), truth.environment(truth.lamp_time)
+    assert after.faces.max() > 2 * before.faces.max()
+    assert truth.environment(-1) == before and truth.environment(99) == after
+    table = {f.time: linear(f.back)[:8].mean() for f in frames}
+    off, on = (np.mean([v for t, v in table.items() if (t >= 0.75) == k]) for k in (False, True))
+    assert on > 1.2 * off
+    covered = [f for f in frames if begin <= f.time <= end]
+    assert covered
+    for frame in covered:  # dark everywhere, whatever stood there
+        free = truth.environment(frame.time).faces.mean()
+        assert linear(frame.front).max() < 0.5 * frame.front_exposure * free + 0.01
+
+
+def test_a_long_recording_covers_the_hand_for_a_second():
+    recording = simulate(np.ones((8, 16, 3)), seconds=6, fps=0.5, board=False, size=(32, 24), truth_size=8)
+    begin, end = recording.truth.hand
+    assert end - begin == pytest.approx(1)
+    assert recording.truth.lamp_time is None
+    assert len(recording) == 3 and recording.times == [0, 2, 4]
+
+
+def test_same_seed_same_pictures_in_memory_and_on_disk(room_recording, tmp_path):
+    again = simulate(seed=3, seconds=1.5, fps=8, board=Page(), out=tmp_path, **SMALL)
+    assert len(again) == len(room_recording) == 12
+    for one, two in zip(room_recording, again, strict=True):
+        assert one == two
+    assert again.truth.environment(0) == room_recording.truth.environment(0)
+
+
+@pytest.mark.parametrize("video", [False, True])
+def test_same_seed_same_bytes(tmp_path, video):
+    def files(seed, folder):
+        out = tmp_path / folder
+        simulate(marked_map(), seed, seconds=0.3, fps=10, board=Page(), out=out, video=video, **SMALL)
+        return {str(p.relative_to(out)): p.read_bytes() for p in out.rglob("*") if p.is_file()}
+
+    one, two, other = files(1, "one"), files(1, "two"), files(2, "other")
+    assert len(one) == (2 if video else 6) + 7
+    if not video:  # the container holds the date
+        assert one == two
+    assert one["frames.csv"] == two["frames.csv"] == other["frames.csv"]
+    assert one["truth/poses.csv"] != other["truth/poses.csv"]
+    assert list(Recording.open(tmp_path / "one")) == list(Recording.open(tmp_path / "two"))
+
+
+def test_front_pictures_show_the_place_where_the_rig_looks():
+    """The map's bright spot is where poses, rig and lens put it."""
+    recording = simulate(marked_map(), seconds=8, fps=4, board=False, hand=False, **SMALL)
+    camera, seen = recording.rig.front, 0
+    for frame in recording:
+        if frame.front_exposure < recording[0].front_exposure / 20:
+            continue
+        front_from_marker = recording.rig.front_from_back @ recording.truth.pose(frame.time)
+        pixel = camera.project(front_from_marker.rotation @ SPOT)
+        light = linear(frame.front).mean(axis=-1)
+        if np.isnan(pixel).any() or not ((pixel > 15) & (pixel < [145, 105])).all():
+            continue
+        seen += 1
+        x, y = np.floor(pixel).astype(int)
+        inside, outside = light[y - 2 : y + 3, x - 2 : x + 3].min(), np.median(light)
+        assert inside > 3 * outside
+    assert seen >= 2
+
+
+def test_distant_place_truth_is_the_map_over_its_table():
+    image = marked_map(128)
+    place = DistantPlace(image, albedo=(0.5, 0.4, 0.3))
+    truth = place.truth(size=64)
+    given = fastibl.cubemap_from_equirect(image, size=64)
+    up = fastibl.texel_directions(64)[..., 2] > 0
+    np.testing.assert_array_equal(truth.faces[up], given.faces[up])
+    upper = given.faces.copy()
+    upper[~up] = 0
+    light = reference.irradiance(upper, [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(place.irradiance([0.1, 0.1]), light, rtol=0.01)
+    below = truth.faces[5].mean(axis=(0, 1))
+    np.testing.assert_allclose(below, np.array([0.5, 0.4, 0.3]) * light / np.pi, rtol=0.06)
+    far = place.radiance(OBJECT, [1.0, 0.0, -0.01])  # plain far away
+    np.testing.assert_allclose(far, np.array([0.5, 0.4, 0.3]) * light / np.pi, rtol=0.01)
+
+
+def test_cube_map_and_its_picture_give_the_same_place():
+    image = marked_map(128)
+    cube = fastibl.cubemap_from_equirect(image, size=128)
+    d = np.random.default_rng(0).normal(size=(3000, 3))
+    a, b = DistantPlace(cube).radiance(OBJECT, d), DistantPlace(image).radiance(OBJECT, d)
+    assert np.median(np.abs(a - b)) < 1e-3 and np.mean(np.abs(a - b)) < 0.05
+    faces = DistantPlace(cube).truth(size=128).faces
+    up = fastibl.texel_directions(128)[..., 2] > 0
+    np.testing.assert_array_equal(faces[up], cube.faces[up])
+
+
+def test_white_paper_under_a_uniform_sky():
+    place = DistantPlace(np.ones((16, 32, 3)), albedo=0.5)
+    page = _PrintedBoard(Page(), place).pictures[False][1:-1, 1:-1]
+    assert page[..., :3].max() == pytest.approx(PAPER, rel=1e-3)  # E = pi, so radiance is the albedo
+    assert page[..., :3].min() == pytest.approx(INK, rel=1e-3)
+    assert (page[..., 3] == 1).all()
+
+
+def test_table_and_printed_board_are_about_equally_bright():
+    board = _default_board()
+    if board is None:
+        pytest.skip("built without fastibl.board")
+    printed = _PrintedBoard(board, DistantPlace(np.ones((16, 32, 3)))).albedo
+    assert printed == pytest.approx(DistantPlace(np.ones((16, 32, 3))).albedo.mean(), rel=0.08)
+
+
+def test_a_real_map():
+    path = HDRI / "venice_sunset_1k.hdr"
+    if not path.is_file():
+        pytest.skip(f"needs the shared map {path.name}")
+    recording = simulate(path, seconds=0.5, fps=4, board=Page(), **SMALL)
+    assert len(recording) == 2
+    assert all((frame.back == 255).mean() < 0.02 for frame in recording)
+
+
+def test_a_rig_without_front_camera_and_one_of_ones_own():
+    camera = Camera(100, 80, fx=90, fy=90, cx=50, cy=40)
+    recording = simulate(np.ones((8, 16, 3)), seconds=0.2, fps=10, rig=Rig(camera), board=False)
+    assert all(frame.front is None and frame.back.shape == (80, 100, 3) for frame in recording)
+    pose = Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0])
+    recording = simulate(np.ones((8, 16, 3)), seconds=0.1, fps=10, rig=Rig(camera, camera, pose), board=False)
+    assert recording[0].front.shape == (80, 100, 3)
+
+
+def test_a_black_place_gives_black_pictures():
+    frame = simulate(CubeMap(np.zeros((6, 4, 4, 3))), seconds=0.1, fps=10, board=Page(), **SMALL)[0]
+    assert np.isfinite([frame.back_exposure, frame.front_exposure]).all()
+    assert linear(frame.back).mean() < 0.01
+
+
+def test_steps():
+    assert FRONT_STEPS[0] / FRONT_STEPS[2] == 256
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"seconds": 0}, ValueError, "seconds and fps"),
+        ({"fps": np.nan}, ValueError, "seconds and fps"),
+        ({"size": (4, 4)}, ValueError, "size"),
+        ({"environment": np.ones((8, 8, 3))}, ValueError, "2 height"),
+        ({"environment": np.ones((8, 16, 3), np.uint8)}, TypeError, "floats"),
+        ({"environment": "nowhere.hdr"}, FileNotFoundError, "nowhere.hdr"),
+        ({"environment": __file__}, ValueError, "HDR"),
+        ({"albedo": -1}, ValueError, "albedo"),
+    ],
+)
+def test_errors(arguments, error, message):
+    with pytest.raises(error, match=message):
+        simulate(**{"seconds": 0.1, "fps": 10, "board": False, **arguments})
+
+
+def test_place_errors():
+    place = DistantPlace(np.ones((8, 16, 3)))
+    with pytest.raises(ValueError, match="above the table"):
+        place.radiance((0, 0, 0), [0.0, 0.0, 1.0])
+    with pytest.raises(ValueError, match=r"\(3,\)"):
+        place.radiance((0, 0), [0.0, 0.0, 1.0])
