@@ -4,6 +4,8 @@ Each pixel is the mean of fine x fine rays through the full lens model; the boar
 so there is no resampling of an already sampled picture.
 """
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 
@@ -16,7 +18,7 @@ def look_at(tilt_degrees, distance, azimuth_degrees=0.0, roll_degrees=0.0, aim=(
     out = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
     z = -out
     up = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    right = np.cross(up, z) * -1 if False else np.cross(z, up)
+    right = np.cross(z, up)
     right /= np.linalg.norm(right)
     down = np.cross(z, right)
     rotation = np.stack([right, down, z])
@@ -94,3 +96,38 @@ def rotation_error_degrees(pose, truth):
     rotation = np.asarray(pose)[:3, :3].T @ np.asarray(truth)[:3, :3]
     axis = [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
     return np.degrees(np.arctan2(np.linalg.norm(axis), np.trace(rotation) - 1))
+
+
+def vectors():
+    """Name, board, camera, pose of the stored pictures in tests/data."""
+    camera = fastibl.Camera(320, 240, 400.0, 402.0, 161.0, 118.5)
+    yield "grid", fastibl.Board.grid(3, 4, 0.03, 0.01), camera, look_at(35, 0.24, 30, 12, (0.005, -0.004))
+    camera = fastibl.Camera(160, 120, 200.0, 200.0, 80.0, 60.0)
+    yield "kalibr", fastibl.Board.kalibr(2, 2, 0.05, 0.3), camera, look_at(25, 0.26, 200, -5)
+
+
+def project_tag(tag, camera, pose):
+    pose = np.asarray(pose)
+    points = np.pad(tag.corners, ((0, 0), (0, 1))) @ pose[:3, :3].T + pose[:3, 3]
+    return camera.project(points)
+
+
+def write_vectors(folder):
+    """Pictures as PGM and text, which C++ reads without a library. Run again only when the format changes."""
+    from fastibl.tracking import detect
+
+    for name, board, camera, pose in vectors():
+        grey = render(board, camera, pose, seed=7)[..., 1]
+        header = f"P5\n{camera.width} {camera.height}\n255\n".encode()
+        (folder / f"{name}.pgm").write_bytes(header + grey.tobytes())
+        lines = [f"camera {camera.fx} {camera.fy} {camera.cx} {camera.cy}"]
+        lines.append("pose " + " ".join(f"{v:.17g}" for v in pose[:3].ravel()))
+        for id, corners in sorted(detect(np.ascontiguousarray(grey), board, camera)[0], key=lambda t: t[0]):
+            lines.append(f"detected {id} " + " ".join(f"{v:.4f}" for v in corners.ravel()))
+        for tag in board.tags:
+            lines.append(f"expected {tag.id} " + " ".join(f"{v:.4f}" for v in project_tag(tag, camera, pose).ravel()))
+        (folder / f"{name}.txt").write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    write_vectors(Path(__file__).parent / "data")

@@ -26,6 +26,11 @@ def detect(
     parameters.cornerRefinementMethod = (
         cv2.aruco.CORNER_REFINE_SUBPIX if subpixel else cv2.aruco.CORNER_REFINE_NONE
     )
+    # Later versions shrink the refinement window to 0.3 of a module, which leaves the corners of small tags at
+    # whole pixels; 3 px whatever the module did best of those tried, and is the same in all versions.
+    parameters.cornerRefinementWinSize = 3
+    if hasattr(parameters, "relativeCornerRefinmentWinSize"):  # (sic)
+        parameters.relativeCornerRefinmentWinSize = 100.0
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     quads, ids, _ = cv2.aruco.ArucoDetector(family, parameters).detectMarkers(grey)
     if ids is None:
