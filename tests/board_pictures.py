@@ -7,13 +7,12 @@ so there is no resampling of an already sampled picture.
 from pathlib import Path
 
 import cv2
-import numpy as np
-
 import fastibl
+import numpy as np
 
 
 def look_at(tilt_degrees, distance, azimuth_degrees=0.0, roll_degrees=0.0, aim=(0.0, 0.0)):
-    """camera_from_marker (4, 4): the camera at `distance` from the board's point `aim`, off its normal by `tilt`."""
+    """camera_from_marker (4, 4): the camera `distance` from the point `aim`, off the normal by `tilt`."""
     tilt, azimuth, roll = np.radians([tilt_degrees, azimuth_degrees, roll_degrees])
     out = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
     z = -out
@@ -44,8 +43,22 @@ def page_of(board, dpi=300):
     return _pages[key]
 
 
-def render(board, camera, camera_from_marker, *, seed=0, blur=0.5, noise=0.004, fine=4, exposure=1.0,
-           black=0.04, white=0.85, table=0.25, encode=srgb, dpi=300):
+def render(
+    board,
+    camera,
+    camera_from_marker,
+    *,
+    seed=0,
+    blur=0.5,
+    noise=0.004,
+    fine=4,
+    exposure=1.0,
+    black=0.04,
+    white=0.85,
+    table=0.25,
+    encode=srgb,
+    dpi=300,
+):
     """(height, width, 3) uint8. blur: sigma in px, in linear light; noise: of a white pixel, linear."""
     page = page_of(board, dpi)
     y, x = (np.mgrid[: camera.height * fine, : camera.width * fine] + 0.5) / fine
@@ -59,8 +72,14 @@ def render(board, camera, camera_from_marker, *, seed=0, blur=0.5, noise=0.004, 
     px = (origin[0] + distance * directions[..., 0] + board.width / 2) / board.width * page.shape[1] - 0.5
     py = (board.height / 2 - origin[1] - distance * directions[..., 1]) / board.height * page.shape[0] - 0.5
     px[~(distance > 0)] = -10
-    ink = cv2.remap(page, px.astype(np.float32), py.astype(np.float32), cv2.INTER_LINEAR,
-                    borderMode=cv2.BORDER_CONSTANT, borderValue=-1)
+    ink = cv2.remap(
+        page,
+        px.astype(np.float32),
+        py.astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=-1,
+    )
     light = np.where(ink < 0, table, black + (white - black) * np.clip(ink, 0, 1))
     light = light.reshape(camera.height, fine, camera.width, fine).mean((1, 3)) * exposure
     if blur:
@@ -125,7 +144,9 @@ def write_vectors(folder):
         for id, corners in sorted(detect(np.ascontiguousarray(grey), board, camera)[0], key=lambda t: t[0]):
             lines.append(f"detected {id} " + " ".join(f"{v:.4f}" for v in corners.ravel()))
         for tag in board.tags:
-            lines.append(f"expected {tag.id} " + " ".join(f"{v:.4f}" for v in project_tag(tag, camera, pose).ravel()))
+            lines.append(
+                f"expected {tag.id} " + " ".join(f"{v:.4f}" for v in project_tag(tag, camera, pose).ravel())
+            )
         (folder / f"{name}.txt").write_text("\n".join(lines) + "\n")
 
 

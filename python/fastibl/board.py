@@ -166,10 +166,16 @@ def _save_pdf(board: Board, path: Path) -> None:
     for tag in board.tags:
         modules = tag_modules(tag.id, board.border_bits)
         n = len(modules)
-        origin, across, down = tag.corners[0], tag.corners[1] - tag.corners[0], tag.corners[3] - tag.corners[0]
+        origin, across, down = (
+            tag.corners[0],
+            tag.corners[1] - tag.corners[0],
+            tag.corners[3] - tag.corners[0],
+        )
         path_of_tag = canvas.beginPath()
         for row, column, width in _runs(modules):
-            box = np.array([[column, row], [column + width, row], [column + width, row + 1], [column, row + 1]])
+            box = np.array(
+                [[column, row], [column + width, row], [column + width, row + 1], [column, row + 1]]
+            )
             x, y = on_paper(origin + box[:, :1] / n * across + box[:, 1:] / n * down)
             path_of_tag.moveTo(x[0], y[0])
             for k in (1, 2, 3):

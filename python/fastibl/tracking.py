@@ -26,8 +26,8 @@ def detect(
     parameters.cornerRefinementMethod = (
         cv2.aruco.CORNER_REFINE_SUBPIX if subpixel else cv2.aruco.CORNER_REFINE_NONE
     )
-    # Later versions shrink the refinement window to 0.3 of a module, which leaves the corners of small tags at
-    # whole pixels; 3 px whatever the module did best of those tried, and is the same in all versions.
+    # Later versions shrink the refinement window to 0.3 of a module, which leaves the corners of small tags
+    # at whole pixels; 3 px whatever the module did best of those tried, and is the same in all versions.
     parameters.cornerRefinementWinSize = 3
     if hasattr(parameters, "relativeCornerRefinmentWinSize"):  # (sic)
         parameters.relativeCornerRefinmentWinSize = 100.0
@@ -36,9 +36,7 @@ def detect(
     if ids is None:
         return [], None
     # OpenCV counts from the centre of the upper left pixel, fastibl from its corner.
-    tags = [
-        (int(i), quad[0].astype(np.float64) + 0.5) for i, quad in zip(np.ravel(ids), quads, strict=True)
-    ]
+    tags = [(int(i), quad[0].astype(np.float64) + 0.5) for i, quad in zip(np.ravel(ids), quads, strict=True)]
     return tags, _start(tags, board, camera)
 
 
@@ -66,7 +64,7 @@ def _start(tags, board: Board, camera: Camera) -> Pose | None:
 class Tracker:
     """Tracks a board in the pictures of one camera; keeps nothing from one picture to the next.
 
-    method: "board" uses all tags, robustly; "frame-marker" the corners of the largest one, as the paper of 2014.
+    method: "board" uses all tags, robustly; "frame-marker" (the paper's, 2014) the corners of the largest one.
     refine: measure corners again along the tags' sides, in linear light (uses camera.response).
     Raises ValueError for another method.
     """

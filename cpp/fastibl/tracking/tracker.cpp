@@ -131,6 +131,22 @@ bool possible(const Pose& camera_from_marker, std::span<const Match> matches) {
   return camera_from_marker.inverse().translation.z > 0;
 }
 
+// Cost of the second minimum; where noise has merged it with the first, of the mirrored pose as it
+// is, for the truth may lie there. Nothing where that is the same pose.
+std::optional<double> other_cost(const TwoMinima& fit, std::span<const Match> matches,
+                                 const Lens& lens, const Loss& loss) {
+  const Pose& best = fit.best->camera_from_marker;
+  const auto differs = [&](const Pose& pose) {
+    return possible(pose, matches) && rotation_angle(pose.rotation, best.rotation) > kSameMinimum;
+  };
+  if (fit.other && differs(fit.other->camera_from_marker)) return fit.other->cost;
+  const Pose mirrored = mirrored_pose(best, centre_of(matches));
+  if (!differs(mirrored)) return std::nullopt;
+  double cost = 0;
+  for (const Match& m : matches) cost += loss.cost(std::min(1e4, error_of(m, lens, mirrored)));
+  return cost;
+}
+
 bool invert(const std::array<double, 36>& a, std::array<double, 36>& inverse) {
   for (std::size_t c = 0; c < 6; ++c) {
     std::array<double, 6> unit{}, x{};
@@ -141,7 +157,26 @@ bool invert(const std::array<double, 36>& a, std::array<double, 36>& inverse) {
   return true;
 }
 
-// Tags whose corners fit within the loss. With few tags nothing tells which one is wrong: all stay.
+// The half of the tags that agree best on one pose near `pose`, which is moved there: least trimmed
+// squares by concentration steps (Rousseeuw and Van Driessen 1999), unmoved by fewer than half
+// wrong tags even when they all err to one side. All of one or two tags.
+std::vector<Seen> better_half(std::vector<Seen> seen, const Lens& lens, Pose& pose) {
+  if (seen.size() < 3) return seen;
+  const std::vector<Seen> all = seen;
+  for (int round = 0; round < 4; ++round) {
+    seen = all;
+    std::stable_sort(seen.begin(), seen.end(), [&](const Seen& a, const Seen& b) {
+      return squared_px(a, lens, pose) < squared_px(b, lens, pose);
+    });
+    seen.resize(all.size() / 2 + 1);
+    const auto fit = fit_pose(all_matches(seen), lens, pose, {Loss::Kind::huber, 1.0});
+    if (!fit) break;
+    pose = fit->camera_from_marker;
+  }
+  return seen;
+}
+
+// Tags whose corners fit within the limit, in units of their noise.
 std::vector<Seen> agreeing(const std::vector<Seen>& seen, const Lens& lens, const Pose& pose,
                            double limit) {
   std::vector<Seen> kept;
@@ -173,16 +208,17 @@ std::optional<Tracked> fit_tags(const Detection& detection, std::span<const doub
   std::vector<Seen> seen = seen_tags(detection.tags, noise, board);
   if (options.method == TrackingMethod::frame_marker && seen.size() > 1) seen.resize(1);
   if (seen.empty()) return std::nullopt;
-  const std::optional<Pose> start = best_start(seen, lens, detection.start);
+  std::optional<Pose> start = best_start(seen, lens, detection.start);
   if (!start) return std::nullopt;
 
   const std::vector<Match> matches = all_matches(seen);
-  TwoMinima fit = fit_both(matches, lens, *start, {Loss::Kind::huber, 1.0});
+  const std::vector<Match> half = all_matches(better_half(seen, lens, *start));
+  TwoMinima fit = fit_both(half, lens, *start, {Loss::Kind::huber, 1.0});
   if (!fit.best) return std::nullopt;
   const auto limit = [](double sigma) { return std::max(0.25, 5 * sigma); };
   std::vector<Seen> used = seen;
   if (seen.size() > 2) {
-    // Twice: the first scale is still that of a fit which outliers pull at.
+    // Twice: the first scale is that of a fit to half of the tags.
     for (int round = 0; round < 2; ++round) {
       const Pose pose = fit.best->camera_from_marker;
       const Loss loss{Loss::Kind::tukey, limit(noise_of(matches, lens, pose))};
@@ -214,10 +250,8 @@ std::optional<Tracked> fit_tags(const Detection& detection, std::span<const doub
   if (!(tracked.residual_px <= options.largest_residual_px + 0.03 * largest)) return std::nullopt;
 
   const double floor = double(2 * good.size()) * expected * expected;
-  if (fit.other && possible(fit.other->camera_from_marker, good) &&
-      rotation_angle(fit.other->camera_from_marker.rotation, tracked.camera_from_marker.rotation) >
-          kSameMinimum)
-    tracked.ambiguity = (fit.best->cost + floor) / (fit.other->cost + floor);
+  if (const auto other = other_cost(fit, good, lens, loss))
+    tracked.ambiguity = std::min(1.0, (fit.best->cost + floor) / (*other + floor));
   tracked.ambiguous = tracked.ambiguity > kAmbiguous;
 
   if (!invert(fit.best->information, tracked.covariance)) return std::nullopt;
