@@ -64,7 +64,7 @@ def _start(tags, board: Board, camera: Camera) -> Pose | None:
 class Tracker:
     """Tracks a board in the pictures of one camera; keeps nothing from one picture to the next.
 
-    method: "board" uses all tags, robustly; "frame-marker" (the paper's, 2014) the corners of the largest one.
+    method: "board" uses all tags, robustly; "frame-marker" (the paper of 2014) the largest tag alone.
     refine: measure corners again along the tags' sides, in linear light (uses camera.response).
     Raises ValueError for another method.
     """
