@@ -5,9 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import fastibl
 import numpy as np
 import pytest
+from standin import Page
+
+import fastibl
 from fastibl import Camera, CubeMap, Frame, Pose, Recording, Response, Rig
 from fastibl.__main__ import main
 from fastibl._fastibl import _Board
@@ -20,7 +22,6 @@ from fastibl.recording import (
     write_board,
     write_rig,
 )
-from standin import Page
 
 RNG = np.random.default_rng(5)
 TURN = Pose.from_rotation_vector([0.1, 3.0, 0.02], [0.01, -0.02, 0.003])

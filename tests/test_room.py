@@ -1,8 +1,9 @@
 """The built-in room: its light is plausible, its radiance belongs to places, its truth is what rays see."""
 
-import fastibl
 import numpy as np
 import pytest
+
+import fastibl
 from fastibl import reference
 from fastibl.room import (
     _LAMP_CENTRE,
@@ -51,9 +52,7 @@ def test_radiance_belongs_to_the_wall_not_to_the_view(room, lamp):
 def test_parallax_is_real(room):
     corner = np.array([UPPER[0], 1.0, 1.2])
     directions = [corner - np.array(eye) for eye in ((0, 0, 0.4), (0.3, 0, 0.4))]
-    same_place = [
-        room.radiance(eye, d) for eye, d in zip(((0, 0, 0.4), (0.3, 0, 0.4)), directions, strict=True)
-    ]
+    same_place = [room.radiance(eye, d) for eye, d in zip(((0, 0, 0.4), (0.3, 0, 0.4)), directions, strict=True)]
     np.testing.assert_allclose(*same_place, rtol=1e-3)
     units = [d / np.linalg.norm(d) for d in directions]
     assert np.degrees(np.arccos(units[0] @ units[1])) > 1

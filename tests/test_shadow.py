@@ -153,7 +153,15 @@ def test_point_inside_or_touched_has_no_light(method):
 
 @pytest.mark.parametrize(
     "bad",
-    [(np.nan, 0, 1, 1), (0, np.nan, 1, 1), (0, 0, np.inf, 1), (0, 0, 1, np.nan), (0, 0, 1, np.inf), (0, 0, 1, 0), (0, 0, 0, -1)],
+    [
+        (np.nan, 0, 1, 1),
+        (0, np.nan, 1, 1),
+        (0, 0, np.inf, 1),
+        (0, 0, 1, np.nan),
+        (0, 0, 1, np.inf),
+        (0, 0, 1, 0),
+        (0, 0, 0, -1),
+    ],
 )
 def test_spheres_that_are_none_are_ignored_and_counted(bad):
     good = [0.1, 0.2, 0.4, 0.2]
@@ -190,7 +198,9 @@ def test_extreme_radiance_and_far_spheres_stay_finite():
     faces = np.full((6, 16, 16, 3), 1e-20, np.float32)
     faces[4, 8, 8] = [np.inf, np.nan, -1]
     cube = fastibl.CubeMap(faces)
-    spheres = np.array([[0.0, 0, 0.5, 0.2], [1e30, 0, 1, 1], [0, 0, 1, 1e-30], [3e38, 3e38, 3e38, 3e38], [0, 0, 1e-40, 1e-41]])
+    spheres = np.array(
+        [[0.0, 0, 0.5, 0.2], [1e30, 0, 1, 1], [0, 0, 1, 1e-30], [3e38, 3e38, 3e38, 3e38], [0, 0, 1e-40, 1e-41]]
+    )
     points = np.array([[0.0, 0], [3e38, -3e38], [1e-40, 0], [np.nan, 0], [np.inf, 1]])
     ratio = fastibl.shadow_ratio(cube, spheres, points)
     assert np.isfinite(ratio).all() and (ratio >= 0).all() and (ratio <= 1).all()

@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+
 from fastibl import Bvh, shapes
 
 
@@ -62,9 +63,7 @@ def test_figurine_has_hollows_and_thin_parts():
 
 
 def test_surface_net_of_a_sphere():
-    ball = shapes.surface_net(
-        lambda p: np.linalg.norm(p, axis=1) - 1, np.full(3, -1.3), np.full(3, 1.3), 0.13
-    )
+    ball = shapes.surface_net(lambda p: np.linalg.norm(p, axis=1) - 1, np.full(3, -1.3), np.full(3, 1.3), 0.13)
     np.testing.assert_allclose(np.linalg.norm(ball.vertices, axis=1), 1, atol=1e-5)
     assert np.min(np.sum(ball.normals * ball.vertices, axis=1)) > 0.99
     assert len(ball.vertices) - len(edges(ball)) // 2 + len(ball.triangles) == 2

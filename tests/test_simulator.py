@@ -3,9 +3,11 @@
 import inspect
 from pathlib import Path
 
-import fastibl
 import numpy as np
 import pytest
+from standin import Page
+
+import fastibl
 from fastibl import Camera, CubeMap, Pose, Recording, Rig, reference
 from fastibl.room import OBJECT
 from fastibl.simulator import (
@@ -20,7 +22,6 @@ from fastibl.simulator import (
     default_rig,
     simulate,
 )
-from standin import Page
 
 HDRI = Path(__file__).resolve().parents[1] / ".." / "shared" / "data" / "hdri"
 SMALL = {"size": (160, 120), "truth_size": 16}  # quick

@@ -98,7 +98,7 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
         std::optional<ImageView<const std::uint8_t>> view;
         if (grey) view = require_grey(*grey);
         const py::gil_scoped_release release;
-        if (view) detection.tags = refine_corners(*view, detection.tags, board.border_bits, camera);
+        if (view) return track(detection, *view, board, camera, options);
         return track(detection, board, camera, options);
       },
       py::arg("tags"), py::arg("start"), py::arg("board"), py::arg("camera"),

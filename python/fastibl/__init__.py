@@ -5,7 +5,6 @@ Frames, units and pixel conventions are stated once, in docs/conventions.md.
 
 from . import reference, shapes
 from ._fastibl import (
-    Board,
     Bvh,
     Camera,
     Capture,
@@ -39,6 +38,7 @@ from ._fastibl import (
     texel_solid_angles,
     threads,
 )
+from .board import Board
 from .comparison import compare
 from .files import read_environment, read_mesh, stand
 from .lighting import Lighting, Method, methods

@@ -190,9 +190,7 @@ class RecordingWriter:
         known = {"rig.yaml", "board.yaml", "frames.csv", "truth", "back", "front", "back.mkv", "front.mkv"}
         other = sorted(p.name for p in self.path.iterdir() if p.name not in known)
         if other:
-            raise FileExistsError(
-                f"{self.path} holds {other[0]}, which is no part of a recording; choose another"
-            )
+            raise FileExistsError(f"{self.path} holds {other[0]}, which is no part of a recording; choose another")
         for item in self.path.iterdir():
             if item.is_dir():
                 for file in item.iterdir():
@@ -350,9 +348,7 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]
         rows = csv.DictReader(file)
         missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
         if missing:
-            raise ValueError(
-                f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure"
-            )
+            raise ValueError(f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure")
         for row in rows:
             where = f"{path} line {rows.line_num}"
             try:

@@ -59,9 +59,7 @@ def wood(width: float, height: float, density: float, mean: ArrayLike, seed: int
     planks = max(1, round(height / 0.13))
     plank = np.minimum((y * planks / height).astype(int), planks - 1)
     tone = rng.normal(0, 0.06, planks).astype(np.float32)[plank]
-    rings = np.sin(
-        2 * np.pi * (y * 55 + 1.3 * noise(9, 1.5) + 7 * rng.random(planks).astype(np.float32)[plank])
-    )
+    rings = np.sin(2 * np.pi * (y * 55 + 1.3 * noise(9, 1.5) + 7 * rng.random(planks).astype(np.float32)[plank]))
     grain = 0.035 * rings + 0.03 * noise(220, 5) + 0.03 * noise(60, 2) + 0.02 * noise(500, 14)
     gap = np.abs(y * planks / height - np.round(y * planks / height)) * (height / planks)
     shade = (1 + tone + grain) * np.where((gap < 0.0012) & (y > 0.01) & (y < height - 0.01), 0.72, 1)
@@ -203,9 +201,7 @@ def _paint_north(wall: _Surface, rng):
                 u += rng.uniform(0.05, 0.2)
                 continue
             spine = str(
-                rng.choice(
-                    ["#9c2f2a", "#2f5b8a", "#3d7a4a", "#d6a93b", "#e4dcc8", "#6a4a7d", "#1f2d3d", "#c2643a"]
-                )
+                rng.choice(["#9c2f2a", "#2f5b8a", "#3d7a4a", "#d6a93b", "#e4dcc8", "#6a4a7d", "#1f2d3d", "#c2643a"])
             )
             top = z + rng.uniform(0.2, 0.32)
             wall.rectangle(u, z, min(u + w, 2.64), top, spine)
@@ -278,9 +274,7 @@ def _paint_south(wall: _Surface, rng):
     u = UPPER[0] - _LAMP_CENTRE[0]
     wall.rectangle(u - 0.025, 0.95, u + 0.025, 1.25, "#b08d4a")
     wall.disc(u, 0.95, 0.06, "#b08d4a")
-    for k, (background, accent) in enumerate(
-        (("#f3d9c6", "#c2452d"), ("#dfe8c9", "#3d6b35"), ("#cfdcec", "#23406e"))
-    ):
+    for k, (background, accent) in enumerate((("#f3d9c6", "#c2452d"), ("#dfe8c9", "#3d6b35"), ("#cfdcec", "#23406e"))):
         a = 0.45 + 0.6 * k
         _picture(
             wall,
@@ -458,9 +452,7 @@ class Room:
         light = sum(self._direct[state][index] for state in states)
         return light + sum(self._reflected[state][index] for state in states) if reflected else light
 
-    def irradiance(
-        self, points: ArrayLike, lamp: bool = False, reflected: bool = True
-    ) -> NDArray[np.float32]:
+    def irradiance(self, points: ArrayLike, lamp: bool = False, reflected: bool = True) -> NDArray[np.float32]:
         """Irradiance (..., 3) of the table and the floor at points (..., 2) in metres.
 
         reflected: False leaves out the light that came by a wall, the floor or the ceiling.

@@ -50,9 +50,7 @@ class DistantPlace:
         else:
             image = np.asarray(environment)
             if image.ndim != 3 or image.shape[2] != 3 or image.shape[1] != 2 * image.shape[0]:
-                raise ValueError(
-                    f"an equirectangular picture must have shape (height, 2 height, 3), got {image.shape}"
-                )
+                raise ValueError(f"an equirectangular picture must have shape (height, 2 height, 3), got {image.shape}")
             if not np.issubdtype(image.dtype, np.floating):
                 raise TypeError(f"an environment map holds linear radiance in floats, got {image.dtype}")
             self._cube = cubemap_from_equirect(image, size=128)
@@ -113,9 +111,7 @@ class DistantPlace:
         grain = _look_up(self._table, column, row, cv2.BORDER_REFLECT)
         return self._plain + (grain - self._plain) * share
 
-    def truth(
-        self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4
-    ) -> CubeMap:
+    def truth(self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4) -> CubeMap:
         """The true environment map at a place: the given one above the horizon, below it the table.
 
         As Room.truth says of the printed board.

@@ -28,13 +28,13 @@ Normal normal_equations(std::span<const Match> matches, const Lens& lens, const 
       continue;
     }
     ++n.seen;
-    const glm::dvec2 error = *pixel - match.pixel;
+    const glm::dvec2 error = (*pixel - match.pixel) / match.noise;
     const double size = glm::length(error), weight = loss.weight(size);
     n.cost += loss.cost(size);
     if (weight == 0) continue;
     for (int row = 0; row < 2; ++row) {
       // d(exp([w]×) y)/dw at 0 is −[y]×, so gᵀ of it is y × g.
-      const glm::dvec3 g = d[row], r = glm::cross(turned, g);
+      const glm::dvec3 g = d[row] / match.noise, r = glm::cross(turned, g);
       const double j[6] = {r.x, r.y, r.z, g.x, g.y, g.z};
       for (std::size_t i = 0; i < 6; ++i) {
         n.b[i] -= weight * j[i] * error[row];
@@ -74,17 +74,10 @@ double Loss::weight(double e) const {
   return e < scale ? q * q : 0;
 }
 
-double error_px(const Match& match, const Lens& lens, const Pose& pose) {
+double error_of(const Match& match, const Lens& lens, const Pose& pose) {
   const auto pixel = lens.project(pose * glm::dvec3(match.point, 0));
-  return pixel ? glm::length(*pixel - match.pixel) : std::numeric_limits<double>::infinity();
-}
-
-double total_cost(std::span<const Match> matches, const Lens& lens, const Pose& pose,
-                  const Loss& loss) {
-  double cost = 0;
-  for (const Match& match : matches)
-    cost += loss.cost(std::min(kUnseen, error_px(match, lens, pose)));
-  return cost;
+  return pixel ? glm::length(*pixel - match.pixel) / match.noise
+               : std::numeric_limits<double>::infinity();
 }
 
 bool solve6(const std::array<double, 36>& a, const std::array<double, 6>& b,

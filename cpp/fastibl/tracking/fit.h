@@ -15,6 +15,7 @@ namespace fastibl {
 struct Match {
   glm::dvec2 point;  // metres
   glm::dvec2 pixel;
+  double noise = 1;  // of `pixel` against the other matches; errors are divided by it
 };
 
 // Huber's loss: quadratic up to `scale`, linear beyond. Tukey's biweight: flat beyond `scale`.
@@ -31,11 +32,9 @@ struct PoseFit {
   std::array<double, 36> information{};  // JᵀWJ: rotation first, row major, px² per unit²
 };
 
-// Distance in pixels between where a match is seen and where it should be; infinity where the lens
-// does not show the point.
-double error_px(const Match& match, const Lens& lens, const Pose& camera_from_marker);
-double total_cost(std::span<const Match> matches, const Lens& lens, const Pose& pose,
-                  const Loss& loss);
+// Distance in pixels between where a match is seen and where it should be, divided by its noise;
+// infinity where the lens does not show the point.
+double error_of(const Match& match, const Lens& lens, const Pose& camera_from_marker);
 
 // Levenberg–Marquardt over the six parameters (w, d) of {exp([w]×) R, t + d}. Nothing when the
 // start shows no match or the result is not finite.

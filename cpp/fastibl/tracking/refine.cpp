@@ -7,11 +7,11 @@
 namespace fastibl {
 namespace {
 
-constexpr int kDataModules = 6;         // of 36h11 along one side, without its border
-constexpr double kSideStart = 0.08;     // part of a side left out at either corner: blurred round
-constexpr double kSmallestReach = 1.2;  // px; a narrower border holds no black level
-constexpr double kBorderShare = 0.85;   // of the border's width that a profile may cross
-constexpr double kStep = 0.5;           // px between samples of a profile
+constexpr int kDataModules = 6;          // of 36h11 along one side, without its border
+constexpr double kSideStart = 0.08;      // part of a side left out at either corner: blurred round
+constexpr double kSmallestBorder = 1.7;  // px; narrower ones hold no black level
+constexpr double kClear = 1.5;  // px kept from data modules, whose blur lifts the black level
+constexpr double kStep = 0.5;   // px between samples of a profile
 constexpr int kMostSteps = 32;
 
 // Position on the plane z = 1, and how it maps to pixels nearby.
@@ -28,6 +28,38 @@ struct EdgePoint {
   double along, offset;  // in units of the plane z = 1
 };
 
+// The unit square on a tag's four corners; Heckbert 1989, Fundamentals of Texture Mapping, 2.2.3.
+struct SquareMap {
+  glm::dvec2 origin, u, v;  // numerators, beside 1 + g·(x, y)
+  double g, h;
+
+  explicit SquareMap(const std::array<glm::dvec2, 4>& c) : origin(c[0]) {
+    const glm::dvec2 d1 = c[1] - c[2], d2 = c[3] - c[2], s = c[0] - c[1] + c[2] - c[3];
+    const double det = d1.x * d2.y - d1.y * d2.x;
+    g = (s.x * d2.y - s.y * d2.x) / det;
+    h = (d1.x * s.y - d1.y * s.x) / det;
+    u = c[1] - c[0] + g * c[1];
+    v = c[3] - c[0] + h * c[3];
+  }
+  glm::dvec2 operator()(const glm::dvec2& p) const {
+    return (origin + p.x * u + p.y * v) / (1 + g * p.x + h * p.y);
+  }
+};
+
+// Point of the unit square `along` a side (0: from corner 0 to 1), `in` inside it.
+glm::dvec2 on_side(std::size_t side, double along, double in) {
+  switch (side) {
+    case 0:
+      return {along, in};
+    case 1:
+      return {1 - in, along};
+    case 2:
+      return {1 - along, 1 - in};
+    default:
+      return {in, 1 - along};
+  }
+}
+
 class Refiner {
  public:
   Refiner(ImageView<const std::uint8_t> grey, const Camera& camera, const RefineOptions& options)
@@ -41,10 +73,14 @@ class Refiner {
       ideal[i] = glm::dvec2(*ray);
     }
     for (int round = 0; round < options_.rounds; ++round) {
-      const double reach = reach_px(ideal, border_bits);
-      if (reach < kSmallestReach) return std::nullopt;
+      const SquareMap map(ideal);
       std::array<Line, 4> sides;
       for (std::size_t i = 0; i < 4; ++i) {
+        const double border = border_px(map, i, border_bits / (kDataModules + 2.0 * border_bits));
+        // The first round has to reach the edge, the others must not reach the data behind it.
+        const double reach = std::min(round == 0 ? border - 0.5 : std::max(1.25, border - kClear),
+                                      options_.reach_px);
+        if (!(border > kSmallestBorder)) return std::nullopt;
         const auto line = fit_side(ideal[i], ideal[(i + 1) % 4], reach);
         if (!line) return std::nullopt;
         sides[i] = *line;
@@ -75,23 +111,20 @@ class Refiner {
     return result;
   }
 
-  // Half the length of a profile: it must stay inside the black border, which is narrowest where
-  // opposite sides are closest.
-  double reach_px(const std::array<glm::dvec2, 4>& ideal, int border_bits) const {
-    std::array<glm::dvec2, 4> p;
-    for (std::size_t i = 0; i < 4; ++i) p[i] = local(ideal[i]).pixel;
+  // Width in pixels of the black border beside a side, and of as much white outside it, where they
+  // are narrowest: perspective makes far modules smaller.
+  double border_px(const SquareMap& tag, std::size_t side, double border) const {
     double narrowest = 1e9;
-    for (std::size_t i = 0; i < 4; ++i) {
-      const glm::dvec2 a = p[i], side = p[(i + 1) % 4] - a;
-      const double length = glm::length(side);
-      if (!(length > 1)) return 0;
-      for (const std::size_t k : {(i + 2) % 4, (i + 3) % 4}) {
-        const glm::dvec2 d = p[k] - a;
-        narrowest = std::min(narrowest, std::abs(side.x * d.y - side.y * d.x) / length);
+    for (const double along : {kSideStart, 0.5, 1 - kSideStart}) {
+      const glm::dvec2 a = local(tag(on_side(side, along, 0))).pixel;
+      const glm::dvec2 b = local(tag(on_side(side, along + 0.01, 0))).pixel;
+      const glm::dvec2 t = glm::normalize(b - a);
+      for (const double in : {border, -border}) {
+        const glm::dvec2 d = local(tag(on_side(side, along, in))).pixel - a;
+        narrowest = std::min(narrowest, std::abs(t.x * d.y - t.y * d.x));
       }
     }
-    const double module = narrowest / (kDataModules + 2 * border_bits);
-    return std::min(options_.reach_px, kBorderShare * border_bits * module);
+    return narrowest;
   }
 
   // Linear value between pixel centres, which are at + 0.5.

@@ -12,7 +12,7 @@ namespace fastibl {
 
 struct RefineOptions {
   int rounds = 3;             // the search follows the sides that the last round found
-  double reach_px = 6;        // longest search to either side of a tag's side
+  double reach_px = 5;        // longest search to either side of a tag's side
   double longest_move = 0.1;  // of a corner, in tag sides (and at least 2 px); further is no repair
   int most_samples = 48;      // along one side
 };

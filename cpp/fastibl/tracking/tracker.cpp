@@ -10,6 +10,7 @@ namespace {
 
 constexpr std::size_t kMostStarts = 8;   // largest tags whose own pose is tried as a start
 constexpr double kSmallestNoise = 0.02;  // px; corners closer than this are not told apart
+constexpr double kUnmeasured = 8;        // noise of a detector's corner by that of a measured one
 constexpr double kAmbiguous = 0.5;       // ratio of costs, see tests/test_tracking.py
 constexpr double kSameMinimum =
     0.5 * std::numbers::pi / 180;  // choosing wrong costs less than this
@@ -26,16 +27,19 @@ double side_px(const DetectedTag& tag) {
   return sum / 4;
 }
 
-// Tags of the board that were seen once, largest first.
-std::vector<Seen> seen_tags(const std::vector<DetectedTag>& tags, const Board& board) {
+// Tags of the board that were seen once, largest first. noise: of each tag, or empty for 1.
+std::vector<Seen> seen_tags(const std::vector<DetectedTag>& tags, std::span<const double> noise,
+                            const Board& board) {
   std::vector<Seen> seen;
-  for (const DetectedTag& tag : tags) {
+  for (std::size_t k = 0; k < tags.size(); ++k) {
+    const DetectedTag& tag = tags[k];
     const Tag* on_board = board.find(tag.id);
     const auto same = [&](const DetectedTag& other) { return other.id == tag.id; };
     if (!on_board || std::count_if(tags.begin(), tags.end(), same) != 1) continue;
     Seen s{tag, {}, side_px(tag)};
     if (!std::isfinite(s.side) || !(s.side > 1)) continue;
-    for (std::size_t i = 0; i < 4; ++i) s.matches[i] = {on_board->corners[i], tag.corners[i]};
+    for (std::size_t i = 0; i < 4; ++i)
+      s.matches[i] = {on_board->corners[i], tag.corners[i], noise.empty() ? 1.0 : noise[k]};
     seen.push_back(s);
   }
   std::stable_sort(seen.begin(), seen.end(),
@@ -55,17 +59,21 @@ glm::dvec2 centre_of(std::span<const Match> matches) {
   return sum / double(matches.size());
 }
 
+// Mean over the corners, in units of the tag's noise.
 double squared_error(const Seen& s, const Lens& lens, const Pose& pose) {
   double sum = 0;
-  for (const Match& m : s.matches) sum += std::pow(error_px(m, lens, pose), 2);
+  for (const Match& m : s.matches) sum += std::pow(error_of(m, lens, pose), 2);
   return sum / 4;
+}
+
+double squared_px(const Seen& s, const Lens& lens, const Pose& pose) {
+  return squared_error(s, lens, pose) * s.matches[0].noise * s.matches[0].noise;
 }
 
 // A tag more than half a side off speaks for nothing, however far off it is.
 double disagreement(const std::vector<Seen>& seen, const Lens& lens, const Pose& pose) {
   double sum = 0;
-  for (const Seen& s : seen)
-    sum += std::min(0.25, squared_error(s, lens, pose) / (s.side * s.side));
+  for (const Seen& s : seen) sum += std::min(0.25, squared_px(s, lens, pose) / (s.side * s.side));
   return sum;
 }
 
@@ -95,7 +103,7 @@ std::optional<Pose> best_start(const std::vector<Seen>& seen, const Lens& lens,
 double noise_of(std::span<const Match> matches, const Lens& lens, const Pose& pose) {
   std::vector<double> errors;
   errors.reserve(matches.size());
-  for (const Match& m : matches) errors.push_back(error_px(m, lens, pose));
+  for (const Match& m : matches) errors.push_back(error_of(m, lens, pose));
   const auto middle = errors.begin() + std::ptrdiff_t(errors.size() / 2);
   std::nth_element(errors.begin(), middle, errors.end());
   const double n = 2 * double(errors.size());
@@ -123,6 +131,22 @@ bool possible(const Pose& camera_from_marker, std::span<const Match> matches) {
   return camera_from_marker.inverse().translation.z > 0;
 }
 
+// Cost of the second minimum; where noise has merged it with the first, of the mirrored pose as it
+// is, for the truth may lie there. Nothing where that is the same pose.
+std::optional<double> other_cost(const TwoMinima& fit, std::span<const Match> matches,
+                                 const Lens& lens, const Loss& loss) {
+  const Pose& best = fit.best->camera_from_marker;
+  const auto differs = [&](const Pose& pose) {
+    return possible(pose, matches) && rotation_angle(pose.rotation, best.rotation) > kSameMinimum;
+  };
+  if (fit.other && differs(fit.other->camera_from_marker)) return fit.other->cost;
+  const Pose mirrored = mirrored_pose(best, centre_of(matches));
+  if (!differs(mirrored)) return std::nullopt;
+  double cost = 0;
+  for (const Match& m : matches) cost += loss.cost(std::min(1e4, error_of(m, lens, mirrored)));
+  return cost;
+}
+
 bool invert(const std::array<double, 36>& a, std::array<double, 36>& inverse) {
   for (std::size_t c = 0; c < 6; ++c) {
     std::array<double, 6> unit{}, x{};
@@ -133,7 +157,26 @@ bool invert(const std::array<double, 36>& a, std::array<double, 36>& inverse) {
   return true;
 }
 
-// Tags whose corners fit within the loss. With few tags nothing tells which one is wrong: all stay.
+// The half of the tags that agree best on one pose near `pose`, which is moved there: least trimmed
+// squares by concentration steps (Rousseeuw and Van Driessen 1999), unmoved by fewer than half
+// wrong tags even when they all err to one side. All of one or two tags.
+std::vector<Seen> better_half(std::vector<Seen> seen, const Lens& lens, Pose& pose) {
+  if (seen.size() < 3) return seen;
+  const std::vector<Seen> all = seen;
+  for (int round = 0; round < 4; ++round) {
+    seen = all;
+    std::stable_sort(seen.begin(), seen.end(), [&](const Seen& a, const Seen& b) {
+      return squared_px(a, lens, pose) < squared_px(b, lens, pose);
+    });
+    seen.resize(all.size() / 2 + 1);
+    const auto fit = fit_pose(all_matches(seen), lens, pose, {Loss::Kind::huber, 1.0});
+    if (!fit) break;
+    pose = fit->camera_from_marker;
+  }
+  return seen;
+}
+
+// Tags whose corners fit within the limit, in units of their noise.
 std::vector<Seen> agreeing(const std::vector<Seen>& seen, const Lens& lens, const Pose& pose,
                            double limit) {
   std::vector<Seen> kept;
@@ -142,24 +185,40 @@ std::vector<Seen> agreeing(const std::vector<Seen>& seen, const Lens& lens, cons
   return kept;
 }
 
-}  // namespace
+// Where a pose puts a tag's corners; nothing unless it was seen close to there.
+std::optional<DetectedTag> expected_tag(const DetectedTag& seen, const Board& board,
+                                        const Lens& lens, const Pose& pose) {
+  const Tag* on_board = board.find(seen.id);
+  if (!on_board) return std::nullopt;
+  DetectedTag tag{seen.id, {}};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto pixel = lens.project(pose * glm::dvec3(on_board->corners[i], 0));
+    if (!pixel || glm::length(*pixel - seen.corners[i]) > std::max(3.0, 0.1 * side_px(seen)))
+      return std::nullopt;
+    tag.corners[i] = *pixel;
+  }
+  return tag;
+}
 
-std::optional<Tracked> track(const Detection& detection, const Board& board, const Camera& camera,
-                             const TrackingOptions& options) {
+std::optional<Tracked> fit_tags(const Detection& detection, std::span<const double> noise,
+                                const Board& board, const Camera& camera,
+                                const TrackingOptions& options) {
+  const double expected = noise.empty() ? options.detected_noise_px : options.refined_noise_px;
   const Lens lens(camera);
-  std::vector<Seen> seen = seen_tags(detection.tags, board);
+  std::vector<Seen> seen = seen_tags(detection.tags, noise, board);
   if (options.method == TrackingMethod::frame_marker && seen.size() > 1) seen.resize(1);
   if (seen.empty()) return std::nullopt;
-  const std::optional<Pose> start = best_start(seen, lens, detection.start);
+  std::optional<Pose> start = best_start(seen, lens, detection.start);
   if (!start) return std::nullopt;
 
   const std::vector<Match> matches = all_matches(seen);
-  TwoMinima fit = fit_both(matches, lens, *start, {Loss::Kind::huber, 1.0});
+  const std::vector<Match> half = all_matches(better_half(seen, lens, *start));
+  TwoMinima fit = fit_both(half, lens, *start, {Loss::Kind::huber, 1.0});
   if (!fit.best) return std::nullopt;
-  const auto limit = [&](double noise) { return std::max(0.25, 5 * noise); };
+  const auto limit = [](double sigma) { return std::max(0.25, 5 * sigma); };
   std::vector<Seen> used = seen;
   if (seen.size() > 2) {
-    // Twice: the first scale is still that of a fit which outliers pull at.
+    // Twice: the first scale is that of a fit to half of the tags.
     for (int round = 0; round < 2; ++round) {
       const Pose pose = fit.best->camera_from_marker;
       const Loss loss{Loss::Kind::tukey, limit(noise_of(matches, lens, pose))};
@@ -174,9 +233,8 @@ std::optional<Tracked> track(const Detection& detection, const Board& board, con
 
   // The last word between the two minima, on the tags that count.
   const std::vector<Match> good = all_matches(used);
-  const Loss loss{
-      Loss::Kind::huber,
-      3 * std::max(options.noise_px, noise_of(good, lens, fit.best->camera_from_marker))};
+  const Loss loss{Loss::Kind::huber,
+                  3 * std::max(expected, noise_of(good, lens, fit.best->camera_from_marker))};
   fit = fit_both(good, lens, fit.best->camera_from_marker, loss);
   if (!fit.best || !possible(fit.best->camera_from_marker, good)) return std::nullopt;
 
@@ -184,26 +242,70 @@ std::optional<Tracked> track(const Detection& detection, const Board& board, con
   tracked.camera_from_marker = fit.best->camera_from_marker;
   double squares = 0, largest = 0;
   for (const Seen& s : used) {
-    squares += squared_error(s, lens, tracked.camera_from_marker);
+    squares += squared_px(s, lens, tracked.camera_from_marker);
     largest = std::max(largest, s.side);
     tracked.tags.push_back(s.tag);
   }
   tracked.residual_px = std::sqrt(squares / double(used.size()));
   if (!(tracked.residual_px <= options.largest_residual_px + 0.03 * largest)) return std::nullopt;
 
-  const double floor = double(2 * good.size()) * options.noise_px * options.noise_px;
-  if (fit.other && possible(fit.other->camera_from_marker, good) &&
-      rotation_angle(fit.other->camera_from_marker.rotation, tracked.camera_from_marker.rotation) >
-          kSameMinimum)
-    tracked.ambiguity = (fit.best->cost + floor) / (fit.other->cost + floor);
+  const double floor = double(2 * good.size()) * expected * expected;
+  if (const auto other = other_cost(fit, good, lens, loss))
+    tracked.ambiguity = std::min(1.0, (fit.best->cost + floor) / (*other + floor));
   tracked.ambiguous = tracked.ambiguity > kAmbiguous;
 
   if (!invert(fit.best->information, tracked.covariance)) return std::nullopt;
   // Residuals of a single tag are 8 numbers for 6 parameters: the expected noise is the floor.
-  const double variance = std::max(options.noise_px * options.noise_px,
-                                   fit.best->cost / std::max(2.0, 2.0 * double(good.size()) - 6));
+  const double variance =
+      std::max(expected * expected, fit.best->cost / std::max(2.0, 2.0 * double(good.size()) - 6));
   for (double& c : tracked.covariance) c *= variance;
   return tracked;
+}
+
+// Empty where no tag was measured. refine_corners leaves a tag as it was where its sides cannot be
+// measured.
+std::vector<double> noise_of_tags(const std::vector<DetectedTag>& before,
+                                  const std::vector<DetectedTag>& after) {
+  if (before == after) return {};
+  std::vector<double> noise(after.size(), 1.0);
+  for (std::size_t k = 0; k < after.size(); ++k)
+    if (after[k] == before[k]) noise[k] = kUnmeasured;
+  return noise;
+}
+
+}  // namespace
+
+std::optional<Tracked> track(const Detection& detection, const Board& board, const Camera& camera,
+                             const TrackingOptions& options) {
+  return fit_tags(detection, {}, board, camera, options);
+}
+
+std::optional<Tracked> track(const Detection& detection, ImageView<const std::uint8_t> grey,
+                             const Board& board, const Camera& camera,
+                             const TrackingOptions& options) {
+  if (!options.refine) return track(detection, board, camera, options);
+  const auto refined = [&](const std::vector<DetectedTag>& tags) {
+    return refine_corners(grey, tags, board.border_bits, camera, options.refining);
+  };
+  Detection better{refined(detection.tags), detection.start};
+  const std::optional<Tracked> first =
+      fit_tags(better, noise_of_tags(detection.tags, better.tags), board, camera, options);
+  if (!first) return std::nullopt;
+
+  // Sides that could not be found from the detector's corners can be from where the pose puts them.
+  const Lens lens(camera);
+  std::vector<DetectedTag> expected;
+  std::vector<std::size_t> which;
+  for (std::size_t k = 0; k < better.tags.size(); ++k) {
+    if (better.tags[k] != detection.tags[k]) continue;
+    if (const auto tag = expected_tag(better.tags[k], board, lens, first->camera_from_marker))
+      expected.push_back(*tag), which.push_back(k);
+  }
+  const std::vector<DetectedTag> again = refined(expected);
+  for (std::size_t i = 0; i < which.size(); ++i)
+    if (again[i] != expected[i]) better.tags[which[i]] = again[i];
+  better.start = first->camera_from_marker;
+  return fit_tags(better, noise_of_tags(detection.tags, better.tags), board, camera, options);
 }
 
 std::optional<Tracked> track(const Detector& detector, ImageView<const std::uint8_t> grey,
@@ -212,11 +314,7 @@ std::optional<Tracked> track(const Detector& detector, ImageView<const std::uint
   check(grey.channels == 1 && grey.width == camera.width && grey.height == camera.height,
         "track needs a grey picture of the camera's size ", camera.width, " × ", camera.height,
         ", got ", grey.width, " × ", grey.height, " with ", grey.channels, " channels");
-  Detection detection = detector(grey, board, camera);
-  if (options.refine)
-    detection.tags =
-        refine_corners(grey, detection.tags, board.border_bits, camera, options.refining);
-  return track(detection, board, camera, options);
+  return track(detector(grey, board, camera), grey, board, camera, options);
 }
 
 }  // namespace fastibl

@@ -16,7 +16,10 @@ struct TrackingOptions {
   TrackingMethod method = TrackingMethod::board;
   bool refine = true;  // corners by refine_corners before the fit; needs the picture
   RefineOptions refining;
-  double noise_px = 0.1;  // expected error of a corner; costs closer than it explains are ambiguous
+  // Expected error of a corner in x or y, after refinement and without it: the floor of the
+  // covariance, and of what counts as a difference between the two minima.
+  double refined_noise_px = 0.1;
+  double detected_noise_px = 0.5;
   double largest_residual_px = 3;  // and 3 % of a tag's side: beyond, ids are taken to be wrong
 };
 
@@ -40,8 +43,13 @@ struct Tracked {
 std::optional<Tracked> track(const Detection& detection, const Board& board, const Camera& camera,
                              const TrackingOptions& options = {});
 
-// Detects, refines if asked for, and fits. Throws std::invalid_argument where the picture is not
-// grey or not of the camera's size.
+// The same with the corners refined in the picture, if asked for.
+std::optional<Tracked> track(const Detection& detection, ImageView<const std::uint8_t> grey,
+                             const Board& board, const Camera& camera,
+                             const TrackingOptions& options = {});
+
+// Detects, refines if asked for, and fits: one frame. Throws std::invalid_argument where the
+// picture is not grey or not of the camera's size.
 std::optional<Tracked> track(const Detector& detector, ImageView<const std::uint8_t> grey,
                              const Board& board, const Camera& camera,
                              const TrackingOptions& options = {});

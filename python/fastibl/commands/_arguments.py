@@ -11,9 +11,7 @@ def picture_size(text: str) -> tuple[int, int]:
     """ "640x480" as (640, 480)."""
     match = re.fullmatch(r"(\d+)x(\d+)", text)
     if not match or min(int(g) for g in match.groups()) < 16:
-        raise argparse.ArgumentTypeError(
-            f"expected WIDTHxHEIGHT of at least 16x16, as in 640x480, got {text!r}"
-        )
+        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT of at least 16x16, as in 640x480, got {text!r}")
     return int(match[1]), int(match[2])
 
 
