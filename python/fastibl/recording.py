@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._fastibl import Camera, CubeMap, Pose, Response, Rig
+from ._fastibl import Board, Camera, CubeMap, Pose, Response, Rig
 
 if TYPE_CHECKING:
     import cv2
@@ -495,17 +495,9 @@ def read_board(path: str | os.PathLike[str]) -> Any:
             raise ValueError(f"{path}: expected four corners (x, y) for each of {ids.size} tags")
         tags = [(int(i), np.asarray(c)) for i, c in zip(ids.ravel(), corners.reshape(-1, 4, 2), strict=True)]
         border = int(_number(root, "border_bits", path))
-        return _board_type()(tags, border, _number(root, "width", path), _number(root, "height", path))
+        return Board(tags, _number(root, "width", path), _number(root, "height", path), border)
     finally:
         storage.release()
-
-
-def _board_type() -> type:
-    try:
-        from .board import Board
-    except ImportError:
-        from ._fastibl import _Board as Board
-    return Board
 
 
 def _read_truth(folder: Path) -> Truth:

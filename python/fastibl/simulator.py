@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Camera, CubeMap, Pose, Rig, cubemap_from_equirect, texel_directions, texel_solid_angles
+from ._fastibl import Board, Camera, CubeMap, Pose, Rig, cubemap_from_equirect, texel_directions, texel_solid_angles
 from .recording import Frame, Recording, RecordingWriter, Truth
 from .room import OBJECT, TABLE, Room, _look_up, table_albedo, truth_map, wood
 
@@ -318,14 +318,6 @@ def _read_equirect(path: Path) -> NDArray[np.float32]:
     return np.ascontiguousarray(image[..., ::-1])
 
 
-def _default_board() -> Any:
-    try:
-        from .board import Board
-    except ImportError:  # built without the board: an empty table
-        return None
-    return Board.default()
-
-
 def simulate(
     environment: CubeMap | ArrayLike | str | os.PathLike[str] | None = None,
     seed: int = 0,
@@ -367,7 +359,7 @@ def simulate(
         raise ValueError(f"size must be (width, height), each at least 16 pixels, got {size}")
     place, has_lamp = _place_of(environment, albedo)
     rig = default_rig(tuple(size)) if rig is None else rig
-    board = _default_board() if board is None else (board or None)
+    board = Board.default() if board is None else (board or None)
     path_rng, noise = (np.random.default_rng([seed, k]) for k in (0, 1))
     path = HandPath(path_rng, seconds)
     times = [k / fps for k in range(max(1, round(seconds * fps)))]
