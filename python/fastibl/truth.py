@@ -1,0 +1,159 @@
+"""The picture that a perfect system would make: a recording's true pose and map, visibility by rays, sums over the map.
+
+What it shares with the fast path is the mesh and its ray queries; light, shadow and coverage are worked out anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import reference
+from ._fastibl import Bvh, Camera, CubeMap, Environment, Pose, Scene
+
+_DIRECTIONS = 32  # face edge of the map level whose texels are the light directions
+_SPLIT = 2  # rays a pixel and axis
+
+
+def _level(source: CubeMap | Environment, size: int) -> NDArray:
+    cube = source.radiance if isinstance(source, Environment) else source
+    k = next((k for k in range(cube.level_count) if cube.level(k).shape[1] <= size), cube.level_count - 1)
+    return np.asarray(cube.level(k), np.float64)
+
+
+@dataclass
+class TruePicture:
+    """image: (h, w, 3) uint8. linear: (h, w, 3) radiance times exposure before encoding. coverage: (h, w) of the
+    object. ratio: (h, w, 3) true shadow ratio where no object is."""
+
+    image: NDArray[np.uint8]
+    linear: NDArray[np.float64]
+    coverage: NDArray[np.float64]
+    ratio: NDArray[np.float64]
+
+
+class TrueRenderer:
+    """Brute force for one object on the plane; visibility is worked out once and used for every map.
+
+    extent: half the edge in metres of the plane grid that shadows are worked out on; grid: its points along an edge.
+    """
+
+    def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 80):
+        self.scene = scene
+        self.bvh = Bvh(scene.mesh)
+        self.extent, self.grid = extent, grid
+        directions, _, _ = reference.samples(np.zeros((6, _DIRECTIONS, _DIRECTIONS, 3)))
+        self.directions = directions.astype(np.float32)
+        vertices, normals = scene.mesh.vertices, scene.mesh.normals
+        scale = float(np.ptp(vertices, axis=0).max())
+        self.hidden_at_vertex = self._hidden(vertices + 2e-4 * scale * normals)
+        axis = ((np.arange(grid) + 0.5) / grid * 2 - 1) * extent
+        x, y = np.meshgrid(axis, axis)
+        points = np.stack([x, y, np.full_like(x, 1e-5)], axis=-1).reshape(-1, 3).astype(np.float32)
+        self.hidden_at_plane = self._hidden(points)
+
+    def _hidden(self, points: NDArray) -> NDArray[np.bool_]:
+        """Whether the object hides each direction from each point, packed bits (points, directions / 8)."""
+        out = np.empty((len(points), len(self.directions) // 8), np.uint8)
+        for i in range(0, len(points), 512):
+            block = points[i : i + 512].astype(np.float32)
+            shape = (len(block), len(self.directions), 3)
+            hidden = self.bvh.occluded(
+                np.ascontiguousarray(np.broadcast_to(block[:, None], shape)),
+                np.ascontiguousarray(np.broadcast_to(self.directions, shape)),
+            )
+            out[i : i + 512] = np.packbits(hidden, axis=1)
+        return out
+
+    def vertex_irradiance(self, source: CubeMap | Environment) -> NDArray:
+        """Irradiance (v, 3) at the vertices with what the object hides of the map taken away."""
+        d, angle, radiance = reference.samples(_level(source, _DIRECTIONS))
+        normals = self.scene.mesh.normals.astype(np.float64)
+        flux, out = radiance * angle[:, None], np.empty((len(normals), 3))
+        for i in range(0, len(normals), 512):
+            hidden = np.unpackbits(self.hidden_at_vertex[i : i + 512], axis=1)
+            out[i : i + 512] = (np.maximum(normals[i : i + 512] @ d.T, 0) * (1 - hidden)) @ flux
+        return out
+
+    def plane_ratio(self, source: CubeMap | Environment) -> NDArray:
+        """True shadow ratio (grid, grid, 3) on the plane; row 0 is y min."""
+        d, angle, radiance = reference.samples(_level(source, _DIRECTIONS))
+        flux = radiance * (angle * np.maximum(d[:, 2], 0))[:, None]
+        total = np.maximum(flux.sum(axis=0), 1e-12)
+        lost = np.empty((len(self.hidden_at_plane), 3))
+        for i in range(0, len(lost), 1024):
+            lost[i : i + 1024] = np.unpackbits(self.hidden_at_plane[i : i + 1024], axis=1).astype(np.float32) @ flux
+        return (1 - lost / total).reshape(self.grid, self.grid, 3)
+
+    def _glossy(self, source: CubeMap | Environment, normals: NDArray, views: NDArray, exponent: float) -> NDArray:
+        """Average of the map under the lobe (n.h)^s max(n.w, 0), over its texels; rows of (n, 3)."""
+        d, angle, radiance = reference.samples(_level(source, _DIRECTIONS if exponent < 150 else 64))
+        d32, light = d.astype(np.float32), np.hstack([radiance, np.ones((len(d), 1))]).astype(np.float32)
+        out = np.empty((len(normals), 3))
+        for i in range(0, len(normals), 256):
+            n, v = normals[i : i + 256].astype(np.float32), views[i : i + 256].astype(np.float32)
+            nd, vd = n @ d32.T, v @ d32.T
+            half = (nd + (n * v).sum(axis=1, keepdims=True)) / np.sqrt(np.maximum(2 + 2 * vd, 1e-6))
+            weight = np.exp(exponent * np.log(np.clip(half, 1e-9, 1))) * np.maximum(nd, 0) * angle.astype(np.float32)
+            sums = weight @ light
+            out[i : i + 256] = sums[:, :3] / np.maximum(sums[:, 3:], 1e-20)
+        return out
+
+    def render(
+        self,
+        back: NDArray[np.uint8],
+        exposure: float,
+        camera: Camera,
+        back_from_marker: Pose,
+        source: CubeMap | Environment,
+    ) -> TruePicture:
+        """The true composite over a back picture (h, w, 3) uint8 for the map `source`."""
+        h, w = camera.height, camera.width
+        marker_from_back = back_from_marker.inverse()
+        eye = marker_from_back.translation
+        s = _SPLIT
+        x, y = np.meshgrid((np.arange(w * s) + 0.5) / s, (np.arange(h * s) + 0.5) / s)
+        rays = camera.unproject(np.stack([x, y], axis=-1)) @ marker_from_back.rotation.T
+        origins = np.ascontiguousarray(np.broadcast_to(eye, rays.shape)).astype(np.float32)
+        triangle, _, uv = self.bvh.nearest(origins, np.nan_to_num(rays).astype(np.float32))
+        covered = triangle >= 0
+        mesh, material = self.scene.mesh, self.scene.material
+        corner = mesh.triangles[triangle[covered]]
+        weights = np.stack([1 - uv[covered].sum(axis=1), uv[covered][:, 0], uv[covered][:, 1]], axis=1)[..., None]
+        position = (mesh.vertices[corner] * weights).sum(axis=1)
+        normal = (mesh.normals[corner] * weights).sum(axis=1)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+        light = (self.vertex_irradiance(source)[corner] * weights).sum(axis=1)
+        colour = np.asarray(material.emission) + np.asarray(material.diffuse) * light / np.pi
+        if any(material.glossy):
+            view = eye - position
+            view /= np.linalg.norm(view, axis=1, keepdims=True)
+            colour = colour + np.asarray(material.glossy) * self._glossy(source, normal, view, material.exponent)
+        layer = np.zeros((h * s, w * s, 4))
+        layer[covered, :3], layer[covered, 3] = colour, 1
+        layer = layer.reshape(h, s, w, s, 4).mean(axis=(1, 3))
+        # Ratio at the plane point of each pixel, bilinear on the grid, 1 outside.
+        ray = camera.unproject(np.stack(np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5), axis=-1))
+        ray = ray @ marker_from_back.rotation.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            point = eye[:2] - eye[2] * ray[..., :2] / ray[..., 2:]
+        import cv2
+
+        at = (point / self.extent + 1) / 2 * self.grid - 0.5
+        at[~(ray[..., 2] < 0)] = -10
+        at = at.astype(np.float32)
+        ratio = cv2.remap(
+            self.plane_ratio(source), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT, borderValue=(1, 1, 1),
+        )  # fmt: skip
+        radius = np.hypot(x[::s, ::s] + 0.5 / s - camera.cx, y[::s, ::s] + 0.5 / s - camera.cy) / camera.fx
+        vignette = 1 + sum(v * radius ** (2 * k + 2) for k, v in enumerate(camera.vignetting))
+        under = camera.response.decode(back / 255.0).astype(np.float64) * ratio
+        over = layer[..., :3] * (exposure * camera.gain * np.asarray(vignette))[..., None]
+        linear = over + (1 - layer[..., 3:]) * under
+        image = np.round(camera.response.encode(np.clip(linear, 0, 1)) * 255).astype(np.uint8)
+        untouched = (layer[..., 3] == 0) & (ratio == 1).all(axis=-1)
+        image[untouched] = back[untouched]
+        return TruePicture(image, linear, layer[..., 3], ratio)
