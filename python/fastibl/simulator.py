@@ -238,7 +238,7 @@ class _PrintedBoard:
 
     def __init__(self, board: Any, place: Place):
         self.width, self.height = float(board.width), float(board.height)
-        page = np.asarray(board.image(600))
+        page = np.asarray(board.image(300))
         if page.ndim != 2 or page.dtype != np.uint8:
             raise ValueError(f"board.image must give a grey (h, w) uint8 page, got {page.shape} {page.dtype}")
         shape = max(8, round(self.width / self._TEXEL)), max(8, round(self.height / self._TEXEL))
