@@ -179,7 +179,7 @@ def test_same_seed_same_bytes(tmp_path, video):
 
     one, two, other = files(1, "one"), files(1, "two"), files(2, "other")
     assert len(one) == (2 if video else 6) + 7
-    if not video:  # the container holds the date
+    if not video:  # the container gives itself a random id
         assert one == two
     assert one["frames.csv"] == two["frames.csv"] == other["frames.csv"]
     assert one["truth/poses.csv"] != other["truth/poses.csv"]

@@ -592,7 +592,7 @@ class Room:
 
 def table_albedo(albedo: ArrayLike | None) -> NDArray[np.float32]:
     """RGB albedo of a table: None is light wood, a number is wood of that mean, RGB is taken as it is."""
-    wooden = np.array([0.62, 0.48, 0.34], np.float32)
+    wooden = np.array([0.645, 0.50, 0.355], np.float32)
     if albedo is None:
         return wooden
     a = np.asarray(albedo, np.float32)

@@ -230,11 +230,11 @@ class _Eye:
 class _PrintedBoard:
     """The page on the table as a picture of radiance and coverage for each state of the lamp."""
 
-    _TEXEL = 0.00034  # metres; about half a pixel of the back camera at its nearest
+    _TEXEL = 0.0003  # metres; a third of a pixel of the back camera at its nearest
 
     def __init__(self, board: Any, place: Place):
         self.width, self.height = float(board.width), float(board.height)
-        page = np.asarray(board.image(600))
+        page = np.asarray(board.image(254))  # ten pixels a millimetre: pages of whole millimetres fit
         if page.ndim != 2 or page.dtype != np.uint8:
             raise ValueError(f"board.image must give a grey (h, w) uint8 page, got {page.shape} {page.dtype}")
         shape = max(8, round(self.width / self._TEXEL)), max(8, round(self.height / self._TEXEL))
