@@ -177,7 +177,9 @@ def test_spheres_that_are_none_are_ignored_and_counted(bad):
 
 
 def test_spheres_below_the_plane_are_ignored():
-    points = plane_grid(1, 8)
+    points = np.concatenate(
+        [plane_grid(1, 8).reshape(-1, 2), np.zeros((1, 2))]
+    )  # the last is touched from below
     for below in [(0, 0, -1, 0.9), (0, 0, -1, 1), (0, 0, -1e6, 5)]:
         assert (fastibl.shadow_ratio(UNIFORM, np.array([below], float), points) == 1).all()
     assert fastibl.cast_shadow(UNIFORM, np.array([[0.0, 0, -1, 0.5]])).ignored_spheres == 0
