@@ -12,18 +12,21 @@ void bind_capture(py::module_& module) {
 
 size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
 (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
+distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant.
 Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
-                       double plane_albedo) {
+                       double plane_albedo, double distance) {
              CaptureOptions options;
              options.size = size;
              options.board = board;
              options.centre = {centre[0], centre[1], centre[2]};
              options.plane_albedo = plane_albedo;
+             options.distance = distance;
              return Capture(options);
            }),
            py::arg("size") = 128, py::arg("board") = py::none(),
-           py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5)
+           py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5,
+           py::arg("distance") = std::numeric_limits<double>::infinity())
       .def(
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,

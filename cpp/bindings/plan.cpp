@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "bindings/numpy.h"
+#include "fastibl/lighting/fit_lighting.h"
 
 namespace fastibl::bindings {
 namespace {
@@ -158,8 +159,17 @@ void bind_plan(py::module_& module) {
       [](const Scene& scene, const std::shared_ptr<Environment>& environment,
          const Methods& methods, bool track, bool capture, bool cast_shadow, double error,
          double milliseconds) {
-        return make_plan(scene, environment.get(),
-                         {methods, track, capture, cast_shadow, error, milliseconds});
+        PlanOptions options{methods, track,        capture,     cast_shadow,
+                            error,   milliseconds, std::nullopt};
+        if (environment) {
+          // The map's own error by this method, so that the bill can be judged before anything is
+          // rendered.
+          const std::shared_ptr<const CubeMap> radiance(environment, &environment->radiance);
+          LightingOptions lighting;
+          lighting.diffuse = methods.diffuse;
+          options.irradiance_error = fit_lighting(radiance, lighting).irradiance_error;
+        }
+        return make_plan(scene, environment.get(), options);
       },
       py::arg("scene"), py::arg("environment"), py::arg("methods"), py::arg("track"),
       py::arg("capture"), py::arg("cast_shadow"), py::arg("error"), py::arg("milliseconds"));

@@ -117,17 +117,17 @@ frame by default. spheres: number of shadow proxies at most, 0 for no shadow. vi
       .def(py::init([](const Scene& scene, const Rig& rig, const std::optional<Board>& board,
                        const std::shared_ptr<Environment>& environment, const py::object& detector,
                        const std::string& backend, const Methods& methods, double error,
-                       double milliseconds, int size, bool cast_shadow) {
+                       double milliseconds, int size, bool cast_shadow, double distance) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
              return std::make_unique<Session>(
                  scene, rig, board, environment, std::move(function), std::move(renderer),
-                 SessionOptions{methods, error, milliseconds, size, cast_shadow});
+                 SessionOptions{methods, error, milliseconds, size, cast_shadow, distance});
            }),
            py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
            py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
-           py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"))
+           py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"))
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,

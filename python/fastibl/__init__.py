@@ -44,7 +44,6 @@ from .files import read_environment, read_mesh, stand
 from .lighting import Lighting, Method, methods
 from .recording import Frame, Recording
 from .session import Session, make_plan
-from .simulator import simulate
 from .tracking import Tracker
 
 __all__ = [
@@ -97,3 +96,11 @@ __all__ = [
     "texel_solid_angles",
     "threads",
 ]
+
+
+def __getattr__(name: str):
+    if name == "simulate":  # brings OpenCV along, so only when it is asked for
+        from .simulator import simulate
+
+        return simulate
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

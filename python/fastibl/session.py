@@ -55,6 +55,7 @@ class Session(_Session):
     environment: Environment or CubeMap to use instead of capturing. error, milliseconds: budgets of the plan.
     methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
     function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
+    distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.
     Raises ValueError for unknown names, RuntimeError where the GL back end cannot start.
     """
 
@@ -72,6 +73,7 @@ class Session(_Session):
         detector: Callable[..., Any] = detect,
         size: int = 128,
         cast_shadow: bool = True,
+        distance: float = float("inf"),
     ):
         if isinstance(environment, CubeMap):
             environment = Environment(environment)
@@ -87,6 +89,7 @@ class Session(_Session):
             float(milliseconds or 0),
             size,
             cast_shadow,
+            float(distance),
         )
 
     def process(self, frame: Frame) -> FrameResult:

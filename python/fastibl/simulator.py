@@ -167,7 +167,8 @@ class HandPath:
 
     def __init__(self, rng: np.random.Generator, seconds: float):
         self._start = rng.uniform(0, 2 * np.pi)
-        turn = min(2.2 * np.pi, np.radians(55) * seconds)  # no faster than a hand
+        # Twice around, so that each half of the time sees the whole place; no faster than a hand.
+        turn = min(4.2 * np.pi, np.radians(65) * seconds)
         self._speed = rng.choice([-1, 1]) * turn / max(seconds, 1e-9)
         self._slow = rng.uniform(0, 2 * np.pi, (5, 2))
         self._tremor = rng.uniform(0, 2 * np.pi, (6, 3)), rng.uniform(2.5, 8, (6, 3))
@@ -330,6 +331,7 @@ def simulate(
     albedo: ArrayLike | None = None,
     lamp: bool = True,
     hand: bool = True,
+    position: ArrayLike = OBJECT,
     rig: Rig | None = None,
     video: bool = False,
     truth_size: int = 128,
@@ -346,8 +348,8 @@ def simulate(
 
     The back camera circles the board as if held by a hand, at constant exposure; the front camera, which
     looks the other way, takes each third picture 16 and each third 256 times darker. lamp: in the room, a
-    lamp is switched on at half-time. hand: a hand covers the front camera for one second after 70 % of the
-    time. `truth` holds the maps at the object (OBJECT, 6 cm above the board's centre), the poses, and when
+    lamp is switched on at half-time. hand: a hand covers the front camera for one second after 30 % of the
+    time. `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and when
     both happened.
 
     out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos instead of PNG
@@ -364,14 +366,14 @@ def simulate(
     path = HandPath(path_rng, seconds)
     times = [k / fps for k in range(max(1, round(seconds * fps)))]
 
-    truth = Truth(position=OBJECT)
-    truth.maps = [(0.0, place.truth(OBJECT, truth_size, False))]
+    truth = Truth(position=tuple(float(x) for x in np.asarray(position, np.float64)))
+    truth.maps = [(0.0, place.truth(truth.position, truth_size, False))]
     if lamp and has_lamp:
         truth.lamp_time = seconds / 2
-        truth.maps.append((truth.lamp_time, place.truth(OBJECT, truth_size, True)))
+        truth.maps.append((truth.lamp_time, place.truth(truth.position, truth_size, True)))
     truth.poses = [(time, path.back_from_marker(time)) for time in times]
     if hand:
-        begin = 0.7 * seconds
+        begin = 0.3 * seconds
         truth.hand = (begin, begin + min(1.0, 0.2 * seconds))
 
     make = _Pictures(place, rig, board, truth, noise)

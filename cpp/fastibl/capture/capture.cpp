@@ -56,6 +56,8 @@ Capture::Capture(CaptureOptions options) : options_(std::move(options)) {
   check(n >= 1 && n <= 4096, "the map's size must be 1 to 4096 texels, got ", n);
   check(options_.centre.z > 0 && std::isfinite(options_.centre.z),
         "the centre must lie above the plane (z > 0), got z = ", options_.centre.z);
+  check(options_.distance > 0, "the distance of the place must be positive (metres), got ",
+        options_.distance);
   check(options_.plane_albedo > 0 && options_.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options_.plane_albedo);
   const std::size_t count = 6 * std::size_t(n) * std::size_t(n);
@@ -94,6 +96,7 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   const float focal = float(std::sqrt(camera.fx * camera.fy));
   const float per_linear = float(1 / (exposure * camera.gain));
   const glm::dvec3 origin = camera_from_marker * options_.centre;
+  const double nearness = 1 / options_.distance;
   // Half-angle of the picture around the optical axis, for culling tiles of distant light.
   double widest = 0;
   for (const glm::dvec2 corner :
@@ -111,7 +114,7 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   const auto seen_at = [&](std::size_t i, glm::dvec3& in_camera) {
     const glm::dvec3 d(directions_[i]);
     if (d.z >= 0) {
-      in_camera = rotation * d;
+      in_camera = rotation * d + nearness * origin;
       return true;
     }
     if (!above_plane)

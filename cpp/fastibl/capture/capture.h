@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -21,6 +22,9 @@ struct CaptureOptions {
   std::optional<Board> board;  // its page is masked: the plane there is filled from around it
   glm::dvec3 centre{0, 0,
                     0.05};  // metres, z > 0: where the object stands, from which the plane is seen
+  // Metres from `centre` to what is seen above the horizon: light from there is put where the
+  // object sees it, not where the camera does. Infinite: all light is distant.
+  double distance = std::numeric_limits<double>::infinity();
   double plane_albedo = 0.5;  // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
 

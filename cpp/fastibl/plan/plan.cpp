@@ -90,6 +90,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
       case PassId::irradiance: {
         line.method = name(options.methods.diffuse);
+        line.error = options.irradiance_error;
         const Material& m = scene.material;
         const bool lit = m.diffuse != glm::vec3(0) || (m.glossy != glm::vec3(0) && m.exponent == 0);
         const bool shadowed = options.cast_shadow && !scene.spheres.empty();
@@ -134,7 +135,10 @@ std::vector<PassId> due_passes(const Plan& plan, Products wanted, Products& stal
   for (const PlannedPass& p : plan.passes)
     for (const PassId id : due)
       if (p.pass.id == id) stale &= ~p.pass.writes;
+  // Inputs have had their effect; so has what comes from outside in place of a pass left out.
   stale &= ~product::inputs;
+  for (const PlannedPass& p : plan.passes)
+    if (!p.included) stale &= ~p.pass.writes;
   return due;
 }
 

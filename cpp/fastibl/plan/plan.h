@@ -62,7 +62,8 @@ struct PlanOptions {
   bool track = true;    // poses come from the back picture, not from outside
   bool capture = true;  // the map comes from pictures, not from outside
   bool cast_shadow = true;
-  double error = 0, milliseconds = 0;  // budgets, 0 for none
+  double error = 0, milliseconds = 0;      // budgets, 0 for none
+  std::optional<double> irradiance_error;  // as measured on the map, where known
 };
 
 // environment may be null: nothing is known of the light yet.

@@ -34,6 +34,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   CaptureOptions capture;
   capture.size = options_.map_size;
   capture.board = board_;
+  capture.distance = options_.distance;
   // The map is the light at the object: half-way up, where it stands.
   const Bounds box = bounds(scene_.mesh.vertices);
   capture.centre = scene_.marker_from_object * glm::dvec3(box.centre());
@@ -43,20 +44,24 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
 }
 
 void Session::replan() {
-  PlanOptions options;
-  options.methods = options_.methods;
-  options.track = board_.has_value();
-  options.capture = !fixed_environment_;
-  options.cast_shadow = options_.cast_shadow;
-  options.error = options_.error, options.milliseconds = options_.milliseconds;
-  const Plan before = std::move(plan_);
-  plan_ = make_plan(scene_, environment_.get(), options);
+  update_plan();
   // What was left out may come back, and what was made by another method is old.
   for (const PlannedPass& p : plan_.passes) {
     if (!p.included && (p.pass.id == PassId::shadow || p.pass.id == PassId::shade))
       renderer_->clear(p.pass.id);
     if (p.pass.id != PassId::track && p.pass.id != PassId::capture) stale_ |= p.pass.writes;
   }
+}
+
+void Session::update_plan() {
+  PlanOptions options;
+  options.methods = options_.methods;
+  options.track = board_.has_value();
+  options.capture = !fixed_environment_;
+  options.cast_shadow = options_.cast_shadow;
+  options.error = options_.error, options.milliseconds = options_.milliseconds;
+  if (lighting_) options.irradiance_error = lighting_->irradiance_error;
+  plan_ = make_plan(scene_, environment_.get(), options);
 }
 
 void Session::set_material(const Material& material) {
@@ -197,6 +202,7 @@ FrameResult Session::process(const Frame& frame) {
       }
     }
   }
+  update_plan();  // its errors, now that this frame's light is known
   if (pose)
     result.image = renderer_->image();
   else if (!frame.back.empty())

@@ -2,6 +2,7 @@
 // object.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -45,6 +46,7 @@ struct SessionOptions {
   double error = 0.02, milliseconds = 0;  // budgets, 0 for none
   int map_size = 128;
   bool cast_shadow = true;
+  double distance = std::numeric_limits<double>::infinity();  // CaptureOptions::distance
 };
 
 class Session {
@@ -74,7 +76,8 @@ class Session {
   void set_renderer(std::unique_ptr<Renderer> renderer);
 
  private:
-  void replan();
+  void update_plan();  // the lines and their errors
+  void replan();       // after a change of what is wanted: makes stale what it concerns
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
   void capture_frame(const Frame& frame, const std::optional<Pose>& pose);

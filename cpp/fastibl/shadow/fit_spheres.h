@@ -8,7 +8,7 @@ namespace fastibl {
 
 struct FitSpheresOptions {
   int count = 50;       // at most this many spheres
-  int resolution = 64;  // voxels along the mesh's longest edge; time grows with its cube
+  int resolution = 64;  // voxels along the longest edge, 8 to 128; time grows with its fourth power
 };
 
 // At most `count` spheres (mesh frame, largest gain first) that together fill the mesh's inside and
