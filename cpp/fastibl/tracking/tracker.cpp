@@ -314,9 +314,7 @@ std::optional<Tracked> track(const Detection& detection, ImageView<const std::ui
   for (std::size_t i = 0; i < which.size(); ++i)
     if (again[i] != expected[i]) better.tags[which[i]] = again[i];
   better.start = first->camera_from_marker;
-  const auto second =
-      fit_tags(better, noise_of_tags(detection.tags, better.tags), board, camera, options);
-  return second ? second : first;
+  return fit_tags(better, noise_of_tags(detection.tags, better.tags), board, camera, options);
 }
 
 std::optional<Tracked> track(const Detector& detector, ImageView<const std::uint8_t> grey,
