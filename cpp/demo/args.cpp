@@ -1,14 +1,29 @@
 #include "demo/args.h"
 
 #include <CLI/CLI.hpp>
-#include <array>
-#include <iostream>
+#include <cmath>
 #include <vector>
 
 #include "fastibl/core/check.h"
 
 namespace fastibl::demo {
 namespace {
+
+// CLI11's own checks print the range of double.
+const CLI::Validator kPositive(
+    [](const std::string& text) {
+      double value = 0;
+      const bool good = CLI::detail::lexical_cast(text, value) && value > 0 && std::isfinite(value);
+      return good ? std::string() : "expected a number above 0, got \"" + text + '"';
+    },
+    "");
+const CLI::Validator kNotNegative(
+    [](const std::string& text) {
+      double value = 0;
+      const bool good = CLI::detail::lexical_cast(text, value) && value >= 0;
+      return good ? std::string() : "expected 0 or more, got \"" + text + '"';
+    },
+    "");
 
 glm::vec3 colour(const std::vector<float>& values) { return {values[0], values[1], values[2]}; }
 
@@ -44,9 +59,9 @@ std::optional<Args> parse_args(int argc, char** argv) {
   app.add_option("--recording", args.recording, "folder with rig.yaml, board.yaml and frames.csv")
       ->type_name("DIR");
   app.add_option("--back", args.back, "number of the camera that sees the board")
-      ->check(CLI::NonNegativeNumber);
+      ->check(kNotNegative);
   app.add_option("--front", args.front, "number of the camera that looks the other way")
-      ->check(CLI::NonNegativeNumber);
+      ->check(kNotNegative);
   app.add_option("--rig", args.rig, "calibration of live cameras")->type_name("FILE");
   app.add_option("--board", args.board, "the printed board, where it is not the recording's")
       ->type_name("FILE");
@@ -57,7 +72,7 @@ std::optional<Args> parse_args(int argc, char** argv) {
 
   app.add_option("--object", args.object, "mesh; a generated knot without")->type_name("FILE.obj");
   app.add_option("--height", args.height, "of the object in metres")
-      ->check(CLI::PositiveNumber)
+      ->check(kPositive)
       ->capture_default_str();
   app.add_option("--up", up, "upward axis of the mesh")
       ->check(CLI::IsMember({"y", "z"}))
@@ -66,7 +81,7 @@ std::optional<Args> parse_args(int argc, char** argv) {
   app.add_option("--diffuse", diffuse, "linear colour r,g,b")->expected(3)->delimiter(',');
   app.add_option("--glossy", glossy, "linear colour r,g,b")->expected(3)->delimiter(',');
   app.add_option("--exponent", args.material.exponent, "of the glossy lobe, 0 or more")
-      ->check(CLI::NonNegativeNumber)
+      ->check(kNotNegative)
       ->capture_default_str();
 
   app.add_option("--methods", methods, "the library's choice, or the paper's of 2014")
@@ -75,10 +90,10 @@ std::optional<Args> parse_args(int argc, char** argv) {
   app.add_option("--backend", args.backend, "cpu or gl")
       ->check(CLI::IsMember({"cpu", "gl"}))
       ->capture_default_str();
-  app.add_flag("!--no-shadow", args.cast_shadow, "cast no shadow");
-  app.add_option("--threads", args.threads, "0: one a core")->check(CLI::NonNegativeNumber);
-  app.add_option("--frames", args.frames, "stop after so many pictures")
-      ->check(CLI::PositiveNumber);
+  app.add_flag_callback(
+      "--no-shadow", [&] { args.cast_shadow = false; }, "cast no shadow");
+  app.add_option("--threads", args.threads, "0: one a core")->check(kNotNegative);
+  app.add_option("--frames", args.frames, "stop after so many pictures")->check(kPositive);
   app.add_flag("--headless", args.headless, "no window");
   app.add_option("--out", args.out,
                  "with --headless: video.webm, picture.png (the last one), or a "

@@ -23,7 +23,9 @@ cv::VideoCapture open(int number, const Camera& camera, const char* name) {
   check(picture.cols == camera.width && picture.rows == camera.height, "the ", name,
         " camera is calibrated for ", camera.width, " × ", camera.height, ", but gives ",
         picture.cols, " × ", picture.rows);
-  const bool held = capture.set(cv::CAP_PROP_AUTO_EXPOSURE, 1);  // V4L2's manual mode
+  const double settled = capture.get(cv::CAP_PROP_EXPOSURE);
+  const bool held = capture.set(cv::CAP_PROP_AUTO_EXPOSURE, 1) &&  // V4L2's manual mode
+                    capture.set(cv::CAP_PROP_EXPOSURE, settled);
   const bool white = capture.set(cv::CAP_PROP_AUTO_WB, 0);
   if (!held || !white)
     std::cerr << "fastibl-demo: the " << name << " camera cannot hold its "
