@@ -76,7 +76,7 @@ Mesh read_obj(const std::filesystem::path& path, bool z_up) {
 }
 
 Mesh knot() {
-  constexpr int kAlong = 300, kAround = 24;
+  constexpr int kAlong = 240, kAround = 18;
   constexpr double kTurn = 2 * std::numbers::pi;
   // The (2, 3) torus knot, standing: its axis is y.
   const auto path = [](double t) {

@@ -33,7 +33,7 @@ std::string glfw_error() {
 
 GLuint compile(GLenum stage, const char* text) {
   const char* header =
-      epoxy_is_desktop_gl() ? "#version 330 core\n" : "#version 300 es\nprecision mediump float;\n";
+      epoxy_is_desktop_gl() ? "#version 330 core\n" : "#version 300 es\nprecision highp float;\n";
   const char* parts[] = {header, text};
   const GLuint shader = glCreateShader(stage);
   glShaderSource(shader, 2, parts, nullptr);
