@@ -153,7 +153,7 @@ class Viewer {
   const Args& args_;
   std::unique_ptr<FrameSource> source_;
   Window window_;
-  Session session_;  // goes first: its renderer may draw in the window's context
+  Session session_;
   Methods methods_;
   bool paper_, cast_shadow_, show_map_ = false;
   bool paused_ = false, step_ = false, quit_ = false, ended_ = false, resumed_ = true;

@@ -25,6 +25,16 @@ in vec2 uv;
 out vec4 colour;
 void main() { colour = vec4(texture(picture, uv).rgb, 1.0); })";
 
+// The window's context is current only while it draws: a renderer may make one of its own current,
+// and a thread cannot have both GLX's and EGL's.
+class Current {
+ public:
+  explicit Current(GLFWwindow* window) { glfwMakeContextCurrent(window); }
+  ~Current() { glfwMakeContextCurrent(nullptr); }
+  Current(const Current&) = delete;
+  Current& operator=(const Current&) = delete;
+};
+
 std::string glfw_error() {
   const char* text = nullptr;
   glfwGetError(&text);
@@ -100,7 +110,7 @@ Window::Window(int width, int height, const std::string& title) {
     if (letter < 128)
       static_cast<Window*>(glfwGetWindowUserPointer(window))->keys_.push_back(char(letter));
   });
-  glfwMakeContextCurrent(window_);
+  const Current current(window_);
   glfwSwapInterval(0);
   program_ = link();
   glGenVertexArrays(1, &vertex_array_);
@@ -117,14 +127,10 @@ Window::~Window() {
   glfwTerminate();
 }
 
-// A renderer may have made another context current, or left state: nothing is taken for granted.
 void Window::draw(int width, int height) {
   const double scale = std::min(double(width) / picture_width_, double(height) / picture_height_);
   const int w = int(std::lround(picture_width_ * scale));
   const int h = int(std::lround(picture_height_ * scale));
-  glBindFramebuffer(GL_FRAMEBUFFER, 0);
-  for (const GLenum state : {GL_BLEND, GL_DEPTH_TEST, GL_CULL_FACE, GL_SCISSOR_TEST})
-    glDisable(state);
   glViewport(0, 0, width, height);
   glClearColor(0, 0, 0, 1);
   glClear(GL_COLOR_BUFFER_BIT);
@@ -135,7 +141,7 @@ void Window::draw(int width, int height) {
 }
 
 void Window::show(const std::uint8_t* rgb, int width, int height) {
-  glfwMakeContextCurrent(window_);
+  const Current current(window_);
   glActiveTexture(GL_TEXTURE0);
   glBindTexture(GL_TEXTURE_2D, texture_);
   glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
@@ -150,7 +156,7 @@ void Window::show(const std::uint8_t* rgb, int width, int height) {
 Window::Pixels Window::pixels() {
   Pixels out;
   if (picture_width_ == 0) return out;
-  glfwMakeContextCurrent(window_);
+  const Current current(window_);
   glfwGetFramebufferSize(window_, &out.width, &out.height);
   glActiveTexture(GL_TEXTURE0);
   glBindTexture(GL_TEXTURE_2D, texture_);
