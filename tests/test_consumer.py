@@ -83,7 +83,7 @@ def test_consumer_builds_and_runs(package, tmp_path):
     "part, header, use",
     [
         ("tracking", "tracking/opencv/opencv_detector.h", "fastibl::opencv_detector()"),
-        ("gl", "render/gl/gl_renderer.h", "&fastibl::make_gl_renderer"),
+        ("gl", "render/gl/gl_renderer.h", "fastibl::make_gl_renderer()"),
     ],
 )
 def test_optional_component(part, header, use, build_tree, package, tmp_path):
@@ -92,7 +92,9 @@ def test_optional_component(part, header, use, build_tree, package, tmp_path):
         f"find_package(fastibl CONFIG REQUIRED COMPONENTS core {part})\n"
         f"add_executable(part part.cpp)\ntarget_link_libraries(part PRIVATE fastibl::{part})\n"
     )
-    (tmp_path / "part.cpp").write_text(f"#include <fastibl/{header}>\nint main() {{ return !({use}); }}\n")
+    (tmp_path / "part.cpp").write_text(
+        f"#include <fastibl/{header}>\nint main(int count, char**) {{ return count > 1 && {use}; }}\n"
+    )
     built = (build_tree / f"fastibl_{part}_targets.cmake").is_file()
     options = "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja", package
     text = run("cmake", *options, fails=not built)

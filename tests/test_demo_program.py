@@ -202,6 +202,11 @@ def edited(folder, tmp_path, name, edit):
         ("frames.csv", lambda text: text.replace("exposure", "x"), "no column exposure"),
         ("frames.csv", lambda text: text.replace(",back,", ",left,"), 'back or front, got "left"'),
         ("frames.csv", lambda text: text.replace("0.1,", "soon,"), 'finite number, got "soon"'),
+        (
+            "frames.csv",
+            lambda text: text.replace(".png", "#x"),
+            'picture or video#number, got "back/00000#x"',
+        ),
         ("frames.csv", lambda text: text.split("\n")[0] + "\n", "lists no pictures"),
     ],
 )

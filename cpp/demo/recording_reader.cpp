@@ -28,6 +28,22 @@ std::vector<std::string> cells(std::string line) {
   return out;
 }
 
+// A picture, or frame `number` of a video.
+struct FileName {
+  std::string file;
+  std::optional<int> number;
+};
+std::optional<FileName> file_name(const std::string& text) {
+  const std::size_t mark = text.rfind('#');
+  if (mark == std::string::npos)
+    return text.empty() ? std::nullopt : std::optional(FileName{text, {}});
+  int number = -1;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data() + mark + 1, end, number);
+  if (mark == 0 || error != std::errc{} || stop != end || number < 0) return std::nullopt;
+  return FileName{text.substr(0, mark), number};
+}
+
 double number(const std::string& text, const std::string& where) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -71,7 +87,8 @@ void RecordingReader::read_table(const fs::path& path) {
           row.size());
     const Entry entry{row[name], number(row[exposure], where)};
     check(entry.exposure > 0, where, ": the exposure must be positive, got ", entry.exposure);
-    check(!entry.file.empty(), where, ": expected a picture or video#number, got nothing");
+    check(file_name(entry.file).has_value(), where, ": expected a picture or video#number, got \"",
+          entry.file, '"');
     check(row[camera] == "back" || row[camera] == "front", where,
           ": camera must be back or front, got \"", row[camera], "\"");
     check(row[camera] == "back" || rig_.front, path.string(),
@@ -112,7 +129,7 @@ std::optional<OwnedFrame> RecordingReader::next() {
   try {
     if (!moment.back.file.empty()) frame.back = read(moment.back.file);
     if (!moment.front.file.empty()) frame.front = read(moment.front.file);
-  } catch (const std::runtime_error& error) {  // what was read so far is kept
+  } catch (const std::exception& error) {  // what was read so far is kept
     std::cerr << "fastibl-demo: " << error.what() << "; " << std::distance(moments_.cbegin(), next_)
               << " of " << moments_.size() << " frames were read\n";
     next_ = moments_.end();
@@ -123,9 +140,8 @@ std::optional<OwnedFrame> RecordingReader::next() {
 }
 
 Image<std::uint8_t> RecordingReader::read(const std::string& file) {
-  const std::size_t mark = file.rfind('#');
-  if (mark != std::string::npos)
-    return rgb_from(read_video(file.substr(0, mark), int(number(file.substr(mark + 1), file))));
+  const FileName name = *file_name(file);
+  if (name.number) return rgb_from(read_video(name.file, *name.number));
   const fs::path path = folder_ / file;
   if (!fs::is_regular_file(path))
     throw std::runtime_error("the picture " + path.string() + " is missing");
