@@ -10,7 +10,6 @@
 namespace fastibl {
 namespace {
 
-constexpr float kFade = 0.1f;           // share of half the map's edge over which it fades to 1
 constexpr float kNegligible = 1e-6f;    // obstruction below which a sphere is skipped at a point
 constexpr float kDefaultExtent = 3.0f;  // × the half width of the spheres
 constexpr float kFarthest = 1e30f;      // metres; keeps centre and extent finite for any sphere
@@ -154,14 +153,12 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
   map.ratio = Image<float>(n, n, 3, 1.0f);
   map.ignored_spheres = obstruction.ignored();
   map.no_light = obstruction.no_light();
-  const auto offset = [&](int i) { return (float(i) + 0.5f - 0.5f * float(n)) * 2 / float(n); };
-  const float border = std::fabs(offset(0));
+  const auto offset = [&](int i) { return shared::plane_offset(i, float(n)); };
   parallel_for(n, 1, [&](int begin, int end) {
     for (int y = begin; y < end; ++y)
       for (int x = 0; x < n; ++x) {
         const glm::vec2 p(offset(x), offset(y));
-        const float inwards = (border - std::max(std::fabs(p.x), std::fabs(p.y))) / kFade;
-        const float t = std::clamp(inwards, 0.0f, 1.0f), keep = t * t * (3 - 2 * t);
+        const float keep = shared::shadow_keep(p, float(n));
         if (keep == 0) continue;
         const glm::vec3 ratio = obstruction.ratio(map.centre + map.extent * p);
         for (int c = 0; c < 3; ++c) map.ratio.pixel(x, y)[c] = 1 + keep * (ratio[c] - 1);
