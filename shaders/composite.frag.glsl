@@ -8,7 +8,7 @@
 #include "shared/precision.glsl"
 #include "shared/plane.glsl"
 
-uniform ivec2 corner;        // first pixel of the back picture's texture
+uniform ivec2 corner;        // first pixel of the area that is drawn
 uniform vec4 intrinsics;     // fx fy cx cy
 uniform float exposure;      // times gain
 uniform sampler2D response;  // row 0: linear value of each code; row 1: linear value where it ends
@@ -94,11 +94,11 @@ float decode(float encoded) {
 }
 
 void main() {
-  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  ivec2 local = ivec2(gl_FragCoord.xy), pixel = local + corner;
   vec4 o = vec4(0.0);
 #if OBJECT
   if (all(greaterThanEqual(pixel, object_area.xy)) && all(lessThan(pixel, object_area.zw)))
-    o = texelFetch(object, pixel, 0);
+    o = texelFetch(object, pixel - object_area.xy, 0);
 #endif
   vec3 ratio = o.a < 1.0 ? ratio_of_pixel(pixel) : vec3(1.0);
 #if MATTE
@@ -107,7 +107,7 @@ void main() {
                 ? vec4(encode(exposure_at(pixel) * o.rgb / alpha), floor(255.0 * alpha + 0.5) / 255.0)
                 : vec4(0.0);
 #else
-  vec3 seen = texelFetch(back, pixel - corner, 0).rgb;
+  vec3 seen = texelFetch(back, local, 0).rgb;
   picture = vec4(seen, 1.0);
   if (o.a > 0.0 || ratio != vec3(1.0)) {
     vec3 behind = vec3(decode(seen.r), decode(seen.g), decode(seen.b));

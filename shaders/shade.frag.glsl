@@ -8,7 +8,9 @@
 #include "shared/lighting.glsl"
 #include "shared/projection.glsl"
 
-uniform usampler2DArray visible;  // a triangle's number for each of the four samples
+uniform usampler2D visible;       // a triangle's number; the four samples in four quarters
+uniform ivec2 quarter;            // size of one
+uniform ivec2 corner;             // first pixel of the area that is drawn
 uniform isampler2D triangles;     // vertices of each triangle
 uniform sampler2D vertices;       // position, P_V
 uniform sampler2D normals;
@@ -87,9 +89,11 @@ vec3 shade(vec3 position, vec3 n, float visibility) {
 }
 
 void main() {
-  ivec2 pixel = ivec2(gl_FragCoord.xy);
-  uvec4 shown = uvec4(texelFetch(visible, ivec3(pixel, 0), 0).r, texelFetch(visible, ivec3(pixel, 1), 0).r,
-                      texelFetch(visible, ivec3(pixel, 2), 0).r, texelFetch(visible, ivec3(pixel, 3), 0).r);
+  ivec2 local = ivec2(gl_FragCoord.xy);
+  uvec4 shown = uvec4(texelFetch(visible, local, 0).r,
+                      texelFetch(visible, local + ivec2(quarter.x, 0), 0).r,
+                      texelFetch(visible, local + ivec2(0, quarter.y), 0).r,
+                      texelFetch(visible, local + quarter, 0).r);
   bvec4 left = notEqual(shown, uvec4(0u));
   layer = vec4(0.0);
   // Once a triangle, at the middle of the samples that it covers.
@@ -100,7 +104,7 @@ void main() {
     float count = weight.x + weight.y + weight.z + weight.w;
     vec2 middle = vec2(dot(weight, vec4(96.0, 224.0, 32.0, 160.0)),
                        dot(weight, vec4(32.0, 96.0, 160.0, 224.0)));
-    vec2 p = vec2(pixel) + floor(middle / count) / 256.0;
+    vec2 p = vec2(local + corner) + floor(middle / count) / 256.0;
 
     ivec3 index = texelFetch(triangles, texel(int(number) - 1), 0).xyz;
     vec4 a = texelFetch(vertices, texel(index.x), 0);

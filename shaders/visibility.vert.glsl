@@ -7,7 +7,7 @@
 
 layout(location = 0) in vec3 position;  // mesh frame
 layout(location = 1) in uint triangle;
-uniform vec2 picture;    // width and height
+uniform vec4 area;       // of the picture that is drawn: first pixel, width and height
 uniform vec2 shift;      // from the sample to the pixel's centre
 uniform vec2 depth;      // depth = x + y / z, -1 in front of the object and 1 behind it
 flat out uint shown;
@@ -15,7 +15,7 @@ flat out uint shown;
 void main() {
   vec3 p = project(position);
   // Row 0 of the target is row 0 of the picture, so y is not turned.
-  vec2 clip = (p.xy + shift) * 2.0 / picture - 1.0;
+  vec2 clip = (p.xy - area.xy + shift) * 2.0 / area.zw - 1.0;
   float w = p.z;
   gl_Position = vec4(clip * w, clamp(depth.x * w + depth.y, -w, w), w);
   shown = triangle;

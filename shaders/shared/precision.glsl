@@ -4,7 +4,7 @@ precision highp int;
 precision highp sampler2D;
 precision highp samplerCube;
 precision highp isampler2D;
-precision highp usampler2DArray;
+precision highp usampler2D;
 #define FN
 #define REAL float
 #define REAL2 vec2
