@@ -5,8 +5,10 @@
 #include <epoxy/gl.h>
 
 #include <cstdlib>
+#include <sstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace fastibl {
@@ -20,9 +22,11 @@ void require_library(const char* file, const char* packages) {
                            packages + "); backend=\"cpu\" works without");
 }
 
-bool has(const char* extensions, const char* name) {
-  return extensions && (" " + std::string(extensions) + " ").find(" " + std::string(name) + " ") !=
-                           std::string::npos;
+bool has(const char* extensions, std::string_view wanted) {
+  std::istringstream all(extensions ? extensions : "");
+  for (std::string one; all >> one;)
+    if (one == wanted) return true;
+  return false;
 }
 
 struct Made {

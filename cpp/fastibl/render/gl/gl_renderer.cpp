@@ -82,7 +82,7 @@ class Gl final : public GlRenderer {
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &limit);
     largest_ = limit;
     glGenFramebuffers(2, framebuffers_);
-    glGenVertexArrays(2, vertex_arrays_);
+    glGenVertexArrays(3, vertex_arrays_);
     glGenBuffers(2, buffers_);
     glGenRenderbuffers(1, &depth_);
     for (int i = 0; i < 2; ++i) {  // the whole mesh, and the part of it before the camera
@@ -103,7 +103,7 @@ class Gl final : public GlRenderer {
       glDeleteTextures(1, &t->id);
     for (const auto& [key, program] : programs_) glDeleteProgram(program.id());
     glDeleteFramebuffers(2, framebuffers_);
-    glDeleteVertexArrays(2, vertex_arrays_);
+    glDeleteVertexArrays(3, vertex_arrays_);
     glDeleteBuffers(2, buffers_);
     glDeleteRenderbuffers(1, &depth_);
   }
@@ -321,7 +321,7 @@ class Gl final : public GlRenderer {
 
   void draw_full_screen(int width, int height) {
     glViewport(0, 0, width, height);
-    glBindVertexArray(vertex_arrays_[0]);
+    glBindVertexArray(vertex_arrays_[2]);  // empty
     glDrawArrays(GL_TRIANGLES, 0, 3);
   }
 
@@ -693,7 +693,7 @@ class Gl final : public GlRenderer {
   std::string device_;
   bool half_ = false;
   int largest_ = 2048;
-  GLuint framebuffers_[2] = {}, vertex_arrays_[2] = {}, buffers_[2] = {}, depth_ = 0;
+  GLuint framebuffers_[2] = {}, vertex_arrays_[3] = {}, buffers_[2] = {}, depth_ = 0;
   std::map<std::string, Program> programs_;
   Texture cube_, ratio_, spheres_, visible_, triangles_, vertices_, normals_, albedo_, object_,
       back_, picture_, screen_, response_, guess_, rays_;
