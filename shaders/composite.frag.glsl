@@ -5,6 +5,7 @@
 //   SHADOW      1: there is a shadow map and a camera above the plane
 //   DISTORTION  1: rays come from a table
 //   VIGNETTING  number of coefficients
+//   STEEP       1: several codes may end within one of 4096 equal steps of linear values
 #include "shared/precision.glsl"
 #include "shared/plane.glsl"
 
@@ -12,7 +13,7 @@ uniform ivec2 corner;        // first pixel of the area that is drawn
 uniform vec4 intrinsics;     // fx fy cx cy
 uniform float exposure;      // times gain
 uniform sampler2D response;  // row 0: linear value of each code; row 1: linear value where it ends
-uniform sampler2D guess;     // code at the lower end of each of 4096 equal steps
+uniform sampler2D guess;     // for each of 4096 equal steps: code at its lower end, and where it ends
 layout(location = 0) out vec4 picture;
 
 #if !MATTE
@@ -84,9 +85,12 @@ float encode(float linear) {
   if (!(linear > 0.0)) return 0.0;
   if (linear >= 1.0) return 1.0;
   int bin = int(linear * 4096.0);
-  int code = int(texelFetch(guess, ivec2(bin & 63, bin >> 6), 0).r * 255.0 + 0.5);
-  while (linear >= texelFetch(response, ivec2(code, 1), 0).r) ++code;
-  return float(code) / 255.0;
+  vec2 first = texelFetch(guess, ivec2(bin & 63, bin >> 6), 0).rg;
+  float code = linear >= first.y ? first.x + 1.0 : first.x;
+#if STEEP
+  while (linear >= texelFetch(response, ivec2(int(code), 1), 0).r) code += 1.0;
+#endif
+  return code / 255.0;
 }
 vec3 encode(vec3 linear) { return vec3(encode(linear.r), encode(linear.g), encode(linear.b)); }
 float decode(float encoded) {

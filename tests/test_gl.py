@@ -580,6 +580,7 @@ VARIANTS = {
         "SHADOW": (0, 1),
         "DISTORTION": (0, 1),
         "VIGNETTING": (0, 1, 3),
+        "STEEP": (0, 1),
     },
 }
 

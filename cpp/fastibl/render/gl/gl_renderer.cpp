@@ -450,11 +450,16 @@ class Gl final : public GlRenderer {
       rows[std::size_t(k)] = table.decode(std::uint8_t(k));
       rows[256 + std::size_t(k)] = k < 255 ? response.decode((float(k) + 0.5f) / 255.0f) : 2.0f;
     }
-    std::vector<std::uint8_t> guesses(std::size_t(kGuessRow) * kGuessRow);
-    for (std::size_t i = 0; i < guesses.size(); ++i)
-      guesses[i] = table.encode(float(i) / float(guesses.size()));
+    std::vector<glm::vec2> guesses(std::size_t(kGuessRow) * kGuessRow);
+    steep_ = false;
+    for (std::size_t i = 0; i < guesses.size(); ++i) {
+      const float count = float(guesses.size());
+      const std::size_t code = table.encode(float(i) / count);
+      guesses[i] = glm::vec2(float(code), rows[256 + code]);
+      steep_ = steep_ || (code < 255 && rows[256 + code + 1] < float(i + 1) / count);
+    }
     allocate(response_, GL_R32F, 256, 2, GL_RED, GL_FLOAT, rows.data());
-    allocate(guess_, GL_R8, kGuessRow, kGuessRow, GL_RED, GL_UNSIGNED_BYTE, guesses.data());
+    allocate(guess_, GL_RG32F, kGuessRow, kGuessRow, GL_RG, GL_FLOAT, guesses.data());
   }
 
   void upload_rays(const Camera& camera) {
@@ -655,11 +660,11 @@ class Gl final : public GlRenderer {
       fill(back_, width, height, part.data());
     }
     fill(picture_, width, height, nullptr);
-    const Program& p =
-        use("composite",
-            {matte ? "MATTE 1" : "MATTE 0", object_area_.empty() ? "OBJECT 0" : "OBJECT 1",
-             shadowed.empty() ? "SHADOW 0" : "SHADOW 1", rays ? "DISTORTION 1" : "DISTORTION 0",
-             "VIGNETTING " + std::to_string(camera.vignetting.size())});
+    const Program& p = use(
+        "composite",
+        {matte ? "MATTE 1" : "MATTE 0", object_area_.empty() ? "OBJECT 0" : "OBJECT 1",
+         shadowed.empty() ? "SHADOW 0" : "SHADOW 1", rays ? "DISTORTION 1" : "DISTORTION 0",
+         "VIGNETTING " + std::to_string(camera.vignetting.size()), steep_ ? "STEEP 1" : "STEEP 0"});
     set_camera(p, camera);
     glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
     glUniform1f(p.uniform("exposure"), float(in.exposure * camera.gain));
@@ -691,7 +696,7 @@ class Gl final : public GlRenderer {
 
   std::optional<GlContext> context_;  // none: the caller's
   std::string device_;
-  bool half_ = false;
+  bool half_ = false, steep_ = false;
   int largest_ = 2048;
   GLuint framebuffers_[2] = {}, vertex_arrays_[3] = {}, buffers_[2] = {}, depth_ = 0;
   std::map<std::string, Program> programs_;
