@@ -226,6 +226,21 @@ def test_mirror_by_method(diffuse, environment):
 
 
 @needs_gl
+@pytest.mark.parametrize("half", ["0", "1"])
+@pytest.mark.parametrize("diffuse", ["six-face-exact", "sh9"])
+def test_methods_without_a_shader_are_read_from_a_cube_map(diffuse, half, monkeypatch):
+    monkeypatch.setenv("FASTIBL_GL_BAKED", "1")
+    monkeypatch.setenv("FASTIBL_GL_HALF", half)
+    camera = camera_named("pinhole")
+    frame = fastibl.Frame(time=0.0, back=back_picture(camera), back_from_marker=POSES["usual"])
+    made = both(scene_of("matte"), camera, MAPS["venice"](), frame, {"diffuse": diffuse})
+    if half == "0":  # bilinear between 32 texels a face
+        compare_products(made, frame.back, object_tolerance=4e-3)
+    difference = np.abs(made[0][1].image.astype(int) - made[1][1].image)
+    assert np.mean(difference.max(-1) > 2) < 1e-4
+
+
+@needs_gl
 @pytest.mark.parametrize("methods", ["auto", "paper"])
 @pytest.mark.parametrize("material", MATERIALS)
 def test_mirror_by_material(material, methods):
@@ -573,7 +588,7 @@ def test_another_context_stays_current():
 
 VARIANTS = {
     "visibility": {"DISTORTION": (0, 1)},
-    "shade": {"DIFFUSE": range(5), "GLOSSY": range(3), "PAPER": (0, 1), "DISTORTION": (0, 1)},
+    "shade": {"DIFFUSE": range(6), "GLOSSY": range(3), "PAPER": (0, 1), "DISTORTION": (0, 1)},
     "shadow": {"PRODUCT": (0, 1)},
     "composite": {
         "MATTE": (0, 1),
