@@ -650,10 +650,11 @@ class Gl final : public GlRenderer {
     if (variant == kBaked) {
       glUniform1f(p.uniform("baked_scale"), upload_baked(e));
       bind("baked", baked_, GL_TEXTURE_CUBE_MAP);
-    } else if (e.method == DiffuseMethod::sh9)
+    } else if (e.method == DiffuseMethod::sh9) {
       glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
-    else if (variant)
+    } else {
       glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
+    }
     if (glossy && !matte) {
       check(in.lighting.glossy == GlossyMethod::mip, "the GL back end has no glossy method ",
             fastibl::name(in.lighting.glossy));
