@@ -51,6 +51,7 @@ void Session::replan() {
       renderer_->clear(p.pass.id);
     if (p.pass.id != PassId::track && p.pass.id != PassId::capture) stale_ |= p.pass.writes;
   }
+  if (!plan_.includes(PassId::irradiance)) lighting_.reset();  // it may be another method's
 }
 
 void Session::update_plan() {
