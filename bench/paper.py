@@ -23,7 +23,7 @@ from .measure import ROOT, Timing, timing
 
 NO_MAPS = f"no real HDR maps under {inputs.SHARED / 'hdri'}"
 NO_GL = "this fastibl was built without its GL back end (FASTIBL_GL=ON)"
-_GLOSSY_PAIRS = 30  # at each angle
+_GLOSSY_PAIRS = 100  # at each angle
 # Words in the names of tests that give bad or extreme input.
 BAD = ("bad", "refuse", "extreme", "error", "missing", "degenerate", "ignored", "broken", "cleaning", "invalid")
 
@@ -389,7 +389,8 @@ def captured_irradiance_maps() -> Iterator[Goal]:
             error <= 0.08,
             (
                 f"predicted {_percent(environment.predicted_error)}; coverage {_percent(environment.coverage)}, of it "
-                f"only a lower bound {_percent(environment.clipped, 2)}; board found in {found} of {len(recording)} frames",
+                f"only a lower bound {_percent(environment.clipped, 2)}; board found in {found} of "
+                f"{len(recording)} frames",
             ),
         )
 
