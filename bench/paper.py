@@ -6,10 +6,8 @@ import hashlib
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,8 +16,9 @@ from fastibl._fastibl import with_gl
 from fastibl.comparison import irradiance_over_sphere, relative_errors
 
 from . import brute, inputs
+from .frame import frame_times, meshes
 from .goals import Goal, row, skipped
-from .measure import ROOT, Timing, timing
+from .measure import ROOT, Timing, yardstick
 
 NO_MAPS = f"no real HDR maps under {inputs.SHARED / 'hdri'}"
 NO_GL = "this fastibl was built without its GL back end (FASTIBL_GL=ON)"
@@ -180,36 +179,8 @@ def furnace() -> Iterator[Goal]:
 # Whole frames
 
 
-def frame_times(
-    scene: fastibl.Scene, methods: str, backend: str = "cpu", threads: int = 1, rounds: int = 4
-) -> tuple[Timing, dict[str, float]]:
-    """Steady state of a session on the short recording, and the median seconds of each pass (0 where it rests).
-
-    The first round warms up and is not counted.
-    """
-    recording = inputs.short_recording()
-    before = fastibl.threads(), cv2.getNumThreads()
-    fastibl.set_threads(threads), cv2.setNumThreads(threads)
-    try:
-        session = fastibl.Session(scene, recording.rig, recording.board, methods=methods, backend=backend)
-        walls, cpus, passes = [], [], []
-        for k in range(rounds + 1):
-            for frame in recording:
-                frame = inputs.later(frame, k * (recording.duration + 0.1))
-                wall, cpu = time.perf_counter(), time.process_time()
-                result = session.process(frame)
-                result.image  # noqa: B018 - the picture has to arrive
-                wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-                if k:
-                    walls.append(wall), cpus.append(cpu), passes.append(dict(result.timings))
-        names = sorted({name for p in passes for name in p})
-        return timing(walls, cpus), {name: float(np.median([p.get(name, 0.0) for p in passes])) for name in names}
-    finally:
-        fastibl.set_threads(before[0]), cv2.setNumThreads(before[1])
-
-
-def _frame_goal(what: str, time: Timing, passes: dict[str, float]) -> Goal:
-    shares = ", ".join(f"{name} {1e3 * s:.1f}" for name, s in passes.items() if name != "total" and s >= 5e-5)
+def _frame_goal(what: str, time: Timing, passes: dict[str, Timing]) -> Goal:
+    shares = ", ".join(f"{name} {1e3 * t.median:.1f}" for name, t in passes.items() if t.median >= 5e-5)
     return Goal(
         what,
         f"{1 / time.median:.1f} fps",
@@ -217,19 +188,16 @@ def _frame_goal(what: str, time: Timing, passes: dict[str, float]) -> Goal:
         1 / time.median >= 25,
         (
             f"wall {1e3 * time.median:.1f} ms (10th to 90th percentile {1e3 * time.low:.1f} to {1e3 * time.high:.1f}), "
-            f"CPU {1e3 * time.cpu:.1f} ms ({1e3 * time.cpu_low:.1f} to {1e3 * time.cpu_high:.1f}), {time.count} frames",
+            f"CPU {1e3 * time.cpu:.1f} ms ({1e3 * time.cpu_low:.1f} to {1e3 * time.cpu_high:.1f}), {time.count} "
+            f"frames; {time.median / yardstick().median:.1f} yardsticks",
             f"ms by pass: {shares}",
         ),
     )
 
 
-def _meshes() -> list[str]:
-    return ["figurine"] + (["spot"] if inputs.mesh_path("spot").is_file() else [])
-
-
 @row("paper", "whole frame on the CPU")
 def frame_cpu() -> Iterator[Goal]:
-    for mesh in _meshes():
+    for mesh in meshes():
         scene = inputs.scene(mesh)
         case = f"frame 640x480, {len(scene.spheres)} spheres, {mesh}, one thread"
         yield _frame_goal(f'{case}, "paper"', *frame_times(scene, "paper"))
@@ -239,7 +207,7 @@ def frame_cpu() -> Iterator[Goal]:
 @row("paper", "whole frame on GL's software driver")
 def frame_gl() -> Iterator[Goal]:
     threads = int(os.environ.get("LP_NUM_THREADS", "2"))
-    for mesh in _meshes():
+    for mesh in meshes():
         what = f"frame 640x480, {mesh}, GL in software, {threads} threads"
         if not with_gl:
             yield skipped(what, NO_GL)
@@ -380,8 +348,12 @@ def captured_irradiance_maps() -> Iterator[Goal]:
         recording = fastibl.simulate(path, seconds=10, fps=8, seed=0, size=(320, 240), position=inputs.OBJECT)
         processed = inputs.process(recording, inputs.scene())
         environment = processed.last.environment
-        error = irradiance_error(environment, recording.truth.environment(recording.times[-1]))
         found = sum(p is not None for _, p in processed.poses)
+        true = recording.truth.environment(recording.times[-1])
+        front = min(f.front_exposure for f in recording) * recording.rig.front.gain
+        angles = fastibl.texel_solid_angles(true.size)[..., None]
+        beyond = float((np.maximum(true.faces - 1 / front, 0) * angles).sum() / (true.faces * angles).sum())
+        error = irradiance_error(environment, true)
         yield Goal(
             f"{name}: median error of the captured irradiance",
             _percent(error),
@@ -391,6 +363,7 @@ def captured_irradiance_maps() -> Iterator[Goal]:
                 f"predicted {_percent(environment.predicted_error)}; coverage {_percent(environment.coverage)}, of it "
                 f"only a lower bound {_percent(environment.clipped, 2)}; board found in {found} of "
                 f"{len(recording)} frames",
+                f"{_percent(beyond, 2)} of the place's light is brighter than the darkest exposure can hold",
             ),
         )
 
