@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from views import camera_of, looking, rays_of
 
 import fastibl
 from conftest import MAPS
 from fastibl import reference
+from views import camera_of, looking, rays_of
 
 mi = pytest.importorskip("mitsuba")
 
