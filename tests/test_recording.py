@@ -10,9 +10,8 @@ import pytest
 from standin import Page
 
 import fastibl
-from fastibl import Camera, CubeMap, Frame, Pose, Recording, Response, Rig
+from fastibl import Board, Camera, CubeMap, Frame, Pose, Recording, Response, Rig
 from fastibl.__main__ import main
-from fastibl._fastibl import _Board
 from fastibl.recording import (
     RecordingWarning,
     RecordingWriter,
@@ -93,7 +92,7 @@ def test_rig_round_trip(tmp_path):
 
 
 def test_board_round_trip(tmp_path):
-    board = _Board._default()
+    board = Board.default()
     write_board(tmp_path / "board.yaml", board)
     read = read_board(tmp_path / "board.yaml")
     assert (read.width, read.height, read.border_bits) == (board.width, board.height, board.border_bits)

@@ -16,7 +16,6 @@ from fastibl.simulator import (
     PAPER,
     DistantPlace,
     HandPath,
-    _default_board,
     _Eye,
     _PrintedBoard,
     default_rig,
@@ -140,7 +139,7 @@ def test_lamp_and_hand_happen_when_the_truth_says(room_recording):
     truth, frames = room_recording.truth, list(room_recording)
     assert truth.lamp_time == pytest.approx(0.75)
     begin, end = truth.hand
-    assert begin == pytest.approx(1.05) and end == pytest.approx(1.35)
+    assert begin == pytest.approx(0.45) and end == pytest.approx(0.75)
     before, after = truth.environment(truth.lamp_time - 0.01), truth.environment(truth.lamp_time)
     assert after.faces.max() > 2 * before.faces.max()
     assert truth.environment(-1) == before and truth.environment(99) == after
@@ -242,7 +241,7 @@ def test_white_paper_under_a_uniform_sky():
 
 
 def test_table_and_printed_board_are_about_equally_bright():
-    board = _default_board()
+    board = fastibl.Board.default()
     if board is None:
         pytest.skip("built without fastibl.board")
     printed = _PrintedBoard(board, DistantPlace(np.ones((16, 32, 3)))).albedo

@@ -247,7 +247,9 @@ def test_wrong_ids_give_nothing():
     small = [t for t in tags if t[0] in (1, 7)]
     assert _track(small, None, BOARD, CAMERA) is not None
     assert _track([(1, small[1][1]), (7, small[0][1])], None, BOARD, CAMERA) is None
-    # A quadrilateral that no square looks like.
+    # Two tags that do not belong together, and a quadrilateral that no square looks like.
+    apart = [small[0], (small[1][0], small[1][1] + [0.0, 60.0])]
+    assert _track(apart, None, BOARD, CAMERA) is None
     bent = [(0, np.array([[100.0, 100], [200, 100], [140, 140], [100, 200]]))]
     assert _track(bent, None, BOARD, CAMERA) is None
 
@@ -276,6 +278,26 @@ def test_the_back_of_the_board_and_nonsense_corners_give_nothing():
         np.arange(8.0).reshape(4, 2),
     ):
         assert _track([(0, corners)], None, BOARD, CAMERA) is None
+
+
+def test_a_tag_with_nonsense_corners_does_not_spoil_the_others():
+    tags = seen_corners(BOARD, CAMERA, look_at(25, 0.5, 200, -8))
+    for value in (np.nan, np.inf, 5.0):
+        spoilt = [(i, np.full((4, 2), value)) if i == 3 else (i, c) for i, c in tags]
+        tracked = _track(spoilt, None, BOARD, CAMERA)
+        assert len(tracked.tags) == len(tags) - 1 and tracked.residual_px < 1e-6
+
+
+def test_the_start_decides_nothing():
+    """Of small noisy tags both minima are refined before the cheaper one is taken, whatever the start."""
+    board = fastibl.Board.grid(1, 1, 0.03, 0.01)
+    rng = np.random.default_rng(8)
+    for k in range(200):
+        azimuth, tilt = rng.uniform(0, 360), rng.uniform(10, 60)
+        pose = look_at(tilt, 0.6, azimuth)
+        tags = seen_corners(board, CAMERA, pose, noise=0.3, seed=k)
+        found = [_track(tags, start, board, CAMERA) for start in (pose, look_at(tilt, 0.6, azimuth + 180), None)]
+        assert np.ptp([tracked.residual_px for tracked in found]) < 1e-3
 
 
 def test_unseen_board_gives_none_and_never_an_old_pose():
@@ -363,7 +385,15 @@ def test_corners_that_cannot_be_measured_stay():
     for corners in (square, square - 100, square / 40, square[[1, 0, 3, 2]]):
         (tag,) = _refine_corners(grey, [(0, corners)], 1, CAMERA)
         assert (tag.corners == corners).all()
-    # A black square 6 px away from the corners that were given: measured, but too far to be this tag.
+    # White inside is no tag, a border of one pixel holds no black level, and a side that is only found far
+    # away is another one's: all of these could be measured, wrongly.
+    for side, inside, off in ((50, 230, 0.5), (8, 20, 0.4), (50, 20, 3.65)):
+        grey = np.full((480, 640), 250 - inside, np.uint8)
+        grey[100 : 100 + side, 100 : 100 + side] = inside
+        corners = (square - 100) * side / 50 + 100 + off
+        (tag,) = _refine_corners(grey, [(0, corners)], 1, CAMERA)
+        assert (tag.corners == corners).all(), (side, inside, off, tag.corners)
+    # A black square within reach is measured.
     grey = np.full((480, 640), 230, np.uint8)
     grey[104:154, 104:154] = 20
     (tag,) = _refine_corners(grey, [(0, square + 4)], 1, CAMERA)

@@ -54,3 +54,42 @@ FN float mip_level(float face_size, float exponent) {
 
 // Where the table of the directional albedo is read, in [0, 1]: 1 at s = 0, 0 at s = ∞.
 FN float albedo_coordinate(float exponent) { return 1.0f / sqrt(1.0f + exponent / 8.0f); }
+
+// Face that a direction meets: +x -x +y -y +z -z.
+FN int nearest_face(vec3 d) {
+  vec3 a = abs(d);
+  if (a.x >= a.y && a.x >= a.z) return d.x > 0.0f ? 0 : 1;
+  if (a.y >= a.z) return d.y > 0.0f ? 2 : 3;
+  return d.z > 0.0f ? 4 : 5;
+}
+
+// Irradiance by Eq. 8 from the mean radiance of each face, with the weights of Eq. 9.
+FN vec3 six_face_irradiance(const vec3 face[6], vec3 n) {
+  vec3 sum = face_weight(n.x) * face[0];
+  sum += face_weight(-n.x) * face[1];
+  sum += face_weight(n.y) * face[2];
+  sum += face_weight(-n.y) * face[3];
+  sum += face_weight(n.z) * face[4];
+  sum += face_weight(-n.z) * face[5];
+  return sum;
+}
+
+// The same with the exact weights; n along the s, t and major axis of each face.
+FN vec3 exact_face_irradiance(const vec3 face[6], REAL3 n) {
+  vec3 sum = float(exact_face_weight(REAL3(-n.z, -n.y, n.x))) * face[0];
+  sum += float(exact_face_weight(REAL3(n.z, -n.y, -n.x))) * face[1];
+  sum += float(exact_face_weight(REAL3(n.x, n.z, n.y))) * face[2];
+  sum += float(exact_face_weight(REAL3(n.x, -n.z, -n.y))) * face[3];
+  sum += float(exact_face_weight(REAL3(n.x, -n.y, n.z))) * face[4];
+  sum += float(exact_face_weight(REAL3(-n.x, -n.y, -n.z))) * face[5];
+  return sum;
+}
+
+// Irradiance from nine spherical harmonics in polynomial form. Never negative: ringing of a small
+// bright light dips below 0 on the far side.
+FN vec3 sh9_irradiance(const vec3 c[9], vec3 n) {
+  vec3 sum = c[0] + c[1] * n.y + c[2] * n.z + c[3] * n.x + c[4] * (n.x * n.y) +
+             c[5] * (n.y * n.z) + c[6] * (3.0f * n.z * n.z - 1.0f) + c[7] * (n.x * n.z) +
+             c[8] * (n.x * n.x - n.y * n.y);
+  return max(sum, 0.0f);
+}

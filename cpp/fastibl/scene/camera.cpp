@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "fastibl/core/check.h"
+#include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
 namespace {
@@ -71,11 +72,11 @@ Lens::Lens(const Camera& camera) : fx_(camera.fx), fy_(camera.fy), cx_(camera.cx
 }
 
 glm::dvec2 Lens::distort(const glm::dvec2& p, glm::dmat2* derivative) const {
-  const double x = p.x, y = p.y, q = x * x + y * y;
-  const double num = 1 + q * (k_[0] + q * (k_[1] + q * k_[4]));
-  const double den = 1 + q * (k_[5] + q * (k_[6] + q * k_[7]));
-  const double g = num / den, p1 = k_[2], p2 = k_[3];
   if (derivative) {
+    const double x = p.x, y = p.y, q = x * x + y * y;
+    const double num = 1 + q * (k_[0] + q * (k_[1] + q * k_[4]));
+    const double den = 1 + q * (k_[5] + q * (k_[6] + q * k_[7]));
+    const double g = num / den, p1 = k_[2], p2 = k_[3];
     const double dnum = k_[0] + q * (2 * k_[1] + q * 3 * k_[4]);
     const double dden = k_[5] + q * (2 * k_[6] + q * 3 * k_[7]);
     const double h = 2 * (dnum - g * dden) / den;  // dg/dx = h x
@@ -83,8 +84,7 @@ glm::dvec2 Lens::distort(const glm::dvec2& p, glm::dmat2* derivative) const {
     *derivative = glm::dmat2(g + h * x * x + 2 * p1 * y + 6 * p2 * x, cross,   // ∂/∂x
                              cross, g + h * y * y + 6 * p1 * y + 2 * p2 * x);  // ∂/∂y
   }
-  return {x * g + 2 * p1 * x * y + p2 * (q + 2 * x * x),
-          y * g + p1 * (q + 2 * y * y) + 2 * p2 * x * y};
+  return shared::distort(p, k_);
 }
 
 std::optional<glm::dvec2> Lens::project(const glm::dvec3& point, glm::dmat2x3* derivative) const {

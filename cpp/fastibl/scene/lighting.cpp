@@ -8,16 +8,6 @@
 namespace fastibl {
 namespace {
 
-glm::vec3 exact_faces(const Irradiance& e, const glm::dvec3& n) {
-  // n along the s, t and major axis of each face (see the drawing in cube_map.h).
-  const glm::dvec3 local[6] = {{-n.z, -n.y, n.x}, {n.z, -n.y, -n.x}, {n.x, n.z, n.y},
-                               {n.x, -n.z, -n.y}, {n.x, -n.y, n.z},  {-n.x, -n.y, -n.z}};
-  glm::vec3 sum(0);
-  for (std::size_t f = 0; f < 6; ++f)
-    sum += float(shared::exact_face_weight(local[f])) * e.faces[f];
-  return sum;
-}
-
 // ρ by midpoints in p = (n·h)^{s+1}, which flattens the lobe, and azimuth:
 // ρ = (s + 8)/(8π) ∫ c^s max(n·l, 0) 4 (v·h) dh, dh = dc dφ, c^s dc = dp/(s + 1).
 double albedo_quadrature(double cos_view, double s) {
@@ -46,22 +36,13 @@ double albedo_quadrature(double cos_view, double s) {
 glm::vec3 evaluate(const Irradiance& e, glm::vec3 n) {
   switch (e.method) {
     case DiffuseMethod::nearest_face:
-      return kPi * e.faces[std::size_t(face_point(n).face)];
-    case DiffuseMethod::six_face: {
-      const float cosine[6] = {n.x, -n.x, n.y, -n.y, n.z, -n.z};
-      glm::vec3 sum(0);
-      for (std::size_t f = 0; f < 6; ++f) sum += shared::face_weight(cosine[f]) * e.faces[f];
-      return sum;
-    }
+      return kPi * e.faces[std::size_t(shared::nearest_face(n))];
+    case DiffuseMethod::six_face:
+      return shared::six_face_irradiance(e.faces.data(), n);
     case DiffuseMethod::six_face_exact:
-      return exact_faces(e, glm::dvec3(n));
-    default: {
-      const std::array<glm::vec3, 9>& c = e.polynomial;
-      const glm::vec3 sum = c[0] + c[1] * n.y + c[2] * n.z + c[3] * n.x + c[4] * (n.x * n.y) +
-                            c[5] * (n.y * n.z) + c[6] * (3 * n.z * n.z - 1) + c[7] * (n.x * n.z) +
-                            c[8] * (n.x * n.x - n.y * n.y);
-      return glm::max(sum, 0.0f);  // ringing of a small bright light dips below 0 on the far side
-    }
+      return shared::exact_face_irradiance(e.faces.data(), glm::dvec3(n));
+    default:
+      return shared::sh9_irradiance(e.polynomial.data(), n);
   }
 }
 

@@ -6,12 +6,16 @@
 
 #define FN inline
 #define REAL double
+#define REAL2 dvec2
 #define REAL3 dvec3
 namespace fastibl::shared {
 using namespace glm;
+#include "shaders/shared/lens.glsl"
 #include "shaders/shared/lighting.glsl"
+#include "shaders/shared/plane.glsl"
 #include "shaders/shared/sphere_cap.glsl"
 }  // namespace fastibl::shared
 #undef FN
 #undef REAL
+#undef REAL2
 #undef REAL3

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "fastibl/core/parallel.h"
+#include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
 namespace {
@@ -61,8 +62,7 @@ class PlaneShadow {
     const glm::vec3 d =
         rotation_ * table_.rays[std::size_t(y) * table_.camera.width + std::size_t(x)];
     if (!(d.z < 0)) return glm::vec3(1);
-    const float t = -eye_.z / d.z;
-    return shadow_.sample({eye_.x + t * d.x, eye_.y + t * d.y});
+    return shadow_.sample(shared::plane_point(eye_, d));
   }
   const Rectangle& area() const { return area_; }
 

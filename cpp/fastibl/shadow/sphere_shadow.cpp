@@ -13,7 +13,6 @@
 namespace fastibl {
 namespace {
 
-constexpr float kFade = 0.1f;           // share of half the map's edge over which it fades to 1
 constexpr float kDefaultExtent = 3.0f;  // × the half width of the spheres
 constexpr float kFarthest = 1e30f;      // metres; keeps centre and extent finite for any sphere
 
@@ -230,8 +229,7 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
   map.ratio = Image<float>(n, n, 3, 1.0f);
   map.ignored_spheres = obstruction.ignored();
   map.no_light = obstruction.no_light();
-  const auto offset = [&](int i) { return (float(i) + 0.5f - 0.5f * float(n)) * 2 / float(n); };
-  const float border = std::fabs(offset(0));
+  const auto offset = [&](int i) { return shared::plane_offset(i, float(n)); };
   parallel_for(n, 1, [&](int begin, int end) {
     std::vector<glm::vec2> points(static_cast<std::size_t>(n));
     std::vector<glm::vec3> ratios(points.size());
@@ -244,9 +242,8 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
                            std::span(ratios).subspan(x, count));
       }
       for (int x = 0; x < n; ++x) {
-        const float away = std::max(std::fabs(offset(x)), std::fabs(offset(y)));
-        const float t = std::clamp((border - away) / kFade, 0.0f, 1.0f);
-        const glm::vec3 ratio = 1.0f + t * t * (3 - 2 * t) * (ratios[std::size_t(x)] - 1.0f);
+        const float keep = shared::shadow_keep({offset(x), offset(y)}, float(n));
+        const glm::vec3 ratio = 1.0f + keep * (ratios[std::size_t(x)] - 1.0f);
         for (int c = 0; c < 3; ++c) map.ratio.pixel(x, y)[c] = ratio[c];
       }
     }

@@ -175,7 +175,6 @@ std::optional<Pose> pose_from_homography(std::span<const Match> matches, const L
     int pivot = k;
     for (int r = k + 1; r < 8; ++r)
       if (std::abs(a[r][k]) > std::abs(a[pivot][k])) pivot = r;
-    if (!(std::abs(a[pivot][k]) > 1e-12)) return std::nullopt;
     std::swap(a[k], a[pivot]);
     for (int r = 0; r < 8; ++r) {
       if (r == k) continue;
@@ -196,13 +195,12 @@ std::optional<Pose> pose_from_homography(std::span<const Match> matches, const L
   if (!(scale > 1e-12) || !std::isfinite(scale)) return std::nullopt;
   // The pair of orthogonal unit vectors nearest to both columns alike.
   const glm::dvec3 u = glm::normalize(h1), v = glm::normalize(h2);
-  if (std::abs(glm::dot(u, v)) > 0.9999) return std::nullopt;
   const glm::dvec3 sum = glm::normalize(u + v), difference = glm::normalize(u - v);
   const double half = std::sqrt(0.5);
   const glm::dvec3 r1 = half * (sum + difference), r2 = half * (sum - difference);
   Pose pose{glm::dmat3(r1, r2, glm::cross(r1, r2)), h3 / scale};
   pose.translation -= pose.rotation * glm::dvec3(centre, 0);
-  if (!finite(pose)) return std::nullopt;
+  if (!finite(pose)) return std::nullopt;  // points on a line, or all in one place
   return pose;
 }
 

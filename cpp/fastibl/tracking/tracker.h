@@ -20,7 +20,7 @@ struct TrackingOptions {
   // covariance, and of what counts as a difference between the two minima.
   double refined_noise_px = 0.1;
   double detected_noise_px = 0.5;
-  double largest_residual_px = 3;  // and 3 % of a tag's side: beyond, ids are taken to be wrong
+  double largest_residual_px = 2;  // and 2 % of a tag's side: beyond, ids are taken to be wrong
 };
 
 struct Tracked {

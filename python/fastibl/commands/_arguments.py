@@ -1,10 +1,11 @@
-"""Argument types that say what was expected."""
+"""What commands share: their parsers, and argument types that say what was expected."""
 
 from __future__ import annotations
 
 import argparse
 import math
 import re
+from collections.abc import Callable
 
 
 def picture_size(text: str) -> tuple[int, int]:
@@ -23,3 +24,18 @@ def positive(text: str) -> float:
     if not (value > 0 and math.isfinite(value)):
         raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
     return value
+
+
+def parser(
+    commands: argparse._SubParsersAction, name: str, run: Callable, help: str, example: str
+) -> argparse.ArgumentParser:
+    """Adds a command with its one-line help and an example."""
+    made = commands.add_parser(
+        name,
+        help=help,
+        description=help[0].upper() + help[1:] + ".",
+        epilog=f"example:\n  {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    made.set_defaults(run=run)
+    return made

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import argparse
 
-from ._arguments import picture_size, positive
+from ._arguments import parser, picture_size, positive
 
 
 def add(commands: argparse._SubParsersAction) -> None:
-    from . import parser
-
     p = parser(
         commands,
         "simulate",

@@ -1,0 +1,39 @@
+"""Benchmarks: rows of error against time, written to bench/results/.
+
+./dev bench                 all
+./dev bench lighting real   some of them
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+import time
+
+from .measure import ROOT, cpu, table, write_rows, yardstick_seconds
+
+NAMES = ("lighting", "shadow", "tracking", "frame", "real")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="./dev bench", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)} (default: all)")
+    given = parser.parse_args(arguments)
+    for name in given.names:
+        if name not in NAMES:
+            parser.error(f"no benchmark {name!r}; there are: {', '.join(NAMES)}")
+    print(f"{cpu()}; yardstick {1e3 * yardstick_seconds():.2f} ms")
+    for name in given.names or NAMES:
+        begin = time.perf_counter()
+        rows = importlib.import_module(f"bench.{name}").rows()
+        path = write_rows(name, rows)
+        print(f"\n{name}: {len(rows)} rows in {path.relative_to(ROOT)}, {time.perf_counter() - begin:.0f} s")
+        print(table(rows), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,129 @@
+"""Errors of shading methods against brute force, on many maps at once.
+
+The weights of a lobe do not depend on the map, so they are worked out once for all maps; texels and solid angles are
+those of fastibl.reference, and `check` holds the sums against it.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fastibl import reference
+
+from .inputs import real_maps, units
+
+ANGLES = (0, 30, 60, 75, 85)  # degrees between normal and view
+EXPONENTS = (2, 8, 32, 128, 512, 2048)
+NORMALS = 2000
+_SPLIT = {512: 4, 2048: 8}  # pieces of a texel along each axis
+
+
+def errors(estimated: NDArray, true: NDArray, mean: float | NDArray) -> NDArray:
+    """RMS over RGB of the difference, by the mean of the truth; (n,)."""
+    return np.sqrt(((np.asarray(estimated, np.float64) - true) ** 2).mean(axis=-1)) / mean
+
+
+@cache
+def _texels(size: int) -> tuple[NDArray, NDArray]:
+    directions, angles, _ = reference.samples(np.zeros((6, size, size, 3)))
+    return directions, angles
+
+
+@cache
+def _radiance() -> NDArray:
+    """(texels, 3 maps): all maps side by side."""
+    return np.hstack([cube.faces.reshape(-1, 3).astype(np.float64) for cube in real_maps().values()])
+
+
+@cache
+def normals() -> NDArray:
+    return units(NORMALS, seed=7)
+
+
+@cache
+def irradiance() -> dict[str, NDArray]:
+    """True irradiance (NORMALS, 3) of each real map at `normals`."""
+    size = next(iter(real_maps().values())).size
+    d, angles = _texels(size)
+    flux = _radiance() * angles[:, None]
+    out = np.empty((NORMALS, flux.shape[1]))
+    for i in range(0, NORMALS, 64):
+        out[i : i + 64] = np.maximum(normals()[i : i + 64] @ d.T, 0) @ flux
+    truths = {name: out[:, 3 * k : 3 * k + 3] for k, name in enumerate(real_maps())}
+    for name, cube in real_maps().items():
+        check(truths[name][:2], reference.irradiance(cube, normals()[:2]))
+    return truths
+
+
+def pairs(count: int, seed: int = 3) -> tuple[NDArray, NDArray]:
+    """Normals and views (5 count, 3): `count` at each of ANGLES."""
+    rng = np.random.default_rng([seed, 1])
+    n = units(count * len(ANGLES), seed)
+    t = np.cross(n, rng.normal(size=n.shape))
+    t /= np.linalg.norm(t, axis=1, keepdims=True)
+    angle = np.radians(np.repeat(ANGLES, count))[:, None]
+    return n, np.cos(angle) * n + np.sin(angle) * t
+
+
+def _cosines(n: NDArray, v: NDArray, d: NDArray) -> tuple[NDArray, NDArray]:
+    """n.h and n.w of directions d (k, 3) for one pair."""
+    nd, half = d @ n, np.sqrt(np.maximum(2 + 2 * (d @ v), 1e-300))
+    return np.clip((nd + n @ v) / half, 0, 1), np.maximum(nd, 0)
+
+
+@cache
+def glossy(count: int) -> dict[str, dict[int, NDArray]]:
+    """True normalised glossy radiance (5 count, 3) of each real map, by exponent, at `pairs(count)`.
+
+    For the sharper lobes, the texels that hold all but 1e-8 of the lobe's height are split.
+    """
+    size = next(iter(real_maps().values())).size
+    d, angles = _texels(size)
+    radiance = _radiance()
+    n, v = pairs(count)
+    fine = {}
+    for split in set(_SPLIT.values()):
+        sub, sub_angles = _texels(size * split)
+        shape = (6, size, split, size, split)
+        fine[split] = (
+            np.ascontiguousarray(sub.reshape(*shape, 3).transpose(0, 1, 3, 2, 4, 5)).reshape(-1, split * split, 3),
+            np.ascontiguousarray(sub_angles.reshape(shape).transpose(0, 1, 3, 2, 4)).reshape(-1, split * split),
+        )
+    _texels.cache_clear()
+    out = {s: np.empty((len(n), radiance.shape[1])) for s in EXPONENTS}
+
+    def one(i: int) -> None:
+        nh, nd = _cosines(n[i], v[i], d)
+        log = np.log(np.maximum(nh, 1e-300))
+        for s in EXPONENTS:
+            split = _SPLIT.get(s, 1)
+            if split == 1:
+                chosen, weight = slice(None), np.exp(s * log) * nd * angles
+            else:
+                # A texel is up to 0.02 wide, so n.h changes by less than that from its centre to its corners.
+                chosen = np.flatnonzero((nh > 10 ** (-8 / s) - 0.03) & (d @ n[i] > -0.03))
+                sub, sub_angles = fine[split][0][chosen], fine[split][1][chosen]
+                a, b = _cosines(n[i], v[i], sub.reshape(-1, 3))
+                weight = (a**s * b * sub_angles.reshape(-1)).reshape(len(chosen), -1).sum(axis=1)
+            out[s][i] = weight @ radiance[chosen] / weight.sum()
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(one, range(len(n))))
+    truths = {name: {s: out[s][:, 3 * k : 3 * k + 3] for s in EXPONENTS} for k, name in enumerate(real_maps())}
+    name, cube = next(iter(real_maps().items()))
+    for s in (2, 128, 2048):
+        k = count  # one pair at 30 degrees
+        check(truths[name][s][k], reference.glossy(cube, n[k], v[k], s))
+    return truths
+
+
+def check(ours: NDArray, theirs: NDArray, tolerance: float = 1e-5) -> None:
+    """Raises AssertionError where these sums leave those of fastibl.reference."""
+    worst = float(np.abs(ours - theirs).max() / max(np.abs(theirs).max(), 1e-12))
+    if not worst <= tolerance:
+        raise AssertionError(f"the benchmark's brute force differs from fastibl.reference by {worst:.2g}")

@@ -1,0 +1,59 @@
+"""Whole frames in steady state, and what each pass takes of them."""
+
+from __future__ import annotations
+
+import time
+
+import cv2
+
+import fastibl
+from fastibl._fastibl import with_gl
+
+from . import inputs
+from .measure import Row, Timing, row, timing
+
+
+def frame_times(
+    scene: fastibl.Scene, methods: str, backend: str = "cpu", threads: int = 1, rounds: int = 4
+) -> tuple[Timing, dict[str, Timing]]:
+    """Steady state of a session on the short recording: the whole, tracking included, and each pass (0 where it rests).
+
+    The first round warms up and is not counted.
+    """
+    recording = inputs.short_recording()
+    before = fastibl.threads(), cv2.getNumThreads()
+    fastibl.set_threads(threads), cv2.setNumThreads(threads)
+    try:
+        session = fastibl.Session(scene, recording.rig, recording.board, methods=methods, backend=backend)
+        walls, cpus, passes = [], [], []
+        for k in range(rounds + 1):
+            for frame in recording:
+                frame = inputs.later(frame, k * (recording.duration + 0.1))
+                wall, cpu = time.perf_counter(), time.process_time()
+                result = session.process(frame)
+                result.image  # noqa: B018 - the picture has to arrive
+                wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+                if k:
+                    walls.append(wall), cpus.append(cpu), passes.append(dict(result.timings))
+        names = sorted({name for p in passes for name in p} - {"total"})
+        seconds = {name: [p.get(name, 0.0) for p in passes] for name in names}
+        return timing(walls, cpus), {name: timing(s, s) for name, s in seconds.items()}
+    finally:
+        fastibl.set_threads(before[0]), cv2.setNumThreads(before[1])
+
+
+def meshes() -> list[str]:
+    return ["figurine"] + (["spot"] if inputs.mesh_path("spot").is_file() else [])
+
+
+def rows() -> list[Row]:
+    out = []
+    for backend in ("cpu", "gl") if with_gl else ("cpu",):
+        for mesh in meshes():
+            for methods in ("paper", "auto"):
+                for threads in (1, 2):
+                    whole, passes = frame_times(inputs.scene(mesh), methods, backend, threads)
+                    case = f"640x480, {mesh}, "
+                    for name, seconds in {"whole frame": whole, **passes}.items():
+                        out.append(row(methods, case + name, time=seconds, threads=threads, backend=backend))
+    return out

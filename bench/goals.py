@@ -1,0 +1,127 @@
+"""The project's own goals: what was measured, the goal, and whether it is met.
+
+    ./dev goals                       all tables
+    ./dev goals paper                 one table
+    ./dev goals paper --only glossy   the rows whose names hold a word
+
+The exit code is 1 if a row fails, else 0; a row that cannot be measured here is skipped and says why.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+# Before anything loads a driver: Mesa's software renderer reads its number of threads once.
+os.environ.setdefault("LP_NUM_THREADS", "2")
+
+
+@dataclass(frozen=True)
+class Goal:
+    """One line of a table. passed: None where it was skipped, or has no goal of its own; `goal` then says why."""
+
+    what: str
+    measured: str
+    goal: str
+    passed: bool | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        return "-" if self.passed is None else "yes" if self.passed else "no"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A measurement that fills one or more lines of a table."""
+
+    name: str
+    measure: Callable[[], Iterator[Goal]]
+
+
+TABLES: dict[str, list[Row]] = {}
+
+
+def row(table: str, name: str) -> Callable[[Callable[[], Iterator[Goal]]], Callable[[], Iterator[Goal]]]:
+    """Adds a measurement to a table."""
+
+    def add(measure: Callable[[], Iterator[Goal]]) -> Callable[[], Iterator[Goal]]:
+        TABLES.setdefault(table, []).append(Row(name, measure))
+        return measure
+
+    return add
+
+
+def skipped(what: str, reason: str) -> Goal:
+    return Goal(what, "skipped", reason, None)
+
+
+def measured(rows: Sequence[Row]) -> Iterator[Goal]:
+    """Runs rows one after the other; a progress line each on stderr. A row that breaks fails."""
+    for k, r in enumerate(rows, 1):
+        print(f"[{k}/{len(rows)}] {r.name} ...", end="", file=sys.stderr, flush=True)
+        begin = time.perf_counter()
+        try:
+            yield from r.measure()
+        except Exception as error:  # one broken row must not hide the others
+            yield Goal(r.name, f"{type(error).__name__}: {error}", "to run", False)
+        print(f" {time.perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
+
+
+def formatted(title: str, goals: Sequence[Goal]) -> str:
+    """The table as text, with the notes of each line under it."""
+    lines = [("what", "measured", "goal", "pass"), *((g.what, g.measured, g.goal, g.verdict) for g in goals)]
+    widths = [max(len(line[k]) for line in lines) for k in range(3)]
+    out = [title]
+    for k, line in enumerate(lines):
+        out.append("  ".join([*(text.ljust(w) for text, w in zip(line[:3], widths, strict=True)), line[3]]))
+        if k == 0:
+            out.append("-" * (sum(widths) + 10))
+        else:
+            out += [f"    {note}" for note in goals[k - 1].notes]
+    failed, skips = sum(g.passed is False for g in goals), sum(g.measured == "skipped" for g in goals)
+    met = sum(g.passed is True for g in goals)
+    out.append(f"{met} met, {failed} missed, {skips} skipped")
+    return "\n".join(out)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    from . import paper  # noqa: F401 - fills its table
+    from .measure import commit, cpu, yardstick
+
+    parser = argparse.ArgumentParser(
+        prog="./dev goals", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("table", nargs="?", choices=sorted(TABLES), help="one table (default: all)")
+    parser.add_argument("--only", metavar="WORD", help="only the rows whose names hold this word")
+    given = parser.parse_args(arguments)
+    chosen = {
+        name: [r for r in rows if not given.only or given.only.lower() in r.name.lower()]
+        for name, rows in TABLES.items()
+        if given.table in (None, name)
+    }
+    if not any(chosen.values()):
+        names = ", ".join(r.name for name, rows in TABLES.items() if given.table in (None, name) for r in rows)
+        parser.error(f"no row has {given.only!r} in its name; there are: {names}")
+    return report(chosen, f"{cpu()}; commit {commit() or 'unknown'}; yardstick {1e3 * yardstick().median:.2f} ms")
+
+
+def report(chosen: dict[str, list[Row]], machine: str) -> int:
+    """Measures and prints tables; 1 if a line fails, else 0."""
+    failed = False
+    for name, rows in chosen.items():
+        if rows:
+            goals = list(measured(rows))
+            failed |= any(g.passed is False for g in goals)
+            print(formatted(f"goals: {name} ({machine})", goals), flush=True)
+    return int(failed)
+
+
+if __name__ == "__main__":
+    from bench.goals import main as run  # the module that tables register with, not __main__
+
+    sys.exit(run())

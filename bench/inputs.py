@@ -1,0 +1,84 @@
+"""What the benchmarks are run on: real maps and meshes beside the project, generated ones, and recordings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fastibl
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+MAPS = {p.stem.removesuffix("_1k"): p for p in sorted((SHARED / "hdri").glob("*.hdr"))}
+OBJECT = (0.0, 0.0, 0.1)  # middle of an object 0.2 m high
+HEIGHT = 0.2
+
+
+@cache
+def real_maps() -> dict[str, fastibl.CubeMap]:
+    """The real HDR maps as cube maps of 128 squared texels, by name; empty where they are not there."""
+    return {name: fastibl.read_environment(path, size=128) for name, path in MAPS.items()}
+
+
+def units(count: int, seed: int = 0) -> NDArray[np.float64]:
+    """Random unit vectors (count, 3)."""
+    v = np.random.default_rng(seed).normal(size=(count, 3))
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+@cache
+def scene(name: str = "figurine", spheres: int = 50) -> fastibl.Scene:
+    """A scene of the generated figurine, or of a mesh file beside the project, 0.2 m high."""
+    if name == "figurine":
+        return fastibl.Scene(fastibl.shapes.figurine(HEIGHT), spheres=spheres)
+    return fastibl.Scene(fastibl.stand(fastibl.read_mesh(mesh_path(name)), HEIGHT), spheres=spheres)
+
+
+def mesh_path(name: str) -> Path:
+    return SHARED / "meshes" / f"{name}.obj"
+
+
+@cache
+def short_recording() -> fastibl.Recording:
+    """Two seconds in the built-in room, with the board in view."""
+    return fastibl.simulate(seconds=2, fps=10, seed=0, position=OBJECT)
+
+
+@cache
+def sweep() -> fastibl.Recording:
+    """The demo's sweep through the built-in room: 12 s at 15 fps."""
+    return fastibl.simulate(seconds=12, fps=15, seed=0, position=OBJECT)
+
+
+@dataclass
+class Processed:
+    """What a session made of a recording. poses: (time, back_from_marker or None). timings: of each frame, seconds."""
+
+    session: fastibl.Session
+    poses: list[tuple[float, fastibl.Pose | None]]
+    timings: list[dict[str, float]]
+    last: fastibl.FrameResult
+
+
+def process(recording: fastibl.Recording, scene: fastibl.Scene, **options) -> Processed:
+    """Runs a recording through a new session with these options."""
+    session = fastibl.Session(scene, recording.rig, recording.board, **options)
+    poses, timings, last = [], [], None
+    for frame in recording:
+        last = session.process(frame)
+        poses.append((frame.time, last.back_from_marker)), timings.append(dict(last.timings))
+    return Processed(session, poses, timings, last)
+
+
+@cache
+def swept(distance: float) -> Processed:
+    """The demo's sweep, processed with walls at this distance."""
+    return process(sweep(), scene(), distance=distance)
+
+
+def later(frame: fastibl.Frame, seconds: float) -> fastibl.Frame:
+    """The same pictures, taken later."""
+    return replace(frame, time=frame.time + seconds)

@@ -1,0 +1,157 @@
+"""The main job on real input: seven measured places, two scanned or modelled meshes, and photographs of tags."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+import fastibl
+from fastibl._fastibl import _grey, _refine_corners
+from fastibl.comparison import irradiance_over_sphere, relative_errors
+from fastibl.tracking import detect
+from fastibl.truth import TruePicture, TrueRenderer
+
+from . import inputs
+from .measure import Row, measure, row, timing
+
+MESHES = ("spot", "stanford-bunny")
+_SECONDS, _FPS = 6, 8
+SHEET = os.environ.get("FASTIBL_SHEET")  # where to write a picture of all composites beside the true ones
+
+
+def rows() -> list[Row]:
+    return places() + photographs()
+
+
+def image_error(image: NDArray[np.uint8], true: TruePicture, back: NDArray[np.uint8], camera: fastibl.Camera) -> float:
+    """RMS over RGB and over the pixels that the object covers or its shadow changes by more than 1/255, in linear
+    light, by the truth's mean there."""
+    changed = np.abs(true.image.astype(int) - back).max(axis=-1) > 1
+    where = (true.coverage > 0) | changed
+    difference = camera.response.decode(image / 255.0)[where] - np.clip(true.linear[where], 0, 1)
+    return float(np.sqrt((difference**2).mean()) / np.clip(true.linear[where], 0, 1).mean())
+
+
+def places() -> list[Row]:
+    """Each map at infinity, seen by the simulated cameras, lights each mesh; the last frame is compared with truth."""
+    names = [name for name in MESHES if inputs.mesh_path(name).is_file()]
+    out, pictures = [], []
+    renderers = {name: TrueRenderer(inputs.scene(name)) for name in names} if inputs.MAPS else {}
+    for place, path in inputs.MAPS.items():
+        recording = fastibl.simulate(path, seconds=_SECONDS, fps=_FPS, seed=0, position=inputs.OBJECT)
+        frame, camera = recording[len(recording) - 1], recording.rig.back
+        true_map = recording.truth.environment(frame.time)
+        for name in names:
+            print(f"{place}, {name}", file=sys.stderr, flush=True)
+            true = renderers[name].render(
+                frame.back, frame.back_exposure, camera, recording.truth.pose(frame.time), true_map
+            )
+            for methods in ("auto", "paper"):
+                done = inputs.process(recording, inputs.scene(name), methods=methods)
+                if methods == "auto":
+                    pictures.append((f"{place}, {name}", done.last.image, true.image))
+                environment, case = done.last.environment, f"{place}, {name}"
+                irradiance = relative_errors(irradiance_over_sphere(environment), irradiance_over_sphere(true_map))
+                totals = [t["total"] for t in done.timings[len(done.timings) // 4 :]]
+                error = image_error(done.last.image, true, frame.back, camera)
+                for metric, value in (
+                    ("error of the picture against the true one", error),
+                    ("median error of the captured irradiance", float(np.median(irradiance))),
+                    ("predicted error of the captured irradiance", environment.predicted_error),
+                    ("share of the sphere never seen", 1 - environment.coverage),
+                    ("share of the seen sphere only a lower bound", environment.clipped),
+                ):
+                    whole = timing(totals, totals) if metric.startswith("error of the picture") else None
+                    out.append(row(methods, case, metric, value, whole, threads=fastibl.threads()))
+    if SHEET and pictures:
+        write_sheet(Path(SHEET), pictures)
+    return out
+
+
+def write_sheet(path: Path, pictures: list[tuple[str, NDArray, NDArray]]) -> None:
+    """One picture of all composites, the true one at the right of each."""
+    cells = []
+    for title, ours, true in pictures:
+        pair = cv2.resize(np.hstack([ours, true])[..., ::-1], (640, 240), interpolation=cv2.INTER_AREA)
+        cv2.putText(pair, title, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
+        cells.append(pair)
+    if len(cells) % 2:
+        cells.append(np.zeros_like(cells[0]))
+    cv2.imwrite(str(path), np.vstack([np.hstack(cells[k : k + 2]) for k in range(0, len(cells), 2)]))
+
+
+def photographs() -> list[Row]:
+    """The tracker on photographs that others took."""
+    return tagged_photographs() + grid_photographs()
+
+
+def _read(path: Path) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(cv2.imread(str(path))[..., ::-1])
+
+
+def tagged_photographs() -> list[Row]:
+    """Photographs full of tags that all carry id 0, with the corners that AprilTag's own detector listed (not all)."""
+    out = []
+    for path in sorted((inputs.SHARED / "apriltag").glob("*.jpg")):
+        image = _read(path)
+        listed = [
+            np.array(line.replace("(", "").replace(")", "").replace(",", " ").split()[1:], float).reshape(4, 2)
+            for line in path.with_suffix(".txt").read_text().splitlines()
+            if line.strip()
+        ]
+        height, width = image.shape[:2]
+        camera = fastibl.Camera(width, height, 800.0, 800.0, width / 2, height / 2)
+        board, grey = fastibl.Board.grid(1, 1, 0.1, 0.02), _grey(image, camera)
+        found = detect(grey, board, camera)[0]
+        corners = np.array([tag.corners for tag in _refine_corners(grey, found, 1, camera)]).reshape(-1, 4, 2)
+        distances = np.array(
+            [np.linalg.norm(corners.mean(axis=1) - quad.mean(axis=0), axis=1).min(initial=np.inf) for quad in listed]
+        )
+        hit = distances < 2
+        time = measure(lambda g, b=board, c=camera: detect(g, b, c), [grey], repetitions=9)
+        case = f"photograph {path.stem.split('_')[0]}"
+        out += [
+            row("board", case, "number of tags found", float(len(found)), time),
+            row("board", case, f"number of {len(listed)} listed tags missed", float((~hit).sum())),
+            row("board", case, "median distance of centres in pixels", float(np.median(distances[hit]))),
+        ]
+    return out
+
+
+def grid_photographs() -> list[Row]:
+    """A telephone's photographs of a Kalibr grid; the lens is calibrated from the same tags."""
+    paths = sorted((inputs.SHARED / "aprilgrid").glob("*.jpg"))
+    if not paths:
+        return []
+    images = [_read(path) for path in paths]
+    height, width = images[0].shape[:2]
+    board = fastibl.Board.kalibr(6, 6, 0.088, 0.3)
+    guess = fastibl.Camera(width, height, 900.0, 900.0, width / 2, height / 2)
+    on_board = {tag.id: np.pad(tag.corners, ((0, 0), (0, 1))) for tag in board.tags}
+    points, pixels = [], []
+    for image in images:
+        grey = _grey(image, guess)
+        tags = _refine_corners(grey, detect(grey, board, guess)[0], board.border_bits, guess)
+        points.append(np.concatenate([on_board[tag.id] for tag in tags]).astype(np.float32))
+        pixels.append(np.concatenate([tag.corners - 0.5 for tag in tags]).astype(np.float32))
+    _, K, lens, *_ = cv2.calibrateCamera(points, pixels, (width, height), None, None, flags=cv2.CALIB_FIX_K3)
+    camera = fastibl.Camera.from_opencv(K, lens.ravel()[:4].tolist(), (width, height))
+    out = []
+    for path, image in zip(paths, images, strict=True):
+        for method in fastibl.methods("tracking"):
+            tracker = fastibl.Tracker(board, camera, method=method.name)
+            tracked = tracker.track(image)
+            time = measure(tracker.track, [image], repetitions=5)
+            case = f"photograph of a grid {path.stem}"
+            residual = None if tracked is None else tracked.residual_px
+            used = 0 if tracked is None else len(tracked.tags)
+            out += [
+                row(method.name, case, "residual in pixels", residual, time, threads=fastibl.threads()),
+                row(method.name, case, "number of tags used", float(used)),
+            ]
+    return out

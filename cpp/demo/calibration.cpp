@@ -1,0 +1,111 @@
+#include "demo/calibration.h"
+
+#include <opencv2/core.hpp>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl::demo {
+namespace {
+
+namespace fs = std::filesystem;
+
+cv::FileStorage open(const fs::path& path) {
+  check(fs::is_regular_file(path), "the file ", path.string(), " is missing");
+  try {
+    cv::FileStorage storage(path.string(), cv::FileStorage::READ);
+    check(storage.isOpened(), path.string(), " cannot be opened");
+    return storage;
+  } catch (const cv::Exception& error) {
+    throw std::invalid_argument(path.string() +
+                                " is not a file that OpenCV's FileStorage reads: " + error.what());
+  }
+}
+
+double number(const cv::FileNode& node, const char* name, const fs::path& path) {
+  const cv::FileNode item = node[name];
+  check(item.isInt() || item.isReal(), path.string(), " has no number ", name);
+  return item.real();
+}
+
+// Elements of a matrix row by row; empty where there is none.
+std::vector<double> numbers(const cv::FileNode& node) {
+  if (node.empty()) return {};
+  cv::Mat_<double> matrix;
+  node.mat().convertTo(matrix, CV_64F);
+  return {matrix.begin(), matrix.end()};
+}
+
+Response read_response(const cv::FileNode& node, const fs::path& path) {
+  if (node.empty()) return Response::srgb();
+  if (node.isString()) {
+    check(node.string() == "srgb", path.string(), ": response must be \"srgb\" or a curve, got \"",
+          node.string(), "\"");
+    return Response::srgb();
+  }
+  const std::vector<double> curve = numbers(node);
+  return Response::from_curve({curve.begin(), curve.end()});
+}
+
+Camera read_camera(const cv::FileNode& node, const char* name, const fs::path& path) {
+  check(node.isMap(), path.string(), ": ", name, " must be a map");
+  const std::vector<double> k = numbers(node["camera_matrix"]);
+  check(k.size() == 9, path.string(), " has no 3 × 3 camera_matrix of the ", name, " camera");
+  check(k[1] == 0, path.string(), ": the ", name, " camera has a skew of ", k[1],
+        "; expected a camera_matrix without");
+  Camera camera;
+  camera.width = int(number(node, "width", path));
+  camera.height = int(number(node, "height", path));
+  camera.fx = k[0], camera.fy = k[4];
+  camera.cx = k[2] + 0.5, camera.cy = k[5] + 0.5;  // OpenCV counts from a pixel's centre
+  camera.distortion = numbers(node["distortion"]);
+  camera.vignetting = numbers(node["vignetting"]);
+  camera.response = read_response(node["response"], path);
+  if (!node["gain"].empty()) camera.gain = number(node, "gain", path);
+  camera.validate();
+  return camera;
+}
+
+Pose pose_of(const std::vector<double>& m, const fs::path& path) {
+  check(m.size() == 16, path.string(), " has a front camera, but no 4 × 4 front_from_back");
+  glm::dmat4 matrix;
+  for (int row = 0; row < 4; ++row)
+    for (int column = 0; column < 4; ++column)
+      matrix[column][row] = m[std::size_t(4 * row + column)];
+  return Pose::from_matrix(matrix);
+}
+
+}  // namespace
+
+Rig read_rig(const fs::path& path) {
+  const cv::FileStorage storage = open(path);
+  check(!storage["back"].empty(), path.string(), " has no back camera");
+  Rig rig;
+  rig.back = read_camera(storage["back"], "back", path);
+  if (storage["front"].empty()) return rig;
+  rig.front = read_camera(storage["front"], "front", path);
+  rig.front_from_back = pose_of(numbers(storage["front_from_back"]), path);
+  return rig;
+}
+
+std::optional<Board> read_board(const fs::path& path) {
+  const cv::FileStorage storage = open(path);
+  const std::vector<double> ids = numbers(storage["ids"]), corners = numbers(storage["corners"]);
+  if (ids.empty()) return std::nullopt;
+  check(corners.size() == 8 * ids.size(), path.string(),
+        ": expected four corners (x, y) for each of ", ids.size(), " tags, got ", corners.size(),
+        " numbers");
+  Board board;
+  const cv::FileNode root = storage.root();
+  board.border_bits = int(number(root, "border_bits", path));
+  board.width = number(root, "width", path), board.height = number(root, "height", path);
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    Tag tag{int(ids[k]), {}};
+    for (std::size_t i = 0; i < 4; ++i)
+      tag.corners[i] = {corners[8 * k + 2 * i], corners[8 * k + 2 * i + 1]};
+    board.tags.push_back(tag);
+  }
+  board.validate();
+  return board;
+}
+
+}  // namespace fastibl::demo

@@ -1,0 +1,48 @@
+#include <iostream>
+#include <opencv2/core/utility.hpp>
+#include <opencv2/core/utils/logger.hpp>
+
+#include "demo/run.h"
+#ifdef FASTIBL_WITH_WINDOW
+#include "demo/show.h"
+#endif
+#include "fastibl/core/parallel.h"
+
+namespace {
+
+constexpr int kFailed = 1, kBadInput = 2;
+
+void run(const fastibl::demo::Args& args) {
+  using namespace fastibl::demo;
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors are told by us
+  cv::setNumThreads(1);  // the passes share the cores themselves
+  fastibl::set_threads(args.threads);
+  if (args.headless) {
+    const auto source = open_source(args);
+    fastibl::Session session = make_session(args, *source);
+    run_headless(args, *source, session);
+    return;
+  }
+#ifdef FASTIBL_WITH_WINDOW
+  show(args);
+#else
+  throw std::invalid_argument(
+      "this fastibl-demo was built without a window (GLFW 3.3, libepoxy); use --headless");
+#endif
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    const auto args = fastibl::demo::parse_args(argc, argv);
+    if (args) run(*args);
+    return 0;
+  } catch (const std::invalid_argument& error) {
+    std::cerr << "fastibl-demo: " << error.what() << "\nRun fastibl-demo --help for all options.\n";
+    return kBadInput;
+  } catch (const std::exception& error) {
+    std::cerr << "fastibl-demo: " << error.what() << '\n';
+    return kFailed;
+  }
+}

@@ -1,0 +1,121 @@
+#include "demo/object.h"
+
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <tuple>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl::demo {
+namespace {
+
+// Index of a corner "7/1/3", "7//3" or "-1" among `count` vertices.
+std::size_t corner_index(const std::string& corner, std::size_t count, const std::string& where) {
+  std::istringstream text(corner.substr(0, corner.find('/')));
+  long index = 0;
+  const bool read = bool(text >> index) && text.eof();
+  if (index < 0) index += long(count) + 1;
+  check(read && index >= 1 && index <= long(count), where, ": expected a vertex from 1 to ", count,
+        ", got \"", corner, "\"");
+  return std::size_t(index - 1);
+}
+
+// Only what triangles use, each place once, in the order of first use in the file's vertices.
+Mesh compact(const std::vector<glm::dvec3>& places, const std::vector<glm::ivec3>& triangles) {
+  std::vector<bool> used(places.size());
+  for (const glm::ivec3& t : triangles)
+    for (int k = 0; k < 3; ++k) used[std::size_t(t[k])] = true;
+  Mesh mesh;
+  std::map<std::tuple<double, double, double>, int> at;
+  std::vector<int> renamed(places.size());
+  for (std::size_t v = 0; v < places.size(); ++v) {
+    if (!used[v]) continue;
+    const glm::dvec3& p = places[v];
+    const auto [entry, fresh] = at.try_emplace({p.x, p.y, p.z}, int(mesh.vertices.size()));
+    if (fresh) mesh.vertices.emplace_back(p);
+    renamed[v] = entry->second;
+  }
+  for (const glm::ivec3& t : triangles)
+    mesh.triangles.emplace_back(renamed[std::size_t(t.x)], renamed[std::size_t(t.y)],
+                                renamed[std::size_t(t.z)]);
+  return mesh;
+}
+
+}  // namespace
+
+Mesh read_obj(const std::filesystem::path& path, bool z_up) {
+  std::ifstream file(path);
+  check(std::filesystem::is_regular_file(path) && file.good(), "no mesh at ", path.string());
+  std::vector<glm::dvec3> places;
+  std::vector<glm::ivec3> triangles;
+  std::string line;
+  for (int number = 1; std::getline(file, line); ++number) {
+    const std::string where = path.string() + " line " + std::to_string(number);
+    std::istringstream words(line);
+    std::string word;
+    words >> word;
+    if (word == "v") {
+      glm::dvec3 p;
+      check(bool(words >> p.x >> p.y >> p.z), where, ": expected three numbers, got \"", line,
+            "\"");
+      places.push_back(z_up ? p : glm::dvec3(p.x, -p.z, p.y));
+    } else if (word == "f") {
+      std::vector<int> corners;
+      while (words >> word) corners.push_back(int(corner_index(word, places.size(), where)));
+      check(corners.size() >= 3, where, ": a face needs at least 3 corners, got ", corners.size());
+      for (std::size_t k = 2; k < corners.size(); ++k)
+        triangles.emplace_back(corners[0], corners[k - 1], corners[k]);
+    }
+  }
+  check(!triangles.empty(), path.string(), " holds no triangles");
+  Mesh mesh = compact(places, triangles);
+  mesh.validate();
+  return mesh;
+}
+
+Mesh knot() {
+  constexpr int kAlong = 240, kAround = 18;
+  constexpr double kTurn = 2 * std::numbers::pi;
+  // The (2, 3) torus knot, standing: its axis is y.
+  const auto path = [](double t) {
+    const double r = 1 + 0.45 * std::cos(3 * t);
+    return glm::dvec3(r * std::cos(2 * t), 0.55 * std::sin(3 * t), r * std::sin(2 * t));
+  };
+  Mesh mesh;
+  for (int i = 0; i < kAlong; ++i) {
+    const double t = kTurn * i / kAlong, step = 1e-4;
+    const glm::dvec3 tangent = glm::normalize(path(t + step) - path(t - step));
+    // Outwards from the torus' core: never along the tangent, and closed after one round.
+    const glm::dvec3 core(std::cos(2 * t), 0, std::sin(2 * t));
+    const glm::dvec3 binormal = glm::normalize(glm::cross(tangent, path(t) - core));
+    const glm::dvec3 normal = glm::cross(binormal, tangent);
+    const double radius = 0.15 + 0.09 * std::cos(4 * t);
+    for (int j = 0; j < kAround; ++j) {
+      const double a = kTurn * j / kAround;
+      mesh.vertices.emplace_back(path(t) +
+                                 radius * (std::cos(a) * normal + std::sin(a) * binormal));
+      const int i1 = (i + 1) % kAlong, j1 = (j + 1) % kAround;
+      const int v00 = i * kAround + j, v01 = i * kAround + j1;
+      const int v10 = i1 * kAround + j, v11 = i1 * kAround + j1;
+      mesh.triangles.emplace_back(v00, v10, v11);
+      mesh.triangles.emplace_back(v00, v11, v01);
+    }
+  }
+  return mesh;
+}
+
+Mesh stand(Mesh mesh, double height) {
+  check(height > 0 && std::isfinite(height),
+        "the height must be positive and finite (metres), got ", height);
+  const Bounds box = bounds(mesh.vertices);
+  const glm::dvec3 lower(box.lower), upper(box.upper);
+  check(upper.z > lower.z, "a mesh without extent along z cannot be scaled to a height");
+  const glm::dvec3 origin((lower.x + upper.x) / 2, (lower.y + upper.y) / 2, lower.z);
+  const double scale = height / (upper.z - lower.z);
+  for (glm::vec3& v : mesh.vertices) v = glm::vec3((glm::dvec3(v) - origin) * scale);
+  return mesh;
+}
+
+}  // namespace fastibl::demo

@@ -1,0 +1,21 @@
+// The virtual object: read from an OBJ file, or generated.
+#pragma once
+
+#include <filesystem>
+
+#include "fastibl/scene/mesh.h"
+
+namespace fastibl::demo {
+
+// Vertices and polygons of a Wavefront OBJ; the rest of the file is ignored. Vertices at the same
+// place become one, so that normals are smooth across texture seams. z_up: otherwise y is up in the
+// file and is turned to z. Throws std::invalid_argument that names file and line.
+Mesh read_obj(const std::filesystem::path& path, bool z_up);
+
+// A torus knot with a tube that is thin in places; smooth, concave, and in its own shadow.
+Mesh knot();
+
+// Scaled to `height` metres, centred on the z axis, lowest point on z = 0.
+Mesh stand(Mesh mesh, double height);
+
+}  // namespace fastibl::demo

@@ -1,0 +1,63 @@
+#include "demo/output.h"
+
+#include <cstdio>
+#include <opencv2/imgcodecs.hpp>
+
+#include "demo/pixels.h"
+
+namespace fastibl::demo {
+namespace {
+
+namespace fs = std::filesystem;
+
+}  // namespace
+
+void write_png(const fs::path& path, const Image<std::uint8_t>& picture) {
+  bool written = false;
+  try {
+    written = cv::imwrite(path.string(), bgr_from(picture), {cv::IMWRITE_PNG_COMPRESSION, 1});
+  } catch (const cv::Exception&) {
+  }
+  if (!written) throw std::runtime_error("could not write " + path.string());
+}
+
+Output::Output(fs::path path, double fps) : path_(std::move(path)), fps_(fps) {
+  if (path_.empty() || path_.extension() == ".webm" || path_.extension() == ".png") {
+    const fs::path parent = path_.parent_path();
+    check(parent.empty() || fs::is_directory(parent), "--out: there is no folder ",
+          parent.string());
+    return;
+  }
+  check(!path_.has_extension() || fs::is_directory(path_),
+        "--out: expected a .webm, a .png or a folder, got ", path_.string());
+  std::error_code error;
+  fs::create_directories(path_, error);
+  check(!error, "--out: the folder ", path_.string(), " cannot be made: ", error.message());
+}
+
+void Output::add(const Image<std::uint8_t>& picture) {
+  if (path_.empty()) return;
+  if (path_.extension() == ".png") {
+    last_ = picture;
+  } else if (path_.extension() == ".webm") {
+    cv::Mat bgr = bgr_from(picture);
+    if (bgr.channels() == 4) cv::cvtColor(bgr, bgr, cv::COLOR_BGRA2BGR);
+    if (!video_.isOpened() &&
+        !video_.open(path_.string(), cv::VideoWriter::fourcc('V', 'P', '9', '0'), fps_, bgr.size()))
+      throw std::runtime_error("this OpenCV cannot write VP9 video to " + path_.string() +
+                               "; write to a folder instead");
+    video_.write(bgr);
+  } else {
+    char name[16];
+    std::snprintf(name, sizeof name, "%05d.png", count_);
+    write_png(path_ / name, picture);
+  }
+  ++count_;
+}
+
+void Output::finish() {
+  if (path_.extension() == ".png" && !last_.empty()) write_png(path_, last_);
+  video_.release();
+}
+
+}  // namespace fastibl::demo

@@ -1,0 +1,31 @@
+// Pictures that a headless run leaves: a VP9 video, a folder of PNGs, or one PNG.
+#pragma once
+
+#include <filesystem>
+#include <opencv2/videoio.hpp>
+
+#include "fastibl/core/image.h"
+
+namespace fastibl::demo {
+
+class Output {
+ public:
+  // path: .webm; .png keeps the last picture; anything else is a folder, made where it is missing;
+  // empty writes nothing. Throws std::invalid_argument for another file ending, or a folder that
+  // cannot be made.
+  Output(std::filesystem::path path, double fps);
+  void add(const Image<std::uint8_t>& picture);  // RGB or RGBA
+  void finish();  // throws std::runtime_error for what cannot be written
+
+ private:
+  std::filesystem::path path_;
+  double fps_;
+  int count_ = 0;
+  cv::VideoWriter video_;
+  Image<std::uint8_t> last_;
+};
+
+// Throws std::runtime_error.
+void write_png(const std::filesystem::path& path, const Image<std::uint8_t>& picture);
+
+}  // namespace fastibl::demo

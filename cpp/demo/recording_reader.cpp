@@ -1,0 +1,179 @@
+#include "demo/recording_reader.h"
+
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <opencv2/imgcodecs.hpp>
+
+#include "demo/calibration.h"
+#include "demo/pixels.h"
+
+namespace fastibl::demo {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kSameTime = 1e-3;  // seconds between a frame and its true pose
+
+std::vector<std::string> cells(std::string line) {
+  if (!line.empty() && line.back() == '\r') line.pop_back();
+  std::vector<std::string> out(1);
+  for (const char c : line)
+    if (c == ',')
+      out.emplace_back();
+    else if (c != '"')  // names hold neither commas nor quotes
+      out.back() += c;
+  return out;
+}
+
+// A picture, or frame `number` of a video.
+struct FileName {
+  std::string file;
+  std::optional<int> number;
+};
+std::optional<FileName> file_name(const std::string& text) {
+  const std::size_t mark = text.rfind('#');
+  if (mark == std::string::npos)
+    return text.empty() ? std::nullopt : std::optional(FileName{text, {}});
+  int number = -1;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data() + mark + 1, end, number);
+  if (mark == 0 || error != std::errc{} || stop != end || number < 0) return std::nullopt;
+  return FileName{text.substr(0, mark), number};
+}
+
+double number(const std::string& text, const std::string& where) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  check(error == std::errc{} && end == text.data() + text.size() && std::isfinite(value), where,
+        ": expected a finite number, got \"", text, "\"");
+  return value;
+}
+
+}  // namespace
+
+RecordingReader::RecordingReader(const fs::path& folder, bool true_poses)
+    : folder_(folder), true_poses_(true_poses) {
+  check(fs::is_directory(folder), "no recording at ", folder.string(),
+        ": expected a folder with rig.yaml and frames.csv");
+  rig_ = read_rig(folder / "rig.yaml");
+  if (fs::is_regular_file(folder / "board.yaml")) board_ = read_board(folder / "board.yaml");
+  read_table(folder / "frames.csv");
+  if (true_poses) read_poses(folder / "truth" / "poses.csv");
+  next_ = moments_.begin();
+}
+
+void RecordingReader::read_table(const fs::path& path) {
+  std::ifstream file(path);
+  check(file.good(), "the recording has no frames.csv: expected ", path.string());
+  std::string line;
+  std::getline(file, line);
+  const std::vector<std::string> header = cells(line);
+  const auto column = [&](const char* name) {
+    const auto found = std::find(header.begin(), header.end(), name);
+    check(found != header.end(), path.string(), " has no column ", name,
+          "; expected time, camera, file, exposure");
+    return std::size_t(found - header.begin());
+  };
+  const std::size_t time = column("time"), camera = column("camera"), name = column("file"),
+                    exposure = column("exposure");
+  for (int number_of_line = 2; std::getline(file, line); ++number_of_line) {
+    const std::vector<std::string> row = cells(line);
+    if (row.size() == 1 && row[0].empty()) continue;
+    const std::string where = path.string() + " line " + std::to_string(number_of_line);
+    check(row.size() >= header.size(), where, ": expected ", header.size(), " values, got ",
+          row.size());
+    const Entry entry{row[name], number(row[exposure], where)};
+    check(entry.exposure > 0, where, ": the exposure must be positive, got ", entry.exposure);
+    check(file_name(entry.file).has_value(), where, ": expected a picture or video#number, got \"",
+          entry.file, '"');
+    check(row[camera] == "back" || row[camera] == "front", where,
+          ": camera must be back or front, got \"", row[camera], "\"");
+    check(row[camera] == "back" || rig_.front, path.string(),
+          " lists front pictures, but rig.yaml has no front camera");
+    Moment& moment = moments_[number(row[time], where)];
+    (row[camera] == "back" ? moment.back : moment.front) = entry;
+  }
+  check(!moments_.empty(), path.string(), " lists no pictures");
+}
+
+void RecordingReader::read_poses(const fs::path& path) {
+  std::ifstream file(path);
+  check(file.good(), "--poses truth needs true poses: expected ", path.string());
+  std::string line;
+  std::getline(file, line);
+  for (int number_of_line = 2; std::getline(file, line); ++number_of_line) {
+    const std::vector<std::string> row = cells(line);
+    const std::string where = path.string() + " line " + std::to_string(number_of_line);
+    check(row.size() == 13, where, ": expected a time and 12 numbers, got ", row.size(), " values");
+    glm::dmat4 matrix(1.0);
+    for (int k = 0; k < 12; ++k) matrix[k % 4][k / 4] = number(row[std::size_t(k + 1)], where);
+    poses_[number(row[0], where)] = Pose::from_matrix(matrix);
+  }
+}
+
+std::optional<OwnedFrame> RecordingReader::next() {
+  if (next_ == moments_.end()) return std::nullopt;
+  const auto& [time, moment] = *next_;
+  OwnedFrame frame;
+  frame.time = time;
+  frame.back_exposure = moment.back.exposure, frame.front_exposure = moment.front.exposure;
+  if (true_poses_) {
+    const auto pose = poses_.lower_bound(time - kSameTime);
+    check(pose != poses_.end() && pose->first <= time + kSameTime,
+          "this recording holds no true pose at ", time, " s");
+    frame.back_from_marker = pose->second;
+  }
+  try {
+    if (!moment.back.file.empty()) frame.back = read(moment.back.file);
+    if (!moment.front.file.empty()) frame.front = read(moment.front.file);
+  } catch (const std::exception& error) {  // what was read so far is kept
+    std::cerr << "fastibl-demo: " << error.what() << "; " << std::distance(moments_.cbegin(), next_)
+              << " of " << moments_.size() << " frames were read\n";
+    next_ = moments_.end();
+    return std::nullopt;
+  }
+  ++next_;
+  return frame;
+}
+
+Image<std::uint8_t> RecordingReader::read(const std::string& file) {
+  const FileName name = *file_name(file);
+  if (name.number) return rgb_from(read_video(name.file, *name.number));
+  const fs::path path = folder_ / file;
+  if (!fs::is_regular_file(path))
+    throw std::runtime_error("the picture " + path.string() + " is missing");
+  const cv::Mat picture = cv::imread(path.string(), cv::IMREAD_COLOR);
+  if (picture.empty())
+    throw std::runtime_error("the picture " + path.string() + " cannot be read; it may be cut off");
+  return rgb_from(picture);
+}
+
+// Frame by frame: seeking is not exact in every container.
+cv::Mat RecordingReader::read_video(const std::string& name, int number) {
+  const fs::path path = folder_ / name;
+  if (!fs::is_regular_file(path))
+    throw std::runtime_error("the video " + path.string() + " is missing");
+  Video& video = videos_[name];
+  if (!video.capture.isOpened() || number < video.following) {
+    video = {cv::VideoCapture(path.string()), 0};
+    if (!video.capture.isOpened())
+      throw std::runtime_error("the video " + path.string() + " cannot be read");
+  }
+  cv::Mat picture;
+  for (; video.following <= number; ++video.following)
+    if (!video.capture.read(picture))
+      throw std::runtime_error("the video " + path.string() + " ends after " +
+                               std::to_string(video.following) + " frames, frame " +
+                               std::to_string(number) + " is missing");
+  return picture;
+}
+
+double RecordingReader::fps() const {
+  const double span = moments_.rbegin()->first - moments_.begin()->first;
+  return span > 0 ? double(moments_.size() - 1) / span : 30;
+}
+
+}  // namespace fastibl::demo

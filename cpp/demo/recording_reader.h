@@ -1,0 +1,53 @@
+// Frames of a recording: a folder with rig.yaml, board.yaml, frames.csv, and pictures or videos.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <opencv2/videoio.hpp>
+#include <string>
+#include <vector>
+
+#include "demo/frame_source.h"
+
+namespace fastibl::demo {
+
+class RecordingReader final : public FrameSource {
+ public:
+  // true_poses: of truth/poses.csv. Throws std::invalid_argument that names what is missing or
+  // wrong.
+  RecordingReader(const std::filesystem::path& folder, bool true_poses);
+
+  const Rig& rig() const override { return rig_; }
+  const std::optional<Board>& board() const { return board_; }
+  std::optional<OwnedFrame> next() override;
+  double fps() const override;
+  bool live() const override { return false; }
+
+ private:
+  struct Entry {
+    std::string file;  // picture, or video#frame; empty: none
+    double exposure = 1;
+  };
+  struct Moment {
+    Entry back, front;
+  };
+  struct Video {
+    cv::VideoCapture capture;
+    int following = 0;
+  };
+  void read_table(const std::filesystem::path& path);
+  void read_poses(const std::filesystem::path& path);
+  Image<std::uint8_t> read(const std::string& file);
+  cv::Mat read_video(const std::string& name, int number);
+
+  std::filesystem::path folder_;
+  Rig rig_;
+  std::optional<Board> board_;
+  std::map<double, Moment> moments_;  // by time
+  std::map<double, Moment>::const_iterator next_;
+  bool true_poses_;
+  std::map<double, Pose> poses_;
+  std::map<std::string, Video> videos_;
+};
+
+}  // namespace fastibl::demo

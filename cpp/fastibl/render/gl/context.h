@@ -1,0 +1,33 @@
+// A headless OpenGL ES 3.0 context of our own, by EGL.
+#pragma once
+
+namespace fastibl {
+
+// Needs no display: tries Mesa's surfaceless platform, then devices, then the default display, and
+// prefers hardware. Throws std::runtime_error that names what is missing. The environment variable
+// FASTIBL_EGL_LIBRARY names another file than libEGL.so.1 to look for (for tests).
+class GlContext {
+ public:
+  GlContext();
+  ~GlContext();
+  GlContext(const GlContext&) = delete;
+  GlContext& operator=(const GlContext&) = delete;
+
+  // Current in the calling thread while this lives; then what was current before is again.
+  class Current {
+   public:
+    explicit Current(const GlContext& context);
+    ~Current();
+    Current(const Current&) = delete;
+    Current& operator=(const Current&) = delete;
+
+   private:
+    void *display_, *previous_display_, *draw_, *read_, *previous_;
+    unsigned api_;
+  };
+
+ private:
+  void *display_ = nullptr, *surface_ = nullptr, *context_ = nullptr;
+};
+
+}  // namespace fastibl

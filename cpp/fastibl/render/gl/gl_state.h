@@ -1,0 +1,47 @@
+// GL state that the renderer touches, kept for a caller in whose context it draws. Private to
+// render/gl.
+#pragma once
+
+#include <epoxy/gl.h>
+
+#include <array>
+
+namespace fastibl {
+
+inline constexpr int kTextureUnits = 7;  // that passes bind to
+
+class SavedState {
+ public:
+  SavedState();
+  ~SavedState();
+  SavedState(const SavedState&) = delete;
+  SavedState& operator=(const SavedState&) = delete;
+
+ private:
+  static constexpr std::array kSwitches = {
+      GL_SCISSOR_TEST,        GL_DEPTH_TEST,         GL_BLEND,
+      GL_CULL_FACE,           GL_STENCIL_TEST,       GL_DITHER,
+      GL_POLYGON_OFFSET_FILL, GL_RASTERIZER_DISCARD, GL_SAMPLE_ALPHA_TO_COVERAGE,
+      GL_SAMPLE_COVERAGE};
+  static constexpr std::array kStores = {
+      GL_UNPACK_ALIGNMENT,    GL_UNPACK_ROW_LENGTH,  GL_UNPACK_SKIP_ROWS, GL_UNPACK_SKIP_PIXELS,
+      GL_UNPACK_IMAGE_HEIGHT, GL_UNPACK_SKIP_IMAGES, GL_PACK_ALIGNMENT,   GL_PACK_ROW_LENGTH,
+      GL_PACK_SKIP_ROWS,      GL_PACK_SKIP_PIXELS};
+  struct Unit {
+    GLint flat, cube, sampler;
+  };
+  std::array<GLboolean, kSwitches.size()> switches_;
+  std::array<GLint, kStores.size()> stores_;
+  std::array<Unit, kTextureUnits> units_;
+  std::array<GLint, 4> viewport_, scissor_;
+  std::array<GLboolean, 4> colour_mask_;
+  std::array<GLfloat, 2> depth_range_;
+  GLint program_, vertex_array_, array_buffer_, draw_, read_, renderbuffer_, active_, pack_,
+      unpack_, depth_function_;
+  GLboolean depth_mask_, seamless_ = GL_TRUE;
+};
+
+// What the passes assume; to be called after saving.
+void set_default_state();
+
+}  // namespace fastibl

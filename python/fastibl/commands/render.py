@@ -1,0 +1,77 @@
+"""fastibl render: put an object into a recording."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ._arguments import parser
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    made = parser(
+        commands,
+        "render",
+        run,
+        "put an object into a recording and write the video",
+        "fastibl render my-recording --object spot.obj --height 0.12 --out out.webm",
+    )
+    made.add_argument("recording", type=Path, help="folder of a recording")
+    made.add_argument("--object", type=Path, help="mesh (.obj, .ply, .glb); by default the built-in figurine")
+    made.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
+    made.add_argument("--height", type=float, default=0.15, help="of the object in metres (default: %(default)s)")
+    made.add_argument("--methods", choices=("auto", "paper"), default="auto", help="default: %(default)s")
+    made.add_argument("--backend", choices=("auto", "cpu", "gl"), default="auto", help="default: %(default)s")
+    made.add_argument("--distance", type=float, default=float("inf"), help="rough distance of the walls in metres")
+    made.add_argument("--environment", type=Path, help="light by this .hdr instead of capturing")
+    made.add_argument("--diffuse", type=float, default=0.7, help="k_L (default: %(default)s)")
+    made.add_argument("--glossy", type=float, default=0.1, help="k_G (default: %(default)s)")
+    made.add_argument("--exponent", type=float, default=64.0, help="of the glossy lobe (default: %(default)s)")
+    made.add_argument("--out", type=Path, default=Path("out.webm"), help="video to write (default: %(default)s)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    import numpy as np
+    from tqdm import tqdm
+
+    from .. import shapes
+    from .._fastibl import Material, Scene
+    from ..files import read_environment, read_mesh, stand
+    from ..recording import Recording
+    from ..session import Session
+    from ..video import VideoWriter
+
+    recording = Recording.open(arguments.recording)
+    mesh = shapes.figurine() if arguments.object is None else read_mesh(arguments.object, arguments.up)
+    material = Material([arguments.diffuse] * 3, [arguments.glossy] * 3, arguments.exponent)
+    scene = Scene(stand(mesh, arguments.height), material)
+    environment = None if arguments.environment is None else read_environment(arguments.environment)
+    session = Session(
+        scene,
+        recording.rig,
+        recording.board,
+        environment,
+        methods=arguments.methods,
+        backend=arguments.backend,
+        distance=arguments.distance,
+    )
+    fps = (len(recording) - 1) / recording.duration if len(recording) > 1 and recording.duration > 0 else 15.0
+    seconds, seen, result = [], 0, None
+    with VideoWriter(arguments.out, fps) as video:
+        for frame in tqdm(recording, total=len(recording), unit="frame"):
+            if frame.back is None:
+                session.process(frame)
+                continue
+            result = session.process(frame)
+            video.add(result.image)
+            seconds.append(result.timings["total"])
+            seen += result.back_from_marker is not None
+    if result is None:
+        raise ValueError(f"{arguments.recording} holds no back pictures")
+    print(result.plan)
+    print(
+        f"board seen in {seen} of {len(seconds)} frames; {1000 * np.median(seconds):.1f} ms a frame (median); "
+        f"predicted error of the irradiance {100 * result.predicted_error:.1f} %"
+    )
+    print(f"wrote {arguments.out}")
+    return 0

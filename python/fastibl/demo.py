@@ -1,0 +1,280 @@
+"""The main job on the built-in room, with the truth beside it: what `fastibl demo` runs and measures."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from . import shapes
+from ._fastibl import Bvh, CubeMap, Environment, Material, Mesh, Pose, Scene, texel_directions, threads
+from .comparison import irradiance_over_sphere, relative_errors
+from .files import stand
+from .lighting import Lighting
+from .recording import Frame, Recording
+from .session import Session
+from .truth import TruePicture, TrueRenderer
+from .video import VideoWriter
+
+HEIGHT = 0.2  # of the object, metres
+POSITION = (0.0, 0.0, HEIGHT / 2)  # where its light is measured
+DISTANCE = 3.0  # rough distance of the room's walls, metres: what a user would tell
+PANEL = (480, 360)  # of the four-panel video, pixels
+
+
+@dataclass
+class Still:
+    """One moment: its title, and the picture by each run; the true one where it was worked out."""
+
+    title: str
+    index: int
+    pictures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
+    true: TruePicture | None = None
+
+
+@dataclass
+class Run:
+    """What one choice of methods made of the recording, frame by frame."""
+
+    name: str
+    plan: str = ""
+    pose_degrees: list[float] = field(default_factory=list)  # NaN where the board was not found
+    pose_millimetres: list[float] = field(default_factory=list)
+    irradiance_error: list[float] = field(default_factory=list)  # median over normals
+    predicted_error: list[float] = field(default_factory=list)
+    coverage: list[float] = field(default_factory=list)
+    timings: list[dict[str, float]] = field(default_factory=list)
+    # By name of a still: error of the final picture and of the shadow.
+    image_error: dict[str, float] = field(default_factory=dict)
+    shadow_error: dict[str, float] = field(default_factory=dict)
+    map_error: float = float("nan")  # median over the texels that count, at the end
+    map_share: float = float("nan")  # of the seen texels that count
+    method_error: dict[str, float] = field(default_factory=dict)  # of a step alone, given the true map
+
+    def milliseconds(self, name: str) -> float:
+        values = [t[name] for t in self.timings if name in t]
+        return 1000 * float(np.median(values)) if values else 0.0
+
+
+@dataclass
+class DemoResult:
+    recording: Recording
+    scene: Scene
+    times: list[float]
+    runs: dict[str, Run]
+    stills: list[Still]
+    maps: dict[str, NDArray[np.uint8]]  # pictures of the captured and the true map at the end
+    machine: str
+
+
+def demo_scene() -> Scene:
+    material = Material(diffuse=(0.62, 0.6, 0.57), glossy=(0.16, 0.16, 0.16), exponent=80.0)
+    return Scene(stand(shapes.figurine(), HEIGHT), material)
+
+
+def picture_of_map(source: CubeMap | Environment, scale: float, height: int = 240) -> NDArray[np.uint8]:
+    """Equirectangular picture (h, 2h, 3) uint8 of a map; what was never seen is dimmed."""
+    v, u = (np.arange(height) + 0.5) / height * np.pi, ((np.arange(2 * height) + 0.5) / (2 * height) - 0.5) * 2 * np.pi
+    directions = np.stack(
+        np.broadcast_arrays(np.sin(v)[:, None] * np.sin(u), np.sin(v)[:, None] * np.cos(u), np.cos(v)[:, None]), axis=-1
+    )
+    cube = source.radiance if isinstance(source, Environment) else source
+    linear = cube.sample(directions, float(np.log2(max(cube.size / height, 1)))) * scale
+    encoded = np.clip(linear, 0, 1) ** (1 / 2.2) * 255
+    if isinstance(source, Environment):
+        seen = np.repeat((source.confidence > 0)[..., None], 3, axis=-1).astype(np.float32)
+        encoded *= 0.35 + 0.65 * CubeMap(seen).sample(directions)
+    return encoded.astype(np.uint8)
+
+
+def _labelled(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
+    """The picture fitted into a panel, with its name in the corner."""
+    w, h = PANEL
+    scale = min(w / picture.shape[1], h / picture.shape[0])
+    size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
+    panel = np.zeros((h, w, 3), np.uint8)
+    y, x = (h - size[1]) // 2, (w - size[0]) // 2
+    panel[y : y + size[1], x : x + size[0]] = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    for colour, thickness in (((0, 0, 0), 4), ((255, 255, 255), 1)):
+        cv2.putText(panel, text, (10, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, thickness, cv2.LINE_AA)
+    return panel
+
+
+def changed_pixels(true: TruePicture) -> NDArray[np.bool_]:
+    """Pixels that the object covers or its true shadow changes by more than 1/255."""
+    return (true.coverage > 0) | ((1 - true.ratio).max(axis=-1) > 1 / 255)
+
+
+def image_error(picture: NDArray[np.uint8], true: TruePicture, response) -> float:
+    """RMS over RGB and the changed pixels in linear light, by the truth's mean there."""
+    where = changed_pixels(true)
+    linear = response.decode(picture / 255.0)[where]
+    truth = np.clip(true.linear, 0, 1)[where]
+    return float(np.sqrt(((linear - truth) ** 2).mean()) / truth.mean())
+
+
+class _PlanePoints:
+    """Grid points of the true renderer's plane outside the object's footprint."""
+
+    def __init__(self, truth: TrueRenderer, mesh: Mesh):
+        axis = ((np.arange(truth.grid) + 0.5) / truth.grid * 2 - 1) * truth.extent
+        x, y = np.meshgrid(axis, axis)
+        self.points = np.stack([x, y], axis=-1)
+        up = np.zeros((*x.shape, 3))
+        up[..., 2] = 1
+        self.outside = ~Bvh(mesh).occluded(np.stack([x, y, np.full_like(x, 1e-5)], axis=-1), up)
+
+    def error(self, ratio: NDArray, true: NDArray) -> float:
+        """RMS of the ratio over points outside the footprint where the true 1 - ratio exceeds 0.01."""
+        where = self.outside & ((1 - true).max(axis=-1) > 0.01)
+        return float(np.sqrt(((ratio - true)[where] ** 2).mean()))
+
+
+def machine() -> str:
+    model = platform.processor() or platform.machine()
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                model = line.split(":", 1)[1].strip()
+                break
+    except OSError:
+        pass
+    import os
+
+    return f"{model}, {os.cpu_count()} cores, {threads()} thread(s) used, {platform.system()} {platform.machine()}"
+
+
+def _run(
+    name: str,
+    methods: str,
+    recording: Recording,
+    scene: Scene,
+    stills: list[Still],
+    truths: dict[int, NDArray],
+    panels: Iterable[VideoWriter] | None,
+) -> tuple[Run, Session, list]:
+    run, results_at = Run(name), {}
+    session = Session(scene, recording.rig, recording.board, methods=methods, distance=DISTANCE)
+    truth = recording.truth
+    scale = 0.28 / float(np.mean(truth.environment(0).mean()))
+    last = None
+    for index, frame in enumerate(tqdm(recording, desc=f"{name} methods", total=len(recording), leave=False)):
+        result = last = session.process(frame)
+        true_pose, pose = truth.pose(frame.time), result.back_from_marker
+        run.pose_degrees.append(np.nan if pose is None else float(np.degrees(pose.angle_to(true_pose))))
+        run.pose_millimetres.append(np.nan if pose is None else _offset(pose, true_pose))
+        environment = result.environment
+        state = id(truth.environment(frame.time))
+        if state not in truths:
+            truths[state] = irradiance_over_sphere(truth.environment(frame.time))
+        errors = relative_errors(irradiance_over_sphere(environment), truths[state])
+        run.irradiance_error.append(float(np.median(errors)))
+        run.predicted_error.append(result.predicted_error)
+        run.coverage.append(environment.coverage)
+        run.timings.append(result.timings)
+        for still in stills:
+            if still.index == index:
+                still.pictures[name] = result.image
+                results_at[still.title] = result
+        if panels is not None:
+            composite, four = panels
+            composite.add(result.image)
+            top = [_labelled(frame.back, "back camera"), _labelled(result.image, "composite")]
+            seen = f"captured light, {100 * environment.coverage:.0f} % seen"
+            true_map = truth.environment(frame.time)
+            bottom = [
+                _labelled(picture_of_map(environment, scale), seen),
+                _labelled(picture_of_map(true_map, scale), "true light"),
+            ]
+            four.add(np.vstack([np.hstack(top), np.hstack(bottom)]))
+    run.plan = str(last.plan) if last is not None else ""
+    return run, session, results_at
+
+
+def _offset(pose: Pose, true: Pose) -> float:
+    return float(1000 * np.linalg.norm(pose.inverse().translation - true.inverse().translation))
+
+
+def _map_error(session: Session, environment: Environment, recording: Recording, time: float) -> tuple[float, float]:
+    """Median relative error over the texels seen since the lamp changed, and their share of all seen ones.
+
+    Texels last seen while the hand covered the camera do not count, nor do those known only as a lower bound.
+    """
+    truth, last = recording.truth, session.capture.last_seen
+    seen = np.isfinite(last)
+    counts = seen & (last > (truth.lamp_time or 0.0))
+    if truth.hand is not None:
+        counts &= ~((last >= truth.hand[0]) & (last < truth.hand[1]))
+    true = truth.environment(time)
+    errors = relative_errors(np.asarray(environment.radiance.faces, np.float64), np.asarray(true.faces, np.float64))
+    if not counts.any():
+        return float("nan"), 0.0
+    return float(np.median(errors[counts])), float(counts.sum() / seen.sum())
+
+
+def run_demo(recording: Recording, out: Path) -> DemoResult:
+    """Runs the default and the paper's methods on a recording with truth; writes the two videos to `out`."""
+    scene = demo_scene()
+    truth, frames = recording.truth, list(recording)
+    times = [frame.time for frame in frames]
+
+    def nearest(time: float) -> int:
+        return int(np.argmin(np.abs(np.array(times) - time)))
+
+    stills = []
+    if truth.hand is not None:
+        stills.append(Still("before the hand", nearest(truth.hand[0] - 0.15)))
+        stills.append(Still("a hand over the front camera", nearest(truth.hand[1] - 0.2)))
+    if truth.lamp_time is not None:
+        stills.append(Still("before the lamp", nearest(truth.lamp_time - 0.1)))
+    stills.append(Still("at the end", len(frames) - 1))
+
+    true_irradiance: dict[int, NDArray] = {}
+    runs, kept = {}, {}
+    fps = (len(frames) - 1) / max(times[-1] - times[0], 1e-6)
+    with VideoWriter(out / "composite.webm", fps) as composite, VideoWriter(out / "four-panel.webm", fps) as four:
+        for name, methods in (("default", "auto"), ("paper", "paper")):
+            panels = (composite, four) if name == "default" else None
+            run, session, results = _run(name, methods, recording, scene, stills, true_irradiance, panels)
+            runs[name], kept[name] = run, (session, results)
+
+    renderer = TrueRenderer(scene)
+    plane = _PlanePoints(renderer, scene.mesh)
+    response = recording.rig.back.response
+    for still in tqdm([s for s in stills if "hand over" not in s.title], desc="true pictures", leave=False):
+        frame: Frame = frames[still.index]
+        true_map = truth.environment(frame.time)
+        still.true = renderer.render(
+            frame.back, frame.back_exposure, recording.rig.back, truth.pose(frame.time), true_map
+        )
+        ratio = renderer.plane_ratio(true_map)
+        for name, run in runs.items():
+            run.image_error[still.title] = image_error(still.pictures[name], still.true, response)
+            shadow = kept[name][1][still.title].shadow_map
+            run.shadow_error[still.title] = plane.error(shadow.sample(plane.points), ratio)
+    end = frames[-1].time
+    true_map = truth.environment(end)
+    normals = texel_directions(8)
+    for name, run in runs.items():
+        session, results = kept[name]
+        run.map_error, run.map_share = _map_error(session, results["at the end"].environment, recording, end)
+        # The step alone: the same method given the true map.
+        lighting = Lighting(true_map, diffuse="auto" if name == "default" else "paper")
+        exact = irradiance_over_sphere(true_map)
+        run.method_error["irradiance"] = float(np.median(relative_errors(lighting.irradiance(normals), exact)))
+        alone = Session(scene, recording.rig, None, true_map, methods="auto" if name == "default" else "paper")
+        given = alone.process(Frame(0.0, back=frames[-1].back, back_from_marker=truth.pose(end)))
+        run.method_error["shadow"] = plane.error(given.shadow_map.sample(plane.points), renderer.plane_ratio(true_map))
+    scale = 0.28 / float(np.mean(truth.environment(0).mean()))
+    maps = {
+        "captured": picture_of_map(kept["default"][1]["at the end"].environment, scale, 300),
+        "captured by the paper's method": picture_of_map(kept["paper"][1]["at the end"].environment, scale, 300),
+        "true": picture_of_map(true_map, scale, 300),
+    }
+    return DemoResult(recording, scene, times, runs, stills, maps, machine())

@@ -1,0 +1,121 @@
+#version 300 es
+// Back picture times shadow ratio, the object over it, encoded with the camera's response. Variants:
+//   MATTE       1: no back picture; straight alpha, a shadow is black
+//   OBJECT      1: there is an object
+//   SHADOW      1: there is a shadow map and a camera above the plane
+//   DISTORTION  1: rays come from a table
+//   VIGNETTING  number of coefficients
+//   STEEP       1: several codes may end within one of 4096 equal steps of linear values
+#include "shared/precision.glsl"
+#include "shared/plane.glsl"
+
+uniform ivec2 corner;        // first pixel of the area that is drawn
+uniform vec4 intrinsics;     // fx fy cx cy
+uniform float exposure;      // times gain
+uniform sampler2D response;  // row 0: linear value of each code; row 1: linear value where it ends
+uniform sampler2D guess;     // for each of 4096 equal steps: code at its lower end, and where it ends
+layout(location = 0) out vec4 picture;
+
+#if !MATTE
+uniform sampler2D back;
+#endif
+#if OBJECT
+uniform sampler2D object;
+uniform ivec4 object_area;  // first pixel, and one beyond the last
+#endif
+#if VIGNETTING
+uniform float vignetting[VIGNETTING];
+#endif
+#if SHADOW
+uniform sampler2D ratio_map;
+uniform vec4 ratio_place;  // centre, extent
+uniform vec3 eye;          // marker frame
+uniform mat3 marker_from_camera;
+#if DISTORTION
+uniform sampler2D rays;  // x and y at z = 1; 1e30 beyond the lens model
+#endif
+
+vec3 ratio_at(vec2 point) {
+  int n = textureSize(ratio_map, 0).x;
+  float size = float(n);
+  vec2 p = (point - ratio_place.xy) * (0.5 * size / ratio_place.z) + 0.5 * size - 0.5;
+  if (!(p.x > -0.5 && p.y > -0.5 && p.x < size - 0.5 && p.y < size - 0.5)) return vec3(1.0);
+  ivec2 i = ivec2(floor(p));
+  vec2 f = p - vec2(i);
+  ivec2 lower = max(i, 0), upper = min(i + 1, n - 1);
+  vec3 a = texelFetch(ratio_map, lower, 0).rgb;
+  vec3 b = texelFetch(ratio_map, ivec2(upper.x, lower.y), 0).rgb;
+  vec3 c = texelFetch(ratio_map, ivec2(lower.x, upper.y), 0).rgb;
+  vec3 d = texelFetch(ratio_map, upper, 0).rgb;
+  vec3 first = a + f.x * (b - a), second = c + f.x * (d - c);
+  return first + f.y * (second - first);
+}
+#endif
+
+vec3 ratio_of_pixel(ivec2 pixel) {
+#if SHADOW
+#if DISTORTION
+  vec2 ideal = texelFetch(rays, pixel, 0).xy;
+  if (ideal.x > 1e29) return vec3(1.0);
+#else
+  vec2 ideal = (vec2(pixel) + 0.5 - intrinsics.zw) / intrinsics.xy;
+#endif
+  vec3 ray = marker_from_camera * vec3(ideal, 1.0);
+  if (ray.z < 0.0) return ratio_at(plane_point(eye, ray));
+#endif
+  return vec3(1.0);
+}
+
+float exposure_at(ivec2 pixel) {
+#if VIGNETTING
+  vec2 p = (vec2(pixel) + 0.5 - intrinsics.zw) / intrinsics.xy;
+  float r2 = dot(p, p), factor = 1.0, power = r2;
+  for (int i = 0; i < VIGNETTING; ++i) {
+    factor += vignetting[i] * power;
+    power *= r2;
+  }
+  return exposure * max(factor, 1e-3);
+#else
+  return exposure;
+#endif
+}
+
+// The nearest code, as a share of 255: guessed, then settled by the thresholds between codes.
+float encode(float linear) {
+  if (!(linear > 0.0)) return 0.0;
+  if (linear >= 1.0) return 1.0;
+  int bin = int(linear * 4096.0);
+  vec2 first = texelFetch(guess, ivec2(bin & 63, bin >> 6), 0).rg;
+  float code = linear >= first.y ? first.x + 1.0 : first.x;
+#if STEEP
+  while (linear >= texelFetch(response, ivec2(int(code), 1), 0).r) code += 1.0;
+#endif
+  return code / 255.0;
+}
+vec3 encode(vec3 linear) { return vec3(encode(linear.r), encode(linear.g), encode(linear.b)); }
+float decode(float encoded) {
+  return texelFetch(response, ivec2(int(encoded * 255.0 + 0.5), 0), 0).r;
+}
+
+void main() {
+  ivec2 local = ivec2(gl_FragCoord.xy), pixel = local + corner;
+  vec4 o = vec4(0.0);
+#if OBJECT
+  if (all(greaterThanEqual(pixel, object_area.xy)) && all(lessThan(pixel, object_area.zw)))
+    o = texelFetch(object, pixel - object_area.xy, 0);
+#endif
+  vec3 ratio = o.a < 1.0 ? ratio_of_pixel(pixel) : vec3(1.0);
+#if MATTE
+  float alpha = o.a + (1.0 - o.a) * (1.0 - (ratio.r + ratio.g + ratio.b) / 3.0);
+  picture = alpha > 0.0
+                ? vec4(encode(exposure_at(pixel) * o.rgb / alpha), floor(255.0 * alpha + 0.5) / 255.0)
+                : vec4(0.0);
+#else
+  vec3 seen = texelFetch(back, local, 0).rgb;
+  picture = vec4(seen, 1.0);
+  if (o.a > 0.0 || ratio != vec3(1.0)) {
+    vec3 behind = vec3(decode(seen.r), decode(seen.g), decode(seen.b));
+    picture.rgb = encode(exposure_at(pixel) * o.rgb + (1.0 - o.a) * ratio * behind);
+  }
+#endif
+}

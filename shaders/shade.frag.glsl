@@ -1,0 +1,136 @@
+#version 300 es
+// Colour of the object (Eq. 3, 4 and 8). Variants:
+//   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance
+//   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance
+//   PAPER        1: times the directional albedo of Eq. 3
+//   DISTORTION   1: the camera has a lens model
+#include "shared/precision.glsl"
+#include "shared/lighting.glsl"
+#include "shared/projection.glsl"
+
+uniform usampler2D visible;       // a triangle's number; the four samples in four quarters
+uniform ivec2 quarter;            // size of one
+uniform ivec2 corner;             // first pixel of the area that is drawn
+uniform isampler2D triangles;     // vertices of each triangle
+uniform sampler2D vertices;       // position, P_V
+uniform sampler2D normals;
+uniform mat3 marker_from_object;
+uniform vec3 marker_from_object_shift;
+uniform vec3 emission;
+layout(location = 0) out vec4 layer;  // radiance times coverage, and coverage
+
+#if DIFFUSE == 5
+uniform samplerCube baked;
+uniform float baked_scale;  // stored values times this are irradiance
+#elif DIFFUSE == 4
+uniform vec3 light[9];
+#elif DIFFUSE
+uniform vec3 light[6];
+#endif
+
+#if DIFFUSE
+vec3 irradiance(vec3 n) {
+#if DIFFUSE == 1
+  return 3.14159265 * light[nearest_face(n)];
+#elif DIFFUSE == 2
+  return six_face_irradiance(light, n);
+#elif DIFFUSE == 3
+  return exact_face_irradiance(light, n);
+#elif DIFFUSE == 4
+  return sh9_irradiance(light, n);
+#else
+  return baked_scale * textureLod(baked, n, 0.0).rgb;
+#endif
+}
+uniform vec3 diffuse_albedo;
+#endif
+
+#if GLOSSY
+uniform vec3 glossy_albedo;
+#endif
+#if GLOSSY == 1
+#include "shared/radiance.glsl"
+uniform vec3 eye;  // marker frame
+uniform float level;
+#if PAPER
+uniform sampler2D albedo_table;  // rows: exponent coordinate, columns: cosine, ends included
+uniform float albedo_row;        // exponent coordinate
+
+float directional_albedo(float cosine) {
+  ivec2 last = textureSize(albedo_table, 0) - 1;
+  vec2 p = vec2(clamp(cosine, 0.0, 1.0), albedo_row) * vec2(last);
+  ivec2 i = min(ivec2(p), last - 1);
+  vec2 f = p - vec2(i);
+  float a = texelFetch(albedo_table, i, 0).r, b = texelFetch(albedo_table, i + ivec2(1, 0), 0).r;
+  float c = texelFetch(albedo_table, i + ivec2(0, 1), 0).r,
+        d = texelFetch(albedo_table, i + ivec2(1, 1), 0).r;
+  float upper = a + f.x * (b - a), lower = c + f.x * (d - c);
+  return upper + f.y * (lower - upper);
+}
+#endif
+#endif
+
+ivec2 texel(int i) { return ivec2(i & 1023, i >> 10); }
+float edge(vec2 a, vec2 b) { return a.x * b.y - a.y * b.x; }  // from a to b, seen from the origin
+
+vec3 shade(vec3 position, vec3 n, float visibility) {
+  vec3 colour = emission;
+#if DIFFUSE || GLOSSY == 2
+  vec3 e = irradiance(n) / 3.14159265;
+  colour += (visibility * diffuse_albedo) * e;
+#endif
+#if GLOSSY == 2
+  colour += glossy_albedo * e;
+#elif GLOSSY == 1
+  vec3 v = normalize(eye - position);
+  float cosine = dot(n, v);
+  vec3 value = sample_radiance(2.0 * cosine * n - v, level);
+#if PAPER
+  value *= directional_albedo(cosine);
+#endif
+  colour += glossy_albedo * value;
+#endif
+  return colour;
+}
+
+void main() {
+  ivec2 local = ivec2(gl_FragCoord.xy);
+  uvec4 shown = uvec4(texelFetch(visible, local, 0).r,
+                      texelFetch(visible, local + ivec2(quarter.x, 0), 0).r,
+                      texelFetch(visible, local + ivec2(0, quarter.y), 0).r,
+                      texelFetch(visible, local + quarter, 0).r);
+  bvec4 left = notEqual(shown, uvec4(0u));
+  layer = vec4(0.0);
+  // Once a triangle, at the middle of the samples that it covers.
+  while (any(left)) {
+    uint number = left.x ? shown.x : left.y ? shown.y : left.z ? shown.z : shown.w;
+    bvec4 same = equal(shown, uvec4(number));
+    vec4 weight = vec4(same);
+    float count = weight.x + weight.y + weight.z + weight.w;
+    vec2 middle = vec2(dot(weight, vec4(96.0, 224.0, 32.0, 160.0)),
+                       dot(weight, vec4(32.0, 96.0, 160.0, 224.0)));
+    vec2 p = vec2(local + corner) + floor(middle / count) / 256.0;
+
+    ivec3 index = texelFetch(triangles, texel(int(number) - 1), 0).xyz;
+    vec4 a = texelFetch(vertices, texel(index.x), 0);
+    vec4 b = texelFetch(vertices, texel(index.y), 0);
+    vec4 c = texelFetch(vertices, texel(index.z), 0);
+    vec3 pa = project(a.xyz), pb = project(b.xyz), pc = project(c.xyz);
+    float area = edge(pb.xy - pa.xy, pc.xy - pa.xy);
+    vec3 w = vec3(edge(pb.xy - p, pc.xy - p) / area, edge(pc.xy - p, pa.xy - p) / area, 0.0);
+    w.z = 1.0 - w.x - w.y;
+    w /= vec3(pa.z, pb.z, pc.z);
+    w /= w.x + w.y + w.z;
+    vec4 at = w.x * a + w.y * b + w.z * c;
+    vec3 n = w.x * texelFetch(normals, texel(index.x), 0).xyz +
+             w.y * texelFetch(normals, texel(index.y), 0).xyz +
+             w.z * texelFetch(normals, texel(index.z), 0).xyz;
+    // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
+    n = marker_from_object * (area > 0.0 ? -n : n);
+    float size = length(n);
+    n = size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);
+    layer += count * 0.25 *
+             vec4(shade(marker_from_object * at.xyz + marker_from_object_shift, n, at.w), 1.0);
+    left = bvec4(left.x && !same.x, left.y && !same.y, left.z && !same.z, left.w && !same.w);
+  }
+}

@@ -1,0 +1,4 @@
+// One triangle that covers the viewport, from gl_VertexID = 0, 1, 2; no buffers.
+void main() {
+  gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+}

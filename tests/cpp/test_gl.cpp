@@ -1,0 +1,259 @@
+// The GL back end in a context of the caller: same picture, no state left behind, and a window's
+// picture without read-back.
+#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
+#include <dlfcn.h>
+#include <doctest/doctest.h>
+#include <epoxy/egl.h>
+#include <epoxy/gl.h>
+
+#include <array>
+#include <cstdio>
+
+#include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/render/gl/context.h"
+#include "fastibl/render/gl/gl_renderer.h"
+#include "fastibl/render/make_scene.h"
+
+using namespace fastibl;
+
+namespace {
+
+constexpr int kWidth = 160, kHeight = 120;
+
+struct Inputs {
+  Scene scene;
+  Methods methods;
+  Lighting lighting;
+  Camera camera;
+  Pose camera_from_marker;
+  std::vector<std::uint8_t> pixels;
+  Picture back;
+
+  RenderInput input() const {
+    return {scene, methods, lighting, camera, camera_from_marker, back, 1.0};
+  }
+};
+
+// A tetrahedron on the marker under a sky with one coloured face a side, seen from above.
+Inputs inputs() {
+  Inputs in;
+  Mesh mesh;
+  mesh.vertices = {
+      {-0.05f, -0.03f, 0.01f}, {0.05f, -0.03f, 0.01f}, {0, 0.06f, 0.01f}, {0, 0, 0.08f}};
+  mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+  Material material;
+  material.glossy = glm::vec3(0.3f);
+  in.scene = make_scene(mesh, material, {}, {10, 0});
+  std::vector<glm::vec3> faces(6 * 8 * 8);
+  for (std::size_t i = 0; i < faces.size(); ++i)
+    faces[i] = glm::vec3(0.2f + 0.1f * float(i / 64), 0.5f, 0.8f - 0.1f * float(i / 64));
+  in.lighting = fit_lighting(std::make_shared<const CubeMap>(8, faces));
+  in.camera.width = kWidth, in.camera.height = kHeight;
+  in.camera.fx = in.camera.fy = 150, in.camera.cx = 80, in.camera.cy = 60;
+  in.camera_from_marker.rotation = glm::dmat3(1, 0, 0, 0, -1, 0, 0, 0, -1);
+  in.camera_from_marker.translation = {0.01, 0.02, 0.4};
+  for (int i = 0; i < kWidth * kHeight * 3; ++i) in.pixels.push_back(std::uint8_t(i * 37 % 256));
+  in.back = {in.pixels.data(), PixelType::uint8, kWidth, kHeight, kWidth * 3};
+  return in;
+}
+
+void draw(Renderer& renderer, const Inputs& in) {
+  for (const PassId pass : kRenderPasses) renderer.run(pass, in.input());
+}
+
+bool have_egl() {
+  if (dlopen("libEGL.so.1", RTLD_LAZY)) return true;
+  std::puts("skipped: no libEGL.so.1");
+  return false;
+}
+
+// Every integer state that a renderer could touch.
+std::vector<GLint> state() {
+  std::vector<GLint> all;
+  const auto add = [&](GLenum name, int count = 1) {
+    GLint values[4] = {};
+    glGetIntegerv(name, values);
+    all.insert(all.end(), values, values + count);
+  };
+  GLint active = 0;
+  glGetIntegerv(GL_ACTIVE_TEXTURE, &active);
+  for (int unit = 0; unit < 16; ++unit) {
+    glActiveTexture(GLenum(GL_TEXTURE0 + unit));
+    for (const GLenum name :
+         {GL_TEXTURE_BINDING_2D, GL_TEXTURE_BINDING_CUBE_MAP, GL_TEXTURE_BINDING_2D_ARRAY,
+          GL_TEXTURE_BINDING_3D, GL_SAMPLER_BINDING})
+      add(name);
+  }
+  glActiveTexture(GLenum(active));
+  for (const GLenum name : {GL_VIEWPORT, GL_SCISSOR_BOX, GL_COLOR_WRITEMASK}) add(name, 4);
+  for (const GLenum name : {GL_ACTIVE_TEXTURE,
+                            GL_CURRENT_PROGRAM,
+                            GL_VERTEX_ARRAY_BINDING,
+                            GL_ARRAY_BUFFER_BINDING,
+                            GL_ELEMENT_ARRAY_BUFFER_BINDING,
+                            GL_UNIFORM_BUFFER_BINDING,
+                            GL_DRAW_FRAMEBUFFER_BINDING,
+                            GL_READ_FRAMEBUFFER_BINDING,
+                            GL_RENDERBUFFER_BINDING,
+                            GL_PIXEL_PACK_BUFFER_BINDING,
+                            GL_PIXEL_UNPACK_BUFFER_BINDING,
+                            GL_DEPTH_FUNC,
+                            GL_DEPTH_WRITEMASK,
+                            GL_SCISSOR_TEST,
+                            GL_DEPTH_TEST,
+                            GL_BLEND,
+                            GL_CULL_FACE,
+                            GL_STENCIL_TEST,
+                            GL_DITHER,
+                            GL_POLYGON_OFFSET_FILL,
+                            GL_RASTERIZER_DISCARD,
+                            GL_SAMPLE_ALPHA_TO_COVERAGE,
+                            GL_SAMPLE_COVERAGE,
+                            GL_UNPACK_ALIGNMENT,
+                            GL_UNPACK_ROW_LENGTH,
+                            GL_UNPACK_SKIP_ROWS,
+                            GL_UNPACK_SKIP_PIXELS,
+                            GL_UNPACK_IMAGE_HEIGHT,
+                            GL_UNPACK_SKIP_IMAGES,
+                            GL_PACK_ALIGNMENT,
+                            GL_PACK_ROW_LENGTH,
+                            GL_PACK_SKIP_ROWS,
+                            GL_PACK_SKIP_PIXELS,
+                            GL_CULL_FACE_MODE,
+                            GL_FRONT_FACE,
+                            GL_BLEND_SRC_RGB,
+                            GL_STENCIL_FUNC})
+    add(name);
+  GLfloat range[2], clear[4];
+  glGetFloatv(GL_DEPTH_RANGE, range), glGetFloatv(GL_COLOR_CLEAR_VALUE, clear);
+  for (const GLfloat value : {range[0], range[1], clear[0], clear[1], clear[2], clear[3]})
+    all.push_back(GLint(1000 * value));
+  return all;
+}
+
+// States that differ from what the renderer works with.
+struct Untidy {
+  GLuint textures[3], buffers[3], array, framebuffer, renderbuffer, sampler;
+  Untidy() {
+    glGenTextures(3, textures), glGenBuffers(3, buffers), glGenVertexArrays(1, &array);
+    glGenFramebuffers(1, &framebuffer), glGenRenderbuffers(1, &renderbuffer);
+    glGenSamplers(1, &sampler);
+    for (int unit = 0; unit < 8; ++unit) {
+      glActiveTexture(GLenum(GL_TEXTURE0 + unit));
+      glBindTexture(GL_TEXTURE_2D, textures[0]), glBindTexture(GL_TEXTURE_CUBE_MAP, textures[1]);
+      glBindTexture(GL_TEXTURE_2D_ARRAY, textures[2]);
+      glBindSampler(GLuint(unit), sampler);
+    }
+    glActiveTexture(GL_TEXTURE3);
+    glBindVertexArray(array);
+    glBindBuffer(GL_ARRAY_BUFFER, buffers[0]);
+    for (int i = 1; i < 3; ++i) {
+      const GLenum kind = i == 1 ? GL_PIXEL_PACK_BUFFER : GL_PIXEL_UNPACK_BUFFER;
+      glBindBuffer(kind, buffers[i]);
+      glBufferData(kind, 4, nullptr, GL_STREAM_DRAW);
+    }
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glBindRenderbuffer(GL_RENDERBUFFER, renderbuffer);
+    for (const GLenum name :
+         {GL_SCISSOR_TEST, GL_DEPTH_TEST, GL_BLEND, GL_CULL_FACE, GL_STENCIL_TEST, GL_DITHER,
+          GL_POLYGON_OFFSET_FILL, GL_RASTERIZER_DISCARD, GL_SAMPLE_COVERAGE})
+      glEnable(name);
+    glScissor(1, 2, 3, 4), glViewport(5, 6, 7, 8);
+    glColorMask(GL_FALSE, GL_TRUE, GL_FALSE, GL_TRUE);
+    glDepthMask(GL_FALSE), glDepthFunc(GL_ALWAYS), glDepthRangef(0.25f, 0.75f);
+    glFrontFace(GL_CW), glCullFace(GL_FRONT), glClearColor(0.1f, 0.2f, 0.3f, 0.4f);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 8), glPixelStorei(GL_UNPACK_ROW_LENGTH, 11);
+    glPixelStorei(GL_UNPACK_SKIP_ROWS, 2), glPixelStorei(GL_UNPACK_SKIP_PIXELS, 3);
+    glPixelStorei(GL_PACK_ALIGNMENT, 2), glPixelStorei(GL_PACK_ROW_LENGTH, 500);
+    glPixelStorei(GL_PACK_SKIP_PIXELS, 1), glPixelStorei(GL_PACK_SKIP_ROWS, 1);
+  }
+};
+
+int apart(const Image<std::uint8_t>& a, const Image<std::uint8_t>& b) {
+  REQUIRE(a.data.size() == b.data.size());
+  int worst = 0;
+  for (std::size_t i = 0; i < a.data.size(); ++i)
+    worst = std::max(worst, std::abs(int(a.data[i]) - int(b.data[i])));
+  return worst;
+}
+
+}  // namespace
+
+TEST_CASE("a context of its own: the CPU's picture, and nothing current afterwards") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const auto cpu = make_cpu_renderer();
+  const auto gl = make_gl_renderer();
+  std::printf("%s\n", gl->device().c_str());
+  CHECK(gl->backend() == "gl");
+  draw(*cpu, in), draw(*gl, in);
+  CHECK(apart(cpu->image(), gl->image()) <= 2);
+  CHECK(eglGetCurrentContext() == EGL_NO_CONTEXT);
+  CHECK_THROWS_AS(gl->run(PassId::track, in.input()), std::invalid_argument);
+  CHECK(eglGetCurrentContext() == EGL_NO_CONTEXT);
+  gl->clear(PassId::shadow), gl->clear(PassId::shade);
+  gl->run(PassId::composite, in.input());
+  CHECK(gl->image().data == in.pixels);
+}
+
+TEST_CASE("the caller's context: same picture, its state put back") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const GlContext context;
+  const GlContext::Current current(context);
+  const EGLContext handle = eglGetCurrentContext();
+  const auto other = make_gl_renderer();
+  draw(*other, in);
+  CHECK(eglGetCurrentContext() == handle);
+
+  const Untidy untidy;
+  REQUIRE(glGetError() == GL_NO_ERROR);
+  const std::vector<GLint> before = state();
+  {
+    const auto gl = make_gl_renderer(CurrentContext{});
+    CHECK(state() == before);
+    for (const PassId pass : kRenderPasses) {
+      gl->run(pass, in.input());
+      CHECK(state() == before);
+    }
+    CHECK(gl->image() == other->image());
+    CHECK(gl->object() == other->object());
+    CHECK(gl->shadow_map() == other->shadow_map());
+    CHECK(state() == before);
+  }
+  CHECK(state() == before);
+  CHECK(glGetError() == GL_NO_ERROR);
+}
+
+TEST_CASE("present draws the whole picture, row 0 on top") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const GlContext context;
+  const GlContext::Current current(context);
+  const auto gl = make_gl_renderer(CurrentContext{});
+  GLuint window = 0, texture = 0;
+  glGenTextures(1, &texture);
+  glBindTexture(GL_TEXTURE_2D, texture);
+  glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, kWidth, kHeight, 0, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
+  glGenFramebuffers(1, &window);
+  glBindFramebuffer(GL_FRAMEBUFFER, window);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
+  gl->present(window, kWidth, kHeight);  // nothing yet
+  for (int frame = 0; frame < 2; ++frame) {
+    draw(*gl, in);
+    glEnable(GL_SCISSOR_TEST);
+    glScissor(0, 0, 1, 1);
+    gl->present(window, kWidth, kHeight);
+    glDisable(GL_SCISSOR_TEST);
+    Image<std::uint8_t> shown(kWidth, kHeight, 4);
+    glReadPixels(0, 0, kWidth, kHeight, GL_RGBA, GL_UNSIGNED_BYTE, shown.data.data());
+    const Image<std::uint8_t> image = gl->image();
+    int wrong = 0;
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x)
+        for (int c = 0; c < 3; ++c)
+          wrong += shown.pixel(x, kHeight - 1 - y)[c] != image.pixel(x, y)[c];
+    CHECK(wrong == 0);
+  }
+  CHECK(glGetError() == GL_NO_ERROR);
+}

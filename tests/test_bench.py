@@ -1,0 +1,125 @@
+"""The schema of measurements, the yardstick, and what the goals' table says and returns."""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # bench/ lies beside the package, not in it
+
+import fastibl  # noqa: E402
+from bench import brute, goals, measure, paper  # noqa: E402
+from bench.goals import Goal  # noqa: E402
+
+
+def numbered(count):
+    times = measure.timing(np.arange(1, count + 1) / 1000, np.ones(count) / 1000)
+    return [measure.row("sh9", f"map {k}", "mean error", 0.123456, times, setting="level=2") for k in range(count)]
+
+
+def test_rows_round_trip_sorted_and_stable(tmp_path, monkeypatch):
+    monkeypatch.setattr(measure, "yardstick_seconds", lambda: 0.004)
+    rows = [*numbered(3), measure.row("none", "a case without time", "RMS", 0.5), measure.row("mip", "only time")]
+    path = measure.write_rows("example", rows[::-1], tmp_path)
+    first = path.read_bytes()
+    assert json.loads(first)["command"] == "./dev bench example"
+    read = measure.read_rows("example", tmp_path)
+    assert sorted(read, key=repr) == sorted(rows, key=repr)
+    assert read[0].case == "a case without time" and read[0].seconds is None and read[0].spread is None
+    assert measure.write_rows("example", rows, tmp_path).read_bytes() == first
+    timed = next(r for r in read if r.case == "map 0")
+    assert (timed.error, timed.seconds, timed.yardsticks) == (0.1235, 0.002, 0.5)
+    assert timed.spread == (0.0012, 0.0028) and "cores" in timed.cpu
+
+
+def test_rows_of_another_schema_are_refused(tmp_path):
+    (tmp_path / "old.json").write_text('{"rows": [{"method": "sh9"}]}')
+    with pytest.raises(ValueError, match="yardsticks"):
+        measure.read_rows("old", tmp_path)
+
+
+@pytest.mark.parametrize("path", sorted(measure.RESULTS.glob("*.json")), ids=lambda p: p.stem)
+def test_stored_results_have_the_schema(path):
+    rows = measure.read_rows(path.stem)
+    assert rows and path.stat().st_size < 200_000
+    assert all(math.isfinite(r.error) for r in rows if r.error is not None)
+    assert all((r.seconds is None) == (r.yardsticks is None) == (r.spread is None) for r in rows)
+
+
+def test_yardstick_runs():
+    time = measure.yardstick(repetitions=3)
+    assert 0 < time.low <= time.median <= time.high < 1 and time.count == 3
+
+
+def test_measure_varies_its_inputs():
+    given = []
+    time = measure.measure(given.append, [1, 2], repetitions=5, warm=1)
+    assert given == [1, 1, 2, 1, 2, 1] and time.count == 5
+    with pytest.raises(ValueError, match="input"):
+        measure.measure(print, [])
+    with pytest.raises(ValueError, match="repetition"):
+        measure.timing([], [])
+
+
+def fake(*lines):
+    def rows():
+        yield from lines
+
+    return goals.Row("fake", rows)
+
+
+MET = Goal("nearest-face", "47 %", "47 %", True, ("by map: studio 120 %",))
+MISSED = Goal("sh9", "5.0 %", "2.8 %", False)
+SKIPPED = goals.skipped("GL", "built without GL")
+
+
+def test_table_has_columns_and_notes(capsys):
+    assert goals.report({"paper": [fake(MET, SKIPPED)]}, "a machine") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "goals: paper (a machine)"
+    assert lines[1].split() == ["what", "measured", "goal", "pass"]
+    assert lines[3].startswith("nearest-face  47 %") and lines[3].endswith("yes")
+    assert lines[4].strip() == "by map: studio 120 %"
+    assert "skipped" in lines[5] and "built without GL" in lines[5] and lines[5].endswith("-")
+    assert lines[-1] == "1 met, 0 missed, 1 skipped"
+
+
+def test_a_missed_goal_and_a_broken_row_fail(capsys):
+    assert goals.report({"paper": [fake(MET, MISSED)]}, "a machine") == 1
+    assert "no" in capsys.readouterr().out.splitlines()[5].split()
+
+    def broken():
+        raise RuntimeError("no light")
+        yield
+
+    assert goals.report({"paper": [goals.Row("broken", broken), fake(MET)]}, "a machine") == 1
+    out = capsys.readouterr().out
+    assert "RuntimeError: no light" in out and "1 met, 1 missed, 0 skipped" in out
+
+
+def test_only_selects_rows_by_word(capsys):
+    assert goals.main(["paper", "--only", "FURNACE"]) == 0
+    out = capsys.readouterr().out
+    assert "white furnace, sh9" in out and "six-face" in out and "3 met, 0 missed" in out
+    with pytest.raises(SystemExit) as caught:
+        goals.main(["paper", "--only", "nothing of the kind"])
+    assert caught.value.code == 2 and "white furnace" in capsys.readouterr().err
+
+
+def test_face_weights_by_quadrature():
+    """Symmetry and sums: a face seen head on, and pi over all."""
+    weights = paper.face_weights(np.array([(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (-0.36, 0.48, 0.8)]))
+    np.testing.assert_allclose(weights.sum(axis=1), np.pi, rtol=1e-12)
+    np.testing.assert_allclose(weights[0, :4], weights[0, 0], rtol=1e-12)
+    assert weights[0, 5] == 0 and weights[0].argmax() == 4
+
+
+def test_pairs_have_the_angles_that_they_say():
+    n, v = brute.pairs(4)
+    degrees = np.degrees(np.arccos(np.clip((n * v).sum(axis=1), -1, 1)))
+    np.testing.assert_allclose(degrees, np.repeat(brute.ANGLES, 4), atol=1e-5)
+    assert fastibl.methods("glossy")

@@ -1,0 +1,279 @@
+"""The native program: what Python's Session makes of a recording, it makes too; bad input; the window."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl.recording import RecordingWriter
+
+ROOT = Path(__file__).resolve().parents[1]
+PROGRAM = Path(os.environ.get("FASTIBL_DEMO_PROGRAM", ROOT / "build/cpp/cpp/demo/fastibl-demo"))
+SIZE = (320, 240)
+
+if not PROGRAM.is_file():
+    pytest.skip(f"fastibl-demo is not built: no {PROGRAM}", allow_module_level=True)
+
+
+class PrintedBoard:
+    """A board that can be laid on the simulator's table."""
+
+    def __init__(self, board):
+        self._board = board
+
+    def __getattr__(self, name):
+        return getattr(self._board, name)
+
+    def image(self, dpi):
+        scale = dpi / 0.0254
+        page = np.full((round(self.height * scale), round(self.width * scale)), 255, np.uint8)
+        family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+        for tag in self.tags:
+            corners = np.asarray(tag.corners)
+            x, y = ((corners[0] + [self.width / 2, -self.height / 2]) * [scale, -scale]).round().astype(int)
+            n = round((corners[1, 0] - corners[0, 0]) * scale)
+            page[y : y + n, x : x + n] = cv2.aruco.generateImageMarker(family, tag.id, n, borderBits=self.border_bits)
+        return page
+
+
+def store(recording, path, video=False):
+    with RecordingWriter(path, recording.rig, recording.board, video=video) as writer:
+        for frame in recording:
+            writer.add(frame)
+        writer.write_truth(recording.truth)
+    return path
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """In memory; the camera looks at the default board from all around."""
+    board = PrintedBoard(fastibl.Board.default())
+    return fastibl.simulate(seconds=0.5, fps=10, size=SIZE, truth_size=16, hand=False, board=board)
+
+
+@pytest.fixture(scope="module")
+def folder(recording, tmp_path_factory):
+    return store(recording, tmp_path_factory.mktemp("recordings") / "pictures")
+
+
+@pytest.fixture(scope="module")
+def obj(tmp_path_factory):
+    """A bipyramid, y up, with a polygon and texture indices."""
+    path = tmp_path_factory.mktemp("objects") / "object.obj"
+    path.write_text(
+        "# lowest point first\nv 0 -1 0\nv 1 0 0\nv 0 0 1\nv -1 0 0\nv 0 0 -1\nv 0 2 0\nvt 0 0\no thing\n"
+        "f 6/1 3/1 2/1\nf 6 4 3\nf -1 -2 -3\nf 6//1 2//1 5//1\nf 1 2 3\nf 1 3 4\n"
+        "f 1 4 5\nf 1 5 2\nf 2 3 4 5\n"
+    )
+    return path
+
+
+def python_mesh():
+    vertices = [(0, 0, -1), (1, 0, 0), (0, -1, 0), (-1, 0, 0), (0, 1, 0), (0, 0, 2)]
+    faces = "632 643 654 625 123 134 145 152 234 245"
+    triangles = [[int(corner) - 1 for corner in face] for face in faces.split()]
+    return fastibl.stand(fastibl.Mesh(np.array(vertices, np.float64), np.array(triangles)), 0.09)
+
+
+def run(*arguments, code=0, env=None):
+    command = [str(part) for part in (PROGRAM, *arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=env)
+    assert done.returncode == code, f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
+    return done.stdout if code == 0 else done.stderr
+
+
+def pictures(path):
+    return [cv2.imread(str(p), cv2.IMREAD_UNCHANGED)[..., ::-1] for p in sorted(path.glob("*.png"))]
+
+
+MATERIAL = ("--diffuse", "0.5,0.4,0.3", "--glossy", "0.2,0.3,0.4", "--exponent", 40)
+
+
+@pytest.mark.parametrize("methods", ["auto", "paper"])
+def test_same_bytes_as_python(recording, folder, obj, methods, tmp_path):
+    material = fastibl.Material(diffuse=(0.5, 0.4, 0.3), glossy=(0.2, 0.3, 0.4), exponent=40)
+    session = fastibl.Session(
+        fastibl.Scene(python_mesh(), material),
+        recording.rig,
+        fastibl.Board.default(),
+        methods=methods,
+        backend="cpu",
+    )
+    expected = []
+    for frame in recording:
+        frame.back_from_marker = recording.truth.pose(frame.time)
+        expected.append(session.process(frame).image)
+        frame.back_from_marker = None
+
+    arguments = ("--recording", folder, "--object", obj, "--height", 0.09, *MATERIAL, "--methods", methods)
+    for threads in (1, 2):
+        out = tmp_path / f"out-{threads}"
+        run(*arguments, "--poses", "truth", "--headless", "--out", out, "--threads", threads)
+        got = pictures(out)
+        assert len(got) == len(expected)
+        for a, b in zip(got, expected, strict=True):
+            np.testing.assert_array_equal(a, b)
+    changed = [np.any(a != frame.back, axis=-1).mean() for a, frame in zip(expected, recording, strict=True)]
+    assert min(changed) > 0.02  # an object is there
+
+
+def test_tracks_the_board(recording, folder, tmp_path):
+    """Poses of its own detector: the same picture up to a small shift of the edges."""
+    matte = "--recording", folder, "--glossy", "0,0,0", "--headless", "--out"
+    run(*matte, tmp_path / "track")
+    run(*matte, tmp_path / "truth", "--poses", "truth")
+    tracked, true = pictures(tmp_path / "track"), pictures(tmp_path / "truth")
+    for a, b, frame in zip(tracked, true, recording, strict=True):
+        difference = np.abs(a.astype(int) - b).mean()
+        drawn = np.abs(b.astype(int) - frame.back).mean()
+        assert difference < 0.2 * drawn
+
+
+def test_video_recording_gives_the_same(recording, folder, tmp_path):
+    video = store(recording, tmp_path / "video", video=True)
+    run("--recording", folder, "--headless", "--out", tmp_path / "a", "--frames", 3)
+    run("--recording", video, "--headless", "--out", tmp_path / "b", "--frames", 3)
+    for a, b in zip(pictures(tmp_path / "a"), pictures(tmp_path / "b"), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_without_a_board_pictures_pass_through(tmp_path):
+    plain = fastibl.simulate(seconds=0.3, fps=10, size=SIZE, truth_size=16, board=False)
+    text = run("--recording", store(plain, tmp_path / "in"), "--headless", "--out", tmp_path / "out")
+    assert "not seen in 3 of 3 frames" in text
+    for a, frame in zip(pictures(tmp_path / "out"), plain, strict=True):
+        np.testing.assert_array_equal(a, frame.back)
+
+
+def test_outputs_and_timings(folder, tmp_path):
+    text = run("--recording", folder, "--headless", "--out", tmp_path / "last.png", "--frames", 2)
+    for word in ("track", "capture", "shade", "composite", "total", "median ms", "frames/s"):
+        assert word in text
+    assert cv2.imread(str(tmp_path / "last.png")).shape == (SIZE[1], SIZE[0], 3)
+
+    run("--recording", folder, "--headless", "--out", tmp_path / "out.webm")
+    video = cv2.VideoCapture(str(tmp_path / "out.webm"))
+    count = 0
+    while video.read()[0]:
+        count += 1
+    assert count == 5 and video.get(cv2.CAP_PROP_FPS) == pytest.approx(10)
+
+
+def test_broken_recording_keeps_what_was_read(folder, tmp_path):
+    broken = shutil.copytree(folder, tmp_path / "broken")
+    picture = broken / "back" / "00002.png"
+    picture.write_bytes(picture.read_bytes()[:100])
+    done = subprocess.run(
+        [PROGRAM, "--recording", broken, "--headless", "--out", tmp_path / "out"],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0 and "00002.png" in done.stderr and "2 of 5 frames" in done.stderr
+    assert len(pictures(tmp_path / "out")) == 2
+
+
+def edited(folder, tmp_path, name, edit):
+    copy = shutil.copytree(folder, tmp_path / "edited")
+    file = copy / name
+    text = edit(file.read_text())
+    file.unlink()
+    if text is not None:
+        file.write_text(text)
+    return copy
+
+
+@pytest.mark.parametrize(
+    "name, edit, message",
+    [
+        ("rig.yaml", lambda text: None, "rig.yaml is missing"),
+        ("rig.yaml", lambda text: "%YAML:1.0\n---\nfront: [", "rig.yaml is not a file"),
+        ("rig.yaml", lambda text: text.replace("camera_matrix", "matrix"), "no 3 × 3 camera_matrix"),
+        ("rig.yaml", lambda text: text.replace("front_from_back", "x"), "no 4 × 4 front_from_back"),
+        ("rig.yaml", lambda text: text.replace("srgb", "film"), 'must be "srgb" or a curve, got "film"'),
+        ("board.yaml", lambda text: text.replace("border_bits", "x"), "no number border_bits"),
+        ("frames.csv", lambda text: None, "no frames.csv"),
+        ("frames.csv", lambda text: text.replace("exposure", "x"), "no column exposure"),
+        ("frames.csv", lambda text: text.replace(",back,", ",left,"), 'back or front, got "left"'),
+        ("frames.csv", lambda text: text.replace("0.1,", "soon,"), 'finite number, got "soon"'),
+        (
+            "frames.csv",
+            lambda text: text.replace(".png", "#x"),
+            'picture or video#number, got "back/00000#x"',
+        ),
+        ("frames.csv", lambda text: text.split("\n")[0] + "\n", "lists no pictures"),
+    ],
+)
+def test_bad_recordings(folder, tmp_path, name, edit, message):
+    text = run("--recording", edited(folder, tmp_path, name, edit), "--headless", code=2)
+    assert message in text
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ((), "either --recording DIR or --back N, got neither"),
+        (("--recording", "nowhere"), "no recording at nowhere"),
+        (("--back", 0), "expected --rig"),
+        (("--recording", "x", "--back", 0), "got both"),
+        (("--recording", "x", "--height", -1), 'expected a number above 0, got "-1"'),
+        (("--recording", "x", "--exponent", "nan"), 'expected 0 or more, got "nan"'),
+        (("--recording", "x", "--diffuse", "1,2"), "--diffuse"),
+        (("--recording", "x", "--glossy", "1,2,-3"), "at least 0, got 1, 2, -3"),
+        (("--recording", "x", "--methods", "magic"), "magic not in {auto,paper}"),
+        (("--recording", "x", "--nonsense"), "--nonsense"),
+        (("--recording", "FOLDER", "--out", "no-such-folder/a.webm"), "no folder no-such-folder"),
+        (("--recording", "FOLDER", "--out", "a.mp4"), "expected a .webm, a .png or a folder"),
+        (("--recording", "FOLDER", "--object", "nowhere.obj"), "no mesh at nowhere.obj"),
+    ],
+)
+def test_bad_arguments(folder, arguments, message):
+    arguments = [folder if argument == "FOLDER" else argument for argument in arguments]
+    assert message in run(*arguments, "--headless", code=2)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("v 0 0\n", "line 1: expected three numbers"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", 'line 4: expected a vertex from 1 to 3, got "4"'),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 x\n", 'got "x"'),
+        ("v 0 0 0\nv 1 0 0\nf 1 2\n", "at least 3 corners, got 2"),
+        ("v 0 0 0\n", "holds no triangles"),
+        ("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n", "without extent along z"),
+    ],
+)
+def test_bad_objects(folder, tmp_path, text, message):
+    (tmp_path / "bad.obj").write_text(text)
+    assert message in run("--recording", folder, "--object", tmp_path / "bad.obj", "--headless", code=2)
+
+
+def test_help_and_version():
+    assert "Examples:" in run("--help")
+    assert fastibl.__version__ in run("--version")
+
+
+def test_no_display(folder):
+    env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    assert "use --headless" in run("--recording", folder, code=2, env=env)
+
+
+@pytest.mark.skipif(not shutil.which("xvfb-run"), reason="needs xvfb-run")
+def test_window(folder, tmp_path):
+    shot = tmp_path / "shot.png"
+    command = ["xvfb-run", "-a", PROGRAM, "--recording", folder, "--screenshot", shot, "--frames", "3"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    if "built without a window" in done.stderr:
+        pytest.skip("fastibl-demo is built without a window")
+    assert done.returncode == 0, done.stderr
+    assert "space" in done.stdout  # the keys
+    window = cv2.imread(str(shot))
+    run("--recording", folder, "--headless", "--out", tmp_path / "last.png", "--frames", 3)
+    picture = cv2.imread(str(tmp_path / "last.png"))
+    assert window.shape == picture.shape and window.mean() > 20
+    assert np.abs(window.astype(int) - picture).max() <= 1
