@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from views import all_around, camera_of, exposed, looking, picture_of, rays_of
 
 import fastibl
 from conftest import same_error
+from views import all_around, camera_of, exposed, looking, picture_of, rays_of
 
 CENTRE = (0.0, 0.0, 0.05)
 UP = (0.0, 0.0, 1.0)

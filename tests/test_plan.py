@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from views import camera_of, looking
 
 import fastibl
 from conftest import same_error
+from views import camera_of, looking
 
 PASSES = ["track", "capture", "mips", "irradiance", "shadow", "shade", "composite"]
 INPUTS = {"back_picture", "light_pictures", "placement", "material"}

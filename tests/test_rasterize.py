@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from views import camera_of, looking, rays_of
 
 import fastibl
+from views import camera_of, looking, rays_of
 
 CAMERA = fastibl.Camera(96, 72, 100.0, 100.0, 48.0, 36.0)
 DOWN = fastibl.Pose(np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1.0], [0, 0, 0, 1]]))  # 1 m above the plane

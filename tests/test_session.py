@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from views import camera_of, looking, rays_of
 
 import fastibl
 from conftest import same_error
+from views import camera_of, looking, rays_of
 
 CAMERA = camera_of(96, 72, 50.0)
 RIG = fastibl.Rig(CAMERA)

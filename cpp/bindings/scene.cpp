@@ -591,7 +591,8 @@ or None. Raises ValueError for wrong shapes, indices out of range, or vertices t
            })
       .def(py::pickle(
           [](const py::object& self) {
-            return py::make_tuple(self.attr("vertices"), self.attr("triangles"), self.attr("uvs"));
+            return py::make_tuple(py::object(self.attr("vertices")),
+                                  py::object(self.attr("triangles")), py::object(self.attr("uvs")));
           },
           [](const py::tuple& t) { return py::type::of<Mesh>()(t[0], t[1], t[2]).cast<Mesh>(); }));
 

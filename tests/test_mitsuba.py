@@ -1,0 +1,133 @@
+"""A path tracer that shares nothing with this library renders the same object under the same map."""
+
+import numpy as np
+import pytest
+
+import fastibl
+from conftest import MAPS
+from fastibl import reference
+from views import camera_of, looking, rays_of
+
+mi = pytest.importorskip("mitsuba")
+
+ALBEDO = np.array([0.8, 0.6, 0.4])
+CENTRE, RADIUS = np.array([0.0, 0.0, 0.05]), 0.05
+EYE = (0.15, -0.25, 0.15)
+CAMERA = camera_of(64, 48, 30.0)
+POSE = looking(CENTRE - EYE, EYE)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def variant():
+    mi.set_variant("scalar_rgb")
+
+
+def equirect_of(cube, height, poles=False):
+    """Values of the map at the middles of an equirectangular picture's pixels; `poles`: of rows from pole to pole."""
+    u = ((np.arange(2 * (height - poles)) + 0.5) / (2 * (height - poles)) - 0.5) * 2 * np.pi
+    v = (np.arange(height) / (height - 1) if poles else (np.arange(height) + 0.5) / height)[:, None] * np.pi
+    return cube.sample(np.stack(np.broadcast_arrays(np.sin(v) * np.sin(u), np.sin(v) * np.cos(u), np.cos(v)), axis=-1))
+
+
+def emitter_of(cube):
+    """A map as Mitsuba's emitter.
+
+    Ours: u = 1/2 + atan2(x, y) / 2 pi, v = acos(z) / pi. Mitsuba's, in its own frame (a, b, c):
+    u = atan2(a, -c) / 2 pi, v = acos(b) / pi. So (a, b, c) = (-x, z, y). Its first and last rows lie on the poles.
+    """
+    image = equirect_of(cube, 257, poles=True)
+    local_from_world = np.array([[-1.0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    return {
+        "type": "envmap",
+        "bitmap": mi.Bitmap(np.ascontiguousarray(image, np.float32)),
+        "to_world": mi.ScalarTransform4f(local_from_world.T),
+    }
+
+
+def test_orientation_of_the_map(marked):
+    emitter = mi.load_dict(emitter_of(marked))
+    directions = fastibl.texel_directions(32)[:, 2:30:3, 2:30:3].reshape(-1, 3)
+    seen = []
+    for d in directions:
+        at = mi.SurfaceInteraction3f()
+        at.wi = -mi.Vector3f([float(c) for c in d])
+        seen.append(np.array(emitter.eval(at)).ravel())
+    error = np.abs(np.array(seen) - marked.sample(directions)).mean(axis=1)
+    print(f"marked map in Mitsuba: {100 * (error < 0.1).mean():.1f} % of the directions within 0.1")
+    assert (error < 0.1).mean() > 0.93  # but on edges
+
+
+def rendered(cube, samples):
+    transform = mi.ScalarTransform4f()
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path", "max_depth": 2, "hide_emitters": True},
+            "sensor": {
+                "type": "perspective",
+                "fov": 30.0,
+                "fov_axis": "x",
+                "to_world": transform.look_at(origin=list(EYE), target=CENTRE.tolist(), up=[0, 0, 1]),
+                "film": {
+                    "type": "hdrfilm",
+                    "width": CAMERA.width,
+                    "height": CAMERA.height,
+                    "rfilter": {"type": "box"},
+                    "pixel_format": "rgb",
+                },
+                "sampler": {"type": "multijitter", "sample_count": samples},
+            },
+            "emitter": emitter_of(cube),
+            "ball": {
+                "type": "sphere",
+                "center": CENTRE.tolist(),
+                "radius": RADIUS,
+                "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": ALBEDO.tolist()}},
+            },
+        }
+    )
+    return np.array(mi.render(scene), np.float64)
+
+
+@pytest.mark.parametrize("place", ["real", "generated"])
+def test_a_diffuse_ball_looks_the_same(place, marked):
+    if place == "real":
+        if not MAPS:
+            pytest.skip("no real HDR maps beside the project")
+        cube = fastibl.read_environment(MAPS[0], size=64)
+    else:
+        cube = marked
+    theirs = rendered(cube, 1024)
+
+    # Pixels that see the ball alone, and the normal in the middle of each.
+    offset = np.asarray(EYE) - CENTRE
+    fine = rays_of(CAMERA, POSE, split=4)
+    hit = ((fine @ offset) ** 2 - offset @ offset + RADIUS**2 > 0) & (fine @ offset < 0)
+    inside = hit.reshape(48, 4, 64, 4).all(axis=(1, 3))
+    along = (fine @ offset)[hit]
+    normals = np.zeros(fine.shape)
+    normals[hit] = offset + (-along - np.sqrt(along**2 - offset @ offset + RADIUS**2))[:, None] * fine[hit]
+    normals = normals.reshape(48, 4, 64, 4, 3).mean(axis=(1, 3))[inside]
+    truth = reference.irradiance(equirect_of(cube, 192), normals) * ALBEDO / np.pi
+    difference = np.abs(theirs[inside] - truth).mean() / truth.mean()
+    bias = (theirs[inside].mean(axis=0) / truth.mean(axis=0) - 1) * 100
+    print(f"{place}: Mitsuba against the sum over the map {100 * difference:.2f} %, bias {bias.round(2)} %")
+    assert inside.sum() > 300 and difference < 0.01
+
+    import trimesh
+
+    mesh = trimesh.creation.icosphere(5, RADIUS)
+    scene = fastibl.Scene(
+        fastibl.Mesh(mesh.vertices + CENTRE, mesh.faces), fastibl.Material(diffuse=ALBEDO), spheres=0, visibility_rays=0
+    )
+    for method in ("sh9", "six-face"):
+        session = fastibl.Session(scene, fastibl.Rig(CAMERA), environment=cube, methods={"diffuse": method})
+        session.process(fastibl.Frame(0.0, back_from_marker=POSE))
+        layer, ours = session.object, np.zeros((48, 64, 4))
+        h, w = layer.rgba.shape[:2]
+        ours[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
+        assert (ours[inside, 3] == 1).mean() > 0.99
+        error = np.abs(ours[inside, :3] - theirs[inside]).mean() / truth.mean()
+        told = session.process(fastibl.Frame(0.1, back_from_marker=POSE)).predicted_error
+        print(f"{place}: {method} against Mitsuba {100 * error:.2f} % (the map's own error by it: {100 * told:.2f} %)")
+        assert error < 2 * told + 0.01
