@@ -193,12 +193,15 @@ FrameResult Session::process(const Frame& frame) {
         });
         break;
       default: {
-        if (!lighting_ || lighting_->radiance.get() != &environment_->radiance) {
+        // Without a map nothing reads it: the object only glows.
+        std::shared_ptr<const CubeMap> radiance;
+        if (environment_) radiance = {environment_, &environment_->radiance};
+        if (!lighting_ || lighting_->radiance != radiance) {
           // No pass reads the irradiance, but the glossy look-up needs its chain.
           Lighting chain;
           chain.glossy = options_.methods.glossy;
           chain.normalization = options_.methods.normalization;
-          chain.radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
+          chain.radiance = std::move(radiance);
           lighting_ = std::make_shared<const Lighting>(std::move(chain));
         }
         const RenderInput input{scene_, options_.methods, *lighting_,         camera,
@@ -215,8 +218,8 @@ FrameResult Session::process(const Frame& frame) {
   else
     result.image = Image<std::uint8_t>(camera.width, camera.height, 4);
   result.environment = environment_;
-  result.lighting = lighting_;
-  if (environment_ && lighting_)
+  if (lighting_ && lighting_->radiance) result.lighting = lighting_;
+  if (environment_ && result.lighting)
     result.predicted_error = std::hypot(environment_->predicted_error, lighting_->irradiance_error);
   result.timings["total"] = total.seconds();
   return result;
