@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fastibl.session import with_gl
 
 import fastibl
+from fastibl.session import with_gl
 
 ROOT = Path(__file__).resolve().parents[1]
 SHADERS = ROOT / "shaders"
