@@ -313,6 +313,62 @@ def test_a_session_equals_a_fresh_one_after_any_changes(seed):
     assert skipped > 3
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_capturing_session_equals_one_that_never_changed(seed):
+    """Whatever was switched between the frames: the next picture is that of a session which saw the same frames."""
+    rng = np.random.default_rng(seed)
+    camera = camera_of(64, 48, 50.0)
+    rig, base = fastibl.Rig(camera), scene_of()
+    choices = [c for c in CHOICES if c != "paper"]  # it captures other frames
+    state = dict(material=0, place=0, methods=0, cast=True)
+    session, frames = fastibl.Session(base, rig, size=16), []
+    for step in range(24):
+        if rng.random() < 0.4:
+            state["material"] = int(rng.integers(len(MATERIALS)))
+            session.set_material(MATERIALS[state["material"]])
+        if rng.random() < 0.3:
+            state["place"] = int(rng.integers(4))
+            session.move(placed(state["place"]))
+        if rng.random() < 0.3:
+            state["methods"] = int(rng.integers(len(choices)))
+            session.set_methods(choices[state["methods"]])
+        if rng.random() < 0.4:
+            state["cast"] = bool(rng.integers(2))
+            session.set_cast_shadow(state["cast"])
+        eye = (0.1 * rng.random(), -0.25, 0.2)
+        pose = looking(np.array([0, 0.1 * rng.random(), 0.03]) - eye, eye)
+        back = rng.integers(0, 200, (48, 64, 3), np.uint8)
+        kind = rng.integers(4)
+        frames.append(
+            fastibl.Frame(0.1 * step, back=None if kind == 0 else back, back_from_marker=None if kind == 1 else pose)
+        )
+        result = session.process(frames[-1])
+        if step % 4 != 3:
+            continue
+        fresh = fastibl.Session(base, rig, size=16, methods=choices[state["methods"]], cast_shadow=state["cast"])
+        fresh.set_material(MATERIALS[state["material"]])
+        fresh.move(placed(state["place"]))
+        for frame in frames:
+            expected = fresh.process(frame)
+        np.testing.assert_array_equal(result.image, expected.image, err_msg=str(state))
+        if frames[-1].back_from_marker is not None:
+            assert result.shadow_map == expected.shadow_map, state
+            if state["cast"] or MATERIALS[state["material"]] != GLOWING:  # else nothing reads the map
+                assert result.environment.radiance == expected.environment.radiance
+
+
+def test_what_only_glows_needs_no_light():
+    """No map is made, and none is missed."""
+    session = fastibl.Session(scene_of(GLOWING, 0), fastibl.Rig(camera_of(64, 48, 50.0)), size=16)
+    result = session.process(fastibl.Frame(0.0, back_from_marker=looking((0, 1, -0.7), (0.0, -0.25, 0.2))))
+    assert result.passes == ["shade", "composite"] and result.environment is None and result.lighting is None
+    rgba = session.object.rgba
+    np.testing.assert_allclose(rgba[rgba[..., 3] == 1][:, :3].mean(axis=0), GLOWING.emission, rtol=1e-5)
+    session.set_material(BOTH)
+    later = session.process(fastibl.Frame(0.1, back_from_marker=looking((0, 1, -0.7), (0.0, -0.25, 0.2))))
+    assert later.passes == ["mips", "irradiance", "shade", "composite"] and later.environment.coverage == 0
+
+
 def test_between_given_and_captured_light():
     """Switching to capture and back: the picture is that of a session that never had the other."""
     camera = camera_of(64, 48, 50.0)

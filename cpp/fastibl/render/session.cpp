@@ -151,9 +151,9 @@ void Session::check_frame(const Frame& frame) const {
 
 // Runs a pass; false where it had nothing to do.
 bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose) {
-  const auto radiance = [&] {
-    return std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
-  };
+  // Without a map nothing reads it: the object only glows.
+  std::shared_ptr<const CubeMap> radiance;
+  if (environment_) radiance = {environment_, &environment_->radiance};
   switch (id) {
     case PassId::track:
       return false;  // ran before: it decides what is due
@@ -169,18 +169,18 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       options.diffuse = options_.methods.diffuse;
       options.glossy = options_.methods.glossy;
       options.normalization = options_.methods.normalization;
-      lighting_ = std::make_shared<const Lighting>(fit_lighting(radiance(), options));
+      lighting_ = std::make_shared<const Lighting>(fit_lighting(std::move(radiance), options));
       return true;
     }
     default:
       break;
   }
-  if (!lighting_ || lighting_->radiance.get() != &environment_->radiance) {
+  if (!lighting_ || lighting_->radiance != radiance) {
     // No pass reads the irradiance, but the glossy look-up needs its chain.
     Lighting chain;
     chain.glossy = options_.methods.glossy;
     chain.normalization = options_.methods.normalization;
-    chain.radiance = radiance();
+    chain.radiance = std::move(radiance);
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
   renderer_->run(id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back,
@@ -226,8 +226,8 @@ FrameResult Session::process(const Frame& frame) {
   else
     result.image = Image<std::uint8_t>(rig_.back.width, rig_.back.height, 4);
   result.environment = environment_;
-  result.lighting = lighting_;
-  if (environment_ && lighting_)
+  if (lighting_ && lighting_->radiance) result.lighting = lighting_;
+  if (environment_ && result.lighting)
     result.predicted_error = std::hypot(environment_->predicted_error, lighting_->irradiance_error);
   result.timings["total"] = total.seconds();
   return result;

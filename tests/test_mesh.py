@@ -1,0 +1,117 @@
+"""Meshes, materials and scenes as values: files, standing on the marker, normals, what is refused."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import fastibl
+from conftest import same_error
+
+TETRAHEDRON = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]])
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+
+
+def tetrahedron():
+    return fastibl.Mesh(TETRAHEDRON, FACES)
+
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+def test_files_are_turned_up(tmp_path):
+    path = tmp_path / "t.obj"
+    path.write_text(OBJ)
+    np.testing.assert_allclose(np.ptp(fastibl.read_mesh(path, up="z").vertices, axis=0), (1, 2, 3))
+    mesh = fastibl.read_mesh(path)  # y is up: y becomes z, and z becomes -y
+    assert mesh.vertices[:, 2].max() == 2 and mesh.vertices[:, 1].min() == -3
+    # It is turned, not mirrored: the volume keeps its sign.
+    for m in (mesh, fastibl.read_mesh(path, up="z"), tetrahedron()):
+        a, b, c = (m.vertices[m.triangles[:, k]].astype(float) for k in range(3))
+        assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(1)
+
+
+def test_bad_files_are_refused(tmp_path):
+    same_error(lambda: fastibl.read_mesh(tmp_path / "none.obj"), FileNotFoundError, "none.obj")
+    (tmp_path / "t.obj").write_text(OBJ)
+    same_error(lambda: fastibl.read_mesh(tmp_path / "t.obj", up="x"), ValueError, "up", "'x'")
+    (tmp_path / "empty.obj").write_text("v 0 0 0\n")
+    same_error(lambda: fastibl.read_mesh(tmp_path / "empty.obj"), ValueError, "empty.obj")
+    (tmp_path / "text.xyzzy").write_text("hello")
+    same_error(lambda: fastibl.read_mesh(tmp_path / "text.xyzzy"), ValueError, "text.xyzzy")
+
+
+def test_stand():
+    turned = fastibl.Mesh(TETRAHEDRON * 7 + [3, -2, 5], FACES)
+    mesh = fastibl.stand(turned, 0.12)
+    lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    np.testing.assert_allclose((lower + upper)[:2], 0, atol=1e-7)
+    np.testing.assert_allclose((lower[2], upper[2]), (0, 0.12), atol=1e-7)
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), np.array([1, 2, 3]) * 0.04, rtol=1e-5)
+    for height in (0.0, -1.0, float("nan"), float("inf")):
+        same_error(lambda h=height: fastibl.stand(turned, h), ValueError, "height", str(height))
+    flat = fastibl.Mesh(TETRAHEDRON * [1, 1, 0], FACES)
+    same_error(lambda: fastibl.stand(flat, 1.0), ValueError, "extent along z")
+
+
+def test_normals_point_outwards():
+    import trimesh
+
+    ball = trimesh.creation.icosphere(3)
+    normals = fastibl.Mesh(ball.vertices, ball.faces).normals
+    print(
+        f"normals of a sphere within {np.degrees(np.arccos((normals * ball.vertices).sum(axis=1).min())):.2f} degrees"
+    )
+    assert (normals * ball.vertices).sum(axis=1).min() > 0.9995
+    alone = fastibl.Mesh(np.concatenate([TETRAHEDRON, [[9.0, 9, 9]]]), FACES).normals[-1]
+    np.testing.assert_array_equal(alone, (0, 0, 1))  # of a vertex without a triangle
+
+
+def test_values_behave():
+    mesh = fastibl.Mesh(TETRAHEDRON, FACES, np.zeros((4, 2)))
+    assert pickle.loads(pickle.dumps(mesh)) == mesh != tetrahedron()
+    assert pickle.loads(pickle.dumps(tetrahedron())) == tetrahedron() and tetrahedron().uvs is None
+    material = fastibl.Material(diffuse=(0.1, 0.2, 0.3), glossy=(1, 1, 1), exponent=float("inf"), emission=(0, 0, 5))
+    assert pickle.loads(pickle.dumps(material)) == material != fastibl.Material()
+    strided = np.repeat(TETRAHEDRON.astype(np.float16), 2, axis=0)[::2]
+    assert fastibl.Mesh(strided, FACES.astype(np.uint8)) == tetrahedron()
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_what_is_no_mesh_is_refused():
+    def make(vertices=TETRAHEDRON, triangles=FACES, uvs=None):
+        return lambda: fastibl.Mesh(vertices, triangles, uvs)
+
+    same_error(make(vertices=np.zeros((0, 3))), ValueError, "vertex")
+    same_error(make(triangles=np.zeros((0, 3), int)), ValueError, "triangle")
+    same_error(make(vertices=np.ones((4, 2))), ValueError, "(4, 2)")
+    same_error(make(vertices=np.ones((2, 4, 3))), ValueError, "(v, 3)", "(2, 4, 3)")
+    same_error(make(vertices=np.ones((4, 3), int)), TypeError, "floats", "int64")
+    same_error(make(triangles=np.ones((4, 4), int)), ValueError, "(t, 3)", "(4, 4)")
+    same_error(make(triangles=FACES.astype(float)), TypeError, "integers")
+    same_error(make(triangles=FACES + 1), ValueError, "vertex index 4", "0 to 3")
+    same_error(make(triangles=FACES - 1), ValueError, "vertex index -1")
+    same_error(make(triangles=FACES + 2**32), ValueError, "vertex index")
+    same_error(make(uvs=np.zeros((3, 2))), ValueError, "uvs", "4", "3")
+    same_error(make(uvs=np.zeros((4, 3))), ValueError, "(v, 2)", "(4, 3)")
+    for bad in (np.nan, np.inf, 1e300):
+        same_error(make(vertices=np.where(TETRAHEDRON == 3, bad, TETRAHEDRON)), ValueError, "vertex 3", "not finite")
+
+
+def test_what_is_no_material_is_refused():
+    for name in ("diffuse", "glossy", "emission"):
+        for bad in (-0.1, np.nan, np.inf):
+            same_error(lambda n=name, b=bad: fastibl.Material(**{n: (0.5, b, 0.5)}), ValueError, name, "at least 0")
+        same_error(lambda n=name: fastibl.Material(**{n: (0.5, 0.5)}), ValueError, name, "three numbers")
+        same_error(lambda n=name: fastibl.Material(**{n: 0.5}), TypeError, name)
+    for bad in (-1.0, float("nan")):
+        same_error(lambda b=bad: fastibl.Material(exponent=b), ValueError, "exponent")
+
+
+def test_what_is_no_scene_is_refused():
+    same_error(lambda: fastibl.Scene(tetrahedron(), spheres=-1), ValueError, "spheres", "-1")
+    same_error(lambda: fastibl.Scene(tetrahedron(), visibility_rays=-1), ValueError, "rays", "-1")
+    same_error(lambda: fastibl.Scene(tetrahedron(), None, np.eye(3)), ValueError, "marker_from_object")
+    scene = fastibl.Scene(tetrahedron(), spheres=0, visibility_rays=0)
+    assert scene.spheres.shape == (0, 4) and (scene.visibility == 1).all() and scene.mesh == tetrahedron()
+    assert scene.material == fastibl.Material() and scene.marker_from_object == fastibl.Pose()
