@@ -1,6 +1,6 @@
 #version 300 es
 // Colour of the object (Eq. 3, 4 and 8). Variants:
-//   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9
+//   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance
 //   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance
 //   PAPER        1: times the directional albedo of Eq. 3
 //   DISTORTION   1: the camera has a lens model
@@ -19,7 +19,10 @@ uniform vec3 marker_from_object_shift;
 uniform vec3 emission;
 layout(location = 0) out vec4 layer;  // radiance times coverage, and coverage
 
-#if DIFFUSE == 4
+#if DIFFUSE == 5
+uniform samplerCube baked;
+uniform float baked_scale;  // stored values times this are irradiance
+#elif DIFFUSE == 4
 uniform vec3 light[9];
 #elif DIFFUSE
 uniform vec3 light[6];
@@ -33,8 +36,10 @@ vec3 irradiance(vec3 n) {
   return six_face_irradiance(light, n);
 #elif DIFFUSE == 3
   return exact_face_irradiance(light, n);
-#else
+#elif DIFFUSE == 4
   return sh9_irradiance(light, n);
+#else
+  return baked_scale * textureLod(baked, n, 0.0).rgb;
 #endif
 }
 uniform vec3 diffuse_albedo;

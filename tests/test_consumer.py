@@ -36,9 +36,7 @@ def build_tree(tmp_path_factory):
     if not (tree / "build.ninja").is_file():
         tree = tmp_path_factory.mktemp("core")
         configure(ROOT, tree, *CORE_ONLY)
-    parts = [
-        part for part in ("core", "tracking", "gl") if (tree / f"fastibl_{part}_targets.cmake").is_file()
-    ]
+    parts = [part for part in ("core", "tracking", "gl") if (tree / f"fastibl_{part}_targets.cmake").is_file()]
     run("cmake", "--build", tree, "--target", *(f"fastibl_{part}" for part in parts))
     return tree
 

@@ -6,9 +6,10 @@ import subprocess
 from pathlib import Path
 
 import cv2
-import fastibl
 import numpy as np
 import pytest
+
+import fastibl
 from fastibl.recording import RecordingWriter
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -36,9 +37,7 @@ class PrintedBoard:
             corners = np.asarray(tag.corners)
             x, y = ((corners[0] + [self.width / 2, -self.height / 2]) * [scale, -scale]).round().astype(int)
             n = round((corners[1, 0] - corners[0, 0]) * scale)
-            page[y : y + n, x : x + n] = cv2.aruco.generateImageMarker(
-                family, tag.id, n, borderBits=self.border_bits
-            )
+            page[y : y + n, x : x + n] = cv2.aruco.generateImageMarker(family, tag.id, n, borderBits=self.border_bits)
         return page
 
 

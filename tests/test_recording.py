@@ -10,9 +10,8 @@ import pytest
 from standin import Page
 
 import fastibl
-from fastibl import Camera, CubeMap, Frame, Pose, Recording, Response, Rig
+from fastibl import Board, Camera, CubeMap, Frame, Pose, Recording, Response, Rig
 from fastibl.__main__ import main
-from fastibl import Board
 from fastibl.recording import (
     RecordingWarning,
     RecordingWriter,

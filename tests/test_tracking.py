@@ -296,9 +296,7 @@ def test_the_start_decides_nothing():
         azimuth, tilt = rng.uniform(0, 360), rng.uniform(10, 60)
         pose = look_at(tilt, 0.6, azimuth)
         tags = seen_corners(board, CAMERA, pose, noise=0.3, seed=k)
-        found = [
-            _track(tags, start, board, CAMERA) for start in (pose, look_at(tilt, 0.6, azimuth + 180), None)
-        ]
+        found = [_track(tags, start, board, CAMERA) for start in (pose, look_at(tilt, 0.6, azimuth + 180), None)]
         assert np.ptp([tracked.residual_px for tracked in found]) < 1e-3
 
 

@@ -69,11 +69,11 @@ what is not part of the place. Raises ValueError or TypeError, naming what was e
           "last_seen",
           [](const Capture& capture) {
             const int n = capture.size();
-            py::array_t<float> out({6, n, n});
+            py::array_t<double> out({6, n, n});
             std::copy(capture.last_seen().begin(), capture.last_seen().end(), out.mutable_data());
             return out;
           },
-          "(6, n, n) float32: time at which each texel was last seen; -inf if never.")
+          "(6, n, n) float64: time at which each texel was last seen; -inf if never.")
       .def("__repr__",
            [](const Capture& c) { return "<fastibl.Capture " + std::to_string(c.size()) + "^2>"; });
 }

@@ -119,6 +119,8 @@ inline Picture require_picture(const py::object& object, const char* name, py::a
                           shape_of(array));
   if (picture.type == PixelType::float32)
     keep = py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(array);
+  else if (picture.type == PixelType::uint16)  // of either byte order
+    keep = py::array_t<std::uint16_t, py::array::c_style | py::array::forcecast>::ensure(array);
   else
     keep = py::array::ensure(array, py::array::c_style);
   picture.data = keep.data();

@@ -22,6 +22,7 @@ constexpr float kChange = 4.0f;
 constexpr float kClippedShare = 0.01f;  // of a footprint: more makes the sample a lower bound
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
 constexpr float kShotNoise = 2.5e-4f;  // variance per linear value: a full well of 4000 electrons
+constexpr double kNever = -std::numeric_limits<double>::infinity();
 constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
 
 // Standard deviation of one pixel's linear value, by value: one code of noise and quantisation.
@@ -54,8 +55,10 @@ class SensorNoise {
 Capture::Capture(CaptureOptions options) : options_(std::move(options)) {
   const int n = options_.size;
   check(n >= 1 && n <= 4096, "the map's size must be 1 to 4096 texels, got ", n);
-  check(options_.centre.z > 0 && std::isfinite(options_.centre.z),
-        "the centre must lie above the plane (z > 0), got z = ", options_.centre.z);
+  const glm::dvec3& centre = options_.centre;
+  check(std::isfinite(centre.x) && std::isfinite(centre.y) && std::isfinite(centre.z),
+        "the centre must be finite, got ", centre.x, " ", centre.y, " ", centre.z);
+  check(centre.z > 0, "the centre must lie above the plane (z > 0), got z = ", centre.z);
   check(options_.distance > 0, "the distance of the place must be positive (metres), got ",
         options_.distance);
   check(options_.plane_albedo > 0 && options_.plane_albedo <= 1,
@@ -70,7 +73,7 @@ Capture::Capture(CaptureOptions options) : options_(std::move(options)) {
   value_.assign(count, glm::vec3(0));
   variance_.assign(count, glm::vec3(0));
   bound_.assign(count, 0);
-  last_seen_.assign(count, -std::numeric_limits<float>::infinity());
+  last_seen_.assign(count, kNever);
   nearest_.assign(count, -1);
 }
 
@@ -96,7 +99,10 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   const float focal = float(std::sqrt(camera.fx * camera.fy));
   const float per_linear = float(1 / (exposure * camera.gain));
   const glm::dvec3 origin = camera_from_marker * options_.centre;
+  const glm::dvec3 eye = camera_from_marker.inverse().translation;
   const double nearness = 1 / options_.distance;
+  // Half-angle by which what is near is seen in another direction than from the centre.
+  const float parallax = float(std::asin(std::min(1.0, nearness * glm::length(origin))));
   // Half-angle of the picture around the optical axis, for culling tiles of distant light.
   double widest = 0;
   for (const glm::dvec2 corner :
@@ -108,16 +114,20 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   }
   const glm::vec3 axis =
       glm::vec3(glm::transpose(rotation)[2]);  // optical axis in the marker frame
-  const bool above_plane = (camera_from_marker.inverse().translation).z > 0;
 
-  // Pixel, and distance-free direction, at which a texel is seen; false where it is not.
-  const auto seen_at = [&](std::size_t i, glm::dvec3& in_camera) {
+  // Where a texel is, in the camera frame (its length is free above the horizon), and the solid
+  // angle under which the camera sees it, by that under which the centre does; false where nothing
+  // is seen of it.
+  const auto seen_at = [&](std::size_t i, glm::dvec3& in_camera, double& share) {
     const glm::dvec3 d(directions_[i]);
     if (d.z >= 0) {
-      in_camera = rotation * d + nearness * origin;
+      const glm::dvec3 turned = rotation * d;
+      in_camera = turned + nearness * origin;
+      const double length2 = glm::dot(in_camera, in_camera);
+      share = std::abs(glm::dot(turned, in_camera)) / (length2 * std::sqrt(length2));
       return true;
     }
-    if (!above_plane)
+    if (eye.z <= 0)
       return false;  // the plane hides what is under it, and its underside is not the table
     const double distance = options_.centre.z / -d.z;
     if (options_.board) {
@@ -127,6 +137,8 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
         return false;
     }
     in_camera = origin + distance * (rotation * d);
+    const double length2 = glm::dot(in_camera, in_camera);
+    share = distance * distance / length2 * eye.z / (std::sqrt(length2) * -d.z);
     return true;
   };
 
@@ -146,14 +158,15 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       for (const glm::vec3& c : corners)
         radius = std::min(radius, glm::dot(c, middle)), lowest = std::min(lowest, c.z);
       if (lowest >= 0 && std::acos(std::clamp(glm::dot(middle, axis), -1.0f, 1.0f)) >
-                             float(widest) + std::acos(std::min(radius, 1.0f)))
+                             float(widest) + parallax + std::acos(std::min(radius, 1.0f)))
         continue;
       for (int y = y0; y < y1; ++y)
         for (int x = x0; x < x1; ++x) {
           const std::size_t in_face = std::size_t(y) * n + std::size_t(x),
                             i = std::size_t(f) * n * n + in_face;
           glm::dvec3 p;
-          if (!seen_at(i, p)) continue;
+          double share = 1;
+          if (!seen_at(i, p, share)) continue;
           const auto pixel = lens.project(p);
           if (!pixel || !camera.inside(*pixel)) continue;
           if (!mask.empty() && *mask.pixel(int(pixel->x), int(pixel->y)) == 0) continue;
@@ -161,15 +174,15 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
           // optical axis.
           const double cosine = p.z / glm::length(p);
           const float area =
-              float(solid_angle_[in_face] * focal * focal / (cosine * cosine * cosine));
+              float(share * solid_angle_[in_face] * focal * focal / (cosine * cosine * cosine));
           const FootprintSample s =
               pyramid.sample(float(pixel->x), float(pixel->y), std::sqrt(area));
           const float scale =
               camera.vignetting.empty() ? per_linear : per_linear / float(camera.vignette(*pixel));
 
-          const bool first = last_seen_[i] < -1e29f;
+          const bool first = last_seen_[i] == kNever;
           if (first) newly_seen[std::size_t(tile)] = 1;
-          const float elapsed = first ? 0.0f : float(time) - last_seen_[i];
+          const float elapsed = first ? 0.0f : float(time - last_seen_[i]);
           for (int c = 0; c < 3; ++c) {
             float &value = value_[i][c], &variance = variance_[i][c];
             const float sample = s.linear[c] * scale;
@@ -184,20 +197,20 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
             const float sample_noise = kModelNoise * sample;
             const float sample_variance =
                 noise.variance(s.linear[c], area) * scale * scale + sample_noise * sample_noise;
-            if (first) {
+            if (!first) variance += kDrift * kDrift * value * value * elapsed;
+            const float difference = sample - value;
+            // A bound is no measurement, and what contradicts the value is a change of the place.
+            if (first || (bound_[i] & bit) ||
+                difference * difference > kChange * kChange * (variance + sample_variance)) {
               value = sample, variance = sample_variance;
+              bound_[i] &= std::uint8_t(~bit);
               continue;
             }
-            variance += kDrift * kDrift * value * value * elapsed;
-            const float difference = sample - value;
-            if (difference * difference > kChange * kChange * (variance + sample_variance))
-              variance = difference * difference;
             const float gain = variance / std::max(variance + sample_variance, 1e-30f);
             value += gain * difference;
             variance *= 1 - gain;
-            if (gain > 0.5f) bound_[i] &= std::uint8_t(~bit);
           }
-          last_seen_[i] = float(time);
+          last_seen_[i] = time;
         }
     }
   });
@@ -224,7 +237,7 @@ void Capture::update_nearest() {
   }
   std::deque<int> queue;
   for (std::size_t i = 0; i < count; ++i) {
-    nearest_[i] = last_seen_[i] > -1e29f ? int(i) : -1;
+    nearest_[i] = last_seen_[i] != kNever ? int(i) : -1;
     if (nearest_[i] >= 0) queue.push_back(int(i));
   }
   while (!queue.empty()) {
@@ -263,7 +276,7 @@ std::shared_ptr<const Environment> Capture::environment() {
       up_irradiance += angle * double(directions_[i].z) * glm::dvec3(faces[i]);
     }
     result->age[i] =
-        is_seen ? float(time_) - last_seen_[i] : std::numeric_limits<float>::infinity();
+        is_seen ? float(time_ - last_seen_[i]) : std::numeric_limits<float>::infinity();
     if (!is_seen) continue;
     seen += angle;
     if (above)

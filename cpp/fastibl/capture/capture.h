@@ -55,7 +55,7 @@ class Capture {
   int size() const { return options_.size; }
   double time() const { return time_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
-  const std::vector<float>& last_seen() const { return last_seen_; }
+  const std::vector<double>& last_seen() const { return last_seen_; }
 
  private:
   void update_nearest();
@@ -66,7 +66,7 @@ class Capture {
   std::vector<float> solid_angle_;     // n², one face
   std::vector<glm::vec3> value_, variance_;
   std::vector<std::uint8_t> bound_;  // bit c: channel c is only a lower bound
-  std::vector<float> last_seen_;
+  std::vector<double> last_seen_;
   std::vector<std::array<int, 4>> neighbours_;
   std::vector<int> nearest_;  // index of the texel whose value an unseen one takes; −1: none
   bool coverage_changed_ = true;

@@ -9,6 +9,9 @@ namespace {
 
 using namespace product;
 
+// What comes from outside where its pass is left out; of other passes left out there is no need.
+constexpr Products kGivable = pose | texels | radiance;
+
 Pass pass_of(PassId id, const Scene& scene) {
   const Material& m = scene.material;
   const bool matte_lobe = m.exponent == 0;  // s = 0 reads the irradiance
@@ -126,9 +129,11 @@ std::vector<PassId> due_passes(const Plan& plan, Products wanted, Products& stal
   for (auto p = plan.passes.rbegin(); p != plan.passes.rend(); ++p)
     if (p->included && (p->pass.writes & needed)) needed |= p->pass.reads | p->pass.needs;
   std::vector<PassId> due;
+  Products unused = 0;  // what nobody makes now; it stays old until its pass is back
   for (const PlannedPass& p : plan.passes) {
-    if (!p.included) continue;
-    if (p.pass.reads & stale) stale |= p.pass.writes;
+    if (!p.included && (p.pass.writes & kGivable)) continue;
+    if (p.pass.reads & stale & ~unused) stale |= p.pass.writes;
+    if (!p.included) unused |= p.pass.writes;
   }
   for (const PlannedPass& p : plan.passes)
     if (p.included && (p.pass.writes & stale) && (p.pass.writes & needed)) due.push_back(p.pass.id);
@@ -138,7 +143,7 @@ std::vector<PassId> due_passes(const Plan& plan, Products wanted, Products& stal
   // Inputs have had their effect; so has what comes from outside in place of a pass left out.
   stale &= ~product::inputs;
   for (const PlannedPass& p : plan.passes)
-    if (!p.included) stale &= ~p.pass.writes;
+    if (!p.included) stale &= ~(p.pass.writes & kGivable);
   return due;
 }
 

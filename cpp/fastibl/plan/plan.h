@@ -69,9 +69,11 @@ struct PlanOptions {
 // environment may be null: nothing is known of the light yet.
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options);
 
-// Passes to run now, in order. Staleness spreads forward through all included passes, what is
-// wanted spreads backward; a pass runs where both meet. `stale` is kept between frames by the
-// caller, who adds the inputs that changed; what runs, and the inputs, are cleared from it.
+// Passes to run now, in order. Staleness spreads forward through all passes, what is wanted spreads
+// backward; a pass runs where both meet. `stale` is kept between frames by the caller, who adds the
+// inputs that changed, what came from outside in place of a pass left out, and, when the plan
+// changed, the image and what is made otherwise; what runs, and what came from outside, are cleared
+// from it.
 std::vector<PassId> due_passes(const Plan& plan, Products wanted, Products& stale);
 
 }  // namespace fastibl

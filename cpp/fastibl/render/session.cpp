@@ -8,8 +8,9 @@
 namespace fastibl {
 namespace {
 
-constexpr double kPoseLifetime = 0.1;  // seconds that a front picture may use an earlier pose
-constexpr double kSinglePeriod = 5;    // seconds between the paper's front pictures
+constexpr double kPoseLifetime =
+    0.1 + 1e-6;  // seconds that a front picture may use an earlier pose, and times' rounding
+constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr double kSmallestHeight =
     0.01;  // metres: an object's centre for capture, however flat it is
 
@@ -51,6 +52,7 @@ void Session::replan() {
       renderer_->clear(p.pass.id);
     if (p.pass.id != PassId::track && p.pass.id != PassId::capture) stale_ |= p.pass.writes;
   }
+  if (!plan_.includes(PassId::irradiance)) lighting_.reset();  // it may be another method's
 }
 
 void Session::update_plan() {
@@ -143,6 +145,9 @@ FrameResult Session::process(const Frame& frame) {
         "exposures must be positive and finite, got ", frame.front_exposure);
   check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
         "a frame needs a picture or a pose");
+  check(std::isfinite(frame.time) && (!last_time_ || frame.time >= *last_time_),
+        "time must not run backwards: ", frame.time, " s after ", last_time_.value_or(0), " s");
+  last_time_ = frame.time;
 
   const Stopwatch total;
   FrameResult result;

@@ -96,6 +96,7 @@ class Session {
   Products stale_ = product::all & ~product::inputs;
   std::optional<Pose> last_pose_;
   double last_pose_time_ = 0;
+  std::optional<double> last_time_;
   std::optional<double> last_capture_time_, capture_exposure_;  // of the paper's single pictures
 };
 

@@ -1,7 +1,10 @@
 #include "fastibl/scene/picture.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+
+#include "fastibl/scene/cube_map.h"
 
 namespace fastibl {
 
@@ -27,7 +30,8 @@ Image<float> linear_from(const Picture& picture, const Response& response) {
     for (int y = 0; y < picture.height; ++y) {
       const auto* in = reinterpret_cast<const float*>(picture.row(y));
       float* to = out.row(y);
-      for (int i = 0; i < count; ++i) to[i] = std::isnan(in[i]) ? 0.0f : in[i];
+      for (int i = 0; i < count; ++i)
+        to[i] = std::clamp(std::isnan(in[i]) ? 0.0f : in[i], 0.0f, kRadianceCap);
     }
   }
   return out;

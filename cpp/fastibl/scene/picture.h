@@ -23,7 +23,8 @@ struct Picture {
   }
 };
 
-// Linear values (exposure × gain × vignetting × radiance). Float pictures are copied, NaN to 0.
+// Linear values (exposure × gain × vignetting × radiance). Float pictures are cleaned as maps are:
+// NaN and negative values to 0, at most 1e9.
 Image<float> linear_from(const Picture& picture, const Response& response);
 // 8-bit RGB as a person sees it: 8-bit input unchanged, else encoded with the response.
 Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response);

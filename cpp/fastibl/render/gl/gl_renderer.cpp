@@ -20,6 +20,8 @@ namespace fastibl {
 namespace {
 
 constexpr int kRow = 1024;       // texels along a row of the mesh's textures, as in shade.frag.glsl
+constexpr int kBaked = 5;        // variant that reads the irradiance from a cube map
+constexpr int kBakedSize = 32;   // of its faces: bilinear, 0.1 % from the method itself
 constexpr int kResolution = 64;  // of the shadow map
 constexpr int kGuessRow = 64;    // 64² = 4096 guesses of a code
 constexpr float kHalfMax = 32768;
@@ -30,7 +32,7 @@ constexpr int kSampleX[4] = {96, 224, 32, 160}, kSampleY[4] = {32, 96, 160, 224}
 constexpr std::pair<const char*, int> kUnits[] = {
     {"radiance", 0},     {"visible", 1},   {"triangles", 2}, {"vertices", 3}, {"normals", 4},
     {"albedo_table", 5}, {"spheres", 1},   {"response", 0},  {"guess", 1},    {"back", 2},
-    {"object", 3},       {"ratio_map", 4}, {"rays", 5}};
+    {"object", 3},       {"ratio_map", 4}, {"rays", 5},      {"baked", 6}};
 
 struct Texture {
   GLuint id = 0;
@@ -56,8 +58,7 @@ int diffuse_variant(DiffuseMethod method) {
     case DiffuseMethod::sh9:
       return 4;
     default:
-      check(false, "the GL back end has no diffuse method ", name(method));
-      return 0;
+      return kBaked;
   }
 }
 
@@ -75,8 +76,12 @@ class Gl final : public GlRenderer {
     if (!desktop && !epoxy_has_gl_extension("GL_EXT_color_buffer_float"))
       throw std::runtime_error("the GL driver \"" + device_ +
                                "\" cannot draw to float textures (EXT_color_buffer_float)");
-    const char* half = std::getenv("FASTIBL_GL_HALF");
-    half_ = (half && *half && *half != '0') ||
+    const auto asked = [](const char* variable) {
+      const char* value = std::getenv(variable);
+      return value && *value && *value != '0';
+    };
+    bake_all_ = asked("FASTIBL_GL_BAKED");
+    half_ = asked("FASTIBL_GL_HALF") ||
             !(desktop || epoxy_has_gl_extension("GL_OES_texture_float_linear"));
     GLint limit = 2048;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &limit);
@@ -98,8 +103,8 @@ class Gl final : public GlRenderer {
   ~Gl() override {
     if (context_) return;  // takes all objects with it
     for (Texture* t :
-         {&cube_, &ratio_, &spheres_, &visible_, &triangles_, &vertices_, &normals_, &albedo_,
-          &object_, &back_, &picture_, &screen_, &response_, &guess_, &rays_})
+         {&cube_, &baked_, &ratio_, &spheres_, &visible_, &triangles_, &vertices_, &normals_,
+          &albedo_, &object_, &back_, &picture_, &screen_, &response_, &guess_, &rays_})
       glDeleteTextures(1, &t->id);
     for (const auto& [key, program] : programs_) glDeleteProgram(program.id());
     glDeleteFramebuffers(2, framebuffers_);
@@ -340,6 +345,13 @@ class Gl final : public GlRenderer {
 
   // --- what passes read
 
+  // What stored values are multiplied with, so that the largest one fits half floats.
+  static float scale_for(float largest) {
+    if (!(largest > 0)) return 1;
+    // A scale below this has an inverse that overflows; such light is black on any picture.
+    return std::max(std::exp2(std::ceil(std::log2(largest / kHalfMax))), 1e-30f);
+  }
+
   // Level by level as the CPU made them. Half floats are scaled: they end at 65504.
   void upload_radiance(const std::shared_ptr<const CubeMap>& map) {
     check(map && map->size() > 0, "the radiance map is empty");
@@ -352,9 +364,7 @@ class Gl final : public GlRenderer {
             const glm::vec3& t = map->level(0).texel(f, x, y);
             largest = std::max({largest, t.x, t.y, t.z});
           }
-    radiance_scale_ = largest > 0 ? std::exp2(std::ceil(std::log2(largest / kHalfMax))) : 1.0f;
-    // A scale below this has an inverse that overflows; such light is black on any picture.
-    radiance_scale_ = std::max(radiance_scale_, 1e-30f);
+    radiance_scale_ = scale_for(largest);
     glActiveTexture(GL_TEXTURE0);
     if (!cube_.id) glGenTextures(1, &cube_.id);
     glBindTexture(GL_TEXTURE_CUBE_MAP, cube_.id);
@@ -382,6 +392,36 @@ class Gl final : public GlRenderer {
     parameters(GL_TEXTURE_CUBE_MAP, GL_LINEAR, GL_LINEAR_MIPMAP_NEAREST);
     glTexParameteri(GL_TEXTURE_CUBE_MAP, GL_TEXTURE_MAX_LEVEL, map->level_count() - 1);
     radiance_ = map;
+  }
+
+  // Any diffuse method as a cube map: what has no shader of its own is one look-up.
+  float upload_baked(const Irradiance& irradiance) {
+    constexpr int n = kBakedSize;
+    std::vector<glm::vec4> texels;
+    float largest = 0;
+    for (int f = 0; f < 6; ++f)
+      for (int y = 0; y < n; ++y)
+        for (int x = 0; x < n; ++x) {
+          const glm::vec3 e = evaluate(irradiance, glm::normalize(texel_direction(f, x, y, n)));
+          largest = std::max({largest, e.x, e.y, e.z});
+          texels.emplace_back(e, 1);
+        }
+    const float scale = half_ ? scale_for(largest) : 1.0f;
+    for (glm::vec4& t : texels) t /= scale;
+    glActiveTexture(GL_TEXTURE0);
+    const bool fits = baked_.id;
+    if (!fits) glGenTextures(1, &baked_.id);
+    glBindTexture(GL_TEXTURE_CUBE_MAP, baked_.id);
+    for (int f = 0; f < 6; ++f) {
+      const GLenum face = GLenum(GL_TEXTURE_CUBE_MAP_POSITIVE_X + f);
+      const glm::vec4* data = &texels[std::size_t(f) * n * n];
+      if (fits)
+        glTexSubImage2D(face, 0, 0, 0, n, n, GL_RGBA, GL_FLOAT, data);
+      else
+        glTexImage2D(face, 0, half_ ? GL_RGBA16F : GL_RGBA32F, n, n, 0, GL_RGBA, GL_FLOAT, data);
+    }
+    parameters(GL_TEXTURE_CUBE_MAP, GL_LINEAR, GL_LINEAR);
+    return scale;
   }
 
   void bind_radiance(const Program& p) {
@@ -594,24 +634,30 @@ class Gl final : public GlRenderer {
     const bool diffuse = lit(m.diffuse), glossy = lit(m.glossy), matte = glossy && m.exponent == 0;
     const bool paper = in.lighting.normalization == Normalization::paper && glossy && !matte;
     const Irradiance& e = in.lighting.irradiance;
+    const int variant = diffuse || matte ? (bake_all_ ? kBaked : diffuse_variant(e.method)) : 0;
     allocate(object_, GL_RGBA32F, quarter_width, quarter_height, GL_RGBA, GL_FLOAT);
-    const Program& p =
-        use("shade", {"DIFFUSE " + std::to_string(diffuse || matte ? diffuse_variant(e.method) : 0),
-                      matte    ? "GLOSSY 2"
-                      : glossy ? "GLOSSY 1"
-                               : "GLOSSY 0",
-                      paper ? "PAPER 1" : "PAPER 0", distortion});
+    const Program& p = use("shade", {"DIFFUSE " + std::to_string(variant),
+                                     matte    ? "GLOSSY 2"
+                                     : glossy ? "GLOSSY 1"
+                                              : "GLOSSY 0",
+                                     paper ? "PAPER 1" : "PAPER 0", distortion});
     set_projection(p);
     set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
     set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
     set(p, "emission", m.emission);
     set(p, "diffuse_albedo", m.diffuse);
     set(p, "glossy_albedo", m.glossy);
-    if (e.method == DiffuseMethod::sh9)
+    if (variant == kBaked) {
+      glUniform1f(p.uniform("baked_scale"), upload_baked(e));
+      bind("baked", baked_, GL_TEXTURE_CUBE_MAP);
+    } else if (e.method == DiffuseMethod::sh9) {
       glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
-    else
+    } else {
       glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
+    }
     if (glossy && !matte) {
+      check(in.lighting.glossy == GlossyMethod::mip, "the GL back end has no glossy method ",
+            fastibl::name(in.lighting.glossy));
       upload_radiance(in.lighting.radiance);
       glUseProgram(p.id());
       bind_radiance(p);
@@ -696,12 +742,12 @@ class Gl final : public GlRenderer {
 
   std::optional<GlContext> context_;  // none: the caller's
   std::string device_;
-  bool half_ = false, steep_ = false;
+  bool half_ = false, bake_all_ = false, steep_ = false;
   int largest_ = 2048;
   GLuint framebuffers_[2] = {}, vertex_arrays_[3] = {}, buffers_[2] = {}, depth_ = 0;
   std::map<std::string, Program> programs_;
-  Texture cube_, ratio_, spheres_, visible_, triangles_, vertices_, normals_, albedo_, object_,
-      back_, picture_, screen_, response_, guess_, rays_;
+  Texture cube_, baked_, ratio_, spheres_, visible_, triangles_, vertices_, normals_, albedo_,
+      object_, back_, picture_, screen_, response_, guess_, rays_;
 
   std::shared_ptr<const CubeMap>
       radiance_;  // that is in cube_; kept alive, so its address is its own

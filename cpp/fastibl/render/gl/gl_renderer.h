@@ -20,7 +20,8 @@ class GlRenderer : public Renderer {
 // With a headless context of its own; any one thread may call at a time. Throws std::runtime_error
 // where there is no EGL, no driver, or no float targets (EXT_color_buffer_float).
 // FASTIBL_GL_HALF=1 in the environment stores the map in half floats even where the driver filters
-// floats.
+// floats; FASTIBL_GL_BAKED=1 reads every diffuse method from a cube map, as those that have no
+// shader of their own.
 std::unique_ptr<GlRenderer> make_gl_renderer();
 
 // Draws in the context that is current here, which must be current at every later call and at the

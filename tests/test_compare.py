@@ -1,0 +1,76 @@
+"""Comparing maps by the spheres that they light."""
+
+import numpy as np
+import pytest
+
+import fastibl
+from conftest import same_error
+
+SPHERES = {"matte", "glossy", "mirror"}
+
+
+def random_map(seed, size=32):
+    return fastibl.CubeMap(0.1 + np.random.default_rng(seed).random((6, size, size, 3)))
+
+
+def test_a_map_is_itself(marked):
+    for given in (marked, fastibl.Environment(marked), marked.faces):
+        comparison = fastibl.compare(given, marked)
+        for errors in (comparison.rmse, comparison.scale_invariant_rmse):
+            assert set(errors) == SPHERES and max(errors.values()) < 1e-7
+        assert set(comparison.angular) == SPHERES and max(comparison.angular.values()) < 1e-3
+        assert comparison.median == 0
+
+
+def test_a_factor_is_no_scale_invariant_error(marked):
+    comparison = fastibl.compare(fastibl.CubeMap(marked.faces * 1.7), marked)
+    print(comparison)
+    assert max(comparison.scale_invariant_rmse.values()) < 1e-6 and max(comparison.angular.values()) < 0.01
+    # An estimate of 1.7 times the truth is 70 % off, by the root mean square of what it scales.
+    assert 0.7 < min(comparison.rmse.values()) and comparison.rmse["matte"] < 0.9
+    assert comparison.median == pytest.approx(0.7, abs=0.1)
+
+
+def test_a_tint_is_an_angular_error():
+    true = fastibl.CubeMap(np.ones((6, 8, 8, 3)))
+    tinted = fastibl.CubeMap(np.ones((6, 8, 8, 3)) * (1, 1, 0))
+    comparison = fastibl.compare(tinted, true)
+    for sphere in SPHERES:
+        assert comparison.angular[sphere] == pytest.approx(np.degrees(np.arccos(2 / np.sqrt(6))), abs=0.01)
+        assert comparison.rmse[sphere] == pytest.approx(np.sqrt(1 / 3), abs=1e-4)
+        # The best factor leaves (1, 1, 0) as it is.
+        assert comparison.scale_invariant_rmse[sphere] == pytest.approx(np.sqrt(1 / 3), abs=1e-4)
+    assert comparison.median == pytest.approx(np.sqrt(1 / 3), abs=1e-4)
+
+
+def test_sharper_spheres_see_more():
+    """Two maps of the same light at other places: a matte sphere hardly differs, a mirror does."""
+    comparison = fastibl.compare(random_map(0), random_map(1))
+    print(comparison)
+    assert comparison.rmse["matte"] < comparison.rmse["glossy"] < comparison.rmse["mirror"]
+
+
+def test_maps_of_other_sizes_compare():
+    fine = random_map(3)
+    coarse = fastibl.CubeMap(fine.level(2))
+    comparison = fastibl.compare(coarse, fine)
+    print(f"a map of 8 squared texels for one of 32: matte {comparison.rmse['matte']:.4f}")
+    assert comparison.rmse["matte"] < 0.01 < comparison.rmse["mirror"]
+
+
+def test_black_maps_have_finite_errors(marked):
+    black = fastibl.CubeMap(np.zeros((6, 4, 4, 3)))
+    for pair in ((black, black), (black, marked), (marked, black)):
+        comparison = fastibl.compare(*pair)
+        for errors in (comparison.rmse, comparison.scale_invariant_rmse, comparison.angular):
+            assert np.isfinite(list(errors.values())).all()
+    assert fastibl.compare(black, marked).median == pytest.approx(1, abs=0.5)
+
+
+def test_what_is_no_map_is_refused(marked):
+    same_error(lambda: fastibl.compare(np.ones((6, 4, 5, 3)), marked), ValueError, "(6, 4, 5, 3)")
+    same_error(lambda: fastibl.compare(marked, np.ones((4, 8, 3))), ValueError, "(6, n, n, 3)", "(4, 8, 3)")
+    with pytest.raises((TypeError, ValueError)):
+        fastibl.compare("room.hdr", marked)
+    with pytest.raises((TypeError, ValueError)):
+        fastibl.compare(marked, None)

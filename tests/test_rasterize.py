@@ -1,0 +1,197 @@
+"""Coverage of the object layer: areas, shared edges, silhouettes against rays, objects half outside."""
+
+import numpy as np
+import pytest
+from views import camera_of, looking, rays_of
+
+import fastibl
+
+CAMERA = fastibl.Camera(96, 72, 100.0, 100.0, 48.0, 36.0)
+DOWN = fastibl.Pose(np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1.0], [0, 0, 0, 1]]))  # 1 m above the plane
+GLOW = fastibl.Material(diffuse=(0, 0, 0), emission=(1, 1, 1))
+DARK = fastibl.CubeMap(np.zeros((6, 1, 1, 3)))
+
+
+def layer_of(mesh, camera=CAMERA, pose=DOWN, material=GLOW):
+    """The whole picture's layer (h, w, 4) of an object that emits 1."""
+    scene = fastibl.Scene(mesh, material, spheres=0, visibility_rays=0)
+    session = fastibl.Session(scene, fastibl.Rig(camera), environment=DARK)
+    image = session.process(fastibl.Frame(0.0, back_from_marker=pose)).image
+    assert image.shape == (camera.height, camera.width, 4)
+    layer, full = session.object, np.zeros((camera.height, camera.width, 4), np.float32)
+    h, w = layer.rgba.shape[:2]
+    full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
+    np.testing.assert_array_equal(full[..., 0], full[..., 3])  # colour is multiplied by coverage
+    return full
+
+
+def at_pixels(points, depth=1.0):
+    """Marker-frame points whose pixels are these, `depth` metres below the camera of DOWN."""
+    points = np.asarray(points, float)
+    x, y = (points[:, 0] - 48) / 100 * depth, -(points[:, 1] - 36) / 100 * depth
+    return np.stack([x, y, np.full(len(points), 1 - depth)], axis=-1)
+
+
+def polygon_area(points):
+    x, y = np.asarray(points, float).T
+    return abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2
+
+
+def test_area_of_triangles_and_quads():
+    rng = np.random.default_rng(0)
+    ratios = []
+    for _ in range(60):
+        corners = rng.uniform((3, 3), (93, 69), (3, 2))
+        area = polygon_area(corners)
+        if area < 100:
+            continue
+        alpha = layer_of(fastibl.Mesh(at_pixels(corners), np.array([[0, 1, 2]])))[..., 3]
+        assert set(np.unique(alpha * 4)) <= {0, 1, 2, 3, 4}
+        perimeter = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum()
+        assert abs(alpha.sum() - area) < 0.06 * perimeter
+        ratios.append(alpha.sum() / area)
+    print(f"{len(ratios)} triangles: covered {np.mean(ratios):.4f} of their area, spread {np.std(ratios):.4f}")
+    assert len(ratios) > 30 and abs(np.mean(ratios) - 1) < 0.003
+    quad = np.array([(20, 10), (70, 10), (70, 50), (20, 50)])
+    alpha = layer_of(fastibl.Mesh(at_pixels(quad), np.array([[0, 1, 2], [0, 2, 3]])))[..., 3]
+    expected = np.zeros((72, 96))
+    expected[10:50, 20:70] = 1
+    np.testing.assert_array_equal(alpha, expected)  # whole pixels: pixel centres lie at + 0.5
+
+
+def test_half_a_pixel_is_half_covered():
+    quad = np.array([(20.5, 10), (70.5, 10), (70.5, 50), (20.5, 50)])
+    alpha = layer_of(fastibl.Mesh(at_pixels(quad), np.array([[0, 1, 2], [0, 2, 3]])))[..., 3]
+    np.testing.assert_array_equal(alpha[20, [19, 20, 21, 69, 70, 71]], (0, 0.5, 1, 1, 0.5, 0))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_shared_edges_cover_each_pixel_once(seed):
+    """Triangles around points that lie anywhere, also exactly on samples: no cracks, and nothing twice."""
+    rng = np.random.default_rng(seed)
+    outer = np.array([(10.0, 8.0), (86.0, 8.0), (86.0, 64.0), (10.0, 64.0)])
+    grid = [256, 8, 4, 2, 1, 1][seed]  # coarser grids put edges through samples
+    middle = np.round(rng.uniform((20, 15), (76, 57)) * grid) / grid
+    if seed == 5:
+        middle = np.array([48.375, 36.125])  # exactly on a sample
+    points = np.concatenate([outer, middle[None]])
+    fan = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    fan[::2] = fan[::2, ::-1]  # either orientation
+    depth = rng.uniform(0.8, 1.2)
+    alpha = layer_of(fastibl.Mesh(at_pixels(points, depth), fan))[..., 3]
+    expected = np.zeros((72, 96))
+    expected[8:64, 10:86] = 1
+    interior = expected.copy()
+    interior[[8, 63], :] = interior[:, [10, 85]] = 0
+    assert alpha.max() <= 1 and (alpha[interior == 1] == 1).all() and (alpha[expected == 0] < 0.5).all()
+    # Each triangle by itself: their coverages add up to that of all.
+    parts = sum(layer_of(fastibl.Mesh(at_pixels(points, depth), fan[k : k + 1]))[..., 3] for k in range(4))
+    np.testing.assert_array_equal(parts, alpha)
+
+
+def test_the_nearer_triangle_wins():
+    near = at_pixels([(20, 10), (70, 10), (70, 50), (20, 50)], 0.9)
+    far = at_pixels([(5, 5), (90, 5), (90, 66), (5, 66)], 1.0)
+    two = np.array([[0, 1, 2], [0, 2, 3]])
+    for order in (1, -1):
+        triangles = np.concatenate([two, two + 4][::order])
+        mesh = fastibl.Mesh(np.concatenate([near, far]), triangles)
+        alpha = layer_of(mesh)[..., 3]
+        assert alpha.max() == 1 and alpha.sum() == 85 * 61
+    # What is seen in the middle is the near square: its mirror image of a marked sky tells its depth apart only by
+    # its normal, so a tilted one is put behind.
+    tilted = far.copy()
+    tilted[:2, 2] -= 0.3
+    mesh = fastibl.Mesh(np.concatenate([near, tilted]), np.concatenate([two + 4, two]))
+    scene = fastibl.Scene(mesh, fastibl.Material(diffuse=(1, 1, 1)), spheres=0, visibility_rays=0)
+    faces = np.zeros((6, 8, 8, 3))
+    faces[4] = 1
+    session = fastibl.Session(scene, fastibl.Rig(CAMERA), environment=fastibl.CubeMap(faces))
+    session.process(fastibl.Frame(0.0, back_from_marker=DOWN))
+    rgba = session.object.rgba
+    alone = fastibl.Scene(fastibl.Mesh(near, two), fastibl.Material(diffuse=(1, 1, 1)), spheres=0, visibility_rays=0)
+    other = fastibl.Session(alone, fastibl.Rig(CAMERA), environment=fastibl.CubeMap(faces))
+    other.process(fastibl.Frame(0.0, back_from_marker=DOWN))
+    y, x = 30 - session.object.y, 45 - session.object.x
+    np.testing.assert_allclose(rgba[y, x], other.object.rgba[30 - other.object.y, 45 - other.object.x], atol=1e-6)
+
+
+@pytest.mark.parametrize("distortion", [(), (-0.25, 0.06, 1e-3, -1e-3), (0.1, 0.0, 0.0, 0.0)])
+def test_silhouette_is_that_of_rays(distortion):
+    mesh = fastibl.shapes.figurine(0.12)
+    camera = camera_of(160, 120, 45.0, distortion=distortion)
+    bvh = fastibl.Bvh(mesh)
+    worst = 1.0
+    for eye in ((0.1, -0.25, 0.2), (-0.2, 0.1, 0.12), (0.02, -0.02, 0.4)):
+        pose = looking(np.array([0.015, 0.01, 0.05]) - eye, eye)
+        alpha = layer_of(mesh, camera, pose)[..., 3]
+        rays = rays_of(camera, pose, split=2).astype(np.float32)
+        origins = np.ascontiguousarray(np.broadcast_to(np.float32(eye), rays.shape))
+        hit = bvh.nearest(origins, rays)[0] >= 0
+        share = hit.reshape(120, 2, 160, 2).mean(axis=(1, 3))
+        solid = (share == 0) | (share == 1)
+        agree = ((alpha >= 0.5) == (share >= 0.5)).mean()
+        worst = min(worst, agree)
+        assert hit.mean() > 0.03
+        assert (np.abs(alpha - share) < 0.51).mean() > 0.998
+        assert ((alpha == share) | ~solid).mean() > 0.99
+        assert abs(alpha.sum() / share.sum() - 1) < 0.01
+    print(f"lens {distortion}: silhouettes agree on {100 * worst:.2f} % of the pixels")
+    assert worst >= 0.995
+
+
+@pytest.mark.parametrize("distortion", [(), (-0.3, 0.0, 0.0, 0.0)])
+def test_objects_partly_outside(distortion):
+    """Half behind the camera, half out of the picture, around the camera, far outside: no crash, defined values."""
+    mesh = fastibl.shapes.figurine(0.12, 0.95)
+    camera = camera_of(96, 72, 60.0, distortion=distortion)
+    eyes = [
+        (0.0, -0.02, 0.06),
+        (0.0, 0.0, 0.06),
+        (0.0, -0.3, 0.06),
+        (0.001, 0, 0.13),
+        (0.0, -0.05, 0.06),
+        (0, -1e6, 1e6),
+    ]
+    towards = [(0, 1, 0), (1, 0, 0), (0, 0, 1), (0, 0, -1), (1, 0.3, 0), (0.2, 1, -0.8)]
+    for eye in eyes:
+        for direction in towards:
+            layer = layer_of(mesh, camera, looking(direction, eye))
+            assert np.isfinite(layer).all() and layer.min() >= 0 and layer.max() <= 1
+
+
+def test_what_is_out_of_the_picture_covers_nothing():
+    away = looking((0, -1, 0.2), (0.0, -0.3, 0.1))
+    assert not layer_of(fastibl.shapes.figurine(0.12, 0.95), CAMERA, away).any()
+    corners = at_pixels([(-500, -500), (500, -500), (500, 500), (-500, 500)])
+    alpha = layer_of(fastibl.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])))[..., 3]
+    assert (alpha == 1).all()  # a plane far beyond all edges covers everything
+    huge = at_pixels([(-1e5, -1e5), (1e5, -1e5), (1e5, 1e5), (-1e5, 1e5)])
+    assert (layer_of(fastibl.Mesh(huge, np.array([[0, 1, 2], [0, 2, 3]])))[..., 3] == 1).all()
+
+
+def test_flat_triangles_cover_nothing():
+    line = at_pixels([(10, 10), (50, 40), (90, 70)])
+    assert not layer_of(fastibl.Mesh(line, np.array([[0, 1, 2]]))).any()
+
+
+def test_both_sides_are_lit():
+    """A sheet seen from its back is lit on the side that is seen."""
+    faces = np.zeros((6, 8, 8, 3))
+    faces[4] = 1  # light from above only
+    quad = at_pixels([(20, 10), (70, 10), (70, 50), (20, 50)])
+    values = []
+    for triangles in ([[0, 1, 2], [0, 2, 3]], [[2, 1, 0], [3, 2, 0]]):
+        scene = fastibl.Scene(
+            fastibl.Mesh(quad, np.array(triangles)), fastibl.Material(diffuse=(1, 1, 1)), spheres=0, visibility_rays=0
+        )
+        session = fastibl.Session(scene, fastibl.Rig(CAMERA), environment=fastibl.CubeMap(faces))
+        session.process(fastibl.Frame(0.0, back_from_marker=DOWN))
+        values.append(session.object.rgba[20, 20, 0])
+    assert values[0] == values[1] > 0.3
+
+
+def test_one_pixel():
+    camera = fastibl.Camera(1, 1, 1.0, 1.0, 0.5, 0.5)
+    corners = np.array([(-5.0, -5, 0), (5, -5, 0), (0, 9, 0)])
+    assert layer_of(fastibl.Mesh(corners, np.array([[0, 1, 2]])), camera)[0, 0, 3] == 1

@@ -1,0 +1,425 @@
+"""Sessions: what comes out of frames with and without board, pictures, poses and light; replay to the same bits."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from views import camera_of, looking, rays_of
+
+import fastibl
+from conftest import same_error
+
+CAMERA = camera_of(96, 72, 50.0)
+RIG = fastibl.Rig(CAMERA)
+EYE = (0.0, -0.25, 0.2)
+POSE = looking(np.array([0, 0, 0.03]) - EYE, EYE)
+WHITE = fastibl.CubeMap(np.ones((6, 8, 8, 3)))
+BACK = np.random.default_rng(0).integers(0, 256, (72, 96, 3), np.uint8)
+
+
+def ball(material=None, spheres=10, radius=0.03):
+    """A sphere on the plane, of 20 * 4^3 triangles."""
+    import trimesh
+
+    mesh = trimesh.creation.icosphere(3, radius)
+    return fastibl.Scene(
+        fastibl.Mesh(mesh.vertices + [0, 0, radius], mesh.faces), material, spheres=spheres, visibility_rays=0
+    )
+
+
+def given(time=0.0, **others):
+    return fastibl.Frame(time, **{"back": BACK, "back_from_marker": POSE, **others})
+
+
+def sheet(layer):
+    """The object layer over the whole picture, (h, w, 4)."""
+    full = np.zeros((CAMERA.height, CAMERA.width, 4), np.float32)
+    h, w = layer.rgba.shape[:2]
+    full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
+    return full
+
+
+def test_object_and_matte_without_a_picture():
+    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    result = session.process(given(back=None))
+    assert result.image.shape == (72, 96, 4) and result.image.dtype == np.uint8
+    layer = sheet(session.object)
+    solid, free = layer[..., 3] == 1, layer[..., 3] == 0
+    assert (result.image[solid, 3] == 255).all() and (result.image[free & (result.image[..., 3] > 0), :3] == 0).all()
+    assert (free & (result.image[..., 3] > 0)).any(), "no shadow"
+    assert (result.image[result.image[..., 3] == 0] == 0).all()
+    # Straight alpha over any picture is what the composite gives.
+    response = CAMERA.response
+    alpha = result.image[..., 3:] / 255
+    over = response.decode(result.image[..., :3] / 255.0) * alpha + (1 - alpha) * response.decode(BACK / 255.0)
+    composite = fastibl.Session(ball(), RIG, environment=WHITE).process(given()).image
+    difference = np.abs(np.round(255 * response.encode(over)).astype(int) - composite)
+    print(f"matte over the picture against the composite: at most {difference.max()} codes")
+    assert difference.max() <= 6  # alpha has 8 bits, and the dark end of sRGB is steep
+
+
+@pytest.mark.parametrize("method", [m.name for m in fastibl.methods("diffuse")])
+def test_white_furnace(method):
+    scene = ball(fastibl.Material(diffuse=(1, 1, 1)), spheres=0)
+    session = fastibl.Session(scene, RIG, environment=WHITE, methods={"diffuse": method})
+    session.process(given(back=None))
+    rgba = session.object.rgba
+    colour = rgba[..., :3][rgba[..., 3] > 0] / rgba[..., 3:][rgba[..., 3] > 0]
+    print(f"{method}: a white object in white light is {colour.min():.5f} to {colour.max():.5f}")
+    if method == "six-face":
+        assert 0.966 < colour.min() and colour.max() < 0.978
+    else:
+        np.testing.assert_allclose(colour, 1, atol=1e-3)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1.0, 64.0, 1e6, np.inf])
+def test_glossy_furnace(exponent):
+    scene = ball(fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=exponent), spheres=0)
+    session = fastibl.Session(scene, RIG, environment=WHITE)
+    session.process(given(back=None))
+    rgba = session.object.rgba
+    np.testing.assert_allclose(rgba[..., :3], np.repeat(rgba[..., 3:], 3, axis=-1), atol=1e-3)
+
+
+def test_emission_and_mirror_look_where_they_should(marked):
+    """A mirror shows the map in the reflected direction; emission adds to it."""
+    scene = ball(fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=np.inf, emission=(2, 0, 1)), spheres=0)
+    session = fastibl.Session(scene, RIG, environment=marked)
+    session.process(given(back=None))
+    rgba = sheet(session.object)
+    rays, centre = rays_of(CAMERA, POSE), np.array([0, 0, 0.03])
+    b = ((EYE - centre) * rays).sum(axis=-1)
+    disc = b**2 - ((np.asarray(EYE) - centre) ** 2).sum() + 0.027**2  # away from the silhouette
+    inside = (disc > 0) & (rgba[..., 3] == 1)
+    t = -b - np.sqrt(np.maximum(b**2 - ((np.asarray(EYE) - centre) ** 2).sum() + 0.03**2, 0))
+    normal = (EYE + t[..., None] * rays - centre)[inside] / 0.03
+    mirror = rays[inside] - 2 * (rays[inside] * normal).sum(axis=-1, keepdims=True) * normal
+    error = np.abs(rgba[inside][:, :3] - (2, 0, 1) - marked.sample(mirror)).mean(axis=-1)
+    print(f"mirror ball: median difference {np.median(error):.4f} over {inside.sum()} pixels")
+    assert inside.sum() > 200 and np.median(error) < 0.02
+
+
+def test_the_exposure_of_the_picture_scales_the_object():
+    material = fastibl.Material(diffuse=(0, 0, 0), emission=(0.2, 0.1, 0.05))
+    camera = camera_of(96, 72, 50.0, gain=1.5, vignetting=(-0.4,))
+    session = fastibl.Session(ball(material, spheres=0), fastibl.Rig(camera), environment=WHITE)
+    for k, exposure in enumerate((0.25, 1.0, 3.0)):
+        image = session.process(given(float(k), back_exposure=exposure)).image
+        solid = sheet(session.object)[..., 3] == 1
+        y, x = np.nonzero(solid)
+        r2 = ((x + 0.5 - camera.cx) ** 2 + (y + 0.5 - camera.cy) ** 2) / camera.fx**2
+        linear = np.outer(exposure * 1.5 * (1 - 0.4 * r2), (0.2, 0.1, 0.05))
+        expected = np.round(255 * camera.response.encode(np.clip(linear, 0, 1)))
+        assert np.abs(image[solid] - expected).max() <= 1
+
+
+def test_bytes_are_untouched_where_nothing_is():
+    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    result = session.process(given())
+    layer = sheet(session.object)
+    changed = (result.image != BACK).any(axis=-1)
+    matte = fastibl.Session(ball(), RIG, environment=WHITE).process(given(back=None)).image[..., 3]
+    assert not changed[(layer[..., 3] == 0) & (matte == 0)].any() and changed.any()
+    shadow_only = changed & (layer[..., 3] == 0)
+    assert shadow_only.any() and (result.image[shadow_only] <= BACK[shadow_only]).all()
+    none = fastibl.Session(ball(spheres=0), RIG, environment=WHITE, cast_shadow=False)
+    none.move(fastibl.Pose.from_rotation_vector(np.zeros(3), np.array([0, 0, 50.0])))  # behind the camera
+    np.testing.assert_array_equal(none.process(given()).image, BACK)
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "float"])
+def test_pictures_of_any_kind(kind):
+    response = CAMERA.response
+    back = {
+        "uint8": BACK,
+        "uint16": BACK.astype(np.uint16) * 257,
+        "float": response.decode(BACK / 255.0).astype(np.float64),
+    }[kind]
+    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    expected = fastibl.Session(ball(), RIG, environment=WHITE).process(given()).image
+    for view in (back, np.asfortranarray(back), np.repeat(back, 2, axis=1)[:, ::2]):
+        view.flags.writeable = False
+        np.testing.assert_array_equal(session.process(given(back=view)).image, expected)
+
+
+def test_nan_pixels_are_black():
+    back = np.full((72, 96, 3), 0.25, np.float32)
+    back[0, :4] = np.array([np.nan, np.inf, -np.inf, -1])[:, None]
+    image = fastibl.Session(ball(), RIG, environment=WHITE).process(given(back=back)).image
+    np.testing.assert_array_equal(image[0, :4, 0], (0, 255, 0, 0))
+    assert (image[0, 4:] == image[0, 5]).all()
+
+
+def test_moving_the_object_is_moving_the_marker():
+    """marker_from_object and back_from_marker chain: only their product tells where the object is in the picture."""
+    scene = ball(fastibl.Material(diffuse=(0, 0, 0), emission=(1, 1, 1)), spheres=0)
+    turn = fastibl.Pose.from_rotation_vector(np.array([0.2, -0.1, 0.4]), np.array([0.02, 0.03, -0.01]))
+    moved = fastibl.Session(scene, RIG, environment=WHITE)
+    moved.move(turn)
+    moved.process(given(back=None))
+    chained = fastibl.Session(scene, RIG, environment=WHITE)
+    chained.process(given(back=None, back_from_marker=POSE @ turn))
+    placed = fastibl.Scene(scene.mesh, scene.material, turn, spheres=0, visibility_rays=0)
+    third = fastibl.Session(placed, RIG, environment=WHITE)
+    third.process(given(back=None, back_from_marker=POSE.matrix))
+    np.testing.assert_array_equal(sheet(moved.object), sheet(chained.object))
+    np.testing.assert_array_equal(sheet(moved.object), sheet(third.object))
+    centre = CAMERA.project(POSE @ (turn @ np.array([0, 0, 0.03])))
+    alpha = sheet(moved.object)[..., 3]
+    y, x = np.indices(alpha.shape) + 0.5
+    assert np.hypot((alpha * x).sum() / alpha.sum() - centre[0], (alpha * y).sum() / alpha.sum() - centre[1]) < 0.3
+
+
+def seen_board(grey, board, camera):
+    """A detector for tests: the first pixel tells whether the board is seen."""
+    tags = [(t.id, camera.project(POSE @ np.c_[t.corners, np.zeros(4)])) for t in board.tags]
+    return (tags, POSE) if grey[0, 0] > 100 else ([], None)
+
+
+def visible(seen, rest=90):
+    back = np.full((72, 96, 3), rest, np.uint8)
+    back[0, 0] = 255 if seen else 0
+    return back
+
+
+def rig_of_two():
+    turn = fastibl.Pose.from_rotation_vector(np.array([0, np.pi, 0]), np.zeros(3))
+    return fastibl.Rig(CAMERA, camera_of(64, 48), turn)
+
+
+FRONT = np.full((48, 64, 3), 120, np.uint8)
+
+
+def tracking_session(**options):
+    # frame-marker takes the detector's corners as they are: there is no picture of a board here.
+    methods = {"tracking": "frame-marker"}
+    return fastibl.Session(
+        ball(), rig_of_two(), fastibl.Board.default(), detector=seen_board, size=16, methods=methods, **options
+    )
+
+
+def test_an_unseen_marker_gives_no_pose():
+    session = tracking_session(environment=WHITE)
+    first = session.process(fastibl.Frame(0.0, back=visible(True)))
+    assert first.tracked is not None and (first.image != visible(True)).any()
+    assert np.abs(first.back_from_marker.matrix - POSE.matrix).max() < 1e-3
+    lost = session.process(fastibl.Frame(0.03, back=visible(False)))
+    assert lost.tracked is None and lost.back_from_marker is None
+    np.testing.assert_array_equal(lost.image, visible(False))
+    assert not {"shade", "composite", "shadow"} & set(lost.passes)
+    again = session.process(fastibl.Frame(0.06, back=visible(True)))
+    np.testing.assert_array_equal(again.image, first.image)
+    # Light that changed meanwhile shows in the next picture that has a pose.
+    session.set_environment(fastibl.Environment(fastibl.CubeMap(0.1 * np.ones((6, 8, 8, 3)))))
+    assert session.process(fastibl.Frame(0.09, back=visible(False))).back_from_marker is None
+    later = session.process(fastibl.Frame(0.12, back=visible(True)))
+    fresh = tracking_session(environment=fastibl.CubeMap(0.1 * np.ones((6, 8, 8, 3))))
+    np.testing.assert_array_equal(later.image, fresh.process(fastibl.Frame(0.0, back=visible(True))).image)
+
+
+def test_a_given_pose_is_not_tracked():
+    session = tracking_session(environment=WHITE)
+    other = looking((0, 1, -0.5), (0.05, -0.3, 0.2))
+    result = session.process(fastibl.Frame(0.0, back=visible(False), back_from_marker=other))
+    assert result.back_from_marker == other and result.tracked is None and "track" not in result.passes
+
+
+def test_without_board_and_pose_the_picture_stays():
+    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    result = session.process(fastibl.Frame(0.0, back=BACK))
+    np.testing.assert_array_equal(result.image, BACK)
+    assert result.back_from_marker is None and result.passes == []
+
+
+@pytest.mark.parametrize("after, captured", [(0.05, True), (0.1, True), (0.11, False), (1.0, False)])
+@pytest.mark.parametrize("start", [0.0, 0.3, 100.0])
+def test_a_front_picture_alone_uses_a_young_pose(after, captured, start):
+    session = tracking_session()
+    before = session.process(fastibl.Frame(start, back=visible(True))).environment
+    result = session.process(fastibl.Frame(start + after, front=FRONT))
+    assert ("capture" in result.passes) == captured
+    assert result.back_from_marker is None and result.image.shape == (72, 96, 4) and not result.image.any()
+    session.process(fastibl.Frame(start + after, back=visible(True)))
+    grown = session.process(fastibl.Frame(start + after, back=visible(True))).environment.coverage - before.coverage
+    assert (grown > 0.01) == captured
+
+
+def test_a_front_picture_before_any_pose_is_not_captured():
+    session = tracking_session()
+    result = session.process(fastibl.Frame(0.0, front=FRONT))
+    assert "capture" not in result.passes and result.environment is None and result.lighting is None
+    # Nor is one whose back picture does not show the board.
+    session.process(fastibl.Frame(0.1, back=visible(True)))
+    assert "capture" not in session.process(fastibl.Frame(0.12, back=visible(False), front=FRONT)).passes
+
+
+def test_the_paper_takes_a_front_picture_every_five_seconds():
+    methods = {"tracking": "frame-marker", "capture": "single"}
+    session = fastibl.Session(
+        ball(), rig_of_two(), fastibl.Board.default(), detector=seen_board, size=16, methods=methods
+    )
+    took = []
+    for k in range(24):
+        exposure = 0.1 if k % 2 else 1.0  # of two exposures it keeps to the first
+        frame = fastibl.Frame(0.5 * k, back=visible(True), front=FRONT, front_exposure=exposure)
+        took += [0.5 * k] if "capture" in session.process(frame).passes else []
+    assert took == [0.0, 5.0, 10.0]
+
+
+def test_frames_of_both_cameras_fill_the_map():
+    session = fastibl.Session(ball(), rig_of_two(), size=16)
+    result = session.process(given(front=FRONT))
+    assert result.passes == ["capture", "mips", "irradiance", "shadow", "shade", "composite"]
+    env = result.environment
+    assert env.coverage > 0.1 and result.predicted_error >= env.predicted_error
+    assert isinstance(result.lighting, fastibl.Lighting)
+    assert session.capture.last_seen.max() == 0
+    front = RIG.back and rig_of_two().front_from_back @ POSE
+    middle = front.rotation[2]
+    seen = env.confidence.reshape(-1)[np.argmax(fastibl.texel_directions(16).reshape(-1, 3) @ middle)]
+    value = env.radiance.sample(middle)
+    assert seen > 0 and abs(value[0] / CAMERA.response.decode(np.array([120 / 255.0]))[0] - 1) < 0.01
+
+
+def test_timings_and_passes():
+    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    result = session.process(given())
+    assert result.passes == ["irradiance", "shadow", "shade", "composite"]
+    assert set(result.timings) == {*result.passes, "total"}
+    assert all(t >= 0 for t in result.timings.values())
+    assert result.timings["total"] >= sum(t for name, t in result.timings.items() if name != "total") - 1e-4
+    assert {p.name for p in result.plan.passes if p.included} == {*result.passes}
+    assert str(session.plan) == str(result.plan) and session.backend == "cpu"
+    assert result.shadow_map.extent > 0 and session.shadow_map == result.shadow_map
+
+
+def test_a_flat_or_distant_camera_is_no_trouble():
+    """The board edge-on, the camera in or under the plane, inside the object, or far away: never NaN, never a crash."""
+    session = fastibl.Session(ball(), RIG, size=16)
+    eyes = [(0, -0.3, 0.0), (0, -0.3, 1e-7), (0, -0.3, -0.1), (0, 0, 0.03), (0, -50, 30), (0.001, 0, 0.4)]
+    for k, eye in enumerate(eyes):
+        pose = looking(np.array([0, 0.001, 0.03]) - eye, eye)
+        result = session.process(given(float(k), back_from_marker=pose))
+        assert np.isfinite(session.object.rgba).all() and np.isfinite(result.environment.radiance.faces).all()
+        assert result.image.shape == (72, 96, 3)
+
+
+def test_black_light():
+    session = fastibl.Session(ball(), RIG, environment=fastibl.CubeMap(np.zeros((6, 4, 4, 3))))
+    result = session.process(given())
+    solid = sheet(session.object)[..., 3] == 1
+    assert (result.image[solid] == 0).all() and result.shadow_map.no_light
+    free = sheet(session.object)[..., 3] == 0
+    np.testing.assert_array_equal(result.image[free], BACK[free])
+
+
+def test_bad_input_is_refused():
+    two = rig_of_two()
+
+    def make(*others, **options):
+        return lambda: fastibl.Session(ball(spheres=0), *others, **options)
+
+    same_error(make(RIG, backend="vulkan"), ValueError, "backend", "vulkan")
+    same_error(make(RIG, methods="fast"), ValueError, "methods", "fast")
+    same_error(make(RIG, methods={"diffuse": "sh8"}), ValueError, "sh8", "sh9")
+    same_error(make(RIG, error=-1.0), ValueError, "error budget", "-1")
+    same_error(make(RIG, size=0), ValueError, "1 to 4096", "0")
+    same_error(make(RIG, distance=0.0), ValueError, "distance", "0")
+    same_error(make(RIG, fastibl.Board.default(), detector=None), ValueError, "detector")
+    same_error(make(RIG, fastibl.Board.default(), detector=3), TypeError, "callable", "int")
+    with pytest.raises(TypeError):
+        make(None)()
+    if not fastibl.session.with_gl:
+        same_error(make(RIG, backend="gl"), RuntimeError, "GL")
+
+    session = fastibl.Session(ball(), two, size=8)
+    session.process(given(1.0))
+
+    def process(time=1.0, **others):
+        return lambda: session.process(given(time, **others))
+
+    same_error(process(0.5), ValueError, "backwards", "0.5", "1")
+    same_error(process(float("nan")), ValueError, "time", "nan")
+    same_error(process(float("inf")), ValueError, "time", "inf")
+    same_error(process(back=BACK[:-1]), ValueError, "back", "96 × 72", "96 × 71")
+    same_error(process(front=BACK), ValueError, "front", "64 × 48", "96 × 72")
+    same_error(process(back=BACK[..., 0]), ValueError, "back", "(72, 96)")
+    same_error(process(back=BACK[..., :2]), ValueError, "back", "(72, 96, 2)")
+    same_error(process(back=BACK.astype(np.int64)), TypeError, "back", "int64")
+    same_error(process(front=FRONT.astype(bool)), TypeError, "front", "bool")
+    same_error(process(back="a.png"), TypeError, "back", "str")
+    for exposure in (0.0, -1.0, float("nan"), float("inf")):
+        same_error(process(back_exposure=exposure), ValueError, "exposure")
+        same_error(process(front_exposure=exposure), ValueError, "exposure")
+    same_error(process(back_from_marker=np.eye(3)), ValueError, "back_from_marker", "(4, 4)")
+    same_error(process(back_from_marker=np.full((4, 4), np.nan)), ValueError, "finite")
+    same_error(lambda: session.process(fastibl.Frame(1.0)), ValueError, "picture or a pose")
+    same_error(
+        lambda: fastibl.Session(ball(), RIG, environment=WHITE).process(given(front=FRONT)),
+        ValueError,
+        "no front camera",
+    )
+    same_error(lambda: session.move(np.eye(3)), ValueError, "marker_from_object")
+    same_error(lambda: session.set_methods("fast"), ValueError, "fast")
+    same_error(lambda: session.set_backend("vulkan"), ValueError, "vulkan")
+    # What was refused changed nothing.
+    fresh = fastibl.Session(ball(), two, size=8)
+    fresh.process(given(1.0))
+    np.testing.assert_array_equal(session.process(given(1.1)).image, fresh.process(given(1.1)).image)
+
+
+def test_time_is_checked_with_given_light_too():
+    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    session.process(given(2.0))
+    session.process(given(2.0))
+    same_error(lambda: session.process(given(1.9)), ValueError, "backwards", "1.9", "2")
+
+
+def test_a_failing_detector_passes_its_error_on():
+    def fails(grey, board, camera):
+        raise KeyError("no such tag")
+
+    session = fastibl.Session(ball(), RIG, fastibl.Board.default(), WHITE, detector=fails)
+    with pytest.raises(KeyError, match="no such tag"):
+        session.process(fastibl.Frame(0.0, back=BACK))
+    assert session.process(given(0.1)).back_from_marker == POSE  # and the session goes on
+
+
+REPLAY = """
+import hashlib, sys
+import fastibl
+fastibl.set_threads(int(sys.argv[1]))
+recording = fastibl.simulate(seconds=1.0, fps=6, size=(240, 180), truth_size=16)
+scene = fastibl.Scene(fastibl.shapes.figurine(0.12), fastibl.Material(glossy=(0.2, 0.2, 0.2)))
+session = fastibl.Session(scene, recording.rig, recording.board, size=32)
+digest, tracked = hashlib.sha256(), 0
+for frame in recording:
+    result = session.process(frame)
+    tracked += result.tracked is not None
+    digest.update(result.image.tobytes())
+    digest.update(session.object.rgba.tobytes())
+    digest.update(result.shadow_map.image.tobytes())
+    if result.environment is not None:
+        digest.update(result.environment.radiance.faces.tobytes())
+        digest.update(result.environment.confidence.tobytes())
+        digest.update(repr(result.predicted_error).encode())
+    if result.back_from_marker is not None:
+        digest.update(result.back_from_marker.matrix.tobytes())
+print(tracked, digest.hexdigest())
+"""
+
+
+def test_replay_gives_the_same_bits():
+    """Fresh processes, 1 and 2 threads."""
+    root = str(Path(fastibl.__file__).parents[1])
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
+    out = [
+        subprocess.run([sys.executable, "-c", REPLAY, threads], env=env, capture_output=True, text=True, check=True)
+        for threads in ("1", "2")
+    ]
+    results = [o.stdout.split() for o in out]
+    print(f"tracked {results[0][0]} of 6 frames, {results[0][1][:16]}")
+    assert results[0] == results[1] and int(results[0][0]) >= 3
