@@ -21,7 +21,6 @@ from .goals import Goal, row, skipped
 from .measure import ROOT, Timing, yardstick
 
 NO_MAPS = f"no real HDR maps under {inputs.SHARED / 'hdri'}"
-NO_GL = "this fastibl was built without its GL back end (FASTIBL_GL=ON)"
 _GLOSSY_PAIRS = 100  # at each angle
 # Words in the names of tests that give bad or extreme input.
 BAD = ("bad", "refuse", "extreme", "error", "missing", "degenerate", "ignored", "broken", "cleaning", "invalid")
@@ -204,13 +203,25 @@ def frame_cpu() -> Iterator[Goal]:
         yield _frame_goal(f'{case}, "auto", new light each frame', *frame_times(scene, "auto"))
 
 
+def no_gl() -> str:
+    """Why the GL back end cannot be used here; empty where it can."""
+    if not with_gl:
+        return "this fastibl was built without its GL back end (FASTIBL_GL=ON)"
+    try:
+        fastibl.Session(inputs.scene(), inputs.short_recording().rig, backend="gl")
+    except RuntimeError as error:  # no driver
+        return str(error)
+    return ""
+
+
 @row("paper", "whole frame on GL's software driver")
 def frame_gl() -> Iterator[Goal]:
     threads = int(os.environ.get("LP_NUM_THREADS", "2"))
+    reason = no_gl()
     for mesh in meshes():
         what = f"frame 640x480, {mesh}, GL in software, {threads} threads"
-        if not with_gl:
-            yield skipped(what, NO_GL)
+        if reason:
+            yield skipped(what, reason)
             continue
         for methods in ("paper", "auto"):
             times = frame_times(inputs.scene(mesh), methods, backend="gl", threads=threads)
@@ -220,8 +231,9 @@ def frame_gl() -> Iterator[Goal]:
 @row("paper", "GL against CPU")
 def gl_against_cpu() -> Iterator[Goal]:
     what = "GL against CPU: changed pixels that agree within 2/255"
-    if not with_gl:
-        yield skipped(what, NO_GL)
+    reason = no_gl()
+    if reason:
+        yield skipped(what, reason)
         return
     glossy_material = fastibl.Material(diffuse=(0.5, 0.4, 0.3), glossy=(0.3, 0.3, 0.3), exponent=64.0)
     recording = inputs.short_recording()

@@ -2,18 +2,13 @@
 
 import json
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # bench/ lies beside the package, not in it
-
-import fastibl  # noqa: E402
-from bench import brute, goals, measure, paper  # noqa: E402
-from bench.goals import Goal  # noqa: E402
+import fastibl
+from bench import brute, goals, measure, paper
+from bench.goals import Goal
 
 
 def numbered(count):
