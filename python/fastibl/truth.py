@@ -40,7 +40,7 @@ class TrueRenderer:
     extent: half the edge in metres of the plane grid that shadows are worked out on; grid: its points along an edge.
     """
 
-    def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 80):
+    def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 64):
         self.scene = scene
         self.bvh = Bvh(scene.mesh)
         self.extent, self.grid = extent, grid
@@ -48,22 +48,24 @@ class TrueRenderer:
         self.directions = directions.astype(np.float32)
         vertices, normals = scene.mesh.vertices, scene.mesh.normals
         scale = float(np.ptp(vertices, axis=0).max())
-        self.hidden_at_vertex = self._hidden(vertices + 2e-4 * scale * normals)
+        self.hidden_at_vertex = self._hidden(vertices + 2e-4 * scale * normals, normals)
         axis = ((np.arange(grid) + 0.5) / grid * 2 - 1) * extent
         x, y = np.meshgrid(axis, axis)
-        points = np.stack([x, y, np.full_like(x, 1e-5)], axis=-1).reshape(-1, 3).astype(np.float32)
-        self.hidden_at_plane = self._hidden(points)
+        points = np.stack([x, y, np.full_like(x, 1e-5)], axis=-1).reshape(-1, 3)
+        self.hidden_at_plane = self._hidden(points, np.broadcast_to([0.0, 0.0, 1.0], points.shape))
 
-    def _hidden(self, points: NDArray) -> NDArray[np.bool_]:
-        """Whether the object hides each direction from each point, packed bits (points, directions / 8)."""
+    def _hidden(self, points: NDArray, normals: NDArray) -> NDArray[np.uint8]:
+        """Whether the object hides each direction from each point: packed bits (points, directions / 8).
+
+        Directions below a point's horizon do not count and are not asked for.
+        """
         out = np.empty((len(points), len(self.directions) // 8), np.uint8)
         for i in range(0, len(points), 512):
-            block = points[i : i + 512].astype(np.float32)
-            shape = (len(block), len(self.directions), 3)
-            hidden = self.bvh.occluded(
-                np.ascontiguousarray(np.broadcast_to(block[:, None], shape)),
-                np.ascontiguousarray(np.broadcast_to(self.directions, shape)),
-            )
+            above = normals[i : i + 512].astype(np.float32) @ self.directions.T > 0
+            row, column = np.nonzero(above)
+            hidden = np.zeros(above.shape, bool)
+            origins = points[i : i + 512].astype(np.float32)[row]
+            hidden[row, column] = self.bvh.occluded(origins, self.directions[column])
             out[i : i + 512] = np.packbits(hidden, axis=1)
         return out
 
@@ -118,10 +120,16 @@ class TrueRenderer:
         rays = camera.unproject(np.stack([x, y], axis=-1)) @ marker_from_back.rotation.T
         origins = np.ascontiguousarray(np.broadcast_to(eye, rays.shape)).astype(np.float32)
         triangle, _, uv = self.bvh.nearest(origins, np.nan_to_num(rays).astype(np.float32))
-        covered = triangle >= 0
+        # Coverage from all rays of a pixel, colour from the first of them that meets the object.
+        met = (triangle >= 0).reshape(h, s, w, s).transpose(0, 2, 1, 3).reshape(h, w, s * s)
+        coverage = met.mean(axis=-1)
+        covered = coverage > 0
+        first = met.argmax(axis=-1)[covered]
+        row, column = np.nonzero(covered)
+        at = row * s + first // s, column * s + first % s
         mesh, material = self.scene.mesh, self.scene.material
-        corner = mesh.triangles[triangle[covered]]
-        weights = np.stack([1 - uv[covered].sum(axis=1), uv[covered][:, 0], uv[covered][:, 1]], axis=1)[..., None]
+        corner = mesh.triangles[triangle[at]]
+        weights = np.stack([1 - uv[at].sum(axis=1), uv[at][:, 0], uv[at][:, 1]], axis=1)[..., None]
         position = (mesh.vertices[corner] * weights).sum(axis=1)
         normal = (mesh.normals[corner] * weights).sum(axis=1)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
@@ -131,9 +139,9 @@ class TrueRenderer:
             view = eye - position
             view /= np.linalg.norm(view, axis=1, keepdims=True)
             colour = colour + np.asarray(material.glossy) * self._glossy(source, normal, view, material.exponent)
-        layer = np.zeros((h * s, w * s, 4))
-        layer[covered, :3], layer[covered, 3] = colour, 1
-        layer = layer.reshape(h, s, w, s, 4).mean(axis=(1, 3))
+        layer = np.zeros((h, w, 4))
+        layer[covered, :3] = colour * coverage[covered][:, None]
+        layer[..., 3] = coverage
         # Ratio at the plane point of each pixel, bilinear on the grid, 1 outside.
         ray = camera.unproject(np.stack(np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5), axis=-1))
         ray = ray @ marker_from_back.rotation.T

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "fastibl/capture/frame_pyramid.h"
+#include "fastibl/capture/texel_view.h"
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 
@@ -25,10 +26,12 @@ constexpr float kShotNoise = 2.5e-4f;  // variance per linear value: a full well
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
 
+}  // namespace
+
 // Standard deviation of one pixel's linear value, by value: one code of noise and quantisation.
 // Small footprints and steps that repeat (a dark wall all of one code) do not average away: the
 // mean keeps half.
-class SensorNoise {
+class Capture::SensorNoise {
  public:
   explicit SensorNoise(const Response& response) {
     for (int k = 0; k <= kBins; ++k) {
@@ -49,8 +52,6 @@ class SensorNoise {
   static constexpr int kBins = 256;
   std::array<float, kBins + 1> variance_{};
 };
-
-}  // namespace
 
 Capture::Capture(CaptureOptions options) : options_(std::move(options)) {
   const int n = options_.size;
@@ -92,129 +93,74 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
         time_, " s");
   time_ = time;
 
+  Viewpoint viewpoint{options_.centre, options_.distance};
+  if (options_.board)
+    viewpoint.masked =
+        0.5 * glm::dvec2(options_.board->width, options_.board->height) + kBoardMargin;
+  const TexelView view(camera, camera_from_marker, viewpoint);
   const FramePyramid pyramid(picture, camera.response);
   const SensorNoise noise(camera.response);
-  const Lens lens(camera);
-  const glm::dmat3& rotation = camera_from_marker.rotation;
-  const float focal = float(std::sqrt(camera.fx * camera.fy));
-  const float per_linear = float(1 / (exposure * camera.gain));
-  const glm::dvec3 origin = camera_from_marker * options_.centre;
-  const glm::dvec3 eye = camera_from_marker.inverse().translation;
-  const double nearness = 1 / options_.distance;
-  // Half-angle by which what is near is seen in another direction than from the centre.
-  const float parallax = float(std::asin(std::min(1.0, nearness * glm::length(origin))));
-  // Half-angle of the picture around the optical axis, for culling tiles of distant light.
-  double widest = 0;
-  for (const glm::dvec2 corner :
-       {glm::dvec2(0, 0), glm::dvec2(camera.width, 0), glm::dvec2(0, camera.height),
-        glm::dvec2(camera.width, camera.height)}) {
-    const auto ray = lens.unproject(corner);
-    widest =
-        std::max(widest, ray ? std::atan(glm::length(glm::dvec2(*ray))) : std::numbers::pi / 2);
-  }
-  const glm::vec3 axis =
-      glm::vec3(glm::transpose(rotation)[2]);  // optical axis in the marker frame
-
-  // Where a texel is, in the camera frame (its length is free above the horizon), and the solid
-  // angle under which the camera sees it, by that under which the centre does; false where nothing
-  // is seen of it.
-  const auto seen_at = [&](std::size_t i, glm::dvec3& in_camera, double& share) {
-    const glm::dvec3 d(directions_[i]);
-    if (d.z >= 0) {
-      const glm::dvec3 turned = rotation * d;
-      in_camera = turned + nearness * origin;
-      const double length2 = glm::dot(in_camera, in_camera);
-      share = std::abs(glm::dot(turned, in_camera)) / (length2 * std::sqrt(length2));
-      return true;
-    }
-    if (eye.z <= 0)
-      return false;  // the plane hides what is under it, and its underside is not the table
-    const double distance = options_.centre.z / -d.z;
-    if (options_.board) {
-      const glm::dvec3 p = options_.centre + distance * d;
-      if (std::abs(p.x) < options_.board->width / 2 + kBoardMargin &&
-          std::abs(p.y) < options_.board->height / 2 + kBoardMargin)
-        return false;
-    }
-    in_camera = origin + distance * (rotation * d);
-    const double length2 = glm::dot(in_camera, in_camera);
-    share = distance * distance / length2 * eye.z / (std::sqrt(length2) * -d.z);
-    return true;
-  };
 
   const int n = options_.size, tiles = (n + kTile - 1) / kTile;
   std::vector<std::uint8_t> newly_seen(std::size_t(6 * tiles * tiles), 0);
   parallel_for(6 * tiles * tiles, 4, [&](int begin, int end) {
     for (int tile = begin; tile < end; ++tile) {
-      const int f = tile / (tiles * tiles), x0 = tile % tiles * kTile,
+      const int face = tile / (tiles * tiles), x0 = tile % tiles * kTile,
                 y0 = tile / tiles % tiles * kTile;
       const int x1 = std::min(x0 + kTile, n), y1 = std::min(y0 + kTile, n);
-      const auto corner = [&](int x, int y) {
-        return glm::normalize(face_direction(f, float(x) / float(n), float(y) / float(n)));
-      };
-      const glm::vec3 corners[4] = {corner(x0, y0), corner(x1, y0), corner(x0, y1), corner(x1, y1)};
-      const glm::vec3 middle = glm::normalize(corners[0] + corners[1] + corners[2] + corners[3]);
-      float radius = 1, lowest = 1;
-      for (const glm::vec3& c : corners)
-        radius = std::min(radius, glm::dot(c, middle)), lowest = std::min(lowest, c.z);
-      if (lowest >= 0 && std::acos(std::clamp(glm::dot(middle, axis), -1.0f, 1.0f)) >
-                             float(widest) + parallax + std::acos(std::min(radius, 1.0f)))
-        continue;
+      if (!view.may_see(face, x0, y0, x1, y1, n)) continue;
       for (int y = y0; y < y1; ++y)
         for (int x = x0; x < x1; ++x) {
           const std::size_t in_face = std::size_t(y) * n + std::size_t(x),
-                            i = std::size_t(f) * n * n + in_face;
-          glm::dvec3 p;
-          double share = 1;
-          if (!seen_at(i, p, share)) continue;
-          const auto pixel = lens.project(p);
-          if (!pixel || !camera.inside(*pixel)) continue;
-          if (!mask.empty() && *mask.pixel(int(pixel->x), int(pixel->y)) == 0) continue;
-          // Pixels that the texel covers: solid angle times f² over cos³ of the angle to the
-          // optical axis.
-          const double cosine = p.z / glm::length(p);
-          const float area =
-              float(share * solid_angle_[in_face] * focal * focal / (cosine * cosine * cosine));
-          const FootprintSample s =
-              pyramid.sample(float(pixel->x), float(pixel->y), std::sqrt(area));
-          const float scale =
-              camera.vignetting.empty() ? per_linear : per_linear / float(camera.vignette(*pixel));
-
-          const bool first = last_seen_[i] == kNever;
-          if (first) newly_seen[std::size_t(tile)] = 1;
-          const float elapsed = first ? 0.0f : float(time - last_seen_[i]);
-          for (int c = 0; c < 3; ++c) {
-            float &value = value_[i][c], &variance = variance_[i][c];
-            const float sample = s.linear[c] * scale;
-            const std::uint8_t bit = std::uint8_t(1 << c);
-            if (s.clipped[c] > kClippedShare) {
-              if (first || value < sample) {
-                value = sample, variance = kBoundNoise * kBoundNoise * sample * sample;
-                bound_[i] |= bit;
-              }
-              continue;
-            }
-            const float sample_noise = kModelNoise * sample;
-            const float sample_variance =
-                noise.variance(s.linear[c], area) * scale * scale + sample_noise * sample_noise;
-            if (!first) variance += kDrift * kDrift * value * value * elapsed;
-            const float difference = sample - value;
-            // A bound is no measurement, and what contradicts the value is a change of the place.
-            if (first || (bound_[i] & bit) ||
-                difference * difference > kChange * kChange * (variance + sample_variance)) {
-              value = sample, variance = sample_variance;
-              bound_[i] &= std::uint8_t(~bit);
-              continue;
-            }
-            const float gain = variance / std::max(variance + sample_variance, 1e-30f);
-            value += gain * difference;
-            variance *= 1 - gain;
-          }
-          last_seen_[i] = time;
+                            i = std::size_t(face) * n * n + in_face;
+          const auto seen = view.see(glm::dvec3(directions_[i]), solid_angle_[in_face]);
+          if (!seen) continue;
+          const glm::dvec2 pixel = seen->pixel;
+          if (!mask.empty() && *mask.pixel(int(pixel.x), int(pixel.y)) == 0) continue;
+          if (last_seen_[i] == kNever) newly_seen[std::size_t(tile)] = 1;
+          const double radiance_per_linear = 1 / (exposure * camera.gain * camera.vignette(pixel));
+          merge(i, pyramid.sample(float(pixel.x), float(pixel.y), std::sqrt(seen->area)),
+                seen->area, float(radiance_per_linear), noise);
         }
     }
   });
   for (const std::uint8_t changed : newly_seen) coverage_changed_ = coverage_changed_ || changed;
+}
+
+// Takes a sample of texel i, linear values over `pixels` pixels, into its estimate.
+void Capture::merge(std::size_t i, const FootprintSample& seen, float pixels,
+                    float radiance_per_linear, const SensorNoise& noise) {
+  const bool first = last_seen_[i] == kNever;
+  const float elapsed = first ? 0.0f : float(time_ - last_seen_[i]);
+  last_seen_[i] = time_;
+  for (int c = 0; c < 3; ++c) {
+    float &value = value_[i][c], &variance = variance_[i][c];
+    const float sample = seen.linear[c] * radiance_per_linear;
+    const std::uint8_t bit = std::uint8_t(1 << c);
+    if (seen.clipped[c] > kClippedShare) {
+      if (first || value < sample) {
+        value = sample, variance = kBoundNoise * kBoundNoise * sample * sample;
+        bound_[i] |= bit;
+      }
+      continue;
+    }
+    const float model_noise = kModelNoise * sample;
+    const float sample_variance =
+        noise.variance(seen.linear[c], pixels) * radiance_per_linear * radiance_per_linear +
+        model_noise * model_noise;
+    if (!first) variance += kDrift * kDrift * value * value * elapsed;
+    const float difference = sample - value;
+    // A bound is no measurement, and what contradicts the value is a change of the place.
+    if (first || (bound_[i] & bit) ||
+        difference * difference > kChange * kChange * (variance + sample_variance)) {
+      value = sample, variance = sample_variance;
+      bound_[i] &= std::uint8_t(~bit);
+      continue;
+    }
+    const float gain = variance / std::max(variance + sample_variance, 1e-30f);
+    value += gain * difference;
+    variance *= 1 - gain;
+  }
 }
 
 // Nearest seen texel for every unseen one on its side of the horizon: sources spread from neighbour

@@ -17,6 +17,8 @@
 
 namespace fastibl {
 
+struct FootprintSample;
+
 struct CaptureOptions {
   int size = 128;              // face edge of the map in texels
   std::optional<Board> board;  // its page is masked: the plane there is filled from around it
@@ -29,8 +31,8 @@ struct CaptureOptions {
 };
 
 // Measures the environment: every picture updates the texels that it sees. Above the horizon light
-// is taken as distant; below it a texel is the point of the opaque marker plane that `centre` sees
-// there.
+// comes from `distance`; below it a texel is the point of the opaque marker plane that `centre`
+// sees there.
 //
 // Each channel of a texel is a value with a variance (a Kalman filter per texel): noise of the
 // sensor and of quantisation, grown with time, decide how much a new sample counts; a sample that
@@ -58,6 +60,9 @@ class Capture {
   const std::vector<double>& last_seen() const { return last_seen_; }
 
  private:
+  class SensorNoise;
+  void merge(std::size_t texel, const FootprintSample& seen, float pixels,
+             float radiance_per_linear, const SensorNoise& noise);
   void update_nearest();
 
   CaptureOptions options_;

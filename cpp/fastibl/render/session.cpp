@@ -130,7 +130,7 @@ void Session::capture_frame(const Frame& frame, const std::optional<Pose>& pose)
   }
 }
 
-FrameResult Session::process(const Frame& frame) {
+void Session::check_frame(const Frame& frame) const {
   const auto matches = [](const Picture& picture, const Camera& camera, const char* which) {
     check(picture.empty() || (picture.width == camera.width && picture.height == camera.height),
           "the ", which, " picture must be the camera's ", camera.width, " × ", camera.height,
@@ -147,13 +147,56 @@ FrameResult Session::process(const Frame& frame) {
         "a frame needs a picture or a pose");
   check(std::isfinite(frame.time) && (!last_time_ || frame.time >= *last_time_),
         "time must not run backwards: ", frame.time, " s after ", last_time_.value_or(0), " s");
-  last_time_ = frame.time;
+}
 
+// Runs a pass; false where it had nothing to do.
+bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose) {
+  const auto radiance = [&] {  // null before there is a map: what only glows reads none
+    return environment_ ? std::shared_ptr<const CubeMap>(environment_, &environment_->radiance)
+                        : nullptr;
+  };
+  switch (id) {
+    case PassId::track:
+      return false;  // ran before: it decides what is due
+    case PassId::capture:
+      if (!wants_capture(frame, pose)) return false;
+      capture_frame(frame, pose);
+      return true;
+    case PassId::mips:
+      environment_ = capture_->environment();
+      return true;
+    case PassId::irradiance: {
+      LightingOptions options;
+      options.diffuse = options_.methods.diffuse;
+      options.glossy = options_.methods.glossy;
+      options.normalization = options_.methods.normalization;
+      lighting_ = std::make_shared<const Lighting>(fit_lighting(radiance(), options));
+      return true;
+    }
+    default:
+      break;
+  }
+  if (!lighting_ || lighting_->radiance != radiance()) {
+    // No pass reads the irradiance, but the glossy look-up needs its chain.
+    Lighting chain;
+    chain.glossy = options_.methods.glossy;
+    chain.normalization = options_.methods.normalization;
+    chain.radiance = radiance();
+    lighting_ = std::make_shared<const Lighting>(std::move(chain));
+  }
+  renderer_->run(id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back,
+                      frame.back_exposure});
+  return true;
+}
+
+FrameResult Session::process(const Frame& frame) {
+  check_frame(frame);
+  last_time_ = frame.time;
   const Stopwatch total;
   FrameResult result;
   const auto timed = [&](PassId id, auto&& body) {
     const Stopwatch watch;
-    body();
+    if (!body()) return;  // had nothing to do
     result.passes.push_back(id);
     result.timings[std::string(name(id))] += watch.seconds();
   };
@@ -162,7 +205,10 @@ FrameResult Session::process(const Frame& frame) {
   if (frame.back_from_marker || !board_)
     result.back_from_marker = frame.back_from_marker;
   else
-    timed(PassId::track, [&] { result.back_from_marker = find_pose(frame, result); });
+    timed(PassId::track, [&] {
+      result.back_from_marker = find_pose(frame, result);
+      return true;
+    });
   const std::optional<Pose>& pose = result.back_from_marker;
   stale_ |= product::back_picture | product::pose;
   if (wants_capture(frame, pose)) stale_ |= product::light_pictures;
@@ -171,52 +217,15 @@ FrameResult Session::process(const Frame& frame) {
   Products wanted = product::texels;
   // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map.
   if (pose) wanted |= product::image;
-  const Camera& camera = rig_.back;
-  for (const PassId id : due_passes(plan_, wanted, stale_)) {
-    switch (id) {
-      case PassId::track:
-        break;
-      case PassId::capture:
-        if (wants_capture(frame, pose)) timed(id, [&] { capture_frame(frame, pose); });
-        break;
-      case PassId::mips:
-        timed(id, [&] { environment_ = capture_->environment(); });
-        break;
-      case PassId::irradiance:
-        timed(id, [&] {
-          LightingOptions options;
-          options.diffuse = options_.methods.diffuse;
-          options.glossy = options_.methods.glossy;
-          options.normalization = options_.methods.normalization;
-          lighting_ = std::make_shared<const Lighting>(fit_lighting(
-              std::shared_ptr<const CubeMap>(environment_, &environment_->radiance), options));
-        });
-        break;
-      default: {
-        // Without a map nothing reads it: the object only glows.
-        std::shared_ptr<const CubeMap> radiance;
-        if (environment_) radiance = {environment_, &environment_->radiance};
-        if (!lighting_ || lighting_->radiance != radiance) {
-          // No pass reads the irradiance, but the glossy look-up needs its chain.
-          Lighting chain;
-          chain.glossy = options_.methods.glossy;
-          chain.normalization = options_.methods.normalization;
-          chain.radiance = std::move(radiance);
-          lighting_ = std::make_shared<const Lighting>(std::move(chain));
-        }
-        const RenderInput input{scene_, options_.methods, *lighting_,         camera,
-                                *pose,  frame.back,       frame.back_exposure};
-        timed(id, [&] { renderer_->run(id, input); });
-      }
-    }
-  }
+  for (const PassId id : due_passes(plan_, wanted, stale_))
+    timed(id, [&] { return run_pass(id, frame, pose); });
   update_plan();  // its errors, now that this frame's light is known
   if (pose)
     result.image = renderer_->image();
   else if (!frame.back.empty())
-    result.image = bytes_from(frame.back, camera.response);
+    result.image = bytes_from(frame.back, rig_.back.response);
   else
-    result.image = Image<std::uint8_t>(camera.width, camera.height, 4);
+    result.image = Image<std::uint8_t>(rig_.back.width, rig_.back.height, 4);
   result.environment = environment_;
   if (lighting_ && lighting_->radiance) result.lighting = lighting_;
   if (environment_ && result.lighting)

@@ -78,6 +78,8 @@ class Session {
  private:
   void update_plan();  // the lines and their errors
   void replan();       // after a change of what is wanted: makes stale what it concerns
+  void check_frame(const Frame& frame) const;
+  bool run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose);
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
   void capture_frame(const Frame& frame, const std::optional<Pose>& pose);

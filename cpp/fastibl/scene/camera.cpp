@@ -55,6 +55,7 @@ std::optional<glm::dvec3> Camera::unproject(const glm::dvec2& pixel) const {
 }
 
 double Camera::vignette(const glm::dvec2& pixel) const {
+  if (vignetting.empty()) return 1;
   const double x = (pixel.x - cx) / fx, y = (pixel.y - cy) / fy, r2 = x * x + y * y;
   double factor = 1, power = r2;
   for (const double v : vignetting) factor += v * power, power *= r2;
