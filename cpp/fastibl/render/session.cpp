@@ -151,9 +151,10 @@ void Session::check_frame(const Frame& frame) const {
 
 // Runs a pass; false where it had nothing to do.
 bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose) {
-  // Without a map nothing reads it: the object only glows.
-  std::shared_ptr<const CubeMap> radiance;
-  if (environment_) radiance = {environment_, &environment_->radiance};
+  const auto radiance = [&] {  // null before there is a map: what only glows reads none
+    return environment_ ? std::shared_ptr<const CubeMap>(environment_, &environment_->radiance)
+                        : nullptr;
+  };
   switch (id) {
     case PassId::track:
       return false;  // ran before: it decides what is due
@@ -169,18 +170,18 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       options.diffuse = options_.methods.diffuse;
       options.glossy = options_.methods.glossy;
       options.normalization = options_.methods.normalization;
-      lighting_ = std::make_shared<const Lighting>(fit_lighting(std::move(radiance), options));
+      lighting_ = std::make_shared<const Lighting>(fit_lighting(radiance(), options));
       return true;
     }
     default:
       break;
   }
-  if (!lighting_ || lighting_->radiance != radiance) {
+  if (!lighting_ || lighting_->radiance != radiance()) {
     // No pass reads the irradiance, but the glossy look-up needs its chain.
     Lighting chain;
     chain.glossy = options_.methods.glossy;
     chain.normalization = options_.methods.normalization;
-    chain.radiance = std::move(radiance);
+    chain.radiance = radiance();
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
   renderer_->run(id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back,
