@@ -17,7 +17,7 @@ from .measure import Row, Timing, row, timing
 def frame_times(
     scene: fastibl.Scene, methods: str, backend: str = "cpu", threads: int = 1, rounds: int = 4
 ) -> tuple[Timing, dict[str, Timing]]:
-    """Steady state of a session on the short recording: the whole, tracking included, and each pass that most frames run.
+    """Steady state of a session on the short recording: the whole, tracking included, and passes that most frames run.
 
     The first round warms up and is not counted.
     """
