@@ -206,7 +206,8 @@ def table(rows: Sequence[Row]) -> str:
     for r in rows:
         error = "" if r.error is None else f"{r.error:.4g} {r.metric}"
         seconds = "" if r.seconds is None else f"{_time(r.seconds)} ({r.yardsticks:.3g} yardsticks)"
-        out.append(f"{r.case:34} {f'{r.method} {r.setting}'.strip():24} {error:52} {seconds}")
+        method = f"{r.method} {r.setting}".strip()
+        out.append(f"{r.case:34} {method:24} {r.backend}, {r.threads} threads  {error:52} {seconds}".rstrip())
     return "\n".join(out)
 
 
