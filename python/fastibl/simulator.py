@@ -20,7 +20,7 @@ FRONT_STEPS = (1.0, 1 / 16, 1 / 256)  # exposures of the front camera, in turn
 _FULL_WELL, _READ_NOISE = 4000, 6  # electrons
 _BLUR = 0.55  # standard deviation of the lens in pixels
 _TABLE_LEVEL = 0.30  # the table's mean in the back pictures, of white
-_WALL_LEVEL = 0.20  # the median of what the front camera can see, of white
+_FRONT_LEVEL = 0.18  # the mean of what the front camera can see, of white, as cameras meter
 _HAND_FADE = 0.12  # seconds in which the hand comes and goes
 
 
@@ -409,14 +409,14 @@ class _Pictures:
         middle = place.truth(OBJECT, 32, False)
         up = texel_directions(32)[..., 2]
         brightness = middle.faces.mean(axis=-1)
-        table, walls = brightness[up < -0.5].mean(), np.median(brightness[up > 0])
+        table, place_mean = brightness[up < -0.5].mean(), brightness[up > 0].mean()
         # A dark place still gives finite exposures.
         self.back_exposure = float(_TABLE_LEVEL / max(table, 1e-9))
-        self.front_exposure = float(_WALL_LEVEL / max(walls, 1e-9))
+        self.front_exposure = float(_FRONT_LEVEL / max(place_mean, 1e-9))
         self.hand = None
         if truth.hand is not None and self.front is not None:
             shape = self.front.rays.shape[:2]
-            self.hand = _Hand(*truth.hand, float(walls), shape)
+            self.hand = _Hand(*truth.hand, float(np.median(brightness[up > 0])), shape)
 
     def frame(self, index: int, time: float, back_from_marker: Pose) -> Frame:
         lamp = self.truth.lamp_time is not None and time >= self.truth.lamp_time

@@ -254,12 +254,12 @@ std::shared_ptr<const Environment> Capture::environment() {
   constexpr double sphere = 4 * std::numbers::pi;
   result->coverage = seen / sphere;
   result->clipped = seen > 0 ? bound / seen : 0;
-  // Expected error of the irradiance, fitted to nearest-seen filling on real maps: it falls with
-  // the square of what is unseen above the horizon. Light known only as a lower bound may be twice
+  // Expected error of the irradiance, fitted to nearest-seen filling on real maps: it falls
+  // faster than what is unseen above the horizon. Light known only as a lower bound may be twice
   // as strong.
   const double unseen = 1 - up_seen / up;
   result->predicted_error =
-      0.02 + 0.85 * unseen * unseen + (flux > 0 ? 0.5 * bound_flux / flux : 0);
+      0.02 + 0.85 * std::pow(unseen, 1.5) + (flux > 0 ? 0.5 * bound_flux / flux : 0);
   result->radiance = CubeMap(options_.size, faces);
   return result;
 }

@@ -168,10 +168,12 @@ void CubeLevel::update_border() {
 glm::vec3 CubeLevel::sample(glm::vec3 direction) const {
   const FacePoint p = face_point(direction);
   // Clamped because a direction of length 0 or NaN gives a NaN point; such a look-up is defined,
-  // not useful.
+  // not useful. Comparisons instead of fmin and fmax, which are library calls.
   const float limit = float(size_);
-  const float x = std::fmin(std::fmax(p.s * limit - 0.5f, -0.5f), limit - 0.5f);
-  const float y = std::fmin(std::fmax(p.t * limit - 0.5f, -0.5f), limit - 0.5f);
+  const auto clamped = [limit](float v) {
+    return v > -0.5f ? (v < limit - 0.5f ? v : limit - 0.5f) : -0.5f;
+  };
+  const float x = clamped(p.s * limit - 0.5f), y = clamped(p.t * limit - 0.5f);
   const int ix = int(x + 1) - 1, iy = int(y + 1) - 1;  // floor for x ≥ −1
   const float fx = x - float(ix), fy = y - float(iy);
   const glm::vec3* a = &texel(p.face, ix, iy);
@@ -216,7 +218,8 @@ const CubeLevel& CubeMap::level_at_most(int size) const {
 }
 
 glm::vec3 CubeMap::sample(glm::vec3 direction, float level) const {
-  const float clamped = std::fmin(std::fmax(level, 0.0f), float(level_count() - 1));
+  const float top = float(level_count() - 1);
+  const float clamped = level > 0 ? (level < top ? level : top) : 0.0f;  // NaN gives 0
   const int k = std::min(int(clamped), level_count() - 1);
   const float f = clamped - float(k);
   const glm::vec3 fine = levels_[std::size_t(k)].sample(direction);

@@ -22,6 +22,8 @@ struct ShadowMap {
   bool no_light = false;  // nothing lights the plane: the ratio is 1 everywhere
 
   glm::vec3 sample(glm::vec2 point) const;  // bilinear; 1 outside
+  // The same at a position in texels, the centre of texel (i, j) at (i, j); 1 for NaN too.
+  glm::vec3 sample_texels(float x, float y) const;
   bool operator==(const ShadowMap&) const = default;
 };
 

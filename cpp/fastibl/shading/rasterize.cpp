@@ -97,22 +97,32 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
         const int y0 = std::max(int(std::min({v[0]->y, v[1]->y, v[2]->y}) / kSubpixel), y_begin);
         const int y1 = std::min(int(std::max({v[0]->y, v[1]->y, v[2]->y}) / kSubpixel), y_end - 1);
         const float per_area = 1 / float(area);
-        for (int y = y0; y <= y1; ++y)
-          for (int x = x0; x <= x1; ++x)
+        // Edge functions are linear: stepped from pixel to pixel, with a fixed offset for each
+        // sample. The third is what the other two leave of the area.
+        const std::int64_t dx0 = v[1]->y - v[2]->y, dy0 = v[2]->x - v[1]->x;
+        const std::int64_t dx1 = v[2]->y - v[0]->y, dy1 = v[0]->x - v[2]->x;
+        std::int64_t offset0[kSamples], offset1[kSamples];
+        for (int s = 0; s < kSamples; ++s) {
+          offset0[s] = dx0 * kSampleX[s] + dy0 * kSampleY[s];
+          offset1[s] = dx1 * kSampleX[s] + dy1 * kSampleY[s];
+        }
+        for (int y = y0; y <= y1; ++y) {
+          const std::int64_t px = std::int64_t{x0} * kSubpixel, py = std::int64_t{y} * kSubpixel;
+          std::int64_t row0 = edge(*v[1], *v[2], px, py), row1 = edge(*v[2], *v[0], px, py);
+          Cell* cell = &cells[std::size_t(y - y_begin) * width + std::size_t(x0 - left)];
+          for (int x = x0; x <= x1; ++x, ++cell, row0 += dx0 * kSubpixel, row1 += dx1 * kSubpixel)
             for (int s = 0; s < kSamples; ++s) {
-              const std::int64_t px = std::int64_t{x} * kSubpixel + kSampleX[s],
-                                 py = std::int64_t{y} * kSubpixel + kSampleY[s];
-              const std::int64_t e0 = edge(*v[1], *v[2], px, py), e1 = edge(*v[2], *v[0], px, py),
+              const std::int64_t e0 = row0 + offset0[s], e1 = row1 + offset1[s],
                                  e2 = area - e0 - e1;
-              if (e0 + bias[0] < 0 || e1 + bias[1] < 0 || e2 + bias[2] < 0) continue;
+              if (((e0 + bias[0]) | (e1 + bias[1]) | (e2 + bias[2])) < 0) continue;
               const float depth =
                   per_area * (float(e0) * v[0]->inverse_depth + float(e1) * v[1]->inverse_depth +
                               float(e2) * v[2]->inverse_depth);
-              Cell& cell = cells[std::size_t(y - y_begin) * width + std::size_t(x - left)];
-              if (depth <= cell.inverse_depth[std::size_t(s)]) continue;
-              cell.inverse_depth[std::size_t(s)] = depth;
-              cell.triangle[std::size_t(s)] = t;
+              if (depth <= cell->inverse_depth[std::size_t(s)]) continue;
+              cell->inverse_depth[std::size_t(s)] = depth;
+              cell->triangle[std::size_t(s)] = t;
             }
+        }
       }
       for (int y = y_begin; y < y_end; ++y)
         for (int x = left; x <= right; ++x) {

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "fastibl/core/parallel.h"
-#include "fastibl/scene/shared_formulas.h"
+#include "fastibl/core/simd.h"
 
 namespace fastibl {
 namespace {
@@ -44,8 +44,23 @@ Rectangle shadowed_pixels(const Camera& camera, const Pose& camera_from_marker,
       clamp(std::ceil(upper.x) + 1, camera.width), clamp(std::ceil(upper.y) + 1, camera.height)};
 }
 
-// Ratio of the plane point that a pixel sees; 1 where it sees none. The camera must be above the
-// plane.
+// Positions u, v in the shadow map of the plane points that `count` rays (x, y, 1) meet; NaN for
+// rays that do not descend. m: rotation from camera to marker, row by row, eye, texels a metre, and
+// the position of the marker frame's origin.
+FASTIBL_CLONES
+void meet_plane(const float* x, const float* y, int count, const float (&m)[15], float* u,
+                float* v) {
+  for (int i = 0; i < count; ++i) {
+    const float dx = m[0] * x[i] + m[1] * y[i] + m[2], dy = m[3] * x[i] + m[4] * y[i] + m[5];
+    const float dz = m[6] * x[i] + m[7] * y[i] + m[8];
+    const float t = dz < 0 ? -m[11] / dz : std::numeric_limits<float>::quiet_NaN();
+    u[i] = (m[9] + t * dx) * m[12] + m[13];
+    v[i] = (m[10] + t * dy) * m[12] + m[14];
+  }
+}
+
+// Ratios of the plane points that rows of pixels see; 1 where they see none. The camera must be
+// above the plane.
 class PlaneShadow {
  public:
   PlaneShadow(const RayTable& table, const Pose& camera_from_marker, const ShadowMap& shadow)
@@ -53,25 +68,36 @@ class PlaneShadow {
         shadow_(shadow),
         area_(shadowed_pixels(table.camera, camera_from_marker, shadow)) {
     const Pose marker_from_camera = camera_from_marker.inverse();
-    rotation_ = glm::mat3(marker_from_camera.rotation);
-    eye_ = glm::vec3(marker_from_camera.translation);
-    if (!(eye_.z > 0)) area_ = {};
-  }
-  glm::vec3 operator()(int x, int y) const {
-    if (x < area_.x0 || x >= area_.x1 || y < area_.y0 || y >= area_.y1) return glm::vec3(1);
-    const glm::vec3 d =
-        rotation_ * table_.rays[std::size_t(y) * table_.camera.width + std::size_t(x)];
-    if (!(d.z < 0)) return glm::vec3(1);
-    return shadow_.sample(shared::plane_point(eye_, d));
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) transform_[3 * r + c] = float(marker_from_camera.rotation[c][r]);
+      transform_[9 + r] = float(marker_from_camera.translation[r]);
+    }
+    const float n = float(shadow.ratio.width);
+    transform_[12] = 0.5f * n / shadow.extent;
+    for (int c = 0; c < 2; ++c)
+      transform_[13 + c] = 0.5f * n - 0.5f - shadow.centre[c] * transform_[12];
+    if (!(marker_from_camera.translation.z > 0)) area_ = {};
   }
   const Rectangle& area() const { return area_; }
+
+  // Of pixels [x0, x0 + ratios.size()) of row y.
+  void row(int y, int x0, std::vector<glm::vec3>& ratios) const {
+    std::fill(ratios.begin(), ratios.end(), glm::vec3(1));
+    const int begin = std::max(x0, area_.x0),
+              count = std::min(x0 + int(ratios.size()), area_.x1) - begin;
+    if (y < area_.y0 || y >= area_.y1 || count <= 0) return;
+    std::vector<float> u(static_cast<std::size_t>(count)), v(u.size());
+    const std::size_t first = std::size_t(y) * table_.camera.width + std::size_t(begin);
+    meet_plane(&table_.x[first], &table_.y[first], count, transform_, u.data(), v.data());
+    for (std::size_t i = 0; i < u.size(); ++i)
+      ratios[std::size_t(begin - x0) + i] = shadow_.sample_texels(u[i], v[i]);
+  }
 
  private:
   const RayTable& table_;
   const ShadowMap& shadow_;
   Rectangle area_;
-  glm::mat3 rotation_;
-  glm::vec3 eye_;
+  float transform_[15];
 };
 
 Rectangle around(const Rectangle& a, const ObjectLayer& object) {
@@ -134,14 +160,15 @@ ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
 }
 
 RayTable::RayTable(const Camera& c)
-    : camera(c), rays(std::size_t(c.width) * std::size_t(c.height)) {
+    : camera(c), x(std::size_t(c.width) * std::size_t(c.height)), y(x.size()) {
   const Lens lens(camera);
   parallel_for(camera.height, 16, [&](int begin, int end) {
-    for (int y = begin; y < end; ++y)
-      for (int x = 0; x < camera.width; ++x) {
-        const auto ray = lens.unproject({x + 0.5, y + 0.5});
-        rays[std::size_t(y) * camera.width + std::size_t(x)] =
-            ray ? glm::vec3(*ray) : glm::vec3(std::numeric_limits<float>::quiet_NaN());
+    for (int row = begin; row < end; ++row)
+      for (int column = 0; column < camera.width; ++column) {
+        const auto ray = lens.unproject({column + 0.5, row + 0.5});
+        const std::size_t i = std::size_t(row) * camera.width + std::size_t(column);
+        x[i] = ray ? float(ray->x) : std::numeric_limits<float>::quiet_NaN();
+        y[i] = ray ? float(ray->y) : std::numeric_limits<float>::quiet_NaN();
       }
   });
 }
@@ -151,23 +178,25 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTab
                               const ShadowMap& shadow) {
   const Camera& camera = table.camera;
   const ByteResponse response(camera.response);
+  // 16-bit and float pictures are darkened in their rounded codes too: their output has 8 bits.
   Image<std::uint8_t> out = back.empty() ? Image<std::uint8_t>(camera.width, camera.height, 3)
                                          : bytes_from(back, camera.response);
   const PlaneShadow plane(table, camera_from_marker, shadow);
   const Rectangle area = around(plane.area(), object);
   parallel_for(area.y1 - area.y0, 16, [&](int begin, int end) {
-    for (int y = area.y0 + begin; y < area.y0 + end; ++y)
+    std::vector<glm::vec3> ratios(std::size_t(area.x1 - area.x0));
+    for (int y = area.y0 + begin; y < area.y0 + end; ++y) {
+      plane.row(y, area.x0, ratios);
       for (int x = area.x0; x < area.x1; ++x) {
         const glm::vec4 o = object_at(object, x, y);
-        const glm::vec3 ratio = o.w < 1 ? plane(x, y) : glm::vec3(1);
+        const glm::vec3 ratio = ratios[std::size_t(x - area.x0)];
         if (o.w == 0 && ratio == glm::vec3(1)) continue;
         std::uint8_t* p = out.pixel(x, y);
         const float scale = o.w > 0 ? exposure_at(camera, exposure, x, y) : 0.0f;
-        // 16-bit and float pictures are darkened in their rounded codes too: their output has 8
-        // bits.
         for (int c = 0; c < 3; ++c)
           p[c] = response.encode(scale * o[c] + (1 - o.w) * ratio[c] * response.decode(p[c]));
       }
+    }
   });
   return out;
 }
@@ -179,10 +208,12 @@ Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& ca
   Image<std::uint8_t> out(camera.width, camera.height, 4);
   const PlaneShadow plane(table, camera_from_marker, shadow);
   const Rectangle area = around(plane.area(), object);
-  for (int y = area.y0; y < area.y1; ++y)
+  std::vector<glm::vec3> ratios(std::size_t(area.x1 - area.x0));
+  for (int y = area.y0; y < area.y1; ++y) {
+    plane.row(y, area.x0, ratios);
     for (int x = area.x0; x < area.x1; ++x) {
       const glm::vec4 o = object_at(object, x, y);
-      const glm::vec3 ratio = o.w < 1 ? plane(x, y) : glm::vec3(1);
+      const glm::vec3 ratio = ratios[std::size_t(x - area.x0)];
       const float darkness = 1 - (ratio.x + ratio.y + ratio.z) / 3;
       const float alpha = o.w + (1 - o.w) * darkness;
       if (alpha <= 0) continue;
@@ -191,6 +222,7 @@ Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& ca
         p[c] = response.encode(exposure_at(camera, exposure, x, y) * o[c] / alpha);
       p[3] = std::uint8_t(std::lround(255 * alpha));
     }
+  }
   return out;
 }
 

@@ -20,11 +20,11 @@ glm::vec3 shade(const Fragment& fragment, const Material& material, const Lighti
 ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
                   const Lighting& lighting, glm::vec3 eye);
 
-// Directions through the pixels of a camera (z = 1, camera frame), worked out once; NaN beyond the
-// lens model.
+// Directions (x, y, 1) through the pixels of a camera, camera frame, worked out once; NaN beyond
+// the lens model.
 struct RayTable {
   Camera camera;
-  std::vector<glm::vec3> rays;
+  std::vector<float> x, y;  // one a pixel, row by row
   explicit RayTable(const Camera& c);
 };
 

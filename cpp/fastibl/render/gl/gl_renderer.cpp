@@ -507,8 +507,8 @@ class Gl final : public GlRenderer {
     rays_of_ = camera;
     const RayTable table(camera);
     std::vector<glm::vec2> xy;
-    for (const glm::vec3& ray : table.rays)
-      xy.push_back(std::isnan(ray.x) ? glm::vec2(1e30f) : glm::vec2(ray));
+    for (std::size_t i = 0; i < table.x.size(); ++i)
+      xy.push_back(std::isnan(table.x[i]) ? glm::vec2(1e30f) : glm::vec2(table.x[i], table.y[i]));
     allocate(rays_, GL_RG32F, camera.width, camera.height, GL_RG, GL_FLOAT, xy.data());
   }
 
