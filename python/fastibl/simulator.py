@@ -159,7 +159,7 @@ def default_rig(size: tuple[int, int] = (640, 480)) -> Rig:
 
 
 class HandPath:
-    """Where a hand holds the back camera: around the board, 0.45 to 0.6 m away, tilted by 24 to 52 degrees.
+    """Where a hand holds the back camera: around the board, 0.45 to 0.6 m away, tilted by 25 to 61 degrees.
 
     Smooth slow sweeps and a small tremor, drawn from the seed; a function of time alone, whatever the frame
     rate.
@@ -181,7 +181,7 @@ class HandPath:
         phases, waves = self._tremor
         tremor = (np.sin(2 * np.pi * waves * time + phases) / (waves / 2.5)).sum(axis=1) / 3
         azimuth = self._start + self._speed * time + 0.06 * slow(0, 0.31, 0.53)
-        tilt = np.radians(38 + 14 * slow(1, 0.27, 0.61))
+        tilt = np.radians(43 + 18 * slow(1, 0.27, 0.61))
         distance = 0.525 + 0.07 * slow(2, 0.19, 0.43)
         away = np.array([np.sin(tilt) * np.sin(azimuth), -np.sin(tilt) * np.cos(azimuth), np.cos(tilt)])
         eye = distance * away + 0.0012 * tremor[:3]

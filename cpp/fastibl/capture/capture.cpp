@@ -22,15 +22,17 @@ constexpr float kDrift = 0.1f;
 constexpr float kChange = 4.0f;
 constexpr float kClippedShare = 0.01f;  // of a footprint: more makes the sample a lower bound
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
-constexpr float kShotNoise = 2.5e-4f;  // variance per linear value: a full well of 4000 electrons
+// A full well of 4000 electrons and 6 of read noise: variance per linear value, and at 0.
+constexpr float kShotNoise = 1 / 4000.0f;
+constexpr float kReadNoise = 6 / 4000.0f * 6 / 4000.0f;
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
 
 }  // namespace
 
-// Standard deviation of one pixel's linear value, by value: one code of noise and quantisation.
-// Small footprints and steps that repeat (a dark wall all of one code) do not average away: the
-// mean keeps half.
+// Variance of a mean over pixels by its linear value: read and shot noise, and a code of
+// quantisation. The first two are cut off at 0, and codes repeat (a dark wall is all of one): such
+// departures do not average away, so a quarter of the variance stays however large the footprint.
 class Capture::SensorNoise {
  public:
   explicit SensorNoise(const Response& response) {
@@ -39,7 +41,7 @@ class Capture::SensorNoise {
       const float e = response.encode(y);
       const float step = response.decode(std::min(1.0f, e + 0.5f / 255)) -
                          response.decode(std::max(0.0f, e - 0.5f / 255));
-      variance_[std::size_t(k)] = step * step;
+      variance_[std::size_t(k)] = step * step + kReadNoise;
     }
   }
   float variance(float y, float pixels) const {
