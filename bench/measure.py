@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import platform
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -15,6 +13,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+
+from fastibl.machine import cpu
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -108,21 +108,6 @@ def yardstick(repetitions: int = 41) -> Timing:
         )
     finally:
         cv2.setNumThreads(threads)
-
-
-@cache
-def cpu() -> str:
-    """CPU model and number of cores that this process may use."""
-    model = platform.processor() or platform.machine()
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                model = line.split(":", 1)[1].strip()
-                break
-    except OSError:
-        pass
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return f"{model}, {cores} cores"
 
 
 @cache

@@ -178,13 +178,15 @@ def furnace() -> Iterator[Goal]:
 # Whole frames
 
 
-def _frame_goal(what: str, time: Timing, passes: dict[str, Timing]) -> Goal:
+def _frame_goal(what: str, methods: str, time: Timing, passes: dict[str, Timing]) -> Goal:
+    """The goal is the paper's: its methods at the frame rate that it reports. The default's time stands beside it."""
+    judged = methods == "paper"
     shares = ", ".join(f"{name} {1e3 * t.median:.1f}" for name, t in passes.items())
     return Goal(
         what,
         f"{1 / time.median:.1f} fps",
-        ">= 25 fps",
-        1 / time.median >= 25,
+        ">= 25 fps" if judged else "for comparison",
+        1 / time.median >= 25 if judged else None,
         (
             f"wall {1e3 * time.median:.1f} ms (10th to 90th percentile {1e3 * time.low:.1f} to {1e3 * time.high:.1f}), "
             f"CPU {1e3 * time.cpu:.1f} ms ({1e3 * time.cpu_low:.1f} to {1e3 * time.cpu_high:.1f}), {time.count} "
@@ -199,8 +201,8 @@ def frame_cpu() -> Iterator[Goal]:
     for mesh in meshes():
         scene = inputs.scene(mesh)
         case = f"frame 640x480, {len(scene.spheres)} spheres, {mesh}, one thread"
-        yield _frame_goal(f'{case}, "paper"', *frame_times(scene, "paper"))
-        yield _frame_goal(f'{case}, "auto", new light each frame', *frame_times(scene, "auto"))
+        yield _frame_goal(f'{case}, "paper"', "paper", *frame_times(scene, "paper"))
+        yield _frame_goal(f'{case}, "auto", new light each frame', "auto", *frame_times(scene, "auto"))
 
 
 def no_gl() -> str:
@@ -225,7 +227,7 @@ def frame_gl() -> Iterator[Goal]:
             continue
         for methods in ("paper", "auto"):
             times = frame_times(inputs.scene(mesh), methods, backend="gl", threads=threads)
-            yield _frame_goal(f'{what}, "{methods}"', *times)
+            yield _frame_goal(f'{what}, "{methods}"', methods, *times)
 
 
 @row("paper", "GL against CPU")

@@ -322,7 +322,7 @@ def test_what_is_refused():
         fastibl.shadow_ratio(UNIFORM, 1.0, points)
     with pytest.raises(TypeError):
         fastibl.shadow_ratio(np.ones((6, 4, 4, 3)), good, points)
-    with pytest.raises(ValueError, match='got "sum"'):
+    with pytest.raises(ValueError, match='no shadow method "sum"; there are: cap-sum, cap-product'):
         fastibl.shadow_ratio(UNIFORM, good, points, method="sum")
     for resolution in (1, -3, 10**5):
         with pytest.raises(ValueError, match="resolution"):

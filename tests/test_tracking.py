@@ -333,9 +333,9 @@ def test_bad_pictures_are_refused_by_name():
         tracker.track(np.zeros((480, 640, 3), np.int64))
     with pytest.raises(TypeError, match="NoneType"):
         tracker.track(None)
-    with pytest.raises(ValueError, match="'ippe'"):
+    with pytest.raises(ValueError, match='"ippe"'):
         fastibl.Tracker(BOARD, CAMERA, method="ippe")
-    with pytest.raises(ValueError, match="'ippe'"):
+    with pytest.raises(ValueError, match='"ippe"'):
         _track([], None, BOARD, CAMERA, "ippe")
     with pytest.raises(ValueError, match=r"\(3, 2\)"):
         _track([(0, np.zeros((3, 2)))], None, BOARD, CAMERA)

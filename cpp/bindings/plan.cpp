@@ -86,6 +86,8 @@ void bind_plan(py::module_& module) {
            }),
            py::kw_only(), py::arg("tracking"), py::arg("capture"), py::arg("diffuse"),
            py::arg("glossy"), py::arg("normalization"), py::arg("shadow"))
+      .def_static("_auto", [] { return Methods{}; })
+      .def_static("_paper", &Methods::paper)
       .def_property_readonly("tracking",
                              [](const Methods& m) { return std::string(name(m.tracking)); })
       .def_property_readonly("capture",

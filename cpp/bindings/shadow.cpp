@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "bindings/numpy.h"
+#include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/shadow/fit_spheres.h"
 #include "fastibl/shadow/sphere_shadow.h"
 
@@ -40,29 +41,12 @@ Floats colours_at(const Floats& points, const std::vector<glm::vec3>& colours) {
   return out;
 }
 
-ShadowMethod require_method(const std::string& name) {
-  if (name == "cap-sum") return ShadowMethod::cap_sum;
-  if (name == "auto" || name == "cap-product") return ShadowMethod::cap_product;
-  throw py::value_error(R"(method must be "auto", "cap-sum" or "cap-product", got ")" + name + '"');
+ShadowMethod require_method(const std::string& text) {
+  return text == "auto" ? ShadowOptions{}.method : shadow_method(text);
 }
 
-// E(z) by summing a small level. Texels are cut into an even number ≥ 32 along an edge, so that
-// none straddles the horizon.
 glm::vec3 plane_irradiance(const CubeMap& cube) {
-  const CubeLevel& level = cube.level_at_most(32);
-  const int split = (32 + level.size() - 1) / level.size(), parts = split + split % 2,
-            n = parts * level.size();
-  const std::vector<double> angles = texel_solid_angles(n);
-  glm::dvec3 sum(0);
-  for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < n; ++y)
-      for (int x = 0; x < n; ++x) {
-        const glm::dvec3 d = glm::normalize(glm::dvec3(texel_direction(f, x, y, n)));
-        if (d.z > 0)
-          sum += angles[std::size_t(y) * std::size_t(n) + std::size_t(x)] * d.z *
-                 glm::dvec3(level.texel(f, x / parts, y / parts));
-      }
-  return glm::vec3(sum);
+  return glm::vec3(sum_irradiance(cube, {0, 0, 1}));
 }
 
 ShadowMap cast(const CubeMap& cube, const py::object& spheres, const std::string& method,

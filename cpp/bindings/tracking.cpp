@@ -22,12 +22,6 @@ Doubles covariance_array(const std::array<double, 36>& covariance) {
   return out;
 }
 
-TrackingMethod method_named(const std::string& name) {
-  if (name == "board") return TrackingMethod::board;
-  if (name == "frame-marker") return TrackingMethod::frame_marker;
-  throw py::value_error("method must be 'board' or 'frame-marker', got '" + name + "'");
-}
-
 py::tuple tracked_state(const Tracked& t) {
   return py::make_tuple(t.camera_from_marker, t.residual_px, t.tags, t.covariance, t.ambiguous,
                         t.ambiguity);
@@ -94,7 +88,7 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
         Detection detection{require_tags(tags), std::nullopt};
         if (!start.is_none()) detection.start = require_pose(start, "start");
         TrackingOptions options;
-        options.method = method_named(method);
+        options.method = tracking_method(method);
         std::optional<ImageView<const std::uint8_t>> view;
         if (grey) view = require_grey(*grey);
         const py::gil_scoped_release release;
@@ -111,7 +105,7 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
          const Camera& camera, const std::string& method, bool refine) {
         const Detector wrapped = make_detector(detector);
         TrackingOptions options;
-        options.method = method_named(method), options.refine = refine;
+        options.method = tracking_method(method), options.refine = refine;
         const ImageView<const std::uint8_t> view = require_grey(grey);
         const py::gil_scoped_release release;
         return track(wrapped, view, board, camera, options);

@@ -644,6 +644,12 @@ class _Methods:
     The named methods that a frame is made with.
     """
     __hash__: typing.ClassVar[None] = None
+    @staticmethod
+    def _auto() -> _Methods:
+        ...
+    @staticmethod
+    def _paper() -> _Methods:
+        ...
     def __eq__(self, arg0: _Methods) -> bool:
         ...
     def __init__(self, *, tracking: str, capture: str, diffuse: str, glossy: str, normalization: str, shadow: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ from ._fastibl import Bvh, CubeMap, Environment, Material, Mesh, Pose, Scene, se
 from .comparison import irradiance_over_sphere, relative_errors
 from .files import stand
 from .lighting import Lighting
+from .machine import cpu
 from .recording import Frame, Recording
 from .session import Session
 from .truth import TruePicture, TrueRenderer
@@ -137,18 +137,6 @@ class _PlanePoints:
         return float(np.sqrt(((ratio - true)[where] ** 2).mean()))
 
 
-def machine() -> str:
-    model = platform.processor() or platform.machine()
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                model = line.split(":", 1)[1].strip()
-                break
-    except OSError:
-        pass
-    return f"{model}, {os.cpu_count()} cores, {threads()} thread(s) used, {platform.system()} {platform.machine()}"
-
-
 def _run(
     name: str,
     methods: str,
@@ -257,7 +245,15 @@ def run_demo(recording: Recording, out: Path) -> DemoResult:
         "captured by the paper's method": picture_of_map(kept["paper"][1]["at the end"].environment, scale, 300),
         "true": picture_of_map(truth.environment(times[-1]), scale, 300),
     }
-    return DemoResult(recording, scene, times, runs, stills, maps, machine())
+    return DemoResult(
+        recording,
+        scene,
+        times,
+        runs,
+        stills,
+        maps,
+        f"{cpu()}, {threads()} used, {platform.system()} {platform.machine()}",
+    )
 
 
 def _compare_with_truth(

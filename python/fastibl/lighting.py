@@ -8,22 +8,7 @@ from dataclasses import dataclass, field
 from ._fastibl import CubeMap, Environment, _Lighting, _method_names, _Methods
 
 STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow")
-AUTO = _Methods(
-    tracking="board",
-    capture="continuous",
-    diffuse="sh9",
-    glossy="mip",
-    normalization="energy",
-    shadow="cap-product",
-)
-PAPER = _Methods(
-    tracking="frame-marker",
-    capture="single",
-    diffuse="six-face",
-    glossy="mip",
-    normalization="paper",
-    shadow="cap-product",
-)
+AUTO, PAPER = _Methods._auto(), _Methods._paper()
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Board, Camera, DetectedTag, Pose, Tracked, _grey, _track
-
-METHODS = ("board", "frame-marker")
+from ._fastibl import Board, Camera, DetectedTag, Pose, Tracked, _grey, _method_names, _track
 
 
 def detect(
@@ -68,8 +66,8 @@ class Tracker:
     """
 
     def __init__(self, board: Board, camera: Camera, method: str = "board", refine: bool = True):
-        if method not in METHODS:
-            raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+        if method not in _method_names("tracking"):
+            raise ValueError(f"method must be one of {', '.join(_method_names('tracking'))}, got {method!r}")
         self.board, self.camera, self.method, self.refine = board, camera, method, bool(refine)
 
     def track(self, image: ArrayLike) -> Tracked | None:
@@ -86,4 +84,4 @@ class Tracker:
         return f"Tracker({self.board!r}, {self.camera!r}, method={self.method!r}, refine={self.refine})"
 
 
-__all__ = ["METHODS", "DetectedTag", "Tracked", "Tracker", "detect"]
+__all__ = ["DetectedTag", "Tracked", "Tracker", "detect"]

@@ -11,19 +11,22 @@ constexpr int kFitSize = 16;    // face edge of the level that SH and the error 
 constexpr int kPlaneSize = 32;  // the plane's irradiance divides every shadow: a finer sum
 
 // Directions and flux (radiance times solid angle) of every texel of a level, for sums over the
-// map.
+// map. Texels of a small level are cut into pieces, an even number ≥ `at_least` along an edge, so
+// that none straddles the horizon of an axis.
 struct Texels {
   std::vector<glm::dvec3> directions, flux;
 
-  explicit Texels(const CubeLevel& level) {
-    const int n = level.size();
+  Texels(const CubeLevel& level, int at_least) {
+    int split = (at_least + level.size() - 1) / level.size();
+    if (level.size() * split % 2 != 0) ++split;
+    const int n = level.size() * split;
     const std::vector<double> angle = texel_solid_angles(n);
     for (int f = 0; f < 6; ++f)
       for (int y = 0; y < n; ++y)
         for (int x = 0; x < n; ++x) {
           directions.push_back(glm::normalize(glm::dvec3(texel_direction(f, x, y, n))));
           flux.push_back(angle[std::size_t(y) * n + std::size_t(x)] *
-                         glm::dvec3(level.texel(f, x, y)));
+                         glm::dvec3(level.texel(f, x / split, y / split)));
         }
   }
 
@@ -66,12 +69,12 @@ double measure_error(const Irradiance& irradiance, const Texels& texels) {
 
 }  // namespace
 
-glm::dvec3 sum_irradiance(const CubeLevel& level, glm::dvec3 n) {
-  return Texels(level).irradiance(n);
+glm::dvec3 sum_irradiance(const CubeMap& radiance, glm::dvec3 n) {
+  return Texels(radiance.level_at_most(kPlaneSize), kPlaneSize).irradiance(n);
 }
 
 std::array<glm::dvec3, 9> project_sh9(const CubeLevel& level) {
-  const Texels texels(level);
+  const Texels texels(level, kFitSize);
   std::array<glm::dvec3, 9> sh{};
   for (std::size_t i = 0; i < texels.flux.size(); ++i) {
     const glm::dvec3 &d = texels.directions[i], &flux = texels.flux[i];
@@ -118,11 +121,10 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   lighting.glossy = options.glossy;
   lighting.normalization = options.normalization;
   lighting.irradiance = fit_irradiance(*radiance, options.diffuse);
-  lighting.plane_irradiance =
-      glm::vec3(sum_irradiance(radiance->level_at_most(kPlaneSize), {0, 0, 1}));
+  lighting.plane_irradiance = glm::vec3(sum_irradiance(*radiance, {0, 0, 1}));
   if (options.measure_error)
     lighting.irradiance_error =
-        measure_error(lighting.irradiance, Texels(radiance->level_at_most(kFitSize)));
+        measure_error(lighting.irradiance, Texels(radiance->level_at_most(kFitSize), kFitSize));
   lighting.radiance = std::move(radiance);
   return lighting;
 }

@@ -24,8 +24,7 @@ Irradiance fit_irradiance(const CubeMap& radiance, DiffuseMethod method);
 // = 1.092548 xy, 1.092548 yz, 0.315392 (3z² − 1), 1.092548 xz, 0.546274 (x² − y²).
 std::array<glm::dvec3, 9> project_sh9(const CubeLevel& level);
 
-// Irradiance summed over every texel of a level, in double. What the methods are measured against
-// at run time.
-glm::dvec3 sum_irradiance(const CubeLevel& level, glm::dvec3 unit_normal);
+// Irradiance summed over the texels of the 32² level, in double.
+glm::dvec3 sum_irradiance(const CubeMap& radiance, glm::dvec3 unit_normal);
 
 }  // namespace fastibl
