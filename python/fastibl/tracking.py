@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Board, Camera, DetectedTag, Pose, Tracked, _grey, _method_names, _track
+from ._fastibl import Board, Camera, DetectedTag, Pose, Tracked, _grey, _track
+from .lighting import method_name
 
 
 def detect(
@@ -66,9 +67,8 @@ class Tracker:
     """
 
     def __init__(self, board: Board, camera: Camera, method: str = "board", refine: bool = True):
-        if method not in _method_names("tracking"):
-            raise ValueError(f"method must be one of {', '.join(_method_names('tracking'))}, got {method!r}")
-        self.board, self.camera, self.method, self.refine = board, camera, method, bool(refine)
+        self.board, self.camera, self.refine = board, camera, bool(refine)
+        self.method = method_name("tracking", method)
 
     def track(self, image: ArrayLike) -> Tracked | None:
         """Pose of the board in one picture, or None where it is not seen.
