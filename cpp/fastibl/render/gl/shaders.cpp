@@ -2,6 +2,7 @@
 
 #include <epoxy/gl.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
@@ -96,6 +97,21 @@ Program::Program(const std::string& vertex, const std::string& fragment,
 int Program::uniform(const char* name) const {
   const auto found = locations_.find(name);
   return found == locations_.end() ? -1 : found->second;
+}
+
+void set(const Program& p, const char* name, glm::vec3 v) {
+  glUniform3f(p.uniform(name), v.x, v.y, v.z);
+}
+
+void set(const Program& p, const char* name, const glm::mat3& m) {
+  glUniformMatrix3fv(p.uniform(name), 1, GL_FALSE, &m[0][0]);
+}
+
+void set_camera(const Program& p, const Camera& c) {
+  glUniform4f(p.uniform("intrinsics"), float(c.fx), float(c.fy), float(c.cx), float(c.cy));
+  float k[8] = {};
+  std::copy(c.distortion.begin(), c.distortion.end(), k);
+  glUniform1fv(p.uniform("lens"), 8, k);
 }
 
 }  // namespace fastibl

@@ -5,6 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "fastibl/core/vector.h"
+#include "fastibl/scene/camera.h"
+
 namespace fastibl {
 
 // Name below shaders/ to text. Generated from the files.
@@ -28,5 +31,10 @@ class Program {
   unsigned id_ = 0;
   std::map<std::string, int> locations_;
 };
+
+// Of the program in use.
+void set(const Program& p, const char* name, glm::vec3 v);
+void set(const Program& p, const char* name, const glm::mat3& m);
+void set_camera(const Program& p, const Camera& c);
 
 }  // namespace fastibl

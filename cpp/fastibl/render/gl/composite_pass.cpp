@@ -1,0 +1,123 @@
+#include "fastibl/render/gl/composite_pass.h"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+namespace fastibl {
+namespace {
+
+// An RGBA8 texture that is at least so large; its first pixels from `data`.
+void fill(Gpu& gpu, Texture& t, int width, int height, const std::uint8_t* data) {
+  gpu.allocate(t, GL_RGBA8, std::max(width, t.width), std::max(height, t.height), GL_RGBA,
+               GL_UNSIGNED_BYTE);
+  if (data) glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, data);
+}
+
+}  // namespace
+
+void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade,
+                        const RenderInput& in) {
+  const Camera& camera = in.camera;
+  const ShadowMap& place = shadow.place();
+  const Area& object_area = shade.area();
+  const bool matte = in.back.empty();
+  bytes_ = matte ? Image<std::uint8_t>(camera.width, camera.height, 4)
+                 : bytes_from(in.back, camera.response);
+  const Pose marker_from_camera = in.camera_from_marker.inverse();
+  const glm::vec3 eye(marker_from_camera.translation);
+  Area shadowed;
+  if (place.extent > 0 && !place.no_light && eye.z > 0)
+    shadowed = outline_of_plane(place.centre, place.extent, camera, in.camera_from_marker);
+  area_ = shadowed.united(object_area);
+  if (area_.empty()) return;
+  const int width = area_.width(), height = area_.height();
+  const bool lens = !Lens(camera).trivial(), rays = lens && !shadowed.empty();
+  camera_.upload_response(gpu, camera.response);
+  if (rays) camera_.upload_rays(gpu, camera);
+  if (!matte) {
+    std::vector<std::uint8_t> part(std::size_t(width) * std::size_t(height) * 4);
+    for (int y = 0; y < height; ++y) {
+      const std::uint8_t* from = bytes_.pixel(area_.x0, area_.y0 + y);
+      std::uint8_t* to = &part[std::size_t(y) * std::size_t(width) * 4];
+      for (int x = 0; x < width; ++x, from += 3, to += 4)
+        to[0] = from[0], to[1] = from[1], to[2] = from[2], to[3] = 255;
+    }
+    fill(gpu, back_, width, height, part.data());
+  }
+  fill(gpu, picture_, width, height, nullptr);
+  const Program& p =
+      gpu.use("composite",
+              {matte ? "MATTE 1" : "MATTE 0", object_area.empty() ? "OBJECT 0" : "OBJECT 1",
+               shadowed.empty() ? "SHADOW 0" : "SHADOW 1", rays ? "DISTORTION 1" : "DISTORTION 0",
+               "VIGNETTING " + std::to_string(camera.vignetting.size()),
+               camera_.steep() ? "STEEP 1" : "STEEP 0"});
+  set_camera(p, camera);
+  glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
+  glUniform1f(p.uniform("exposure"), float(in.exposure * camera.gain));
+  glUniform4i(p.uniform("object_area"), object_area.x0, object_area.y0, object_area.x1,
+              object_area.y1);
+  glUniform4f(p.uniform("ratio_place"), place.centre.x, place.centre.y, place.extent, 0);
+  set(p, "eye", eye);
+  set(p, "marker_from_camera", glm::mat3(marker_from_camera.rotation));
+  if (!camera.vignetting.empty()) {
+    const std::vector<float> v(camera.vignetting.begin(), camera.vignetting.end());
+    glUniform1fv(p.uniform("vignetting"), GLsizei(v.size()), v.data());
+  }
+  camera_.bind_response(gpu);
+  if (!matte) gpu.bind("back", back_);
+  if (!object_area.empty()) gpu.bind("object", shade.object());
+  if (!shadowed.empty()) gpu.bind("ratio_map", shadow.ratio());
+  if (rays) camera_.bind_rays(gpu);
+  gpu.target(0, picture_);
+  gpu.draw_full_screen(width, height);
+}
+
+Image<std::uint8_t> CompositePass::image(Gpu& gpu) const {
+  Image<std::uint8_t> out = bytes_;
+  if (area_.empty()) return out;
+  Image<std::uint8_t> drawn(area_.width(), area_.height(), 4);
+  {
+    const Gpu::Scope scope(gpu);
+    gpu.target(0, picture_);
+    glReadPixels(0, 0, drawn.width, drawn.height, GL_RGBA, GL_UNSIGNED_BYTE, drawn.data.data());
+  }
+  for (int y = 0; y < drawn.height; ++y) {
+    const std::uint8_t* from = drawn.row(y);
+    std::uint8_t* to = out.pixel(area_.x0, area_.y0 + y);
+    if (out.channels == 4) {
+      std::copy_n(from, drawn.width * 4, to);
+      continue;
+    }
+    for (int x = 0; x < drawn.width; ++x, from += 4, to += 3)
+      to[0] = from[0], to[1] = from[1], to[2] = from[2];
+  }
+  return out;
+}
+
+void CompositePass::present(Gpu& gpu, GLuint framebuffer, int width, int height) {
+  if (bytes_.empty()) return;
+  const GLenum format = bytes_.channels == 4 ? GL_RGBA : GL_RGB;
+  std::vector<std::uint8_t> rgba;
+  const std::uint8_t* data = bytes_.data.data();
+  if (format == GL_RGB) {  // the texture has four channels, as what is copied into it
+    rgba.resize(bytes_.data.size() / 3 * 4, 255);
+    for (std::size_t i = 0; i < rgba.size() / 4; ++i) std::copy_n(data + 3 * i, 3, &rgba[4 * i]);
+    data = rgba.data();
+  }
+  gpu.allocate(screen_, GL_RGBA8, bytes_.width, bytes_.height, GL_RGBA, GL_UNSIGNED_BYTE, data);
+  if (!area_.empty()) {
+    gpu.target(0, picture_), gpu.target(1, screen_);
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, gpu.framebuffer(0));
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, gpu.framebuffer(1));
+    glBlitFramebuffer(0, 0, area_.width(), area_.height(), area_.x0, area_.y0, area_.x1, area_.y1,
+                      GL_COLOR_BUFFER_BIT, GL_NEAREST);
+  }
+  gpu.target(1, screen_);
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, gpu.framebuffer(1));
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
+  glBlitFramebuffer(0, 0, bytes_.width, bytes_.height, 0, height, width, 0, GL_COLOR_BUFFER_BIT,
+                    GL_LINEAR);
+}
+
+}  // namespace fastibl

@@ -1,0 +1,30 @@
+// The composite pass, and its image. Private to render/gl.
+#pragma once
+
+#include <cstdint>
+
+#include "fastibl/core/image.h"
+#include "fastibl/render/gl/camera_textures.h"
+#include "fastibl/render/gl/gpu.h"
+#include "fastibl/render/gl/outline.h"
+#include "fastibl/render/gl/shade_pass.h"
+#include "fastibl/render/gl/shadow_pass.h"
+#include "fastibl/render/renderer.h"
+
+namespace fastibl {
+
+class CompositePass {
+ public:
+  void run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade, const RenderInput& in);
+
+  Image<std::uint8_t> image(Gpu& gpu) const;  // reads back; outside a scope
+  void present(Gpu& gpu, GLuint framebuffer, int width, int height);
+
+ private:
+  CameraTextures camera_;
+  Texture back_, picture_, screen_;
+  Area area_;                  // drawn
+  Image<std::uint8_t> bytes_;  // the image outside `area_`
+};
+
+}  // namespace fastibl

@@ -1,0 +1,157 @@
+#include "fastibl/render/gl/gpu.h"
+
+#include <cstdlib>
+#include <cstring>
+#include <stdexcept>
+#include <utility>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl {
+namespace {
+
+// Which texture unit a sampler reads; no program has two of the same unit.
+constexpr std::pair<const char*, int> kUnits[] = {
+    {"radiance", 0},     {"visible", 1},   {"triangles", 2}, {"vertices", 3}, {"normals", 4},
+    {"albedo_table", 5}, {"spheres", 1},   {"response", 0},  {"guess", 1},    {"back", 2},
+    {"object", 3},       {"ratio_map", 4}, {"rays", 5},      {"baked", 6}};
+
+std::string text_of(GLenum what) {
+  const GLubyte* text = glGetString(what);
+  return text ? reinterpret_cast<const char*>(text) : "";
+}
+
+bool asked(const char* variable) {
+  const char* value = std::getenv(variable);
+  return value && *value && *value != '0';
+}
+
+}  // namespace
+
+Gpu::Scope::Scope(const Gpu& gpu) {
+  if (gpu.context_)
+    current_.emplace(*gpu.context_);
+  else
+    saved_.emplace();
+  set_default_state();
+}
+
+Gpu::Gpu(bool own_context) {
+  if (own_context) context_.emplace();
+  const Scope scope(*this);
+  // Asked once here: a library without a current context would abort on the first call.
+  const std::string version = text_of(GL_VERSION);
+  device_ = text_of(GL_RENDERER);
+  const bool desktop = epoxy_is_desktop_gl();
+  if (epoxy_gl_version() < (desktop ? 43 : 30))
+    throw std::runtime_error("the GL back end needs OpenGL ES 3.0 or OpenGL 4.3, got " + version);
+  if (!desktop && !epoxy_has_gl_extension("GL_EXT_color_buffer_float"))
+    throw std::runtime_error("the GL driver \"" + device_ +
+                             "\" cannot draw to float textures (EXT_color_buffer_float)");
+  bake_all_ = asked("FASTIBL_GL_BAKED");
+  half_ = asked("FASTIBL_GL_HALF") ||
+          !(desktop || epoxy_has_gl_extension("GL_OES_texture_float_linear"));
+  GLint limit = 2048;
+  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &limit);
+  largest_ = limit;
+  glGenFramebuffers(2, framebuffers_);
+  glGenRenderbuffers(1, &depth_);
+  no_corners_ = new_vertex_array();
+}
+
+Gpu::~Gpu() {
+  if (context_) return;  // takes all objects with it
+  glDeleteTextures(GLsizei(textures_.size()), textures_.data());
+  for (const auto& [key, program] : programs_) glDeleteProgram(program.id());
+  glDeleteFramebuffers(2, framebuffers_);
+  glDeleteVertexArrays(GLsizei(vertex_arrays_.size()), vertex_arrays_.data());
+  glDeleteBuffers(GLsizei(buffers_.size()), buffers_.data());
+  glDeleteRenderbuffers(1, &depth_);
+}
+
+GLuint Gpu::new_texture() {
+  glGenTextures(1, &textures_.emplace_back());
+  return textures_.back();
+}
+
+GLuint Gpu::new_buffer() {
+  glGenBuffers(1, &buffers_.emplace_back());
+  return buffers_.back();
+}
+
+GLuint Gpu::new_vertex_array() {
+  glGenVertexArrays(1, &vertex_arrays_.emplace_back());
+  return vertex_arrays_.back();
+}
+
+void Gpu::allocate(Texture& t, GLenum internal, int width, int height, GLenum format, GLenum type,
+                   const void* data) {
+  check(width <= largest_ && height <= largest_, "the GL driver's textures have at most ", largest_,
+        " texels along an edge, needed ", width, " × ", height);
+  glActiveTexture(GL_TEXTURE0);
+  if (!t.id) t.id = new_texture();
+  glBindTexture(GL_TEXTURE_2D, t.id);
+  if (t.width != width || t.height != height) {
+    glTexImage2D(GL_TEXTURE_2D, 0, GLint(internal), width, height, 0, format, type, data);
+    set_sampling(GL_TEXTURE_2D, GL_NEAREST, GL_NEAREST);
+    t.width = width, t.height = height;
+  } else if (data) {
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, format, type, data);
+  }
+}
+
+void Gpu::allocate_depth(int width, int height) {
+  glBindRenderbuffer(GL_RENDERBUFFER, depth_);
+  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, width, height);
+}
+
+void Gpu::target(int which, const Texture& t, bool depth) {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffers_[which]);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, t.id, 0);
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER,
+                            depth ? depth_ : 0);
+}
+
+Image<float> Gpu::read(const Texture& t, int width, int height) {
+  Image<float> out(width, height, 4);
+  target(0, t);
+  glReadPixels(0, 0, width, height, GL_RGBA, GL_FLOAT, out.data.data());
+  return out;
+}
+
+const Program& Gpu::use(const std::string& pass, const std::vector<std::string>& defines) {
+  std::string key = pass;
+  for (const std::string& define : defines) key += "," + define;
+  auto found = programs_.find(key);
+  if (found == programs_.end()) {
+    found =
+        programs_.emplace(key, Program(pass + ".vert.glsl", pass + ".frag.glsl", defines)).first;
+    glUseProgram(found->second.id());
+    for (const auto& [sampler, unit] : kUnits) glUniform1i(found->second.uniform(sampler), unit);
+  }
+  glUseProgram(found->second.id());
+  return found->second;
+}
+
+void Gpu::bind(const char* sampler, const Texture& t, GLenum kind) {
+  for (const auto& [text, unit] : kUnits)
+    if (!std::strcmp(text, sampler)) {
+      glActiveTexture(GLenum(GL_TEXTURE0 + unit));
+      glBindTexture(kind, t.id);
+    }
+}
+
+void Gpu::draw_full_screen(int width, int height) {
+  glViewport(0, 0, width, height);
+  glBindVertexArray(no_corners_);
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+void set_sampling(GLenum kind, GLenum filter, GLenum reduce) {
+  glTexParameteri(kind, GL_TEXTURE_MAG_FILTER, GLint(filter));
+  glTexParameteri(kind, GL_TEXTURE_MIN_FILTER, GLint(reduce));
+  glTexParameteri(kind, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+  glTexParameteri(kind, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+}
+
+}  // namespace fastibl

@@ -1,0 +1,107 @@
+#include "fastibl/render/gl/mesh_buffers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace fastibl {
+namespace {
+
+constexpr int kRow = 1024;  // texels along a row of the mesh's textures, as in shade.frag.glsl
+
+struct Corner {  // of a triangle, as the visibility pass reads it
+  glm::vec3 position;
+  GLuint triangle;
+};
+
+template <typename T>
+bool same_bytes(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
+}
+
+// Rows of kRow texels; `values` is padded to whole rows.
+template <typename T>
+void upload_rows(Gpu& gpu, Texture& t, GLenum internal, GLenum format, GLenum type,
+                 std::vector<T>& values) {
+  const int rows = std::max(1, (int(values.size()) + kRow - 1) / kRow);
+  values.resize(std::size_t(rows) * kRow);
+  gpu.allocate(t, internal, kRow, rows, format, type, values.data());
+}
+
+void fill(GLuint buffer, const std::vector<Corner>& corners, GLenum usage) {
+  glBindBuffer(GL_ARRAY_BUFFER, buffer);
+  glBufferData(GL_ARRAY_BUFFER, GLsizeiptr(corners.size() * sizeof(Corner)), corners.data(), usage);
+}
+
+}  // namespace
+
+void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
+  for (int i = 0; i < 2 && !vertex_arrays_[i]; ++i) {
+    vertex_arrays_[i] = gpu.new_vertex_array();
+    buffers_[i] = gpu.new_buffer();
+    glBindVertexArray(vertex_arrays_[i]);
+    glBindBuffer(GL_ARRAY_BUFFER, buffers_[i]);
+    glEnableVertexAttribArray(0), glEnableVertexAttribArray(1);
+    glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Corner), nullptr);
+    glVertexAttribIPointer(1, 1, GL_UNSIGNED_INT, sizeof(Corner),
+                           reinterpret_cast<const void*>(sizeof(glm::vec3)));
+  }
+  if (same_bytes(scene.mesh.vertices, mesh_.vertices) &&
+      same_bytes(scene.mesh.triangles, mesh_.triangles) && same_bytes(scene.normals, normal_) &&
+      same_bytes(scene.visibility, visibility_))
+    return;
+  mesh_ = scene.mesh, normal_ = scene.normals, visibility_ = scene.visibility;
+  std::vector<glm::vec4> positions, normals;
+  for (std::size_t i = 0; i < mesh_.vertices.size(); ++i) {
+    positions.emplace_back(mesh_.vertices[i], visibility_[i]);
+    normals.emplace_back(normal_[i], 0);
+  }
+  std::vector<glm::ivec4> triangles;
+  std::vector<Corner> corners;
+  for (const glm::ivec3& t : mesh_.triangles) {
+    triangles.emplace_back(t, 0);
+    for (int k = 0; k < 3; ++k)
+      corners.push_back({mesh_.vertices[std::size_t(t[k])], GLuint(triangles.size())});
+  }
+  upload_rows(gpu, vertices_, GL_RGBA32F, GL_RGBA, GL_FLOAT, positions);
+  upload_rows(gpu, normals_, GL_RGBA32F, GL_RGBA, GL_FLOAT, normals);
+  upload_rows(gpu, triangles_, GL_RGBA32I, GL_RGBA_INTEGER, GL_INT, triangles);
+  fill(buffers_[0], corners, GL_STATIC_DRAW);
+  corner_count_ = int(corners.size());
+}
+
+void MeshBuffers::bind(Gpu& gpu) const {
+  gpu.bind("triangles", triangles_);
+  gpu.bind("vertices", vertices_);
+  gpu.bind("normals", normals_);
+}
+
+int MeshBuffers::use_whole() const {
+  glBindVertexArray(vertex_arrays_[0]);
+  return corner_count_;
+}
+
+int MeshBuffers::use_visible_part(const Camera& camera, const Pose& camera_from_object) const {
+  constexpr double kFarthest = 1 << 21;  // pixels, as the CPU's rasteriser
+  const Lens lens(camera);
+  std::vector<char> good(mesh_.vertices.size());
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    const auto pixel = lens.project(camera_from_object * glm::dvec3(mesh_.vertices[i]));
+    good[i] = pixel && std::abs(pixel->x) < kFarthest && std::abs(pixel->y) < kFarthest;
+  }
+  std::vector<Corner> corners;
+  for (std::size_t t = 0; t < mesh_.triangles.size(); ++t) {
+    const glm::ivec3& index = mesh_.triangles[t];
+    if (!good[std::size_t(index[0])] || !good[std::size_t(index[1])] ||
+        !good[std::size_t(index[2])])
+      continue;
+    for (int k = 0; k < 3; ++k)
+      corners.push_back({mesh_.vertices[std::size_t(index[k])], GLuint(t + 1)});
+  }
+  fill(buffers_[1], corners, GL_STREAM_DRAW);
+  glBindVertexArray(vertex_arrays_[1]);
+  return int(corners.size());
+}
+
+}  // namespace fastibl

@@ -1,0 +1,169 @@
+#include "fastibl/render/gl/shade_pass.h"
+
+#include <algorithm>
+#include <string>
+
+#include "fastibl/core/check.h"
+#include "fastibl/scene/lighting.h"
+#include "fastibl/scene/shared_formulas.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kBaked = 5;  // variant that reads the irradiance from a cube map
+// The four samples of a pixel in 1/256, where GPUs and the CPU's rasteriser put them.
+constexpr int kSampleX[4] = {96, 224, 32, 160}, kSampleY[4] = {32, 96, 160, 224};
+
+bool lit(glm::vec3 colour) { return colour != glm::vec3(0); }
+
+int diffuse_variant(DiffuseMethod method) {
+  switch (method) {
+    case DiffuseMethod::nearest_face:
+      return 1;
+    case DiffuseMethod::six_face:
+      return 2;
+    case DiffuseMethod::six_face_exact:
+      return 3;
+    case DiffuseMethod::sh9:
+      return 4;
+    default:
+      return kBaked;
+  }
+}
+
+Pose camera_from_object(const RenderInput& in) {
+  return in.camera_from_marker * in.scene.marker_from_object;
+}
+
+std::string distortion(const Camera& camera) {
+  return Lens(camera).trivial() ? "DISTORTION 0" : "DISTORTION 1";
+}
+
+void set_projection(const Program& p, const RenderInput& in) {
+  const Pose pose = camera_from_object(in);
+  set(p, "camera_from_object", glm::mat3(pose.rotation));
+  set(p, "camera_from_object_shift", glm::vec3(pose.translation));
+  set_camera(p, in.camera);
+}
+
+}  // namespace
+
+void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
+  mesh_.upload(gpu, in.scene);
+  const Outline outline = outline_of(mesh_.mesh(), in.camera, camera_from_object(in));
+  area_ = outline.area;
+  if (area_.empty()) return;
+  draw_visible(gpu, in, outline);
+  draw_colour(gpu, light, in);
+}
+
+// Which triangle each sample sees, one quarter of the target a sample.
+void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline) {
+  const int width = area_.width(), height = area_.height();
+  // Grown in steps, so that a moving object does not make new textures in every frame.
+  const auto step = [](int n) { return (n + 63) / 64 * 64; };
+  const int quarter_width = std::max(step(width), visible_.width / 2),
+            quarter_height = std::max(step(height), visible_.height / 2);
+  if (visible_.width != 2 * quarter_width || visible_.height != 2 * quarter_height)
+    gpu.allocate_depth(2 * quarter_width, 2 * quarter_height);
+  gpu.allocate(visible_, GL_R32UI, 2 * quarter_width, 2 * quarter_height, GL_RED_INTEGER,
+               GL_UNSIGNED_INT);
+  const int count =
+      outline.whole ? mesh_.use_whole() : mesh_.use_visible_part(in.camera, camera_from_object(in));
+  const Program& p = gpu.use("visibility", {distortion(in.camera)});
+  set_projection(p, in);
+  glUniform4f(p.uniform("area"), float(area_.x0), float(area_.y0), float(width), float(height));
+  const double n = outline.nearest, f = outline.farthest;
+  glUniform2f(p.uniform("depth"), float((f + n) / (f - n)), float(-2 * f * n / (f - n)));
+  gpu.target(0, visible_, true);
+  glEnable(GL_DEPTH_TEST);
+  glEnable(GL_SCISSOR_TEST);
+  const GLuint nothing[4] = {};
+  const GLfloat behind = 1;
+  for (int s = 0; s < 4; ++s) {
+    const int x = s % 2 * quarter_width, y = s / 2 * quarter_height;
+    glViewport(x, y, width, height);
+    glScissor(x, y, width, height);
+    glClearBufferuiv(GL_COLOR, 0, nothing);
+    glClearBufferfv(GL_DEPTH, 0, &behind);
+    glUniform2f(p.uniform("shift"), 0.5f - float(kSampleX[s]) / 256,
+                0.5f - float(kSampleY[s]) / 256);
+    glDrawArrays(GL_TRIANGLES, 0, count);
+  }
+  glDisable(GL_DEPTH_TEST);
+  glDisable(GL_SCISSOR_TEST);
+}
+
+void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& in) {
+  const Material& m = in.scene.material;
+  const bool diffuse = lit(m.diffuse), glossy = lit(m.glossy), matte = glossy && m.exponent == 0;
+  const bool paper = in.lighting.normalization == Normalization::paper && glossy && !matte;
+  const Irradiance& e = in.lighting.irradiance;
+  const int variant = diffuse || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
+  gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
+  const Program& p = gpu.use("shade", {"DIFFUSE " + std::to_string(variant),
+                                       matte    ? "GLOSSY 2"
+                                       : glossy ? "GLOSSY 1"
+                                                : "GLOSSY 0",
+                                       paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
+  set_projection(p, in);
+  set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
+  set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
+  set(p, "emission", m.emission);
+  set(p, "diffuse_albedo", m.diffuse);
+  set(p, "glossy_albedo", m.glossy);
+  if (variant == kBaked) {
+    light.upload_baked(gpu, e);
+    light.bind_baked(gpu, p);
+  } else if (e.method == DiffuseMethod::sh9) {
+    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
+  } else {
+    glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
+  }
+  if (glossy && !matte) {
+    check(in.lighting.glossy == GlossyMethod::mip, "the GL back end has no glossy method ",
+          name(in.lighting.glossy));
+    light.upload_radiance(gpu, in.lighting.radiance);
+    glUseProgram(p.id());
+    light.bind_radiance(gpu, p);
+    set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
+    glUniform1f(p.uniform("level"),
+                shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
+  }
+  if (paper) {
+    if (!albedo_.id)
+      gpu.allocate(albedo_, GL_R32F, kAlbedoTableSize, kAlbedoTableSize, GL_RED, GL_FLOAT,
+                   albedo_table().data());
+    gpu.bind("albedo_table", albedo_);
+    glUniform1f(p.uniform("albedo_row"), shared::albedo_coordinate(m.exponent));
+  }
+  gpu.bind("visible", visible_);
+  mesh_.bind(gpu);
+  glUniform2i(p.uniform("quarter"), visible_.width / 2, visible_.height / 2);
+  glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
+  gpu.target(0, object_);
+  gpu.draw_full_screen(area_.width(), area_.height());
+}
+
+ObjectLayer ShadePass::layer(Gpu& gpu) const {
+  ObjectLayer layer;
+  if (area_.empty()) return layer;
+  Image<float> pixels;
+  {
+    const Gpu::Scope scope(gpu);
+    pixels = gpu.read(object_, area_.width(), area_.height());
+  }
+  int x0 = pixels.width, y0 = pixels.height, x1 = -1, y1 = -1;  // of what is covered
+  for (int y = 0; y < pixels.height; ++y)
+    for (int x = 0; x < pixels.width; ++x)
+      if (pixels.pixel(x, y)[3] > 0)
+        x0 = std::min(x0, x), x1 = std::max(x1, x), y0 = std::min(y0, y), y1 = std::max(y1, y);
+  if (x1 < 0) return layer;
+  layer.x = area_.x0 + x0, layer.y = area_.y0 + y0;
+  layer.rgba = Image<float>(x1 - x0 + 1, y1 - y0 + 1, 4);
+  for (int y = y0; y <= y1; ++y)
+    std::copy_n(pixels.pixel(x0, y), layer.rgba.width * 4, layer.rgba.row(y - y0));
+  return layer;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,31 @@
+// The shade pass: which triangle each sample sees, then its colour. Private to render/gl.
+#pragma once
+
+#include "fastibl/core/pose.h"
+#include "fastibl/render/gl/gpu.h"
+#include "fastibl/render/gl/light_textures.h"
+#include "fastibl/render/gl/mesh_buffers.h"
+#include "fastibl/render/gl/outline.h"
+#include "fastibl/render/renderer.h"
+
+namespace fastibl {
+
+class ShadePass {
+ public:
+  void run(Gpu& gpu, LightTextures& light, const RenderInput& in);
+  void clear() { area_ = {}; }
+
+  const Area& area() const { return area_; }  // of the image, that object() holds
+  const Texture& object() const { return object_; }
+  ObjectLayer layer(Gpu& gpu) const;  // reads back; outside a scope
+
+ private:
+  void draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline);
+  void draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& in);
+
+  MeshBuffers mesh_;
+  Texture visible_, object_, albedo_;
+  Area area_;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,83 @@
+#include "fastibl/render/gl/shadow_pass.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "fastibl/shadow/sphere_shadow.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kResolution = 64;  // of the shadow map
+
+}  // namespace
+
+void ShadowPass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
+  ShadowOptions options;
+  options.method = in.methods.shadow;
+  const SphereSet spheres = in.scene.placed_spheres();
+  const bool caps =
+      options.method == ShadowMethod::cap_sum || options.method == ShadowMethod::cap_product;
+  // A method without a shader is the CPU's. Of the others this gives place and size: a map of
+  // 2 × 2 has border texels only, at which nothing is cast.
+  options.resolution = caps ? 2 : kResolution;
+  shadow_ = cast_shadow(*in.lighting.radiance, in.lighting.plane_irradiance, spheres, options);
+  read_ = true;
+  if (!caps) {
+    std::vector<float> rgba;
+    for (std::size_t i = 0; i < shadow_.ratio.data.size(); i += 3) {
+      rgba.insert(rgba.end(), &shadow_.ratio.data[i], &shadow_.ratio.data[i] + 3);
+      rgba.push_back(1);
+    }
+    gpu.allocate(ratio_, GL_RGBA32F, shadow_.ratio.width, shadow_.ratio.height, GL_RGBA, GL_FLOAT,
+                 rgba.data());
+    return;
+  }
+  light.upload_radiance(gpu, in.lighting.radiance);
+  std::vector<glm::vec4> rows[2];
+  const double scale = 1.0 / shadow_.extent;
+  for (const glm::vec4& s : spheres) {
+    const bool usable = std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.z) &&
+                        std::isfinite(s.w) && s.w > 0 && s.z + s.w > 0;
+    if (!usable || rows[0].size() == std::size_t(gpu.largest())) continue;
+    const double z = s.z * scale, r = s.w * scale;
+    rows[0].emplace_back((double(s.x) - shadow_.centre.x) * scale,
+                         (double(s.y) - shadow_.centre.y) * scale, z, r * r);
+    rows[1].emplace_back((z - r) * (z + r), std::max(z, 0.5 * (z + r)), z < r ? 1 : 0, 0);
+  }
+  const int count = int(rows[0].size());
+  if (count > 0) {
+    rows[0].insert(rows[0].end(), rows[1].begin(), rows[1].end());
+    gpu.allocate(spheres_, GL_RGBA32F, count, 2, GL_RGBA, GL_FLOAT, rows[0].data());
+  }
+  gpu.allocate(ratio_, GL_RGBA32F, kResolution, kResolution, GL_RGBA, GL_FLOAT);
+  const Program& p =
+      gpu.use("shadow", {options.method == ShadowMethod::cap_product ? "PRODUCT 1" : "PRODUCT 0"});
+  light.bind_radiance(gpu, p);
+  gpu.bind("spheres", spheres_);
+  glm::vec3 inverse(0);
+  for (int c = 0; c < 3; ++c)  // as the CPU's: the inverse of a smaller one is not finite
+    if (in.lighting.plane_irradiance[c] > 1e-30f) inverse[c] = 1 / in.lighting.plane_irradiance[c];
+  set(p, "inverse_irradiance", inverse);
+  glUniform1f(p.uniform("texels"), kResolution);
+  glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
+  glUniform1i(p.uniform("count"), count);
+  gpu.target(0, ratio_);
+  gpu.draw_full_screen(kResolution, kResolution);
+  read_ = false;
+}
+
+const ShadowMap& ShadowPass::shadow_map(Gpu& gpu) {
+  if (!read_) {
+    const Gpu::Scope scope(gpu);
+    const Image<float> pixels = gpu.read(ratio_, kResolution, kResolution);
+    shadow_.ratio = Image<float>(kResolution, kResolution, 3);
+    for (std::size_t i = 0; i < shadow_.ratio.data.size(); ++i)
+      shadow_.ratio.data[i] = pixels.data[i / 3 * 4 + i % 3];
+    read_ = true;
+  }
+  return shadow_;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,26 @@
+// The shadow pass. Private to render/gl.
+#pragma once
+
+#include "fastibl/render/gl/gpu.h"
+#include "fastibl/render/gl/light_textures.h"
+#include "fastibl/render/renderer.h"
+#include "fastibl/scene/shadow_map.h"
+
+namespace fastibl {
+
+class ShadowPass {
+ public:
+  void run(Gpu& gpu, LightTextures& light, const RenderInput& in);
+  void clear() { shadow_ = {}, read_ = true; }
+
+  const ShadowMap& place() const { return shadow_; }  // without its ratio, which may be old
+  const Texture& ratio() const { return ratio_; }
+  const ShadowMap& shadow_map(Gpu& gpu);  // reads back; outside a scope
+
+ private:
+  Texture ratio_, spheres_;
+  ShadowMap shadow_;  // its ratio is read back on request
+  bool read_ = true;
+};
+
+}  // namespace fastibl
