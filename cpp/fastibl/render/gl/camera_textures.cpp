@@ -14,7 +14,6 @@ constexpr int kGuessRow = 64;  // 64² = 4096 guesses of a code
 
 void CameraTextures::upload_response(Gpu& gpu, const Response& response) {
   if (response_.id && response == response_of_) return;
-  response_of_ = response;
   const ByteResponse table(response);
   std::vector<float> rows(512);
   for (int k = 0; k < 256; ++k) {
@@ -31,16 +30,17 @@ void CameraTextures::upload_response(Gpu& gpu, const Response& response) {
   }
   gpu.allocate(response_, GL_R32F, 256, 2, GL_RED, GL_FLOAT, rows.data());
   gpu.allocate(guess_, GL_RG32F, kGuessRow, kGuessRow, GL_RG, GL_FLOAT, guesses.data());
+  response_of_ = response;
 }
 
 void CameraTextures::upload_rays(Gpu& gpu, const Camera& camera) {
   if (rays_.id && camera == rays_of_) return;
-  rays_of_ = camera;
   const RayTable table(camera);
   std::vector<glm::vec2> xy;
   for (std::size_t i = 0; i < table.x.size(); ++i)
     xy.push_back(std::isnan(table.x[i]) ? glm::vec2(1e30f) : glm::vec2(table.x[i], table.y[i]));
   gpu.allocate(rays_, GL_RG32F, camera.width, camera.height, GL_RG, GL_FLOAT, xy.data());
+  rays_of_ = camera;
 }
 
 void CameraTextures::bind_response(Gpu& gpu) const {

@@ -51,24 +51,26 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
       same_bytes(scene.mesh.triangles, mesh_.triangles) && same_bytes(scene.normals, normal_) &&
       same_bytes(scene.visibility, visibility_))
     return;
-  mesh_ = scene.mesh, normal_ = scene.normals, visibility_ = scene.visibility;
+  const Mesh& mesh = scene.mesh;
+  mesh_ = {};  // until all is uploaded: a failure must not pass for a mesh that is there
   std::vector<glm::vec4> positions, normals;
-  for (std::size_t i = 0; i < mesh_.vertices.size(); ++i) {
-    positions.emplace_back(mesh_.vertices[i], visibility_[i]);
-    normals.emplace_back(normal_[i], 0);
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+    positions.emplace_back(mesh.vertices[i], scene.visibility[i]);
+    normals.emplace_back(scene.normals[i], 0);
   }
   std::vector<glm::ivec4> triangles;
   std::vector<Corner> corners;
-  for (const glm::ivec3& t : mesh_.triangles) {
+  for (const glm::ivec3& t : mesh.triangles) {
     triangles.emplace_back(t, 0);
     for (int k = 0; k < 3; ++k)
-      corners.push_back({mesh_.vertices[std::size_t(t[k])], GLuint(triangles.size())});
+      corners.push_back({mesh.vertices[std::size_t(t[k])], GLuint(triangles.size())});
   }
   upload_rows(gpu, vertices_, GL_RGBA32F, GL_RGBA, GL_FLOAT, positions);
   upload_rows(gpu, normals_, GL_RGBA32F, GL_RGBA, GL_FLOAT, normals);
   upload_rows(gpu, triangles_, GL_RGBA32I, GL_RGBA_INTEGER, GL_INT, triangles);
   fill(buffers_[0], corners, GL_STATIC_DRAW);
   corner_count_ = int(corners.size());
+  mesh_ = mesh, normal_ = scene.normals, visibility_ = scene.visibility;
 }
 
 void MeshBuffers::bind(Gpu& gpu) const {
