@@ -22,7 +22,7 @@ h1 { font-size: 2rem; margin: 0 0 .3rem; } h2 { margin: 2.6rem 0 .6rem; font-siz
 p.lead { font-size: 1.12rem; color: var(--soft); margin-top: 0; }
 table { border-collapse: collapse; width: 100%; margin: .8rem 0; font-variant-numeric: tabular-nums; }
 th, td { text-align: right; padding: .35rem .6rem; border-bottom: 1px solid var(--line); }
-th:first-child, th:last-child:nth-child(4), td:first-child { text-align: left; } th { color: var(--soft); font-weight: 600; font-size: .9rem; }
+th:first-child, th.note, td:first-child { text-align: left; } th { color: var(--soft); font-weight: 600; font-size: .9rem; }
 td.note { text-align: left; color: var(--soft); font-size: .9rem; }
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(240px, 1fr)); gap: .8rem; margin: .8rem 0; }
 figure { margin: 0; } figcaption { font-size: .88rem; color: var(--soft); }
@@ -148,7 +148,10 @@ def _error_rows(result: DemoResult) -> list[tuple[str, str, str, str]]:
 
 
 def _table(head: list[str], rows: list[tuple[str, ...]], note_last: bool = False) -> str:
-    out = ["<table><thead><tr>", *(f"<th>{html.escape(h)}</th>" for h in head), "</tr></thead><tbody>"]
+    heads = [f"<th>{html.escape(h)}</th>" for h in head]
+    if note_last:
+        heads[-1] = f'<th class="note">{html.escape(head[-1])}</th>'
+    out = ["<table><thead><tr>", *heads, "</tr></thead><tbody>"]
     for row in rows:
         cells = [f"<td>{html.escape(c)}</td>" for c in row]
         if note_last:
