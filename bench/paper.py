@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl._fastibl import with_gl
-from fastibl.comparison import irradiance_over_sphere, relative_errors
+from fastibl.comparison import irradiance_error, relative_errors
+from fastibl.truth import texels_that_count
 
 from . import brute, inputs
 from .frame import frame_times, meshes
@@ -276,8 +277,7 @@ def captured_map() -> Iterator[Goal]:
     ours = environment.radiance.faces.astype(np.float64)
     seen_at = processed.session.capture.last_seen
     seen = np.isfinite(seen_at)
-    begin, end = truth.hand or (np.inf, -np.inf)
-    counts = seen & (seen_at >= (truth.lamp_time or 0)) & ~((seen_at >= begin) & (seen_at <= end))
+    counts, unclipped = texels_that_count(recording, seen_at)
     share = float(counts.sum() / seen.sum())
     yield Goal(
         "sweep: seen texels that count (seen since the lamp was switched on)",
@@ -286,11 +286,7 @@ def captured_map() -> Iterator[Goal]:
         share >= 0.8,
         (f"coverage {_percent(environment.coverage)}, of it only a lower bound {_percent(environment.clipped, 2)}",),
     )
-    # What the darkest exposures could hold: those of the front camera above the horizon, of the back camera below it.
-    front = min(f.front_exposure for f in recording) * recording.rig.front.gain
-    back = min(f.back_exposure for f in recording) * recording.rig.back.gain
     up = fastibl.texel_directions(true.shape[1])[..., 2] > 0
-    unclipped = counts & (true.max(axis=-1) * np.where(up, front, back) < 0.95)
     error = relative_errors(ours, true)[unclipped]
     median = float(np.median(error))
     parts = {"above the horizon": unclipped & up, "below it": unclipped & ~up}
@@ -326,11 +322,6 @@ def pose() -> Iterator[Goal]:
             f"{angles.max():.3f} degrees; median shift {np.median(shifts):.2f} mm",
         ),
     )
-
-
-def irradiance_error(environment: fastibl.Environment, true: fastibl.CubeMap) -> float:
-    """Median over normals of the relative error of the irradiance."""
-    return float(np.median(relative_errors(irradiance_over_sphere(environment), irradiance_over_sphere(true))))
 
 
 @row("paper", "irradiance of the captured map in the demo's room")

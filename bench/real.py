@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl._fastibl import _grey, _refine_corners
-from fastibl.comparison import irradiance_over_sphere, relative_errors
+from fastibl.comparison import irradiance_error
 from fastibl.tracking import detect
-from fastibl.truth import TruePicture, TrueRenderer
+from fastibl.truth import TrueRenderer, picture_error
 
 from . import inputs
 from .measure import Row, measure, row, timing
@@ -26,15 +26,6 @@ SHEET = os.environ.get("FASTIBL_SHEET")  # where to write a picture of all compo
 
 def rows() -> list[Row]:
     return places() + photographs()
-
-
-def image_error(image: NDArray[np.uint8], true: TruePicture, back: NDArray[np.uint8], camera: fastibl.Camera) -> float:
-    """RMS over RGB and over the pixels that the object covers or its shadow changes by more than 1/255, in linear
-    light, by the truth's mean there."""
-    changed = np.abs(true.image.astype(int) - back).max(axis=-1) > 1
-    where = (true.coverage > 0) | changed
-    difference = camera.response.decode(image / 255.0)[where] - np.clip(true.linear[where], 0, 1)
-    return float(np.sqrt((difference**2).mean()) / np.clip(true.linear[where], 0, 1).mean())
 
 
 def places() -> list[Row]:
@@ -56,12 +47,11 @@ def places() -> list[Row]:
                 if methods == "auto":
                     pictures.append((f"{place}, {name}", done.last.image, true.image))
                 environment, case = done.last.environment, f"{place}, {name}"
-                irradiance = relative_errors(irradiance_over_sphere(environment), irradiance_over_sphere(true_map))
                 totals = [t["total"] for t in done.timings[len(done.timings) // 4 :]]
-                error = image_error(done.last.image, true, frame.back, camera)
+                error = picture_error(done.last.image, true, frame.back, camera.response)
                 for metric, value in (
                     ("error of the picture against the true one", error),
-                    ("median error of the captured irradiance", float(np.median(irradiance))),
+                    ("median error of the captured irradiance", irradiance_error(environment, true_map)),
                     ("predicted error of the captured irradiance", environment.predicted_error),
                     ("share of the sphere never seen", 1 - environment.coverage),
                     ("share of the seen sphere only a lower bound", environment.clipped),

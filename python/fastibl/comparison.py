@@ -31,11 +31,16 @@ def _radiance(source: Any) -> CubeMap:
     return source if isinstance(source, CubeMap) else CubeMap(np.asarray(source, np.float64))
 
 
+def level_at_most(source: Any, size: int) -> NDArray:
+    """Faces (6, n, n, 3) float64 of a map's finest MIP level of at most `size` texels along an edge."""
+    cube = _radiance(source)
+    k = next((k for k in range(cube.level_count) if cube.level(k).shape[1] <= size), cube.level_count - 1)
+    return np.asarray(cube.level(k), np.float64)
+
+
 def irradiance_over_sphere(source: Any, size: int = 8) -> NDArray:
     """Irradiance (6, size, size, 3) float64 over normals, summed over the map's level of at most 32 squared texels."""
-    cube = _radiance(source)
-    level = next((k for k in range(cube.level_count) if cube.level(k).shape[1] <= 32), 0)
-    faces = np.asarray(cube.level(level), np.float64)
+    faces = level_at_most(source, 32)
     n = faces.shape[1]
     directions = texel_directions(n).reshape(-1, 3).astype(np.float64)
     flux = faces.reshape(-1, 3) * np.tile(texel_solid_angles(n).reshape(-1), 6)[:, None]
@@ -47,6 +52,11 @@ def relative_errors(estimated: NDArray, true: NDArray) -> NDArray:
     """RMS over RGB of the difference, by the true RGB mean at the same place; (...,)."""
     scale = np.maximum(true.mean(axis=-1), 1e-12)
     return np.sqrt(((estimated - true) ** 2).mean(axis=-1)) / scale
+
+
+def irradiance_error(estimated: Any, true: Any) -> float:
+    """Median over normals of the relative error of the irradiance of two maps."""
+    return float(np.median(relative_errors(irradiance_over_sphere(estimated), irradiance_over_sphere(true))))
 
 
 def compare(estimated: Any, true: Any) -> Comparison:

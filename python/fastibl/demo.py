@@ -13,28 +13,30 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from . import shapes
-from ._fastibl import Bvh, CubeMap, Environment, Material, Mesh, Pose, Scene, set_threads, texel_directions, threads
+from ._fastibl import CubeMap, Environment, FrameResult, Material, Pose, Scene, set_threads, texel_directions, threads
 from .comparison import irradiance_over_sphere, relative_errors
 from .files import stand
 from .lighting import Lighting
 from .machine import cpu
 from .recording import Frame, Recording
 from .session import Session
-from .truth import TruePicture, TrueRenderer
+from .truth import TruePicture, TrueRenderer, picture_error, texels_that_count
 from .video import VideoWriter
 
 HEIGHT = 0.2  # of the object, metres
 POSITION = (0.0, 0.0, HEIGHT / 2)  # where its light is measured
 DISTANCE = 3.0  # rough distance of the room's walls, metres: what a user would tell
+METHODS = {"default": "auto", "paper": "paper"}  # of the two runs
 PANEL = (480, 360)  # of the four-panel video, pixels
 
 
 @dataclass
 class Still:
-    """One moment: its title, and the picture by each run; the true one where it was worked out."""
+    """One moment: its title, and the picture by each run; the true one if it is to be compared."""
 
     title: str
     index: int
+    compared: bool = True
     pictures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
     true: TruePicture | None = None
 
@@ -107,49 +109,18 @@ def _labelled(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
     return panel
 
 
-def changed_pixels(true: TruePicture) -> NDArray[np.bool_]:
-    """Pixels that the object covers or its true shadow changes by more than 1/255."""
-    return (true.coverage > 0) | ((1 - true.ratio).max(axis=-1) > 1 / 255)
-
-
-def image_error(picture: NDArray[np.uint8], true: TruePicture, response) -> float:
-    """RMS over RGB and the changed pixels in linear light, by the truth's mean there."""
-    where = changed_pixels(true)
-    linear = response.decode(picture / 255.0)[where]
-    truth = np.clip(true.linear, 0, 1)[where]
-    return float(np.sqrt(((linear - truth) ** 2).mean()) / truth.mean())
-
-
-class _PlanePoints:
-    """Grid points of the true renderer's plane outside the object's footprint."""
-
-    def __init__(self, truth: TrueRenderer, mesh: Mesh):
-        axis = ((np.arange(truth.grid) + 0.5) / truth.grid * 2 - 1) * truth.extent
-        x, y = np.meshgrid(axis, axis)
-        self.points = np.stack([x, y], axis=-1)
-        up = np.zeros((*x.shape, 3))
-        up[..., 2] = 1
-        self.outside = ~Bvh(mesh).occluded(np.stack([x, y, np.full_like(x, 1e-5)], axis=-1), up)
-
-    def error(self, ratio: NDArray, true: NDArray) -> float:
-        """RMS of the ratio over points outside the footprint where the true 1 - ratio exceeds 0.01."""
-        where = self.outside & ((1 - true).max(axis=-1) > 0.01)
-        return float(np.sqrt(((ratio - true)[where] ** 2).mean()))
-
-
 def _run(
     name: str,
-    methods: str,
     recording: Recording,
     scene: Scene,
     stills: list[Still],
     truths: dict[int, NDArray],
     panels: Iterable[VideoWriter] | None,
-) -> tuple[Run, Session, list]:
+    scale: float,
+) -> tuple[Run, Session, dict[str, FrameResult]]:
     run, results_at = Run(name), {}
-    session = Session(scene, recording.rig, recording.board, methods=methods, distance=DISTANCE)
+    session = Session(scene, recording.rig, recording.board, methods=METHODS[name], distance=DISTANCE)
     truth = recording.truth
-    scale = 0.28 / float(np.mean(truth.environment(0).mean()))
     last, true_pictures = None, {}
     for index, frame in enumerate(tqdm(recording, desc=f"{name} methods", total=len(recording), leave=False)):
         result = last = session.process(frame)
@@ -189,23 +160,6 @@ def _offset(pose: Pose, true: Pose) -> float:
     return float(1000 * np.linalg.norm(pose.inverse().translation - true.inverse().translation))
 
 
-def _map_error(session: Session, environment: Environment, recording: Recording, time: float) -> tuple[float, float]:
-    """Median relative error over the texels seen since the lamp changed, and their share of all seen ones.
-
-    Texels last seen while the hand covered the camera do not count, nor do those known only as a lower bound.
-    """
-    truth, last = recording.truth, session.capture.last_seen
-    seen = np.isfinite(last)
-    counts = seen & (last > (truth.lamp_time or 0.0))
-    if truth.hand is not None:
-        counts &= ~((last >= truth.hand[0]) & (last < truth.hand[1]))
-    true = truth.environment(time)
-    errors = relative_errors(np.asarray(environment.radiance.faces, np.float64), np.asarray(true.faces, np.float64))
-    if not counts.any():
-        return float("nan"), 0.0
-    return float(np.median(errors[counts])), float(counts.sum() / seen.sum())
-
-
 def run_demo(recording: Recording, out: Path) -> DemoResult:
     """Runs the default and the paper's methods on a recording with truth; writes the two videos to `out`."""
     scene = demo_scene()
@@ -218,18 +172,19 @@ def run_demo(recording: Recording, out: Path) -> DemoResult:
     stills = []
     if truth.hand is not None:
         stills.append(Still("before the hand", nearest(truth.hand[0] - 0.15)))
-        stills.append(Still("a hand over the front camera", nearest(truth.hand[1] - 0.2)))
+        stills.append(Still("a hand over the front camera", nearest(truth.hand[1] - 0.2), compared=False))
     if truth.lamp_time is not None:
         stills.append(Still("before the lamp", nearest(truth.lamp_time - 0.1)))
     stills.append(Still("at the end", len(frames) - 1))
 
+    scale = 0.28 / float(np.mean(truth.environment(0).mean()))  # of the pictures of maps
     true_irradiance: dict[int, NDArray] = {}
     runs, kept = {}, {}
     fps = (len(frames) - 1) / max(times[-1] - times[0], 1e-6)
     with VideoWriter(out / "composite.webm", fps) as composite, VideoWriter(out / "four-panel.webm", fps) as four:
-        for name, methods in (("default", "auto"), ("paper", "paper")):
+        for name in METHODS:
             panels = (composite, four) if name == "default" else None
-            run, session, results = _run(name, methods, recording, scene, stills, true_irradiance, panels)
+            run, session, results = _run(name, recording, scene, stills, true_irradiance, panels, scale)
             runs[name], kept[name] = run, (session, results)
 
     # The sessions above are timed on the caller's threads; brute force takes all cores.
@@ -239,7 +194,6 @@ def run_demo(recording: Recording, out: Path) -> DemoResult:
         _compare_with_truth(recording, scene, frames, stills, runs, kept)
     finally:
         set_threads(count)
-    scale = 0.28 / float(np.mean(truth.environment(0).mean()))
     maps = {
         "captured": picture_of_map(kept["default"][1]["at the end"].environment, scale, 300),
         "captured by the paper's method": picture_of_map(kept["paper"][1]["at the end"].environment, scale, 300),
@@ -262,9 +216,8 @@ def _compare_with_truth(
     """Adds the true pictures to the stills, and to the runs how far theirs are from them."""
     truth = recording.truth
     renderer = TrueRenderer(scene)
-    plane = _PlanePoints(renderer, scene.mesh)
     response = recording.rig.back.response
-    for still in tqdm([s for s in stills if "hand over" not in s.title], desc="true pictures", leave=False):
+    for still in tqdm([s for s in stills if s.compared], desc="true pictures", leave=False):
         frame: Frame = frames[still.index]
         true_map = truth.environment(frame.time)
         still.true = renderer.render(
@@ -272,19 +225,22 @@ def _compare_with_truth(
         )
         ratio = renderer.plane_ratio(true_map)
         for name, run in runs.items():
-            run.image_error[still.title] = image_error(still.pictures[name], still.true, response)
-            shadow = kept[name][1][still.title].shadow_map
-            run.shadow_error[still.title] = plane.error(shadow.sample(plane.points), ratio)
-    end = frames[-1].time
-    true_map = truth.environment(end)
-    normals = texel_directions(8)
+            run.image_error[still.title] = picture_error(still.pictures[name], still.true, frame.back, response)
+            run.shadow_error[still.title] = renderer.shadow_error(kept[name][1][still.title].shadow_map, ratio)
+    true_map = truth.environment(frames[-1].time)
+    faces, exact = np.asarray(true_map.faces, np.float64), irradiance_over_sphere(true_map)
+    ratio, normals = renderer.plane_ratio(true_map), texel_directions(8)
     for name, run in runs.items():
         session, results = kept[name]
-        run.map_error, run.map_share = _map_error(session, results["at the end"].environment, recording, end)
-        # The step alone: the same method given the true map.
-        lighting = Lighting(true_map, diffuse="auto" if name == "default" else "paper")
-        exact = irradiance_over_sphere(true_map)
+        last_seen = session.capture.last_seen
+        counts, unclipped = texels_that_count(recording, last_seen)
+        errors = relative_errors(np.asarray(results["at the end"].environment.radiance.faces, np.float64), faces)
+        if unclipped.any():
+            run.map_error = float(np.median(errors[unclipped]))
+            run.map_share = float(counts.sum() / np.isfinite(last_seen).sum())
+        # The steps alone: the same methods given the true map.
+        lighting = Lighting(true_map, diffuse=METHODS[name])
         run.method_error["irradiance"] = float(np.median(relative_errors(lighting.irradiance(normals), exact)))
-        alone = Session(scene, recording.rig, None, true_map, methods="auto" if name == "default" else "paper")
-        given = alone.process(Frame(0.0, back=frames[-1].back, back_from_marker=truth.pose(end)))
-        run.method_error["shadow"] = plane.error(given.shadow_map.sample(plane.points), renderer.plane_ratio(true_map))
+        alone = Session(scene, recording.rig, None, true_map, methods=METHODS[name])
+        given = alone.process(Frame(0.0, back=frames[-1].back, back_from_marker=truth.pose(frames[-1].time)))
+        run.method_error["shadow"] = renderer.shadow_error(given.shadow_map, ratio)

@@ -111,7 +111,7 @@ def _error_rows(result: DemoResult) -> list[tuple[str, str, str, str]]:
         row(
             "captured map",
             lambda r: f"{_percent(r.map_error)} of {100 * r.map_share:.0f} % of the seen texels",
-            "median over the texels seen since the lamp went on; what a hand covered last does not count",
+            "median over the texels seen since the lamp went on; what a hand covered last or every exposure clipped does not count",
         ),
         row(
             "irradiance of the captured map",

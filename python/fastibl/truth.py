@@ -11,16 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import reference
-from ._fastibl import Bvh, Camera, CubeMap, Environment, Pose, Scene
+from ._fastibl import Bvh, Camera, CubeMap, Environment, Pose, Response, Scene, ShadowMap, texel_directions
+from .comparison import level_at_most
+from .recording import Recording
 
 _DIRECTIONS = 32  # face edge of the map level whose texels are the light directions
 _SPLIT = 2  # rays a pixel and axis
-
-
-def _level(source: CubeMap | Environment, size: int) -> NDArray:
-    cube = source.radiance if isinstance(source, Environment) else source
-    k = next((k for k in range(cube.level_count) if cube.level(k).shape[1] <= size), cube.level_count - 1)
-    return np.asarray(cube.level(k), np.float64)
 
 
 @dataclass
@@ -32,6 +28,33 @@ class TruePicture:
     linear: NDArray[np.float64]
     coverage: NDArray[np.float64]
     ratio: NDArray[np.float64]
+
+
+def picture_error(picture: NDArray[np.uint8], true: TruePicture, back: NDArray[np.uint8], response: Response) -> float:
+    """RMS over RGB and over the pixels that the object covers or its shadow changes by more than 1/255, in linear
+    light, by the truth's mean there."""
+    where = (true.coverage > 0) | (np.abs(true.image.astype(int) - back).max(axis=-1) > 1)
+    truth = np.clip(true.linear[where], 0, 1)
+    difference = response.decode(picture / 255.0)[where] - truth
+    return float(np.sqrt((difference**2).mean()) / truth.mean())
+
+
+def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Texels (6, n, n) by which a captured map is judged at a recording's end, and those of them that never clipped.
+
+    last_seen: Capture.last_seen. Texels count that were seen since the lamp was switched on and not last while a hand
+    covered the front camera. What the darkest exposure can hold decides about clipping: the front camera's above the
+    horizon, the back camera's below it.
+    """
+    truth, rig = recording.truth, recording.rig
+    begin, end = truth.hand or (np.inf, -np.inf)
+    counts = np.isfinite(last_seen) & (last_seen >= (truth.lamp_time or 0))
+    counts &= ~((last_seen >= begin) & (last_seen <= end))
+    front = min(f.front_exposure for f in recording) * rig.front.gain
+    back = min(f.back_exposure for f in recording) * rig.back.gain
+    true = np.asarray(truth.environment(recording.times[-1]).faces, np.float64)
+    up = texel_directions(true.shape[1])[..., 2] > 0
+    return counts, counts & (true.max(axis=-1) * np.where(up, front, back) < 0.95)
 
 
 class TrueRenderer:
@@ -52,7 +75,10 @@ class TrueRenderer:
         axis = ((np.arange(grid) + 0.5) / grid * 2 - 1) * extent
         x, y = np.meshgrid(axis, axis)
         points = np.stack([x, y, np.full_like(x, 1e-5)], axis=-1).reshape(-1, 3)
-        self.hidden_at_plane = self._hidden(points, np.broadcast_to([0.0, 0.0, 1.0], points.shape))
+        up = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+        self.hidden_at_plane = self._hidden(points, up)
+        self.plane_points = np.stack([x, y], axis=-1)
+        self.outside_footprint = ~self.bvh.occluded(points, up.copy()).reshape(grid, grid)
 
     def _hidden(self, points: NDArray, normals: NDArray) -> NDArray[np.uint8]:
         """Whether the object hides each direction from each point: packed bits (points, directions / 8).
@@ -71,7 +97,7 @@ class TrueRenderer:
 
     def vertex_irradiance(self, source: CubeMap | Environment) -> NDArray:
         """Irradiance (v, 3) at the vertices with what the object hides of the map taken away."""
-        d, angle, radiance = reference.samples(_level(source, _DIRECTIONS))
+        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
         normals = self.scene.mesh.normals.astype(np.float64)
         flux, out = radiance * angle[:, None], np.empty((len(normals), 3))
         for i in range(0, len(normals), 512):
@@ -81,7 +107,7 @@ class TrueRenderer:
 
     def plane_ratio(self, source: CubeMap | Environment) -> NDArray:
         """True shadow ratio (grid, grid, 3) on the plane; row 0 is y min."""
-        d, angle, radiance = reference.samples(_level(source, _DIRECTIONS))
+        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
         flux = radiance * (angle * np.maximum(d[:, 2], 0))[:, None]
         total = np.maximum(flux.sum(axis=0), 1e-12)
         lost = np.empty((len(self.hidden_at_plane), 3))
@@ -89,9 +115,14 @@ class TrueRenderer:
             lost[i : i + 1024] = np.unpackbits(self.hidden_at_plane[i : i + 1024], axis=1).astype(np.float32) @ flux
         return (1 - lost / total).reshape(self.grid, self.grid, 3)
 
+    def shadow_error(self, shadow: ShadowMap, true_ratio: NDArray) -> float:
+        """RMS of the ratio over plane points outside the footprint where the true 1 - ratio exceeds 0.01."""
+        where = self.outside_footprint & ((1 - true_ratio).max(axis=-1) > 0.01)
+        return float(np.sqrt(((shadow.sample(self.plane_points) - true_ratio)[where] ** 2).mean()))
+
     def _glossy(self, source: CubeMap | Environment, normals: NDArray, views: NDArray, exponent: float) -> NDArray:
         """Average of the map under the lobe (n.h)^s max(n.w, 0), over its texels; rows of (n, 3)."""
-        d, angle, radiance = reference.samples(_level(source, _DIRECTIONS if exponent < 150 else 64))
+        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS if exponent < 150 else 64))
         d32, light = d.astype(np.float32), np.hstack([radiance, np.ones((len(d), 1))]).astype(np.float32)
         out = np.empty((len(normals), 3))
         for i in range(0, len(normals), 256):

@@ -95,8 +95,7 @@ void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
 }
 
 std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) {
-  if (frame.back_from_marker) return frame.back_from_marker;
-  if (!board_ || frame.back.empty()) return std::nullopt;
+  if (frame.back.empty()) return std::nullopt;
   TrackingOptions options;
   options.method = options_.methods.tracking;
   const Image<std::uint8_t> grey = grey_from(frame.back, rig_.back.response);
