@@ -1,14 +1,18 @@
 """Errors of shading methods against brute force, on many maps at once.
 
 The weights of a lobe do not depend on the map, so they are worked out once for all maps; texels and solid angles are
-those of fastibl.reference, and `check` holds the sums against it.
+those of fastibl.reference, and `check` holds the sums against it. Truths are kept between runs, in the user's cache
+folder, by the maps and by this code.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +30,26 @@ _SPLIT = {512: 4, 2048: 8}  # pieces of a texel along each axis
 def errors(estimated: NDArray, true: NDArray, mean: float | NDArray) -> NDArray:
     """RMS over RGB of the difference, by the mean of the truth; (n,)."""
     return np.sqrt(((np.asarray(estimated, np.float64) - true) ** 2).mean(axis=-1)) / mean
+
+
+CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fastibl-bench"
+
+
+def kept(what: str, make: Callable[[], NDArray]) -> NDArray:
+    """make(), kept between runs by `what` it is, the maps, and the code of the oracle and of this file."""
+    key = hashlib.sha256(what.encode() + np.__version__.encode() + _radiance().tobytes())
+    for path in (Path(reference.__file__), Path(__file__)):
+        key.update(path.read_bytes())
+    path = CACHE / f"{key.hexdigest()[:24]}.npy"
+    if path.exists():
+        return np.load(path)
+    array = make()
+    CACHE.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(f".{os.getpid()}.part")
+    with part.open("wb") as file:
+        np.save(file, array)
+    part.replace(path)
+    return array
 
 
 @cache
@@ -48,16 +72,24 @@ def normals() -> NDArray:
 @cache
 def irradiance() -> dict[str, NDArray]:
     """True irradiance (NORMALS, 3) of each real map at `normals`."""
+    return _by_map(kept("irradiance", _irradiance))
+
+
+def _by_map(array: NDArray) -> dict[str, NDArray]:
+    """(..., 3 maps) to (..., 3) by name."""
+    return {name: array[..., 3 * k : 3 * k + 3] for k, name in enumerate(real_maps())}
+
+
+def _irradiance() -> NDArray:
     size = next(iter(real_maps().values())).size
     d, angles = _texels(size)
     flux = _radiance() * angles[:, None]
     out = np.empty((NORMALS, flux.shape[1]))
     for i in range(0, NORMALS, 64):
         out[i : i + 64] = np.maximum(normals()[i : i + 64] @ d.T, 0) @ flux
-    truths = {name: out[:, 3 * k : 3 * k + 3] for k, name in enumerate(real_maps())}
     for name, cube in real_maps().items():
-        check(truths[name][:2], reference.irradiance(cube, normals()[:2]))
-    return truths
+        check(_by_map(out)[name][:2], reference.irradiance(cube, normals()[:2]))
+    return out
 
 
 def pairs(count: int, seed: int = 3) -> tuple[NDArray, NDArray]:
@@ -82,6 +114,11 @@ def glossy(count: int) -> dict[str, dict[int, NDArray]]:
 
     For the sharper lobes, the texels that hold all but 1e-8 of the lobe's height are split.
     """
+    array = kept(f"glossy {count}", lambda: _glossy(count))
+    return {name: dict(zip(EXPONENTS, values, strict=True)) for name, values in _by_map(array).items()}
+
+
+def _glossy(count: int) -> NDArray:
     size = next(iter(real_maps().values())).size
     d, angles = _texels(size)
     radiance = _radiance()
@@ -114,12 +151,11 @@ def glossy(count: int) -> dict[str, dict[int, NDArray]]:
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(one, range(len(n))))
-    truths = {name: {s: out[s][:, 3 * k : 3 * k + 3] for s in EXPONENTS} for k, name in enumerate(real_maps())}
-    name, cube = next(iter(real_maps().items()))
+    cube = next(iter(real_maps().values()))
     for s in (2, 128, 2048):
         k = count  # one pair at 30 degrees
-        check(truths[name][s][k], reference.glossy(cube, n[k], v[k], s))
-    return truths
+        check(out[s][k, :3], reference.glossy(cube, n[k], v[k], s))
+    return np.stack([out[s] for s in EXPONENTS])
 
 
 def check(ours: NDArray, theirs: NDArray, tolerance: float = 1e-5) -> None:

@@ -60,6 +60,19 @@ def skipped(what: str, reason: str) -> Goal:
     return Goal(what, "skipped", reason, None)
 
 
+def percent(value: float, digits: int = 3) -> str:
+    return f"{100 * value:.{digits}g} %"
+
+
+def by_map(means: dict[str, float]) -> tuple[str, str]:
+    """Notes: the value of each map, and the mean without the studio map."""
+    others = [v for name, v in means.items() if "studio" not in name]
+    return (
+        "by map: " + ", ".join(f"{name} {percent(v)}" for name, v in means.items()),
+        f"mean without studio: {percent(sum(others) / max(len(others), 1))}",
+    )
+
+
 def measured(rows: Sequence[Row]) -> Iterator[Goal]:
     """Runs rows one after the other; a progress line each on stderr. A row that breaks fails."""
     for k, r in enumerate(rows, 1):
@@ -90,7 +103,7 @@ def formatted(title: str, goals: Sequence[Goal]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    from . import paper  # noqa: F401 - fills its table
+    from . import light, paper  # noqa: F401 - fill their tables
     from .measure import commit, cpu, yardstick
 
     parser = argparse.ArgumentParser(

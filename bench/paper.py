@@ -18,17 +18,12 @@ from fastibl.truth import texels_that_count
 
 from . import brute, inputs
 from .frame import frame_times, meshes
-from .goals import Goal, row, skipped
+from .goals import Goal, by_map, percent, row, skipped
 from .measure import ROOT, Timing, yardstick
 
-NO_MAPS = f"no real HDR maps under {inputs.SHARED / 'hdri'}"
 _GLOSSY_PAIRS = 100  # at each angle
 # Words in the names of tests that give bad or extreme input.
 BAD = ("bad", "refuse", "extreme", "error", "missing", "degenerate", "ignored", "broken", "cleaning", "invalid")
-
-
-def _percent(value: float, digits: int = 3) -> str:
-    return f"{100 * value:.{digits}g} %"
 
 
 def _within(value: float, low: float, high: float) -> bool:
@@ -36,14 +31,6 @@ def _within(value: float, low: float, high: float) -> bool:
 
 
 # Shading against brute force
-
-
-def _by_map(means: dict[str, float]) -> tuple[str, str]:
-    others = [v for name, v in means.items() if "studio" not in name]
-    return (
-        "by map: " + ", ".join(f"{name} {_percent(v)}" for name, v in means.items()),
-        f"mean without studio: {_percent(float(np.mean(others)))}",
-    )
 
 
 @row("paper", "diffuse methods against brute force")
@@ -55,7 +42,7 @@ def diffuse() -> Iterator[Goal]:
     }
     if not inputs.MAPS:
         for method in goals:
-            yield skipped(f"{method}: mean error of the irradiance", NO_MAPS)
+            yield skipped(f"{method}: mean error of the irradiance", inputs.NO_MAPS)
         return
     truths = brute.irradiance()
     for method, (low, high, text) in goals.items():
@@ -70,12 +57,12 @@ def diffuse() -> Iterator[Goal]:
         value = float(np.mean(list(means.values())))
         yield Goal(
             f"{method}: mean error of the irradiance, {len(means)} maps",
-            f"{_percent(value)} +- {_percent(deviation, 2)}",
+            f"{percent(value)} +- {percent(deviation, 2)}",
             f"{text}, within a tenth",
             _within(value, low, high),
             (
-                *_by_map(means),
-                f"95th percentile {_percent(float(np.percentile(every, 95)))}, worst {_percent(float(every.max()))}",
+                *by_map(means),
+                f"95th percentile {percent(float(np.percentile(every, 95)))}, worst {percent(float(every.max()))}",
             ),
         )
 
@@ -84,7 +71,7 @@ def diffuse() -> Iterator[Goal]:
 def glossy() -> Iterator[Goal]:
     what = "mip: mean error of the normalised lobe"
     if not inputs.MAPS:
-        yield skipped(what, NO_MAPS)
+        yield skipped(what, inputs.NO_MAPS)
         return
     truths = brute.glossy(_GLOSSY_PAIRS)
     n, v = brute.pairs(_GLOSSY_PAIRS)
@@ -98,15 +85,15 @@ def glossy() -> Iterator[Goal]:
     by_pair = table.mean(axis=(0, 1)).reshape(len(brute.ANGLES), -1)
     deviation = float(np.sqrt((by_pair.var(axis=1, ddof=1) / by_pair.shape[1]).sum()) / len(brute.ANGLES))
     value = float(table.mean())
-    by_exponent = ", ".join(f"{s}: {_percent(table[:, j].mean())}" for j, s in enumerate(brute.EXPONENTS))
-    by_angle = ", ".join(f"{a}: {_percent(by_pair[k].mean())}" for k, a in enumerate(brute.ANGLES))
+    by_exponent = ", ".join(f"{s}: {percent(table[:, j].mean())}" for j, s in enumerate(brute.EXPONENTS))
+    by_angle = ", ".join(f"{a}: {percent(by_pair[k].mean())}" for k, a in enumerate(brute.ANGLES))
     means = {name: float(table[i].mean()) for i, name in enumerate(lightings)}
     yield Goal(
         f"{what}, {len(means)} maps",
-        f"{_percent(value)} +- {_percent(deviation, 2)}",
+        f"{percent(value)} +- {percent(deviation, 2)}",
         "38 %, within a tenth",
         _within(value, 0.38, 0.38),
-        (*_by_map(means), f"by exponent: {by_exponent}", f"by degrees of the view: {by_angle}"),
+        (*by_map(means), f"by exponent: {by_exponent}", f"by degrees of the view: {by_angle}"),
     )
 
 
@@ -281,26 +268,26 @@ def captured_map() -> Iterator[Goal]:
     share = float(counts.sum() / seen.sum())
     yield Goal(
         "sweep: seen texels that count (seen since the lamp was switched on)",
-        _percent(share),
+        percent(share),
         ">= 80 %",
         share >= 0.8,
-        (f"coverage {_percent(environment.coverage)}, of it only a lower bound {_percent(environment.clipped, 2)}",),
+        (f"coverage {percent(environment.coverage)}, of it only a lower bound {percent(environment.clipped, 2)}",),
     )
     up = fastibl.texel_directions(true.shape[1])[..., 2] > 0
     error = relative_errors(ours, true)[unclipped]
     median = float(np.median(error))
     parts = {"above the horizon": unclipped & up, "below it": unclipped & ~up}
     notes = ", ".join(
-        f"{name} {_percent(float(np.median(relative_errors(ours, true)[mask])))}" for name, mask in parts.items()
+        f"{name} {percent(float(np.median(relative_errors(ours, true)[mask])))}" for name, mask in parts.items()
     )
     yield Goal(
         "sweep: median error of a captured texel where nothing clipped, walls at 3 m",
-        _percent(median),
+        percent(median),
         "<= 3 %",
         median <= 0.03,
         (
-            f"{unclipped.sum()} of {seen.sum()} seen texels; quartiles {_percent(float(np.percentile(error, 25)))} and "
-            f"{_percent(float(np.percentile(error, 75)))}; {notes}",
+            f"{unclipped.sum()} of {seen.sum()} seen texels; quartiles {percent(float(np.percentile(error, 25)))} and "
+            f"{percent(float(np.percentile(error, 75)))}; {notes}",
         ),
     )
 
@@ -334,12 +321,12 @@ def captured_irradiance_room() -> Iterator[Goal]:
         where = "at infinity" if np.isinf(distance) else f"at {distance:g} m"
         yield Goal(
             f"sweep: median error of the irradiance, walls taken {where}",
-            _percent(error),
+            percent(error),
             "<= 15 %",
             error <= 0.15,
             (
-                f"predicted {_percent(last.environment.predicted_error)}; with the method's own error "
-                f"{_percent(last.predicted_error)}",
+                f"predicted {percent(last.environment.predicted_error)}; with the method's own error "
+                f"{percent(last.predicted_error)}",
             ),
         )
 
@@ -347,7 +334,7 @@ def captured_irradiance_room() -> Iterator[Goal]:
 @row("paper", "irradiance of captured maps at infinity")
 def captured_irradiance_maps() -> Iterator[Goal]:
     if not inputs.MAPS:
-        yield skipped("captured irradiance on the real maps", NO_MAPS)
+        yield skipped("captured irradiance on the real maps", inputs.NO_MAPS)
         return
     for name, path in inputs.MAPS.items():
         recording = fastibl.simulate(path, seconds=10, fps=8, seed=0, size=(320, 240), position=inputs.OBJECT)
@@ -361,14 +348,14 @@ def captured_irradiance_maps() -> Iterator[Goal]:
         error = irradiance_error(environment, true)
         yield Goal(
             f"{name}: median error of the captured irradiance",
-            _percent(error),
+            percent(error),
             "<= 8 %",
             error <= 0.08,
             (
-                f"predicted {_percent(environment.predicted_error)}; coverage {_percent(environment.coverage)}, of it "
-                f"only a lower bound {_percent(environment.clipped, 2)}; board found in {found} of "
+                f"predicted {percent(environment.predicted_error)}; coverage {percent(environment.coverage)}, of it "
+                f"only a lower bound {percent(environment.clipped, 2)}; board found in {found} of "
                 f"{len(recording)} frames",
-                f"{_percent(beyond, 2)} of the place's light is brighter than the darkest exposure can hold",
+                f"{percent(beyond, 2)} of the place's light is brighter than the darkest exposure can hold",
             ),
         )
 

@@ -1,0 +1,1 @@
+"""GGX: isotropic and anisotropic, compensation of multiple scattering."""

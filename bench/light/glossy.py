@@ -1,0 +1,1 @@
+"""Glossy light: error by look-ups with and without lights, energy."""

@@ -1,0 +1,1 @@
+"""Sets of prefiltered levels for other renderers, against cmft and cmgen."""

@@ -1,0 +1,1 @@
+"""Rebuilding, updating and converting maps, in yardsticks."""

@@ -1,0 +1,1 @@
+"""Seams, steadiness, extremes, rotation and mirror."""
