@@ -53,13 +53,12 @@ double Lobe::half_height() const {
 }
 
 LobeTable::LobeTable(const Lobe& lobe) {
-  // 64 steps to half the height: blending in between is then good to 3e-5 of the peak.
-  const int n = std::clamp(int(64 / std::sqrt(lobe.half_height())), 256, 1 << 16);
+  const int n = std::clamp(int(32 / std::sqrt(lobe.half_height())), 256, 1 << 16);
   steps = float(n);
-  height.resize(std::size_t(n) + 2);
-  slope.resize(std::size_t(n) + 2);
+  height.resize(std::size_t(n) + 1);
+  slope.resize(std::size_t(n) + 1);
   integral = 0;
-  for (int i = 0; i <= n + 1; ++i) {
+  for (int i = 0; i <= n; ++i) {
     const double r = double(i) / n;
     height[std::size_t(i)] = float(lobe(r * r));
     // dω = 2π dt = 4π r dr, at midpoints.

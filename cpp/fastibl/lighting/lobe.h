@@ -30,7 +30,7 @@ struct LobeTable {
   explicit LobeTable(const Lobe& lobe);
 
   float steps;                // r times this is the position in the tables
-  std::vector<float> height;  // relative to the peak; one entry more than steps + 1, for blending
+  std::vector<float> height;  // relative to the peak
   std::vector<float> slope;   // |d height / dθ|, unimodal
   int steepest;               // position of its maximum
   double integral;            // of height over the sphere

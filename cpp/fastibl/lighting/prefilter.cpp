@@ -7,6 +7,7 @@
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/lighting/lobe_quadtree.h"
+#include "fastibl/lighting/lobe_weights.h"
 #include "fastibl/lighting/symmetric_sums.h"
 
 namespace fastibl {
@@ -78,6 +79,24 @@ struct Block {
   std::vector<glm::vec3> directions;
   glm::vec3 middle{0};
   float spread = 0;
+
+  SixteenDirections in_face(int face) const {
+    const glm::vec3 major = face_direction(face, 0.5f, 0.5f);
+    const glm::vec3 s = face_direction(face, 1, 0.5f) - major;
+    const glm::vec3 t = face_direction(face, 0.5f, 1) - major;
+    SixteenDirections result{};
+    for (std::size_t o = 0; o < directions.size(); ++o) {
+      result.x[o] = glm::dot(directions[o], s);
+      result.y[o] = glm::dot(directions[o], t);
+      result.z[o] = glm::dot(directions[o], major);
+    }
+    return result;
+  }
+};
+
+// Sixteen weights of a texel, one for each direction of a block.
+struct alignas(64) Row {
+  float values[kOutputs];
 };
 
 std::vector<Block> blocks(int size) {
@@ -99,46 +118,29 @@ std::vector<Block> blocks(int size) {
   return grid;
 }
 
-// Heights of the lobe times solid angles for all texels of a choice: rows of kOutputs.
-void set_weights(const CubeQuadtree& tree, const LobeTable& lobe, const TexelChoice& choice,
-                 const Block& block, std::vector<float>& weights) {
-  weights.assign(choice.texels.size() * kOutputs, 0.0f);
-  for (const TexelRun& run : choice.runs) {
-    const QuadtreeLevel& level = tree.levels()[std::size_t(run.level)];
-    const glm::vec3 major = face_direction(run.face, 0.5f, 0.5f);
-    const glm::vec3 s = face_direction(run.face, 1, 0.5f) - major;
-    const glm::vec3 t = face_direction(run.face, 0.5f, 1) - major;
-    for (std::size_t o = 0; o < block.directions.size(); ++o) {
-      const glm::vec3 d{glm::dot(block.directions[o], s), glm::dot(block.directions[o], t),
-                        glm::dot(block.directions[o], major)};
+// Weights of a choice in the lobes around a block's directions, and their sums.
+struct Weights {
+  std::vector<Row> rows;
+  Row totals;
+  std::vector<SeenTexel> seen;
+
+  void set(const CubeQuadtree& tree, const Lobe& lobe, const TexelChoice& choice,
+           const Block& block) {
+    rows.resize(choice.texels.size());
+    totals = {};
+    for (const TexelRun& run : choice.runs) {
+      const QuadtreeLevel& level = tree.levels()[std::size_t(run.level)];
+      seen.clear();
       for (std::size_t i = run.first; i < run.first + run.count; ++i) {
         const std::uint32_t k = choice.texels[i];
-        const float dx = d.x - level.x[k], dy = d.y - level.y[k], dz = d.z - level.z[k];
-        const float r =
-            std::sqrt(level.deficit[k] + 0.5f * (dx * dx + dy * dy + dz * dz)) * lobe.steps;
-        if (!(r < lobe.steps)) continue;
-        const std::size_t at = std::size_t(r);
-        const float* h = &lobe.height[at];
-        weights[i * kOutputs + o] = level.angle[k] * (h[0] + (r - float(at)) * (h[1] - h[0]));
+        // The finest texels count with their middle, as in a sum over the map.
+        seen.push_back({level.x[k], level.y[k], level.z[k], level.deficit[k], level.angle[k],
+                        run.level > 0 ? level.angle[k] : 0});
       }
+      set_lobe_weights(lobe, block.in_face(run.face), seen, rows[run.first].values, totals.values);
     }
   }
-}
-
-// Sums of the weights of each output, rounded like the sums of values.
-void sum_weights(std::span<const float> weights, int outputs, float* totals) {
-  for (int o = 0; o < outputs; ++o) {
-    float total = 0;
-    constexpr std::size_t part = 64 * kOutputs;
-    for (std::size_t begin = 0; begin < weights.size(); begin += part) {
-      float sum = 0;
-      for (std::size_t i = begin; i < std::min(begin + part, weights.size()); i += kOutputs)
-        sum += weights[i + std::size_t(o)];
-      total += sum;
-    }
-    totals[o] = total;
-  }
-}
+};
 
 void write(const Block& block, std::span<const SymmetricTexel> sums, const float* totals,
            const std::array<CubeSymmetry, kCubeSymmetries>& symmetries,
@@ -169,23 +171,21 @@ CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& 
   const auto symmetries = cube_symmetries(size, size, std::ptrdiff_t(size) * size);
   std::vector<glm::vec3> faces(6 * std::size_t(size) * size);
   parallel_for(int(all.size()), 1, [&](int begin, int end) {
-    std::vector<float> weights;
+    Weights weights;
     std::vector<std::uint32_t> slots;
     std::vector<SymmetricTexel> sums(kOutputs);
-    float totals[kOutputs];
     for (int i = begin; i < end; ++i) {
       const Block& block = all[std::size_t(i)];
       const TexelChoice& choice = choices[std::size_t(i)];
       const int outputs = int(block.texels.size());
-      set_weights(tree, table, choice, block, weights);
+      weights.set(tree, lobe, choice, block);
       slots.clear();
       for (const TexelRun& run : choice.runs)
         for (std::size_t k = run.first; k < run.first + run.count; ++k)
           slots.push_back(values.slot_of(run.level, run.face, choice.texels[k]));
       std::fill(sums.begin(), sums.end(), SymmetricTexel{});
-      add_symmetric_sums(values.values(), slots, weights, outputs, sums.data());
-      sum_weights(weights, outputs, totals);
-      write(block, sums, totals, symmetries, faces);
+      add_symmetric_sums(values.values(), slots, weights.rows.data()->values, outputs, sums.data());
+      write(block, sums, weights.totals.values, symmetries, faces);
     }
   });
   return CubeMap(size, faces);

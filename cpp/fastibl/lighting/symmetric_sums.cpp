@@ -3,15 +3,13 @@
 
 #include <algorithm>
 
+#include "fastibl/core/lanes.h"
 #include "fastibl/core/simd.h"
 
 namespace fastibl {
 namespace {
 
 constexpr int kPart = 64;  // texels whose values of one channel stay in the first-level cache
-
-// A vector type of GCC and Clang: one register of AVX-512, two of AVX2, four of SSE.
-typedef float Lanes __attribute__((vector_size(64)));
 
 // One part, for one channel and two outputs: six wide sums stay in registers.
 FASTIBL_WIDE_CLONES void add_part(const SymmetricTexel* texels, const std::uint32_t* slots,
@@ -34,7 +32,7 @@ FASTIBL_WIDE_CLONES void add_part(const SymmetricTexel* texels, const std::uint3
 }  // namespace
 
 void add_symmetric_sums(std::span<const SymmetricTexel> texels,
-                        std::span<const std::uint32_t> slots, std::span<const float> weights,
+                        std::span<const std::uint32_t> slots, const float* weights,
                         int outputs, SymmetricTexel* sums) {
   static_assert(kCubeSymmetries * sizeof(float) == 3 * sizeof(Lanes));
   alignas(64) float unused[kCubeSymmetries];
