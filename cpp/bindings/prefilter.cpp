@@ -3,13 +3,14 @@
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "fastibl/scene/lighting.h"
 
 namespace fastibl::bindings {
 
 void bind_prefilter(py::module_& module) {
   module.def(
       "_prefilter",
-      [](const CubeMap& cube, const std::vector<std::pair<double, int>>& levels,
+      [](const Lighting& lighting, const std::vector<std::pair<double, int>>& levels,
          const std::string& model, double error) {
         std::vector<PrefilterLevel> wanted;
         for (const auto& [parameter, size] : levels) wanted.push_back({parameter, size});
@@ -17,9 +18,15 @@ void bind_prefilter(py::module_& module) {
         options.model = lobe_model(model);
         options.error = error;
         const py::gil_scoped_release release;
-        return prefilter(std::make_shared<const CubeMap>(cube), wanted, options);
+        return prefilter(lighting.radiance, wanted, options);
       },
-      py::arg("cube"), py::arg("levels"), py::arg("model"), py::arg("error"));
+      py::arg("lighting"), py::arg("levels"), py::arg("model"), py::arg("error"));
+  module.def(
+      "_level_parameters",
+      [](const std::string& mapping, int count) {
+        return level_parameters(level_mapping(mapping), count);
+      },
+      py::arg("mapping"), py::arg("count"));
 }
 
 }  // namespace fastibl::bindings

@@ -62,12 +62,12 @@ LobeTable::LobeTable(const Lobe& lobe) {
     const double r = double(i) / n;
     height[std::size_t(i)] = float(lobe(r * r));
     // dω = 2π dt = 4π r dr, at midpoints.
-    if (i < n) integral += 4 * std::numbers::pi * (r + 0.5 / n) / n * lobe((r + 0.5 / n) * (r + 0.5 / n));
+    if (i < n)
+      integral += 4 * std::numbers::pi * (r + 0.5 / n) / n * lobe((r + 0.5 / n) * (r + 0.5 / n));
     const double above = lobe((r + 0.5 / n) * (r + 0.5 / n));
     const double below = i > 0 ? lobe((r - 0.5 / n) * (r - 0.5 / n)) : above;
     // r = √2 sin(θ/2), so dr/dθ = cos(θ/2)/√2.
-    slope[std::size_t(i)] =
-        float((below - above) * n * std::sqrt(std::max(0.0, 0.5 - r * r / 4)));
+    slope[std::size_t(i)] = float((below - above) * n * std::sqrt(std::max(0.0, 0.5 - r * r / 4)));
   }
   steepest = int(std::max_element(slope.begin(), slope.end()) - slope.begin());
 }

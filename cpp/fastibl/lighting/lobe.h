@@ -8,7 +8,7 @@
 namespace fastibl {
 
 enum class LobeModel {
-  ggx,    // D(θ/2) cos θ of the GGX distribution; parameter alpha = perceptual roughness², 0 … 1
+  ggx,  // D(θ/2) cos θ of the GGX distribution; parameter alpha = perceptual roughness², 0 … 1
   phong,  // cos^p θ; parameter p ≥ 0
   blinn,  // cos^s(θ/2) cos θ, the paper's Eq. 3 seen along the normal; parameter s ≥ 0
 };

@@ -65,8 +65,7 @@ void spread_largest(std::vector<float>& values, int n) {
     float largest = 0;
     for (const CubeSymmetry& g : symmetries)
       largest = std::max(largest, values[std::size_t(g[4](texel.x, texel.y))]);
-    for (const CubeSymmetry& g : symmetries)
-      values[std::size_t(g[4](texel.x, texel.y))] = largest;
+    for (const CubeSymmetry& g : symmetries) values[std::size_t(g[4](texel.x, texel.y))] = largest;
   }
 }
 
@@ -83,8 +82,7 @@ std::vector<float> unevenness(const QuadtreeLevel& coarse, const QuadtreeLevel& 
         for (int j = 0; j < 2; ++j)
           for (int i = 0; i < 2; ++i) {
             const std::size_t at = std::size_t(2 * y + j) * m + std::size_t(2 * x + i);
-            const glm::vec3 step =
-                glm::abs(fine.radiance->texel(f, 2 * x + i, 2 * y + j) - mean);
+            const glm::vec3 step = glm::abs(fine.radiance->texel(f, 2 * x + i, 2 * y + j) - mean);
             sum += fine.angle[at] * brightness(step);
             if (!below.empty()) sum += below[std::size_t(f) * m * m + at];
           }
@@ -170,8 +168,8 @@ CubeMap resampled(const CubeMap& map, int size) {
         for (const Piece& t : pieces[std::size_t(row % size)])
           for (const Piece& s : pieces[std::size_t(x)]) {
             // Solid angle of a small piece, dω = dA / |p|³.
-            const double w = s.width * t.width *
-                             std::pow(1 + s.middle * s.middle + t.middle * t.middle, -1.5);
+            const double w =
+                s.width * t.width * std::pow(1 + s.middle * s.middle + t.middle * t.middle, -1.5);
             sum += w * glm::dvec3(map.level(0).texel(row / size, s.texel, t.texel));
             total += w;
           }
@@ -183,8 +181,8 @@ CubeMap resampled(const CubeMap& map, int size) {
 
 CubeQuadtree::CubeQuadtree(std::shared_ptr<const CubeMap> map, int finest) {
   const int size = int(std::bit_ceil(unsigned(std::max(map->size(), finest))));
-  map_ = size == map->size() ? std::move(map)
-                             : std::make_shared<const CubeMap>(resampled(*map, size));
+  map_ =
+      size == map->size() ? std::move(map) : std::make_shared<const CubeMap>(resampled(*map, size));
   const float mean = float(brightness(glm::vec3(map_->mean())));
   std::vector<float> uneven;
   for (int k = 0; k < map_->level_count(); ++k) {

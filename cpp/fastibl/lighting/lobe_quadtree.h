@@ -1,5 +1,6 @@
 // The texels of all levels of a cube as a quadtree, from which each lobe picks the coarsest that
-// keep the error: texels far from the lobe's middle, and in smooth parts of the map, stand for many.
+// keep the error: texels far from the lobe's middle, and in smooth parts of the map, stand for
+// many.
 #pragma once
 
 #include <cstdint>
@@ -49,8 +50,8 @@ struct TexelChoice {
 };
 
 struct ChoiceLimits {
-  // A texel is cut in four while its unevenness could change a result by more than this share of the
-  // map's mean radiance,
+  // A texel is cut in four while its unevenness could change a result by more than this share of
+  // the map's mean radiance,
   float unevenness;
   // and left out where its flux cannot change a result by more than this share.
   float flux;

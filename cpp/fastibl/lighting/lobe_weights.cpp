@@ -85,9 +85,8 @@ FASTIBL_WIDE_CLONES void set_blinn(const Shape& s, const SixteenDirections& d,
 void set_lobe_weights(const Lobe& lobe, const SixteenDirections& directions,
                       std::span<const SeenTexel> texels, float* weights, float* totals) {
   const double a = lobe.parameter * lobe.parameter;
-  const Shape shape = lobe.model == LobeModel::ggx
-                          ? Shape{float(a), float((1 - a) / (2 * a))}
-                          : Shape{float(lobe.parameter), 0};
+  const Shape shape = lobe.model == LobeModel::ggx ? Shape{float(a), float((1 - a) / (2 * a))}
+                                                   : Shape{float(lobe.parameter), 0};
   const auto set = lobe.model == LobeModel::ggx     ? set_ggx
                    : lobe.model == LobeModel::phong ? set_phong
                                                     : set_blinn;

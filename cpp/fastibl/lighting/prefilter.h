@@ -17,11 +17,12 @@ struct PrefilterLevel {
 };
 struct PrefilterOptions {
   LobeModel model = LobeModel::ggx;
-  // Mean error of a level that is aimed at, by its mean; what is cut of the lobe stays 1000 times
-  // below it even on dark texels.
+  // Mean error of a level, by its mean, that real maps stay below; what is left out of the lobe is
+  // counted in energy, brightest texels of the map included.
   double error = 0.002;
 };
-// One map a level. Throws for a parameter outside the model's range, size < 1 or error not in (0, 1).
+// One map a level. Throws for a parameter outside the model's range, size < 1 or error not in (0,
+// 1).
 std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
                                std::span<const PrefilterLevel> levels,
                                const PrefilterOptions& options = {});
@@ -30,8 +31,10 @@ std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
 enum class LevelMapping {
   gltf,      // ggx: level k has perceptual roughness k/(count − 1), alpha its square
   filament,  // ggx: roughness r with 2r − r² = k/(count − 1), Filament's lodToPerceptualRoughness
-  cmft,      // phong: p = 1 + 2^(1 + 8 (1 − k/count)), cmft's gloss scale 8, bias 1 without its last
+  cmft,  // phong: p = 1 + 2^(1 + 8 (1 − k/count)), cmft's gloss scale 8, bias 1 without its last
 };
+std::string_view name(LevelMapping mapping);
+LevelMapping level_mapping(std::string_view name);  // throws std::invalid_argument, naming all
 std::vector<double> level_parameters(LevelMapping mapping, int count);
 
 }  // namespace fastibl

@@ -32,8 +32,8 @@ FASTIBL_WIDE_CLONES void add_part(const SymmetricTexel* texels, const std::uint3
 }  // namespace
 
 void add_symmetric_sums(std::span<const SymmetricTexel> texels,
-                        std::span<const std::uint32_t> slots, const float* weights,
-                        int outputs, SymmetricTexel* sums) {
+                        std::span<const std::uint32_t> slots, const float* weights, int outputs,
+                        SymmetricTexel* sums) {
   static_assert(kCubeSymmetries * sizeof(float) == 3 * sizeof(Lanes));
   alignas(64) float unused[kCubeSymmetries];
   for (std::size_t begin = 0; begin < slots.size(); begin += kPart) {

@@ -19,7 +19,7 @@ struct alignas(64) SymmetricTexel {
 // errors grow with the number of parts. outputs: at most kOutputs.
 inline constexpr int kOutputs = 16;
 void add_symmetric_sums(std::span<const SymmetricTexel> texels,
-                        std::span<const std::uint32_t> slots, const float* weights,
-                        int outputs, SymmetricTexel* sums);
+                        std::span<const std::uint32_t> slots, const float* weights, int outputs,
+                        SymmetricTexel* sums);
 
 }  // namespace fastibl
