@@ -13,6 +13,7 @@ from fastibl import reference
 
 from .. import brute, inputs
 from ..goals import Goal, percent, row, skipped
+from ..processes import tests
 
 _SEAM_STEP = np.radians(0.05)
 _SEAM_EXPONENTS = (2.0, 16.0, 64.0, 256.0, 2048.0)
@@ -233,3 +234,8 @@ def recording() -> Iterator[Goal]:
         if result.lighting is not None:
             changes.add(result.environment.radiance, result.lighting)
     yield from _steady("300-frame recording, map against light", changes.errors, np.max, "largest")
+
+
+@row("light", "extremes")
+def extremes() -> Iterator[Goal]:
+    yield tests("extreme maps, exponents and views, every method, both back ends", ["test_light_extremes.py"])
