@@ -69,7 +69,7 @@ def seams() -> Iterator[Goal]:
         f"{value:.3f}",
         "<= 1.05",
         value <= 1.05,
-        tuple(f"{name}: {v:.3g}" for name, v in worst.items()),
+        tuple(f"{name}: {f'{v:.3g}' if v < 1e6 else 'a step, and none beside it'}" for name, v in worst.items()),
     )
 
 
