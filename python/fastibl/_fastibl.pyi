@@ -464,7 +464,7 @@ class Environment:
         """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: CubeMap, diffuse: str, glossy: str) -> None:
+    def __init__(self, cube: CubeMap, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -490,7 +490,13 @@ class _Lighting:
     def _diffuse(self) -> str:
         ...
     @property
+    def _diffuse_settings(self) -> dict[str, int]:
+        ...
+    @property
     def _glossy(self) -> str:
+        ...
+    @property
+    def _glossy_settings(self) -> dict[str, int]:
         ...
     @property
     def _irradiance_error(self) -> float:
@@ -652,7 +658,7 @@ class _Methods:
         ...
     def __eq__(self, arg0: _Methods) -> bool:
         ...
-    def __init__(self, *, tracking: str, capture: str, diffuse: str, glossy: str, normalization: str, shadow: str) -> None:
+    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -663,7 +669,13 @@ class _Methods:
     def diffuse(self) -> str:
         ...
     @property
+    def diffuse_settings(self) -> dict[str, int]:
+        ...
+    @property
     def glossy(self) -> str:
+        ...
+    @property
+    def glossy_settings(self) -> dict[str, int]:
         ...
     @property
     def normalization(self) -> str:
@@ -890,6 +902,10 @@ def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: b
     ...
 def _method_names(step: str) -> list[str]:
     ...
+def _method_settings(step: str, method: str) -> dict:
+    """
+    Names of a method's settings, with the values that are worth comparing beside the default.
+    """
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """
     Corners by edges measured in linear light; list of DetectedTag.
