@@ -10,10 +10,11 @@ namespace fastibl::bindings {
 void bind_prefilter(py::module_& module) {
   module.def(
       "_prefilter",
-      [](const Lighting& lighting, const std::vector<std::pair<double, int>>& levels,
+      [](const Lighting& lighting, const std::vector<std::tuple<double, int, bool>>& levels,
          const std::string& model, double error) {
         std::vector<PrefilterLevel> wanted;
-        for (const auto& [parameter, size] : levels) wanted.push_back({parameter, size});
+        for (const auto& [parameter, size, is_wanted] : levels)
+          wanted.push_back({parameter, size, is_wanted});
         PrefilterOptions options;
         options.model = lobe_model(model);
         options.error = error;

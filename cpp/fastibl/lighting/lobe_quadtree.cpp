@@ -91,7 +91,19 @@ std::vector<float> unevenness(const QuadtreeLevel& coarse, const QuadtreeLevel& 
   return result;
 }
 
-// Flux of every texel; unevenness times √ω; both by the mean, the largest of all images.
+// The largest of all images, and more where light is concentrated: errors of many texels average
+// out, that of a lone sun does not.
+void set_unevenness(QuadtreeLevel& level, std::vector<float> uneven) {
+  double mean = 0;
+  for (const float u : uneven) mean += double(u) / double(uneven.size());
+  spread_largest(uneven, level.size);
+  if (mean > 0)
+    for (float& u : uneven) u *= std::clamp(u / float(32 * mean), 1.0f, 8.0f);
+  level.unevenness = std::move(uneven);
+}
+
+// Flux of every texel; unevenness times √ω; both by the mean, the largest of all images. Dark
+// texels count like the mean, because the lobe's integral over them scales every result.
 void set_light(QuadtreeLevel& level, std::vector<float> uneven, float mean) {
   const std::size_t count = std::size_t(level.size) * level.size;
   level.flux.resize(6 * count);
@@ -101,12 +113,11 @@ void set_light(QuadtreeLevel& level, std::vector<float> uneven, float mean) {
       const int x = int(i) % level.size, y = int(i) / level.size;
       const float w = level.angle[i];
       const std::size_t k = std::size_t(f) * count + i;
-      level.flux[k] = scale * w * brightness(level.radiance->texel(f, x, y));
+      level.flux[k] = w * std::max(1.0f, scale * brightness(level.radiance->texel(f, x, y)));
       if (!uneven.empty()) uneven[k] *= scale * std::sqrt(w);
     }
   spread_largest(level.flux, level.size);
-  if (!uneven.empty()) spread_largest(uneven, level.size);
-  level.unevenness = std::move(uneven);
+  if (!uneven.empty()) set_unevenness(level, std::move(uneven));
 }
 
 // A unit direction in the frame of a face.

@@ -20,7 +20,8 @@ struct QuadtreeLevel {
   // direction, (1 − its length²)/2, and the solid angle.
   std::vector<float> x, y, z, deficit, angle;
   // Of all 6 n² texels, the largest among the 48 images, in units of the map's mean radiance: what
-  // a texel's unevenness can do, √ω Σ ω |L − mean| over the finest texels below; and its flux ω L.
+  // a texel's unevenness can do, √ω Σ ω |L − mean| over the finest texels below; and its flux ω L,
+  // at least ω.
   std::vector<float> unevenness, flux;
 };
 

@@ -143,15 +143,23 @@ struct Weights {
   }
 };
 
+// A texel on a plane of symmetry is the image of itself: its sums, which differ by the error where
+// the choice of texels is lopsided, are averaged, so that a turned map gives the turned result.
 void write(const Block& block, std::span<const SymmetricTexel> sums, const float* totals,
            const std::array<CubeSymmetry, kCubeSymmetries>& symmetries,
            std::vector<glm::vec3>& faces) {
-  for (std::size_t o = 0; o < block.texels.size(); ++o)
+  for (std::size_t o = 0; o < block.texels.size(); ++o) {
+    const auto image = [&](int g) {
+      return symmetries[std::size_t(g)][4](block.texels[o].x, block.texels[o].y);
+    };
+    int repeated = 0;
+    for (int g = 0; g < kCubeSymmetries; ++g) repeated += image(g) == image(0);
+    const float scale = float(repeated) * totals[o];
     for (int g = 0; g < kCubeSymmetries; ++g) {
-      const auto at = symmetries[std::size_t(g)][4](block.texels[o].x, block.texels[o].y);
       const auto& v = sums[o].values;
-      faces[std::size_t(at)] = glm::vec3(v[0][g], v[1][g], v[2][g]) / totals[o];
+      faces[std::size_t(image(g))] += glm::vec3(v[0][g], v[1][g], v[2][g]) / scale;
     }
+  }
 }
 
 CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& lobe, int size,
@@ -206,7 +214,7 @@ std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
   const auto is_mirror = [&](double parameter) {
     return ggx ? parameter == 0 : std::isinf(parameter);
   };
-  int finest = 1;
+  int finest = 32;  // wide lobes over few texels
   for (const PrefilterLevel& level : levels) {
     check(level.size >= 1, "size must be at least 1, got ", level.size);
     check(level.parameter >= 0 && (!ggx || level.parameter <= 1),
@@ -222,7 +230,8 @@ std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
   std::vector<CubeMap> result;
   for (const PrefilterLevel& level : levels)
     result.push_back(
-        is_mirror(level.parameter)
+        !level.wanted ? CubeMap()
+        : is_mirror(level.parameter)
             ? resampled(*map, level.size)
             : convolve(tree, values, {options.model, level.parameter}, level.size, options.error));
   return result;

@@ -12,8 +12,9 @@
 namespace fastibl {
 
 struct PrefilterLevel {
-  double parameter;  // of the lobe: alpha, or the exponent; alpha 0 and exponent ∞ copy the map
-  int size;          // face edge in texels
+  double parameter;    // of the lobe: alpha, or the exponent; alpha 0 and exponent ∞ copy the map
+  int size;            // face edge in texels
+  bool wanted = true;  // false: an empty map, which costs nothing
 };
 struct PrefilterOptions {
   LobeModel model = LobeModel::ggx;
