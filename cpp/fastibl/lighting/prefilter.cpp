@@ -162,6 +162,22 @@ void write(const Block& block, std::span<const SymmetricTexel> sums, const float
   }
 }
 
+// The map at another size, where it can be one of its levels.
+CubeMap resized(const CubeMap& map, int size) {
+  if (size == map.size()) return map;
+  for (int k = 1; k < map.level_count(); ++k) {
+    const CubeLevel& level = map.level(k);
+    if (level.size() != size || map.size() != size << k) continue;
+    std::vector<glm::vec3> faces;
+    faces.reserve(6 * std::size_t(size) * size);
+    for (int f = 0; f < 6; ++f)
+      for (int y = 0; y < size; ++y)
+        faces.insert(faces.end(), &level.texel(f, 0, y), &level.texel(f, 0, y) + size);
+    return CubeMap(size, faces);
+  }
+  return resampled(map, size);
+}
+
 CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& lobe, int size,
                  double error) {
   const LobeTable table(lobe);
@@ -232,7 +248,7 @@ std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
     result.push_back(
         !level.wanted ? CubeMap()
         : is_mirror(level.parameter)
-            ? resampled(*map, level.size)
+            ? resized(*map, level.size)
             : convolve(tree, values, {options.model, level.parameter}, level.size, options.error));
   return result;
 }
