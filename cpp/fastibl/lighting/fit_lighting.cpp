@@ -10,6 +10,8 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   Lighting lighting;
   lighting.glossy = options.glossy == GlossyMethod::automatic ? GlossyMethod::mip : options.glossy;
   lighting.glossy_settings = options.glossy_settings;
+  if (lighting.glossy == GlossyMethod::sampled && lighting.glossy_settings.taps == 0)
+    lighting.glossy_settings.taps = 64;
   lighting.normalization = options.normalization;
   if (options.irradiance) {
     lighting.irradiance = fit_irradiance(*radiance, options.diffuse, options.diffuse_settings);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -38,7 +39,9 @@ glm::vec3 evaluate_glossy(const Lighting& lighting, glm::vec3 n, glm::vec3 v, fl
   const float cosine = glm::dot(n, v);
   const glm::vec3 mirror = 2 * cosine * n - v;
   const CubeMap& map = *lighting.radiance;
-  const glm::vec3 value = map.sample(mirror, shared::mip_level(float(map.size()), s));
+  const glm::vec3 value = lighting.glossy == GlossyMethod::sampled
+                              ? sampled_lobe(map, n, v, s, lighting.glossy_settings.taps)
+                              : map.sample(mirror, shared::mip_level(float(map.size()), s));
   return lighting.normalization == Normalization::paper ? value * directional_albedo(cosine, s)
                                                         : value;
 }

@@ -19,7 +19,14 @@ std::string_view name(DiffuseMethod method) {
   }
 }
 std::string_view name(GlossyMethod method) {
-  return method == GlossyMethod::automatic ? "auto" : "mip";
+  switch (method) {
+    case GlossyMethod::automatic:
+      return "auto";
+    case GlossyMethod::sampled:
+      return "sampled";
+    default:
+      return "mip";
+  }
 }
 std::string_view name(Normalization n) { return n == Normalization::energy ? "energy" : "paper"; }
 std::string_view name(ShadowMethod method) {
@@ -60,6 +67,10 @@ std::vector<Setting<DiffuseSettings>> settings_of(DiffuseMethod method) {
             {"source", &DiffuseSettings::source, 1, 256, {32}}};
   return {};
 }
-std::vector<Setting<GlossySettings>> settings_of(GlossyMethod) { return {}; }
+std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
+  if (method == GlossyMethod::sampled)
+    return {{"taps", &GlossySettings::taps, 1, 1 << 16, {4, 16, 256}}};
+  return {};
+}
 
 }  // namespace fastibl

@@ -21,7 +21,8 @@ enum class DiffuseMethod {
 };
 enum class GlossyMethod {
   automatic,
-  mip,  // Eq. 2: one look-up in the MIP chain at the mirror direction
+  mip,      // Eq. 2: one look-up in the MIP chain at the mirror direction
+  sampled,  // filtered importance sampling, any number of taps
 };
 enum class Normalization {
   energy,  // the lobe's average: a white surface in a constant map is white
@@ -45,7 +46,7 @@ enum class CaptureMethod {
 inline constexpr std::array kDiffuseMethods = {DiffuseMethod::nearest_face, DiffuseMethod::six_face,
                                                DiffuseMethod::six_face_exact, DiffuseMethod::sh9,
                                                DiffuseMethod::irradiance_cube};
-inline constexpr std::array kGlossyMethods = {GlossyMethod::mip};
+inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::sampled};
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product};
 inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,
                                                 TrackingMethod::board};
