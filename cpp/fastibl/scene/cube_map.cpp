@@ -128,8 +128,13 @@ void CubeLevel::update_border(unsigned faces) {
       touched = 1;
       const glm::vec3* from = &texel(other.face, other.start_x * (n - 1), other.start_y * (n - 1));
       const std::ptrdiff_t from_step = other.step_x + other.step_y * stride;
-      glm::vec3* to = &texel(f, edge == left ? -1 : edge == right ? n : 0,
-                             edge == top ? -1 : edge == bottom ? n : 0);
+      glm::vec3* to = &texel(f,
+                             edge == left    ? -1
+                             : edge == right ? n
+                                             : 0,
+                             edge == top      ? -1
+                             : edge == bottom ? n
+                                              : 0);
       const std::ptrdiff_t to_step = edge == top || edge == bottom ? 1 : stride;
       for (int i = 0; i < n; ++i, from += from_step, to += to_step) *to = *from;
     }

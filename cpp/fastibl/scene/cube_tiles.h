@@ -17,12 +17,16 @@ struct TileGrid {
   // First texel of tile i along an edge; begin(per_edge()) is the size. Halves of an even face are
   // halves of its tiles, so that none straddles the horizon.
   int begin(int i) const { return int(std::int64_t(i) * size / std::max(1, per_edge())); }
-  int widest() const { return (size + per_edge() - 1) / per_edge(); }
+  int widest() const { return (size + per_edge() - 1) / std::max(1, per_edge()); }
+  // Arrays by tile hold stride() entries each, texels row by row and a rest that fills vectors.
+  int stride() const { return (widest() * widest() + 15) / 16 * 16; }
 };
 
 // Texels [x0, x1) × [y0, y1) of a face.
 struct FaceRect {
   int face, x0, y0, x1, y1;
+  int width() const { return x1 - x0; }
+  int texels() const { return (x1 - x0) * (y1 - y0); }
 };
 
 inline FaceRect tile_rect(const TileGrid& grid, int tile) {
