@@ -1,5 +1,5 @@
 // Sixteen floats side by side, a vector type of GCC and Clang: one register of AVX-512, two of
-// AVX2, four of SSE. For functions with FASTIBL_WIDE_CLONES; what they call must be inlined into
+// AVX2, four of SSE. For functions with FASTIBL_CLONES; what they call must be inlined into
 // them.
 #pragma once
 

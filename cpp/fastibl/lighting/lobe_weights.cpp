@@ -65,16 +65,16 @@ FASTIBL_INLINE void set_part(const Shape& shape, const SixteenDirections& d, con
   *reinterpret_cast<Lanes*>(totals) += sum;
 }
 
-FASTIBL_WIDE_CLONES void set_ggx(const Shape& s, const SixteenDirections& d, const SeenTexel* texel,
+FASTIBL_CLONES void set_ggx(const Shape& s, const SixteenDirections& d, const SeenTexel* texel,
                                  std::size_t count, float* weights, float* totals) {
   set_part<LobeModel::ggx>(s, d, texel, count, weights, totals);
 }
-FASTIBL_WIDE_CLONES void set_phong(const Shape& s, const SixteenDirections& d,
+FASTIBL_CLONES void set_phong(const Shape& s, const SixteenDirections& d,
                                    const SeenTexel* texel, std::size_t count, float* weights,
                                    float* totals) {
   set_part<LobeModel::phong>(s, d, texel, count, weights, totals);
 }
-FASTIBL_WIDE_CLONES void set_blinn(const Shape& s, const SixteenDirections& d,
+FASTIBL_CLONES void set_blinn(const Shape& s, const SixteenDirections& d,
                                    const SeenTexel* texel, std::size_t count, float* weights,
                                    float* totals) {
   set_part<LobeModel::blinn>(s, d, texel, count, weights, totals);

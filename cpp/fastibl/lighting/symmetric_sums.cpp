@@ -12,7 +12,7 @@ namespace {
 constexpr int kPart = 64;  // texels whose values of one channel stay in the first-level cache
 
 // One part, for one channel and two outputs: six wide sums stay in registers.
-FASTIBL_WIDE_CLONES void add_part(const SymmetricTexel* texels, const std::uint32_t* slots,
+FASTIBL_CLONES void add_part(const SymmetricTexel* texels, const std::uint32_t* slots,
                                   const float* weights, int count, int channel, float* first,
                                   float* second) {
   Lanes a0{}, a1{}, a2{}, b0{}, b1{}, b2{};
