@@ -2,6 +2,10 @@
 
 import builtins
 import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -236,3 +240,75 @@ def test_a_broken_exr_is_refused(tmp_path):
     exr()
     (tmp_path / "broken.exr").write_bytes(b"no picture")
     same_error(lambda: fastibl.read_environment(tmp_path / "broken.exr"), ValueError, "broken.exr")
+
+
+ROOT = Path(__file__).resolve().parents[1]
+THREE_JS = ROOT / "examples" / "three_js"
+
+# What Node finds at directions (in glTF's axes) with the example's own module.
+NODE = """
+import { readFileSync } from "node:fs";
+const { decodeHdr, lookUp, shIrradiance } = await import(process.argv[2]);
+const { folder, directions } = JSON.parse(readFileSync(0));
+const light = JSON.parse(readFileSync(`${folder}/light.json`));
+const strip = (name) => { const b = readFileSync(`${folder}/${name}`); return decodeHdr(b); };
+const level = strip(light.prefiltered.levels[1].files[0]), even = strip(light.irradiance.files[0]);
+console.log(JSON.stringify(directions.map((d) => [
+  shIrradiance(light.sh9.radiance, d), lookUp(even, d), lookUp(level, d)])));
+"""
+
+
+@pytest.fixture(scope="module")
+def three_js_scene(marked, tmp_path_factory):
+    if not THREE_JS.is_dir():
+        pytest.skip("needs the source tree")
+    folder = tmp_path_factory.mktemp("three_js")
+    fastibl.write_environment(folder / "room.hdr", marked)
+    command = [
+        sys.executable,
+        THREE_JS / "make_scene.py",
+        folder / "room.hdr",
+        "--out",
+        folder / "scene",
+        "--size",
+        "32",
+    ]
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "scene"
+
+
+def test_three_js_scene(three_js_scene):
+    names = {p.name for p in three_js_scene.iterdir()}
+    assert {"index.html", "scene.js", "light.js", "material.js", "decode.js", "light.json", "figurine.glb"} <= names
+    manifest = json.loads((three_js_scene / "light.json").read_text())
+    assert all((three_js_scene / level["files"][0]).is_file() for level in manifest["prefiltered"]["levels"])
+    figurine = fastibl.read_mesh(three_js_scene / "figurine.glb", up="y")
+    np.testing.assert_allclose(np.ptp(figurine.vertices[:, 2]), 0.9, rtol=1e-5)
+    for name in ("scene.js", "light.js", "material.js"):
+        for line in (three_js_scene / name).read_text().splitlines():
+            if line.startswith("import") and "./" in line:
+                assert line.split('"./')[1].split('"')[0] in names
+
+
+def test_three_js_modules_read_what_is_written(three_js_scene, marked, tmp_path):
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("needs node")
+    n = np.array([d for d in units(100) if np.sort(np.abs(d))[-2] < 0.9 * np.abs(d).max()])
+    (tmp_path / "check.mjs").write_text(NODE)
+    given = json.dumps({"folder": str(three_js_scene), "directions": gltf(n).tolist()})
+    module = tmp_path / "decode.mjs"
+    module.write_text((three_js_scene / "decode.js").read_text())
+    command = [node, str(tmp_path / "check.mjs"), str(module)]
+    done = subprocess.run(command, input=given, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    sh, even, level = np.moveaxis(np.array(json.loads(done.stdout)), 1, 0)
+    map_read = fastibl.read_environment(three_js_scene / "environment.hdr", size=32, axes="gltf")
+    true = reference.irradiance(map_read, n)
+    for name, made, allowed in (("harmonics", sh, 0.06), ("irradiance", even, 0.03)):
+        off = np.abs(made - true).mean() / true.mean()
+        print(f"{name} in Node: {100 * off:.2f} %")
+        assert off < allowed
+    expected = fastibl.Lighting(map_read).prefiltered(32)[1].sample(n)
+    assert np.abs(level - expected).mean() / expected.mean() < 0.1  # nearest texels
