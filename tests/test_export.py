@@ -227,10 +227,10 @@ def test_bad_input_is_refused(marked, tmp_path, monkeypatch):
     same_error(lambda: fastibl.read_environment(tmp_path / "odd.hdr"), ValueError, "9 x 5")
     real = builtins.__import__
 
-    def without_openexr(name, *rest):
+    def without_openexr(name, *rest, **options):
         if name == "OpenEXR":
             raise ImportError(name)
-        return real(name, *rest)
+        return real(name, *rest, **options)
 
     monkeypatch.setattr(builtins, "__import__", without_openexr)
     same_error(lambda: write(tmp_path / "a.exr", marked), ImportError, "fastibl[exr]")
