@@ -71,7 +71,7 @@ glm::vec3 filtered(const CubeMap& map, glm::vec3 l, float solid_angle, float nea
 glm::vec3 incidence(glm::vec3 n, glm::vec3 v) {
   const glm::vec3 along = v - glm::dot(v, n) * n;
   constexpr glm::vec3 axis(0.36f, 0.48f, 0.8f);
-  const glm::vec3 t = along + 1e-4f * (axis - glm::dot(axis, n) * n);
+  const glm::vec3 t = along + 1e-5f * (axis - glm::dot(axis, n) * n);
   const float length = glm::length(t);
   return length > 1e-12f ? t / length : glm::vec3(0.8f, -0.6f, 0);
 }
