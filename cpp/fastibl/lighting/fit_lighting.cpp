@@ -1,6 +1,7 @@
 #include "fastibl/lighting/fit_lighting.h"
 
 #include "fastibl/core/check.h"
+#include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
 
 namespace fastibl {
@@ -8,7 +9,8 @@ namespace fastibl {
 Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options) {
   check(radiance && radiance->size() > 0, "lighting needs a map");
   Lighting lighting;
-  lighting.glossy = options.glossy == GlossyMethod::automatic ? GlossyMethod::mip : options.glossy;
+  lighting.glossy =
+      options.glossy == GlossyMethod::automatic ? GlossyMethod::mip : options.glossy;
   lighting.glossy_settings = options.glossy_settings;
   lighting.normalization = options.normalization;
   if (options.irradiance) {
@@ -16,6 +18,15 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
     lighting.plane_irradiance = glm::vec3(sum_irradiance(*radiance, {0, 0, 1}));
     if (options.measure_error)
       lighting.irradiance_error = measure_error(lighting.irradiance, *radiance);
+  }
+  if (lighting.glossy != GlossyMethod::mip) {
+    GlossySettings& settings = lighting.glossy_settings;
+    if (lighting.glossy == GlossyMethod::centroid) settings.taps = 1;
+    if (settings.taps == 0) settings.taps = 3;
+    if (settings.lights < 0) settings.lights = kMaxLights;
+    const CubeLevel source = working_level(*radiance);
+    lighting.chain = fit_glossy_chain(
+        radiance, source, find_lights(*radiance, source, settings.lights, options.previous_lights));
   }
   lighting.radiance = std::move(radiance);
   return lighting;

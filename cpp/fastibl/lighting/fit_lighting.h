@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "fastibl/scene/lighting.h"
 
@@ -13,7 +14,8 @@ struct LightingOptions {
   GlossyMethod glossy = GlossyMethod::automatic;
   GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
-  bool irradiance = true;     // false: only what glossy surfaces read
+  std::vector<Light> previous_lights;  // of an earlier frame: they are followed
+  bool irradiance = true;              // false: only what glossy surfaces read
   bool measure_error = true;  // also compare the irradiance with a sum over the 16² level (0.2 ms)
 };
 Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {});

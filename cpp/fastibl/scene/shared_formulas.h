@@ -10,6 +10,7 @@
 #define REAL3 dvec3
 namespace fastibl::shared {
 using namespace glm;
+#include "shaders/shared/glossy.glsl"
 #include "shaders/shared/lens.glsl"
 #include "shaders/shared/lighting.glsl"
 #include "shaders/shared/plane.glsl"
