@@ -460,7 +460,7 @@ class Environment:
     @property
     def radiance(self) -> CubeMap:
         """
-        CubeMap; unseen texels hold the value of the nearest seen one.
+        CubeMap; unseen texels hold the mean of what was seen nearest.
         """
 class _Lighting:
     @typing.overload
@@ -898,6 +898,8 @@ def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8
     """
     (height, width) uint8 for detection, of a picture that must have the camera's size.
     """
+def _level_parameters(mapping: str, count: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    ...
 def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex) -> Plan:
     ...
 def _method_names(step: str) -> list[str]:
@@ -906,6 +908,8 @@ def _method_settings(step: str, method: str) -> dict:
     """
     Names of a method's settings, with the values that are worth comparing beside the default.
     """
+def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex, bool]], model: str, error: typing.SupportsFloat | typing.SupportsIndex) -> list[CubeMap]:
+    ...
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """
     Corners by edges measured in linear light; list of DetectedTag.

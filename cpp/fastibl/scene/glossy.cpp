@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fastibl/core/simd.h"
+#include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -44,25 +45,25 @@ struct Shares {
 };
 
 FASTIBL_CLONES
-void sum_lights(const LightArrays& lights, float s, const Shares& shares, glm::vec3 n, glm::vec3 v,
-                float* rgb) {
-  float value[kMaxLights];
-  for (int i = 0; i < kMaxLights; ++i) {
-    float share = shares.rest;
-    for (int k = 0; k < shares.taps; ++k) {
-      const float past = shares.level[k] - lights.level[std::size_t(i)];
-      share += shares.fine[k] * std::clamp(past, 0.0f, 1.0f) +
-               shares.coarse[k] * std::clamp(past + 1, 0.0f, 1.0f);
+void sum_lights(const LightArrays& lights, float s, const Shares& shares, const float* n,
+                const float* v, float* rgb) {
+  float share[kMaxLights], value[kMaxLights];
+  for (int i = 0; i < kMaxLights; ++i) share[i] = shares.rest;
+  for (int k = 0; k < shares.taps; ++k)
+    for (int i = 0; i < kMaxLights; ++i) {
+      const float past = shares.level[k] - lights.level[i];
+      share[i] += shares.fine[k] * shared::clamp(past, 0.0f, 1.0f) +
+                  shares.coarse[k] * shared::clamp(past + 1, 0.0f, 1.0f);
     }
-    const std::size_t j = std::size_t(i);
-    value[i] = share * shared::light_lobe(s, lights.variance[j], n, v,
-                                          glm::vec3(lights.x[j], lights.y[j], lights.z[j]));
-  }
+  for (int i = 0; i < kMaxLights; ++i)
+    value[i] = share[i] * shared::light_lobe(s, lights.variance[i], glm::vec3(n[0], n[1], n[2]),
+                                             glm::vec3(v[0], v[1], v[2]),
+                                             glm::vec3(lights.x[i], lights.y[i], lights.z[i]));
   float red = 0, green = 0, blue = 0;
-  for (int i = 0; i < lights.count; ++i) {
-    red += value[i] * lights.red[std::size_t(i)];
-    green += value[i] * lights.green[std::size_t(i)];
-    blue += value[i] * lights.blue[std::size_t(i)];
+  for (int i = 0; i < kMaxLights; ++i) {  // unused ones are black
+    red += value[i] * lights.red[i];
+    green += value[i] * lights.green[i];
+    blue += value[i] * lights.blue[i];
   }
   rgb[0] = red, rgb[1] = green, rgb[2] = blue;
 }
@@ -98,15 +99,15 @@ GlossyLobe::GlossyLobe(const GlossyChain& chain, int tap_count, float s)
 LightArrays arrays_of(const GlossyChain& chain) {
   LightArrays arrays;
   arrays.count = int(chain.lights.size());
-  for (std::size_t i = 0; i < kMaxLights; ++i) {
+  for (int i = 0; i < kMaxLights; ++i) {
     arrays.z[i] = 1, arrays.variance[i] = 1e-6f;  // unused ones must not divide by 0
-    if (i >= chain.lights.size()) continue;
-    const Light& light = chain.lights[i];
+    if (i >= arrays.count) continue;
+    const Light& light = chain.lights[std::size_t(i)];
     arrays.x[i] = light.direction.x, arrays.y[i] = light.direction.y;
     arrays.z[i] = light.direction.z;
     const float deviation = std::max(0.5f * light.angular_radius, 1e-3f);
     arrays.variance[i] = deviation * deviation;
-    arrays.level[i] = chain.light_levels[i];
+    arrays.level[i] = chain.light_levels[std::size_t(i)];
     arrays.red[i] = light.flux.x, arrays.green[i] = light.flux.y, arrays.blue[i] = light.flux.z;
   }
   return arrays;
@@ -117,7 +118,7 @@ GlossyShading::GlossyShading(const Lighting& lighting, float exponent)
   if (exponent == 0 || !lighting.radiance) return;
   if (lighting.glossy == GlossyMethod::mip) {
     level_ = shared::mip_level(float(lighting.radiance->size()), exponent);
-  } else {
+  } else if (lighting.chain) {
     lobe_ = GlossyLobe(*lighting.chain, std::max(lighting.glossy_settings.taps, 1),
                        std::max(exponent, 1.0f));
     lights_ = arrays_of(*lighting.chain);
@@ -160,7 +161,7 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine) cons
   }
   if (lights_.count > 0) {
     float rgb[3];
-    sum_lights(lights_, lobe_.exponent, shares, n, v, rgb);
+    sum_lights(lights_, lobe_.exponent, shares, &n.x, &v.x, rgb);
     const float integral = a.log_integral + f * (b.log_integral - a.log_integral);
     value += std::exp2(-integral) * glm::vec3(rgb[0], rgb[1], rgb[2]);
   }
@@ -172,6 +173,8 @@ glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine) const
   if (exponent_ == 0) return evaluate(lighting_->irradiance, n) / kPi;
   if (lighting_->glossy == GlossyMethod::mip)
     return lighting_->radiance->sample(2 * cosine * n - v, level_);
+  if (lighting_->glossy == GlossyMethod::sampled)
+    return sampled_lobe(*lighting_->radiance, n, v, exponent_, lighting_->glossy_settings.taps);
   const glm::vec3 value = from_chain(n, v, cosine);
   if (exponent_ >= 1) return value;
   const glm::vec3 matte = evaluate(lighting_->irradiance, n) / kPi;

@@ -33,7 +33,9 @@ struct GlossyLobe {
 // Lights side by side, for one loop over all of them; those beyond `count` give nothing.
 struct LightArrays {
   int count = 0;
-  std::array<float, kMaxLights> x{}, y{}, z{}, variance{}, level{}, red{}, green{}, blue{};
+  float x[kMaxLights]{}, y[kMaxLights]{}, z[kMaxLights]{};
+  float variance[kMaxLights]{}, level[kMaxLights]{};
+  float red[kMaxLights]{}, green[kMaxLights]{}, blue[kMaxLights]{};
 };
 LightArrays arrays_of(const GlossyChain& chain);
 

@@ -26,6 +26,8 @@ std::string_view name(GlossyMethod method) {
       return "centroid";
     case GlossyMethod::stretched:
       return "stretched";
+    case GlossyMethod::sampled:
+      return "sampled";
     default:
       return "mip";
   }
@@ -75,6 +77,8 @@ std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
   if (method == GlossyMethod::centroid) return {lights};
   if (method == GlossyMethod::stretched)
     return {{"taps", &GlossySettings::taps, 2, 4, {2, 4}}, lights};
+  if (method == GlossyMethod::sampled)
+    return {{"taps", &GlossySettings::taps, 1, 1 << 16, {4, 16, 256}}};
   return {};
 }
 

@@ -24,6 +24,7 @@ enum class GlossyMethod {
   mip,        // Eq. 2: one look-up in the MIP chain at the mirror direction
   centroid,   // one look-up in a chain of round lobes, where and as wide as the lobe is best met
   stretched,  // two to four of them along the plane of incidence
+  sampled,    // filtered importance sampling, any number of taps
 };
 enum class Normalization {
   energy,  // the lobe's average: a white surface in a constant map is white
@@ -49,7 +50,7 @@ inline constexpr std::array kDiffuseMethods = {DiffuseMethod::nearest_face, Diff
                                                DiffuseMethod::six_face_exact, DiffuseMethod::sh9,
                                                DiffuseMethod::irradiance_cube};
 inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::centroid,
-                                              GlossyMethod::stretched};
+                                              GlossyMethod::stretched, GlossyMethod::sampled};
 inline constexpr std::array kNormalizations = {Normalization::energy, Normalization::paper,
                                                Normalization::exact};
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product};

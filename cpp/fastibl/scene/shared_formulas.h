@@ -2,9 +2,10 @@
 // private.
 #pragma once
 
+#include "fastibl/core/simd.h"
 #include "fastibl/core/vector.h"
 
-#define FN inline
+#define FN FASTIBL_INLINE
 #define REAL double
 #define REAL2 dvec2
 #define REAL3 dvec3
