@@ -460,7 +460,7 @@ class Environment:
     @property
     def radiance(self) -> CubeMap:
         """
-        CubeMap; unseen texels hold the value of the nearest seen one.
+        CubeMap; unseen texels hold the mean of what was seen nearest.
         """
 class _Lighting:
     @typing.overload
