@@ -2,6 +2,7 @@
 
 #include "bindings/numpy.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
 
 namespace fastibl::bindings {
@@ -19,6 +20,8 @@ Floats map_vectors(const Floats& in, F&& f) {
   return out;
 }
 
+using Settings = std::map<std::string, int>;
+
 glm::vec3 unit(const glm::vec3& v) {
   const float length = glm::length(v);
   return length > 0 ? v / length
@@ -29,13 +32,19 @@ glm::vec3 unit(const glm::vec3& v) {
 
 void bind_lighting(py::module_& module) {
   py::class_<Lighting>(module, "_Lighting")
-      .def(py::init([](const CubeMap& cube, const std::string& diffuse, const std::string& glossy) {
+      .def(py::init([](const CubeMap& cube, const std::string& diffuse,
+                       const Settings& diffuse_given, const std::string& glossy,
+                       const Settings& glossy_given) {
              LightingOptions options;
              options.diffuse = diffuse_method(diffuse);
+             options.diffuse_settings =
+                 settings_with<DiffuseSettings>(options.diffuse, diffuse_given);
              options.glossy = glossy_method(glossy);
+             options.glossy_settings = settings_with<GlossySettings>(options.glossy, glossy_given);
              return fit_lighting(std::make_shared<const CubeMap>(cube), options);
            }),
-           py::arg("cube"), py::arg("diffuse"), py::arg("glossy"))
+           py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
+           py::arg("glossy_settings"))
       .def(py::init([](const Lighting& other) { return other; }), py::arg("other"))
       .def(
           "irradiance",
@@ -104,6 +113,13 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
           "Irradiance E(z) on the marker plane, RGB, summed over the map.")
       .def_property_readonly(
           "_diffuse", [](const Lighting& l) { return std::string(name(l.irradiance.method)); })
+      .def_property_readonly("_diffuse_settings",
+                             [](const Lighting& l) {
+                               return settings_map(l.irradiance.method, l.irradiance.settings);
+                             })
+      .def_property_readonly(
+          "_glossy_settings",
+          [](const Lighting& l) { return settings_map(l.glossy, l.glossy_settings); })
       .def_property_readonly("_glossy",
                              [](const Lighting& l) { return std::string(name(l.glossy)); })
       .def_readonly("_irradiance_error", &Lighting::irradiance_error);

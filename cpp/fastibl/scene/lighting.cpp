@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -33,25 +34,14 @@ double albedo_quadrature(double cos_view, double s) {
 
 }  // namespace
 
-glm::vec3 evaluate(const Irradiance& e, glm::vec3 n) {
-  switch (e.method) {
-    case DiffuseMethod::nearest_face:
-      return kPi * e.faces[std::size_t(shared::nearest_face(n))];
-    case DiffuseMethod::six_face:
-      return shared::six_face_irradiance(e.faces.data(), n);
-    case DiffuseMethod::six_face_exact:
-      return shared::exact_face_irradiance(e.faces.data(), glm::dvec3(n));
-    default:
-      return shared::sh9_irradiance(e.polynomial.data(), n);
-  }
-}
-
 glm::vec3 evaluate_glossy(const Lighting& lighting, glm::vec3 n, glm::vec3 v, float s) {
   if (s == 0) return evaluate(lighting.irradiance, n) / kPi;  // Eq. 3 with s = 0 is Lambert's law
   const float cosine = glm::dot(n, v);
   const glm::vec3 mirror = 2 * cosine * n - v;
   const CubeMap& map = *lighting.radiance;
-  const glm::vec3 value = map.sample(mirror, shared::mip_level(float(map.size()), s));
+  const glm::vec3 value = lighting.glossy == GlossyMethod::sampled
+                              ? sampled_lobe(map, n, v, s, lighting.glossy_settings.taps)
+                              : map.sample(mirror, shared::mip_level(float(map.size()), s));
   return lighting.normalization == Normalization::paper ? value * directional_albedo(cosine, s)
                                                         : value;
 }
