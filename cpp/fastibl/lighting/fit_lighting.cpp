@@ -3,6 +3,7 @@
 #include "fastibl/core/check.h"
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
+#include "fastibl/lighting/fit_prefiltered_chain.h"
 #include "fastibl/lighting/irradiance_sums.h"
 
 namespace fastibl {
@@ -10,6 +11,7 @@ namespace {
 
 GlossySettings resolved(GlossyMethod method, GlossySettings settings) {
   if (method == GlossyMethod::centroid) settings.taps = 1;
+  if (method == GlossyMethod::prefiltered) settings.lights = 0;
   if (settings.taps == 0) settings.taps = method == GlossyMethod::sampled ? 64 : 3;
   if (settings.lights < 0) settings.lights = kMaxLights;
   return settings;
@@ -18,10 +20,15 @@ GlossySettings resolved(GlossyMethod method, GlossySettings settings) {
 }  // namespace
 
 bool reads_chain(GlossyMethod method) {
-  return method == GlossyMethod::centroid || method == GlossyMethod::stretched;
+  return method == GlossyMethod::centroid || method == GlossyMethod::stretched ||
+         method == GlossyMethod::prefiltered;
 }
 
 void fit_chain(Lighting& lighting, std::span<const Light> previous) {
+  if (lighting.glossy == GlossyMethod::prefiltered) {
+    lighting.chain = fit_prefiltered_chain(lighting.radiance);
+    return;
+  }
   const CubeLevel source = working_level(*lighting.radiance);
   lighting.chain = fit_glossy_chain(
       lighting.radiance, source,

@@ -28,6 +28,8 @@ std::string_view name(GlossyMethod method) {
       return "stretched";
     case GlossyMethod::sampled:
       return "sampled";
+    case GlossyMethod::prefiltered:
+      return "prefiltered";
     default:
       return "mip";
   }
@@ -79,6 +81,7 @@ std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
     return {{"taps", &GlossySettings::taps, 2, 4, {2, 4}}, lights};
   if (method == GlossyMethod::sampled)
     return {{"taps", &GlossySettings::taps, 1, 1 << 16, {4, 16, 256}}};
+  if (method == GlossyMethod::prefiltered) return {{"taps", &GlossySettings::taps, 1, 4, {1}}};
   return {};
 }
 

@@ -21,10 +21,11 @@ enum class DiffuseMethod {
 };
 enum class GlossyMethod {
   automatic,
-  mip,        // Eq. 2: one look-up in the MIP chain at the mirror direction
-  centroid,   // one look-up in a chain of round lobes, where and as wide as the lobe is best met
-  stretched,  // two to four of them along the plane of incidence
-  sampled,    // filtered importance sampling, any number of taps
+  mip,          // Eq. 2: one look-up in the MIP chain at the mirror direction
+  centroid,     // one look-up in a chain of round lobes, where and as wide as the lobe is best met
+  stretched,    // two to four of them along the plane of incidence
+  sampled,      // filtered importance sampling, any number of taps
+  prefiltered,  // look-ups along the plane of incidence in exactly convolved maps, lights included
 };
 enum class Normalization {
   energy,  // the lobe's average: a white surface in a constant map is white
@@ -50,7 +51,8 @@ inline constexpr std::array kDiffuseMethods = {DiffuseMethod::nearest_face, Diff
                                                DiffuseMethod::six_face_exact, DiffuseMethod::sh9,
                                                DiffuseMethod::irradiance_cube};
 inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::centroid,
-                                              GlossyMethod::stretched, GlossyMethod::sampled};
+                                              GlossyMethod::stretched, GlossyMethod::sampled,
+                                              GlossyMethod::prefiltered};
 inline constexpr std::array kNormalizations = {Normalization::energy, Normalization::paper,
                                                Normalization::exact};
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product};
