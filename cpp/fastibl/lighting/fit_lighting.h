@@ -2,6 +2,8 @@
 #pragma once
 
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "fastibl/scene/lighting.h"
 
@@ -13,9 +15,15 @@ struct LightingOptions {
   GlossyMethod glossy = GlossyMethod::automatic;
   GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
+  std::vector<Light> previous_lights;  // of an earlier frame: they are followed
   bool irradiance = true;     // false: only what glossy surfaces read
+  bool chain = true;          // false: nothing glossy will be shaded
   bool measure_error = true;  // also compare the irradiance with a sum over the 16² level (0.2 ms)
 };
 Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {});
+
+// Whether a method reads Lighting::chain; adds it to a lighting without.
+bool reads_chain(GlossyMethod method);
+void fit_chain(Lighting& lighting, std::span<const Light> previous = {});
 
 }  // namespace fastibl

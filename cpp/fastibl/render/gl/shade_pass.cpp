@@ -4,7 +4,7 @@
 #include <string>
 
 #include "fastibl/core/check.h"
-#include "fastibl/scene/lighting.h"
+#include "fastibl/scene/glossy.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
