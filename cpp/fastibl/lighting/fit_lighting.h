@@ -16,6 +16,9 @@ struct LightingOptions {
   bool irradiance = true;     // false: only what glossy surfaces read
   bool measure_error = true;  // also compare the irradiance with a sum over the 16² level (0.2 ms)
 };
-Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {});
+// previous: of the frame before, or null. What was found then is moved along instead of searched
+// anew, which is faster, and steady.
+Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {},
+                      const Lighting* previous = nullptr);
 
 }  // namespace fastibl
