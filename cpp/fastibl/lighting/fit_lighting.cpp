@@ -35,14 +35,16 @@ void fit_chain(Lighting& lighting, std::span<const Light> previous) {
       find_lights(*lighting.radiance, source, lighting.glossy_settings.lights, previous));
 }
 
-Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options) {
+Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options,
+                      const Lighting* previous) {
   check(radiance && radiance->size() > 0, "lighting needs a map");
   Lighting lighting;
   lighting.glossy = options.glossy == GlossyMethod::automatic ? GlossyMethod::mip : options.glossy;
   lighting.glossy_settings = resolved(lighting.glossy, options.glossy_settings);
   lighting.normalization = options.normalization;
   if (options.irradiance) {
-    lighting.irradiance = fit_irradiance(*radiance, options.diffuse, options.diffuse_settings);
+    lighting.irradiance = fit_irradiance(*radiance, options.diffuse, options.diffuse_settings,
+                                         previous ? &previous->irradiance : nullptr);
     const FoldedMap map = fold(*radiance, kPlaneSize);
     lighting.plane_irradiance = glm::vec3(sum_irradiance(map, {0, 0, 1}));
     if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);

@@ -20,7 +20,10 @@ struct LightingOptions {
   bool chain = true;          // false: nothing glossy will be shaded
   bool measure_error = true;  // also compare the irradiance with a sum over the 16² level (0.2 ms)
 };
-Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {});
+// previous: of the frame before, or null. What was found then is moved along instead of searched
+// anew, which is faster, and steady.
+Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {},
+                      const Lighting* previous = nullptr);
 
 // Whether a method reads Lighting::chain; adds it to a lighting without.
 bool reads_chain(GlossyMethod method);

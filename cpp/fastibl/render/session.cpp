@@ -174,7 +174,8 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       environment_ = capture_->environment();
       return true;
     case PassId::irradiance:
-      lighting_ = std::make_shared<const Lighting>(fit_lighting(radiance(), lighting_options()));
+      lighting_ = std::make_shared<const Lighting>(
+          fit_lighting(radiance(), lighting_options(), lighting_.get()));
       return true;
     default:
       break;
@@ -184,7 +185,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     if (radiance()) {
       LightingOptions options = lighting_options();
       options.irradiance = false;
-      chain = fit_lighting(radiance(), options);
+      chain = fit_lighting(radiance(), options, lighting_.get());
     }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
