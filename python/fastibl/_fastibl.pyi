@@ -486,6 +486,14 @@ class _Lighting:
         for a constant map of radiance 1 (six-face: 0.966 to 0.978 of it). Raises ValueError for another shape, TypeError
         for integers or objects.
         """
+    def irradiance_cube(self, size: typing.SupportsInt | typing.SupportsIndex = 16, source: typing.SupportsInt | typing.SupportsIndex = 32) -> CubeMap:
+        """
+        CubeMap whose texels are the irradiance on surfaces that face them: pi for a constant map of radiance 1.
+
+        size: texels along a face. source: texels along a face of the MIP level that the cosine is summed over, at most;
+        nMAE over seven real maps, median and worst: 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Raises ValueError for
+        sizes outside 1 to 256.
+        """
     @property
     def _diffuse(self) -> str:
         ...
@@ -913,6 +921,14 @@ def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typin
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """
     Corners by edges measured in linear light; list of DetectedTag.
+    """
+def _seconds_to_fit(cube: CubeMap, like: _Lighting, measure_error: bool, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    """
+    For benchmarks: times of fit_lighting in C++ by the diffuse method of another Lighting.
+    """
+def _seconds_to_sum_cube(cube: CubeMap, size: typing.SupportsInt | typing.SupportsIndex, source: typing.SupportsInt | typing.SupportsIndex, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    """
+    For benchmarks: times of building an irradiance cube in C++.
     """
 def _track(tags: typing.Any, start: typing.Any, board: Board, camera: Camera, method: str = 'board', grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8] | None = None) -> Tracked | None:
     """
