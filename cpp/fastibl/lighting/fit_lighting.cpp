@@ -4,6 +4,7 @@
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_prefiltered_chain.h"
+#include "fastibl/lighting/irradiance_sums.h"
 
 namespace fastibl {
 namespace {
@@ -42,9 +43,9 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   lighting.normalization = options.normalization;
   if (options.irradiance) {
     lighting.irradiance = fit_irradiance(*radiance, options.diffuse, options.diffuse_settings);
-    lighting.plane_irradiance = glm::vec3(sum_irradiance(*radiance, {0, 0, 1}));
-    if (options.measure_error)
-      lighting.irradiance_error = measure_error(lighting.irradiance, *radiance);
+    const FoldedMap map = fold(*radiance, kPlaneSize);
+    lighting.plane_irradiance = glm::vec3(sum_irradiance(map, {0, 0, 1}));
+    if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);
   }
   lighting.radiance = std::move(radiance);
   if (options.chain && reads_chain(lighting.glossy)) fit_chain(lighting, options.previous_lights);
