@@ -17,6 +17,7 @@ constexpr int kSizes[GlossyChain::kLevelCount] = {0, 128, 128, 64, 32, 16, 8, 4}
 std::shared_ptr<GlossyChain> fit_prefiltered_chain(std::shared_ptr<const CubeMap> map) {
   // Spherical harmonics come with the plain chain; its lobes give way to exact ones.
   auto chain = std::make_shared<GlossyChain>(*fit_glossy_chain(map, working_level(*map), {}));
+  chain->exact = true;
   std::vector<PrefilterLevel> levels;
   for (int k = 1; k < GlossyChain::kLevelCount; ++k) {
     const double deviation = GlossyChain::kFinestWidth * std::exp2(k - 1);
