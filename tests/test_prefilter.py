@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import test_gl
 
 import fastibl
 from conftest import same_error
@@ -288,3 +289,15 @@ def test_prefiltered_glossy_furnace_and_limits(marked):
     # Seen along the normal, the look-up is the lobe itself.
     level = lighting.prefiltered(64, model="blinn", parameters=[128.0])[0]
     np.testing.assert_allclose(lighting.glossy(n, n, 128.0), level.sample(n), atol=0.06)
+
+
+@test_gl.needs_gl
+@pytest.mark.parametrize("taps", [1, 4])
+def test_prefiltered_on_both_back_ends(taps):
+    camera = test_gl.camera_named("pinhole")
+    back = test_gl.back_picture(camera)
+    frame = fastibl.Frame(time=0.0, back=back, back_from_marker=test_gl.POSES["usual"])
+    methods = {"glossy": fastibl.Method("prefiltered", taps=taps)}
+    for material in ("glossy", "rough", "mirror"):
+        made = test_gl.both(test_gl.scene_of(material), camera, test_gl.MAPS["marked"](), frame, methods)
+        test_gl.compare_products(made, back)

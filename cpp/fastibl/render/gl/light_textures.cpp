@@ -68,7 +68,7 @@ void LightTextures::upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyCha
   upload_radiance(gpu, chain->map);
   if (chain == chain_) return;
   glActiveTexture(GL_TEXTURE0);
-  const bool fits = chain_ != nullptr;  // all chains have the same sizes
+  const bool fits = chain_ && chain_->exact == chain->exact;  // which their sizes depend on
   if (!lobes_.id) lobes_.id = gpu.new_texture(), first_lobe_.id = gpu.new_texture();
   glBindTexture(GL_TEXTURE_CUBE_MAP, first_lobe_.id);
   upload_level(gpu, chain->level(1), 0, 1 / radiance_scale_, fits);

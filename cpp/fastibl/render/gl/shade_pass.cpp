@@ -40,7 +40,8 @@ GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
   if (!lit(material.glossy)) return GlossyVariant::none;
   if (material.exponent == 0) return GlossyVariant::matte;
   if (method == GlossyMethod::mip) return GlossyVariant::mip;
-  check(method == GlossyMethod::centroid || method == GlossyMethod::stretched,
+  check(method == GlossyMethod::centroid || method == GlossyMethod::stretched ||
+            method == GlossyMethod::prefiltered,
         "the GL back end has no glossy method ", name(method));
   return material.exponent < 1 ? GlossyVariant::nearly_matte : GlossyVariant::chain;
 }
