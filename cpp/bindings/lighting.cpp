@@ -30,6 +30,15 @@ Floats map_vectors(const Floats& in, F&& f) {
 
 using Settings = std::map<std::string, int>;
 
+// Without a copy: Python's object lives as long as what is returned.
+std::shared_ptr<const CubeMap> shared_cube(const py::object& object) {
+  const CubeMap& cube = object.cast<const CubeMap&>();
+  return {&cube, [keep = new py::object(object)](const CubeMap*) {
+            const py::gil_scoped_acquire lock;
+            delete keep;
+          }};
+}
+
 glm::vec3 unit(const glm::vec3& v) {
   const float length = glm::length(v);
   return length > 0 ? v / length
@@ -40,7 +49,7 @@ glm::vec3 unit(const glm::vec3& v) {
 
 void bind_lighting(py::module_& module) {
   py::class_<Lighting>(module, "_Lighting")
-      .def(py::init([](const CubeMap& cube, const std::string& diffuse,
+      .def(py::init([](const py::object& cube, const std::string& diffuse,
                        const Settings& diffuse_given, const std::string& glossy,
                        const Settings& glossy_given) {
              LightingOptions options;
@@ -49,7 +58,7 @@ void bind_lighting(py::module_& module) {
                  settings_with<DiffuseSettings>(options.diffuse, diffuse_given);
              options.glossy = glossy_method(glossy);
              options.glossy_settings = settings_with<GlossySettings>(options.glossy, glossy_given);
-             return fit_lighting(std::make_shared<const CubeMap>(cube), options);
+             return fit_lighting(shared_cube(cube), options);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
            py::arg("glossy_settings"))
