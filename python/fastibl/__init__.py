@@ -32,6 +32,7 @@ from ._fastibl import (
     due_passes,
     equirect_from_cubemap,
     fit_spheres,
+    ggx_albedo,
     set_threads,
     shadow_ratio,
     texel_directions,
@@ -40,7 +41,7 @@ from ._fastibl import (
 )
 from .board import Board
 from .comparison import compare
-from .files import read_environment, read_mesh, stand
+from .files import read_environment, read_mesh, read_object, stand
 from .lighting import Lighting, Method, methods
 from .recording import Frame, Recording
 from .session import Session, make_plan
@@ -82,10 +83,12 @@ __all__ = [
     "due_passes",
     "equirect_from_cubemap",
     "fit_spheres",
+    "ggx_albedo",
     "make_plan",
     "methods",
     "read_environment",
     "read_mesh",
+    "read_object",
     "reference",
     "set_threads",
     "shadow_ratio",

@@ -4,6 +4,7 @@
 
 #include "fastibl/core/clock.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/render/make_scene.h"
 
 namespace fastibl {
 namespace {
@@ -67,7 +68,7 @@ void Session::update_plan() {
 }
 
 void Session::set_material(const Material& material) {
-  material.validate();
+  check_fits(material, scene_.mesh);
   scene_.material = material;
   replan();
 }

@@ -1,6 +1,7 @@
 #include "fastibl/render/gl/shade_pass.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "fastibl/core/check.h"
@@ -54,7 +55,11 @@ void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   area_ = outline.area;
   if (area_.empty()) return;
   draw_visible(gpu, in, outline);
-  draw_colour(gpu, light, in);
+  gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
+  if (in.scene.material.pbr)
+    draw_pbr(gpu, light, in);
+  else
+    draw_colour(gpu, light, in);
 }
 
 // Which triangle each sample sees, one quarter of the target a sample.
@@ -100,26 +105,15 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
   const bool paper = in.lighting.normalization == Normalization::paper && glossy && !matte;
   const Irradiance& e = in.lighting.irradiance;
   const int variant = diffuse || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
-  gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
   const Program& p = gpu.use("shade", {"DIFFUSE " + std::to_string(variant),
                                        matte    ? "GLOSSY 2"
                                        : glossy ? "GLOSSY 1"
                                                 : "GLOSSY 0",
                                        paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
-  set_projection(p, in);
-  set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
-  set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
   set(p, "emission", m.emission);
   set(p, "diffuse_albedo", m.diffuse);
   set(p, "glossy_albedo", m.glossy);
-  if (variant == kBaked) {
-    light.upload_baked(gpu, e);
-    light.bind_baked(gpu, p);
-  } else if (e.method == DiffuseMethod::sh9) {
-    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
-  } else {
-    glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
-  }
+  set_irradiance(gpu, light, p, variant, e);
   if (glossy && !matte) {
     check(in.lighting.glossy == GlossyMethod::mip, "the GL back end has no glossy method ",
           name(in.lighting.glossy));
@@ -137,6 +131,62 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
     gpu.bind("albedo_table", albedo_);
     glUniform1f(p.uniform("albedo_row"), shared::albedo_coordinate(m.exponent));
   }
+  draw_layer(gpu, p, in);
+}
+
+// The same of a pbr material.
+void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) {
+  const PbrMaterial& m = *in.scene.material.pbr;
+  const Irradiance& e = in.lighting.irradiance;
+  const int variant = !in.scene.material.reads_irradiance() ? 0
+                      : gpu.bake_all()                      ? kBaked
+                                                            : diffuse_variant(e.method);
+  const auto has = [](const char* name, bool there) {
+    return name + std::string(there ? " 1" : " 0");
+  };
+  light.upload_radiance(gpu, in.lighting.radiance);
+  material_.upload(gpu, in.scene.material);
+  const Program& p =
+      gpu.use("shade", {"DIFFUSE " + std::to_string(variant), "GLOSSY 3",
+                        has("BASE_COLOR_MAP", m.base_color_map != nullptr),
+                        has("METALLIC_MAP", m.metallic_map != nullptr),
+                        has("ROUGHNESS_MAP", m.roughness_map != nullptr),
+                        has("EMISSION_MAP", m.emission_map != nullptr),
+                        has("NORMAL_MAP", m.normal_map != nullptr),
+                        has("ANISOTROPIC", m.anisotropy > 0), distortion(in.camera)});
+  set_irradiance(gpu, light, p, variant, e);
+  glUseProgram(p.id());
+  light.bind_radiance(gpu, p);
+  glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
+  set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
+  set(p, "base_color", m.base_color);
+  set(p, "emission", m.emission);
+  glUniform1f(p.uniform("metallic"), m.metallic);
+  glUniform1f(p.uniform("roughness"), m.roughness);
+  glUniform1f(p.uniform("normal_scale"), m.normal_scale);
+  glUniform1f(p.uniform("anisotropy"), m.anisotropy);
+  glUniform2f(p.uniform("turn"), std::cos(m.anisotropy_rotation), std::sin(m.anisotropy_rotation));
+  material_.bind(gpu, p);
+  mesh_.bind_uvs(gpu);
+  draw_layer(gpu, p, in);
+}
+
+void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p, int variant,
+                               const Irradiance& e) {
+  if (variant == kBaked) {
+    light.upload_baked(gpu, e);
+    light.bind_baked(gpu, p);
+  } else if (e.method == DiffuseMethod::sh9) {
+    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
+  } else {
+    glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
+  }
+}
+
+void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
+  set_projection(p, in);
+  set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
+  set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
   gpu.bind("visible", visible_);
   mesh_.bind(gpu);
   glUniform2i(p.uniform("quarter"), visible_.width / 2, visible_.height / 2);

@@ -1,0 +1,116 @@
+// What a pbr material is at a point of the surface, and the light it reads: GLSL's side of shading/shade.cpp.
+#include "shared/ggx.glsl"
+#include "shared/material.glsl"
+#include "shared/radiance.glsl"
+uniform sampler2D tangents;  // of the vertices; w: the side of n x t on which v grows
+uniform sampler2D uvs;
+uniform vec3 eye;  // marker frame
+uniform float face_size;
+uniform vec3 base_color, emission;
+uniform float metallic, roughness, normal_scale, anisotropy;
+uniform vec2 turn;  // of the rougher direction from the tangent
+uniform sampler2D base_color_map, metallic_map, roughness_map, emission_map, normal_map;
+uniform sampler2D ggx_albedo;  // rows of cosines: each roughness, for the first azimuth, then the next
+uniform int albedo_azimuths;
+
+struct SurfacePoint {
+  vec3 base_color, emission;
+  float metallic, roughness;
+  mat3 frame;
+};
+
+mat3 frame_around(vec3 n, vec3 tangent) {
+  float size = length(tangent);
+  vec3 across = cross(n, size > 1e-6 ? tangent / size : vec3(0.0));
+  if (!(dot(across, across) > 1e-8)) across = cross(n, abs(n.x) < 0.7 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
+  across = normalize(across);
+  return mat3(cross(across, n), across, n);
+}
+
+// Trilinear, its two levels blended here, as in radiance.glsl.
+vec3 read_map(sampler2D map, vec2 uv, vec2 dx, vec2 dy) {
+  vec2 size = vec2(textureSize(map, 0));
+  float top = floor(log2(max(size.x, size.y)));
+  float level = clamp(texture_level(size, dx, dy), 0.0, top);
+  float k = floor(level);
+  vec2 at = vec2(uv.x - floor(uv.x), 1.0 - (uv.y - floor(uv.y)));
+  vec3 fine = textureLod(map, at, k).rgb;
+  return mix(fine, textureLod(map, at, min(k + 1.0, top)).rgb, level - k);
+}
+
+SurfacePoint surface_point(vec3 n, vec4 t, vec2 uv, vec2 dx, vec2 dy) {
+  SurfacePoint p;
+  p.base_color = base_color;
+  p.emission = emission;
+  p.metallic = metallic;
+  p.roughness = roughness;
+#if BASE_COLOR_MAP
+  p.base_color *= read_map(base_color_map, uv, dx, dy);
+#endif
+#if EMISSION_MAP
+  p.emission *= read_map(emission_map, uv, dx, dy);
+#endif
+#if METALLIC_MAP
+  p.metallic *= read_map(metallic_map, uv, dx, dy).r;
+#endif
+#if ROUGHNESS_MAP
+  p.roughness *= read_map(roughness_map, uv, dx, dy).r;
+#endif
+  p.frame = frame_around(n, t.xyz);
+#if NORMAL_MAP
+  vec3 bent = p.frame * (read_map(normal_map, uv, dx, dy) * vec3(normal_scale, normal_scale * t.w, 1.0));
+  if (dot(bent, bent) > 1e-12) p.frame = frame_around(normalize(bent), t.xyz);
+#endif
+#if ANISOTROPIC
+  p.frame = frame_around(p.frame[2], turn.x * p.frame[0] + turn.y * t.w * p.frame[1]);
+#endif
+  return p;
+}
+
+vec2 alpha_of(float rough) {
+  float across = rough * rough;
+  return clamp(vec2(across + (1.0 - across) * anisotropy * anisotropy, across), 0.02, 1.0);
+}
+
+vec2 albedo_slice(vec3 at, int azimuth) {
+  ivec2 i = ivec2(at.yx), base = ivec2(0, azimuth * 24);
+  vec2 f = at.yx - vec2(i);
+  vec2 low = mix(texelFetch(ggx_albedo, base + i, 0).rg, texelFetch(ggx_albedo, base + i + ivec2(1, 0), 0).rg, f.x);
+  vec2 high = mix(texelFetch(ggx_albedo, base + i + ivec2(0, 1), 0).rg,
+                  texelFetch(ggx_albedo, base + i + ivec2(1, 1), 0).rg, f.x);
+  return mix(low, high, f.y);
+}
+
+// Directional albedo of single scattering: the f0 term and the rest.
+vec2 sample_ggx_albedo(vec3 view, float rough) {
+  vec3 at = ggx_albedo_coordinate(view, rough) * vec3(23.0, 23.0, float(albedo_azimuths - 1));
+  at.xy = min(at.xy, 22.9999);
+#if ANISOTROPIC
+  int a = min(int(at.z), albedo_azimuths - 2);
+  return mix(albedo_slice(at, a), albedo_slice(at, a + 1), at.z - float(a));
+#else
+  return albedo_slice(at, 0);
+#endif
+}
+
+// Average of the map over the GGX lobe, by eight taps (kGgxTaps).
+vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
+  GgxLobe lobe = ggx_lobe(view, alpha);
+  vec4 parts[8];
+  vec4 sum = vec4(0.0);
+  float begin = -1.0;
+  for (int k = 0; k < 8; ++k) {
+    float end = ggx_begin(k + 1, 8);
+    parts[k] = ggx_part(lobe, begin, end);
+    sum += parts[k];
+    begin = end;
+  }
+  vec3 centre = ggx_centre(sum, lobe.view);
+  if (!(sum.w > 1e-12)) return sample_radiance(frame * centre, blur_level(face_size, max(alpha.x, alpha.y)));
+  vec3 light = vec3(0.0);
+  for (int k = 0; k < 8; ++k) {
+    vec4 tap = ggx_tap(parts[k], centre, lobe.spread);
+    light += parts[k].w / sum.w * sample_radiance(frame * tap.xyz, blur_level(face_size, tap.w));
+  }
+  return light;
+}
