@@ -41,17 +41,22 @@ def _mean_and_each(method: str, metric: str, setting: str, means: dict[str, floa
     return out
 
 
+def _setting(method: fastibl.Method) -> str:
+    return " ".join(f"{key}={value}" for key, value in method.settings.items())
+
+
 def diffuse() -> list[Row]:
     """Mean error and time of one normal for each method; and the time to fit a map of 128 squared."""
     out = []
     maps = _maps()
     batches = [inputs.units(_NORMALS, seed).astype(np.float32) for seed in (0, 1)]
     for method in fastibl.methods("diffuse"):
+        setting = _setting(method)
         lighting = fastibl.Lighting(next(iter(maps.values())), diffuse=method)
         time = measure(lighting.irradiance, batches, repetitions=7, warm=1).scaled(_NORMALS)
         metric = "mean error of the irradiance; seconds a normal"
         if not inputs.MAPS:
-            out.append(row(method.name, "noise", metric, time=time))
+            out.append(row(method.name, "noise", metric, time=time, setting=setting))
         else:
             worst, means = 0.0, {}
             for name, cube in maps.items():
@@ -59,10 +64,12 @@ def diffuse() -> list[Row]:
                 given = fastibl.Lighting(cube, diffuse=method).irradiance(brute.normals())
                 error = brute.errors(given, true, true.mean())
                 means[name], worst = float(error.mean()), max(worst, float(error.max()))
-            out += _mean_and_each(method.name, metric, "", means, time)
-            out.append(row(method.name, f"worst of {len(means)} maps", "worst error of the irradiance", worst))
+            out += _mean_and_each(method.name, metric, setting, means, time)
+            out.append(
+                row(method.name, f"worst of {len(means)} maps", "worst error of the irradiance", worst, setting=setting)
+            )
         build = measure(lambda cube, m=method: fastibl.Lighting(cube, diffuse=m), list(maps.values()))
-        out.append(row(method.name, "fit to a map of 128^2", time=build))
+        out.append(row(method.name, "fit to a map of 128^2", time=build, setting=setting))
     return out
 
 
@@ -88,5 +95,5 @@ def glossy() -> list[Row]:
                 true = brute.glossy(_GLOSSY_PAIRS)[name][s]
                 given = fastibl.Lighting(cube, glossy=method).glossy(n, v, float(s))
                 means[name] = float(brute.errors(given, true, true.mean()).mean())
-            out += _mean_and_each(method.name, metric, f"exponent={s}", means, time)
+            out += _mean_and_each(method.name, metric, f"exponent={s} {_setting(method)}".strip(), means, time)
     return out

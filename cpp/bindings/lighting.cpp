@@ -2,22 +2,32 @@
 
 #include "bindings/numpy.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/scene/glossy.h"
 
 namespace fastibl::bindings {
 namespace {
 
-// Calls f(i) for every vector of `in` and returns (..., 3) float32.
+// Calls f(out, begin, end) for blocks of the vectors of `in` and returns (..., 3) float32.
 template <typename F>
-Floats map_vectors(const Floats& in, F&& f) {
+Floats map_blocks(const Floats& in, F&& f) {
   Floats out(shape_vector(in));
   glm::vec3* to = vectors(out);
   const py::gil_scoped_release release;
-  parallel_for(int(in.size() / 3), 4096, [&](int begin, int end) {
-    for (int i = begin; i < end; ++i) to[i] = f(i);
-  });
+  parallel_for(int(in.size() / 3), 4096, [&](int begin, int end) { f(to, begin, end); });
   return out;
 }
+
+// The same, vector by vector.
+template <typename F>
+Floats map_vectors(const Floats& in, F&& f) {
+  return map_blocks(in, [&](glm::vec3* to, int begin, int end) {
+    for (int i = begin; i < end; ++i) to[i] = f(i);
+  });
+}
+
+using Settings = std::map<std::string, int>;
 
 glm::vec3 unit(const glm::vec3& v) {
   const float length = glm::length(v);
@@ -29,13 +39,19 @@ glm::vec3 unit(const glm::vec3& v) {
 
 void bind_lighting(py::module_& module) {
   py::class_<Lighting>(module, "_Lighting")
-      .def(py::init([](const CubeMap& cube, const std::string& diffuse, const std::string& glossy) {
+      .def(py::init([](const CubeMap& cube, const std::string& diffuse,
+                       const Settings& diffuse_given, const std::string& glossy,
+                       const Settings& glossy_given) {
              LightingOptions options;
              options.diffuse = diffuse_method(diffuse);
+             options.diffuse_settings =
+                 settings_with<DiffuseSettings>(options.diffuse, diffuse_given);
              options.glossy = glossy_method(glossy);
+             options.glossy_settings = settings_with<GlossySettings>(options.glossy, glossy_given);
              return fit_lighting(std::make_shared<const CubeMap>(cube), options);
            }),
-           py::arg("cube"), py::arg("diffuse"), py::arg("glossy"))
+           py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
+           py::arg("glossy_settings"))
       .def(py::init([](const Lighting& other) { return other; }), py::arg("other"))
       .def(
           "irradiance",
@@ -73,8 +89,13 @@ for integers or objects.)")
             Lighting with = lighting;
             with.normalization = normalization(normalization_name);
             const float* exponents = s.data();
-            return map_vectors(n, [&](int i) {
-              return evaluate_glossy(with, unit(vectors(n)[i]), unit(vectors(v)[i]), exponents[i]);
+            return map_blocks(n, [&](glm::vec3* to, int begin, int end) {
+              for (int i = begin; i < end;) {
+                const float own = exponents[i];  // usually the same for many in a row
+                const GlossyShading shading(with, own);
+                for (; i < end && exponents[i] == own; ++i)
+                  to[i] = shading(unit(vectors(n)[i]), unit(vectors(v)[i]));
+              }
             });
           },
           py::arg("normals"), py::arg("views"), py::arg("exponent") = 64.0,
@@ -104,6 +125,13 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
           "Irradiance E(z) on the marker plane, RGB, summed over the map.")
       .def_property_readonly(
           "_diffuse", [](const Lighting& l) { return std::string(name(l.irradiance.method)); })
+      .def_property_readonly("_diffuse_settings",
+                             [](const Lighting& l) {
+                               return settings_map(l.irradiance.method, l.irradiance.settings);
+                             })
+      .def_property_readonly(
+          "_glossy_settings",
+          [](const Lighting& l) { return settings_map(l.glossy, l.glossy_settings); })
       .def_property_readonly("_glossy",
                              [](const Lighting& l) { return std::string(name(l.glossy)); })
       .def_readonly("_irradiance_error", &Lighting::irradiance_error);

@@ -9,6 +9,7 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_material(module);
   bind_lighting(module);
   bind_ggx(module);
+  bind_prefilter(module);
   bind_capture(module);
   bind_shadow(module);
   bind_shading(module);

@@ -27,6 +27,8 @@ constexpr std::pair<const char*, Products> kProducts[] = {
     {"object", product::object},
     {"image", product::image}};
 
+using Settings = std::map<std::string, int>;
+
 std::set<std::string> names_of(Products products) {
   std::set<std::string> names;
   for (const auto& [text, bit] : kProducts)
@@ -78,14 +80,25 @@ std::string bill(const Plan& plan) {
 void bind_plan(py::module_& module) {
   py::class_<Methods>(module, "_Methods", "The named methods that a frame is made with.")
       .def(py::init([](const std::string& tracking, const std::string& capture,
-                       const std::string& diffuse, const std::string& glossy,
+                       const std::string& diffuse, const Settings& diffuse_settings,
+                       const std::string& glossy, const Settings& glossy_settings,
                        const std::string& normalization_name, const std::string& shadow) {
-             return Methods{tracking_method(tracking),         capture_method(capture),
-                            diffuse_method(diffuse),           glossy_method(glossy),
-                            normalization(normalization_name), shadow_method(shadow)};
+             Methods methods;
+             methods.tracking = tracking_method(tracking);
+             methods.capture = capture_method(capture);
+             methods.diffuse = diffuse_method(diffuse);
+             methods.diffuse_settings =
+                 settings_with<DiffuseSettings>(methods.diffuse, diffuse_settings);
+             methods.glossy = glossy_method(glossy);
+             methods.glossy_settings =
+                 settings_with<GlossySettings>(methods.glossy, glossy_settings);
+             methods.normalization = normalization(normalization_name);
+             methods.shadow = shadow_method(shadow);
+             return methods;
            }),
            py::kw_only(), py::arg("tracking"), py::arg("capture"), py::arg("diffuse"),
-           py::arg("glossy"), py::arg("normalization"), py::arg("shadow"))
+           py::arg("diffuse_settings"), py::arg("glossy"), py::arg("glossy_settings"),
+           py::arg("normalization"), py::arg("shadow"))
       .def_static("_auto", [] { return Methods{}; })
       .def_static("_paper", &Methods::paper)
       .def_property_readonly("tracking",
@@ -94,15 +107,22 @@ void bind_plan(py::module_& module) {
                              [](const Methods& m) { return std::string(name(m.capture)); })
       .def_property_readonly("diffuse",
                              [](const Methods& m) { return std::string(name(m.diffuse)); })
+      .def_property_readonly(
+          "diffuse_settings",
+          [](const Methods& m) { return settings_map(m.diffuse, m.diffuse_settings); })
       .def_property_readonly("glossy", [](const Methods& m) { return std::string(name(m.glossy)); })
+      .def_property_readonly(
+          "glossy_settings",
+          [](const Methods& m) { return settings_map(m.glossy, m.glossy_settings); })
       .def_property_readonly("normalization",
                              [](const Methods& m) { return std::string(name(m.normalization)); })
       .def_property_readonly("shadow", [](const Methods& m) { return std::string(name(m.shadow)); })
       .def(py::self == py::self)
       .def("__repr__", [](const Methods& m) {
         return "Methods(tracking='" + std::string(name(m.tracking)) + "', capture='" +
-               std::string(name(m.capture)) + "', diffuse='" + std::string(name(m.diffuse)) +
-               "', glossy='" + std::string(name(m.glossy)) + "', normalization='" +
+               std::string(name(m.capture)) + "', diffuse='" +
+               described(m.diffuse, m.diffuse_settings) + "', glossy='" +
+               described(m.glossy, m.glossy_settings) + "', normalization='" +
                std::string(name(m.normalization)) + "', shadow='" + std::string(name(m.shadow)) +
                "')";
       });
@@ -126,6 +146,21 @@ void bind_plan(py::module_& module) {
         return names;
       },
       py::arg("step"));
+  module.def(
+      "_method_settings",
+      [](const std::string& step, const std::string& method) {
+        py::dict settings;
+        const auto add = [&](const auto& all) {
+          for (const auto& s : all) settings[py::str(std::string(s.name))] = s.compared;
+        };
+        if (step == "diffuse")
+          add(settings_of(diffuse_method(method)));
+        else if (step == "glossy")
+          add(settings_of(glossy_method(method)));
+        return settings;
+      },
+      py::arg("step"), py::arg("method"),
+      "Names of a method's settings, with the values that are worth comparing beside the default.");
 
   py::class_<PlannedPass>(module, "PlannedPass", "One line of a plan.")
       .def_property_readonly("name",
@@ -161,15 +196,18 @@ void bind_plan(py::module_& module) {
       [](const Scene& scene, const std::shared_ptr<Environment>& environment,
          const Methods& methods, bool track, bool capture, bool cast_shadow, double error,
          double milliseconds) {
-        PlanOptions options{methods, track,        capture,     cast_shadow,
-                            error,   milliseconds, std::nullopt};
+        PlanOptions options{methods, track, capture, cast_shadow, error, milliseconds, nullptr};
+        Lighting lighting;
         if (environment) {
-          // The map's own error by this method, so that the bill can be judged before anything is
-          // rendered.
-          const std::shared_ptr<const CubeMap> radiance(environment, &environment->radiance);
-          LightingOptions lighting;
-          lighting.diffuse = methods.diffuse;
-          options.irradiance_error = fit_lighting(radiance, lighting).irradiance_error;
+          // What is chosen for this map, and its own error, so that the bill can be judged before
+          // anything is rendered.
+          LightingOptions choice;
+          choice.diffuse = methods.diffuse;
+          choice.diffuse_settings = methods.diffuse_settings;
+          choice.glossy = methods.glossy;
+          choice.glossy_settings = methods.glossy_settings;
+          lighting = fit_lighting({environment, &environment->radiance}, choice);
+          options.lighting = &lighting;
         }
         return make_plan(scene, environment.get(), options);
       },

@@ -690,13 +690,13 @@ void bind_environment(py::module_& module) {
       .def_property_readonly(
           "radiance", [](const Environment& e) -> const CubeMap& { return e.radiance; },
           py::return_value_policy::reference_internal,
-          "CubeMap; unseen texels hold the value of the nearest seen one.")
+          "CubeMap; unseen texels hold the mean of what was seen nearest.")
       .def_property_readonly(
           "confidence",
-          [faces](const Environment& e) { return faces(e.confidence, e.radiance.size()); },
+          [faces](const Environment& e) { return faces(e.confidence(), e.radiance.size()); },
           "(6, n, n) float32 in [0, 1]; 0 where never seen.")
       .def_property_readonly(
-          "age", [faces](const Environment& e) { return faces(e.age, e.radiance.size()); },
+          "age", [faces](const Environment& e) { return faces(e.age(), e.radiance.size()); },
           "(6, n, n) float32 seconds since last seen; infinite if never.")
       .def_readonly("coverage", &Environment::coverage,
                     "Share of the sphere's solid angle that was ever seen.")

@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "bindings/numpy.h"
-#include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/shadow/fit_spheres.h"
 #include "fastibl/shadow/sphere_shadow.h"
 

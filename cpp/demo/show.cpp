@@ -105,7 +105,7 @@ class Viewer {
         return session_.set_methods(methods_), redraw();
       case 'd':
         methods_.diffuse =
-            kDiffuseMethods[(std::size_t(methods_.diffuse) + 1) % kDiffuseMethods.size()];
+            kDiffuseMethods[std::size_t(methods_.diffuse) % kDiffuseMethods.size()]  // after `automatic`;
         return session_.set_methods(methods_), redraw();
       case 'b':
         return next_backend();

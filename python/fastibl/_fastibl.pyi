@@ -439,7 +439,7 @@ class Environment:
     @property
     def radiance(self) -> CubeMap:
         """
-        CubeMap; unseen texels hold the value of the nearest seen one.
+        CubeMap; unseen texels hold the mean of what was seen nearest.
         """
 class Material:
     """
@@ -529,7 +529,7 @@ class Material:
         """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: CubeMap, diffuse: str, glossy: str) -> None:
+    def __init__(self, cube: CubeMap, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -569,7 +569,13 @@ class _Lighting:
     def _diffuse(self) -> str:
         ...
     @property
+    def _diffuse_settings(self) -> dict[str, int]:
+        ...
+    @property
     def _glossy(self) -> str:
+        ...
+    @property
+    def _glossy_settings(self) -> dict[str, int]:
         ...
     @property
     def _irradiance_error(self) -> float:
@@ -731,7 +737,7 @@ class _Methods:
         ...
     def __eq__(self, arg0: _Methods) -> bool:
         ...
-    def __init__(self, *, tracking: str, capture: str, diffuse: str, glossy: str, normalization: str, shadow: str) -> None:
+    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -742,7 +748,13 @@ class _Methods:
     def diffuse(self) -> str:
         ...
     @property
+    def diffuse_settings(self) -> dict[str, int]:
+        ...
+    @property
     def glossy(self) -> str:
+        ...
+    @property
+    def glossy_settings(self) -> dict[str, int]:
         ...
     @property
     def normalization(self) -> str:
@@ -965,9 +977,17 @@ def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8
     """
     (height, width) uint8 for detection, of a picture that must have the camera's size.
     """
+def _level_parameters(mapping: str, count: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    ...
 def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex) -> Plan:
     ...
 def _method_names(step: str) -> list[str]:
+    ...
+def _method_settings(step: str, method: str) -> dict:
+    """
+    Names of a method's settings, with the values that are worth comparing beside the default.
+    """
+def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex, bool]], model: str, error: typing.SupportsFloat | typing.SupportsIndex) -> list[CubeMap]:
     ...
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """

@@ -2,49 +2,115 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from ._fastibl import CubeMap, Environment, _Lighting, _method_names, _Methods
+from ._fastibl import (
+    CubeMap,
+    Environment,
+    _level_parameters,
+    _Lighting,
+    _method_names,
+    _method_settings,
+    _Methods,
+    _prefilter,
+)
 
 STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow")
 AUTO, PAPER = _Methods._auto(), _Methods._paper()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Method:
-    """A method of a step by its public name, with its settings and, where known, its relative error."""
+    """A method of a step by its public name, with its settings and, where known, its relative error.
+
+    Settings are whole numbers given by keyword: Method("irradiance-cube", size=32). Those that are not given are the
+    method's choice. Raises ValueError for a name that no step has, a setting that the method does not have, or a value
+    that is no whole number.
+    """
 
     name: str
-    settings: Mapping[str, float] = field(default_factory=dict)
-    error: float | None = field(default=None, compare=False)
+    settings: Mapping[str, int]
+    error: float | None
+
+    def __init__(self, name: str, /, error: float | None = None, **settings: float):
+        _check_known(name, settings)
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "settings", {key: _whole(key, value) for key, value in settings.items()})
+        object.__setattr__(self, "error", error)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Method):
+            return NotImplemented
+        return (self.name, self.settings) == (other.name, other.settings)
+
+    def __hash__(self) -> int:
+        return hash((self.name, frozenset(self.settings.items())))
 
     def __str__(self) -> str:
-        settings = ", ".join(f"{key}={value:g}" for key, value in self.settings.items())
+        settings = ", ".join(f"{key}={value}" for key, value in self.settings.items())
         error = "" if self.error is None else f" (error {100 * self.error:.2g} %)"
         return self.name + (f" [{settings}]" if settings else "") + error
 
+    def __repr__(self) -> str:
+        settings = "".join(f", {key}={value}" for key, value in self.settings.items())
+        error = "" if self.error is None else f", error={self.error:.4g}"
+        return f"Method({self.name!r}{settings}{error})"
+
+
+def _whole(key: str, value: float) -> int:
+    try:
+        whole = int(value)
+    except (TypeError, ValueError, OverflowError):
+        whole = None
+    if whole is None or isinstance(value, str) or whole != value:
+        raise ValueError(f"setting {key} must be a whole number, got {value!r}")
+    return whole
+
+
+def _check_known(name: str, settings: Mapping[str, float]) -> None:
+    """Raises ValueError where no step has that method, or the method does not have these settings."""
+    known = set() if name in ("auto", "paper") else None
+    for step in STEPS:
+        if name in _method_names(step):
+            known = set(_method_settings(step, name))
+    if known is None:
+        every = ", ".join(name for step in STEPS for name in _method_names(step))
+        raise ValueError(f'no method "{name}"; there are: {every}')
+    for key in settings:
+        if key not in known:
+            raise ValueError(f'{name} has no setting "{key}"; there are: {", ".join(sorted(known)) or "none"}')
+
 
 def methods(step: str) -> list[Method]:
-    """Every method (and setting) of a step: "tracking", "capture", "diffuse", "glossy" or "shadow".
+    """Every method of a step, and every setting of it that is worth comparing.
 
-    Raises ValueError for another step.
+    step: "tracking", "capture", "diffuse", "glossy" or "shadow". Raises ValueError for another.
     """
     names = _method_names(step)
     if not names:
         raise ValueError(f"no step {step!r}; there are: {', '.join(STEPS)}")
-    return [Method(name) for name in names]
+    found = []
+    for name in names:
+        found.append(Method(name))
+        for key, values in _method_settings(step, name).items():
+            found += [Method(name, **{key: value}) for value in values]
+    return found
 
 
 def method_name(step: str, method: str | Method) -> str:
-    """Name of a given method, with "auto" and "paper" resolved. Raises ValueError, naming all, if there is none."""
+    """Name of a given method, "paper" resolved. Raises ValueError, naming all, if the step has none of that name."""
     name = method.name if isinstance(method, Method) else method
     if name in ("auto", "paper"):
         return str(getattr(AUTO if name == "auto" else PAPER, step))
-    known = [m.name for m in methods(step)]
+    known = _method_names(step)
     if name not in known:
         raise ValueError(f'no {step} method "{name}"; there are: {", ".join(known)}')
     return name
+
+
+def method_settings(method: str | Method) -> dict[str, int]:
+    return dict(method.settings) if isinstance(method, Method) else {}
 
 
 def resolve_methods(given: str | Mapping[str, str | Method]) -> _Methods:
@@ -57,19 +123,26 @@ def resolve_methods(given: str | Mapping[str, str | Method]) -> _Methods:
     if unknown:
         raise ValueError(f"no step {sorted(unknown)[0]!r}; there are: {', '.join(STEPS)}")
     chosen = {step: method_name(step, given.get(step, "auto")) for step in STEPS}
-    return _Methods(normalization=str(given.get("normalization", "energy")), **chosen)
+    settings = {f"{step}_settings": method_settings(given.get(step, "auto")) for step in ("diffuse", "glossy")}
+    return _Methods(normalization=str(given.get("normalization", "energy")), **chosen, **settings)
 
 
 class Lighting(_Lighting):
     """What a map does to surfaces.
 
     cube: CubeMap or Environment. diffuse, glossy: Method, its name, "auto" (the default) or "paper". Raises ValueError
-    for an unknown name.
+    for an unknown name, an unknown setting or a value out of range.
     """
 
     def __init__(self, cube: CubeMap | Environment, diffuse: str | Method = "auto", glossy: str | Method = "auto"):
         radiance = cube.radiance if isinstance(cube, Environment) else cube
-        super().__init__(radiance, method_name("diffuse", diffuse), method_name("glossy", glossy))
+        super().__init__(
+            radiance,
+            method_name("diffuse", diffuse),
+            method_settings(diffuse),
+            method_name("glossy", glossy),
+            method_settings(glossy),
+        )
 
     @classmethod
     def _wrap(cls, core: _Lighting) -> Lighting:
@@ -79,11 +152,58 @@ class Lighting(_Lighting):
 
     @property
     def methods(self) -> dict[str, Method]:
-        """The method of each step, with the error of its irradiance as measured on this map."""
+        """What "auto" chose for each step, its settings, and the error of the irradiance as measured on this map."""
         return {
-            "diffuse": Method(self._diffuse, error=self._irradiance_error),
-            "glossy": Method(self._glossy),
+            "diffuse": Method(self._diffuse, error=self._irradiance_error, **self._diffuse_settings),
+            "glossy": Method(self._glossy, **self._glossy_settings),
         }
+
+    def prefiltered(
+        self,
+        size: int = 128,
+        levels: int = 7,
+        model: str = "ggx",
+        *,
+        mapping: str | None = None,
+        parameters: Sequence[float] | None = None,
+        wanted: Sequence[int] | None = None,
+        error: float = 0.002,
+    ) -> list[CubeMap | None]:
+        """Maps convolved with a lobe, from sharp to rough, for renderers that look them up by roughness.
+
+        Level k is a CubeMap of faces max(1, size >> k) wide; each texel is the lobe's average around its direction,
+        with the view along it (n = v = r), so that a constant map stays as it is.
+
+        model: "ggx", D(theta/2) cos(theta) with parameter alpha, as Filament, three.js and glTF viewers store it;
+        "phong", cos^p(theta); or "blinn", cos^s(theta/2) cos(theta), Eq. 3 seen along the normal.
+        mapping: how level k of n becomes the parameter. "gltf" (default of ggx): perceptual roughness r = k/(n - 1),
+        alpha = r^2, so a shader reads level r (n - 1). "filament": 2r - r^2 = k/(n - 1). "cmft" (default of phong):
+        p = 1 + 2^(1 + 8 (1 - k/n)). Level 0 of the first two is the map itself.
+        parameters: one a level instead of a mapping (needed for "blinn"); alpha 0 and exponent infinity give the map.
+        wanted: indices of the levels to make; the others are None, and cost nothing.
+        error: mean error of a level by its mean that real maps stay below; smaller takes longer.
+        Raises ValueError for what is none of these.
+        """
+        if parameters is None:
+            if mapping is None and model == "blinn":
+                raise ValueError('model "blinn" needs parameters: an exponent for each level')
+            given = _level_parameters(mapping or ("cmft" if model == "phong" else "gltf"), levels)
+            if mapping is not None and (mapping == "cmft") != (model == "phong"):
+                raise ValueError(f'mapping "{mapping}" is not one of model "{model}"')
+        else:
+            if mapping is not None:
+                raise ValueError("give a mapping or parameters, not both")
+            given = [float(p) for p in parameters]
+            levels = len(given)
+        if size < 1:
+            raise ValueError(f"size must be at least 1, got {size}")
+        chosen = set(range(levels) if wanted is None else wanted)
+        for k in chosen:
+            if not 0 <= k < levels:
+                raise ValueError(f"wanted holds level {k}; there are {levels}")
+        asked = [(parameter, max(1, size >> k), k in chosen) for k, parameter in enumerate(given)]
+        made = _prefilter(self, asked, model, error)
+        return [cube if k in chosen else None for k, cube in enumerate(made)]
 
     def __repr__(self) -> str:
         return f"<fastibl.Lighting diffuse {self.methods['diffuse']}, glossy {self.methods['glossy']}>"

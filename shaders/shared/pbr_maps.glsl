@@ -109,7 +109,7 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
   if (!(sum.w > 1e-12)) return sample_radiance(frame * centre, blur_level(face_size, max(alpha.x, alpha.y)));
   vec3 light = vec3(0.0);
   for (int k = 0; k < 8; ++k) {
-    vec4 tap = ggx_tap(parts[k], centre, lobe.spread);
+    vec4 tap = ggx_tap(lobe, parts[k], centre);
     light += parts[k].w / sum.w * sample_radiance(frame * tap.xyz, blur_level(face_size, tap.w));
   }
   return light;

@@ -89,8 +89,11 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         if (!options.capture) leave_out("the environment is given with its chain");
         break;
       case PassId::irradiance: {
-        line.method = name(options.methods.diffuse);
-        line.error = options.irradiance_error;
+        line.method = described(options.methods.diffuse, options.methods.diffuse_settings);
+        if (const Lighting* l = options.lighting) {
+          line.method = described(l->irradiance.method, l->irradiance.settings);
+          line.error = l->irradiance_error;
+        }
         const bool lit = scene.material.reads_irradiance();
         const bool shadowed = options.cast_shadow && !scene.spheres.empty();
         if (!lit && !shadowed) leave_out("k_L = 0 and no shadow: nothing reads it");
@@ -113,7 +116,12 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
                       : m.diffuse == glm::vec3(0) ? "glossy"
                                                   : "diffuse + glossy";
         if (m.glossy != glm::vec3(0))
-          line.method += " (" + std::string(name(options.methods.glossy)) + ")";
+          line.method +=
+              " (" +
+              (options.lighting
+                   ? described(options.lighting->glossy, options.lighting->glossy_settings)
+                   : described(options.methods.glossy, options.methods.glossy_settings)) +
+              ")";
         break;
       }
       default:

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fastibl/scene/environment.h"
+#include "fastibl/scene/lighting.h"
 #include "fastibl/scene/methods.h"
 #include "fastibl/scene/scene.h"
 
@@ -62,8 +63,8 @@ struct PlanOptions {
   bool track = true;    // poses come from the back picture, not from outside
   bool capture = true;  // the map comes from pictures, not from outside
   bool cast_shadow = true;
-  double error = 0, milliseconds = 0;      // budgets, 0 for none
-  std::optional<double> irradiance_error;  // as measured on the map, where known
+  double error = 0, milliseconds = 0;  // budgets, 0 for none
+  const Lighting* lighting = nullptr;  // as fitted to the map, where there is one
 };
 
 // environment may be null: nothing is known of the light yet.

@@ -6,6 +6,7 @@
 
 #include "fastibl/plan/plan.h"
 #include "fastibl/scene/camera.h"
+#include "fastibl/scene/lighting.h"
 #include "fastibl/scene/object_layer.h"
 #include "fastibl/scene/picture.h"
 #include "fastibl/scene/shadow_map.h"

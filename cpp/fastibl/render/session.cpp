@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "fastibl/core/clock.h"
-#include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
 
 namespace fastibl {
@@ -63,7 +62,7 @@ void Session::update_plan() {
   options.capture = !fixed_environment_;
   options.cast_shadow = options_.cast_shadow;
   options.error = options_.error, options.milliseconds = options_.milliseconds;
-  if (lighting_) options.irradiance_error = lighting_->irradiance_error;
+  options.lighting = lighting_.get();
   plan_ = make_plan(scene_, environment_.get(), options);
 }
 
@@ -149,6 +148,16 @@ void Session::check_frame(const Frame& frame) const {
         "time must not run backwards: ", frame.time, " s after ", last_time_.value_or(0), " s");
 }
 
+LightingOptions Session::lighting_options() const {
+  LightingOptions options;
+  options.diffuse = options_.methods.diffuse;
+  options.diffuse_settings = options_.methods.diffuse_settings;
+  options.glossy = options_.methods.glossy;
+  options.glossy_settings = options_.methods.glossy_settings;
+  options.normalization = options_.methods.normalization;
+  return options;
+}
+
 // Runs a pass; false where it had nothing to do.
 bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose) {
   const auto radiance = [&] {  // null before there is a map: what only glows reads none
@@ -165,23 +174,19 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     case PassId::mips:
       environment_ = capture_->environment();
       return true;
-    case PassId::irradiance: {
-      LightingOptions options;
-      options.diffuse = options_.methods.diffuse;
-      options.glossy = options_.methods.glossy;
-      options.normalization = options_.methods.normalization;
-      lighting_ = std::make_shared<const Lighting>(fit_lighting(radiance(), options));
+    case PassId::irradiance:
+      lighting_ = std::make_shared<const Lighting>(fit_lighting(radiance(), lighting_options()));
       return true;
-    }
     default:
       break;
   }
   if (!lighting_ || lighting_->radiance != radiance()) {
-    // No pass reads the irradiance, but the glossy look-up needs its chain.
-    Lighting chain;
-    chain.glossy = options_.methods.glossy;
-    chain.normalization = options_.methods.normalization;
-    chain.radiance = radiance();
+    Lighting chain;  // no pass reads the irradiance, but the glossy look-up needs its chain
+    if (radiance()) {
+      LightingOptions options = lighting_options();
+      options.irradiance = false;
+      chain = fit_lighting(radiance(), options);
+    }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
   renderer_->run(id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back,

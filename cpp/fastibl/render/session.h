@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "fastibl/capture/capture.h"
+#include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/plan.h"
 #include "fastibl/render/renderer.h"
 #include "fastibl/scene/board.h"
@@ -79,6 +80,7 @@ class Session {
   void update_plan();  // the lines and their errors
   void replan();       // after a change of what is wanted: makes stale what it concerns
   void check_frame(const Frame& frame) const;
+  LightingOptions lighting_options() const;
   bool run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose);
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;

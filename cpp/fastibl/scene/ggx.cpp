@@ -14,20 +14,39 @@ namespace {
 // Texture gradients of the mirror direction over slopes of ±alpha, read as an anisotropic filter
 // does (EXT_texture_filter_anisotropic): N = ⌈longer / shorter⌉ look-ups along the longer one, each
 // of the MIP level of longer / N.
-int gradient_taps(glm::vec3 v, glm::vec2 alpha, int most, std::array<GgxTap, kMostGgxTaps>& taps) {
+void add_gradient_taps(glm::vec3 v, glm::vec2 alpha, int most, GgxTaps& out) {
   const glm::vec3 mirror(-v.x, -v.y, v.z);
   const glm::vec3 dx = 4 * alpha.x * glm::vec3(-v.z, 0, -v.x),
                   dy = 4 * alpha.y * glm::vec3(0, -v.z, -v.y);
   const float lx = glm::length(dx), ly = glm::length(dy);
   const glm::vec3 along = lx > ly ? dx : dy;
   const float longer = std::max({lx, ly, 1e-6f}), shorter = std::max(std::min(lx, ly), 1e-6f);
-  const int count = int(std::min(std::ceil(longer / shorter), float(most)));
-  for (int i = 0; i < count; ++i) {
-    const float at = (float(i) + 0.5f) / float(count) - 0.5f;
-    taps[std::size_t(i)] = {glm::normalize(mirror + at * along), 0.5f * longer / float(count),
-                            1 / float(count)};
+  out.count = int(std::min(std::ceil(longer / shorter), float(most)));
+  for (int i = 0; i < out.count; ++i) {
+    const float at = (float(i) + 0.5f) / float(out.count) - 0.5f;
+    out.taps[std::size_t(i)] = {glm::normalize(mirror + at * along),
+                                0.5f * longer / float(out.count), 1 / float(out.count)};
   }
-  return count;
+}
+
+// Light that the taps do not hold because its sources were taken out of the chain's levels, towards
+// the view (both in the surface's frame).
+glm::vec3 lights_of(const GlossyChain& chain, const SurfaceFrame& frame,
+                    const shared::GgxLobe& lobe, const GgxTaps& taps,
+                    const std::array<float, kMostGgxTaps>& levels) {
+  glm::vec3 sum(0);
+  for (std::size_t i = 0; i < chain.lights.size(); ++i) {
+    float share = 0;
+    for (std::size_t k = 0; k < std::size_t(taps.count); ++k)
+      share += taps.taps[k].weight * shared::light_share(levels[k], chain.light_levels[i]);
+    const Light& light = chain.lights[i];
+    const glm::vec3 local(glm::dot(light.direction, frame.tangent),
+                          glm::dot(light.direction, frame.bitangent),
+                          glm::dot(light.direction, frame.normal));
+    const float deviation = 0.5f * light.angular_radius;
+    sum += (share * shared::ggx_light(lobe, local, deviation * deviation)) * light.flux;
+  }
+  return sum / std::max(taps.albedo, 1e-4f);
 }
 
 glm::vec3 unit_or(glm::vec3 v, glm::vec3 otherwise) {
@@ -46,11 +65,10 @@ glm::vec2 ggx_alpha(float roughness, float anisotropy) {
   return glm::clamp(glm::vec2(along, across), kSmallestAlpha, 1.0f);
 }
 
-int ggx_taps(glm::vec3 view, glm::vec2 alpha, const GgxOptions& options,
-             std::array<GgxTap, kMostGgxTaps>& taps) {
+GgxTaps ggx_taps(glm::vec3 view, glm::vec2 alpha, const GgxOptions& options) {
+  GgxTaps out;
   const int count = std::clamp(options.taps, 1, kMostGgxTaps);
   const shared::GgxLobe lobe = shared::ggx_lobe(view, alpha);
-  if (options.method == GgxMethod::gradient) return gradient_taps(lobe.view, alpha, count, taps);
   std::array<glm::vec4, kMostGgxTaps> parts;
   glm::vec4 sum(0);
   float begin = -1;
@@ -60,16 +78,23 @@ int ggx_taps(glm::vec3 view, glm::vec2 alpha, const GgxOptions& options,
     sum += parts[std::size_t(k)];
     begin = end;
   }
+  out.albedo = sum.w;
+  if (options.method == GgxMethod::gradient) {
+    add_gradient_taps(lobe.view, alpha, count, out);
+    return out;
+  }
   const glm::vec3 centre = shared::ggx_centre(sum, lobe.view);
   if (!(sum.w > 1e-12f)) {
-    taps[0] = {centre, std::max(alpha.x, alpha.y), 1};
-    return 1;
+    out.count = 1;
+    out.taps[0] = {centre, std::max(alpha.x, alpha.y), 1};
+    return out;
   }
-  for (int k = 0; k < count; ++k) {
-    const glm::vec4 tap = shared::ggx_tap(parts[std::size_t(k)], centre, lobe.spread);
-    taps[std::size_t(k)] = {glm::vec3(tap), tap.w, parts[std::size_t(k)].w / sum.w};
+  out.count = count;
+  for (std::size_t k = 0; k < std::size_t(count); ++k) {
+    const glm::vec4 tap = shared::ggx_tap(lobe, parts[k], centre);
+    out.taps[k] = {glm::vec3(tap), tap.w, parts[k].w / sum.w};
   }
-  return count;
+  return out;
 }
 
 SurfaceFrame frame_around(glm::vec3 normal, glm::vec3 tangent) {
@@ -83,18 +108,23 @@ SurfaceFrame frame_around(glm::vec3 normal, glm::vec3 tangent) {
 
 glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm::vec3 view,
                        glm::vec2 alpha, const GgxOptions& options) {
-  std::array<GgxTap, kMostGgxTaps> taps;
   const glm::vec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
                         glm::dot(view, frame.normal));
-  const int count = ggx_taps(local, alpha, options, taps);
+  const GgxTaps taps = ggx_taps(local, alpha, options);
   const CubeMap& map = *lighting.radiance;
+  const GlossyChain* chain = lighting.chain.get();
+  std::array<float, kMostGgxTaps> levels;
   glm::vec3 sum(0);
-  for (int k = 0; k < count; ++k) {
-    const GgxTap& tap = taps[std::size_t(k)];
+  for (std::size_t k = 0; k < std::size_t(taps.count); ++k) {
+    const GgxTap& tap = taps.taps[k];
     const glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
                         tap.direction.z * frame.normal;
-    sum += tap.weight * map.sample(d, shared::blur_level(float(map.size()), tap.width));
+    levels[k] =
+        chain ? chain->level_of(tap.width) : shared::blur_level(float(map.size()), tap.width);
+    sum += tap.weight * (chain ? chain->sample(d, levels[k]) : map.sample(d, levels[k]));
   }
+  if (chain && !chain->lights.empty())
+    sum += lights_of(*chain, frame, shared::ggx_lobe(local, alpha), taps, levels);
   return sum;
 }
 

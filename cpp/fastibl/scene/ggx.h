@@ -39,9 +39,12 @@ struct GgxTap {
   float width;   // standard deviation of the blur along each axis, radians
   float weight;  // of all taps sum to 1
 };
-// Fills `taps` and returns how many.
-int ggx_taps(glm::vec3 unit_view, glm::vec2 alpha, const GgxOptions& options,
-             std::array<GgxTap, kMostGgxTaps>& taps);
+struct GgxTaps {
+  int count = 0;
+  float albedo = 0;  // the lobe's integral, as the taps saw it
+  std::array<GgxTap, kMostGgxTaps> taps;
+};
+GgxTaps ggx_taps(glm::vec3 unit_view, glm::vec2 alpha, const GgxOptions& options);
 
 // Orthonormal, right-handed.
 struct SurfaceFrame {
@@ -52,7 +55,8 @@ struct SurfaceFrame {
 SurfaceFrame frame_around(glm::vec3 unit_normal, glm::vec3 tangent);
 
 // Average of the map over the lobe D G2 of a surface whose Fresnel term is 1, divided by its
-// directional albedo: 1 for a constant map of radiance 1. unit_view: marker frame, surface to eye.
+// directional albedo: 1 for a constant map of radiance 1. Reads the lighting's chain and its lights
+// where it has one, else the MIP levels. unit_view: marker frame, surface to eye.
 glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm::vec3 unit_view,
                        glm::vec2 alpha, const GgxOptions& options = {});
 

@@ -4,18 +4,37 @@ namespace fastibl {
 
 std::string_view name(DiffuseMethod method) {
   switch (method) {
+    case DiffuseMethod::automatic:
+      return "auto";
     case DiffuseMethod::nearest_face:
       return "nearest-face";
     case DiffuseMethod::six_face:
       return "six-face";
     case DiffuseMethod::six_face_exact:
       return "six-face-exact";
-    default:
+    case DiffuseMethod::sh9:
       return "sh9";
+    default:
+      return "irradiance-cube";
   }
 }
-std::string_view name(GlossyMethod) { return "mip"; }
-std::string_view name(Normalization n) { return n == Normalization::energy ? "energy" : "paper"; }
+std::string_view name(GlossyMethod method) {
+  switch (method) {
+    case GlossyMethod::automatic:
+      return "auto";
+    case GlossyMethod::centroid:
+      return "centroid";
+    case GlossyMethod::stretched:
+      return "stretched";
+    case GlossyMethod::sampled:
+      return "sampled";
+    default:
+      return "mip";
+  }
+}
+std::string_view name(Normalization n) {
+  return n == Normalization::energy ? "energy" : n == Normalization::paper ? "paper" : "exact";
+}
 std::string_view name(ShadowMethod method) {
   return method == ShadowMethod::cap_sum ? "cap-sum" : "cap-product";
 }
@@ -27,14 +46,15 @@ std::string_view name(CaptureMethod method) {
 }
 
 DiffuseMethod diffuse_method(std::string_view text) {
+  if (text == "auto") return DiffuseMethod::automatic;
   return method_named(text, kDiffuseMethods, "diffuse");
 }
 GlossyMethod glossy_method(std::string_view text) {
+  if (text == "auto") return GlossyMethod::automatic;
   return method_named(text, kGlossyMethods, "glossy");
 }
 Normalization normalization(std::string_view text) {
-  return method_named(text, std::array{Normalization::energy, Normalization::paper},
-                      "normalization");
+  return method_named(text, kNormalizations, "normalization");
 }
 ShadowMethod shadow_method(std::string_view text) {
   return method_named(text, kShadowMethods, "shadow");
@@ -44,6 +64,22 @@ TrackingMethod tracking_method(std::string_view text) {
 }
 CaptureMethod capture_method(std::string_view text) {
   return method_named(text, kCaptureMethods, "capture");
+}
+
+std::vector<Setting<DiffuseSettings>> settings_of(DiffuseMethod method) {
+  if (method == DiffuseMethod::irradiance_cube)
+    return {{"size", &DiffuseSettings::size, 1, 256, {8, 32}},
+            {"source", &DiffuseSettings::source, 1, 256, {32}}};
+  return {};
+}
+std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
+  const Setting<GlossySettings> lights{"lights", &GlossySettings::lights, 0, 8, {0}};
+  if (method == GlossyMethod::centroid) return {lights};
+  if (method == GlossyMethod::stretched)
+    return {{"taps", &GlossySettings::taps, 2, 4, {2, 4}}, lights};
+  if (method == GlossyMethod::sampled)
+    return {{"taps", &GlossySettings::taps, 1, 1 << 16, {4, 16, 256}}};
+  return {};
 }
 
 }  // namespace fastibl

@@ -1,16 +1,36 @@
-// The named methods that a frame is made with, one of each step.
+// The named methods that a frame is made with, one of each step, and their settings.
 #pragma once
 
 #include <array>
-#include <limits>
+#include <map>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "fastibl/core/check.h"
-#include "fastibl/scene/lighting.h"
 
 namespace fastibl {
 
+enum class DiffuseMethod {
+  automatic,        // by the map, and by how often it will be read
+  nearest_face,     // McGuire et al. 2013: the 1×1 MIP of the face that the normal meets
+  six_face,         // Croubois et al. 2014, Eq. 8 and 9
+  six_face_exact,   // Eq. 8 with W_F of Eq. 7 in closed form
+  sh9,              // Ramamoorthi and Hanrahan 2001: spherical harmonics up to order 2
+  irradiance_cube,  // the cosine summed over a small level, for the texels of a cube map
+};
+enum class GlossyMethod {
+  automatic,
+  mip,        // Eq. 2: one look-up in the MIP chain at the mirror direction
+  centroid,   // one look-up in a chain of round lobes, where and as wide as the lobe is best met
+  stretched,  // two to four of them along the plane of incidence
+  sampled,    // filtered importance sampling, any number of taps
+};
+enum class Normalization {
+  energy,  // the lobe's average: a white surface in a constant map is white
+  paper,   // Eq. 3 as printed: times its directional albedo ρ(θ_v, s)
+  exact,   // Eq. 3 with (s + 2)(s + 4)/(8π(2^{−s/2} + s)): never more light than came
+};
 enum class ShadowMethod {
   cap_sum,      // obstruction of all spheres added, and clamped
   cap_product,  // the product of what each sphere lets through
@@ -19,36 +39,82 @@ enum class TrackingMethod {
   frame_marker,  // the corners of one tag, as the paper's
   board,         // robust refinement over all tags of the board
 };
-inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product};
-inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,
-                                                TrackingMethod::board};
-std::string_view name(ShadowMethod method);
-std::string_view name(TrackingMethod method);
-ShadowMethod shadow_method(
-    std::string_view name);  // throw std::invalid_argument, naming all methods
-TrackingMethod tracking_method(std::string_view name);
-
 // Which camera pictures feed the map.
 enum class CaptureMethod {
   single,      // the paper's: one front picture of one exposure every five seconds
   continuous,  // every picture of both cameras, all exposures merged
 };
+
+// All methods of a step in order of the enum, without `automatic`.
+inline constexpr std::array kDiffuseMethods = {DiffuseMethod::nearest_face, DiffuseMethod::six_face,
+                                               DiffuseMethod::six_face_exact, DiffuseMethod::sh9,
+                                               DiffuseMethod::irradiance_cube};
+inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::centroid,
+                                              GlossyMethod::stretched, GlossyMethod::sampled};
+inline constexpr std::array kNormalizations = {Normalization::energy, Normalization::paper,
+                                               Normalization::exact};
+inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product};
+inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,
+                                                TrackingMethod::board};
 inline constexpr std::array kCaptureMethods = {CaptureMethod::single, CaptureMethod::continuous};
+
+// The public names ("six-face-exact", "auto"), and back: throws std::invalid_argument, naming all.
+std::string_view name(DiffuseMethod method);
+std::string_view name(GlossyMethod method);
+std::string_view name(Normalization normalization);
+std::string_view name(ShadowMethod method);
+std::string_view name(TrackingMethod method);
 std::string_view name(CaptureMethod method);
+DiffuseMethod diffuse_method(std::string_view name);
+GlossyMethod glossy_method(std::string_view name);
+Normalization normalization(std::string_view name);
+ShadowMethod shadow_method(std::string_view name);
+TrackingMethod tracking_method(std::string_view name);
 CaptureMethod capture_method(std::string_view name);
+
+// Each method reads those that settings_of() lists for it; the others are ignored.
+struct DiffuseSettings {
+  int size = 16;    // texels along a face of the irradiance cube
+  int source = 16;  // texels along a face of the level that is summed for it, at most
+  bool operator==(const DiffuseSettings&) const = default;
+};
+struct GlossySettings {
+  int taps = 0;     // look-ups, 0: the method's own number
+  int lights = -1;  // taken out of the map and shaded by themselves, -1: as many as it has, up to 8
+  bool operator==(const GlossySettings&) const = default;
+};
+
+// A setting of a method, by its public name.
+template <typename Settings>
+struct Setting {
+  std::string_view name;
+  int Settings::*value;
+  int least, most;
+  std::vector<int> compared;  // values beside the default that are worth a row where all methods
+                              // are compared
+};
+std::vector<Setting<DiffuseSettings>> settings_of(DiffuseMethod method);
+std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method);
 
 struct Methods {
   TrackingMethod tracking = TrackingMethod::board;
   CaptureMethod capture = CaptureMethod::continuous;
-  DiffuseMethod diffuse = DiffuseMethod::sh9;
-  GlossyMethod glossy = GlossyMethod::mip;
+  DiffuseMethod diffuse = DiffuseMethod::automatic;
+  DiffuseSettings diffuse_settings;
+  GlossyMethod glossy = GlossyMethod::automatic;
+  GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
   ShadowMethod shadow = ShadowMethod::cap_product;
 
   static Methods paper() {
-    return {TrackingMethod::frame_marker, CaptureMethod::single,
-            DiffuseMethod::six_face,      GlossyMethod::mip,
-            Normalization::paper,         ShadowMethod::cap_product};
+    Methods methods;
+    methods.tracking = TrackingMethod::frame_marker;
+    methods.capture = CaptureMethod::single;
+    methods.diffuse = DiffuseMethod::six_face;
+    methods.glossy = GlossyMethod::mip;
+    methods.normalization = Normalization::paper;
+    methods.shadow = ShadowMethod::cap_product;
+    return methods;
   }
   bool operator==(const Methods&) const = default;
 };
@@ -63,6 +129,44 @@ Method method_named(std::string_view text, const std::array<Method, N>& methods,
   }
   check(false, "no ", step, " method \"", text, "\"; there are: ", all);
   return methods[0];
+}
+
+// Settings of a method with these given by name, the rest by default; throws std::invalid_argument
+// for a name that the method does not have, naming those that it has, and for a value out of range.
+template <typename Settings, typename Method>
+Settings settings_with(Method method, const std::map<std::string, int>& given) {
+  const std::vector<Setting<Settings>> all = settings_of(method);
+  Settings settings;
+  for (const auto& [key, value] : given) {
+    std::string names;
+    bool found = false;
+    for (const Setting<Settings>& s : all) {
+      names += (names.empty() ? "" : ", ") + std::string(s.name);
+      if (s.name != key) continue;
+      check(value >= s.least && value <= s.most, "setting ", key, " of ", name(method),
+            " must be from ", s.least, " to ", s.most, ", got ", value);
+      settings.*s.value = value;
+      found = true;
+    }
+    check(found, name(method), " has no setting \"", key,
+          "\"; there are: ", names.empty() ? "none" : names);
+  }
+  return settings;
+}
+template <typename Settings, typename Method>
+std::map<std::string, int> settings_map(Method method, const Settings& settings) {
+  std::map<std::string, int> values;
+  for (const Setting<Settings>& s : settings_of(method))
+    values[std::string(s.name)] = settings.*s.value;
+  return values;
+}
+// "irradiance-cube [size=16, source=16]".
+template <typename Settings, typename Method>
+std::string described(Method method, const Settings& settings) {
+  std::string text;
+  for (const auto& [key, value] : settings_map(method, settings))
+    text += (text.empty() ? " [" : ", ") + key + "=" + std::to_string(value);
+  return std::string(name(method)) + text + (text.empty() ? "" : "]");
 }
 
 }  // namespace fastibl

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "fastibl/core/check.h"
-#include "fastibl/scene/lighting.h"
+#include "fastibl/scene/glossy.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
