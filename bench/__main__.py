@@ -14,7 +14,7 @@ import time
 from .measure import ROOT, cpu, table, write_rows, yardstick_seconds
 from .plot import plot
 
-NAMES = ("lighting", "shadow", "tracking", "frame", "real")
+NAMES = ("lighting", "shadow", "tracking", "frame", "real", "peers")
 
 
 def main(arguments: list[str] | None = None) -> int:

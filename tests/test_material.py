@@ -34,10 +34,10 @@ def square(size=0.1, repeat=1.0, normals=None):
     return fastibl.Mesh(corners * size, [[0, 1, 2], [0, 2, 3]], (corners[:, :2] + 1) / 2 * repeat, normals)
 
 
-def layer_of(mesh, material, source, camera=CAMERA, pose=POSE, backend="cpu"):
+def layer_of(mesh, material, source, camera=CAMERA, pose=POSE, backend="cpu", methods="auto"):
     """(h, w, 4) of the object alone."""
     scene = fastibl.Scene(mesh, material, spheres=0, visibility_rays=0)
-    session = fastibl.Session(scene, fastibl.Rig(camera), environment=source, backend=backend)
+    session = fastibl.Session(scene, fastibl.Rig(camera), environment=source, backend=backend, methods=methods)
     session.process(fastibl.Frame(0.0, back_from_marker=pose))
     layer, out = session.object, np.zeros((camera.height, camera.width, 4))
     h, w = layer.rgba.shape[:2]
@@ -256,6 +256,7 @@ def full_material(anisotropy=0.0):
 
 
 @needs_gl
+@pytest.mark.parametrize("glossy", ["mip", "stretched"])
 @pytest.mark.parametrize(
     "material",
     [
@@ -267,9 +268,9 @@ def full_material(anisotropy=0.0):
     ],
     ids=["metal", "dielectric", "brushed", "textures", "brushed textures"],
 )
-def test_gl_looks_like_the_cpu(material, marked):
-    cpu = layer_of(sphere(), material, marked)
-    gl = layer_of(sphere(), material, marked, backend="gl")
+def test_gl_looks_like_the_cpu(material, glossy, marked):
+    cpu = layer_of(sphere(), material, marked, methods={"glossy": glossy})
+    gl = layer_of(sphere(), material, marked, methods={"glossy": glossy}, backend="gl")
     np.testing.assert_array_equal(cpu[..., 3], gl[..., 3])
     difference = np.abs(cpu - gl)[..., :3] / cpu[..., :3].mean()
     print(f"GL against CPU: mean {difference.mean():.1e}, worst {difference.max():.1e} of the mean")

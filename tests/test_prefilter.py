@@ -197,3 +197,65 @@ def test_bad_input_is_refused(marked):
     same_error(lambda: lighting.prefiltered(8, parameters=[np.nan]), ValueError, "nan")
     same_error(lambda: lighting.prefiltered(8, error=0), ValueError, "error")
     same_error(lambda: lighting.prefiltered(8, 3, wanted=[3]), ValueError, "3")
+
+
+def sampled(cube, taps):
+    return fastibl.Lighting(cube, diffuse="sh9", glossy=fastibl.Method("sampled", taps=taps))
+
+
+def pairs(count, degrees, seed=0):
+    rng = np.random.default_rng(seed)
+    n, t = rng.normal(size=(2, count, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    t = np.cross(n, t)
+    t /= np.linalg.norm(t, axis=1, keepdims=True)
+    angle = np.radians(np.resize(degrees, count))[:, None]
+    return n, np.cos(angle) * n + np.sin(angle) * t
+
+
+@pytest.mark.parametrize("exponent", [2, 32, 512])
+def test_sampled_tends_to_the_truth(exponent):
+    """The error falls with the taps, without a floor: filters shrink to the texels, and texels are read as areas."""
+    cube = fastibl.CubeMap(np.random.default_rng(5).lognormal(sigma=1.5, size=(6, 32, 32, 3)).astype(np.float32))
+    n, v = pairs(40, [0, 30, 60, 80])
+    true = reference.glossy(cube, n, v, exponent, split=8)
+    means = []
+    for taps in (4, 16, 64, 256, 1024, 4096, 16384, 65536):
+        given = sampled(cube, taps).glossy(n, v, float(exponent))
+        means.append(np.sqrt(((given - true) ** 2).mean(axis=-1)).mean() / true.mean())
+    print(f"s={exponent}: " + ", ".join(f"{100 * m:.2f}" for m in means) + " %")
+    assert all(after < 0.7 * before for before, after in zip(means, means[2:], strict=False))  # 16 times the taps
+    assert means[-1] < 0.005
+
+
+def test_sampled_white_furnace_and_limits(marked):
+    n, v = pairs(200, [0, 30, 60, 85, 89.9])
+    for taps in (1, 2, 3, 64):
+        for value in (1.0, 1e-8, 1e8):
+            cube = fastibl.CubeMap(np.full((6, 8, 8, 3), value, np.float32))
+            for exponent in (0.5, 2.0, 64.0, 1e6, np.inf):
+                light = sampled(cube, taps).glossy(n, v, exponent)
+                np.testing.assert_allclose(light / np.float32(value), 1, atol=1e-6)
+        mirror = 2 * (n * v).sum(axis=1, keepdims=True) * n - v
+        np.testing.assert_allclose(sampled(marked, taps).glossy(n, v, np.inf), marked.sample(mirror), atol=1e-4)
+        assert np.isfinite(sampled(marked, taps).glossy(n, -v, 4.0)).all()  # seen from behind
+
+
+def test_sampled_mirrors():
+    """A map and a view mirrored in the same plane: the taps lie alike on both sides of the plane of incidence."""
+    faces = np.random.default_rng(2).lognormal(size=(6, 16, 16, 3))
+    cube = fastibl.CubeMap(faces)
+    d, _, _ = reference.samples(np.zeros((6, 16, 16, 3)))
+    mirrored = fastibl.CubeMap(cube.sample(d * [-1, 1, 1]).reshape(6, 16, 16, 3))
+    n, v = pairs(60, [20, 50, 80])
+    a = sampled(cube, 32).glossy(n, v, 20.0)
+    b = sampled(mirrored, 32).glossy(n * [-1, 1, 1], v * [-1, 1, 1], 20.0)
+    np.testing.assert_allclose(a, b, rtol=2e-3)  # the tangent leans by 1e-4 to one side
+
+
+def test_sampled_settings(marked):
+    assert sampled(marked, 9).methods["glossy"] == fastibl.Method("sampled", taps=9)
+    assert fastibl.Lighting(marked, glossy="sampled").methods["glossy"].settings["taps"] == 64
+    assert fastibl.Method("sampled", taps=256) in fastibl.methods("glossy")
+    same_error(lambda: sampled(marked, 0), ValueError, "taps", "0")
+    same_error(lambda: sampled(marked, 100000), ValueError, "taps", "100000")

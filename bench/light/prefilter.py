@@ -189,3 +189,30 @@ def furnace() -> Iterator[Goal]:
         yield Goal(
             f"{model}: white furnace, worst of all levels, 1e-8 ... 1e8", f"{worst:.1e}", "<= 1e-6", worst <= 1e-6
         )
+
+
+@row("light", "sampled glossy by number of taps")
+def sampled() -> Iterator[Goal]:
+    if not inputs.MAPS:
+        yield skipped("sampled, mean error over s = 2 ... 2048", inputs.NO_MAPS)
+        return
+    n, v = brute.pairs(20)
+    last = np.inf
+    for taps in (4, 16, 64, 256, 1024, 4096):
+        means = {}
+        for name, cube in inputs.real_maps().items():
+            lighting = fastibl.Lighting(cube, diffuse="sh9", glossy=fastibl.Method("sampled", taps=taps))
+            errors = []
+            for s in brute.EXPONENTS:
+                true = brute.glossy(20)[name][s]
+                errors.append(brute.errors(lighting.glossy(n, v, float(s)), true, true.mean()).mean())
+            means[name] = float(np.mean(errors))
+        mean = float(np.mean(list(means.values())))
+        yield Goal(
+            f"sampled, {taps} taps: mean error over s = 2 ... 2048",
+            percent(mean),
+            "falls by half or more" if last < np.inf else "(start)",
+            mean <= 0.5 * last,
+            by_map(means),
+        )
+        last = mean

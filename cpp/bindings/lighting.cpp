@@ -1,9 +1,10 @@
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "fastibl/core/clock.h"
 #include "fastibl/core/parallel.h"
-#include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/scene/glossy.h"
 
 namespace fastibl::bindings {
@@ -109,7 +110,7 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
       .def_property_readonly(
           "sh9",
           [](const Lighting& lighting) {
-            const std::array<glm::dvec3, 9> sh = project_sh9(lighting.radiance->level_at_most(16));
+            const std::array<glm::dvec3, 9> sh = project_sh9(fold(*lighting.radiance, 16));
             Floats out({9, 3});
             for (int i = 0; i < 9; ++i)
               for (int c = 0; c < 3; ++c) out.mutable_at(i, c) = float(sh[std::size_t(i)][c]);
@@ -117,6 +118,26 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
           },
           R"((9, 3) float32: radiance in real, orthonormal spherical harmonics without Condon-Shortley phase, order
 00, 1-1 (y), 10 (z), 11 (x), 2-2 (xy), 2-1 (yz), 20 (3z^2 - 1), 21 (xz), 22 (x^2 - y^2).)")
+      .def(
+          "irradiance_cube",
+          [](const Lighting& lighting, int size, int source) {
+            if (size < 1 || size > 256 || source < 1 || source > 256)
+              throw py::value_error("size and source must be from 1 to 256, got " +
+                                    std::to_string(size) + " and " + std::to_string(source));
+            const py::gil_scoped_release release;
+            const CubeLevel cube = irradiance_cube(fold(*lighting.radiance, source), size);
+            std::vector<glm::vec3> faces;
+            for (int f = 0; f < 6; ++f)
+              for (int y = 0; y < size; ++y)
+                faces.insert(faces.end(), &cube.texel(f, 0, y), &cube.texel(f, 0, y) + size);
+            return CubeMap(size, faces);
+          },
+          py::arg("size") = 16, py::arg("source") = 32,
+          R"(CubeMap whose texels are the irradiance on surfaces that face them: pi for a constant map of radiance 1.
+
+size: texels along a face. source: texels along a face of the MIP level that the cosine is summed over, at most;
+nMAE over seven real maps, median and worst: 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Raises ValueError for
+sizes outside 1 to 256.)")
       .def_property_readonly(
           "plane_irradiance",
           [](const Lighting& l) {
@@ -135,6 +156,37 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
       .def_property_readonly("_glossy",
                              [](const Lighting& l) { return std::string(name(l.glossy)); })
       .def_readonly("_irradiance_error", &Lighting::irradiance_error);
+  module.def(
+      "_seconds_to_fit",
+      [](const CubeMap& cube, const Lighting& like, bool measure_error, int repetitions) {
+        LightingOptions options;
+        options.diffuse = like.irradiance.method;
+        options.diffuse_settings = like.irradiance.settings;
+        options.measure_error = measure_error;
+        const auto map = std::make_shared<const CubeMap>(cube);
+        std::vector<double> seconds;
+        for (int i = 0; i < repetitions; ++i) {
+          const Stopwatch watch;
+          fit_lighting(map, options);
+          seconds.push_back(watch.seconds());
+        }
+        return seconds;
+      },
+      py::arg("cube"), py::arg("like"), py::arg("measure_error"), py::arg("repetitions"),
+      "For benchmarks: times of fit_lighting in C++ by the diffuse method of another Lighting.");
+  module.def(
+      "_seconds_to_sum_cube",
+      [](const CubeMap& cube, int size, int source, int repetitions) {
+        std::vector<double> seconds;
+        for (int i = 0; i < repetitions; ++i) {
+          const Stopwatch watch;
+          irradiance_cube(fold(cube, source), size);
+          seconds.push_back(watch.seconds());
+        }
+        return seconds;
+      },
+      py::arg("cube"), py::arg("size"), py::arg("source"), py::arg("repetitions"),
+      "For benchmarks: times of building an irradiance cube in C++.");
   module.def(
       "directional_albedo",
       [](const py::object& cos_view, float exponent) {

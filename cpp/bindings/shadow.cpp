@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "bindings/numpy.h"
-#include "fastibl/lighting/fit_irradiance.h"
+#include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/shadow/fit_spheres.h"
 #include "fastibl/shadow/sphere_shadow.h"
 
@@ -46,7 +46,7 @@ ShadowMethod require_method(const std::string& text) {
 }
 
 glm::vec3 plane_irradiance(const CubeMap& cube) {
-  return glm::vec3(sum_irradiance(cube, {0, 0, 1}));
+  return glm::vec3(sum_irradiance(fold(cube, 32), {0, 0, 1}));
 }
 
 ShadowMap cast(const CubeMap& cube, const py::object& spheres, const std::string& method,

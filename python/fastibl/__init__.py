@@ -41,7 +41,9 @@ from ._fastibl import (
 )
 from .board import Board
 from .comparison import compare
-from .files import read_environment, read_mesh, read_object, stand
+from .environment_files import read_environment, write_environment
+from .export import export_light
+from .files import read_mesh, read_object, stand
 from .lighting import Lighting, Method, methods
 from .recording import Frame, Recording
 from .session import Session, make_plan
@@ -82,6 +84,7 @@ __all__ = [
     "directional_albedo",
     "due_passes",
     "equirect_from_cubemap",
+    "export_light",
     "fit_spheres",
     "ggx_albedo",
     "make_plan",
@@ -98,6 +101,7 @@ __all__ = [
     "texel_directions",
     "texel_solid_angles",
     "threads",
+    "write_environment",
 ]
 
 

@@ -93,6 +93,10 @@ class CubeMap:
         ...
     def __setstate__(self, arg0: tuple) -> None:
         ...
+    def _rebuild(self) -> None:
+        """
+        Makes all levels anew from the faces: the same map, for timing.
+        """
     def level(self, k: typing.SupportsInt | typing.SupportsIndex) -> numpy.ndarray:
         """
         MIP level k as a read-only view (6, n >> k, n >> k, 3) float32: solid-angle means of level 0.
@@ -125,6 +129,12 @@ class CubeMap:
     def size(self) -> int:
         """
         Face edge n in texels.
+        """
+    @property
+    def tile_versions(self) -> numpy.typing.NDArray[numpy.uint64]:
+        """
+        (6, t, t) uint64, t = min(size, 16): where two maps of one size have the same number, they have the
+        same texels in that part of a face. For what is made from a map, to be renewed only where it changed.
         """
 class Response:
     """
@@ -565,6 +575,14 @@ class _Lighting:
         for a constant map of radiance 1 (six-face: 0.966 to 0.978 of it). Raises ValueError for another shape, TypeError
         for integers or objects.
         """
+    def irradiance_cube(self, size: typing.SupportsInt | typing.SupportsIndex = 16, source: typing.SupportsInt | typing.SupportsIndex = 32) -> CubeMap:
+        """
+        CubeMap whose texels are the irradiance on surfaces that face them: pi for a constant map of radiance 1.
+
+        size: texels along a face. source: texels along a face of the MIP level that the cosine is summed over, at most;
+        nMAE over seven real maps, median and worst: 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Raises ValueError for
+        sizes outside 1 to 256.
+        """
     @property
     def _diffuse(self) -> str:
         ...
@@ -993,6 +1011,14 @@ def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8],
     """
     Corners by edges measured in linear light; list of DetectedTag.
     """
+def _seconds_to_fit(cube: CubeMap, like: _Lighting, measure_error: bool, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    """
+    For benchmarks: times of fit_lighting in C++ by the diffuse method of another Lighting.
+    """
+def _seconds_to_sum_cube(cube: CubeMap, size: typing.SupportsInt | typing.SupportsIndex, source: typing.SupportsInt | typing.SupportsIndex, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    """
+    For benchmarks: times of building an irradiance cube in C++.
+    """
 def _track(tags: typing.Any, start: typing.Any, board: Board, camera: Camera, method: str = 'board', grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8] | None = None) -> Tracked | None:
     """
     Pose from tags [(id, corners (4, 2))]; with a grey picture, their corners are refined first.
@@ -1015,12 +1041,15 @@ def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolu
     extent: half the map's edge in metres, by default 3 times the spheres' half width. centre: (x, y), by default the
     middle of the spheres. The ratio fades to 1 over the outer tenth of the map.
     """
-def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128) -> CubeMap:
+def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128, filter: str = 'area') -> CubeMap:
     """
-    Cube map of an equirectangular picture, area-exact: the energy of each channel is kept.
+    Cube map of an equirectangular picture.
+
+    filter: "area" is exact, the energy of each channel is kept; "point" is one bilinear look-up for each texel, faster,
+    for pictures about as fine as the map.
 
     image: (height, width, 3) any float dtype, linear radiance; z at the top, the centre looks along +y, x grows to
-    the right. size: face edge in texels. Raises ValueError for another shape, TypeError for integers.
+    the right. size: face edge in texels. Raises ValueError for another shape or filter, TypeError for integers.
     """
 def directional_albedo(cos_view: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """

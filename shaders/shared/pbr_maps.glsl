@@ -1,10 +1,9 @@
-// What a pbr material is at a point of the surface, and the light it reads: GLSL's side of shading/shade.cpp.
+// What a pbr material is at a point of the surface, and the light it reads: GLSL's side of shading/shade.cpp and
+// scene/ggx.cpp. Needs shared/radiance.glsl, and for GLOSSY 6 shared/glossy_chain.glsl.
 #include "shared/ggx.glsl"
 #include "shared/material.glsl"
-#include "shared/radiance.glsl"
 uniform sampler2D tangents;  // of the vertices; w: the side of n x t on which v grows
 uniform sampler2D uvs;
-uniform vec3 eye;  // marker frame
 uniform float face_size;
 uniform vec3 base_color, emission;
 uniform float metallic, roughness, normal_scale, anisotropy;
@@ -93,6 +92,16 @@ vec2 sample_ggx_albedo(vec3 view, float rough) {
 #endif
 }
 
+#if GLOSSY == 6
+// GlossyChain::level_of.
+float level_of(float width) {
+  const float finest = 0.022097087;
+  if (width >= finest) return min(1.0 + log2(width / finest), 7.0);
+  float own = min(0.78539816 / face_size, 0.5 * finest);
+  return width > own ? log2(width / own) / log2(finest / own) : 0.0;
+}
+#endif
+
 // Average of the map over the GGX lobe, by eight taps (kGgxTaps).
 vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
   GgxLobe lobe = ggx_lobe(view, alpha);
@@ -106,11 +115,27 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
     begin = end;
   }
   vec3 centre = ggx_centre(sum, lobe.view);
-  if (!(sum.w > 1e-12)) return sample_radiance(frame * centre, blur_level(face_size, max(alpha.x, alpha.y)));
+  bool dark = !(sum.w > 1e-12);  // one tap at the mirror direction
   vec3 light = vec3(0.0);
-  for (int k = 0; k < 8; ++k) {
-    vec4 tap = ggx_tap(lobe, parts[k], centre);
-    light += parts[k].w / sum.w * sample_radiance(frame * tap.xyz, blur_level(face_size, tap.w));
+#if GLOSSY == 6
+  float share[8];
+  for (int j = 0; j < 8; ++j) share[j] = 0.0;
+#endif
+  for (int k = 0; k < (dark ? 1 : 8); ++k) {
+    vec4 tap = dark ? vec4(centre, max(alpha.x, alpha.y)) : ggx_tap(lobe, parts[k], centre);
+    float weight = dark ? 1.0 : parts[k].w / sum.w;
+#if GLOSSY == 6
+    float level = level_of(tap.w);
+    light += weight * sample_chain(frame * tap.xyz, level);
+    for (int j = 0; j < light_count; ++j) share[j] += weight * light_share(level, light_flux[j].w);
+#else
+    light += weight * sample_radiance(frame * tap.xyz, blur_level(face_size, tap.w));
+#endif
   }
+#if GLOSSY == 6
+  for (int j = 0; j < light_count; ++j)
+    light += share[j] * ggx_light(lobe, light_place[j].xyz * frame, light_place[j].w) / max(sum.w, 1e-4) *
+             light_flux[j].rgb;
+#endif
   return light;
 }

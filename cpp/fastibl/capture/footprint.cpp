@@ -16,26 +16,6 @@ constexpr float kClippedShare = 0.01f;  // of a footprint: more makes the sample
 constexpr float kPixelsOfFirst = 8;
 constexpr float kBlendBegin = 1.41421356f, kBlendEnd = 2.82842712f;  // of 1 … 4, by area
 
-#if defined(__GNUC__)
-using Vector4 [[gnu::vector_size(16), gnu::aligned(4)]] = float;
-#else
-struct Vector4 {
-  float v[4];
-  friend Vector4 operator+(Vector4 a, const Vector4& b) {
-    for (int c = 0; c < 4; ++c) a.v[c] += b.v[c];
-    return a;
-  }
-  friend Vector4 operator-(Vector4 a, const Vector4& b) {
-    for (int c = 0; c < 4; ++c) a.v[c] -= b.v[c];
-    return a;
-  }
-  friend Vector4 operator*(float s, Vector4 a) {
-    for (int c = 0; c < 4; ++c) a.v[c] *= s;
-    return a;
-  }
-};
-#endif
-
 // Where texels lie on a level: the index of the upper left pixel, and the way to the next ones.
 FASTIBL_CLONES void place_on_level(const float* __restrict px, const float* __restrict py,
                                    float scale, int width, int height, int lanes,
@@ -52,25 +32,51 @@ FASTIBL_CLONES void place_on_level(const float* __restrict px, const float* __re
   }
 }
 
-FASTIBL_CLONES float largest(const float* __restrict pixels, const int* __restrict seen,
-                             int lanes) {
+// Level of each footprint, in between where two are blended.
+FASTIBL_CLONES void choose_levels(const float* __restrict pixels, const int* __restrict seen,
+                                  int lanes, float last, float* __restrict chosen,
+                                  float* __restrict range) {
   const int n = lanes & ~15;
-  float most[16] = {};
+  float least[16], most[16];
+  for (int k = 0; k < 16; ++k) least[k] = last, most[k] = 0;
   for (int i = 0; i < n; i += 16)
     for (int k = 0; k < 16; ++k) {
-      const float p = seen[i + k] ? pixels[i + k] : 0.0f;
-      most[k] = p > most[k] ? p : most[k];
+      float area = pixels[i + k] * (1 / kPixelsOfFirst), level = 0;
+      for (int step = 1; step < FrameLevels::kMost; ++step) {
+        const float up = area >= 4 ? 1.0f : 0.0f;
+        level += up;
+        area *= up > 0 ? 0.25f : 1.0f;
+      }
+      const float way = (area - kBlendBegin) * (1 / (kBlendEnd - kBlendBegin));
+      level += way > 0 ? (way < 1 ? way : 1.0f) : 0.0f;
+      level = level < last ? level : last;
+      chosen[i + k] = level;
+      least[k] = seen[i + k] && level < least[k] ? level : least[k];
+      most[k] = seen[i + k] && level > most[k] ? level : most[k];
     }
-  for (int k = 1; k < 16; ++k) most[0] = std::max(most[0], most[k]);
-  return most[0];
+  for (int k = 1; k < 16; ++k) {
+    least[0] = least[k] < least[0] ? least[k] : least[0];
+    most[0] = most[k] > most[0] ? most[k] : most[0];
+  }
+  range[0] = least[0], range[1] = most[0];
 }
 
-inline Vector4 bilinear(const float* pixel, std::ptrdiff_t stride, float fx, float fy) {
-  const auto at = [&](std::ptrdiff_t i) -> const Vector4& {
-    return *reinterpret_cast<const Vector4*>(pixel + i);
+// How much each footprint takes of one level.
+FASTIBL_CLONES void weigh_level(const float* __restrict chosen, const int* __restrict seen,
+                                int lanes, float level, float* __restrict weights) {
+  const int n = lanes & ~15;
+  for (int i = 0; i < n; ++i) {
+    const float weight = 1 - std::fabs(chosen[i] - level);
+    weights[i] = seen[i] && weight > 0 ? weight : 0.0f;
+  }
+}
+
+FASTIBL_INLINE Float4 bilinear(const float* pixel, std::ptrdiff_t stride, float fx, float fy) {
+  const auto at = [&](std::ptrdiff_t i) -> const Float4& {
+    return *reinterpret_cast<const Float4*>(pixel + i);
   };
-  const Vector4 upper = at(0) + fx * (at(4) - at(0));
-  const Vector4 lower = at(stride) + fx * (at(stride + 4) - at(stride));
+  const Float4 upper = at(0) + fx * (at(4) - at(0));
+  const Float4 lower = at(stride) + fx * (at(stride + 4) - at(stride));
   return upper + fy * (lower - upper);
 }
 
@@ -83,29 +89,6 @@ FASTIBL_CLONES bool split_channels(const float* __restrict rgba, int lanes,
     any |= rgba[4 * i + 3] > 0;
   }
   return any;
-}
-
-struct Footprint {
-  int level;
-  float blend;  // towards the next level
-};
-Footprint footprint_of(float pixels, int levels) {
-  float area = pixels / kPixelsOfFirst;
-  int level = 0;
-  while (area >= 4 && level < levels - 1) area *= 0.25f, ++level;
-  if (level == levels - 1) return {level, 0};
-  return {level, std::clamp((area - kBlendBegin) / (kBlendEnd - kBlendBegin), 0.0f, 1.0f)};
-}
-
-struct Place {
-  int x, y;
-  float fx, fy;
-};
-Place place(const FrameLevels::Level& level, int k, float px, float py) {
-  const float scale = 1.0f / float(1 << (k + FrameLevels::kFirst));
-  const float x = std::clamp(px * scale - 0.5f, 0.0f, float(level.width - 1));
-  const float y = std::clamp(py * scale - 0.5f, 0.0f, float(level.height - 1));
-  return {int(x), int(y), x - float(int(x)), y - float(int(y))};
 }
 
 }  // namespace
@@ -121,46 +104,50 @@ void sample_footprints(const FrameLevels& levels, const Sightings& s, int count,
   const int lanes = lanes_of(count);
   alignas(64) float rgba[4 * kLanes];
   std::memset(rgba, 0, 4 * sizeof(float) * std::size_t(lanes));
-  const auto store = [&](int i, const Vector4& v) { std::memcpy(&rgba[4 * i], &v, sizeof v); };
-  const bool first_only =
-      levels.count() == 1 || largest(s.pixels, s.seen, lanes) <= kPixelsOfFirst * kBlendBegin;
-  if (first_only) {
-    alignas(64) int index[kLanes];
-    alignas(64) float fx[kLanes], fy[kLanes];
-    const FrameLevels::Level& level = levels.level(0);
-    place_on_level(s.x, s.y, 0.5f, level.width, level.height, lanes, index, fx, fy);
-    const std::ptrdiff_t stride = 4 * (std::ptrdiff_t(level.width) + 1);
-    for (int i = 0; i < count; ++i)
-      if (s.seen[i])
-        store(i, bilinear(&level.pixels[4 * std::size_t(index[i])], stride, fx[i], fy[i]));
-  } else {
-    for (int i = 0; i < count; ++i) {
-      if (!s.seen[i]) continue;
-      const Footprint f = footprint_of(s.pixels[i], levels.count());
-      const auto tap = [&](int k) {
-        const FrameLevels::Level& level = levels.level(k);
-        const Place p = place(level, k, s.x[i], s.y[i]);
-        return bilinear(level.pixel(p.x, p.y), 4 * (std::ptrdiff_t(level.width) + 1), p.fx, p.fy);
-      };
-      Vector4 value = tap(f.level);
-      if (f.blend > 0) value = value + f.blend * (tap(f.level + 1) - value);
-      store(i, value);
+  alignas(64) float chosen[kLanes], weights[kLanes], fx[kLanes], fy[kLanes];
+  alignas(64) int index[kLanes];
+  float range[2];
+  choose_levels(s.pixels, s.seen, lanes, float(levels.count() - 1), chosen, range);
+  const auto each_level = [&](auto&& body) {
+    for (int k = int(range[0]); float(k) < range[1] + 1; ++k) {
+      const FrameLevels::Level& level = levels.level(k);
+      place_on_level(s.x, s.y, 1.0f / float(1 << (k + FrameLevels::kFirst)), level.width,
+                     level.height, lanes, index, fx, fy);
+      weigh_level(chosen, s.seen, lanes, float(k), weights);
+      body(k, level);
     }
-  }
+  };
+  each_level([&](int k, const FrameLevels::Level& level) {
+    const std::ptrdiff_t stride = 4 * (std::ptrdiff_t(level.width) + 1);
+    if (float(k) == range[0] && range[0] == range[1]) {  // most groups
+      for (int i = 0; i < count; ++i)
+        if (s.seen[i]) {
+          const Float4 value =
+              bilinear(&level.pixels[4 * std::size_t(index[i])], stride, fx[i], fy[i]);
+          std::memcpy(&rgba[4 * i], &value, sizeof value);
+        }
+      return;
+    }
+    for (int i = 0; i < count; ++i) {
+      if (!(weights[i] > 0)) continue;
+      Float4 sum;
+      std::memcpy(&sum, &rgba[4 * i], sizeof sum);
+      sum = sum +
+            weights[i] * bilinear(&level.pixels[4 * std::size_t(index[i])], stride, fx[i], fy[i]);
+      std::memcpy(&rgba[4 * i], &sum, sizeof sum);
+    }
+  });
   out.any_clipped = split_channels(rgba, lanes, out.linear);
   if (!out.any_clipped) return;
-  for (auto& channel : out.clipped) std::fill_n(channel, lanes, 0);
-  for (int i = 0; i < count; ++i) {
-    if (!s.seen[i] || !(rgba[4 * i + 3] > 0)) continue;
-    const Footprint f = footprint_of(s.pixels[i], levels.count());
-    const auto share = [&](int k) {
-      const Place p = place(levels.level(k), k, s.x[i], s.y[i]);
-      return levels.clipped_share(k, p.x, p.y, p.fx, p.fy);
-    };
-    glm::vec3 clipped = share(f.level);
-    if (f.blend > 0) clipped += f.blend * (share(f.level + 1) - clipped);
-    for (int c = 0; c < 3; ++c) out.clipped[c][i] = clipped[c] > kClippedShare;
-  }
+  glm::vec3 share[kLanes] = {};
+  each_level([&](int k, const FrameLevels::Level& level) {
+    for (int i = 0; i < count; ++i)
+      if (weights[i] > 0 && rgba[4 * i + 3] > 0)
+        share[i] += weights[i] * levels.clipped_share(k, index[i] % (level.width + 1),
+                                                      index[i] / (level.width + 1), fx[i], fy[i]);
+  });
+  for (int i = 0; i < lanes; ++i)
+    for (int c = 0; c < 3; ++c) out.clipped[c][i] = share[i][c] > kClippedShare;
 }
 
 }  // namespace fastibl

@@ -9,33 +9,6 @@
 namespace fastibl {
 namespace {
 
-constexpr int kClippedCode = 250;  // noise and blur push a clipped pixel a few codes below 255
-// A code's linear value as a multiple of 2⁻²⁶, and above it a count of clipped pixels: one sum of
-// four gives both.
-constexpr int kCountShift = 29;
-constexpr float kUnit = 0x1p26f;
-
-// Sums over 2 × 2 of three channels. The last column of an odd width is repeated by the caller.
-void sum_codes(const std::uint8_t* a, const std::uint8_t* b, const std::uint32_t* table, int count,
-               std::uint32_t* sums) {
-  for (int x = 0; x < count; ++x, a += 6, b += 6, sums += 3)
-    for (int c = 0; c < 3; ++c)
-      sums[c] = (table[a[c]] + table[a[c + 3]]) + (table[b[c]] + table[b[c + 3]]);
-}
-
-// Linear values of a row without clipped pixels; true if there are some.
-FASTIBL_CLONES bool sums_to_pixels(const std::uint32_t* sums, int count, float* pixels) {
-  std::uint32_t any = 0;
-  for (int i = 0; i < 3 * count; ++i) any |= sums[i];
-  constexpr std::uint32_t mask = (1u << kCountShift) - 1;
-  for (int x = 0; x < count; ++x) {
-    for (int c = 0; c < 3; ++c)
-      pixels[4 * x + c] = float(std::int32_t(sums[3 * x + c] & mask)) * (0.25f / kUnit);
-    pixels[4 * x + 3] = 0;
-  }
-  return any >> kCountShift;
-}
-
 // Means of 2 × 2 pixels of four floats.
 FASTIBL_CLONES void halve_row(const float* a, const float* b, int count, float* out) {
   for (int x = 0; x < count; ++x, a += 8, b += 8, out += 4)
@@ -88,40 +61,37 @@ void FrameLevels::make(const Picture& picture, const Response& response, int lev
 void FrameLevels::make_first(const Picture& picture, const Response& response) {
   Level& level = levels_[0];
   if (picture.type == PixelType::uint8) {
-    if (table_.empty() || !(table_response_ == response)) {
-      table_.resize(256);
-      for (int k = 0; k < 256; ++k)
-        table_[std::size_t(k)] =
-            std::uint32_t(double(response.decode(float(k) / 255.0f)) * kUnit + 0.5) +
-            (k >= kClippedCode ? 1u << kCountShift : 0u);
-      table_response_ = response;
-    }
+    if (!table_ || !(table_response_ == response)) table_.emplace(response);
+    table_response_ = response;
     sums_.resize(3 * std::size_t(level.width));
     const int pairs = picture.width / 2;
     for (int y = 0; y < level.height; ++y) {
       const std::uint8_t* a = picture.row(2 * y);
       const std::uint8_t* b = picture.row(std::min(2 * y + 1, picture.height - 1));
-      sum_codes(a, b, table_.data(), pairs, sums_.data());
-      if (pairs < level.width)
-        for (int c = 0; c < 3; ++c)
-          sums_[std::size_t(3 * pairs + c)] =
-              2 * (table_[a[6 * pairs + c]] + table_[b[6 * pairs + c]]);
       float* out = level.pixel(0, y);
-      if (sums_to_pixels(sums_.data(), level.width, out))
-        for (int x = 0; x < level.width; ++x) {
-          const std::uint32_t* s = &sums_[3 * std::size_t(x)];
-          const std::uint32_t counts =
-              packed({s[0] >> kCountShift, s[1] >> kCountShift, s[2] >> kCountShift});
-          level.clipped[level.index(x, y)] = counts;
-          if (counts) out[4 * x + 3] = 1;
-        }
+      bool clean = decode_pairs(*table_, a, b, pairs, sums_.data(), out);
+      // The last column of an odd width stands for two.
+      std::uint8_t last[2][6] = {};
+      if (pairs < level.width) {
+        for (int c = 0; c < 6; ++c)
+          last[0][c] = a[6 * pairs + c % 3], last[1][c] = b[6 * pairs + c % 3];
+        std::uint32_t* scratch = &sums_[3 * std::size_t(pairs)];
+        if (!decode_pairs(*table_, last[0], last[1], 1, scratch, out + 4 * pairs)) clean = false;
+      }
+      if (!clean) {
+        sum_pairs(*table_, a, b, pairs, sums_.data());
+        if (pairs < level.width)
+          sum_pairs(*table_, last[0], last[1], 1, &sums_[3 * std::size_t(pairs)]);
+        mark_clipped(y);
+      }
       repeat_last_column(level, y);
     }
   } else {
     const Image<float> linear = linear_from(picture, response);
     // Float pictures are linear without a white point: nothing in them is clipped.
-    const float limit = picture.type == PixelType::float32 ? std::numeric_limits<float>::infinity()
-                                                           : response.decode(kClippedCode / 255.0f);
+    const float limit = picture.type == PixelType::float32
+                            ? std::numeric_limits<float>::infinity()
+                            : response.decode(CodeTable::kClippedCode / 255.0f);
     for (int y = 0; y < level.height; ++y) {
       for (int x = 0; x < level.width; ++x) {
         float* out = level.pixel(x, y);
@@ -140,6 +110,19 @@ void FrameLevels::make_first(const Picture& picture, const Response& response) {
     }
   }
   repeat_last_row(level);
+}
+
+// Counts of a row of the first level, from its sums.
+void FrameLevels::mark_clipped(int y) {
+  Level& level = levels_[0];
+  float* out = level.pixel(0, y);
+  for (int x = 0; x < level.width; ++x) {
+    const std::uint32_t* s = &sums_[3 * std::size_t(x)];
+    const std::uint32_t counts =
+        packed({CodeTable::count(s[0]), CodeTable::count(s[1]), CodeTable::count(s[2])});
+    level.clipped[level.index(x, y)] = counts;
+    if (counts) out[4 * x + 3] = 1;
+  }
 }
 
 // Means of 2 × 2; an odd last row or column is repeated.

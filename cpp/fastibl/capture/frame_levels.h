@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "fastibl/capture/code_sums.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/picture.h"
 
@@ -39,10 +41,11 @@ class FrameLevels {
  private:
   void resize(int k, int width, int height);
   void make_first(const Picture& picture, const Response& response);
+  void mark_clipped(int y);
   void halve(int k);
   std::vector<Level> levels_;
   int count_ = 0;
-  std::vector<std::uint32_t> table_;  // of 8-bit codes: see make_first
+  std::optional<CodeTable> table_;
   Response table_response_;
   std::vector<std::uint32_t> sums_;  // of a row
 };

@@ -31,15 +31,25 @@ FASTIBL_CLONES int read_times(double* __restrict last_seen, const int* __restric
   return any;
 }
 
-FASTIBL_CLONES void sensor_variance(const float* __restrict linear, const float* __restrict pixels,
-                                    const float* __restrict table, int lanes,
+FASTIBL_CLONES void invert_counts(const float* __restrict pixels, int lanes,
+                                  float* __restrict inverse) {
+  const int n = lanes & ~15;
+  for (int i = 0; i < n; ++i) inverse[i] = 1 / (pixels[i] > 1 ? pixels[i] : 1.0f);
+}
+
+FASTIBL_CLONES void sensor_variance(const float* __restrict linear,
+                                    const float* __restrict inverse_count,
+                                    const float* __restrict terms, int lanes,
                                     float* __restrict variance) {
   const int n = lanes & ~15;
+  static_assert(SensorNoise::kTerms == 5);
+  const float t0 = terms[0], t1 = terms[1], t2 = terms[2], t3 = terms[3], t4 = terms[4];
   for (int i = 0; i < n; ++i) {
     const float y = linear[i] > 0 ? (linear[i] < 1 ? linear[i] : 1.0f) : 0.0f;
-    const float code = table[int(std::sqrt(y) * SensorNoise::kBins)];
-    variance[i] = 0.25f * code +
-                  (0.75f * code + SensorNoise::kShotNoise * linear[i]) / std::max(pixels[i], 1.0f);
+    const float fit = t0 + y * (t1 + y * (t2 + y * (t3 + y * t4)));
+    const float code = fit > SensorNoise::kReadNoise ? fit : SensorNoise::kReadNoise;
+    variance[i] =
+        0.25f * code + (0.75f * code + SensorNoise::kShotNoise * linear[i]) * inverse_count[i];
   }
 }
 
@@ -112,43 +122,58 @@ struct Arrays {
   const std::uint8_t* bound;
 };
 
-struct PartialSums {
-  int count[kPartial], bounds;
-  float angle[kPartial], projected[kPartial], value[3][kPartial], flux[3][kPartial],
-      irradiance[3][kPartial];
+// Of what is summed over a group, each as kPartial sums side by side.
+enum Sum {
+  kCount,
+  kAngle,
+  kProjected,
+  kValue,
+  kFlux = kValue + 3,
+  kIrradiance = kFlux + 3,
+  kSums = kIrradiance + 3
 };
 
-FASTIBL_CLONES void sum_group(const Arrays& in, int count, PartialSums& s) {
+FASTIBL_CLONES int sum_group(const Arrays& in, int count, float* __restrict sums) {
   const int n = std::min(kLanes, lanes_of(count));
   alignas(64) float seen[kLanes];
-  for (int i = 0; i < n; ++i) seen[i] = (i < count) & (in.last_seen[i] > -1e300) ? 1.0f : 0.0f;
-  for (int i = 0; i < n; i += kPartial)
-    for (int k = 0; k < kPartial; ++k) {
-      s.count[k] += int(seen[i + k]);
-      s.angle[k] += seen[i + k] * in.angles[i + k];
-      s.projected[k] += seen[i + k] * in.projected[i + k];
-    }
+  const double* __restrict last_seen = in.last_seen;
+  const float* __restrict angles = in.angles;
+  const float* __restrict projected = in.projected;
+  const std::uint8_t* __restrict bound = in.bound;
+  for (int i = 0; i < n; ++i) seen[i] = (i < count) & (last_seen[i] > -1e300) ? 1.0f : 0.0f;
+  const auto at = [](const float* p) -> const Float16& {
+    return *reinterpret_cast<const Float16*>(p);
+  };
+  const auto add = [&](int which, const Float16& sum) {
+    *reinterpret_cast<Float16*>(sums + which * kPartial) += sum;
+  };
+  Float16 counts = {}, angle = {}, below = {};
+  for (int i = 0; i < n; i += kPartial) {
+    counts += at(seen + i);
+    angle += at(seen + i) * at(angles + i), below += at(seen + i) * at(projected + i);
+  }
+  add(kCount, counts), add(kAngle, angle), add(kProjected, below);
   for (int c = 0; c < 3; ++c) {
-    const float* value = in.value[c];
-    float* sum = s.value[c];
-    float* flux = s.flux[c];
-    float* irradiance = s.irradiance[c];
-    for (int i = 0; i < n; i += kPartial)
-      for (int k = 0; k < kPartial; ++k) {
-        const float v = seen[i + k] * value[i + k];
-        sum[k] += v, flux[k] += v * in.angles[i + k], irradiance[k] += v * in.projected[i + k];
-      }
+    Float16 plain = {}, flux = {}, irradiance = {};
+    for (int i = 0; i < n; i += kPartial) {
+      const Float16 v = at(seen + i) * at(in.value[c] + i);
+      plain += v, flux += v * at(angles + i), irradiance += v * at(projected + i);
+    }
+    add(kValue + c, plain), add(kFlux + c, flux), add(kIrradiance + c, irradiance);
   }
   int bounds = 0;
-  for (int i = 0; i < n; ++i) bounds |= in.bound[i];
-  s.bounds |= bounds;
+  for (int i = 0; i < n; ++i) bounds |= bound[i];
+  return bounds;
 }
 
-template <typename T>
-double total(const T* partial) {
-  double sum = 0;
-  for (int k = 0; k < kPartial; ++k) sum += double(partial[k]);
-  return sum;
+// Pairwise.
+FASTIBL_CLONES void join_sums(float* __restrict sums, float* __restrict total) {
+  for (int i = 0; i < kSums; ++i) {
+    float* s = sums + i * kPartial;
+    for (int k = 0; k < 8; ++k) s[k] += s[k + 8];
+    for (int k = 0; k < 4; ++k) s[k] += s[k + 4];
+    total[i] = (s[0] + s[2]) + (s[1] + s[3]);
+  }
 }
 
 }  // namespace
@@ -156,13 +181,14 @@ double total(const T* partial) {
 bool merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
                    const Samples& samples, const SensorNoise& noise, double time) {
   const int lanes = lanes_of(count);
-  alignas(64) float elapsed[kLanes], sensor[kLanes];
+  alignas(64) float elapsed[kLanes], sensor[kLanes], inverse_count[kLanes];
   alignas(64) int firsts[kLanes], bounds[3][kLanes];
   alignas(64) static constexpr int none[kLanes] = {};
   const int any = read_times(&state.last_seen[first], sightings.seen, time, lanes, elapsed, firsts);
   const int bounded = split_bounds(&state.bound[first], lanes, bounds);
+  invert_counts(sightings.pixels, lanes, inverse_count);
   for (int c = 0; c < 3; ++c) {
-    sensor_variance(samples.linear[c], sightings.pixels, noise.table(), lanes, sensor);
+    sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), lanes, sensor);
     merge_channel({sightings.seen, firsts, elapsed, samples.linear[c], samples.radiance_per_linear,
                    sensor, samples.any_clipped ? samples.clipped[c] : none, lanes},
                   &state.value[c][first], &state.variance[c][first], bounds[c]);
@@ -173,8 +199,8 @@ bool merge_samples(TexelState& state, std::size_t first, int count, const Sighti
 
 TileSums sum_tile(const TexelState& state, std::size_t first, int count, const float* angles,
                   const float* projected) {
-  PartialSums s{};
-  TileSums out;
+  alignas(64) float sums[kSums * kPartial] = {};
+  int bounds = 0;
   for (int group = 0; group < count; group += kLanes) {
     const std::size_t at = first + std::size_t(group);
     const Arrays in{{&state.value[0][at], &state.value[1][at], &state.value[2][at]},
@@ -182,15 +208,18 @@ TileSums sum_tile(const TexelState& state, std::size_t first, int count, const f
                     projected + group,
                     &state.last_seen[at],
                     &state.bound[at]};
-    sum_group(in, count - group, s);
+    bounds |= sum_group(in, count - group, sums);
   }
-  out.count = int(total(s.count));
-  out.angle = total(s.angle), out.projected = total(s.projected);
+  float total[kSums];
+  join_sums(sums, total);
+  TileSums out;
+  out.count = int(total[kCount]);
+  out.angle = double(total[kAngle]), out.projected = double(total[kProjected]);
   for (int c = 0; c < 3; ++c) {
-    out.value[c] = total(s.value[c]), out.flux[c] = total(s.flux[c]);
-    out.irradiance[c] = total(s.irradiance[c]);
+    out.value[c] = double(total[kValue + c]), out.flux[c] = double(total[kFlux + c]);
+    out.irradiance[c] = double(total[kIrradiance + c]);
   }
-  if (s.bounds)  // rare: after the sums, without a loop of its own
+  if (bounds)  // rare: after the sums, by a loop of its own
     for (int i = 0; i < count; ++i) {
       const std::size_t at = first + std::size_t(i);
       if (!state.bound[at]) continue;

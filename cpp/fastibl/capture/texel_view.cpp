@@ -117,34 +117,43 @@ FASTIBL_CLONES int count_seen(const int* seen, int lanes) {
 // side of the picture where they all do; with what is near, the part of the sphere between them
 // bulges a little.
 FASTIBL_CLONES void find_tiles_of(const TexelView::Projection& p, const PictureBounds& bounds,
-                                  const TileOutlines& o, const int* __restrict on_side, int count,
-                                  float* __restrict most_pixels) {
-  const float slope_x = 1 + std::max(std::fabs(bounds.left), std::fabs(bounds.right));
-  const float slope_y = 1 + std::max(std::fabs(bounds.top), std::fabs(bounds.bottom));
-  for (int i = 0; i < count; ++i) {
-    float left = -1e30f, right = -1e30f, top = -1e30f, bottom = -1e30f, front = -1e30f, most = 0;
-    for (int c = 0; c < 4; ++c) {
-      const float x = o.x[c][std::size_t(i)], y = o.y[c][std::size_t(i)],
-                  z = o.z[c][std::size_t(i)];
-      const float scale = p.shifted ? o.inverse_length[c][std::size_t(i)] : 1.0f;
-      const float tx =
-          scale * (p.turn[0][0] * x + p.turn[1][0] * y + p.turn[2][0] * z) + p.shift[0];
-      const float ty =
-          scale * (p.turn[0][1] * x + p.turn[1][1] * y + p.turn[2][1] * z) + p.shift[1];
-      const float tz =
-          scale * (p.turn[0][2] * x + p.turn[1][2] * y + p.turn[2][2] * z) + p.shift[2];
-      left = std::max(left, tx - bounds.left * tz), right = std::max(right, bounds.right * tz - tx);
-      top = std::max(top, ty - bounds.top * tz), bottom = std::max(bottom, bounds.bottom * tz - ty);
-      front = std::max(front, tz);
-      // Beyond this depth's inverse a texel covers more than any level of the picture averages.
-      const float iz = 1 / std::max(tz, 0.02f);
-      most = std::max(most, p.pixels * (iz * iz * iz) * (scale * scale * scale));
+                                  const TileOutlines::Corner (&corners)[4], const float* bulges,
+                                  const float* on_side, int count, float* most_pixels) {
+  const PictureBounds side = bounds;
+  const float slope_x = 1 + std::max(std::fabs(side.left), std::fabs(side.right));
+  const float slope_y = 1 + std::max(std::fabs(side.top), std::fabs(side.bottom));
+  const float t00 = p.turn[0][0], t01 = p.turn[0][1], t02 = p.turn[0][2];
+  const float t10 = p.turn[1][0], t11 = p.turn[1][1], t12 = p.turn[1][2];
+  const float t20 = p.turn[2][0], t21 = p.turn[2][1], t22 = p.turn[2][2];
+  const float s0 = p.shift[0], s1 = p.shift[1], s2 = p.shift[2], texel = p.pixels;
+  const auto greater = [](const Float16& u, const Float16& v) -> Float16 { return u > v ? u : v; };
+  const Float16 none = {};
+  for (int i = 0; i < count; i += 16) {
+    const auto at = [i](const auto& values) -> const Float16& {
+      return *reinterpret_cast<const Float16*>(&values[std::size_t(i)]);
+    };
+    Float16 left = none - 1e30f, right = left, top = left, bottom = left, front = left, most = none;
+    for (const TileOutlines::Corner& c : corners) {
+      const Float16 &x = at(c.x), &y = at(c.y), &z = at(c.z);
+      const Float16 scale = p.shifted ? at(c.scale) : none + 1.0f;
+      const Float16 tx = scale * (t00 * x + t10 * y + t20 * z) + s0;
+      const Float16 ty = scale * (t01 * x + t11 * y + t21 * z) + s1;
+      const Float16 tz = scale * (t02 * x + t12 * y + t22 * z) + s2;
+      left = greater(left, tx - side.left * tz), right = greater(right, side.right * tz - tx);
+      top = greater(top, ty - side.top * tz), bottom = greater(bottom, side.bottom * tz - ty);
+      front = greater(front, tz);
+      // At less depth a texel covers more than any level of the picture averages.
+      const Float16 ratio = scale / greater(tz, none + 0.02f);
+      most = greater(most, texel * ratio * ratio * ratio);
     }
-    const float bulge = p.shifted ? o.bulge[std::size_t(i)] : 0.0f;
-    const bool seen = (left + bulge * slope_x >= 0) & (right + bulge * slope_x >= 0) &
-                      (top + bulge * slope_y >= 0) & (bottom + bulge * slope_y >= 0) &
-                      (front + bulge >= 0) & (on_side[i] != 0);
-    most_pixels[i] = std::max(most_pixels[i], seen ? most : 0.0f);
+    const Float16 bulge = p.shifted ? at(bulges) : none;
+    const Float16 x = bulge * slope_x, y = bulge * slope_y;
+    most = left + x >= 0.0f ? most : none, most = right + x >= 0.0f ? most : none;
+    most = top + y >= 0.0f ? most : none, most = bottom + y >= 0.0f ? most : none;
+    most = front + bulge >= 0.0f ? most : none;
+    most *= at(on_side);
+    Float16& out = *reinterpret_cast<Float16*>(most_pixels + i);
+    out = greater(out, most);
   }
 }
 
@@ -162,14 +171,18 @@ TileOutlines::TileOutlines(TileGrid tiles) : grid(tiles) {
     float smallest = 1, lowest = 1, highest = -1;
     for (int c = 0; c < 4; ++c) {
       const glm::vec3& d = ends[c];
-      x[c].push_back(d.x), y[c].push_back(d.y), z[c].push_back(d.z);
-      inverse_length[c].push_back(1 / glm::length(d));
+      corners[c].x.push_back(d.x), corners[c].y.push_back(d.y), corners[c].z.push_back(d.z);
+      corners[c].scale.push_back(1 / glm::length(d));
       smallest = std::min(smallest, glm::dot(glm::normalize(d), middle));
       lowest = std::min(lowest, d.z), highest = std::max(highest, d.z);
     }
     bulge.push_back(1 - smallest);
-    above.push_back(highest > 0), below.push_back(lowest < 0);
+    above.push_back(highest > 0 ? 1.0f : 0.0f), below.push_back(lowest < 0 ? 1.0f : 0.0f);
   }
+  const std::size_t padded = std::size_t(lanes_of(grid.count()));
+  for (Corner& c : corners)
+    for (auto* values : {&c.x, &c.y, &c.z, &c.scale}) values->resize(padded, 1.0f);
+  bulge.resize(padded, 0.0f), above.resize(padded, 0.0f), below.resize(padded, 0.0f);
 }
 
 PictureBounds picture_bounds(const Camera& camera, const Lens& lens) {
@@ -233,11 +246,13 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
 }
 
 void TexelView::find_tiles(const TileOutlines& outlines, std::vector<float>& most_pixels) const {
-  const int count = outlines.grid.count();
-  most_pixels.assign(std::size_t(count), 0.0f);
-  find_tiles_of(above_, bounds_, outlines, outlines.above.data(), count, most_pixels.data());
+  const int count = int(outlines.bulge.size());
+  most_pixels.assign(outlines.bulge.size(), 0.0f);
+  find_tiles_of(above_, bounds_, outlines.corners, outlines.bulge.data(), outlines.above.data(),
+                count, most_pixels.data());
   if (sees_plane_)
-    find_tiles_of(below_, bounds_, outlines, outlines.below.data(), count, most_pixels.data());
+    find_tiles_of(below_, bounds_, outlines.corners, outlines.bulge.data(), outlines.below.data(),
+                  count, most_pixels.data());
 }
 
 bool TexelView::see(const TexelGroup& group, Sightings& s) const {

@@ -35,13 +35,17 @@ struct TexelGroup {
 
 // Corners of all tiles of a map, for leaving out those that a picture cannot see.
 struct TileOutlines {
-  explicit TileOutlines(TileGrid grid);
+  explicit TileOutlines(TileGrid grid);  // arrays are as long as fills vectors
 
+  struct Corner {
+    std::vector<float> x, y, z;  // direction, 1 along the face's axis
+    std::vector<float> scale;    // 1 / its length
+  };
   TileGrid grid;
-  std::vector<float> x[4], y[4], z[4];  // directions, 1 along the face's axis
-  std::vector<float> inverse_length[4];
+  Corner corners[4];
   std::vector<float> bulge;  // by how far the unit sphere lies beyond the corners' plane, at most
-  std::vector<int> above, below;  // whether the tile has texels on this side of the horizon
+  std::vector<float> above,
+      below;  // 0 or 1: whether the tile has texels on this side of the horizon
 };
 
 struct Sightings {

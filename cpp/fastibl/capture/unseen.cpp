@@ -11,11 +11,12 @@ namespace {
 
 // Share by which a source moves before what it stands for follows: far less than what is not known
 // there.
-constexpr float kMoved = 0.005f;
-constexpr float kMidGrey = 0.5f;  // of the sky before any picture
+constexpr float kMoved = 0.02f;
+constexpr float kMovedHalf = 0.005f;  // the same of what stands for half the sphere
+constexpr float kMidGrey = 0.5f;      // of the sky before any picture
 
-bool moved(const glm::vec3& from, const glm::vec3& to) {
-  const glm::vec3 difference = glm::abs(to - from), limit = kMoved * glm::abs(from);
+bool moved(const glm::vec3& from, const glm::vec3& to, float share) {
+  const glm::vec3 difference = glm::abs(to - from), limit = share * glm::abs(from);
   return difference.x > limit.x || difference.y > limit.y || difference.z > limit.z;
 }
 
@@ -64,7 +65,7 @@ void UnseenTiles::add_source(int tile) {
 void UnseenTiles::fill_half(bool above, glm::vec3 value, std::vector<int>& refilled) {
   for (int tile = 0; tile < grid_.count(); ++tile) {
     glm::vec3& fill = fill_[std::size_t(tile)];
-    if (bool(above_[std::size_t(tile)]) != above || !moved(fill, value)) continue;
+    if (bool(above_[std::size_t(tile)]) != above || !moved(fill, value, kMovedHalf)) continue;
     fill = value;
     refilled.push_back(tile);
   }
@@ -90,7 +91,7 @@ void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSum
     const bool first = source_[i] != tile;
     if (first) add_source(tile);
     seen_[above_[i]] = true;
-    if (!first && !moved(mean_[i], mean)) continue;
+    if (!first && !moved(mean_[i], mean, kMoved)) continue;
     mean_[i] = mean;
     any = true;
   }

@@ -11,6 +11,18 @@
 #define FASTIBL_CLONES
 #endif
 
+// Numbers side by side, for loops that are to be vectorised in one certain way; at any address of a
+// float. Wider than the processor's they are worked on in parts.
+#if defined(__GNUC__)
+namespace fastibl {
+using Float4 [[gnu::vector_size(16), gnu::aligned(4)]] = float;
+using Float8 [[gnu::vector_size(32), gnu::aligned(4)]] = float;
+using Float16 [[gnu::vector_size(64), gnu::aligned(4)]] = float;
+}  // namespace fastibl
+#else
+#error "fastibl needs the vector types of GCC or Clang"
+#endif
+
 // For short helpers of such functions: inlined, they are compiled as their caller is.
 #if defined(__GNUC__)
 #define FASTIBL_INLINE inline __attribute__((always_inline))

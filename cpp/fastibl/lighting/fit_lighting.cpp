@@ -3,6 +3,7 @@
 #include "fastibl/core/check.h"
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
+#include "fastibl/lighting/irradiance_sums.h"
 
 namespace fastibl {
 namespace {
@@ -20,27 +21,35 @@ bool reads_chain(GlossyMethod method) {
   return method == GlossyMethod::centroid || method == GlossyMethod::stretched;
 }
 
-void fit_chain(Lighting& lighting, std::span<const Light> previous) {
+void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
+  const int most = lighting.glossy_settings.lights;
+  if (previous && previous->map == lighting.radiance && previous->most_lights == most) {
+    lighting.chain = previous;
+    return;
+  }
   const CubeLevel source = working_level(*lighting.radiance);
-  lighting.chain = fit_glossy_chain(
-      lighting.radiance, source,
-      find_lights(*lighting.radiance, source, lighting.glossy_settings.lights, previous));
+  const std::span<const Light> followed = previous ? previous->lights : std::span<const Light>();
+  const std::vector<FoundLight> lights = find_lights(*lighting.radiance, source, most, followed);
+  std::shared_ptr<GlossyChain> chain = fit_glossy_chain(lighting.radiance, source, lights);
+  chain->most_lights = most;
+  lighting.chain = std::move(chain);
 }
 
 Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options) {
   check(radiance && radiance->size() > 0, "lighting needs a map");
   Lighting lighting;
-  lighting.glossy = options.glossy == GlossyMethod::automatic ? GlossyMethod::mip : options.glossy;
+  lighting.glossy =
+      options.glossy == GlossyMethod::automatic ? GlossyMethod::stretched : options.glossy;
   lighting.glossy_settings = resolved(lighting.glossy, options.glossy_settings);
   lighting.normalization = options.normalization;
   if (options.irradiance) {
     lighting.irradiance = fit_irradiance(*radiance, options.diffuse, options.diffuse_settings);
-    lighting.plane_irradiance = glm::vec3(sum_irradiance(*radiance, {0, 0, 1}));
-    if (options.measure_error)
-      lighting.irradiance_error = measure_error(lighting.irradiance, *radiance);
+    const FoldedMap map = fold(*radiance, kPlaneSize);
+    lighting.plane_irradiance = glm::vec3(sum_irradiance(map, {0, 0, 1}));
+    if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);
   }
   lighting.radiance = std::move(radiance);
-  if (options.chain && reads_chain(lighting.glossy)) fit_chain(lighting, options.previous_lights);
+  if (options.chain && reads_chain(lighting.glossy)) fit_chain(lighting, options.previous);
   return lighting;
 }
 

@@ -2,8 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <span>
-#include <vector>
 
 #include "fastibl/scene/lighting.h"
 
@@ -15,7 +13,8 @@ struct LightingOptions {
   GlossyMethod glossy = GlossyMethod::automatic;
   GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
-  std::vector<Light> previous_lights;  // of an earlier frame: they are followed
+  // Of an earlier frame: its lights are followed, and it is kept where the map is the same.
+  std::shared_ptr<const GlossyChain> previous;
   bool irradiance = true;     // false: only what glossy surfaces read
   bool chain = true;          // false: nothing glossy will be shaded
   bool measure_error = true;  // also compare the irradiance with a sum over the 16² level (0.2 ms)
@@ -24,6 +23,6 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
 
 // Whether a method reads Lighting::chain; adds it to a lighting without.
 bool reads_chain(GlossyMethod method);
-void fit_chain(Lighting& lighting, std::span<const Light> previous = {});
+void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous = nullptr);
 
 }  // namespace fastibl

@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/simd.h"
@@ -51,13 +52,6 @@ const std::array<std::array<EdgeNeighbour, 4>, 6>& edge_neighbours() {
   return table;
 }
 
-// Whether all values are as they should be: without a branch, so that it is vectorised.
-FASTIBL_CLONES bool all_clean(const float* values, int count) {
-  int bad = 0;
-  for (int i = 0; i < count; ++i) bad |= !(values[i] >= 0 && values[i] <= kRadianceCap);
-  return bad == 0;
-}
-
 }  // namespace
 
 FacePoint face_point(glm::vec3 d) {
@@ -102,10 +96,18 @@ double texel_solid_angle(int x, int y, int size) {
 std::vector<double> texel_solid_angles(int size) {
   const int n = size;
   std::vector<double> corners(std::size_t(n + 1) * std::size_t(n + 1)), angles(std::size_t(n) * n);
-  for (int y = 0; y <= n; ++y)
-    for (int x = 0; x <= n; ++x)
-      corners[std::size_t(y) * (n + 1) + std::size_t(x)] =
-          corner_angle(2.0 * x / n - 1, 2.0 * y / n - 1);
+  const auto corner = [&](int x, int y) -> double& {
+    return corners[std::size_t(y) * std::size_t(n + 1) + std::size_t(x)];
+  };
+  // Odd in both coordinates, and the same when they change places: an eighth is worked out.
+  for (int y = (n + 1) / 2; y <= n; ++y)
+    for (int x = y; x <= n; ++x) {
+      const double value = corner_angle(2.0 * x / n - 1, 2.0 * y / n - 1);
+      for (const auto& [u, v] : {std::pair{x, y}, std::pair{y, x}}) {
+        corner(u, v) = corner(n - u, n - v) = value;
+        corner(n - u, v) = corner(u, n - v) = -value;
+      }
+    }
   for (int y = 0; y < n; ++y)
     for (int x = 0; x < n; ++x) {
       const double* c = &corners[std::size_t(y) * (n + 1) + std::size_t(x)];
@@ -176,6 +178,13 @@ float clean_radiance(float value, CleaningStatistics& statistics) {
   }
   ++statistics.capped;
   return kRadianceCap;
+}
+
+// Without a branch, so that it is vectorised.
+FASTIBL_CLONES bool all_clean(const float* values, int count) {
+  int bad = 0;
+  for (int i = 0; i < count; ++i) bad |= !(values[i] >= 0 && values[i] <= kRadianceCap);
+  return bad == 0;
 }
 
 std::uint64_t new_tile_version() {
@@ -274,10 +283,13 @@ glm::dvec3 CubeMap::mean() const {
   const CubeLevel& base = levels_.front();
   const std::vector<double> angle = texel_solid_angles(base.size());
   for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < base.size(); ++y)
-      for (int x = 0; x < base.size(); ++x)
-        sum +=
-            angle[std::size_t(y) * base.size() + std::size_t(x)] * glm::dvec3(base.texel(f, x, y));
+    for (int y = 0; y < base.size(); ++y) {
+      const double* a = &angle[std::size_t(y) * std::size_t(base.size())];
+      const glm::vec3* row = &base.texel(f, 0, y);
+      glm::dvec3 part[4] = {};  // side by side: additions do not wait for each other
+      for (int x = 0; x < base.size(); ++x) part[x & 3] += a[x] * glm::dvec3(row[x]);
+      sum += part[0] + part[1] + (part[2] + part[3]);
+    }
   return sum / (4 * std::numbers::pi);
 }
 

@@ -82,6 +82,7 @@ struct CleaningStatistics {
 };
 inline constexpr float kRadianceCap = 1e9f;  // its square still sums in float32 without overflow
 float clean_radiance(float value, CleaningStatistics& statistics);
+bool all_clean(const float* values, int count);
 
 // A number that no tile of any map has yet.
 std::uint64_t new_tile_version();

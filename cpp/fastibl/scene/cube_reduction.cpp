@@ -11,19 +11,12 @@
 namespace fastibl {
 namespace {
 
-#if defined(__GNUC__) && __has_builtin(__builtin_shufflevector)
-using Float8 [[gnu::vector_size(32), gnu::aligned(4)]] = float;
-using Float4 [[gnu::vector_size(16), gnu::aligned(4)]] = float;
-#define FASTIBL_SHUFFLES
-#endif
-
 // `upper` and `lower` hold two texels a coarse one, in weights each: w_u u + w_l l of the left
 // pair, plus that of the right pair.
 FASTIBL_CLONES void reduce_row(const float* upper, const float* lower, const float* upper_weights,
                                const float* lower_weights, int count, float* out) {
   const float *u = upper, *l = lower, *wu = upper_weights, *wl = lower_weights;
   int x = 0;
-#ifdef FASTIBL_SHUFFLES
   const auto at = [](const float* p) -> const Float8& {
     return *reinterpret_cast<const Float8*>(p);
   };
@@ -39,7 +32,6 @@ FASTIBL_CLONES void reduce_row(const float* upper, const float* lower, const flo
                         __builtin_shufflevector(c, c, 1, 5, 6, 7, 0, 0, 0, 0);
     *reinterpret_cast<Float4*>(out + 8) = __builtin_shufflevector(last, last, 0, 1, 2, 3);
   }
-#endif
   for (; x < count; ++x, u += 6, l += 6, wu += 6, wl += 6, out += 3)
     for (int c = 0; c < 3; ++c)
       out[c] = (u[c] * wu[c] + l[c] * wl[c]) + (u[3 + c] * wu[3 + c] + l[3 + c] * wl[3 + c]);

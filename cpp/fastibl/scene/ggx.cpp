@@ -43,7 +43,7 @@ glm::vec3 lights_of(const GlossyChain& chain, const SurfaceFrame& frame,
     const glm::vec3 local(glm::dot(light.direction, frame.tangent),
                           glm::dot(light.direction, frame.bitangent),
                           glm::dot(light.direction, frame.normal));
-    const float deviation = 0.5f * light.angular_radius;
+    const float deviation = std::max(0.5f * light.angular_radius, 1e-3f);
     sum += (share * shared::ggx_light(lobe, local, deviation * deviation)) * light.flux;
   }
   return sum / std::max(taps.albedo, 1e-4f);

@@ -59,8 +59,9 @@ glm::vec3 filtered(const CubeMap& map, glm::vec3 l, float solid_angle, float nea
   const float texel = 4 / (n * n) * major * major * major;
   const float level = 0.5f * std::log2(std::max(solid_angle, 1e-30f) / texel);
   if (level >= 0 || nearest <= 0) return map.sample(l, level);
-  // Finer than a texel: from the blend between texels to the texel, over one level.
-  const float share = nearest * std::min(-level, 1.0f);
+  // From the blend between texels to the texels themselves where four to sixteen taps fall on each:
+  // fewer would count them unevenly.
+  const float share = nearest * std::clamp(-level - 1, 0.0f, 1.0f);
   const glm::vec3 texels = nearest_texel(map.level(0), l);
   return share >= 1 ? texels : glm::mix(map.sample(l, 0), texels, share);
 }
@@ -70,7 +71,7 @@ glm::vec3 filtered(const CubeMap& map, glm::vec3 l, float solid_angle, float nea
 glm::vec3 incidence(glm::vec3 n, glm::vec3 v) {
   const glm::vec3 along = v - glm::dot(v, n) * n;
   constexpr glm::vec3 axis(0.36f, 0.48f, 0.8f);
-  const glm::vec3 t = along + 1e-4f * (axis - glm::dot(axis, n) * n);
+  const glm::vec3 t = along + 1e-5f * (axis - glm::dot(axis, n) * n);
   const float length = glm::length(t);
   return length > 1e-12f ? t / length : glm::vec3(0.8f, -0.6f, 0);
 }
@@ -81,7 +82,7 @@ glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 n, glm::vec3 v, float s, in
   const glm::vec3 mirror = 2 * glm::dot(n, v) * n - v;
   // Lobes narrower than texels blend between them, as a mirror does: 2/√(s + 1) is their width.
   const float texels = 2 / std::sqrt(s + 1) * float(map.size()) / (kPi / 2);
-  const float nearest = std::clamp(texels - 1, 0.0f, 1.0f);
+  const float nearest = std::clamp(2 * texels - 1, 0.0f, 1.0f);
   if (std::isinf(s)) return map.sample(mirror, 0);
   thread_local Lattice lattice;
   lattice.set(s, taps);

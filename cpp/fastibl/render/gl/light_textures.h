@@ -5,6 +5,7 @@
 
 #include "fastibl/render/gl/gpu.h"
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/glossy.h"
 #include "fastibl/scene/lighting.h"
 
 namespace fastibl {
@@ -16,14 +17,20 @@ class LightTextures {
   // Any diffuse method as a cube map: what has no shader of its own is one look-up.
   void upload_baked(Gpu& gpu, const Irradiance& irradiance);
 
+  // The round lobes, and the map that is their level 0.
+  void upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyChain>& chain);
+
   // What was uploaded last, for the program in use.
   void bind_radiance(Gpu& gpu, const Program& p) const;
+  void bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe);
+  void bind_lobes(Gpu& gpu, const Program& p) const;  // of the chain, and its lights
   void bind_baked(Gpu& gpu, const Program& p) const;
 
  private:
-  Texture cube_, baked_;
+  Texture cube_, baked_, lobes_, first_lobe_, table_;
   // That is in cube_; kept alive, so its address is its own.
   std::shared_ptr<const CubeMap> radiance_;
+  std::shared_ptr<const GlossyChain> chain_;  // that is in lobes_
   float radiance_scale_ = 1, baked_scale_ = 1;
 };
 

@@ -32,6 +32,18 @@ int diffuse_variant(DiffuseMethod method) {
   }
 }
 
+// Values of GLOSSY in shade.frag.glsl.
+enum class GlossyVariant { none, mip, matte, chain, nearly_matte };
+
+GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
+  if (!lit(material.glossy)) return GlossyVariant::none;
+  if (material.exponent == 0) return GlossyVariant::matte;
+  if (method == GlossyMethod::mip) return GlossyVariant::mip;
+  check(method == GlossyMethod::centroid || method == GlossyMethod::stretched,
+        "the GL back end has no glossy method ", name(method));
+  return material.exponent < 1 ? GlossyVariant::nearly_matte : GlossyVariant::chain;
+}
+
 Pose camera_from_object(const RenderInput& in) {
   return in.camera_from_marker * in.scene.marker_from_object;
 }
@@ -101,35 +113,48 @@ void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& out
 
 void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   const Material& m = in.scene.material;
-  const bool diffuse = lit(m.diffuse), glossy = lit(m.glossy), matte = glossy && m.exponent == 0;
-  const bool paper = in.lighting.normalization == Normalization::paper && glossy && !matte;
+  const bool paper =
+      in.lighting.normalization != Normalization::energy && lit(m.glossy) && m.exponent != 0;
+  const GlossyVariant glossy = glossy_variant(m, in.lighting.glossy);
+  const bool matte = glossy == GlossyVariant::matte || glossy == GlossyVariant::nearly_matte;
   const Irradiance& e = in.lighting.irradiance;
-  const int variant = diffuse || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
-  const Program& p = gpu.use("shade", {"DIFFUSE " + std::to_string(variant),
-                                       matte    ? "GLOSSY 2"
-                                       : glossy ? "GLOSSY 1"
-                                                : "GLOSSY 0",
-                                       paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
+  const int variant =
+      lit(m.diffuse) || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
+  const Program& p = gpu.use(
+      "shade", {"DIFFUSE " + std::to_string(variant), "GLOSSY " + std::to_string(int(glossy)),
+                paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
   set(p, "emission", m.emission);
   set(p, "diffuse_albedo", m.diffuse);
   set(p, "glossy_albedo", m.glossy);
   set_irradiance(gpu, light, p, variant, e);
-  if (glossy && !matte) {
-    check(in.lighting.glossy == GlossyMethod::mip, "the GL back end has no glossy method ",
-          name(in.lighting.glossy));
-    light.upload_radiance(gpu, in.lighting.radiance);
-    glUseProgram(p.id());
-    light.bind_radiance(gpu, p);
-    set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
-    glUniform1f(p.uniform("level"),
-                shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
+  switch (glossy) {
+    case GlossyVariant::none:
+    case GlossyVariant::matte:
+      break;
+    case GlossyVariant::mip:
+      light.upload_radiance(gpu, in.lighting.radiance);
+      glUseProgram(p.id());
+      light.bind_radiance(gpu, p);
+      glUniform1f(p.uniform("level"),
+                  shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
+      break;
+    case GlossyVariant::chain:
+    case GlossyVariant::nearly_matte:
+      light.upload_chain(gpu, in.lighting.chain);
+      glUseProgram(p.id());
+      light.bind_chain(gpu, p,
+                       GlossyLobe(*in.lighting.chain, in.lighting.glossy_settings.taps,
+                                  std::max(m.exponent, 1.0f)));
+      glUniform1f(p.uniform("matte_share"), std::max(1 - m.exponent, 0.0f));
   }
+  set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
   if (paper) {
     if (!albedo_.id)
       gpu.allocate(albedo_, GL_R32F, kAlbedoTableSize, kAlbedoTableSize, GL_RED, GL_FLOAT,
                    albedo_table().data());
     gpu.bind("albedo_table", albedo_);
     glUniform1f(p.uniform("albedo_row"), shared::albedo_coordinate(m.exponent));
+    glUniform1f(p.uniform("albedo_scale"), albedo_scale(in.lighting.normalization, m.exponent));
   }
   draw_layer(gpu, p, in);
 }
@@ -144,11 +169,15 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   const auto has = [](const char* name, bool there) {
     return name + std::string(there ? " 1" : " 0");
   };
-  light.upload_radiance(gpu, in.lighting.radiance);
+  const bool chain = in.lighting.chain != nullptr;
+  if (chain)
+    light.upload_chain(gpu, in.lighting.chain);
+  else
+    light.upload_radiance(gpu, in.lighting.radiance);
   material_.upload(gpu, in.scene.material);
   const Program& p =
-      gpu.use("shade", {"DIFFUSE " + std::to_string(variant), "GLOSSY 3",
-                        has("BASE_COLOR_MAP", m.base_color_map != nullptr),
+      gpu.use("shade", {"DIFFUSE " + std::to_string(variant), chain ? "GLOSSY 6" : "GLOSSY 5",
+                        "PAPER 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
                         has("METALLIC_MAP", m.metallic_map != nullptr),
                         has("ROUGHNESS_MAP", m.roughness_map != nullptr),
                         has("EMISSION_MAP", m.emission_map != nullptr),
@@ -156,7 +185,10 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
                         has("ANISOTROPIC", m.anisotropy > 0), distortion(in.camera)});
   set_irradiance(gpu, light, p, variant, e);
   glUseProgram(p.id());
-  light.bind_radiance(gpu, p);
+  if (chain)
+    light.bind_lobes(gpu, p);
+  else
+    light.bind_radiance(gpu, p);
   glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
   set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
   set(p, "base_color", m.base_color);

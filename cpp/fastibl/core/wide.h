@@ -1,0 +1,25 @@
+// Eight floats at once, for kernels that the compiler does not vectorise by itself. A kernel is a
+// file that is included once in namespace `portable` and once in namespace `avx2`, where
+// FASTIBL_TARGET stands before each of its functions (see lighting/sum_kernel.inl); has_avx2() then
+// picks. Results can differ in the last bits between the two, never between threads.
+#pragma once
+
+#include <cstring>
+
+namespace fastibl {
+
+typedef float Wide __attribute__((vector_size(32)));
+typedef int WideInt __attribute__((vector_size(32)));
+inline constexpr int kWide = 8;
+
+#if defined(__x86_64__) && defined(__linux__) && !defined(__SANITIZE_THREAD__)
+#define FASTIBL_WITH_AVX2
+inline bool has_avx2() {
+  static const bool yes = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  return yes;
+}
+#else
+inline bool has_avx2() { return false; }
+#endif
+
+}  // namespace fastibl

@@ -1,0 +1,156 @@
+#include "fastibl/lighting/irradiance_sums.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "fastibl/core/parallel.h"
+#include "fastibl/core/wide.h"
+
+namespace fastibl {
+namespace {
+
+// A texel's mean radiance stands for the radiance blurred by the texel. Where the horizon cuts a
+// texel, the kink of |cos| is sharpened by half of what that blur takes: nMAE over the seven maps
+// from 16², median 0.102 to 0.090 %, none worse.
+constexpr float kSharpening = 0.5f;
+
+struct Source {
+  float x, y, z;      // direction times solid angle
+  float reach;        // half-width times solid angle: texels nearer the horizon are cut by it
+  float sharpening;   // kSharpening / (2 reach)
+  float light[4][3];  // of FoldedMap
+};
+
+constexpr int kRows = 13;  // 4 patterns × 3 channels, and the weights
+
+namespace portable {
+#define FASTIBL_TARGET
+#include "fastibl/lighting/sum_kernel.inl"
+#undef FASTIBL_TARGET
+}  // namespace portable
+#ifdef FASTIBL_WITH_AVX2
+namespace avx2 {
+#define FASTIBL_TARGET __attribute__((target("avx2,fma")))
+#include "fastibl/lighting/sum_kernel.inl"
+#undef FASTIBL_TARGET
+}  // namespace avx2
+const auto sum_sources = has_avx2() ? avx2::sum_sources : portable::sum_sources;
+#else
+const auto sum_sources = portable::sum_sources;
+#endif
+
+std::vector<Source> sources_of(const FoldedMap& map) {
+  const OctantGrid& g = *map.grid;
+  std::vector<Source> sources(g.x.size());
+  for (std::size_t j = 0; j < sources.size(); ++j) {
+    Source& s = sources[j];
+    const float angle = g.solid_angle[j];
+    s.x = g.x[j] * angle, s.y = g.y[j] * angle, s.z = g.z[j] * angle;
+    s.reach = g.half_width[j] * angle;
+    s.sharpening = kSharpening / (2 * s.reach);
+    for (std::size_t p = 0; p < 4; ++p)
+      for (std::size_t c = 0; c < 3; ++c) s.light[p][c] = map.radiance[p][c][j];
+  }
+  return sources;
+}
+
+}  // namespace
+
+std::vector<std::array<glm::vec3, 4>> even_irradiance(const FoldedMap& map,
+                                                      const OctantGrid& nodes) {
+  const int count = int(nodes.x.size()), blocks = (count + kWide - 1) / kWide;
+  const std::vector<Source> sources = sources_of(map);
+  std::vector<float> sums(std::size_t(kRows) * kWide * std::size_t(blocks));
+  parallel_for(blocks, 16, [&](int begin, int end) {
+    for (int block = begin; block < end; ++block) {
+      float n[3][kWide] = {};
+      const int first = block * kWide, used = std::min(kWide, count - first);
+      std::copy_n(&nodes.x[std::size_t(first)], used, n[0]);
+      std::copy_n(&nodes.y[std::size_t(first)], used, n[1]);
+      std::copy_n(&nodes.z[std::size_t(first)], used, n[2]);
+      sum_sources(sources.data(), int(sources.size()), n[0], n[1], n[2],
+                  &sums[std::size_t(block) * kRows * kWide]);
+    }
+  });
+  std::vector<std::array<glm::vec3, 4>> even(nodes.x.size());
+  for (std::size_t i = 0; i < even.size(); ++i) {
+    const float* block = &sums[i / kWide * kRows * kWide + i % kWide];
+    const auto row = [&](int r) { return block[r * kWide]; };
+    glm::vec3 patterns[4];
+    for (int p = 0; p < 4; ++p) patterns[p] = glm::vec3(row(3 * p), row(3 * p + 1), row(3 * p + 2));
+    // A constant map of 1 has 8 in the first pattern, and half of ∫ |cos| dw is π.
+    const float scale = float(std::numbers::pi) / (8 * row(12));
+    for (std::size_t image = 0; image < 4; ++image) {
+      glm::vec3 sum(0);
+      for (std::size_t p = 0; p < 4; ++p) sum += float(kSigns[p][image]) * patterns[p];
+      even[i][image] = scale * sum;
+    }
+  }
+  return even;
+}
+
+CubeLevel irradiance_cube(const FoldedMap& map, int size) {
+  const OctantGrid& nodes = octant_grid(size);
+  const std::vector<std::array<glm::vec3, 4>> even = even_irradiance(map, nodes);
+  constexpr std::size_t kEven[8] = {0, 1, 2, 3, 3, 2, 1, 0};  // antipodes are one
+  CubeLevel cube(size);
+  glm::vec3* texels = cube.face(0);
+  for (std::size_t i = 0; i < even.size(); ++i)
+    for (std::size_t image = 0; image < 8; ++image) {
+      const glm::dvec3 odd = (image & 1 ? -0.5 : 0.5) * double(nodes.x[i]) * map.vector[0] +
+                             (image & 2 ? -0.5 : 0.5) * double(nodes.y[i]) * map.vector[1] +
+                             (image & 4 ? -0.5 : 0.5) * double(nodes.z[i]) * map.vector[2];
+      texels[nodes.texels[image][i]] =
+          glm::vec3(glm::max(glm::dvec3(even[i][kEven[image]]) + odd, glm::dvec3(0)));
+    }
+  cube.update_border();
+  return cube;
+}
+
+glm::dvec3 sum_irradiance(const FoldedMap& map, glm::dvec3 n) {
+  const OctantGrid& g = *map.grid;
+  glm::dvec3 even(0);
+  double weight = 0;
+  for (std::size_t j = 0; j < g.x.size(); ++j) {
+    const double a = n.x * g.x[j], b = n.y * g.y[j], c = n.z * g.z[j];
+    const double cosines[4] = {std::abs(a + b + c), std::abs(b + c - a), std::abs(a + c - b),
+                               std::abs(a + b - c)};
+    for (std::size_t p = 0; p < 4; ++p) {
+      double k = 0;
+      for (int i = 0; i < 4; ++i) k += kSigns[p][i] * cosines[i];
+      k *= double(g.solid_angle[j]);
+      if (p == 0) weight += k;
+      for (std::size_t ch = 0; ch < 3; ++ch)
+        even[int(ch)] += 0.25 * k * double(map.radiance[p][ch][j]);
+    }
+  }
+  even *= std::numbers::pi / weight;
+  const glm::dvec3 odd = n.x * map.vector[0] + n.y * map.vector[1] + n.z * map.vector[2];
+  return glm::max(0.5 * (even + odd), glm::dvec3(0));
+}
+
+std::array<glm::dvec3, 9> project_sh9(const FoldedMap& map) {
+  const OctantGrid& g = *map.grid;
+  std::array<glm::dvec3, 9> sh{};
+  for (std::size_t j = 0; j < g.x.size(); ++j) {
+    const double x = g.x[j], y = g.y[j], z = g.z[j], angle = g.solid_angle[j];
+    glm::dvec3 light[4];
+    for (std::size_t p = 0; p < 4; ++p)
+      for (std::size_t c = 0; c < 3; ++c) light[p][int(c)] = angle * map.radiance[p][c][j];
+    sh[0] += light[0];
+    sh[4] += x * y * light[3];
+    sh[5] += y * z * light[1];
+    sh[6] += (3 * z * z - 1) * light[0];
+    sh[7] += x * z * light[2];
+    sh[8] += (x * x - y * y) * light[0];
+  }
+  constexpr double constants[9] = {0.28209479177387814, 0.48860251190291992, 0.48860251190291992,
+                                   0.48860251190291992, 1.0925484305920792,  1.0925484305920792,
+                                   0.31539156525252005, 1.0925484305920792,  0.54627421529603959};
+  sh[1] = map.vector[1], sh[2] = map.vector[2], sh[3] = map.vector[0];
+  for (std::size_t i = 0; i < 9; ++i) sh[i] *= constants[i];
+  return sh;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,166 @@
+#include "fastibl/lighting/octant_grid.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "fastibl/core/simd.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kLeast = 16;       // texels along an edge that sums are taken over, at least
+constexpr int kVectorSize = 64;  // a linear gradient in the map is right within 1e-4 from here on
+
+OctantGrid make_grid(int size) {
+  OctantGrid grid;
+  grid.size = size;
+  const CubeLevel layout(size);
+  for (int face = 0; face < 6; face += 2)
+    for (int ty = 0; ty < size; ++ty)
+      for (int tx = 0; tx < size; ++tx) {
+        const glm::vec3 d = texel_direction(face, tx, ty, size);
+        if (d.x < 0 || d.y < 0 || d.z < 0) continue;
+        const glm::dvec3 unit = glm::normalize(glm::dvec3(d));
+        grid.x.push_back(float(unit.x));
+        grid.y.push_back(float(unit.y));
+        grid.z.push_back(float(unit.z));
+        const double angle = texel_solid_angle(tx, ty, size);
+        grid.solid_angle.push_back(float(angle));
+        // A step of 1/size on the face at distance 1 is seen from |d|, along s and along t.
+        const double length2 = double(glm::dot(d, d)), step = 1.0 / size;
+        const FacePoint p = face_point(d);
+        const double a = 2 * double(p.s) - 1, b = 2 * double(p.t) - 1;
+        const double along_s = step * std::sqrt(1 + b * b) / length2,
+                     along_t = step * std::sqrt(1 + a * a) / length2;
+        grid.half_width.push_back(float(std::sqrt((along_s * along_s + along_t * along_t) / 2)));
+        for (int image = 0; image < 8; ++image) {
+          const FacePoint at =
+              face_point({image & 1 ? -d.x : d.x, image & 2 ? -d.y : d.y, image & 4 ? -d.z : d.z});
+          grid.texels[std::size_t(image)].push_back(
+              int(&layout.texel(at.face, std::min(int(at.s * float(size)), size - 1),
+                                std::min(int(at.t * float(size)), size - 1)) -
+                  layout.face(0)));
+        }
+      }
+  return grid;
+}
+
+// The level with each texel cut into `split` × `split`.
+CubeLevel cut(const CubeLevel& level, int split) {
+  CubeLevel fine(level.size() * split);
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < fine.size(); ++y)
+      for (int x = 0; x < fine.size(); ++x)
+        fine.texel(f, x, y) = level.texel(f, x / split, y / split);
+  return fine;
+}
+
+void fold_into(FoldedMap& folded, const CubeLevel& level) {
+  const OctantGrid& grid = *folded.grid;
+  const std::size_t count = grid.x.size();
+  for (auto& pattern : folded.radiance)
+    for (auto& channel : pattern) channel.resize(count);
+  const glm::vec3* texels = level.face(0);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto both = [&](std::size_t image) {
+      return texels[grid.texels[image][i]] + texels[grid.texels[7 - image][i]];
+    };
+    const glm::vec3 self = both(0), in_x = both(1), in_y = both(2), in_z = both(4);
+    const glm::vec3 a = self + in_x, b = in_y + in_z, c = self - in_x, d = in_y - in_z;
+    const glm::vec3 patterns[4] = {a + b, a - b, c + d, c - d};
+    for (std::size_t p = 0; p < 4; ++p)
+      for (std::size_t k = 0; k < 3; ++k) folded.radiance[p][k][i] = patterns[p][int(k)];
+  }
+}
+
+// Sums a row of texels times two weights each: eight texels of three channels at once.
+FASTIBL_CLONES
+void add_row(const float* row, const float* weights, const float* moments, int count, float* sum,
+             float* moment) {
+  float a[24] = {}, b[24] = {};
+  for (int i = 0; i + 24 <= count; i += 24)
+    for (int k = 0; k < 24; ++k) {
+      a[k] += weights[i + k] * row[i + k];
+      b[k] += moments[i + k] * row[i + k];
+    }
+  for (int i = count - count % 24; i < count; ++i) {
+    a[i % 3] += weights[i] * row[i];
+    b[i % 3] += moments[i] * row[i];
+  }
+  for (int c = 0; c < 3; ++c) {
+    sum[c] = moment[c] = 0;
+    for (int k = c; k < 24; k += 3) sum[c] += a[k], moment[c] += b[k];
+  }
+}
+
+// Weights of a face's texels for add_row: solid angle over the distance, and that times s in
+// [−1, 1]; three of each, one a channel.
+struct VectorWeights {
+  std::vector<float> weights, moments;
+
+  explicit VectorWeights(int n) {
+    const std::vector<double> angles = texel_solid_angles(n);
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x) {
+        const double a = (2.0 * x + 1) / n - 1, b = (2.0 * y + 1) / n - 1;
+        const double w = angles[std::size_t(y) * n + std::size_t(x)] / std::sqrt(1 + a * a + b * b);
+        for (int c = 0; c < 3; ++c) weights.push_back(float(w)), moments.push_back(float(w * a));
+      }
+  }
+};
+
+// One of each size, never destroyed: threads may outlive static objects.
+template <typename Table, typename Make>
+const Table& kept(int size, Make make) {
+  static std::mutex mutex;
+  static auto* tables = new std::map<int, std::unique_ptr<const Table>>;
+  const std::lock_guard lock(mutex);
+  std::unique_ptr<const Table>& table = (*tables)[size];
+  if (!table) table = std::make_unique<const Table>(make(size));
+  return *table;
+}
+
+std::array<glm::dvec3, 3> vector_irradiance(const CubeLevel& level) {
+  const int n = level.size();
+  const VectorWeights& weights =
+      kept<VectorWeights>(n, [](int size) { return VectorWeights(size); });
+  std::array<glm::dvec3, 3> result{};
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < n; ++y) {
+      glm::vec3 sum, moment;  // over the row, by 1 and by s
+      const std::size_t first = std::size_t(y) * n * 3;
+      add_row(&level.texel(f, 0, y).x, &weights.weights[first], &weights.moments[first], 3 * n,
+              &sum.x, &moment.x);
+      // A direction is linear in s along a row.
+      const glm::vec3 middle = face_direction(f, 0.5f, (float(y) + 0.5f) / float(n));
+      const glm::vec3 step = face_direction(f, 1, 0.5f) - face_direction(f, 0.5f, 0.5f);
+      for (int axis = 0; axis < 3; ++axis)
+        result[std::size_t(axis)] += glm::dvec3(middle[axis] * sum + step[axis] * moment);
+    }
+  return result;
+}
+
+}  // namespace
+
+const OctantGrid& octant_grid(int size) { return kept<OctantGrid>(size, make_grid); }
+
+FoldedMap fold(const CubeMap& radiance, int size) {
+  const CubeLevel& level = radiance.level_at_most(size);
+  int split = (kLeast + level.size() - 1) / level.size();
+  if (level.size() * split % 2 != 0) ++split;
+  FoldedMap folded;
+  folded.grid = &octant_grid(level.size() * split);
+  if (split == 1)
+    fold_into(folded, level);
+  else
+    fold_into(folded, cut(level, split));
+  const CubeLevel& fine = radiance.level_at_most(kVectorSize);
+  folded.vector = vector_irradiance(
+      fine.size() < kLeast ? cut(fine, (kLeast + fine.size() - 1) / fine.size()) : fine);
+  return folded;
+}
+
+}  // namespace fastibl
