@@ -539,7 +539,7 @@ class Material:
         """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: CubeMap, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
+    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -1010,6 +1010,10 @@ def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typin
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """
     Corners by edges measured in linear light; list of DetectedTag.
+    """
+def _seconds_to_evaluate(lighting: _Lighting, normals: typing.Any, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    """
+    For benchmarks: times of the irradiance of unit normals in C++, one thread.
     """
 def _seconds_to_fit(cube: CubeMap, like: _Lighting, measure_error: bool, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     """

@@ -86,6 +86,7 @@ void Session::set_cast_shadow(bool cast) {
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
   fixed_environment_ = environment != nullptr;
   environment_ = std::move(environment);
+  lighting_.reset();  // the light did not move there, it is another one
   replan();
 }
 void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
@@ -156,7 +157,6 @@ LightingOptions Session::lighting_options() const {
   options.glossy_settings = options_.methods.glossy_settings;
   options.normalization = options_.methods.normalization;
   options.chain = scene_.material.reads_radiance();
-  if (lighting_) options.previous = lighting_->chain;
   return options;
 }
 
@@ -177,7 +177,8 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       environment_ = capture_->environment();
       return true;
     case PassId::irradiance:
-      lighting_ = std::make_shared<const Lighting>(fit_lighting(radiance(), lighting_options()));
+      lighting_ = std::make_shared<const Lighting>(
+          fit_lighting(radiance(), lighting_options(), lighting_.get()));
       return true;
     default:
       break;
@@ -193,7 +194,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     if (radiance()) {
       LightingOptions options = lighting_options();
       options.irradiance = false;
-      chain = fit_lighting(radiance(), options);
+      chain = fit_lighting(radiance(), options, lighting_.get());
     }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
