@@ -102,14 +102,21 @@ float level_of(float width) {
 }
 #endif
 
-// Average of the map over the GGX lobe, by eight taps (kGgxTaps).
+// GgxOptions::for_shading.
+#if ANISOTROPIC
+const int kTaps = 16;
+#else
+const int kTaps = 8;
+#endif
+
+// Average of the map over the GGX lobe.
 vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
   GgxLobe lobe = ggx_lobe(view, alpha);
-  vec4 parts[8];
+  vec4 parts[kTaps];
   vec4 sum = vec4(0.0);
   float begin = -1.0;
-  for (int k = 0; k < 8; ++k) {
-    float end = ggx_begin(k + 1, 8);
+  for (int k = 0; k < kTaps; ++k) {
+    float end = ggx_begin(k + 1, kTaps);
     parts[k] = ggx_part(lobe, begin, end);
     sum += parts[k];
     begin = end;
@@ -121,7 +128,7 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
   float share[8];
   for (int j = 0; j < 8; ++j) share[j] = 0.0;
 #endif
-  for (int k = 0; k < (dark ? 1 : 8); ++k) {
+  for (int k = 0; k < (dark ? 1 : kTaps); ++k) {
     vec4 tap = dark ? vec4(centre, max(alpha.x, alpha.y)) : ggx_tap(lobe, parts[k], centre);
     float weight = dark ? 1.0 : parts[k].w / sum.w;
 #if GLOSSY == 6

@@ -31,6 +31,11 @@ inline constexpr std::array kGgxMethods = {GgxMethod::taps, GgxMethod::gradient}
 struct GgxOptions {
   GgxMethod method = GgxMethod::taps;
   int taps = kGgxTaps;  // 1 to 16
+
+  // Of materials: twice as many along a brushed one's lobe, or small bright lights show each tap.
+  static GgxOptions for_shading(float anisotropy) {
+    return {GgxMethod::taps, anisotropy > 0 ? kMostGgxTaps : kGgxTaps};
+  }
 };
 
 // One look-up: unit direction and view in the frame of tangent, bitangent and normal.

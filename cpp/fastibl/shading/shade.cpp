@@ -163,8 +163,9 @@ glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting&
   glm::vec3 colour = p.emission;
   if (diffuse != glm::vec3(0))
     colour += diffuse * (f.visibility / kPi) * evaluate(lighting.irradiance, p.frame.normal);
-  return colour +
-         reflectance * evaluate_ggx(lighting, p.frame, view, ggx_alpha(p.roughness, m.anisotropy));
+  return colour + reflectance * evaluate_ggx(lighting, p.frame, view,
+                                             ggx_alpha(p.roughness, m.anisotropy),
+                                             GgxOptions::for_shading(m.anisotropy));
 }
 
 float exposure_at(const Camera& camera, double exposure, int x, int y) {
