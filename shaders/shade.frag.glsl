@@ -1,6 +1,7 @@
 #version 300 es
 // Colour of the object (Eq. 3, 4 and 8). Variants:
-//   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance
+//   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance,
+//                6 sh9-lobes
 //   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance, 3 the chain of round lobes,
 //                4 exponent below 1: between 2 and 3
 //   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
@@ -25,6 +26,11 @@ uniform samplerCube baked;
 uniform float baked_scale;  // stored values times this are irradiance
 #elif DIFFUSE == 4
 uniform vec3 light[9];
+#elif DIFFUSE == 6
+uniform vec3 light[9];
+uniform vec3 lobes[12];
+uniform ivec2 lobe_counts;  // of the first colour, and of both
+uniform vec3 lobe_colours[2];
 #elif DIFFUSE
 uniform vec3 light[6];
 #endif
@@ -39,6 +45,8 @@ vec3 irradiance(vec3 n) {
   return exact_face_irradiance(light, n);
 #elif DIFFUSE == 4
   return sh9_irradiance(light, n);
+#elif DIFFUSE == 6
+  return lobes_irradiance(light, lobes, lobe_counts.x, lobe_counts.y, lobe_colours, n);
 #else
   return baked_scale * textureLod(baked, n, 0.0).rgb;
 #endif

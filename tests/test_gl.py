@@ -20,7 +20,7 @@ from fastibl.session import with_gl
 ROOT = Path(__file__).resolve().parents[1]
 SHADERS = ROOT / "shaders"
 DATA = ROOT.parent / "shared" / "data"
-DIFFUSE = ["nearest-face", "six-face", "six-face-exact", "sh9"]
+DIFFUSE = ["nearest-face", "six-face", "six-face-exact", "sh9", "sh9-lobes", "irradiance-cube"]
 
 
 def gl_missing():
@@ -575,7 +575,7 @@ def test_another_context_stays_current():
 
 VARIANTS = {
     "visibility": {"DISTORTION": (0, 1)},
-    "shade": {"DIFFUSE": range(6), "GLOSSY": range(5), "PAPER": (0, 1), "DISTORTION": (0, 1)},
+    "shade": {"DIFFUSE": range(7), "GLOSSY": range(5), "PAPER": (0, 1), "DISTORTION": (0, 1)},
     "shadow": {"PRODUCT": (0, 1)},
     "composite": {
         "MATTE": (0, 1),

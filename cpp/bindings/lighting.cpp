@@ -58,8 +58,15 @@ void bind_lighting(py::module_& module) {
           "irradiance",
           [](const Lighting& lighting, const py::object& normals) {
             const Floats in = require_vectors(normals, "normals");
-            return map_vectors(
-                in, [&](int i) { return evaluate(lighting.irradiance, unit(vectors(in)[i])); });
+            Floats out(shape_vector(in));
+            glm::vec3* to = vectors(out);
+            const py::gil_scoped_release release;
+            parallel_for(int(in.size() / 3), 4096, [&](int begin, int end) {
+              const std::span<glm::vec3> part(to + begin, std::size_t(end - begin));
+              for (int i = begin; i < end; ++i) to[i] = unit(vectors(in)[i]);
+              evaluate(lighting.irradiance, part, part);
+            });
+            return out;
           },
           py::arg("normals"), R"(Irradiance on surfaces facing `normals`.
 
@@ -174,6 +181,22 @@ sizes outside 1 to 256.)")
       },
       py::arg("cube"), py::arg("like"), py::arg("measure_error"), py::arg("repetitions"),
       "For benchmarks: times of fit_lighting in C++ by the diffuse method of another Lighting.");
+  module.def(
+      "_seconds_to_evaluate",
+      [](const Lighting& lighting, const py::object& normals, int repetitions) {
+        const Floats in = require_vectors(normals, "normals");
+        const std::span<const glm::vec3> from(vectors(in), std::size_t(in.size() / 3));
+        std::vector<glm::vec3> to(from.size());
+        std::vector<double> seconds;
+        for (int i = 0; i < repetitions; ++i) {
+          const Stopwatch watch;
+          evaluate(lighting.irradiance, from, to);
+          seconds.push_back(watch.seconds());
+        }
+        return seconds;
+      },
+      py::arg("lighting"), py::arg("normals"), py::arg("repetitions"),
+      "For benchmarks: times of the irradiance of unit normals in C++, one thread.");
   module.def(
       "_seconds_to_sum_cube",
       [](const CubeMap& cube, int size, int source, int repetitions) {

@@ -932,6 +932,10 @@ def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8],
     """
     Corners by edges measured in linear light; list of DetectedTag.
     """
+def _seconds_to_evaluate(lighting: _Lighting, normals: typing.Any, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    """
+    For benchmarks: times of the irradiance of unit normals in C++, one thread.
+    """
 def _seconds_to_fit(cube: CubeMap, like: _Lighting, measure_error: bool, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     """
     For benchmarks: times of fit_lighting in C++ by the diffuse method of another Lighting.

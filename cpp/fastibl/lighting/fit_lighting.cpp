@@ -25,10 +25,10 @@ bool reads_chain(GlossyMethod method) {
 }
 
 void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
-  const int most = lighting.glossy_settings.lights;
   const bool exact = lighting.glossy == GlossyMethod::prefiltered;
-  if (previous && previous->map == lighting.radiance && previous->most_lights == most &&
-      previous->exact == exact) {
+  const int most = lighting.glossy_settings.lights;
+  if (previous && previous->map == lighting.radiance && previous->exact == exact &&
+      previous->most_lights == most) {
     lighting.chain = previous;
     return;
   }
@@ -44,7 +44,8 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
   lighting.chain = std::move(chain);
 }
 
-Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options) {
+Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options,
+                      const Lighting* previous) {
   check(radiance && radiance->size() > 0, "lighting needs a map");
   Lighting lighting;
   lighting.glossy =
@@ -52,13 +53,15 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   lighting.glossy_settings = resolved(lighting.glossy, options.glossy_settings);
   lighting.normalization = options.normalization;
   if (options.irradiance) {
-    lighting.irradiance = fit_irradiance(*radiance, options.diffuse, options.diffuse_settings);
+    lighting.irradiance = fit_irradiance(*radiance, options.diffuse, options.diffuse_settings,
+                                         previous ? &previous->irradiance : nullptr);
     const FoldedMap map = fold(*radiance, kPlaneSize);
     lighting.plane_irradiance = glm::vec3(sum_irradiance(map, {0, 0, 1}));
     if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);
   }
   lighting.radiance = std::move(radiance);
-  if (options.chain && reads_chain(lighting.glossy)) fit_chain(lighting, options.previous);
+  if (options.chain && reads_chain(lighting.glossy))
+    fit_chain(lighting, previous ? previous->chain : nullptr);
   return lighting;
 }
 

@@ -13,13 +13,14 @@ struct LightingOptions {
   GlossyMethod glossy = GlossyMethod::automatic;
   GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
-  // Of an earlier frame: its lights are followed, and it is kept where the map is the same.
-  std::shared_ptr<const GlossyChain> previous;
   bool irradiance = true;     // false: only what glossy surfaces read
   bool chain = true;          // false: nothing glossy will be shaded
   bool measure_error = true;  // also compare the irradiance with a sum over the 16² level (0.2 ms)
 };
-Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {});
+// previous: of the frame before, or null. What was found then is moved along instead of searched
+// anew, which is faster, and steady; a chain of the same map is kept.
+Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {},
+                      const Lighting* previous = nullptr);
 
 // Whether a method reads Lighting::chain; adds it to a lighting without.
 bool reads_chain(GlossyMethod method);

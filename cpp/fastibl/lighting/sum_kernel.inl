@@ -1,6 +1,6 @@
 // The sum over a folded map at eight nodes of an octant; see core/wide.h for how it is compiled.
 
-#define FASTIBL_INLINE FASTIBL_TARGET inline __attribute__((always_inline))
+#include "fastibl/core/wide.inl"
 
 FASTIBL_INLINE void sharpen(Wide& cosine, float reach, float sharpening) {
   const Wide none = {}, limit = none + reach;
@@ -28,10 +28,10 @@ FASTIBL_TARGET void sum_sources(const Source* sources, int count, const float* n
     const Wide u = k0 + k1, v = k2 + k3, w = k0 - k1, r = k2 - k3;
     const Wide one = u + v, yz = u - v, xz = w + r, xy = w - r;
     for (int k = 0; k < 3; ++k) {
-      sum[k] += one * s.light[0][k];
-      sum[3 + k] += yz * s.light[1][k];
-      sum[6 + k] += xz * s.light[2][k];
-      sum[9 + k] += xy * s.light[3][k];
+      sum[k] = multiply_add(one, repeat(s.light[0][k]), sum[k]);
+      sum[3 + k] = multiply_add(yz, repeat(s.light[1][k]), sum[3 + k]);
+      sum[6 + k] = multiply_add(xz, repeat(s.light[2][k]), sum[6 + k]);
+      sum[9 + k] = multiply_add(xy, repeat(s.light[3][k]), sum[9 + k]);
     }
     sum[12] += one;
   }

@@ -155,7 +155,6 @@ LightingOptions Session::lighting_options() const {
   options.glossy_settings = options_.methods.glossy_settings;
   options.normalization = options_.methods.normalization;
   options.chain = scene_.material.glossy != glm::vec3(0);
-  if (lighting_) options.previous = lighting_->chain;
   return options;
 }
 
@@ -176,7 +175,8 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       environment_ = capture_->environment();
       return true;
     case PassId::irradiance:
-      lighting_ = std::make_shared<const Lighting>(fit_lighting(radiance(), lighting_options()));
+      lighting_ = std::make_shared<const Lighting>(
+          fit_lighting(radiance(), lighting_options(), lighting_.get()));
       return true;
     default:
       break;
@@ -192,7 +192,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     if (radiance()) {
       LightingOptions options = lighting_options();
       options.irradiance = false;
-      chain = fit_lighting(radiance(), options);
+      chain = fit_lighting(radiance(), options, lighting_.get());
     }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }

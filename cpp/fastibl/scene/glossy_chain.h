@@ -36,7 +36,7 @@ struct GlossyChain {
   // Lights that were taken out of levels, wholly or in part: they are to be shaded by themselves.
   std::vector<Light> lights;
   int most_lights = 0;  // that were asked for
-  bool exact = false;   // summed over the whole map, at twice the sizes
+  bool exact = false;   // summed over the whole map, at twice the sizes, by `prefiltered`
   // Where each light's own width lies among the levels.
   std::vector<float> light_levels;
 

@@ -17,6 +17,7 @@ enum class DiffuseMethod {
   six_face,         // Croubois et al. 2014, Eq. 8 and 9
   six_face_exact,   // Eq. 8 with W_F of Eq. 7 in closed form
   sh9,              // Ramamoorthi and Hanrahan 2001: spherical harmonics up to order 2
+  sh9_lobes,        // and the brightest lights as lobes of their own
   irradiance_cube,  // the cosine summed over a small level, for the texels of a cube map
 };
 enum class GlossyMethod {
@@ -47,9 +48,9 @@ enum class CaptureMethod {
 };
 
 // All methods of a step in order of the enum, without `automatic`.
-inline constexpr std::array kDiffuseMethods = {DiffuseMethod::nearest_face, DiffuseMethod::six_face,
-                                               DiffuseMethod::six_face_exact, DiffuseMethod::sh9,
-                                               DiffuseMethod::irradiance_cube};
+inline constexpr std::array kDiffuseMethods = {
+    DiffuseMethod::nearest_face, DiffuseMethod::six_face,  DiffuseMethod::six_face_exact,
+    DiffuseMethod::sh9,          DiffuseMethod::sh9_lobes, DiffuseMethod::irradiance_cube};
 inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::centroid,
                                               GlossyMethod::stretched, GlossyMethod::sampled,
                                               GlossyMethod::prefiltered};
@@ -76,8 +77,9 @@ CaptureMethod capture_method(std::string_view name);
 
 // Each method reads those that settings_of() lists for it; the others are ignored.
 struct DiffuseSettings {
+  int lobes = -1;   // beside nine coefficients, up to 12; −1: as many as the map needs, up to 8
   int size = 16;    // texels along a face of the irradiance cube
-  int source = 16;  // texels along a face of the level that is summed for it, at most
+  int source = 32;  // texels along a face of the level that is summed for it, at most
   bool operator==(const DiffuseSettings&) const = default;
 };
 struct GlossySettings {

@@ -9,7 +9,7 @@
 namespace fastibl {
 namespace {
 
-constexpr int kBakedSize = 32;  // texels along a face: bilinear, 0.1 % from the method itself
+constexpr int kBakedSize = 32;  // texels along a face of a method that is no cube map itself
 constexpr float kHalfMax = 32768;
 
 // What stored values are multiplied with, so that the largest one fits half floats.
@@ -83,31 +83,35 @@ void LightTextures::upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyCha
 }
 
 void LightTextures::upload_baked(Gpu& gpu, const Irradiance& irradiance) {
-  constexpr int n = kBakedSize;
+  const CubeLevel* cube = irradiance.cube.get();
+  const int n = cube ? cube->size() : kBakedSize;
   std::vector<glm::vec4> texels;
   float largest = 0;
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < n; ++y)
       for (int x = 0; x < n; ++x) {
-        const glm::vec3 e = evaluate(irradiance, glm::normalize(texel_direction(f, x, y, n)));
+        const glm::vec3 e = cube
+                                ? cube->texel(f, x, y)
+                                : evaluate(irradiance, glm::normalize(texel_direction(f, x, y, n)));
         largest = std::max({largest, e.x, e.y, e.z});
         texels.emplace_back(e, 1);
       }
   baked_scale_ = gpu.half() ? scale_for(largest) : 1.0f;
   for (glm::vec4& t : texels) t /= baked_scale_;
   glActiveTexture(GL_TEXTURE0);
-  const bool fits = baked_.id;
-  if (!fits) baked_.id = gpu.new_texture();
+  const bool fits = baked_.id && baked_size_ == n;
+  if (!baked_.id) baked_.id = gpu.new_texture();
   glBindTexture(GL_TEXTURE_CUBE_MAP, baked_.id);
   for (int f = 0; f < 6; ++f) {
     const GLenum face = GLenum(GL_TEXTURE_CUBE_MAP_POSITIVE_X + f);
-    const glm::vec4* data = &texels[std::size_t(f) * n * n];
+    const glm::vec4* data = &texels[std::size_t(f) * std::size_t(n) * std::size_t(n)];
     if (fits)
       glTexSubImage2D(face, 0, 0, 0, n, n, GL_RGBA, GL_FLOAT, data);
     else
       glTexImage2D(face, 0, gpu.half() ? GL_RGBA16F : GL_RGBA32F, n, n, 0, GL_RGBA, GL_FLOAT, data);
   }
   set_sampling(GL_TEXTURE_CUBE_MAP, GL_LINEAR, GL_LINEAR);
+  baked_size_ = n;
 }
 
 void LightTextures::bind_radiance(Gpu& gpu, const Program& p) const {

@@ -14,7 +14,8 @@ class LightTextures {
  public:
   // Level by level as the CPU made them. Half floats are scaled: they end at 65504.
   void upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map);
-  // Any diffuse method as a cube map: what has no shader of its own is one look-up.
+  // irradiance-cube as it is: one look-up. Any other diffuse method as a cube map, where shaders
+  // are not to be trusted with it.
   void upload_baked(Gpu& gpu, const Irradiance& irradiance);
 
   // The round lobes, and the map that is their level 0.
@@ -30,6 +31,7 @@ class LightTextures {
   // That is in cube_; kept alive, so its address is its own.
   std::shared_ptr<const CubeMap> radiance_;
   std::shared_ptr<const GlossyChain> chain_;  // that is in lobes_
+  int baked_size_ = 0;
   float radiance_scale_ = 1, baked_scale_ = 1;
 };
 

@@ -10,7 +10,7 @@
 namespace fastibl {
 namespace {
 
-constexpr int kBaked = 5;  // variant that reads the irradiance from a cube map
+constexpr int kBaked = 5, kLobes = 6;  // variants that read a cube map, and lobes
 // The four samples of a pixel in 1/256, where GPUs and the CPU's rasteriser put them.
 constexpr int kSampleX[4] = {96, 224, 32, 160}, kSampleY[4] = {32, 96, 160, 224};
 
@@ -26,6 +26,8 @@ int diffuse_variant(DiffuseMethod method) {
       return 3;
     case DiffuseMethod::sh9:
       return 4;
+    case DiffuseMethod::sh9_lobes:
+      return kLobes;
     default:
       return kBaked;
   }
@@ -129,6 +131,11 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
   if (variant == kBaked) {
     light.upload_baked(gpu, e);
     light.bind_baked(gpu, p);
+  } else if (variant == kLobes) {
+    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
+    glUniform3fv(p.uniform("lobes"), kMostLobes, &e.lobes.axes[0].x);
+    glUniform2i(p.uniform("lobe_counts"), e.lobes.counts[0], e.lobes.count());
+    glUniform3fv(p.uniform("lobe_colours"), 2, &e.lobes.colours[0].x);
   } else if (e.method == DiffuseMethod::sh9) {
     glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
   } else {
