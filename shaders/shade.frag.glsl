@@ -3,7 +3,7 @@
 //   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance,
 //                6 sh9-lobes
 //   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance, 3 the chain of round lobes,
-//                4 exponent below 1: between 2 and 3
+//                4 exponent below 1: between 2 and 3, 5 filtered samples
 //   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
 //   DISTORTION   1: the camera has a lens model
 #include "shared/precision.glsl"
@@ -64,6 +64,8 @@ uniform vec3 eye;  // marker frame
 #endif
 #if GLOSSY == 1
 uniform float level;
+#elif GLOSSY == 5
+#include "shared/sampled_lobe.glsl"
 #elif GLOSSY >= 3
 #include "shared/glossy.glsl"
 #include "shared/glossy_chain.glsl"
@@ -104,6 +106,8 @@ vec3 shade(vec3 position, vec3 n, float visibility) {
   vec3 value = e;
 #elif GLOSSY == 1
   vec3 value = sample_radiance(2.0 * cosine * n - v, level);
+#elif GLOSSY == 5
+  vec3 value = sampled_lobe(n, v);
 #else
   vec3 value = glossy_from_chain(n, v, cosine);
 #endif

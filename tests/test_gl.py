@@ -575,7 +575,7 @@ def test_another_context_stays_current():
 
 VARIANTS = {
     "visibility": {"DISTORTION": (0, 1)},
-    "shade": {"DIFFUSE": range(7), "GLOSSY": range(5), "PAPER": (0, 1), "DISTORTION": (0, 1)},
+    "shade": {"DIFFUSE": range(7), "GLOSSY": range(6), "PAPER": (0, 1), "DISTORTION": (0, 1)},
     "shadow": {"PRODUCT": (0, 1)},
     "composite": {
         "MATTE": (0, 1),

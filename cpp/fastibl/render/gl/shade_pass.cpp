@@ -1,10 +1,12 @@
 #include "fastibl/render/gl/shade_pass.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "fastibl/core/check.h"
 #include "fastibl/scene/glossy.h"
+#include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -34,12 +36,14 @@ int diffuse_variant(DiffuseMethod method) {
 }
 
 // Values of GLOSSY in shade.frag.glsl.
-enum class GlossyVariant { none, mip, matte, chain, nearly_matte };
+enum class GlossyVariant { none, mip, matte, chain, nearly_matte, sampled };
 
 GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
   if (!lit(material.glossy)) return GlossyVariant::none;
   if (material.exponent == 0) return GlossyVariant::matte;
   if (method == GlossyMethod::mip) return GlossyVariant::mip;
+  if (method == GlossyMethod::sampled)  // the mirror is level 0 of the map
+    return std::isinf(material.exponent) ? GlossyVariant::mip : GlossyVariant::sampled;
   check(method == GlossyMethod::centroid || method == GlossyMethod::stretched ||
             method == GlossyMethod::prefiltered,
         "the GL back end has no glossy method ", name(method));
@@ -151,6 +155,16 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
       light.bind_radiance(gpu, p);
       glUniform1f(p.uniform("level"),
                   shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
+      break;
+    case GlossyVariant::sampled:
+      light.upload_radiance(gpu, in.lighting.radiance);
+      glUseProgram(p.id());
+      light.bind_radiance(gpu, p);
+      glUniform1i(p.uniform("taps"), in.lighting.glossy_settings.taps);
+      glUniform1f(p.uniform("exponent"), m.exponent);
+      glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
+      glUniform1f(p.uniform("texel_share"),
+                  sampled_texel_share(m.exponent, in.lighting.radiance->size()));
       break;
     case GlossyVariant::chain:
     case GlossyVariant::nearly_matte:
