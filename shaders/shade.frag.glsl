@@ -3,9 +3,9 @@
 //   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance,
 //                6 sh9-lobes
 //   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance, 3 the chain of round lobes,
-//                4 exponent below 1: between 2 and 3, 5 glTF's metallic-roughness model from the MIP chain, with
-//                BASE_COLOR_MAP METALLIC_MAP ROUGHNESS_MAP EMISSION_MAP NORMAL_MAP ANISOTROPIC 0 or 1, 6 from the
-//                chain of round lobes
+//                4 exponent below 1: between 2 and 3, 5 filtered samples; glTF's metallic-roughness model, with
+//                BASE_COLOR_MAP METALLIC_MAP ROUGHNESS_MAP EMISSION_MAP NORMAL_MAP ANISOTROPIC 0 or 1: 6 from the
+//                MIP chain, 7 from the chain of round lobes
 //   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
 //   DISTORTION   1: the camera has a lens model
 #include "shared/precision.glsl"
@@ -20,7 +20,7 @@ uniform sampler2D vertices;       // position, P_V
 uniform sampler2D normals;
 uniform mat3 marker_from_object;
 uniform vec3 marker_from_object_shift;
-#if GLOSSY < 5
+#if GLOSSY < 6
 uniform vec3 emission;
 #endif
 layout(location = 0) out vec4 layer;  // radiance times coverage, and coverage
@@ -55,12 +55,12 @@ vec3 irradiance(vec3 n) {
   return baked_scale * textureLod(baked, n, 0.0).rgb;
 #endif
 }
-#if GLOSSY < 5
+#if GLOSSY < 6
 uniform vec3 diffuse_albedo;
 #endif
 #endif
 
-#if GLOSSY && GLOSSY < 5
+#if GLOSSY && GLOSSY < 6
 uniform vec3 glossy_albedo;
 #endif
 #if GLOSSY
@@ -70,12 +70,14 @@ uniform vec3 eye;  // marker frame
 #endif
 #if GLOSSY == 1
 uniform float level;
-#elif GLOSSY == 3 || GLOSSY == 4 || GLOSSY == 6
+#elif GLOSSY == 5
+#include "shared/sampled_lobe.glsl"
+#elif GLOSSY == 3 || GLOSSY == 4 || GLOSSY == 7
 #include "shared/glossy.glsl"
 #include "shared/glossy_chain.glsl"
 uniform float matte_share;  // of exponents below 1
 #endif
-#if GLOSSY >= 5
+#if GLOSSY >= 6
 #include "shared/pbr_maps.glsl"
 #endif
 #if PAPER
@@ -100,7 +102,7 @@ float directional_albedo(float cosine) {
 ivec2 texel(int i) { return ivec2(i & 1023, i >> 10); }
 float edge(vec2 a, vec2 b) { return a.x * b.y - a.y * b.x; }  // from a to b, seen from the origin
 
-#if GLOSSY < 5
+#if GLOSSY < 6
 vec3 shade(vec3 position, vec3 n, float visibility) {
   vec3 colour = emission;
 #if DIFFUSE || GLOSSY == 2 || GLOSSY == 4
@@ -114,6 +116,8 @@ vec3 shade(vec3 position, vec3 n, float visibility) {
   vec3 value = e;
 #elif GLOSSY == 1
   vec3 value = sample_radiance(2.0 * cosine * n - v, level);
+#elif GLOSSY == 5
+  vec3 value = sampled_lobe(n, v);
 #else
   vec3 value = glossy_from_chain(n, v, cosine);
 #endif
@@ -183,7 +187,7 @@ void main() {
     float size = length(n);
     n = size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);
     vec3 position = marker_from_object * at.xyz + marker_from_object_shift;
-#if GLOSSY >= 5
+#if GLOSSY >= 6
     vec4 t = w.x * texelFetch(tangents, texel(index.x), 0) + w.y * texelFetch(tangents, texel(index.y), 0) +
              w.z * texelFetch(tangents, texel(index.z), 0);
     t = vec4(marker_from_object * t.xyz, t.w < 0.0 ? -1.0 : 1.0);

@@ -1,5 +1,5 @@
 // What a pbr material is at a point of the surface, and the light it reads: GLSL's side of shading/shade.cpp and
-// scene/ggx.cpp. Needs shared/radiance.glsl, and for GLOSSY 6 shared/glossy_chain.glsl.
+// scene/ggx.cpp. Needs shared/radiance.glsl, and for GLOSSY 7 shared/glossy_chain.glsl.
 #include "shared/ggx.glsl"
 #include "shared/material.glsl"
 uniform sampler2D tangents;  // of the vertices; w: the side of n x t on which v grows
@@ -92,7 +92,7 @@ vec2 sample_ggx_albedo(vec3 view, float rough) {
 #endif
 }
 
-#if GLOSSY == 6
+#if GLOSSY == 7
 // GlossyChain::level_of.
 float level_of(float width) {
   const float finest = 0.022097087;
@@ -124,14 +124,14 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
   vec3 centre = ggx_centre(sum, lobe.view);
   bool dark = !(sum.w > 1e-12);  // one tap at the mirror direction
   vec3 light = vec3(0.0);
-#if GLOSSY == 6
+#if GLOSSY == 7
   float share[8];
   for (int j = 0; j < 8; ++j) share[j] = 0.0;
 #endif
   for (int k = 0; k < (dark ? 1 : kTaps); ++k) {
     vec4 tap = dark ? vec4(centre, max(alpha.x, alpha.y)) : ggx_tap(lobe, parts[k], centre);
     float weight = dark ? 1.0 : parts[k].w / sum.w;
-#if GLOSSY == 6
+#if GLOSSY == 7
     float level = level_of(tap.w);
     light += weight * sample_chain(frame * tap.xyz, level);
     for (int j = 0; j < light_count; ++j) share[j] += weight * light_share(level, light_flux[j].w);
@@ -139,7 +139,7 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
     light += weight * sample_radiance(frame * tap.xyz, blur_level(face_size, tap.w));
 #endif
   }
-#if GLOSSY == 6
+#if GLOSSY == 7
   for (int j = 0; j < light_count; ++j)
     light += share[j] * ggx_light(lobe, light_place[j].xyz * frame, light_place[j].w) / max(sum.w, 1e-4) *
              light_flux[j].rgb;

@@ -6,6 +6,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/scene/glossy.h"
+#include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -35,12 +36,14 @@ int diffuse_variant(DiffuseMethod method) {
 }
 
 // Values of GLOSSY in shade.frag.glsl.
-enum class GlossyVariant { none, mip, matte, chain, nearly_matte };
+enum class GlossyVariant { none, mip, matte, chain, nearly_matte, sampled };
 
 GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
   if (!lit(material.glossy)) return GlossyVariant::none;
   if (material.exponent == 0) return GlossyVariant::matte;
   if (method == GlossyMethod::mip) return GlossyVariant::mip;
+  if (method == GlossyMethod::sampled)  // the mirror is level 0 of the map
+    return std::isinf(material.exponent) ? GlossyVariant::mip : GlossyVariant::sampled;
   check(method == GlossyMethod::centroid || method == GlossyMethod::stretched ||
             method == GlossyMethod::prefiltered,
         "the GL back end has no glossy method ", name(method));
@@ -141,6 +144,16 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
       glUniform1f(p.uniform("level"),
                   shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
       break;
+    case GlossyVariant::sampled:
+      light.upload_radiance(gpu, in.lighting.radiance);
+      glUseProgram(p.id());
+      light.bind_radiance(gpu, p);
+      glUniform1i(p.uniform("taps"), in.lighting.glossy_settings.taps);
+      glUniform1f(p.uniform("exponent"), m.exponent);
+      glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
+      glUniform1f(p.uniform("texel_share"),
+                  sampled_texel_share(m.exponent, in.lighting.radiance->size()));
+      break;
     case GlossyVariant::chain:
     case GlossyVariant::nearly_matte:
       light.upload_chain(gpu, in.lighting.chain);
@@ -179,7 +192,7 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
     light.upload_radiance(gpu, in.lighting.radiance);
   material_.upload(gpu, in.scene.material);
   const Program& p =
-      gpu.use("shade", {"DIFFUSE " + std::to_string(variant), chain ? "GLOSSY 6" : "GLOSSY 5",
+      gpu.use("shade", {"DIFFUSE " + std::to_string(variant), chain ? "GLOSSY 7" : "GLOSSY 6",
                         "PAPER 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
                         has("METALLIC_MAP", m.metallic_map != nullptr),
                         has("ROUGHNESS_MAP", m.roughness_map != nullptr),
