@@ -13,6 +13,15 @@ namespace {
 constexpr float kScale = 0.25f / CodeTable::kUnit;
 constexpr std::uint32_t kValue = (1u << CodeTable::kCountShift) - 1;
 
+// Sums over 2 × 2 of three channels.
+void sum_pairs(const std::uint32_t* table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
+               std::uint32_t* sums) {
+  for (int x = 0; x < pairs; ++x, a += 6, b += 6, sums += 3)
+    for (int c = 0; c < 3; ++c)
+      sums[c] = (table[a[c]] + table[a[c + 3]]) + (table[b[c]] + table[b[c + 3]]);
+}
+
+// False where a pixel is clipped.
 FASTIBL_CLONES bool to_pixels(const std::uint32_t* sums, int pairs, float* pixels) {
   std::uint32_t any = 0;
   for (int i = 0; i < 3 * pairs; ++i) any |= sums[i];
@@ -30,7 +39,8 @@ FASTIBL_CLONES bool to_pixels(const std::uint32_t* sums, int pairs, float* pixel
 __attribute__((target("avx512f,avx512bw,avx512vbmi"))) int shuffle_codes(const std::uint8_t* planes,
                                                                          const std::uint8_t* a,
                                                                          const std::uint8_t* b,
-                                                                         int pairs, float* pixels) {
+                                                                         int pairs, float* pixels,
+                                                                         std::uint32_t* clipped) {
   alignas(64) std::uint8_t order[64];  // the four codes of each sum side by side; b's follow a's 64
   for (int x = 0; x < 4; ++x)
     for (int c = 0; c < 4; ++c) {
@@ -46,13 +56,13 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi"))) int shuffle_codes(const s
   for (int p = 0; p < 3; ++p)
     for (int q = 0; q < 4; ++q) t[p][q] = _mm512_loadu_si512(planes + 256 * p + 64 * q);
   const __m512 scale = _mm512_set1_ps(kScale);
-  __mmask64 clipped = 0;
+  const __m512i fields = _mm512_set4_epi32(0, 2 * kCountBits, kCountBits, 0);
   int x = 0;
   // 64 bytes are read for 24 that are used.
-  for (; 6 * x + 64 <= 6 * pairs; x += 4, a += 24, b += 24, pixels += 16) {
+  for (; 6 * x + 64 <= 6 * pairs; x += 4, a += 24, b += 24, pixels += 16, clipped += 4) {
     const __m512i codes =
         _mm512_permutex2var_epi8(_mm512_loadu_si512(a), gather, _mm512_loadu_si512(b));
-    clipped |= _mm512_cmpge_epu8_mask(codes, limit);
+    const __mmask64 over = _mm512_cmpge_epu8_mask(codes, limit);
     const __mmask64 upper = _mm512_movepi8_mask(codes);
     __m512i sum[3];
     for (int p = 0; p < 3; ++p) {
@@ -63,9 +73,21 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi"))) int shuffle_codes(const s
     }
     const __m512i value = _mm512_add_epi32(
         sum[0], _mm512_add_epi32(_mm512_slli_epi32(sum[1], 8), _mm512_slli_epi32(sum[2], 16)));
-    _mm512_storeu_ps(pixels, _mm512_maskz_mul_ps(0x7777, _mm512_cvtepi32_ps(value), scale));
+    __m512 out = _mm512_maskz_mul_ps(0x7777, _mm512_cvtepi32_ps(value), scale);
+    if (over) {  // counts of the three channels side by side in one number
+      const __m512i counts =
+          _mm512_madd_epi16(_mm512_maddubs_epi16(_mm512_maskz_mov_epi8(over, one8), one8), one16);
+      __m512i packed = _mm512_maskz_sllv_epi32(0x7777, counts, fields);
+      packed = _mm512_or_si512(packed, _mm512_shuffle_epi32(packed, _MM_PERM_BADC));
+      packed = _mm512_or_si512(packed, _mm512_shuffle_epi32(packed, _MM_PERM_CDAB));
+      const __mmask16 any = _mm512_test_epi32_mask(packed, packed);
+      out = _mm512_mask_mov_ps(out, __mmask16(any & 0x8888), _mm512_set1_ps(1));
+      _mm_storeu_si128(reinterpret_cast<__m128i*>(clipped),
+                       _mm512_castsi512_si128(_mm512_maskz_compress_epi32(0x1111, packed)));
+    }
+    _mm512_storeu_ps(pixels, out);
   }
-  return clipped ? -1 : x;
+  return x;
 }
 
 bool has_byte_shuffles() {
@@ -86,24 +108,20 @@ CodeTable::CodeTable(const Response& response) {
   }
 }
 
-void sum_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
-               std::uint32_t* sums) {
-  const std::uint32_t* t = table.sums.data();
-  for (int x = 0; x < pairs; ++x, a += 6, b += 6, sums += 3)
-    for (int c = 0; c < 3; ++c) sums[c] = (t[a[c]] + t[a[c + 3]]) + (t[b[c]] + t[b[c + 3]]);
-}
-
-bool decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
-                  std::uint32_t* scratch, float* pixels) {
+void decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
+                  std::uint32_t* scratch, float* pixels, std::uint32_t* clipped) {
   int done = 0;
 #ifdef FASTIBL_BYTE_SHUFFLES
-  if (has_byte_shuffles()) {
-    done = shuffle_codes(table.planes.data(), a, b, pairs, pixels);
-    if (done < 0) done = 0;
-  }
+  if (has_byte_shuffles()) done = shuffle_codes(table.planes.data(), a, b, pairs, pixels, clipped);
 #endif
-  sum_pairs(table, a + 6 * done, b + 6 * done, pairs - done, scratch);
-  return to_pixels(scratch, pairs - done, pixels + 4 * done);
+  a += 6 * done, b += 6 * done, pairs -= done, pixels += 4 * done, clipped += done;
+  sum_pairs(table.sums.data(), a, b, pairs, scratch);
+  if (to_pixels(scratch, pairs, pixels)) return;
+  for (int x = 0; x < pairs; ++x, scratch += 3) {
+    std::uint32_t counts = 0;
+    for (int c = 0; c < 3; ++c) counts |= CodeTable::count(scratch[c]) << c * kCountBits;
+    if (counts) clipped[x] = counts, pixels[4 * x + 3] = 1;
+  }
 }
 
 }  // namespace fastibl

@@ -22,12 +22,13 @@ struct CodeTable {
   static std::uint32_t count(std::uint32_t sum) { return sum >> kCountShift; }
 };
 
-// Sums over `pairs` × 2 × 2 pixels of rows a and b, of three channels.
-void sum_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
-               std::uint32_t* sums);
-// Their means as pixels of four floats, the last one 0: the same bits on every processor. False
-// where one of the pixels is clipped. scratch: as long as the sums.
-bool decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
-                  std::uint32_t* scratch, float* pixels);
+// Numbers of clipped pixels are kept for three channels in one number, of this many bits each.
+inline constexpr int kCountBits = 10;
+
+// Means over `pairs` × 2 × 2 pixels of rows a and b as pixels of four floats: the same bits on
+// every processor. The fourth is 1 where any is clipped, and only there `clipped` gets the numbers.
+// scratch: three a pair.
+void decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
+                  std::uint32_t* scratch, float* pixels, std::uint32_t* clipped);
 
 }  // namespace fastibl

@@ -91,6 +91,37 @@ FASTIBL_CLONES bool split_channels(const float* __restrict rgba, int lanes,
   return any;
 }
 
+// Adds each footprint's share of clipped pixels by channel, where it has any.
+FASTIBL_CLONES void add_clipped(const float* pixels, const std::uint32_t* clipped, int stride,
+                                const float* rgba, const float* weights, const int* index,
+                                const float* fx, const float* fy, int count, float unit,
+                                float* __restrict share) {
+  using Int4 [[gnu::vector_size(16)]] = int;
+  const Int4 shift = {0, kCountBits, 2 * kCountBits, 3 * kCountBits};
+  const Int4 mask = {(1 << kCountBits) - 1, (1 << kCountBits) - 1, (1 << kCountBits) - 1, 0};
+  for (int i = 0; i < count; ++i) {
+    if (!(weights[i] > 0 && rgba[4 * i + 3] > 0)) continue;
+    const int corners[4] = {index[i], index[i] + 1, index[i] + stride, index[i] + stride + 1};
+    const float x = fx[i], y = fy[i];
+    const float parts[4] = {(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y};
+    Float4 sum = {};
+    for (int c = 0; c < 4; ++c) {
+      const bool any = pixels[4 * std::size_t(corners[c]) + 3] > 0;
+      const int packed = any ? int(clipped[corners[c]]) : 0;
+      const Int4 counts = (Int4{packed, packed, packed, packed} >> shift) & mask;
+      sum += parts[c] * __builtin_convertvector(counts, Float4);
+    }
+    *reinterpret_cast<Float4*>(share + 4 * i) += (weights[i] * unit) * sum;
+  }
+}
+
+FASTIBL_CLONES void split_clipped(const float* __restrict share, int lanes,
+                                  int (*__restrict clipped)[kLanes]) {
+  const int n = lanes & ~15;
+  for (int i = 0; i < n; ++i)
+    for (int c = 0; c < 3; ++c) clipped[c][i] = share[4 * i + c] > kClippedShare;
+}
+
 }  // namespace
 
 int levels_for(float most_pixels) {
@@ -139,15 +170,13 @@ void sample_footprints(const FrameLevels& levels, const Sightings& s, int count,
   });
   out.any_clipped = split_channels(rgba, lanes, out.linear);
   if (!out.any_clipped) return;
-  glm::vec3 share[kLanes] = {};
+  alignas(64) float share[4 * kLanes];
+  std::memset(share, 0, 4 * sizeof(float) * std::size_t(lanes));
   each_level([&](int k, const FrameLevels::Level& level) {
-    for (int i = 0; i < count; ++i)
-      if (weights[i] > 0 && rgba[4 * i + 3] > 0)
-        share[i] += weights[i] * levels.clipped_share(k, index[i] % (level.width + 1),
-                                                      index[i] / (level.width + 1), fx[i], fy[i]);
+    add_clipped(level.pixels.data(), level.clipped.data(), level.width + 1, rgba, weights, index,
+                fx, fy, count, 1.0f / float(4 << 2 * k), share);
   });
-  for (int i = 0; i < lanes; ++i)
-    for (int c = 0; c < 3; ++c) out.clipped[c][i] = share[i][c] > kClippedShare;
+  split_clipped(share, lanes, out.clipped);
 }
 
 }  // namespace fastibl

@@ -21,6 +21,15 @@ std::uint32_t packed(const std::array<std::uint32_t, 3>& counts) {
 }
 std::uint32_t unpacked(std::uint32_t counts, int channel) { return counts >> 10 * channel & 1023u; }
 
+// The sum of four. Numbers of the last level alone would need a bit more.
+std::uint32_t added(const std::uint32_t (&counts)[4], int level) {
+  if (level < FrameLevels::kMost - 1) return counts[0] + counts[1] + counts[2] + counts[3];
+  std::array<std::uint32_t, 3> sum{};
+  for (const std::uint32_t count : counts)
+    for (int c = 0; c < 3; ++c) sum[std::size_t(c)] += unpacked(count, c);
+  return packed(sum);
+}
+
 void repeat_last_column(FrameLevels::Level& level, int y) {
   const std::size_t last = level.index(level.width - 1, y);
   std::copy_n(&level.pixels[4 * last], 4, &level.pixels[4 * last + 4]);
@@ -69,20 +78,13 @@ void FrameLevels::make_first(const Picture& picture, const Response& response) {
       const std::uint8_t* a = picture.row(2 * y);
       const std::uint8_t* b = picture.row(std::min(2 * y + 1, picture.height - 1));
       float* out = level.pixel(0, y);
-      bool clean = decode_pairs(*table_, a, b, pairs, sums_.data(), out);
-      // The last column of an odd width stands for two.
-      std::uint8_t last[2][6] = {};
-      if (pairs < level.width) {
+      std::uint32_t* clipped = &level.clipped[level.index(0, y)];
+      decode_pairs(*table_, a, b, pairs, sums_.data(), out, clipped);
+      if (pairs < level.width) {  // the last column of an odd width stands for two
+        std::uint8_t last[2][6];
         for (int c = 0; c < 6; ++c)
           last[0][c] = a[6 * pairs + c % 3], last[1][c] = b[6 * pairs + c % 3];
-        std::uint32_t* scratch = &sums_[3 * std::size_t(pairs)];
-        if (!decode_pairs(*table_, last[0], last[1], 1, scratch, out + 4 * pairs)) clean = false;
-      }
-      if (!clean) {
-        sum_pairs(*table_, a, b, pairs, sums_.data());
-        if (pairs < level.width)
-          sum_pairs(*table_, last[0], last[1], 1, &sums_[3 * std::size_t(pairs)]);
-        mark_clipped(y);
+        decode_pairs(*table_, last[0], last[1], 1, sums_.data(), out + 4 * pairs, clipped + pairs);
       }
       repeat_last_column(level, y);
     }
@@ -112,19 +114,6 @@ void FrameLevels::make_first(const Picture& picture, const Response& response) {
   repeat_last_row(level);
 }
 
-// Counts of a row of the first level, from its sums.
-void FrameLevels::mark_clipped(int y) {
-  Level& level = levels_[0];
-  float* out = level.pixel(0, y);
-  for (int x = 0; x < level.width; ++x) {
-    const std::uint32_t* s = &sums_[3 * std::size_t(x)];
-    const std::uint32_t counts =
-        packed({CodeTable::count(s[0]), CodeTable::count(s[1]), CodeTable::count(s[2])});
-    level.clipped[level.index(x, y)] = counts;
-    if (counts) out[4 * x + 3] = 1;
-  }
-}
-
 // Means of 2 × 2; an odd last row or column is repeated.
 void FrameLevels::halve(int k) {
   const Level& fine = levels_[std::size_t(k) - 1];
@@ -136,30 +125,16 @@ void FrameLevels::halve(int k) {
     halve_row(a, b, coarse.width, out);
     for (int x = 0; x < coarse.width; ++x) {
       if (!(out[4 * x + 3] > 0)) continue;
-      std::array<std::uint32_t, 3> counts{};
-      for (const int v : {2 * y, 2 * y + 1})
-        for (const int u : {2 * x, 2 * x + 1})
-          if (fine.pixel(u, v)[3] > 0)
-            for (int c = 0; c < 3; ++c)
-              counts[std::size_t(c)] += unpacked(fine.clipped[fine.index(u, v)], c);
-      coarse.clipped[coarse.index(x, y)] = packed(counts);
+      std::uint32_t counts[4] = {};
+      for (int i = 0; i < 4; ++i) {
+        const int u = 2 * x + (i & 1), v = 2 * y + (i >> 1);
+        if (fine.pixel(u, v)[3] > 0) counts[i] = fine.clipped[fine.index(u, v)];
+      }
+      coarse.clipped[coarse.index(x, y)] = added(counts, k);
     }
     repeat_last_column(coarse, y);
   }
   repeat_last_row(coarse);
-}
-
-glm::vec3 FrameLevels::clipped_share(int k, int x, int y, float fx, float fy) const {
-  const Level& l = level(k);
-  const float weights[4] = {(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy};
-  glm::vec3 share(0);
-  for (int i = 0; i < 4; ++i) {
-    const int u = x + (i & 1), v = y + (i >> 1);
-    if (l.pixel(u, v)[3] > 0)
-      for (int c = 0; c < 3; ++c)
-        share[c] += weights[i] * float(unpacked(l.clipped[l.index(u, v)], c));
-  }
-  return share / float(4 << 2 * k);
 }
 
 }  // namespace fastibl

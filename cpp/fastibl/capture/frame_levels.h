@@ -21,8 +21,8 @@ class FrameLevels {
   struct Level {
     int width = 0, height = 0;
     std::vector<float> pixels;  // linear RGB (exposure included); above 0 where any is clipped
-    std::vector<std::uint32_t> clipped;  // numbers of clipped pixels, ten bits a channel; only
-                                         // written in rows that have some
+    std::vector<std::uint32_t> clipped;  // numbers of clipped pixels, kCountBits a channel;
+                                         // only where there are some
     const float* pixel(int x, int y) const { return &pixels[4 * index(x, y)]; }
     float* pixel(int x, int y) { return &pixels[4 * index(x, y)]; }
     std::size_t index(int x, int y) const {
@@ -35,13 +35,10 @@ class FrameLevels {
   void make(const Picture& picture, const Response& response, int levels);
   int count() const { return count_; }
   const Level& level(int k) const { return levels_[std::size_t(k)]; }
-  // Share of the pixels under a bilinear look-up that are clipped, by channel.
-  glm::vec3 clipped_share(int k, int x, int y, float fx, float fy) const;
 
  private:
   void resize(int k, int width, int height);
   void make_first(const Picture& picture, const Response& response);
-  void mark_clipped(int y);
   void halve(int k);
   std::vector<Level> levels_;
   int count_ = 0;
