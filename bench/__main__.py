@@ -1,4 +1,4 @@
-"""Benchmarks: rows of error against time, written to bench/results/.
+"""Benchmarks: rows of error against time, written to bench/results/ and drawn to docs/plots/.
 
 ./dev bench                 all
 ./dev bench lighting real   some of them
@@ -12,8 +12,9 @@ import sys
 import time
 
 from .measure import ROOT, cpu, table, write_rows, yardstick_seconds
+from .plot import plot
 
-NAMES = ("lighting", "shadow", "tracking", "frame", "real")
+NAMES = ("lighting", "shadow", "tracking", "frame", "real", "peers")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -32,6 +33,8 @@ def main(arguments: list[str] | None = None) -> int:
         path = write_rows(name, rows)
         print(f"\n{name}: {len(rows)} rows in {path.relative_to(ROOT)}, {time.perf_counter() - begin:.0f} s")
         print(table(rows), flush=True)
+        for drawn in plot(rows):
+            print(f"drawn: {drawn.relative_to(ROOT)}")
     return 0
 
 

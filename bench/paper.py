@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -20,6 +18,7 @@ from . import brute, inputs
 from .frame import frame_times, meshes
 from .goals import Goal, by_map, percent, row, skipped
 from .measure import ROOT, Timing, yardstick
+from .processes import python, tests
 
 _GLOSSY_PAIRS = 100  # at each angle
 # Words in the names of tests that give bad or extreme input.
@@ -376,24 +375,11 @@ def replay(threads: int) -> str:
     return digest.hexdigest()
 
 
-def _python(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Runs Python that sees what this one sees, from the repository root."""
-    path = os.pathsep.join(p for p in sys.path if p)
-    return subprocess.run(
-        [sys.executable, *arguments],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        timeout=400,
-    )
-
-
 @row("paper", "replay")
 def replays() -> Iterator[Goal]:
     hashes = []
     for threads in (1, 2, 2):
-        ran = _python("-c", f"from bench.paper import replay; print(replay({threads}))")
+        ran = python("-c", f"from bench.paper import replay; print(replay({threads}))")
         if ran.returncode != 0:
             raise RuntimeError(ran.stderr.strip().splitlines()[-1])
         hashes.append(ran.stdout.strip())
@@ -408,20 +394,6 @@ def replays() -> Iterator[Goal]:
 
 
 # Tests that are goals themselves
-
-
-def tests(what: str, names: list[str], select: str = "") -> Goal:
-    """Runs test files that are there."""
-    files = [name for name in names if (ROOT / "tests" / name).is_file()]
-    if not files:
-        return skipped(what, f"tests/{names[0]} is not there")
-    chosen = [f"tests/{f}" for f in files] + (["-k", select] if select else [])
-    ran = _python("-m", "pytest", "-q", "-p", "no:cacheprovider", "--no-header", *chosen)
-    last = ran.stdout.strip().splitlines()[-1].strip("= ") if ran.stdout.strip() else ran.stderr.strip()[-200:]
-    counted = last.split(" in ")[0]
-    if ran.returncode == 0 and "passed" not in counted:
-        return skipped(what, counted)
-    return Goal(what, counted, "all pass", ran.returncode == 0)
 
 
 @row("paper", "bad input")

@@ -2,8 +2,9 @@
 // Colour of the object (Eq. 3, 4 and 8). Variants:
 //   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance,
 //                6 sh9-lobes
-//   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance
-//   PAPER        1: times the directional albedo of Eq. 3
+//   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance, 3 the chain of round lobes,
+//                4 exponent below 1: between 2 and 3
+//   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
 //   DISTORTION   1: the camera has a lens model
 #include "shared/precision.glsl"
 #include "shared/lighting.glsl"
@@ -56,11 +57,20 @@ uniform vec3 diffuse_albedo;
 #if GLOSSY
 uniform vec3 glossy_albedo;
 #endif
-#if GLOSSY == 1
-#include "shared/radiance.glsl"
+#if GLOSSY
 uniform vec3 eye;  // marker frame
+#if GLOSSY != 2
+#include "shared/radiance.glsl"
+#endif
+#if GLOSSY == 1
 uniform float level;
+#elif GLOSSY >= 3
+#include "shared/glossy.glsl"
+#include "shared/glossy_chain.glsl"
+uniform float matte_share;  // of exponents below 1
+#endif
 #if PAPER
+uniform float albedo_scale;
 uniform sampler2D albedo_table;  // rows: exponent coordinate, columns: cosine, ends included
 uniform float albedo_row;        // exponent coordinate
 
@@ -73,7 +83,7 @@ float directional_albedo(float cosine) {
   float c = texelFetch(albedo_table, i + ivec2(0, 1), 0).r,
         d = texelFetch(albedo_table, i + ivec2(1, 1), 0).r;
   float upper = a + f.x * (b - a), lower = c + f.x * (d - c);
-  return upper + f.y * (lower - upper);
+  return albedo_scale * (upper + f.y * (lower - upper));
 }
 #endif
 #endif
@@ -83,16 +93,23 @@ float edge(vec2 a, vec2 b) { return a.x * b.y - a.y * b.x; }  // from a to b, se
 
 vec3 shade(vec3 position, vec3 n, float visibility) {
   vec3 colour = emission;
-#if DIFFUSE || GLOSSY == 2
+#if DIFFUSE || GLOSSY == 2 || GLOSSY == 4
   vec3 e = irradiance(n) / 3.14159265;
   colour += (visibility * diffuse_albedo) * e;
 #endif
-#if GLOSSY == 2
-  colour += glossy_albedo * e;
-#elif GLOSSY == 1
+#if GLOSSY
   vec3 v = normalize(eye - position);
   float cosine = dot(n, v);
+#if GLOSSY == 2
+  vec3 value = e;
+#elif GLOSSY == 1
   vec3 value = sample_radiance(2.0 * cosine * n - v, level);
+#else
+  vec3 value = glossy_from_chain(n, v, cosine);
+#endif
+#if GLOSSY == 4
+  value += matte_share * (e - value);
+#endif
 #if PAPER
   value *= directional_albedo(cosine);
 #endif

@@ -118,3 +118,23 @@ def test_pairs_have_the_angles_that_they_say():
     degrees = np.degrees(np.arccos(np.clip((n * v).sum(axis=1), -1, 1)))
     np.testing.assert_allclose(degrees, np.repeat(brute.ANGLES, 4), atol=1e-5)
     assert fastibl.methods("glossy")
+
+
+def test_frontier_and_plot(tmp_path):
+    from bench.plot import Point, draw, frontier, points
+
+    def of(method, setting, error, seconds):
+        return measure.Row(method, setting, "mean", "error; seconds", error, seconds, None, None, 1, "cpu", "", "")
+
+    rows = [of("a", "exponent=2, taps=1", 0.1, 2.0), of("a", "exponent=8, taps=1", 0.3, 4.0), of("b", "", 0.1, 1.0)]
+    ((metric, found),) = points([*rows, of("c", "", None, 1.0)]).items()
+    assert metric == "error; seconds" and len(found) == 2
+    a, b = sorted(found, key=lambda p: p.method)
+    assert a.setting == "taps=1" and a.error == pytest.approx(0.2) and a.label == "a taps=1"
+    # b is ahead of a in both; what is slower and more exact is on the frontier too, what is slower and worse is not.
+    exact, worse = Point("x", "", 9.0, 0.01), Point("w", "", 9.5, 0.5)
+    assert frontier([worse, exact, a, b]) == [b, exact]
+    draw(metric, [*found, exact, worse], tmp_path / "p.svg")
+    first = (tmp_path / "p.svg").read_bytes()
+    draw(metric, [*found, exact, worse], tmp_path / "p.svg")
+    assert first == (tmp_path / "p.svg").read_bytes() and b"<svg" in first

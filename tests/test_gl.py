@@ -575,7 +575,7 @@ def test_another_context_stays_current():
 
 VARIANTS = {
     "visibility": {"DISTORTION": (0, 1)},
-    "shade": {"DIFFUSE": range(7), "GLOSSY": range(3), "PAPER": (0, 1), "DISTORTION": (0, 1)},
+    "shade": {"DIFFUSE": range(7), "GLOSSY": range(5), "PAPER": (0, 1), "DISTORTION": (0, 1)},
     "shadow": {"PRODUCT": (0, 1)},
     "composite": {
         "MATTE": (0, 1),
@@ -600,7 +600,7 @@ def sources():
     for shader, options in VARIANTS.items():
         for values in itertools.product(*options.values()):
             defines = dict(zip(options, values, strict=True))
-            if defines.get("GLOSSY") == 2 and not defines["DIFFUSE"]:
+            if defines.get("GLOSSY") in (2, 4) and not defines["DIFFUSE"]:
                 continue  # exponent 0 reads the irradiance
             for stage in ("vert", "frag"):
                 lines = expanded(f"{shader}.{stage}.glsl")

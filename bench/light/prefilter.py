@@ -1,1 +1,218 @@
 """Sets of prefiltered levels for other renderers, against cmft and cmgen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fastibl
+from fastibl import reference
+
+from .. import brute, inputs
+from ..goals import Goal, by_map, percent, row, skipped
+from ..measure import measure, yardstick
+
+# nMAE of cmft on the same seven maps, median and worst, by level (research: peers, measured): p = 513 ... 5.4.
+CMFT = ((0.09, 0.9), (0.13, 0.8), (0.15, 0.6), (0.20, 0.5), (0.26, 0.7), (0.29, 0.8), (0.29, 1.1))
+CMGEN_ALPHA = (0.0, 0.01795, 0.08579, 0.25, 1.0)  # mapping "filament", five levels
+DIRECTIONS = 300  # random texels of a level that are held against brute force
+
+
+@cache
+def maps(size: int) -> dict[str, fastibl.CubeMap]:
+    return {name: fastibl.read_environment(path, size=size) for name, path in inputs.MAPS.items()}
+
+
+@cache
+def _texels(size: int) -> tuple[NDArray, NDArray]:
+    directions, angles, _ = reference.samples(np.zeros((6, size, size, 3)))
+    return directions, angles
+
+
+def height(model: str, parameter: float, cosine: NDArray) -> NDArray:
+    """A lobe seen along the normal, as its definition says, relative to its peak."""
+    c = np.maximum(cosine, 0)
+    if model == "phong":
+        return c**parameter * (cosine > 0)
+    if model == "blinn":
+        return np.sqrt((1 + c) / 2) ** parameter * c
+    a = parameter * parameter
+    return (a / ((1 + c) / 2 * (a - 1) + 1)) ** 2 * c
+
+
+def chosen(size: int) -> NDArray:
+    """Texels of a level that are compared: all of a small one, else DIRECTIONS at random."""
+    count = 6 * size * size
+    return np.sort(np.random.default_rng(size).permutation(count)[:DIRECTIONS])
+
+
+def truth(source: int, size: int, model: str, parameter: float) -> NDArray:
+    """Every texel of the source, its exact solid angle and the exact lobe: (chosen, maps, 3)."""
+    what = f"prefiltered {source} {size} {model} {parameter:.6g} {DIRECTIONS}"
+
+    def make() -> NDArray:
+        radiance = np.hstack([cube.faces.reshape(-1, 3) for cube in maps(source).values()]).astype(np.float64)
+        d, angles = _texels(source)
+        out = np.empty((len(chosen(size)), radiance.shape[1]))
+        for i, o in enumerate(_texels(size)[0][chosen(size)]):
+            weight = height(model, parameter, d @ o) * angles
+            some = np.flatnonzero(weight > 1e-14 * weight.max())
+            out[i] = weight[some] @ radiance[some] / weight[some].sum()
+        return out.reshape(len(out), -1, 3)
+
+    return brute.kept(what, make)
+
+
+def compare(level: int, sets: dict[str, list], source: int, model: str, parameter: float) -> tuple[dict, dict, dict]:
+    """nMAE, largest relative error and relative error of the energy of one level, by map."""
+    nmae, largest, energy = {}, {}, {}
+    for k, (name, cubes) in enumerate(sets.items()):
+        size = cubes[level].size
+        true = truth(source, size, model, parameter)[:, k]
+        off = np.abs(cubes[level].faces.reshape(-1, 3)[chosen(size)].astype(np.float64) - true)
+        nmae[name] = float(off.mean() / true.mean())
+        largest[name] = float((off / (true + 0.01 * true.mean())).max())
+        every = sum(cubes[level].mean()) / sum(maps(source)[name].mean()) - 1
+        energy[name] = float(every)
+    return nmae, largest, energy
+
+
+def timed(size: int, levels: int, model: str, **options) -> tuple[dict[str, list], float, dict[str, float]]:
+    """The sets of all maps; yardsticks of CPU time on one core, the median map's; and those of each map."""
+    threads = fastibl.threads()
+    fastibl.set_threads(1)
+    try:
+        sets, times = {}, {}
+        for name, cube in maps(size).items():
+            lighting = fastibl.Lighting(cube, diffuse="sh9", glossy="mip")
+            sets[name] = lighting.prefiltered(size, levels, model, **options)
+            times[name] = (
+                measure(lambda _, l=lighting: l.prefiltered(size, levels, model, **options), [0], 3, warm=0).cpu_low
+                / yardstick(9).cpu_low
+            )
+    finally:
+        fastibl.set_threads(threads)
+    return sets, float(np.median(list(times.values()))), times
+
+
+def _times(times: dict[str, float]) -> tuple[str, ...]:
+    return ("yardsticks by map: " + ", ".join(f"{name} {t:.1f}" for name, t in times.items()),)
+
+
+@row("light", "prefiltered Phong set against cmft, 128^2")
+def phong() -> Iterator[Goal]:
+    if not inputs.MAPS:
+        yield skipped("prefiltered Phong set, seven levels", inputs.NO_MAPS)
+        return
+    sets, median, times = timed(128, 7, "phong")
+    yield Goal(
+        "Phong set of 7 levels at 128^2, one core: yardsticks, median (slowest) map",
+        f"{median:.2f} ({max(times.values()):.2f})",
+        "<= 11.25 (cmft 220)",
+        median <= 11.25,
+        _times(times),
+    )
+    worst_studio = 0.0
+    for level, (middle, worst) in enumerate(CMFT):
+        p = 1 + 2 ** (1 + 8 * (1 - level / 7))
+        nmae, largest, _ = compare(level, sets, 128, "phong", p)
+        worst_studio = max(worst_studio, *(v for name, v in largest.items() if "studio" in name))
+        yield Goal(
+            f"Phong p={p:.3g} at {sets[next(iter(sets))][level].size}^2: nMAE median, worst",
+            f"{percent(float(np.median(list(nmae.values()))))}, {percent(max(nmae.values()))}",
+            f"<= {middle}, {worst} % (cmft)",
+            np.median(list(nmae.values())) <= middle / 100 and max(nmae.values()) <= worst / 100,
+            by_map(nmae),
+        )
+    yield Goal(
+        "Phong set, studio map: largest relative error",
+        f"{worst_studio:.3f}",
+        "<= 0.1 (cmft 0.89)",
+        worst_studio <= 0.1,
+    )
+
+
+@row("light", "prefiltered Phong set, 256^2")
+def phong_large() -> Iterator[Goal]:
+    if not inputs.MAPS:
+        yield skipped("prefiltered Phong set at 256^2", inputs.NO_MAPS)
+        return
+    _, median, times = timed(256, 7, "phong")
+    yield Goal(
+        "Phong set of 7 levels at 256^2, one core: yardsticks, median (slowest) map",
+        f"{median:.1f} ({max(times.values()):.1f})",
+        "<= 67.5 (cmft 3400)",
+        median <= 67.5,
+        _times(times),
+    )
+
+
+@row("light", "prefiltered GGX set against cmgen, 256^2")
+def ggx() -> Iterator[Goal]:
+    if not inputs.MAPS:
+        yield skipped("prefiltered GGX set at 256^2", inputs.NO_MAPS)
+        return
+    sets, median, times = timed(256, 5, "ggx", mapping="filament", error=0.005)
+    yield Goal(
+        "GGX set of 5 levels at 256^2, error=0.005, one core: yardsticks, median (slowest) map",
+        f"{median:.2f} ({max(times.values()):.2f})",
+        "<= 15 (cmgen 1475)",
+        median <= 15,
+        _times(times),
+    )
+    for level, alpha in enumerate(CMGEN_ALPHA):
+        if level == 0:
+            worst = max(float(np.abs(s[0].faces - maps(256)[name].faces).max()) for name, s in sets.items())
+            yield Goal("GGX alpha=0 at 256^2: difference from the map", f"{worst:.2g}", "0", worst == 0)
+            continue
+        nmae, largest, energy = compare(level, sets, 256, "ggx", alpha)
+        yield Goal(
+            f"GGX alpha={alpha:.3g} at {256 >> level}^2: worst nMAE, energy",
+            f"{percent(max(nmae.values()))}, {percent(max(abs(e) for e in energy.values()))}",
+            "<= 1 %, 0.2 % (cmgen 15-24 %, 24 %)",
+            max(nmae.values()) <= 0.01 and max(abs(e) for e in energy.values()) <= 0.002,
+            (*by_map(nmae), f"largest relative error: {max(largest.values()):.3f}"),
+        )
+
+
+@row("light", "prefiltered white furnace")
+def furnace() -> Iterator[Goal]:
+    for model, options in (("ggx", {}), ("phong", {}), ("blinn", {"parameters": (2048, 128, 8, 1, 0)})):
+        worst = 0.0
+        for value in (1.0, 1e-8, 1e8):
+            cube = fastibl.CubeMap(np.full((6, 64, 64, 3), value, np.float32))
+            for level in fastibl.Lighting(cube, diffuse="sh9").prefiltered(64, 7, model, **options):
+                worst = max(worst, float(np.abs(level.faces / np.float32(value) - 1).max()))
+        yield Goal(
+            f"{model}: white furnace, worst of all levels, 1e-8 ... 1e8", f"{worst:.1e}", "<= 1e-6", worst <= 1e-6
+        )
+
+
+@row("light", "sampled glossy by number of taps")
+def sampled() -> Iterator[Goal]:
+    if not inputs.MAPS:
+        yield skipped("sampled, mean error over s = 2 ... 2048", inputs.NO_MAPS)
+        return
+    n, v = brute.pairs(20)
+    last = np.inf
+    for taps in (4, 16, 64, 256, 1024, 4096):
+        means = {}
+        for name, cube in inputs.real_maps().items():
+            lighting = fastibl.Lighting(cube, diffuse="sh9", glossy=fastibl.Method("sampled", taps=taps))
+            errors = []
+            for s in brute.EXPONENTS:
+                true = brute.glossy(20)[name][s]
+                errors.append(brute.errors(lighting.glossy(n, v, float(s)), true, true.mean()).mean())
+            means[name] = float(np.mean(errors))
+        mean = float(np.mean(list(means.values())))
+        yield Goal(
+            f"sampled, {taps} taps: mean error over s = 2 ... 2048",
+            percent(mean),
+            "falls by half or more" if last < np.inf else "(start)",
+            mean <= 0.5 * last,
+            by_map(means),
+        )
+        last = mean

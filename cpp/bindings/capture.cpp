@@ -70,7 +70,8 @@ what is not part of the place. Raises ValueError or TypeError, naming what was e
           [](const Capture& capture) {
             const int n = capture.size();
             py::array_t<double> out({6, n, n});
-            std::copy(capture.last_seen().begin(), capture.last_seen().end(), out.mutable_data());
+            const std::vector<double> times = capture.last_seen();
+            std::copy(times.begin(), times.end(), out.mutable_data());
             return out;
           },
           "(6, n, n) float64: time at which each texel was last seen; -inf if never.")

@@ -6,20 +6,27 @@
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/lighting/irradiance_sums.h"
+#include "fastibl/scene/glossy.h"
 
 namespace fastibl::bindings {
 namespace {
 
-// Calls f(i) for every vector of `in` and returns (..., 3) float32.
+// Calls f(out, begin, end) for blocks of the vectors of `in` and returns (..., 3) float32.
 template <typename F>
-Floats map_vectors(const Floats& in, F&& f) {
+Floats map_blocks(const Floats& in, F&& f) {
   Floats out(shape_vector(in));
   glm::vec3* to = vectors(out);
   const py::gil_scoped_release release;
-  parallel_for(int(in.size() / 3), 4096, [&](int begin, int end) {
+  parallel_for(int(in.size() / 3), 4096, [&](int begin, int end) { f(to, begin, end); });
+  return out;
+}
+
+// The same, vector by vector.
+template <typename F>
+Floats map_vectors(const Floats& in, F&& f) {
+  return map_blocks(in, [&](glm::vec3* to, int begin, int end) {
     for (int i = begin; i < end; ++i) to[i] = f(i);
   });
-  return out;
 }
 
 using Settings = std::map<std::string, int>;
@@ -91,8 +98,13 @@ for integers or objects.)")
             Lighting with = lighting;
             with.normalization = normalization(normalization_name);
             const float* exponents = s.data();
-            return map_vectors(n, [&](int i) {
-              return evaluate_glossy(with, unit(vectors(n)[i]), unit(vectors(v)[i]), exponents[i]);
+            return map_blocks(n, [&](glm::vec3* to, int begin, int end) {
+              for (int i = begin; i < end;) {
+                const float own = exponents[i];  // usually the same for many in a row
+                const GlossyShading shading(with, own);
+                for (; i < end && exponents[i] == own; ++i)
+                  to[i] = shading(unit(vectors(n)[i]), unit(vectors(v)[i]));
+              }
             });
           },
           py::arg("normals"), py::arg("views"), py::arg("exponent") = 64.0,

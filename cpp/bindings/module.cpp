@@ -7,6 +7,7 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_core(module);
   bind_scene(module);
   bind_lighting(module);
+  bind_prefilter(module);
   bind_capture(module);
   bind_shadow(module);
   bind_shading(module);

@@ -149,6 +149,7 @@ void bind_scene(py::module_& module);
 void bind_tracking(py::module_& module);
 void bind_capture(py::module_& module);
 void bind_lighting(py::module_& module);
+void bind_prefilter(py::module_& module);
 void bind_shadow(py::module_& module);
 void bind_shading(py::module_& module);
 void bind_plan(py::module_& module);

@@ -71,6 +71,20 @@ infinity) become 1e9; `cleaned` counts them. Raises ValueError for another shape
       .def_property_readonly("size", &CubeMap::size, "Face edge n in texels.")
       .def_property_readonly("level_count", &CubeMap::level_count)
       .def_property_readonly(
+          "tile_versions",
+          [](const CubeMap& cube) {
+            const int t = cube.tiles().per_edge();
+            py::array_t<std::uint64_t> out({6, t, t});
+            const auto versions = cube.tile_versions();
+            std::copy(versions.begin(), versions.end(), out.mutable_data());
+            return out;
+          },
+          R"((6, t, t) uint64, t = min(size, 16): where two maps of one size have the same number, they have the
+same texels in that part of a face. For what is made from a map, to be renewed only where it changed.)")
+      .def(
+          "_rebuild", [](CubeMap& cube) { cube.update(); },
+          "Makes all levels anew from the faces: the same map, for timing.")
+      .def_property_readonly(
           "cleaned",
           [](const CubeMap& cube) {
             const CleaningStatistics& s = cube.cleaned();
@@ -138,20 +152,26 @@ directions: (..., 3) any float dtype, marker frame, any length. level: MIP level
 
   module.def(
       "cubemap_from_equirect",
-      [](const py::object& object, int size) {
+      [](const py::object& object, int size, const std::string& filter) {
+        if (filter != "area" && filter != "point")
+          throw py::value_error("filter must be \"area\" or \"point\", got \"" + filter + "\"");
         const Floats array = require_floats<float>(object, "image");
         if (array.ndim() != 3 || array.shape(2) != 3 || array.shape(0) < 1 || array.shape(1) < 1)
           throw py::value_error("image must have shape (height, width, 3), got " + shape_of(array));
         const ImageView<const float> view{array.data(), int(array.shape(1)), int(array.shape(0)), 3,
                                           3 * array.shape(1)};
         const py::gil_scoped_release release;
-        return cubemap_from_equirect(view, size);
+        return cubemap_from_equirect(
+            view, size, filter == "area" ? EquirectFilter::area : EquirectFilter::point);
       },
-      py::arg("image"), py::arg("size") = 128,
-      R"(Cube map of an equirectangular picture, area-exact: the energy of each channel is kept.
+      py::arg("image"), py::arg("size") = 128, py::arg("filter") = "area",
+      R"(Cube map of an equirectangular picture.
+
+filter: "area" is exact, the energy of each channel is kept; "point" is one bilinear look-up for each texel, faster,
+for pictures about as fine as the map.
 
 image: (height, width, 3) any float dtype, linear radiance; z at the top, the centre looks along +y, x grows to
-the right. size: face edge in texels. Raises ValueError for another shape, TypeError for integers.)");
+the right. size: face edge in texels. Raises ValueError for another shape or filter, TypeError for integers.)");
   module.def(
       "equirect_from_cubemap",
       [](const CubeMap& cube, int height) {
@@ -709,13 +729,13 @@ void bind_environment(py::module_& module) {
       .def_property_readonly(
           "radiance", [](const Environment& e) -> const CubeMap& { return e.radiance; },
           py::return_value_policy::reference_internal,
-          "CubeMap; unseen texels hold the value of the nearest seen one.")
+          "CubeMap; unseen texels hold the mean of what was seen nearest.")
       .def_property_readonly(
           "confidence",
-          [faces](const Environment& e) { return faces(e.confidence, e.radiance.size()); },
+          [faces](const Environment& e) { return faces(e.confidence(), e.radiance.size()); },
           "(6, n, n) float32 in [0, 1]; 0 where never seen.")
       .def_property_readonly(
-          "age", [faces](const Environment& e) { return faces(e.age, e.radiance.size()); },
+          "age", [faces](const Environment& e) { return faces(e.age(), e.radiance.size()); },
           "(6, n, n) float32 seconds since last seen; infinite if never.")
       .def_readonly("coverage", &Environment::coverage,
                     "Share of the sphere's solid angle that was ever seen.")

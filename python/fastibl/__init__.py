@@ -40,7 +40,9 @@ from ._fastibl import (
 )
 from .board import Board
 from .comparison import compare
-from .files import read_environment, read_mesh, stand
+from .environment_files import read_environment, write_environment
+from .export import export_light
+from .files import read_mesh, stand
 from .lighting import Lighting, Method, methods
 from .recording import Frame, Recording
 from .session import Session, make_plan
@@ -81,6 +83,7 @@ __all__ = [
     "directional_albedo",
     "due_passes",
     "equirect_from_cubemap",
+    "export_light",
     "fit_spheres",
     "make_plan",
     "methods",
@@ -95,6 +98,7 @@ __all__ = [
     "texel_directions",
     "texel_solid_angles",
     "threads",
+    "write_environment",
 ]
 
 

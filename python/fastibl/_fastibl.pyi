@@ -93,6 +93,10 @@ class CubeMap:
         ...
     def __setstate__(self, arg0: tuple) -> None:
         ...
+    def _rebuild(self) -> None:
+        """
+        Makes all levels anew from the faces: the same map, for timing.
+        """
     def level(self, k: typing.SupportsInt | typing.SupportsIndex) -> numpy.ndarray:
         """
         MIP level k as a read-only view (6, n >> k, n >> k, 3) float32: solid-angle means of level 0.
@@ -125,6 +129,12 @@ class CubeMap:
     def size(self) -> int:
         """
         Face edge n in texels.
+        """
+    @property
+    def tile_versions(self) -> numpy.typing.NDArray[numpy.uint64]:
+        """
+        (6, t, t) uint64, t = min(size, 16): where two maps of one size have the same number, they have the
+        same texels in that part of a face. For what is made from a map, to be renewed only where it changed.
         """
 class Response:
     """
@@ -460,7 +470,7 @@ class Environment:
     @property
     def radiance(self) -> CubeMap:
         """
-        CubeMap; unseen texels hold the value of the nearest seen one.
+        CubeMap; unseen texels hold the mean of what was seen nearest.
         """
 class _Lighting:
     @typing.overload
@@ -906,6 +916,8 @@ def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8
     """
     (height, width) uint8 for detection, of a picture that must have the camera's size.
     """
+def _level_parameters(mapping: str, count: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    ...
 def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex) -> Plan:
     ...
 def _method_names(step: str) -> list[str]:
@@ -914,6 +926,8 @@ def _method_settings(step: str, method: str) -> dict:
     """
     Names of a method's settings, with the values that are worth comparing beside the default.
     """
+def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex, bool]], model: str, error: typing.SupportsFloat | typing.SupportsIndex) -> list[CubeMap]:
+    ...
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """
     Corners by edges measured in linear light; list of DetectedTag.
@@ -952,12 +966,15 @@ def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolu
     extent: half the map's edge in metres, by default 3 times the spheres' half width. centre: (x, y), by default the
     middle of the spheres. The ratio fades to 1 over the outer tenth of the map.
     """
-def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128) -> CubeMap:
+def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128, filter: str = 'area') -> CubeMap:
     """
-    Cube map of an equirectangular picture, area-exact: the energy of each channel is kept.
+    Cube map of an equirectangular picture.
+
+    filter: "area" is exact, the energy of each channel is kept; "point" is one bilinear look-up for each texel, faster,
+    for pictures about as fine as the map.
 
     image: (height, width, 3) any float dtype, linear radiance; z at the top, the centre looks along +y, x grows to
-    the right. size: face edge in texels. Raises ValueError for another shape, TypeError for integers.
+    the right. size: face edge in texels. Raises ValueError for another shape or filter, TypeError for integers.
     """
 def directional_albedo(cos_view: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """

@@ -1,4 +1,4 @@
-"""Reading environment maps and meshes."""
+"""Reading meshes."""
 
 from __future__ import annotations
 
@@ -7,30 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ._fastibl import CubeMap, Mesh, cubemap_from_equirect
-
-
-def read_environment(path: str | os.PathLike[str], size: int = 128) -> CubeMap:
-    """Environment map of an equirectangular HDR picture (.hdr).
-
-    path: Radiance .hdr, z (up) at the top, image centre along +y. size: face edge in texels.
-    Raises FileNotFoundError, or ValueError for a file that is no such picture.
-    """
-    import cv2
-
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"no environment map at {path}")
-    image = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
-    if image is None:
-        raise ValueError(f"{path} is not a picture that can be read; expected an equirectangular .hdr")
-    if image.dtype != np.float32:
-        raise ValueError(f"{path} holds {image.dtype} values; an environment map needs linear radiance (.hdr)")
-    if image.shape[1] != 2 * image.shape[0]:
-        raise ValueError(
-            f"{path} is {image.shape[1]} x {image.shape[0]}; an equirectangular picture is twice as wide as high"
-        )
-    return cubemap_from_equirect(np.ascontiguousarray(image[..., ::-1]), size=size)
+from ._fastibl import Mesh
 
 
 def read_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:

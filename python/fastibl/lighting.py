@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ._fastibl import CubeMap, Environment, _Lighting, _method_names, _method_settings, _Methods
+from ._fastibl import (
+    CubeMap,
+    Environment,
+    _level_parameters,
+    _Lighting,
+    _method_names,
+    _method_settings,
+    _Methods,
+    _prefilter,
+)
 
 STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow")
 AUTO, PAPER = _Methods._auto(), _Methods._paper()
@@ -157,6 +166,53 @@ class Lighting(_Lighting):
             "diffuse": Method(self._diffuse, error=self._irradiance_error, **self._diffuse_settings),
             "glossy": Method(self._glossy, **self._glossy_settings),
         }
+
+    def prefiltered(
+        self,
+        size: int = 128,
+        levels: int = 7,
+        model: str = "ggx",
+        *,
+        mapping: str | None = None,
+        parameters: Sequence[float] | None = None,
+        wanted: Sequence[int] | None = None,
+        error: float = 0.002,
+    ) -> list[CubeMap | None]:
+        """Maps convolved with a lobe, from sharp to rough, for renderers that look them up by roughness.
+
+        Level k is a CubeMap of faces max(1, size >> k) wide; each texel is the lobe's average around its direction,
+        with the view along it (n = v = r), so that a constant map stays as it is.
+
+        model: "ggx", D(theta/2) cos(theta) with parameter alpha, as Filament, three.js and glTF viewers store it;
+        "phong", cos^p(theta); or "blinn", cos^s(theta/2) cos(theta), Eq. 3 seen along the normal.
+        mapping: how level k of n becomes the parameter. "gltf" (default of ggx): perceptual roughness r = k/(n - 1),
+        alpha = r^2, so a shader reads level r (n - 1). "filament": 2r - r^2 = k/(n - 1). "cmft" (default of phong):
+        p = 1 + 2^(1 + 8 (1 - k/n)). Level 0 of the first two is the map itself.
+        parameters: one a level instead of a mapping (needed for "blinn"); alpha 0 and exponent infinity give the map.
+        wanted: indices of the levels to make; the others are None, and cost nothing.
+        error: mean error of a level by its mean that real maps stay below; smaller takes longer.
+        Raises ValueError for what is none of these.
+        """
+        if parameters is None:
+            if mapping is None and model == "blinn":
+                raise ValueError('model "blinn" needs parameters: an exponent for each level')
+            given = _level_parameters(mapping or ("cmft" if model == "phong" else "gltf"), levels)
+            if mapping is not None and (mapping == "cmft") != (model == "phong"):
+                raise ValueError(f'mapping "{mapping}" is not one of model "{model}"')
+        else:
+            if mapping is not None:
+                raise ValueError("give a mapping or parameters, not both")
+            given = [float(p) for p in parameters]
+            levels = len(given)
+        if size < 1:
+            raise ValueError(f"size must be at least 1, got {size}")
+        chosen = set(range(levels) if wanted is None else wanted)
+        for k in chosen:
+            if not 0 <= k < levels:
+                raise ValueError(f"wanted holds level {k}; there are {levels}")
+        asked = [(parameter, max(1, size >> k), k in chosen) for k, parameter in enumerate(given)]
+        made = _prefilter(self, asked, model, error)
+        return [cube if k in chosen else None for k, cube in enumerate(made)]
 
     def __repr__(self) -> str:
         return f"<fastibl.Lighting diffuse {self.methods['diffuse']}, glossy {self.methods['glossy']}>"

@@ -1,88 +1,141 @@
 #include "fastibl/capture/capture.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
-#include <deque>
-#include <limits>
 
-#include "fastibl/capture/frame_pyramid.h"
-#include "fastibl/capture/texel_view.h"
+#include "fastibl/capture/footprint.h"
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/core/simd.h"
 
 namespace fastibl {
 namespace {
 
-constexpr int kTile = 16;  // texels: culled against the picture as one
-// Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
-constexpr float kModelNoise = 0.03f;
-// Relative standard deviation by which a value becomes unsure within a second.
-constexpr float kDrift = 0.1f;
-// A sample further than this many standard deviations from the value is a change of the place.
-constexpr float kChange = 4.0f;
-constexpr float kClippedShare = 0.01f;  // of a footprint: more makes the sample a lower bound
-constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
-// A full well of 4000 electrons and 6 of read noise: variance per linear value, and at 0.
-constexpr float kShotNoise = 1 / 4000.0f;
-constexpr float kReadNoise = 6 / 4000.0f * 6 / 4000.0f;
-constexpr double kNever = -std::numeric_limits<double>::infinity();
-constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
+constexpr double kBoardMargin = 0.01;   // metres around the page, for blur and the pose's error
+constexpr std::size_t kCameras = 4;     // whose tables are kept
+constexpr std::size_t kSnapshots = 3;   // kept to be updated: in use by renderer, caller and us
+constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
+
+// A row of texels that were all seen, as the map has them.
+FASTIBL_CLONES void interleave_row(const float* __restrict r, const float* __restrict g,
+                                   const float* __restrict b, int count, float* __restrict out) {
+  int i = 0;
+  const auto at = [](const float* p) -> const Float8& {
+    return *reinterpret_cast<const Float8*>(p);
+  };
+  for (; i + 8 <= count; i += 8, out += 24) {
+    const Float8 &x = at(r + i), &y = at(g + i), &z = at(b + i);
+    const Float8 p = __builtin_shufflevector(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
+    const Float8 q = __builtin_shufflevector(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
+    const Float8 s = __builtin_shufflevector(x, y, 13, 0, 6, 14, 0, 7, 15, 0);
+    *reinterpret_cast<Float8*>(out) = __builtin_shufflevector(p, z, 0, 1, 8, 3, 4, 9, 6, 7);
+    *reinterpret_cast<Float8*>(out + 8) = __builtin_shufflevector(q, z, 10, 1, 2, 11, 4, 5, 12, 7);
+    *reinterpret_cast<Float8*>(out + 16) = __builtin_shufflevector(s, z, 0, 13, 2, 3, 14, 5, 6, 15);
+  }
+  for (; i < count; ++i, out += 3) out[0] = r[i], out[1] = g[i], out[2] = b[i];
+}
+
+// The same where some were not; they take `fill`.
+FASTIBL_CLONES void write_row(const float* __restrict r, const float* __restrict g,
+                              const float* __restrict b, const double* __restrict last_seen,
+                              const float* __restrict fill, int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i) {
+    const bool seen = last_seen[i] > -1e300;
+    out[3 * i] = seen ? r[i] : fill[0];
+    out[3 * i + 1] = seen ? g[i] : fill[1];
+    out[3 * i + 2] = seen ? b[i] : fill[2];
+  }
+}
+
+// Variance of a texel over RGB, relative to the square of its value.
+FASTIBL_CLONES void relative_variance(const float* const value[3], const float* const variance[3],
+                                      int count, float* __restrict out) {
+  const float *r = value[0], *g = value[1], *b = value[2];
+  const float *vr = variance[0], *vg = variance[1], *vb = variance[2];
+  for (int i = 0; i < count; ++i) {
+    const float square = r[i] * r[i] + g[i] * g[i] + b[i] * b[i];
+    out[i] = (vr[i] + vg[i] + vb[i]) / (square > 1e-20f ? square : 1e-20f);
+  }
+}
 
 }  // namespace
 
-// Variance of a mean over pixels by its linear value: read and shot noise, and a code of
-// quantisation. The first two are cut off at 0, and codes repeat (a dark wall is all of one): such
-// departures do not average away, so a quarter of the variance stays however large the footprint.
-class Capture::SensorNoise {
- public:
-  explicit SensorNoise(const Response& response) {
-    for (int k = 0; k <= kBins; ++k) {
-      const float y = float(k) / kBins * float(k) / kBins;  // finer in the dark
-      const float e = response.encode(y);
-      const float step = response.decode(std::min(1.0f, e + 0.5f / 255)) -
-                         response.decode(std::max(0.0f, e - 0.5f / 255));
-      variance_[std::size_t(k)] = step * step + kReadNoise;
-    }
-  }
-  float variance(float y, float pixels) const {
-    const float x = std::sqrt(std::clamp(y, 0.0f, 1.0f)) * kBins;
-    const float code = variance_[std::size_t(x)];
-    return 0.25f * code + (0.75f * code + kShotNoise * y) / std::max(pixels, 1.0f);
-  }
-
- private:
-  static constexpr int kBins = 256;
-  std::array<float, kBins + 1> variance_{};
+struct Capture::View {
+  const KnownCamera& known;
+  const TexelView& texels;
+  ImageView<const std::uint8_t> mask;
+  double scale;  // radiance of a linear value, without vignetting
 };
 
-Capture::Capture(CaptureOptions options) : options_(std::move(options)) {
-  const int n = options_.size;
+Capture::KnownCamera::KnownCamera(const Camera& given)
+    : camera(given), lens(given), bounds(picture_bounds(given, lens)), noise(given.response) {}
+
+const Capture::KnownCamera& Capture::known(const Camera& camera) {
+  for (const KnownCamera& k : cameras_)
+    if (k.camera == camera) return k;
+  camera.validate();
+  if (cameras_.size() == kCameras) cameras_.erase(cameras_.begin());
+  return cameras_.emplace_back(camera);
+}
+
+namespace {
+
+CaptureOptions checked(CaptureOptions options) {
+  const int n = options.size;
   check(n >= 1 && n <= 4096, "the map's size must be 1 to 4096 texels, got ", n);
-  const glm::dvec3& centre = options_.centre;
+  const glm::dvec3& centre = options.centre;
   check(std::isfinite(centre.x) && std::isfinite(centre.y) && std::isfinite(centre.z),
         "the centre must be finite, got ", centre.x, " ", centre.y, " ", centre.z);
   check(centre.z > 0, "the centre must lie above the plane (z > 0), got z = ", centre.z);
-  check(options_.distance > 0, "the distance of the place must be positive (metres), got ",
-        options_.distance);
-  check(options_.plane_albedo > 0 && options_.plane_albedo <= 1,
-        "the plane's albedo must be in (0, 1], got ", options_.plane_albedo);
-  const std::size_t count = 6 * std::size_t(n) * std::size_t(n);
-  directions_.reserve(count);
-  for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < n; ++y)
-      for (int x = 0; x < n; ++x)
-        directions_.push_back(glm::normalize(texel_direction(f, x, y, n)));
-  for (const double angle : texel_solid_angles(n)) solid_angle_.push_back(float(angle));
-  value_.assign(count, glm::vec3(0));
-  variance_.assign(count, glm::vec3(0));
-  bound_.assign(count, 0);
-  last_seen_.assign(count, kNever);
-  nearest_.assign(count, -1);
+  check(options.distance > 0, "the distance of the place must be positive (metres), got ",
+        options.distance);
+  check(options.plane_albedo > 0 && options.plane_albedo <= 1,
+        "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
+  return options;
+}
+
+}  // namespace
+
+Capture::Capture(CaptureOptions options)
+    : options_(checked(std::move(options))),
+      grid_{options_.size},
+      outlines_(grid_),
+      state_(grid_),
+      sums_(std::size_t(grid_.count())),
+      unseen_(grid_, float(options_.plane_albedo)) {
+  const std::size_t n = std::size_t(grid_.size), stride = std::size_t(grid_.stride()),
+                    tiles = std::size_t(grid_.count()), per_face = std::size_t(grid_.per_face());
+  const std::vector<double> angles = texel_solid_angles(grid_.size);
+  angles_.assign(per_face * stride, 0);
+  projected_.assign(tiles * stride, 0);
+  tile_angle_.assign(tiles, 0), tile_projected_.assign(tiles, 0);
+  for (std::size_t tile = 0; tile < tiles; ++tile) {
+    const FaceRect r = tile_rect(grid_, int(tile));
+    std::size_t i = 0;
+    for (int y = r.y0; y < r.y1; ++y)
+      for (int x = r.x0; x < r.x1; ++x, ++i) {
+        const double angle = angles[std::size_t(y) * n + std::size_t(x)];
+        const double z = glm::normalize(texel_direction(r.face, x, y, grid_.size)).z;
+        angles_[tile % per_face * stride + i] = float(angle);
+        projected_[tile * stride + i] = float(angle * std::abs(z));
+        tile_angle_[tile] += angle, tile_projected_[tile] += angle * std::abs(z);
+      }
+  }
+  const int width = grid_.widest();
+  for (int k = 0; k < 2; ++k) {
+    const int w = std::max(1, width - 1 + k);
+    for (std::size_t i = 0; i < stride; ++i) {
+      columns_[k].push_back(float(int(i) % w));
+      rows_[k].push_back(float(int(i) / w));
+    }
+  }
+  versions_.assign(tiles, new_tile_version());
 }
 
 void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
                   double exposure, double time, ImageView<const std::uint8_t> mask) {
-  camera.validate();
+  const KnownCamera& k = known(camera);
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
@@ -99,171 +152,171 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   if (options_.board)
     viewpoint.masked =
         0.5 * glm::dvec2(options_.board->width, options_.board->height) + kBoardMargin;
-  const TexelView view(camera, camera_from_marker, viewpoint);
-  const FramePyramid pyramid(picture, camera.response);
-  const SensorNoise noise(camera.response);
-
-  const int n = options_.size, tiles = (n + kTile - 1) / kTile;
-  std::vector<std::uint8_t> newly_seen(std::size_t(6 * tiles * tiles), 0);
-  parallel_for(6 * tiles * tiles, 4, [&](int begin, int end) {
-    for (int tile = begin; tile < end; ++tile) {
-      const int face = tile / (tiles * tiles), x0 = tile % tiles * kTile,
-                y0 = tile / tiles % tiles * kTile;
-      const int x1 = std::min(x0 + kTile, n), y1 = std::min(y0 + kTile, n);
-      if (!view.may_see(face, x0, y0, x1, y1, n)) continue;
-      for (int y = y0; y < y1; ++y)
-        for (int x = x0; x < x1; ++x) {
-          const std::size_t in_face = std::size_t(y) * n + std::size_t(x),
-                            i = std::size_t(face) * n * n + in_face;
-          const auto seen = view.see(glm::dvec3(directions_[i]), solid_angle_[in_face]);
-          if (!seen) continue;
-          const glm::dvec2 pixel = seen->pixel;
-          if (!mask.empty() && *mask.pixel(int(pixel.x), int(pixel.y)) == 0) continue;
-          if (last_seen_[i] == kNever) newly_seen[std::size_t(tile)] = 1;
-          const double radiance_per_linear = 1 / (exposure * camera.gain * camera.vignette(pixel));
-          merge(i, pyramid.sample(float(pixel.x), float(pixel.y), std::sqrt(seen->area)),
-                seen->area, float(radiance_per_linear), noise);
-        }
+  const TexelView texels(camera, k.lens, k.bounds, camera_from_marker, viewpoint, grid_.size);
+  texels.find_tiles(outlines_, most_pixels_);
+  tiles_.clear();
+  float most = 0;
+  for (int tile = 0; tile < grid_.count(); ++tile)
+    if (most_pixels_[std::size_t(tile)] > 0) {
+      tiles_.push_back(tile);
+      most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
+  if (tiles_.empty()) return;
+  levels_.make(picture, camera.response, levels_for(most));
+
+  const View view{k, texels, mask, std::min(1 / (exposure * camera.gain), kLargestScale)};
+  changed_.assign(tiles_.size(), 0);
+  parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i)
+      changed_[std::size_t(i)] = add_tile(view, tiles_[std::size_t(i)]);
   });
-  for (const std::uint8_t changed : newly_seen) coverage_changed_ = coverage_changed_ || changed;
+  std::vector<int> changed, refilled;
+  for (std::size_t i = 0; i < tiles_.size(); ++i)
+    if (changed_[i]) changed.push_back(tiles_[i]);
+  unseen_.update(changed, sums_, tile_projected_, refilled);
+  const std::uint64_t version = new_tile_version();
+  for (const int tile : changed) versions_[std::size_t(tile)] = version;
+  for (const int tile : refilled)
+    if (sums_[std::size_t(tile)].count < tile_rect(grid_, tile).texels())
+      versions_[std::size_t(tile)] = version;
 }
 
-// Takes a sample of texel i, linear values over `pixels` pixels, into its estimate.
-void Capture::merge(std::size_t i, const FootprintSample& seen, float pixels,
-                    float radiance_per_linear, const SensorNoise& noise) {
-  const bool first = last_seen_[i] == kNever;
-  const float elapsed = first ? 0.0f : float(time_ - last_seen_[i]);
-  last_seen_[i] = time_;
-  for (int c = 0; c < 3; ++c) {
-    float &value = value_[i][c], &variance = variance_[i][c];
-    const float sample = seen.linear[c] * radiance_per_linear;
-    const std::uint8_t bit = std::uint8_t(1 << c);
-    if (seen.clipped[c] > kClippedShare) {
-      if (first || value < sample) {
-        value = sample, variance = kBoundNoise * kBoundNoise * sample * sample;
-        bound_[i] |= bit;
-      }
-      continue;
-    }
-    const float model_noise = kModelNoise * sample;
-    const float sample_variance =
-        noise.variance(seen.linear[c], pixels) * radiance_per_linear * radiance_per_linear +
-        model_noise * model_noise;
-    if (!first) variance += kDrift * kDrift * value * value * elapsed;
-    const float difference = sample - value;
-    // A bound is no measurement, and what contradicts the value is a change of the place.
-    if (first || (bound_[i] & bit) ||
-        difference * difference > kChange * kChange * (variance + sample_variance)) {
-      value = sample, variance = sample_variance;
-      bound_[i] &= std::uint8_t(~bit);
-      continue;
-    }
-    const float gain = variance / std::max(variance + sample_variance, 1e-30f);
-    value += gain * difference;
-    variance *= 1 - gain;
+// Takes what the picture shows of a tile; true if it shows any of its texels.
+bool Capture::add_tile(const View& view, int tile) {
+  const FaceRect r = tile_rect(grid_, tile);
+  const int table = r.width() == grid_.widest() ? 1 : 0;
+  const Camera& camera = view.known.camera;
+  const float step = 2.0f / float(grid_.size);
+  const auto first = [&](int i) { return float((2.0 * i + 1) / grid_.size - 1); };
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  Sightings sightings;
+  Samples samples;
+  bool any = false;
+  for (int k = 0; k < r.texels(); k += kLanes) {
+    const int count = std::min(kLanes, r.texels() - k);
+    const TexelGroup group{r.face,
+                           first(r.x0),
+                           first(r.y0),
+                           step,
+                           &columns_[table][std::size_t(k)],
+                           &rows_[table][std::size_t(k)],
+                           count,
+                           r.width()};
+    if (!view.texels.see(group, sightings)) continue;
+    if (!view.mask.empty())
+      for (int i = 0; i < count; ++i)
+        if (sightings.seen[i])
+          sightings.seen[i] = *view.mask.pixel(int(sightings.x[i]), int(sightings.y[i])) != 0;
+    any = true;
+    sample_footprints(levels_, sightings, count, samples);
+    if (camera.vignetting.empty())
+      std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
+    else
+      for (int i = 0; i < lanes_of(count); ++i)
+        samples.radiance_per_linear[i] =
+            sightings.seen[i]
+                ? float(view.scale / camera.vignette({sightings.x[i], sightings.y[i]}))
+                : 1.0f;
+    merge_samples(state_, start + std::size_t(k), count, sightings, samples, view.known.noise,
+                  time_);
   }
+  if (any)
+    sums_[std::size_t(tile)] =
+        sum_tile(state_, start, r.texels(),
+                 &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
+                 &projected_[start]);
+  return any;
 }
 
-// Nearest seen texel for every unseen one on its side of the horizon: sources spread from neighbour
-// to neighbour as long as that brings a texel closer to its source.
-void Capture::update_nearest() {
-  const int n = options_.size;
-  const std::size_t count = directions_.size();
-  if (neighbours_.empty()) {
-    neighbours_.resize(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      const int f = int(i / (std::size_t(n) * n)), y = int(i / n % n), x = int(i % n);
-      const int steps[4][2] = {{x - 1, y}, {x + 1, y}, {x, y - 1}, {x, y + 1}};
-      for (std::size_t k = 0; k < 4; ++k) {
-        const FacePoint p = face_point(texel_direction(f, steps[k][0], steps[k][1], n));
-        const int px = std::clamp(int(p.s * float(n)), 0, n - 1),
-                  py = std::clamp(int(p.t * float(n)), 0, n - 1);
-        neighbours_[i][k] = (p.face * n + py) * n + px;
-      }
-    }
+std::vector<double> Capture::last_seen() const {
+  const std::size_t n = std::size_t(grid_.size);
+  std::vector<double> out(6 * n * n);
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    const FaceRect r = tile_rect(grid_, tile);
+    std::size_t from = std::size_t(tile) * std::size_t(grid_.stride());
+    for (int y = r.y0; y < r.y1; ++y)
+      for (int x = r.x0; x < r.x1; ++x)
+        out[(std::size_t(r.face) * n + std::size_t(y)) * n + std::size_t(x)] =
+            state_.last_seen[from++];
   }
-  std::deque<int> queue;
-  for (std::size_t i = 0; i < count; ++i) {
-    nearest_[i] = last_seen_[i] != kNever ? int(i) : -1;
-    if (nearest_[i] >= 0) queue.push_back(int(i));
-  }
-  while (!queue.empty()) {
-    const std::size_t i = std::size_t(queue.front());
-    queue.pop_front();
-    const int source = nearest_[i];
-    for (const int k : neighbours_[i]) {
-      const std::size_t j = std::size_t(k);
-      if (nearest_[j] == k || (directions_[j].z < 0) != (directions_[i].z < 0)) continue;
-      if (nearest_[j] >= 0 && glm::dot(directions_[j], directions_[std::size_t(nearest_[j])]) >=
-                                  glm::dot(directions_[j], directions_[std::size_t(source)]))
-        continue;
-      nearest_[j] = source;
-      queue.push_back(k);
-    }
-  }
-  coverage_changed_ = false;
+  return out;
 }
 
 std::shared_ptr<const Environment> Capture::environment() {
-  if (coverage_changed_) update_nearest();
-  const std::size_t count = directions_.size(), per_face = solid_angle_.size();
-  auto result = std::make_shared<Environment>();
-  result->confidence.resize(count);
-  result->age.resize(count);
-  std::vector<glm::vec3> faces(count);
-  glm::dvec3 up_irradiance(0), plane_mean(0);
-  double up = 0, seen = 0, up_seen = 0, bound_flux = 0, flux = 0, bound = 0, plane_seen = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const double angle = solid_angle_[i % per_face];
-    const bool is_seen = nearest_[i] == int(i), above = directions_[i].z >= 0;
-    if (nearest_[i] >= 0) faces[i] = value_[std::size_t(nearest_[i])];
-    const double brightness = faces[i].x + faces[i].y + faces[i].z;
-    if (above) {
-      up += angle, flux += angle * brightness;
-      up_irradiance += angle * double(directions_[i].z) * glm::dvec3(faces[i]);
+  // A map that only this list still holds can be changed: nobody can get hold of it meanwhile.
+  std::shared_ptr<Environment> snapshot;
+  for (std::size_t i = 0; i < snapshots_.size() && !snapshot; ++i)
+    if (snapshots_[i].use_count() == 1) {
+      std::atomic_thread_fence(std::memory_order_acquire);
+      snapshot = std::move(snapshots_[i]);
+      snapshots_.erase(snapshots_.begin() + std::ptrdiff_t(i));
     }
-    result->age[i] =
-        is_seen ? float(time_ - last_seen_[i]) : std::numeric_limits<float>::infinity();
-    if (!is_seen) continue;
-    seen += angle;
-    if (above)
-      up_seen += angle;
-    else
-      plane_seen += angle, plane_mean += angle * glm::dvec3(faces[i]);
-    if (bound_[i]) bound += angle, bound_flux += above ? angle * brightness : 0;
-    const glm::vec3 variance =
-        variance_[i] + kDrift * kDrift * faces[i] * faces[i] * result->age[i];
-    const float relative =
-        (variance.x + variance.y + variance.z) / std::max(1e-20f, glm::dot(faces[i], faces[i]));
-    result->confidence[i] = 1 / (1 + relative / (0.1f * 0.1f));  // ½ at 10 % standard deviation
+  if (!snapshot) {
+    snapshot = std::make_shared<Environment>();
+    snapshot->radiance = CubeMap(grid_.size);
+    snapshot->last_seen.assign(state_.last_seen.size(), kNever);
+    snapshot->variance.assign(state_.last_seen.size(), 0.0f);
   }
-  // Nothing of the upper half seen: a uniform sky that would light the plane as it looks, or
-  // mid-grey.
-  if (up_seen == 0) {
-    const glm::vec3 sky = plane_seen > 0
-                              ? glm::vec3(plane_mean / plane_seen / options_.plane_albedo)
-                              : glm::vec3(0.5f);
-    for (std::size_t i = 0; i < count; ++i)
-      if (directions_[i].z >= 0) faces[i] = sky;
-    up_irradiance = glm::dvec3(sky) * std::numbers::pi;
+  update_snapshot(*snapshot);
+  snapshots_.insert(snapshots_.begin(), snapshot);
+  if (snapshots_.size() > kSnapshots) snapshots_.pop_back();
+  return snapshot;
+}
+
+void Capture::update_snapshot(Environment& snapshot) const {
+  CubeMap& map = snapshot.radiance;
+  std::vector<int> stale;
+  for (int tile = 0; tile < grid_.count(); ++tile)
+    if (map.tile_version(tile) != versions_[std::size_t(tile)]) stale.push_back(tile);
+  for (const int tile : stale) write_tile(tile, snapshot);
+  map.update(stale);
+  for (const int tile : stale) map.set_tile_version(tile, versions_[std::size_t(tile)]);
+
+  double up = 0, up_seen = 0, seen = 0, bound = 0, bound_flux = 0, flux = 0;
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    const std::size_t i = std::size_t(tile);
+    const TileSums& s = sums_[i];
+    seen += s.angle, bound += s.bound_angle;
+    if (!unseen_.above(tile)) continue;
+    const glm::dvec3 fill(unseen_.fill(tile));
+    up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux;
+    flux +=
+        s.flux.x + s.flux.y + s.flux.z + (tile_angle_[i] - s.angle) * (fill.x + fill.y + fill.z);
   }
-  if (plane_seen == 0) {
-    const glm::vec3 plane(options_.plane_albedo / std::numbers::pi * up_irradiance);
-    for (std::size_t i = 0; i < count; ++i)
-      if (directions_[i].z < 0) faces[i] = plane;
-  }
-  constexpr double sphere = 4 * std::numbers::pi;
-  result->coverage = seen / sphere;
-  result->clipped = seen > 0 ? bound / seen : 0;
+  snapshot.time = time_;
+  snapshot.coverage = seen / (4 * std::numbers::pi);
+  snapshot.clipped = seen > 0 ? bound / seen : 0;
   // Expected error of the irradiance, fitted to nearest-seen filling on real maps: it falls
   // faster than what is unseen above the horizon. Light known only as a lower bound may be twice
   // as strong.
-  const double unseen = 1 - up_seen / up;
-  result->predicted_error =
-      0.02 + 0.85 * std::pow(unseen, 1.5) + (flux > 0 ? 0.5 * bound_flux / flux : 0);
-  result->radiance = CubeMap(options_.size, faces);
-  return result;
+  snapshot.predicted_error = 0.02 + 0.85 * std::pow(std::max(0.0, 1 - up_seen / up), 1.5) +
+                             (flux > 0 ? 0.5 * bound_flux / flux : 0);
+}
+
+void Capture::write_tile(int tile, Environment& snapshot) const {
+  const FaceRect r = tile_rect(grid_, tile);
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const glm::vec3 fill = unseen_.fill(tile);
+  const int seen = sums_[std::size_t(tile)].count;
+  std::size_t i = start;
+  for (int y = r.y0; y < r.y1; ++y, i += std::size_t(r.width())) {
+    glm::vec3* row = &snapshot.radiance.base().texel(r.face, r.x0, y);
+    const float *red = &state_.value[0][i], *green = &state_.value[1][i],
+                *blue = &state_.value[2][i];
+    if (seen == r.texels())
+      interleave_row(red, green, blue, r.width(), &row->x);
+    else if (seen > 0)
+      write_row(red, green, blue, &state_.last_seen[i], &fill.x, r.width(), &row->x);
+    else
+      std::fill_n(row, r.width(), fill);
+  }
+  if (seen == 0) return;
+  const float* value[3] = {&state_.value[0][start], &state_.value[1][start],
+                           &state_.value[2][start]};
+  const float* variance[3] = {&state_.variance[0][start], &state_.variance[1][start],
+                              &state_.variance[2][start]};
+  relative_variance(value, variance, r.texels(), &snapshot.variance[start]);
+  std::copy_n(&state_.last_seen[start], std::size_t(r.texels()), &snapshot.last_seen[start]);
 }
 
 }  // namespace fastibl

@@ -1,13 +1,16 @@
 // From camera pictures with known poses to the light of the place.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
 
+#include "fastibl/capture/frame_levels.h"
+#include "fastibl/capture/texel_state.h"
+#include "fastibl/capture/texel_view.h"
+#include "fastibl/capture/unseen.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/board.h"
@@ -16,8 +19,6 @@
 #include "fastibl/scene/picture.h"
 
 namespace fastibl {
-
-struct FootprintSample;
 
 struct CaptureOptions {
   int size = 128;              // face edge of the map in texels
@@ -50,31 +51,48 @@ class Capture {
   void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
            double exposure, double time, ImageView<const std::uint8_t> mask = {});
 
-  // The map at the time of the last picture, without holes: unseen texels take the nearest seen
-  // value on their side of the horizon, at confidence 0.
+  // The map at the time of the last picture, without holes: unseen texels take the mean of the tile
+  // that was seen nearest on their side of the horizon, at confidence 0. Only what changed since an
+  // earlier map that nobody holds any more is made anew in its place.
   std::shared_ptr<const Environment> environment();
 
   int size() const { return options_.size; }
   double time() const { return time_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
-  const std::vector<double>& last_seen() const { return last_seen_; }
+  std::vector<double> last_seen() const;
 
  private:
-  class SensorNoise;
-  void merge(std::size_t texel, const FootprintSample& seen, float pixels,
-             float radiance_per_linear, const SensorNoise& noise);
-  void update_nearest();
+  struct KnownCamera {
+    explicit KnownCamera(const Camera& camera);
+    Camera camera;
+    Lens lens;
+    PictureBounds bounds;
+    SensorNoise noise;
+  };
+  struct View;  // of one picture
+  const KnownCamera& known(const Camera& camera);
+  bool add_tile(const View& view, int tile);
+  void update_snapshot(Environment& snapshot) const;
+  void write_tile(int tile, Environment& snapshot) const;
 
   CaptureOptions options_;
+  TileGrid grid_;
   double time_ = -1e30;
-  std::vector<glm::vec3> directions_;  // unit
-  std::vector<float> solid_angle_;     // n², one face
-  std::vector<glm::vec3> value_, variance_;
-  std::vector<std::uint8_t> bound_;  // bit c: channel c is only a lower bound
-  std::vector<double> last_seen_;
-  std::vector<std::array<int, 4>> neighbours_;
-  std::vector<int> nearest_;  // index of the texel whose value an unseen one takes; −1: none
-  bool coverage_changed_ = true;
+  TileOutlines outlines_;
+  TexelState state_;
+  std::vector<float> angles_;     // by tile of one face: solid angle
+  std::vector<float> projected_;  // by tile: that times |z|
+  std::vector<double> tile_angle_, tile_projected_;
+  std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
+  std::vector<TileSums> sums_;               // by tile
+  UnseenTiles unseen_;
+  std::vector<std::uint64_t> versions_;  // by tile, as the map's
+  std::vector<KnownCamera> cameras_;
+  FrameLevels levels_;
+  std::vector<float> most_pixels_;
+  std::vector<int> tiles_;  // that the picture may see
+  std::vector<std::uint8_t> changed_;
+  std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, latest first
 };
 
 }  // namespace fastibl

@@ -1,73 +1,289 @@
 #include "fastibl/capture/texel_view.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "fastibl/core/simd.h"
 #include "fastibl/scene/cube_map.h"
 
 namespace fastibl {
+namespace {
 
-TexelView::TexelView(const Camera& camera, const Pose& camera_from_marker,
-                     const Viewpoint& viewpoint)
-    : camera_(camera),
-      lens_(camera),
-      viewpoint_(viewpoint),
-      rotation_(camera_from_marker.rotation),
-      centre_(camera_from_marker * viewpoint.centre),
-      height_(camera_from_marker.inverse().translation.z),
-      nearness_(1 / viewpoint.distance),
-      axis_(glm::transpose(camera_from_marker.rotation)[2]) {
-  double widest = 0;
-  for (const glm::dvec2 corner :
-       {glm::dvec2(0, 0), glm::dvec2(camera.width, 0), glm::dvec2(0, camera.height),
-        glm::dvec2(camera.width, camera.height)}) {
-    const auto ray = lens_.unproject(corner);
-    widest =
-        std::max(widest, ray ? std::atan(glm::length(glm::dvec2(*ray))) : std::numbers::pi / 2);
-  }
-  // What is near is seen in another direction than from the viewpoint.
-  const double parallax = std::asin(std::min(1.0, nearness_ * glm::length(centre_)));
-  reach_ = float(widest + parallax);
+constexpr float kSmallestDepth = 1e-9f;  // as a lens has it
+constexpr double kMargin = 0.02;         // of the picture's bounds, for a border that is curved
+
+struct FaceAxes {
+  glm::vec3 centre, s, t;  // direction: centre + (2 s − 1) s + (2 t − 1) t
+};
+FaceAxes face_axes(int face) {
+  const glm::vec3 centre = face_direction(face, 0.5f, 0.5f);
+  return {centre, face_direction(face, 1, 0.5f) - centre, face_direction(face, 0.5f, 1) - centre};
 }
 
-std::optional<Sighting> TexelView::see(const glm::dvec3& d, double solid_angle) const {
-  const glm::dvec3 turned = rotation_ * d;
-  glm::dvec3 seen;  // in the camera frame; its length is free above the horizon
-  double share;     // of the texel's solid angle: that under which the camera sees it
-  if (d.z >= 0) {
-    seen = turned + nearness_ * centre_;
-    const double length2 = glm::dot(seen, seen);
-    share = std::abs(glm::dot(turned, seen)) / (length2 * std::sqrt(length2));
-  } else {
-    // The plane hides what is under it, and its underside is not the table.
-    if (height_ <= 0) return std::nullopt;
-    const double distance = viewpoint_.centre.z / -d.z;
-    const glm::dvec3 point = viewpoint_.centre + distance * d;
-    if (std::abs(point.x) < viewpoint_.masked.x && std::abs(point.y) < viewpoint_.masked.y)
-      return std::nullopt;
-    seen = centre_ + distance * turned;
-    const double length2 = glm::dot(seen, seen);
-    share = distance * distance / length2 * height_ / (std::sqrt(length2) * -d.z);
+// A projection along the axes of one face.
+struct FaceProjection {
+  float origin[3], along_s[3], along_t[3];  // in the camera frame
+  float world[3], world_s[3], world_t[3];   // marker frame
+};
+
+FaceProjection on_face(const TexelView::Projection& p, int face) {
+  const FaceAxes axes = face_axes(face);
+  FaceProjection out;
+  for (int r = 0; r < 3; ++r) {
+    const glm::vec3 row(p.turn[0][r], p.turn[1][r], p.turn[2][r]);
+    out.origin[r] = glm::dot(row, axes.centre);
+    out.along_s[r] = glm::dot(row, axes.s), out.along_t[r] = glm::dot(row, axes.t);
+    out.world[r] = axes.centre[r], out.world_s[r] = axes.s[r], out.world_t[r] = axes.t[r];
   }
-  const auto pixel = lens_.project(seen);
-  if (!pixel || !camera_.inside(*pixel)) return std::nullopt;
-  // Solid angle times f² over cos³ of the angle to the optical axis.
-  const double cosine = seen.z / glm::length(seen);
-  return Sighting{
-      *pixel, float(share * solid_angle * camera_.fx * camera_.fy / (cosine * cosine * cosine))};
+  return out;
 }
 
-bool TexelView::may_see(int face, int x0, int y0, int x1, int y1, int size) const {
-  const auto corner = [&](int x, int y) {
-    return glm::normalize(face_direction(face, float(x) / float(size), float(y) / float(size)));
+// Camera directions of a group's texels above or below the horizon, and pixels at depth 1.
+FASTIBL_CLONES void turn_texels(const TexelView::Projection& p, const FaceProjection& f,
+                                const TexelGroup& g, float* __restrict tx, float* __restrict ty,
+                                float* __restrict tz, float* __restrict pixels,
+                                int* __restrict seen) {
+  const int n = lanes_of(g.count);
+  const float first_s = g.first_s, first_t = g.first_t, step = g.step;
+  for (int i = 0; i < n; ++i) {
+    const float a = first_s + step * g.columns[i], b = first_t + step * g.rows[i];
+    tx[i] = f.origin[0] + a * f.along_s[0] + b * f.along_t[0];
+    ty[i] = f.origin[1] + a * f.along_s[1] + b * f.along_t[1];
+    tz[i] = f.origin[2] + a * f.along_s[2] + b * f.along_t[2];
+    pixels[i] = p.pixels;
+    const float z = f.world[2] + a * f.world_s[2] + b * f.world_t[2];
+    seen[i] = (i < g.count) & ((z >= 0) == p.above);
+  }
+  if (p.shifted)
+    for (int i = 0; i < n; ++i) {
+      const float a = first_s + step * g.columns[i], b = first_t + step * g.rows[i];
+      const float inverse = 1 / std::sqrt(1 + a * a + b * b);
+      const float x = tx[i] * inverse, y = ty[i] * inverse, z = tz[i] * inverse;
+      tx[i] = x + p.shift[0], ty[i] = y + p.shift[1], tz[i] = z + p.shift[2];
+      const float along = x * tx[i] + y * ty[i] + z * tz[i];
+      pixels[i] *= inverse * inverse * inverse * std::fabs(along);
+    }
+  if (p.masked)
+    for (int i = 0; i < n; ++i) {
+      const float a = first_s + step * g.columns[i], b = first_t + step * g.rows[i];
+      const float z = f.world[2] + a * f.world_s[2] + b * f.world_t[2];
+      const float reach = p.plane_distance / -z;
+      const float x = p.centre_x + reach * (f.world[0] + a * f.world_s[0] + b * f.world_t[0]);
+      const float y = p.centre_y + reach * (f.world[1] + a * f.world_s[1] + b * f.world_t[1]);
+      seen[i] &= !((std::fabs(x) < p.masked_x) & (std::fabs(y) < p.masked_y));
+    }
+}
+
+// From camera directions to pixels.
+FASTIBL_CLONES void project_texels(const TexelView::Projection& p, const float* __restrict tx,
+                                   const float* __restrict ty, const float* __restrict tz,
+                                   int lanes, float* __restrict px, float* __restrict py,
+                                   float* __restrict pixels, int* __restrict seen) {
+  const int n = lanes & ~15;
+  if (p.lens)
+    for (int i = 0; i < n; ++i) {
+      const float iz = 1 / tz[i], x = tx[i] * iz, y = ty[i] * iz, q = x * x + y * y;
+      // As in shared/lens.glsl.
+      const float g = (1 + q * (p.k[0] + q * (p.k[1] + q * p.k[4]))) /
+                      (1 + q * (p.k[5] + q * (p.k[6] + q * p.k[7])));
+      const float u = x * g + 2 * p.k[2] * x * y + p.k[3] * (q + 2 * x * x);
+      const float v = y * g + p.k[2] * (q + 2 * y * y) + 2 * p.k[3] * x * y;
+      const float at_x = p.fx * u + p.cx, at_y = p.fy * v + p.cy;
+      px[i] = at_x, py[i] = at_y;
+      pixels[i] *= std::fabs(iz * iz * iz);
+      seen[i] &= (tz[i] > kSmallestDepth) & (q < p.limit2) & (at_x >= 0) & (at_y >= 0) &
+                 (at_x < p.width) & (at_y < p.height);
+    }
+  else
+    for (int i = 0; i < n; ++i) {
+      const float iz = 1 / tz[i];
+      const float at_x = p.fx * (tx[i] * iz) + p.cx, at_y = p.fy * (ty[i] * iz) + p.cy;
+      px[i] = at_x, py[i] = at_y;
+      pixels[i] *= std::fabs(iz * iz * iz);
+      seen[i] &= (tz[i] > kSmallestDepth) & (at_x >= 0) & (at_y >= 0) & (at_x < p.width) &
+                 (at_y < p.height);
+    }
+}
+
+FASTIBL_CLONES int count_seen(const int* seen, int lanes) {
+  const int n = lanes & ~15;
+  int count = 0;
+  for (int i = 0; i < n; ++i) count += seen[i];
+  return count;
+}
+
+// Adds what a side of the horizon shows. A tile is the cone of its corners, so it lies beyond a
+// side of the picture where they all do; with what is near, the part of the sphere between them
+// bulges a little.
+FASTIBL_CLONES void find_tiles_of(const TexelView::Projection& p, const PictureBounds& bounds,
+                                  const TileOutlines::Corner (&corners)[4], const float* bulges,
+                                  const float* on_side, int count, float* most_pixels) {
+  const PictureBounds side = bounds;
+  const float slope_x = 1 + std::max(std::fabs(side.left), std::fabs(side.right));
+  const float slope_y = 1 + std::max(std::fabs(side.top), std::fabs(side.bottom));
+  const float t00 = p.turn[0][0], t01 = p.turn[0][1], t02 = p.turn[0][2];
+  const float t10 = p.turn[1][0], t11 = p.turn[1][1], t12 = p.turn[1][2];
+  const float t20 = p.turn[2][0], t21 = p.turn[2][1], t22 = p.turn[2][2];
+  const float s0 = p.shift[0], s1 = p.shift[1], s2 = p.shift[2], texel = p.pixels;
+  const auto greater = [](const Float16& u, const Float16& v) -> Float16 { return u > v ? u : v; };
+  const Float16 none = {};
+  for (int i = 0; i < count; i += 16) {
+    const auto at = [i](const auto& values) -> const Float16& {
+      return *reinterpret_cast<const Float16*>(&values[std::size_t(i)]);
+    };
+    Float16 left = none - 1e30f, right = left, top = left, bottom = left, front = left, most = none;
+    for (const TileOutlines::Corner& c : corners) {
+      const Float16 &x = at(c.x), &y = at(c.y), &z = at(c.z);
+      const Float16 scale = p.shifted ? at(c.scale) : none + 1.0f;
+      const Float16 tx = scale * (t00 * x + t10 * y + t20 * z) + s0;
+      const Float16 ty = scale * (t01 * x + t11 * y + t21 * z) + s1;
+      const Float16 tz = scale * (t02 * x + t12 * y + t22 * z) + s2;
+      left = greater(left, tx - side.left * tz), right = greater(right, side.right * tz - tx);
+      top = greater(top, ty - side.top * tz), bottom = greater(bottom, side.bottom * tz - ty);
+      front = greater(front, tz);
+      // At less depth a texel covers more than any level of the picture averages.
+      const Float16 ratio = scale / greater(tz, none + 0.02f);
+      most = greater(most, texel * ratio * ratio * ratio);
+    }
+    const Float16 bulge = p.shifted ? at(bulges) : none;
+    const Float16 x = bulge * slope_x, y = bulge * slope_y;
+    most = left + x >= 0.0f ? most : none, most = right + x >= 0.0f ? most : none;
+    most = top + y >= 0.0f ? most : none, most = bottom + y >= 0.0f ? most : none;
+    most = front + bulge >= 0.0f ? most : none;
+    most *= at(on_side);
+    Float16& out = *reinterpret_cast<Float16*>(most_pixels + i);
+    out = greater(out, most);
+  }
+}
+
+}  // namespace
+
+TileOutlines::TileOutlines(TileGrid tiles) : grid(tiles) {
+  for (int tile = 0; tile < grid.count(); ++tile) {
+    const FaceRect r = tile_rect(grid, tile);
+    const auto corner = [&](int u, int v) {
+      return face_direction(r.face, float(u) / float(grid.size), float(v) / float(grid.size));
+    };
+    const glm::vec3 ends[4] = {corner(r.x0, r.y0), corner(r.x1, r.y0), corner(r.x0, r.y1),
+                               corner(r.x1, r.y1)};
+    const glm::vec3 middle = glm::normalize(glm::normalize(ends[0]) + glm::normalize(ends[3]));
+    float smallest = 1, lowest = 1, highest = -1;
+    for (int c = 0; c < 4; ++c) {
+      const glm::vec3& d = ends[c];
+      corners[c].x.push_back(d.x), corners[c].y.push_back(d.y), corners[c].z.push_back(d.z);
+      corners[c].scale.push_back(1 / glm::length(d));
+      smallest = std::min(smallest, glm::dot(glm::normalize(d), middle));
+      lowest = std::min(lowest, d.z), highest = std::max(highest, d.z);
+    }
+    bulge.push_back(1 - smallest);
+    above.push_back(highest > 0 ? 1.0f : 0.0f), below.push_back(lowest < 0 ? 1.0f : 0.0f);
+  }
+  const std::size_t padded = std::size_t(lanes_of(grid.count()));
+  for (Corner& c : corners)
+    for (auto* values : {&c.x, &c.y, &c.z, &c.scale}) values->resize(padded, 1.0f);
+  bulge.resize(padded, 0.0f), above.resize(padded, 0.0f), below.resize(padded, 0.0f);
+}
+
+PictureBounds picture_bounds(const Camera& camera, const Lens& lens) {
+  glm::dvec2 least(1e30), most(-1e30);  // of the picture's border without the lens
+  constexpr int kSteps = 8;
+  for (int i = 0; i <= kSteps; ++i)
+    for (const glm::dvec2 part :
+         {glm::dvec2(i, 0), glm::dvec2(i, kSteps), glm::dvec2(0, i), glm::dvec2(kSteps, i)}) {
+      const auto ray =
+          lens.unproject(part / double(kSteps) * glm::dvec2(camera.width, camera.height));
+      // Where the lens does not reach, its circle ends the picture.
+      const double limit = std::min(1e6, std::sqrt(lens.limit2()));
+      least = glm::min(least, ray ? glm::dvec2(*ray) : glm::dvec2(-limit));
+      most = glm::max(most, ray ? glm::dvec2(*ray) : glm::dvec2(limit));
+    }
+  const glm::dvec2 margin = kMargin * (most - least) + 1e-6;
+  return {float(least.x - margin.x), float(most.x + margin.x), float(least.y - margin.y),
+          float(most.y + margin.y)};
+}
+
+TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds& bounds,
+                     const Pose& camera_from_marker, const Viewpoint& viewpoint, int size)
+    : bounds_(bounds) {
+  const glm::dvec3 centre = camera_from_marker * viewpoint.centre;
+  const double height = camera_from_marker.inverse().translation.z;
+  // Below the horizon a direction d meets the plane at c − (c_z / d_z) d, in the camera's frame a
+  // multiple of (R − c e_zᵀ / c_z) d: linear in d, as for light from far away. The plane hides what
+  // is under it, and its underside is not the table.
+  sees_plane_ = height > 0;
+  const glm::dmat3 turn_above = camera_from_marker.rotation;
+  glm::dmat3 turn_below = turn_above;
+  turn_below[2] -= centre / viewpoint.centre.z;
+  const glm::dvec3 shift = centre / viewpoint.distance;
+
+  Projection p{};
+  p.fx = float(camera.fx), p.fy = float(camera.fy);
+  p.cx = float(camera.cx), p.cy = float(camera.cy);
+  for (std::size_t i = 0; i < camera.distortion.size() && i < 8; ++i)
+    p.k[i] = float(camera.distortion[i]);
+  p.lens = !lens.trivial();
+  p.limit2 = float(lens.limit2());
+  p.width = float(camera.width), p.height = float(camera.height);
+  // A texel of solid angle 4/n² / |d|³ at the depth z of its direction d covers f_x f_y 4/n² / z³.
+  const double texel = 4.0 / size / size * camera.fx * camera.fy;
+  const auto set = [](Projection& to, const glm::dmat3& turn) {
+    for (int c = 0; c < 3; ++c)
+      for (int r = 0; r < 3; ++r) to.turn[c][r] = float(turn[c][r]);
   };
-  const glm::vec3 corners[4] = {corner(x0, y0), corner(x1, y0), corner(x0, y1), corner(x1, y1)};
-  const glm::vec3 middle = glm::normalize(corners[0] + corners[1] + corners[2] + corners[3]);
-  float cosine = 1, lowest = 1;
-  for (const glm::vec3& c : corners)
-    cosine = std::min(cosine, glm::dot(c, middle)), lowest = std::min(lowest, c.z);
-  if (lowest < 0) return true;  // the plane is near: no direction bounds where the camera sees it
-  return std::acos(std::clamp(glm::dot(middle, axis_), -1.0f, 1.0f)) <= reach_ + std::acos(cosine);
+  above_ = below_ = p;
+  set(above_, turn_above);
+  above_.above = true;
+  above_.shifted = shift != glm::dvec3(0);
+  for (int r = 0; r < 3; ++r) above_.shift[r] = float(shift[r]);
+  above_.pixels = float(texel);
+  set(below_, turn_below);
+  below_.pixels = float(texel * std::max(0.0, height) / viewpoint.centre.z);
+  below_.masked = viewpoint.masked.x > 0;
+  below_.masked_x = float(viewpoint.masked.x), below_.masked_y = float(viewpoint.masked.y);
+  below_.plane_distance = float(viewpoint.centre.z);
+  below_.centre_x = float(viewpoint.centre.x), below_.centre_y = float(viewpoint.centre.y);
+}
+
+void TexelView::find_tiles(const TileOutlines& outlines, std::vector<float>& most_pixels) const {
+  const int count = int(outlines.bulge.size());
+  most_pixels.assign(outlines.bulge.size(), 0.0f);
+  find_tiles_of(above_, bounds_, outlines.corners, outlines.bulge.data(), outlines.above.data(),
+                count, most_pixels.data());
+  if (sees_plane_)
+    find_tiles_of(below_, bounds_, outlines.corners, outlines.bulge.data(), outlines.below.data(),
+                  count, most_pixels.data());
+}
+
+bool TexelView::see(const TexelGroup& group, Sightings& s) const {
+  alignas(64) float tx[kLanes], ty[kLanes], tz[kLanes];
+  const int lanes = lanes_of(group.count);
+  const auto run = [&](const Projection& p) {
+    turn_texels(p, on_face(p, group.face), group, tx, ty, tz, s.pixels, s.seen);
+    project_texels(p, tx, ty, tz, lanes, s.x, s.y, s.pixels, s.seen);
+    return count_seen(s.seen, lanes) > 0;
+  };
+  const FaceAxes axes = face_axes(group.face);
+  float lowest = 1e30f, highest = -1e30f;
+  for (const float row : {group.rows[0], group.rows[group.count - 1]})
+    for (const int column : {0, group.width - 1}) {
+      const float a = group.first_s + group.step * float(column),
+                  b = group.first_t + group.step * row;
+      const float z = axes.centre.z + a * axes.s.z + b * axes.t.z;
+      lowest = std::min(lowest, z), highest = std::max(highest, z);
+    }
+  if (lowest >= 0) return run(above_);
+  if (highest < 0) return sees_plane_ && run(below_);
+  const bool any = run(above_);
+  if (!sees_plane_) return any;
+  const Sightings other = s;
+  const bool more = run(below_);
+  for (int i = 0; i < lanes; ++i)
+    if (other.seen[i]) {
+      s.x[i] = other.x[i], s.y[i] = other.y[i], s.pixels[i] = other.pixels[i];
+      s.seen[i] = 1;
+    }
+  return any || more;
 }
 
 }  // namespace fastibl

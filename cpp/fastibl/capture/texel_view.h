@@ -1,10 +1,12 @@
 // Which texels of the map a picture sees, and where.
 #pragma once
 
-#include <optional>
+#include <vector>
 
 #include "fastibl/core/pose.h"
+#include "fastibl/core/vector.h"
 #include "fastibl/scene/camera.h"
+#include "fastibl/scene/cube_tiles.h"
 
 namespace fastibl {
 
@@ -16,32 +18,79 @@ struct Viewpoint {
       -1, -1};  // half width and height of the plane's part around the origin to leave out
 };
 
-struct Sighting {
-  glm::dvec2 pixel;
-  float area;  // pixels that the texel covers
+// Texels are worked on in groups of this many.
+inline constexpr int kLanes = 256;
+// As many as a group of `count` texels takes: vectors are filled, and no more is touched.
+constexpr int lanes_of(int count) { return (count + 15) & ~15; }
+
+// Where a group of texels of a tile is on its face; of what lies after the last texel anything.
+struct TexelGroup {
+  int face;
+  float first_s, first_t;       // of the tile's first texel: 2 s − 1 and 2 t − 1 of its centre
+  float step;                   // from texel to texel
+  const float *columns, *rows;  // of each texel in its tile
+  int count;
+  int width;  // of the tile
 };
+
+// Corners of all tiles of a map, for leaving out those that a picture cannot see.
+struct TileOutlines {
+  explicit TileOutlines(TileGrid grid);  // arrays are as long as fills vectors
+
+  struct Corner {
+    std::vector<float> x, y, z;  // direction, 1 along the face's axis
+    std::vector<float> scale;    // 1 / its length
+  };
+  TileGrid grid;
+  Corner corners[4];
+  std::vector<float> bulge;  // by how far the unit sphere lies beyond the corners' plane, at most
+  std::vector<float> above,
+      below;  // 0 or 1: whether the tile has texels on this side of the horizon
+};
+
+struct Sightings {
+  alignas(64) float x[kLanes], y[kLanes];  // pixel position
+  alignas(64) float pixels[kLanes];        // that the texel covers
+  alignas(64) int seen[kLanes];            // 0 or 1; the others hold anything where it is 0
+};
+
+// Sides of a picture on the plane z = 1, without the lens.
+struct PictureBounds {
+  float left, right, top, bottom;
+};
+PictureBounds picture_bounds(const Camera& camera, const Lens& lens);
 
 class TexelView {
  public:
-  TexelView(const Camera& camera, const Pose& camera_from_marker, const Viewpoint& viewpoint);
+  // lens and bounds: the camera's. size: texels along an edge of a face.
+  TexelView(const Camera& camera, const Lens& lens, const PictureBounds& bounds,
+            const Pose& camera_from_marker, const Viewpoint& viewpoint, int size);
 
-  // direction: unit, marker frame, from the viewpoint. solid_angle: of the texel as seen from
-  // there.
-  std::optional<Sighting> see(const glm::dvec3& direction, double solid_angle) const;
+  // For each tile: how many pixels a texel of it covers at most (an estimate), 0 where none is
+  // seen.
+  void find_tiles(const TileOutlines& outlines, std::vector<float>& most_pixels) const;
+  // True if any is seen.
+  bool see(const TexelGroup& group, Sightings& sightings) const;
 
-  // False where no texel of the tile [x0, x1) × [y0, y1) of a face can be seen; true says nothing.
-  bool may_see(int face, int x0, int y0, int x1, int y1, int size) const;
+  // Float, for a direction d not normalised: its camera direction is `turn` d, plus, above the
+  // horizon, |d| `shift`.
+  struct Projection {
+    float turn[3][3];  // columns
+    float shift[3];
+    bool shifted;
+    bool above;
+    float plane_distance, centre_x, centre_y, masked_x, masked_y;
+    bool masked;
+    float fx, fy, cx, cy, k[8], limit2;
+    bool lens;
+    float width, height;
+    float pixels;  // that a texel covers at depth 1
+  };
 
  private:
-  Camera camera_;
-  Lens lens_;
-  Viewpoint viewpoint_;
-  glm::dmat3 rotation_;  // marker to camera
-  glm::dvec3 centre_;    // the viewpoint in the camera frame
-  double height_;        // of the camera above the plane
-  double nearness_;      // 1 / distance
-  glm::vec3 axis_;       // optical axis, marker frame
-  float reach_;          // largest angle between it and a texel above the horizon that is seen
+  Projection above_, below_;
+  bool sees_plane_;
+  PictureBounds bounds_;
 };
 
 }  // namespace fastibl

@@ -14,12 +14,17 @@ struct LightingOptions {
   GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
   bool irradiance = true;     // false: only what glossy surfaces read
+  bool chain = true;          // false: nothing glossy will be shaded
   bool measure_error = true;  // also compare the irradiance with a sum over the 32² level (0.05 ms)
   int evaluations = 0;        // how many normals follow; 0: many. `automatic` goes by it
 };
 // previous: of the frame before, or null. What was found then is moved along instead of searched
-// anew, which is faster, and steady.
+// anew, which is faster, and steady; a chain of the same map is kept.
 Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {},
                       const Lighting* previous = nullptr);
+
+// Whether a method reads Lighting::chain; adds it to a lighting without.
+bool reads_chain(GlossyMethod method);
+void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous = nullptr);
 
 }  // namespace fastibl

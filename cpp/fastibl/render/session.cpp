@@ -155,6 +155,7 @@ LightingOptions Session::lighting_options() const {
   options.glossy = options_.methods.glossy;
   options.glossy_settings = options_.methods.glossy_settings;
   options.normalization = options_.methods.normalization;
+  options.chain = scene_.material.glossy != glm::vec3(0);
   return options;
 }
 
@@ -180,6 +181,12 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       return true;
     default:
       break;
+  }
+  if (lighting_ && lighting_->radiance == radiance() && radiance() && !lighting_->chain &&
+      reads_chain(lighting_->glossy) && scene_.material.glossy != glm::vec3(0)) {
+    Lighting glossy = *lighting_;  // the material was matte when the light was fitted
+    fit_chain(glossy);
+    lighting_ = std::make_shared<const Lighting>(std::move(glossy));
   }
   if (!lighting_ || lighting_->radiance != radiance()) {
     Lighting chain;  // no pass reads the irradiance, but the glossy look-up needs its chain

@@ -1,9 +1,13 @@
 #include "fastibl/scene/cube_map.h"
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
+#include <utility>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/simd.h"
 
 namespace fastibl {
 namespace {
@@ -14,69 +18,38 @@ double corner_angle(double x, double y) {
   return std::atan2(x * y, std::sqrt(x * x + y * y + 1.0));
 }
 
-// One axis of a reduction from n to m texels: source texels [first, first + weights) overlap target
-// i.
-struct Overlap {
-  int first;
-  std::vector<double> weights;
+// Where the texels across an edge of a face lie: start + i · step on the adjacent face, in units of
+// the last texel's index for the start.
+struct EdgeNeighbour {
+  int face, start_x, start_y, step_x, step_y;
 };
+enum Edge { top, bottom, left, right };
 
-std::vector<Overlap> overlaps(int n, int m) {
-  std::vector<Overlap> result(static_cast<std::size_t>(m));
-  for (int i = 0; i < m; ++i) {
-    const double begin = double(i) * n / m, end = double(i + 1) * n / m;
-    Overlap& o = result[std::size_t(i)];
-    o.first = int(std::floor(begin));
-    for (int k = o.first; k < n && k < end; ++k)
-      o.weights.push_back(std::min(end, k + 1.0) - std::max(begin, double(k)));
-  }
-  return result;
+// Found by folding the direction of imagined texels onto the neighbour: exact, because both faces
+// cut an edge into the same parts.
+EdgeNeighbour find_neighbour(int face, Edge edge) {
+  constexpr int n = 4;
+  const auto across = [&](int i) {
+    const float s = edge == left ? -1e-4f : edge == right ? 1 + 1e-4f : (float(i) + 0.5f) / n;
+    const float t = edge == top ? -1e-4f : edge == bottom ? 1 + 1e-4f : (float(i) + 0.5f) / n;
+    const FacePoint p = face_point(face_direction(face, s, t));
+    return std::array{p.face, std::clamp(int(p.s * n), 0, n - 1),
+                      std::clamp(int(p.t * n), 0, n - 1)};
+  };
+  const auto first = across(0), second = across(1);
+  return {first[0], first[1] / (n - 1), first[2] / (n - 1), second[1] - first[1],
+          second[2] - first[2]};
 }
 
-CubeLevel reduce(const CubeLevel& fine) {
-  const int n = fine.size(), m = std::max(1, n / 2);
-  CubeLevel coarse(m);
-  const std::vector<double> angle = texel_solid_angles(n);
-  if (n == 2 * m) {  // the usual case; the four weights of a texel are the same on all faces
-    std::vector<float> weights(std::size_t(m) * m * 4);
-    for (int y = 0; y < m; ++y)
-      for (int x = 0; x < m; ++x) {
-        const double* a = &angle[std::size_t(2 * y) * n + std::size_t(2 * x)];
-        const double sum = a[0] + a[1] + a[n] + a[n + 1];
-        float* w = &weights[(std::size_t(y) * m + std::size_t(x)) * 4];
-        w[0] = float(a[0] / sum), w[1] = float(a[1] / sum);
-        w[2] = float(a[n] / sum), w[3] = float(a[n + 1] / sum);
-      }
+const std::array<std::array<EdgeNeighbour, 4>, 6>& edge_neighbours() {
+  static const auto table = [] {
+    std::array<std::array<EdgeNeighbour, 4>, 6> all{};
     for (int f = 0; f < 6; ++f)
-      for (int y = 0; y < m; ++y) {
-        const glm::vec3* a = &fine.texel(f, 0, 2 * y);
-        const glm::vec3* b = &fine.texel(f, 0, 2 * y + 1);
-        const float* w = &weights[std::size_t(y) * m * 4];
-        glm::vec3* out = &coarse.texel(f, 0, y);
-        for (int x = 0; x < m; ++x, w += 4, a += 2, b += 2)
-          out[x] = w[0] * a[0] + w[1] * a[1] + w[2] * b[0] + w[3] * b[1];
-      }
-  } else {
-    const std::vector<Overlap> spans = overlaps(n, m);
-    for (int f = 0; f < 6; ++f)
-      for (int y = 0; y < m; ++y)
-        for (int x = 0; x < m; ++x) {
-          const Overlap &oy = spans[std::size_t(y)], &ox = spans[std::size_t(x)];
-          glm::dvec3 sum(0);
-          double total = 0;
-          for (std::size_t j = 0; j < oy.weights.size(); ++j)
-            for (std::size_t i = 0; i < ox.weights.size(); ++i) {
-              const int sx = ox.first + int(i), sy = oy.first + int(j);
-              const double w =
-                  oy.weights[j] * ox.weights[i] * angle[std::size_t(sy) * n + std::size_t(sx)];
-              sum += w * glm::dvec3(fine.texel(f, sx, sy));
-              total += w;
-            }
-          coarse.texel(f, x, y) = glm::vec3(sum / total);
-        }
-  }
-  coarse.update_border();
-  return coarse;
+      for (const Edge edge : {top, bottom, left, right})
+        all[std::size_t(f)][edge] = find_neighbour(f, edge);
+    return all;
+  }();
+  return table;
 }
 
 }  // namespace
@@ -123,10 +96,18 @@ double texel_solid_angle(int x, int y, int size) {
 std::vector<double> texel_solid_angles(int size) {
   const int n = size;
   std::vector<double> corners(std::size_t(n + 1) * std::size_t(n + 1)), angles(std::size_t(n) * n);
-  for (int y = 0; y <= n; ++y)
-    for (int x = 0; x <= n; ++x)
-      corners[std::size_t(y) * (n + 1) + std::size_t(x)] =
-          corner_angle(2.0 * x / n - 1, 2.0 * y / n - 1);
+  const auto corner = [&](int x, int y) -> double& {
+    return corners[std::size_t(y) * std::size_t(n + 1) + std::size_t(x)];
+  };
+  // Odd in both coordinates, and the same when they change places: an eighth is worked out.
+  for (int y = (n + 1) / 2; y <= n; ++y)
+    for (int x = y; x <= n; ++x) {
+      const double value = corner_angle(2.0 * x / n - 1, 2.0 * y / n - 1);
+      for (const auto& [u, v] : {std::pair{x, y}, std::pair{y, x}}) {
+        corner(u, v) = corner(n - u, n - v) = value;
+        corner(n - u, v) = corner(u, n - v) = -value;
+      }
+    }
   for (int y = 0; y < n; ++y)
     for (int x = 0; x < n; ++x) {
       const double* c = &corners[std::size_t(y) * (n + 1) + std::size_t(x)];
@@ -138,25 +119,28 @@ std::vector<double> texel_solid_angles(int size) {
 CubeLevel::CubeLevel(int size)
     : size_(size), texels_(6 * std::size_t(size + 2) * std::size_t(size + 2) + 1, glm::vec3(0)) {}
 
-void CubeLevel::update_border() {
+void CubeLevel::update_border(unsigned faces) {
   const int n = size_;
-  // The texel one step across an edge, found by folding the direction of the imagined texel onto
-  // the neighbour: exact, because both faces cut an edge into the same n parts.
-  const auto across = [&](int face, int x, int y) -> const glm::vec3& {
-    const float edge = 1e-4f / float(n);
-    const float s = std::clamp((float(x) + 0.5f) / float(n), -edge, 1 + edge);
-    const float t = std::clamp((float(y) + 0.5f) / float(n), -edge, 1 + edge);
-    const FacePoint p = face_point(face_direction(face, s, t));
-    return texel(p.face, std::clamp(int(p.s * float(n)), 0, n - 1),
-                 std::clamp(int(p.t * float(n)), 0, n - 1));
-  };
+  const std::ptrdiff_t stride = row_stride();
   for (int f = 0; f < 6; ++f) {
-    for (int i = 0; i < n; ++i) {
-      texel(f, i, -1) = across(f, i, -1);
-      texel(f, i, n) = across(f, i, n);
-      texel(f, -1, i) = across(f, -1, i);
-      texel(f, n, i) = across(f, n, i);
+    unsigned touched = faces >> f & 1;
+    for (const Edge edge : {top, bottom, left, right}) {
+      const EdgeNeighbour& other = edge_neighbours()[std::size_t(f)][edge];
+      if (!(faces >> other.face & 1)) continue;
+      touched = 1;
+      const glm::vec3* from = &texel(other.face, other.start_x * (n - 1), other.start_y * (n - 1));
+      const std::ptrdiff_t from_step = other.step_x + other.step_y * stride;
+      glm::vec3* to = &texel(f,
+                             edge == left    ? -1
+                             : edge == right ? n
+                                             : 0,
+                             edge == top      ? -1
+                             : edge == bottom ? n
+                                              : 0);
+      const std::ptrdiff_t to_step = edge == top || edge == bottom ? 1 : stride;
+      for (int i = 0; i < n; ++i, from += from_step, to += to_step) *to = *from;
     }
+    if (!touched) continue;
     for (const int y : {-1, n})
       for (const int x : {-1, n}) {
         const int ix = x < 0 ? 0 : n - 1, iy = y < 0 ? 0 : n - 1;
@@ -196,19 +180,86 @@ float clean_radiance(float value, CleaningStatistics& statistics) {
   return kRadianceCap;
 }
 
-CubeMap::CubeMap(int size, std::span<const glm::vec3> faces) {
+// Without a branch, so that it is vectorised.
+FASTIBL_CLONES bool all_clean(const float* values, int count) {
+  int bad = 0;
+  for (int i = 0; i < count; ++i) bad |= !(values[i] >= 0 && values[i] <= kRadianceCap);
+  return bad == 0;
+}
+
+std::uint64_t new_tile_version() {
+  static std::atomic<std::uint64_t> last{0};
+  return ++last;
+}
+
+CubeMap::CubeMap(int size) {
   check(size >= 1, "faces must be at least 1 texel wide, got ", size);
+  for (int n = size;; n /= 2) {
+    levels_.emplace_back(n);
+    if (n == 1) break;
+    reductions_.push_back(CubeReduction::of(n));
+  }
+  versions_.assign(std::size_t(tiles().count()), new_tile_version());
+}
+
+CubeMap::CubeMap(int size, std::span<const glm::vec3> faces) : CubeMap(size) {
   check(faces.size() == 6 * std::size_t(size) * std::size_t(size), "a cube map of size ", size,
         " needs ", 6 * std::size_t(size) * std::size_t(size), " texels, got ", faces.size());
-  CubeLevel base(size);
   const glm::vec3* in = faces.data();
   for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < size; ++y)
-      for (int x = 0; x < size; ++x, ++in)
-        for (int c = 0; c < 3; ++c) base.texel(f, x, y)[c] = clean_radiance((*in)[c], cleaned_);
-  base.update_border();
-  levels_.push_back(std::move(base));
-  while (levels_.back().size() > 1) levels_.push_back(reduce(levels_.back()));
+    for (int y = 0; y < size; ++y, in += size) {
+      glm::vec3* row = &base().texel(f, 0, y);
+      std::copy(in, in + size, row);
+      if (all_clean(&row->x, 3 * size)) continue;
+      for (int x = 0; x < size; ++x)
+        for (int c = 0; c < 3; ++c) row[x][c] = clean_radiance(row[x][c], cleaned_);
+    }
+  update();
+}
+
+void CubeMap::update() {
+  std::vector<FaceRect> all;  // faces side by side: they share their weights
+  for (int row = 0; row < tiles().per_edge(); ++row)
+    for (int f = 0; f < 6; ++f)
+      all.push_back({f, 0, tiles().begin(row), size(), tiles().begin(row + 1)});
+  std::fill(versions_.begin(), versions_.end(), new_tile_version());
+  update_levels(std::move(all));
+}
+
+void CubeMap::update(std::span<const int> changed) {
+  const std::uint64_t version = new_tile_version();
+  std::vector<FaceRect> runs;  // of tiles side by side
+  for (const int tile : changed) {
+    const FaceRect r = tile_rect(tiles(), tile);
+    versions_[std::size_t(tile)] = version;
+    FaceRect* last = runs.empty() ? nullptr : &runs.back();
+    if (last && last->face == r.face && last->y0 == r.y0 && last->x1 == r.x0)
+      last->x1 = r.x1;
+    else
+      runs.push_back(r);
+  }
+  update_levels(std::move(runs));
+}
+
+// Level by level: what is made of texels on both sides of a rectangle's edge needs both done.
+void CubeMap::update_levels(std::vector<FaceRect> changed) {
+  unsigned faces = 0;
+  for (const FaceRect& r : changed) faces |= 1u << r.face;
+  if (!faces) return;
+  levels_[0].update_border(faces);
+  bool whole = false;
+  for (std::size_t k = 0; k + 1 < levels_.size(); ++k) {
+    for (FaceRect& r : changed) r = reductions_[k]->reached(r);
+    const int coarse = levels_[k + 1].size();
+    if (!whole && coarse < TileGrid::kMost) {  // tiles share texels from here on
+      changed.clear();
+      for (int f = 0; f < 6; ++f)
+        if (faces >> f & 1) changed.push_back({f, 0, 0, coarse, coarse});
+      whole = true;
+    }
+    for (const FaceRect& r : changed) reductions_[k]->reduce(levels_[k], r, levels_[k + 1]);
+    levels_[k + 1].update_border(faces);
+  }
 }
 
 const CubeLevel& CubeMap::level_at_most(int size) const {
@@ -232,10 +283,13 @@ glm::dvec3 CubeMap::mean() const {
   const CubeLevel& base = levels_.front();
   const std::vector<double> angle = texel_solid_angles(base.size());
   for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < base.size(); ++y)
-      for (int x = 0; x < base.size(); ++x)
-        sum +=
-            angle[std::size_t(y) * base.size() + std::size_t(x)] * glm::dvec3(base.texel(f, x, y));
+    for (int y = 0; y < base.size(); ++y) {
+      const double* a = &angle[std::size_t(y) * std::size_t(base.size())];
+      const glm::vec3* row = &base.texel(f, 0, y);
+      glm::dvec3 part[4] = {};  // side by side: additions do not wait for each other
+      for (int x = 0; x < base.size(); ++x) part[x & 3] += a[x] * glm::dvec3(row[x]);
+      sum += part[0] + part[1] + (part[2] + part[3]);
+    }
   return sum / (4 * std::numbers::pi);
 }
 

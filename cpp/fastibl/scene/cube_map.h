@@ -16,10 +16,14 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "fastibl/core/vector.h"
+#include "fastibl/scene/cube_reduction.h"
+#include "fastibl/scene/cube_tiles.h"
 
 namespace fastibl {
 
@@ -55,7 +59,8 @@ class CubeLevel {
   std::ptrdiff_t row_stride() const { return size_ + 2; }
   std::ptrdiff_t face_stride() const { return std::ptrdiff_t(size_ + 2) * (size_ + 2); }
 
-  void update_border();  // to be called after texels were written, before sample()
+  // To be called after texels were written, before sample(). faces: bit f where face f changed.
+  void update_border(unsigned faces = 63);
   glm::vec3 sample(glm::vec3 direction) const;  // seamless bilinear
   bool operator==(const CubeLevel&) const = default;
 
@@ -77,6 +82,10 @@ struct CleaningStatistics {
 };
 inline constexpr float kRadianceCap = 1e9f;  // its square still sums in float32 without overflow
 float clean_radiance(float value, CleaningStatistics& statistics);
+bool all_clean(const float* values, int count);
+
+// A number that no tile of any map has yet.
+std::uint64_t new_tile_version();
 
 // Radiance over the sphere with its MIP chain. Every level is the solid-angle mean of the one
 // above, so each level holds the same energy (a plain 2×2 mean over-weights the corners of the
@@ -86,6 +95,8 @@ class CubeMap {
   CubeMap() = default;
   // faces: 6 n² texels, packed face by face. Cleans them. Throws for size < 1 or another length.
   CubeMap(int size, std::span<const glm::vec3> faces);
+  // Black, to be written by way of base(). Throws for size < 1.
+  explicit CubeMap(int size);
 
   int size() const { return levels_.empty() ? 0 : levels_[0].size(); }
   int level_count() const { return int(levels_.size()); }  // level k has faces of max(1, n >> k)
@@ -94,13 +105,32 @@ class CubeMap {
   const CubeLevel& level_at_most(int size) const;
   const CleaningStatistics& cleaned() const { return cleaned_; }
 
+  // Level 0 for its maker to write: clean values only, in no border. update() then makes what
+  // depends on it, the same bits as if all were made anew.
+  CubeLevel& base() { return levels_[0]; }
+  void update();                              // everything changed
+  void update(std::span<const int> changed);  // tiles
+
+  // Where two maps of one size have the same version of a tile, they have the same texels in it.
+  // For what is derived of a map, to be renewed only where it changed.
+  TileGrid tiles() const { return {size()}; }
+  std::uint64_t tile_version(int tile) const { return versions_[std::size_t(tile)]; }
+  std::span<const std::uint64_t> tile_versions() const { return versions_; }
+  // As it is in the map that a tile was copied from; update() gives new ones.
+  void set_tile_version(int tile, std::uint64_t version) { versions_[std::size_t(tile)] = version; }
+
   // Seamless trilinear look-up; level is clamped to [0, level_count − 1], NaN to 0.
   glm::vec3 sample(glm::vec3 direction, float level) const;
   glm::dvec3 mean() const;  // solid-angle mean radiance of the sphere
-  bool operator==(const CubeMap&) const = default;
+  bool operator==(const CubeMap& other) const {
+    return levels_ == other.levels_ && cleaned_ == other.cleaned_;
+  }
 
  private:
+  void update_levels(std::vector<FaceRect> changed);
   std::vector<CubeLevel> levels_;
+  std::vector<std::shared_ptr<const CubeReduction>> reductions_;  // from level k to k + 1
+  std::vector<std::uint64_t> versions_;                           // of the tiles
   CleaningStatistics cleaned_;
 };
 

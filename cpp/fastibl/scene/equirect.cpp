@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/scene/equirect_filters.h"
 
 namespace fastibl {
 namespace {
@@ -44,58 +46,62 @@ void keep_energy(std::vector<glm::vec3>& values, const glm::dvec3& have, const g
 
 }  // namespace
 
-CubeMap cubemap_from_equirect(ImageView<const float> image, int size) {
+namespace {
+
+// The picture's light, ∫ L dω, in double.
+glm::dvec3 light_of(ImageView<const float> image) {
+  glm::dvec3 total(0);
+  for (int y = 0; y < image.height; ++y) {
+    const float* row = image.row(y);
+    glm::dvec3 sum[4] = {};  // side by side: additions do not wait for each other
+    int x = 0;
+    for (; x + 4 <= image.width; x += 4)
+      for (int k = 0; k < 4; ++k, row += 3) sum[k] += glm::dvec3(row[0], row[1], row[2]);
+    for (; x < image.width; ++x, row += 3) sum[0] += glm::dvec3(row[0], row[1], row[2]);
+    total += Ring(y, image.height, image.width).solid_angle * (sum[0] + sum[1] + (sum[2] + sum[3]));
+  }
+  return total;
+}
+
+// A picture of clean values: itself, or a copy.
+ImageView<const float> cleaned(ImageView<const float> image, Image<float>& copy) {
+  bool clean = true;
+  for (int y = 0; y < image.height && clean; ++y) clean = all_clean(image.row(y), 3 * image.width);
+  if (clean) return image;
+  copy = Image<float>(image.width, image.height, 3);
+  CleaningStatistics ignored;
+  for (int y = 0; y < image.height; ++y)
+    for (int i = 0; i < 3 * image.width; ++i)
+      copy.row(y)[i] = clean_radiance(image.row(y)[i], ignored);
+  return std::as_const(copy).view();
+}
+
+}  // namespace
+
+CubeMap cubemap_from_equirect(ImageView<const float> image, int size, EquirectFilter filter) {
   check(!image.empty(), "an equirectangular picture must not be empty");
   check(image.channels == 3, "an equirectangular picture needs 3 channels, got ", image.channels);
   check(size >= 1, "faces must be at least 1 texel wide, got ", size);
-  // Pieces per pixel and axis: 6 where pixel and texel are alike, more where pixels are larger, so
-  // that every texel receives several.
-  const double texel = 2.0 / size, pixel_x = 2 * std::numbers::pi / image.width,
-               pixel_y = std::numbers::pi / image.height;
-  const int split_x = std::max(2, int(std::ceil(6 * pixel_x / texel)));
-  const int split_y = std::max(2, int(std::ceil(6 * pixel_y / texel)));
-  const int columns = image.width * split_x, rows = image.height * split_y;
-  const Azimuths azimuth(columns);
-
-  // Each block of picture rows fills its own sums; they are added in order, so that the result does
-  // not depend on the number of threads.
-  const std::size_t count = 6 * std::size_t(size) * std::size_t(size);
-  std::vector<glm::dvec3> flux(count, glm::dvec3(0));
-  std::vector<double> weight(count, 0);
-  glm::dvec3 total(0);
-  CleaningStatistics ignored;
-  for (int y = 0; y < image.height; ++y) {
-    std::vector<glm::dvec3> line(std::size_t(image.width));
-    for (int x = 0; x < image.width; ++x)
-      for (int c = 0; c < 3; ++c)
-        line[std::size_t(x)][c] = clean_radiance(image.pixel(x, y)[c], ignored);
-    for (int sub = 0; sub < split_y; ++sub) {
-      const Ring ring(y * split_y + sub, rows, columns);
-      for (int x = 0; x < image.width; ++x) {
-        const glm::dvec3 part = line[std::size_t(x)] * ring.solid_angle;
-        total += part * double(split_x);
-        for (int i = x * split_x; i < (x + 1) * split_x; ++i) {
-          const FacePoint p = face_point({ring.sine * azimuth.sine[std::size_t(i)],
-                                          ring.sine * azimuth.cosine[std::size_t(i)], ring.cosine});
-          const int tx = std::clamp(int(p.s * float(size)), 0, size - 1);
-          const int ty = std::clamp(int(p.t * float(size)), 0, size - 1);
-          const std::size_t k =
-              (std::size_t(p.face) * size + std::size_t(ty)) * size + std::size_t(tx);
-          flux[k] += part;
-          weight[k] += ring.solid_angle;
-        }
+  Image<float> copy;
+  const ImageView<const float> clean = cleaned(image, copy);
+  CubeMap cube(size);
+  if (filter == EquirectFilter::point) {
+    resample_points(clean, cube.base());
+  } else {
+    resample_areas(clean, cube.base());
+    // Departures are a few 1e-6: a piece's edges are straight.
+    const glm::dvec3 want = light_of(clean), have = cube.mean() * (4 * std::numbers::pi);
+    glm::vec3 scale(1);
+    for (int c = 0; c < 3; ++c)
+      if (have[c] > 0 && want[c] > 0) scale[c] = float(want[c] / have[c]);
+    for (int f = 0; f < 6; ++f)
+      for (int y = 0; y < size; ++y) {
+        glm::vec3* row = &cube.base().texel(f, 0, y);
+        for (int x = 0; x < size; ++x) row[x] = glm::min(row[x] * scale, glm::vec3(kRadianceCap));
       }
-    }
   }
-  std::vector<glm::vec3> faces(count);
-  const std::vector<double> angle = texel_solid_angles(size);
-  glm::dvec3 kept(0);
-  for (std::size_t k = 0; k < count; ++k) {
-    faces[k] = weight[k] > 0 ? glm::vec3(flux[k] / weight[k]) : glm::vec3(0);
-    kept += angle[k % angle.size()] * glm::dvec3(faces[k]);
-  }
-  keep_energy(faces, kept, total);
-  return CubeMap(size, faces);
+  cube.update();
+  return cube;
 }
 
 Image<float> equirect_from_cubemap(const CubeMap& cube, int height) {

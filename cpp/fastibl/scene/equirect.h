@@ -7,10 +7,16 @@
 
 namespace fastibl {
 
-// Area-exact in both directions: each small piece of a pixel is carried with its exact solid angle
-// to where it falls, so that the energy of each channel is kept and a constant stays constant.
-// image: float RGB, linear. Throws for an empty picture, other than 3 channels, or size < 1.
-CubeMap cubemap_from_equirect(ImageView<const float> image, int size);
+enum class EquirectFilter {
+  area,   // each texel the mean over its solid angle: the energy of each channel is kept
+  point,  // one bilinear look-up for each texel: faster, for pictures about as fine as the map
+};
+
+// A constant stays constant. image: float RGB, linear; cleaned as a map is. Throws for an empty
+// picture, other than 3 channels, or size < 1.
+CubeMap cubemap_from_equirect(ImageView<const float> image, int size,
+                              EquirectFilter filter = EquirectFilter::area);
+// Area-exact: small pieces of pixels are carried with their exact solid angle.
 // Picture of height × 2·height. Throws for height < 1.
 Image<float> equirect_from_cubemap(const CubeMap& cube, int height);
 

@@ -21,9 +21,24 @@ std::string_view name(DiffuseMethod method) {
   }
 }
 std::string_view name(GlossyMethod method) {
-  return method == GlossyMethod::automatic ? "auto" : "mip";
+  switch (method) {
+    case GlossyMethod::automatic:
+      return "auto";
+    case GlossyMethod::centroid:
+      return "centroid";
+    case GlossyMethod::stretched:
+      return "stretched";
+    case GlossyMethod::sampled:
+      return "sampled";
+    case GlossyMethod::prefiltered:
+      return "prefiltered";
+    default:
+      return "mip";
+  }
 }
-std::string_view name(Normalization n) { return n == Normalization::energy ? "energy" : "paper"; }
+std::string_view name(Normalization n) {
+  return n == Normalization::energy ? "energy" : n == Normalization::paper ? "paper" : "exact";
+}
 std::string_view name(ShadowMethod method) {
   return method == ShadowMethod::cap_sum ? "cap-sum" : "cap-product";
 }
@@ -43,8 +58,7 @@ GlossyMethod glossy_method(std::string_view text) {
   return method_named(text, kGlossyMethods, "glossy");
 }
 Normalization normalization(std::string_view text) {
-  return method_named(text, std::array{Normalization::energy, Normalization::paper},
-                      "normalization");
+  return method_named(text, kNormalizations, "normalization");
 }
 ShadowMethod shadow_method(std::string_view text) {
   return method_named(text, kShadowMethods, "shadow");
@@ -64,6 +78,15 @@ std::vector<Setting<DiffuseSettings>> settings_of(DiffuseMethod method) {
             {"source", &DiffuseSettings::source, 1, 256, {16}}};
   return {};
 }
-std::vector<Setting<GlossySettings>> settings_of(GlossyMethod) { return {}; }
+std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
+  const Setting<GlossySettings> lights{"lights", &GlossySettings::lights, 0, 8, {0}};
+  if (method == GlossyMethod::centroid) return {lights};
+  if (method == GlossyMethod::stretched)
+    return {{"taps", &GlossySettings::taps, 2, 4, {2, 4}}, lights};
+  if (method == GlossyMethod::sampled)
+    return {{"taps", &GlossySettings::taps, 1, 1 << 16, {4, 16, 256}}};
+  if (method == GlossyMethod::prefiltered) return {{"taps", &GlossySettings::taps, 1, 4, {1}}};
+  return {};
+}
 
 }  // namespace fastibl

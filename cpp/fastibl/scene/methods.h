@@ -22,11 +22,16 @@ enum class DiffuseMethod {
 };
 enum class GlossyMethod {
   automatic,
-  mip,  // Eq. 2: one look-up in the MIP chain at the mirror direction
+  mip,          // Eq. 2: one look-up in the MIP chain at the mirror direction
+  centroid,     // one look-up in a chain of round lobes, where and as wide as the lobe is best met
+  stretched,    // two to four of them along the plane of incidence
+  sampled,      // filtered importance sampling, any number of taps
+  prefiltered,  // look-ups along the plane of incidence in exactly convolved maps, lights included
 };
 enum class Normalization {
   energy,  // the lobe's average: a white surface in a constant map is white
   paper,   // Eq. 3 as printed: times its directional albedo ρ(θ_v, s)
+  exact,   // Eq. 3 with (s + 2)(s + 4)/(8π(2^{−s/2} + s)): never more light than came
 };
 enum class ShadowMethod {
   cap_sum,      // obstruction of all spheres added, and clamped
@@ -46,7 +51,11 @@ enum class CaptureMethod {
 inline constexpr std::array kDiffuseMethods = {
     DiffuseMethod::nearest_face, DiffuseMethod::six_face,  DiffuseMethod::six_face_exact,
     DiffuseMethod::sh9,          DiffuseMethod::sh9_lobes, DiffuseMethod::irradiance_cube};
-inline constexpr std::array kGlossyMethods = {GlossyMethod::mip};
+inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::centroid,
+                                              GlossyMethod::stretched, GlossyMethod::sampled,
+                                              GlossyMethod::prefiltered};
+inline constexpr std::array kNormalizations = {Normalization::energy, Normalization::paper,
+                                               Normalization::exact};
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product};
 inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,
                                                 TrackingMethod::board};

@@ -2,14 +2,16 @@
 // private.
 #pragma once
 
+#include "fastibl/core/simd.h"
 #include "fastibl/core/vector.h"
 
-#define FN inline
+#define FN FASTIBL_INLINE
 #define REAL double
 #define REAL2 dvec2
 #define REAL3 dvec3
 namespace fastibl::shared {
 using namespace glm;
+#include "shaders/shared/glossy.glsl"
 #include "shaders/shared/lens.glsl"
 #include "shaders/shared/lighting.glsl"
 #include "shaders/shared/plane.glsl"

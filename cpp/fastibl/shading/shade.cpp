@@ -6,6 +6,7 @@
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
+#include "fastibl/scene/glossy.h"
 
 namespace fastibl {
 namespace {
@@ -120,18 +121,21 @@ float exposure_at(const Camera& camera, double exposure, int x, int y) {
   return float(camera.vignetting.empty() ? base : base * camera.vignette({x + 0.5, y + 0.5}));
 }
 
-}  // namespace
-
 glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lighting,
-                glm::vec3 eye) {
+                const GlossyShading& glossy, glm::vec3 eye) {
   glm::vec3 colour = material.emission;
   if (material.diffuse != glm::vec3(0))
     colour += material.diffuse * (f.visibility / kPi) * evaluate(lighting.irradiance, f.normal);
   if (material.glossy != glm::vec3(0))
-    colour +=
-        material.glossy *
-        evaluate_glossy(lighting, f.normal, glm::normalize(eye - f.position), material.exponent);
+    colour += material.glossy * glossy(f.normal, glm::normalize(eye - f.position));
   return colour;
+}
+
+}  // namespace
+
+glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lighting,
+                glm::vec3 eye) {
+  return shade(f, material, lighting, GlossyShading(lighting, material.exponent), eye);
 }
 
 ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
@@ -146,9 +150,10 @@ ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
   layer.x = x0, layer.y = y0;
   layer.rgba = Image<float>(x1 - x0 + 1, y1 - y0 + 1, 4);
   std::vector<glm::vec3> colours(fragments.size());
+  const GlossyShading glossy(lighting, material.exponent);
   parallel_for(int(fragments.size()), 2048, [&](int begin, int end) {
     for (int i = begin; i < end; ++i)
-      colours[std::size_t(i)] = shade(fragments[std::size_t(i)], material, lighting, eye);
+      colours[std::size_t(i)] = shade(fragments[std::size_t(i)], material, lighting, glossy, eye);
   });
   for (std::size_t i = 0; i < fragments.size(); ++i) {
     const Fragment& f = fragments[i];

@@ -36,7 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     from .. import shapes
     from .._fastibl import Material, Scene
-    from ..files import read_environment, read_mesh, stand
+    from ..environment_files import read_environment
+    from ..files import read_mesh, stand
     from ..recording import Recording
     from ..session import Session
     from ..video import VideoWriter

@@ -14,7 +14,8 @@ namespace {
 constexpr std::pair<const char*, int> kUnits[] = {
     {"radiance", 0},     {"visible", 1},   {"triangles", 2}, {"vertices", 3}, {"normals", 4},
     {"albedo_table", 5}, {"spheres", 1},   {"response", 0},  {"guess", 1},    {"back", 2},
-    {"object", 3},       {"ratio_map", 4}, {"rays", 5},      {"baked", 6}};
+    {"object", 3},       {"ratio_map", 4}, {"rays", 5},      {"baked", 6},    {"chain", 7},
+    {"first_lobe", 8},   {"lobe_table", 9}};
 
 std::string text_of(GLenum what) {
   const GLubyte* text = glGetString(what);

@@ -19,6 +19,25 @@ float scale_for(float largest) {
   return std::max(std::exp2(std::ceil(std::log2(largest / kHalfMax))), 1e-30f);
 }
 
+// Into level k of the bound cube map; fits: that level has its size already.
+void upload_level(const Gpu& gpu, const CubeLevel& level, int k, float scale, bool fits) {
+  const int n = level.size();
+  std::vector<glm::vec4> texels(std::size_t(n) * std::size_t(n));
+  for (int f = 0; f < 6; ++f) {
+    glm::vec4* to = texels.data();
+    for (int y = 0; y < n; ++y) {
+      const glm::vec3* from = &level.texel(f, 0, y);
+      for (int x = 0; x < n; ++x) *to++ = glm::vec4(scale * from[x], 1);
+    }
+    const GLenum face = GLenum(GL_TEXTURE_CUBE_MAP_POSITIVE_X + f);
+    if (fits)
+      glTexSubImage2D(face, k, 0, 0, n, n, GL_RGBA, GL_FLOAT, texels.data());
+    else
+      glTexImage2D(face, k, gpu.half() ? GL_RGBA16F : GL_RGBA32F, n, n, 0, GL_RGBA, GL_FLOAT,
+                   texels.data());
+  }
+}
+
 }  // namespace
 
 void LightTextures::upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map) {
@@ -36,30 +55,31 @@ void LightTextures::upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMa
   glActiveTexture(GL_TEXTURE0);
   if (!cube_.id) cube_.id = gpu.new_texture();
   glBindTexture(GL_TEXTURE_CUBE_MAP, cube_.id);
-  std::vector<glm::vec4> texels;
-  const float inverse = 1 / radiance_scale_;
   const bool fits = radiance_ && radiance_->size() == map->size();
-  for (int k = 0; k < map->level_count(); ++k) {
-    const CubeLevel& level = map->level(k);
-    const int n = level.size();
-    texels.resize(std::size_t(n) * std::size_t(n));
-    for (int f = 0; f < 6; ++f) {
-      glm::vec4* to = texels.data();
-      for (int y = 0; y < n; ++y) {
-        const glm::vec3* from = &level.texel(f, 0, y);
-        for (int x = 0; x < n; ++x) *to++ = glm::vec4(inverse * from[x], 1);
-      }
-      const GLenum face = GLenum(GL_TEXTURE_CUBE_MAP_POSITIVE_X + f);
-      if (fits)
-        glTexSubImage2D(face, k, 0, 0, n, n, GL_RGBA, GL_FLOAT, texels.data());
-      else
-        glTexImage2D(face, k, gpu.half() ? GL_RGBA16F : GL_RGBA32F, n, n, 0, GL_RGBA, GL_FLOAT,
-                     texels.data());
-    }
-  }
+  for (int k = 0; k < map->level_count(); ++k)
+    upload_level(gpu, map->level(k), k, 1 / radiance_scale_, fits);
   set_sampling(GL_TEXTURE_CUBE_MAP, GL_LINEAR, GL_LINEAR_MIPMAP_NEAREST);
   glTexParameteri(GL_TEXTURE_CUBE_MAP, GL_TEXTURE_MAX_LEVEL, map->level_count() - 1);
   radiance_ = map;
+}
+
+void LightTextures::upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyChain>& chain) {
+  check(chain && chain->map, "the glossy chain is missing");
+  upload_radiance(gpu, chain->map);
+  if (chain == chain_) return;
+  glActiveTexture(GL_TEXTURE0);
+  const bool fits = chain_ != nullptr;  // all chains have the same sizes
+  if (!lobes_.id) lobes_.id = gpu.new_texture(), first_lobe_.id = gpu.new_texture();
+  glBindTexture(GL_TEXTURE_CUBE_MAP, first_lobe_.id);
+  upload_level(gpu, chain->level(1), 0, 1 / radiance_scale_, fits);
+  set_sampling(GL_TEXTURE_CUBE_MAP, GL_LINEAR, GL_LINEAR);
+  glBindTexture(GL_TEXTURE_CUBE_MAP, lobes_.id);
+  constexpr int kFirst = 2, kLast = GlossyChain::kLevelCount - 1;
+  for (int k = kFirst; k <= kLast; ++k)
+    upload_level(gpu, chain->level(k), k - kFirst, 1 / radiance_scale_, fits);
+  set_sampling(GL_TEXTURE_CUBE_MAP, GL_LINEAR, GL_LINEAR_MIPMAP_NEAREST);
+  glTexParameteri(GL_TEXTURE_CUBE_MAP, GL_TEXTURE_MAX_LEVEL, kLast - kFirst);
+  chain_ = chain;
 }
 
 void LightTextures::upload_baked(Gpu& gpu, const Irradiance& irradiance) {
@@ -98,6 +118,36 @@ void LightTextures::bind_radiance(Gpu& gpu, const Program& p) const {
   gpu.bind("radiance", cube_, GL_TEXTURE_CUBE_MAP);
   glUniform1f(p.uniform("radiance_scale"), radiance_scale_);
   glUniform1f(p.uniform("top_level"), float(radiance_->level_count() - 1));
+}
+
+void LightTextures::bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe) {
+  bind_radiance(gpu, p);
+  gpu.bind("chain", lobes_, GL_TEXTURE_CUBE_MAP);
+  gpu.bind("first_lobe", first_lobe_, GL_TEXTURE_CUBE_MAP);
+  constexpr int n = GlossyLobe::kColumns, taps = GlossyLobe::kMaxTaps;
+  std::vector<glm::vec4> table(std::size_t(n) * (taps + 2));
+  for (int c = 0; c < n; ++c) {
+    const GlossyLobe::Column& column = lobe.columns[std::size_t(c)];
+    for (int k = 0; k < taps; ++k) table[std::size_t(k * n + c)] = column.taps[std::size_t(k)];
+    table[std::size_t(taps * n + c)] = glm::vec4(column.direction, column.log_integral, 0);
+    table[std::size_t((taps + 1) * n + c)] = column.bands;
+  }
+  gpu.allocate(table_, GL_RGBA32F, n, taps + 2, GL_RGBA, GL_FLOAT, table.data());
+  glUseProgram(p.id());
+  gpu.bind("lobe_table", table_);
+  glUniform1i(p.uniform("taps"), lobe.taps);
+  glUniform1f(p.uniform("exponent"), lobe.exponent);
+  glUniform1f(p.uniform("harmonics_share"), lobe.harmonics);
+  glUniform3fv(p.uniform("harmonics"), 25, &chain_->harmonics[0].x);
+  const LightArrays lights = arrays_of(*chain_);
+  std::array<glm::vec4, kMaxLights> places, fluxes;
+  for (int i = 0; i < kMaxLights; ++i) {
+    places[std::size_t(i)] = {lights.x[i], lights.y[i], lights.z[i], lights.variance[i]};
+    fluxes[std::size_t(i)] = {lights.red[i], lights.green[i], lights.blue[i], lights.level[i]};
+  }
+  glUniform1i(p.uniform("light_count"), lights.count);
+  glUniform4fv(p.uniform("light_place"), kMaxLights, &places[0].x);
+  glUniform4fv(p.uniform("light_flux"), kMaxLights, &fluxes[0].x);
 }
 
 void LightTextures::bind_baked(Gpu& gpu, const Program& p) const {

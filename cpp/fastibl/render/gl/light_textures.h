@@ -5,6 +5,7 @@
 
 #include "fastibl/render/gl/gpu.h"
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/glossy.h"
 #include "fastibl/scene/lighting.h"
 
 namespace fastibl {
@@ -17,14 +18,19 @@ class LightTextures {
   // are not to be trusted with it.
   void upload_baked(Gpu& gpu, const Irradiance& irradiance);
 
+  // The round lobes, and the map that is their level 0.
+  void upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyChain>& chain);
+
   // What was uploaded last, for the program in use.
   void bind_radiance(Gpu& gpu, const Program& p) const;
+  void bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe);
   void bind_baked(Gpu& gpu, const Program& p) const;
 
  private:
-  Texture cube_, baked_;
+  Texture cube_, baked_, lobes_, first_lobe_, table_;
   // That is in cube_; kept alive, so its address is its own.
   std::shared_ptr<const CubeMap> radiance_;
+  std::shared_ptr<const GlossyChain> chain_;  // that is in lobes_
   int baked_size_ = 0;
   float radiance_scale_ = 1, baked_scale_ = 1;
 };

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "fastibl/core/check.h"
-#include "fastibl/scene/lighting.h"
+#include "fastibl/scene/glossy.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -31,6 +31,18 @@ int diffuse_variant(DiffuseMethod method) {
     default:
       return kBaked;
   }
+}
+
+// Values of GLOSSY in shade.frag.glsl.
+enum class GlossyVariant { none, mip, matte, chain, nearly_matte };
+
+GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
+  if (!lit(material.glossy)) return GlossyVariant::none;
+  if (material.exponent == 0) return GlossyVariant::matte;
+  if (method == GlossyMethod::mip) return GlossyVariant::mip;
+  check(method == GlossyMethod::centroid || method == GlossyMethod::stretched,
+        "the GL back end has no glossy method ", name(method));
+  return material.exponent < 1 ? GlossyVariant::nearly_matte : GlossyVariant::chain;
 }
 
 Pose camera_from_object(const RenderInput& in) {
@@ -98,16 +110,17 @@ void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& out
 
 void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   const Material& m = in.scene.material;
-  const bool diffuse = lit(m.diffuse), glossy = lit(m.glossy), matte = glossy && m.exponent == 0;
-  const bool paper = in.lighting.normalization == Normalization::paper && glossy && !matte;
+  const bool paper =
+      in.lighting.normalization != Normalization::energy && lit(m.glossy) && m.exponent != 0;
+  const GlossyVariant glossy = glossy_variant(m, in.lighting.glossy);
+  const bool matte = glossy == GlossyVariant::matte || glossy == GlossyVariant::nearly_matte;
   const Irradiance& e = in.lighting.irradiance;
-  const int variant = diffuse || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
+  const int variant =
+      lit(m.diffuse) || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
   gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
-  const Program& p = gpu.use("shade", {"DIFFUSE " + std::to_string(variant),
-                                       matte    ? "GLOSSY 2"
-                                       : glossy ? "GLOSSY 1"
-                                                : "GLOSSY 0",
-                                       paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
+  const Program& p = gpu.use(
+      "shade", {"DIFFUSE " + std::to_string(variant), "GLOSSY " + std::to_string(int(glossy)),
+                paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
   set_projection(p, in);
   set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
   set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
@@ -127,22 +140,34 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
   } else {
     glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
   }
-  if (glossy && !matte) {
-    check(in.lighting.glossy == GlossyMethod::mip, "the GL back end has no glossy method ",
-          name(in.lighting.glossy));
-    light.upload_radiance(gpu, in.lighting.radiance);
-    glUseProgram(p.id());
-    light.bind_radiance(gpu, p);
-    set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
-    glUniform1f(p.uniform("level"),
-                shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
+  switch (glossy) {
+    case GlossyVariant::none:
+    case GlossyVariant::matte:
+      break;
+    case GlossyVariant::mip:
+      light.upload_radiance(gpu, in.lighting.radiance);
+      glUseProgram(p.id());
+      light.bind_radiance(gpu, p);
+      glUniform1f(p.uniform("level"),
+                  shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
+      break;
+    case GlossyVariant::chain:
+    case GlossyVariant::nearly_matte:
+      light.upload_chain(gpu, in.lighting.chain);
+      glUseProgram(p.id());
+      light.bind_chain(gpu, p,
+                       GlossyLobe(*in.lighting.chain, in.lighting.glossy_settings.taps,
+                                  std::max(m.exponent, 1.0f)));
+      glUniform1f(p.uniform("matte_share"), std::max(1 - m.exponent, 0.0f));
   }
+  set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
   if (paper) {
     if (!albedo_.id)
       gpu.allocate(albedo_, GL_R32F, kAlbedoTableSize, kAlbedoTableSize, GL_RED, GL_FLOAT,
                    albedo_table().data());
     gpu.bind("albedo_table", albedo_);
     glUniform1f(p.uniform("albedo_row"), shared::albedo_coordinate(m.exponent));
+    glUniform1f(p.uniform("albedo_scale"), albedo_scale(in.lighting.normalization, m.exponent));
   }
   gpu.bind("visible", visible_);
   mesh_.bind(gpu);

@@ -1,7 +1,9 @@
-#include "fastibl/scene/lighting.h"
+#include "fastibl/scene/directional_albedo.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 
 #include "fastibl/scene/shared_formulas.h"
 
@@ -33,16 +35,6 @@ double albedo_quadrature(double cos_view, double s) {
 
 }  // namespace
 
-glm::vec3 evaluate_glossy(const Lighting& lighting, glm::vec3 n, glm::vec3 v, float s) {
-  if (s == 0) return evaluate(lighting.irradiance, n) / kPi;  // Eq. 3 with s = 0 is Lambert's law
-  const float cosine = glm::dot(n, v);
-  const glm::vec3 mirror = 2 * cosine * n - v;
-  const CubeMap& map = *lighting.radiance;
-  const glm::vec3 value = map.sample(mirror, shared::mip_level(float(map.size()), s));
-  return lighting.normalization == Normalization::paper ? value * directional_albedo(cosine, s)
-                                                        : value;
-}
-
 const std::vector<float>& albedo_table() {
   static const std::vector<float> table = [] {
     constexpr int n = kAlbedoTableSize;
@@ -69,6 +61,12 @@ float directional_albedo(float cos_view, float exponent) {
   const float* a = &table[std::size_t(iy) * n + std::size_t(ix)];
   const float upper = a[0] + fx * (a[1] - a[0]), lower = a[n] + fx * (a[n + 1] - a[n]);
   return upper + fy * (lower - upper);
+}
+
+float albedo_scale(Normalization normalization, float s) {
+  if (normalization != Normalization::exact) return 1;
+  if (!(s > 1)) return (s + 2) * (s + 4) / ((s + 8) * (std::exp2(-s / 2) + s));
+  return (1 + 2 / s) * (1 + 4 / s) / ((1 + 8 / s) * (1 + std::exp2(-s / 2) / s));  // 1 at s = ∞
 }
 
 }  // namespace fastibl

@@ -1,0 +1,46 @@
+"""The same work by other tools: ./dev bench peers. None is needed; one that is missing is skipped, with the reason.
+
+OpenCV comes with fastibl. The others: `pip install py360convert`, `apt install libfilament-tools` (cmgen), and node
+with npm, which fetches three.js into the user's cache folder. cmft, which no package manager brings, stands in the rows
+with the figures that were measured when fastibl was begun, in yardsticks.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+import fastibl
+
+from .. import inputs
+from ..measure import Row
+from . import cmft, cmgen, conversion, three
+
+
+def rows() -> list[Row]:
+    threads = fastibl.threads()
+    fastibl.set_threads(1)
+    out: list[Row] = []
+    try:
+        for name, measure in PEERS.items():
+            if not inputs.MAPS:
+                print(f"{name}: skipped, {inputs.NO_MAPS}", file=sys.stderr)
+                continue
+            try:
+                out += measure()
+            except (ImportError, FileNotFoundError, RuntimeError) as reason:
+                print(f"{name}: skipped, {reason}", file=sys.stderr)
+    finally:
+        fastibl.set_threads(threads)
+    return out
+
+
+PEERS: dict[str, Callable[[], list[Row]]] = {
+    "OpenCV remap": conversion.opencv,
+    "py360convert": conversion.py360convert,
+    "fastibl's conversion": conversion.ours,
+    "cmgen, spherical harmonics": cmgen.harmonics,
+    "cmgen, GGX": cmgen.ggx,
+    "three.js": three.light_probe,
+    "cmft": cmft.rows,
+}

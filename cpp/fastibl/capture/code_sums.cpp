@@ -1,0 +1,109 @@
+#include "fastibl/capture/code_sums.h"
+
+#include "fastibl/core/simd.h"
+
+#if defined(__x86_64__) && defined(__GNUC__)
+#include <immintrin.h>
+#define FASTIBL_BYTE_SHUFFLES
+#endif
+
+namespace fastibl {
+namespace {
+
+constexpr float kScale = 0.25f / CodeTable::kUnit;
+constexpr std::uint32_t kValue = (1u << CodeTable::kCountShift) - 1;
+
+FASTIBL_CLONES bool to_pixels(const std::uint32_t* sums, int pairs, float* pixels) {
+  std::uint32_t any = 0;
+  for (int i = 0; i < 3 * pairs; ++i) any |= sums[i];
+  for (int x = 0; x < pairs; ++x) {
+    for (int c = 0; c < 3; ++c)
+      pixels[4 * x + c] = float(std::int32_t(sums[3 * x + c] & kValue)) * kScale;
+    pixels[4 * x + 3] = 0;
+  }
+  return CodeTable::count(any) == 0;
+}
+
+#ifdef FASTIBL_BYTE_SHUFFLES
+// The table of 256 codes as three planes of bytes in registers: four shuffles look up 64 codes.
+// Four outputs at a time; returns how many were made, or −1 if a pixel is clipped.
+__attribute__((target("avx512f,avx512bw,avx512vbmi"))) int shuffle_codes(const std::uint8_t* planes,
+                                                                         const std::uint8_t* a,
+                                                                         const std::uint8_t* b,
+                                                                         int pairs, float* pixels) {
+  alignas(64) std::uint8_t order[64];  // the four codes of each sum side by side; b's follow a's 64
+  for (int x = 0; x < 4; ++x)
+    for (int c = 0; c < 4; ++c) {
+      const int at = 6 * x + (c < 3 ? c : 0);
+      std::uint8_t* to = order + 4 * (4 * x + c);
+      to[0] = std::uint8_t(at), to[1] = std::uint8_t(at + 3);
+      to[2] = std::uint8_t(at + 64), to[3] = std::uint8_t(at + 67);
+    }
+  const __m512i gather = _mm512_load_si512(order);
+  const __m512i one8 = _mm512_set1_epi8(1), one16 = _mm512_set1_epi16(1);
+  const __m512i limit = _mm512_set1_epi8(char(CodeTable::kClippedCode));
+  __m512i t[3][4];
+  for (int p = 0; p < 3; ++p)
+    for (int q = 0; q < 4; ++q) t[p][q] = _mm512_loadu_si512(planes + 256 * p + 64 * q);
+  const __m512 scale = _mm512_set1_ps(kScale);
+  __mmask64 clipped = 0;
+  int x = 0;
+  // 64 bytes are read for 24 that are used.
+  for (; 6 * x + 64 <= 6 * pairs; x += 4, a += 24, b += 24, pixels += 16) {
+    const __m512i codes =
+        _mm512_permutex2var_epi8(_mm512_loadu_si512(a), gather, _mm512_loadu_si512(b));
+    clipped |= _mm512_cmpge_epu8_mask(codes, limit);
+    const __mmask64 upper = _mm512_movepi8_mask(codes);
+    __m512i sum[3];
+    for (int p = 0; p < 3; ++p) {
+      const __m512i low = _mm512_permutex2var_epi8(t[p][0], codes, t[p][1]);
+      const __m512i high = _mm512_permutex2var_epi8(t[p][2], codes, t[p][3]);
+      sum[p] = _mm512_madd_epi16(_mm512_maddubs_epi16(_mm512_mask_mov_epi8(low, upper, high), one8),
+                                 one16);
+    }
+    const __m512i value = _mm512_add_epi32(
+        sum[0], _mm512_add_epi32(_mm512_slli_epi32(sum[1], 8), _mm512_slli_epi32(sum[2], 16)));
+    _mm512_storeu_ps(pixels, _mm512_maskz_mul_ps(0x7777, _mm512_cvtepi32_ps(value), scale));
+  }
+  return clipped ? -1 : x;
+}
+
+bool has_byte_shuffles() {
+  static const bool has =
+      __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vbmi");
+  return has;
+}
+#endif
+
+}  // namespace
+
+CodeTable::CodeTable(const Response& response) {
+  for (std::size_t k = 0; k < 256; ++k) {
+    const auto value =
+        std::uint32_t(double(response.decode(float(k) / 255.0f)) * double(kUnit) + 0.5);
+    sums[k] = value + (int(k) >= kClippedCode ? 1u << kCountShift : 0u);
+    for (std::size_t p = 0; p < 3; ++p) planes[256 * p + k] = std::uint8_t(value >> 8 * p);
+  }
+}
+
+void sum_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
+               std::uint32_t* sums) {
+  const std::uint32_t* t = table.sums.data();
+  for (int x = 0; x < pairs; ++x, a += 6, b += 6, sums += 3)
+    for (int c = 0; c < 3; ++c) sums[c] = (t[a[c]] + t[a[c + 3]]) + (t[b[c]] + t[b[c + 3]]);
+}
+
+bool decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
+                  std::uint32_t* scratch, float* pixels) {
+  int done = 0;
+#ifdef FASTIBL_BYTE_SHUFFLES
+  if (has_byte_shuffles()) {
+    done = shuffle_codes(table.planes.data(), a, b, pairs, pixels);
+    if (done < 0) done = 0;
+  }
+#endif
+  sum_pairs(table, a + 6 * done, b + 6 * done, pairs - done, scratch);
+  return to_pixels(scratch, pairs - done, pixels + 4 * done);
+}
+
+}  // namespace fastibl

@@ -1,0 +1,33 @@
+// Sums of 2 × 2 decoded 8-bit pixels: the first and dearest step of a picture's levels.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "fastibl/scene/response.h"
+
+namespace fastibl {
+
+// Codes to linear values in 24 bits, and above them a count of clipped pixels: one sum of four
+// gives both.
+struct CodeTable {
+  static constexpr int kClippedCode = 250;  // noise and blur push a clipped pixel a few codes down
+  static constexpr int kCountShift = 29;
+  static constexpr float kUnit = 16777215;
+
+  explicit CodeTable(const Response& response);
+  std::array<std::uint32_t, 256> sums;
+  std::array<std::uint8_t, 3 * 256> planes;  // the bytes of the value, for byte shuffles
+
+  static std::uint32_t count(std::uint32_t sum) { return sum >> kCountShift; }
+};
+
+// Sums over `pairs` × 2 × 2 pixels of rows a and b, of three channels.
+void sum_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
+               std::uint32_t* sums);
+// Their means as pixels of four floats, the last one 0: the same bits on every processor. False
+// where one of the pixels is clipped. scratch: as long as the sums.
+bool decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
+                  std::uint32_t* scratch, float* pixels);
+
+}  // namespace fastibl

@@ -1,0 +1,16 @@
+// Reads a picture under the footprints of a group of texels.
+#pragma once
+
+#include "fastibl/capture/frame_levels.h"
+#include "fastibl/capture/texel_state.h"
+#include "fastibl/capture/texel_view.h"
+
+namespace fastibl {
+
+// Levels that footprints of up to this many pixels read.
+int levels_for(float most_pixels);
+// Fills `linear`, `clipped` and `any_clipped` of `samples` where texels were seen.
+void sample_footprints(const FrameLevels& levels, const Sightings& sightings, int count,
+                       Samples& samples);
+
+}  // namespace fastibl

@@ -1,0 +1,53 @@
+// A picture in linear light at several sizes, for reading it with a footprint.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "fastibl/capture/code_sums.h"
+#include "fastibl/core/vector.h"
+#include "fastibl/scene/picture.h"
+
+namespace fastibl {
+
+// Pixels of 2, 4, … of the picture's, each a mean. Rows and columns are one longer than the level,
+// with the last repeated, so that a bilinear look-up needs no test.
+class FrameLevels {
+ public:
+  static constexpr int kFirst = 1;  // level 0 is half size: a cube texel covers several pixels
+  static constexpr int kMost = 5;
+
+  struct Level {
+    int width = 0, height = 0;
+    std::vector<float> pixels;  // linear RGB (exposure included); above 0 where any is clipped
+    std::vector<std::uint32_t> clipped;  // numbers of clipped pixels, ten bits a channel; only
+                                         // written in rows that have some
+    const float* pixel(int x, int y) const { return &pixels[4 * index(x, y)]; }
+    float* pixel(int x, int y) { return &pixels[4 * index(x, y)]; }
+    std::size_t index(int x, int y) const {
+      return std::size_t(y) * std::size_t(width + 1) + std::size_t(x);
+    }
+  };
+
+  // Makes at least level 0 and, where the picture is large enough, `levels` of them. Memory is kept
+  // from frame to frame.
+  void make(const Picture& picture, const Response& response, int levels);
+  int count() const { return count_; }
+  const Level& level(int k) const { return levels_[std::size_t(k)]; }
+  // Share of the pixels under a bilinear look-up that are clipped, by channel.
+  glm::vec3 clipped_share(int k, int x, int y, float fx, float fy) const;
+
+ private:
+  void resize(int k, int width, int height);
+  void make_first(const Picture& picture, const Response& response);
+  void mark_clipped(int y);
+  void halve(int k);
+  std::vector<Level> levels_;
+  int count_ = 0;
+  std::optional<CodeTable> table_;
+  Response table_response_;
+  std::vector<std::uint32_t> sums_;  // of a row
+};
+
+}  // namespace fastibl

@@ -1,0 +1,31 @@
+// How much an 8-bit sample of a camera is to be trusted.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "fastibl/scene/response.h"
+
+namespace fastibl {
+
+// Variance of a mean over pixels by its linear value y: read and shot noise, and a code of
+// quantisation. The first two are cut off at 0, and codes repeat (a dark wall is all of one): such
+// departures do not average away, so a quarter of the variance stays however large the footprint:
+// v/4 + (3 v/4 + shot y) / pixels. v is a polynomial in √y through its values at Chebyshev's
+// points.
+class SensorNoise {
+ public:
+  // A full well of 4000 electrons and 6 of read noise: variance per linear value, and at 0.
+  static constexpr float kShotNoise = 1 / 4000.0f;
+  static constexpr float kReadNoise = 6 / 4000.0f * 6 / 4000.0f;
+  static constexpr std::size_t kTerms = 5;
+
+  explicit SensorNoise(const Response& response);
+  // Coefficients of y⁰, y¹, …; below kReadNoise the polynomial is not to be believed.
+  const std::array<float, kTerms>& code_variance() const { return code_variance_; }
+
+ private:
+  std::array<float, kTerms> code_variance_{};
+};
+
+}  // namespace fastibl

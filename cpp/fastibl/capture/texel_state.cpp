@@ -1,0 +1,232 @@
+#include "fastibl/capture/texel_state.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/core/simd.h"
+
+namespace fastibl {
+namespace {
+
+// Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
+constexpr float kModelNoise = 0.03f;
+// A sample further than this many standard deviations from the value is a change of the place.
+constexpr float kChange = 4.0f;
+constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
+constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
+
+// Seconds since each texel was last seen, and whether it is seen for the first time.
+FASTIBL_CLONES int read_times(double* __restrict last_seen, const int* __restrict seen, double time,
+                              int lanes, float* __restrict elapsed, int* __restrict first) {
+  const int n = lanes & ~15;
+  for (int i = 0; i < n; ++i) elapsed[i] = float(time - last_seen[i]);
+  int any = 0;
+  for (int i = 0; i < n; ++i) {
+    const int never = elapsed[i] > 1e30f;  // infinite
+    first[i] = never;
+    elapsed[i] = never ? 0.0f : elapsed[i];
+    any |= never & seen[i];
+  }
+  for (int i = 0; i < n; ++i) last_seen[i] = seen[i] ? time : last_seen[i];
+  return any;
+}
+
+FASTIBL_CLONES void invert_counts(const float* __restrict pixels, int lanes,
+                                  float* __restrict inverse) {
+  const int n = lanes & ~15;
+  for (int i = 0; i < n; ++i) inverse[i] = 1 / (pixels[i] > 1 ? pixels[i] : 1.0f);
+}
+
+FASTIBL_CLONES void sensor_variance(const float* __restrict linear,
+                                    const float* __restrict inverse_count,
+                                    const float* __restrict terms, int lanes,
+                                    float* __restrict variance) {
+  const int n = lanes & ~15;
+  static_assert(SensorNoise::kTerms == 5);
+  const float t0 = terms[0], t1 = terms[1], t2 = terms[2], t3 = terms[3], t4 = terms[4];
+  for (int i = 0; i < n; ++i) {
+    const float y = linear[i] > 0 ? (linear[i] < 1 ? linear[i] : 1.0f) : 0.0f;
+    const float fit = t0 + y * (t1 + y * (t2 + y * (t3 + y * t4)));
+    const float code = fit > SensorNoise::kReadNoise ? fit : SensorNoise::kReadNoise;
+    variance[i] =
+        0.25f * code + (0.75f * code + SensorNoise::kShotNoise * linear[i]) * inverse_count[i];
+  }
+}
+
+struct ChannelInput {
+  const int *seen, *first;
+  const float *elapsed, *linear, *scale, *sensor;
+  const int* clipped;
+  int lanes;  // of the arrays, a multiple of 16
+};
+
+// A Kalman filter per texel. A bound is no measurement, and what contradicts the value is a change
+// of the place: both are replaced. A clipped sample raises a value below it and does no more.
+FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict values,
+                                  float* __restrict variances, int* __restrict bounds) {
+  const int n = in.lanes & ~15;
+  const int* __restrict seen = in.seen;
+  const int* __restrict firsts = in.first;
+  const int* __restrict clips = in.clipped;
+  const float* __restrict elapsed = in.elapsed;
+  const float* __restrict linear = in.linear;
+  const float* __restrict scale = in.scale;
+  const float* __restrict sensor = in.sensor;
+  for (int i = 0; i < n; ++i) {
+    const float scaled = linear[i] * scale[i], value = values[i];
+    const float sample = scaled < kRadianceCap ? scaled : kRadianceCap;
+    const float model = kModelNoise * sample;
+    const float noise = sensor[i] * scale[i] * scale[i] + model * model;
+    const float sample_variance = noise < kMostVariance ? noise : kMostVariance;
+    const float grown = variances[i] + kUnsureRate * kUnsureRate * value * value * elapsed[i];
+    const float difference = sample - value, total = grown + sample_variance;
+    const float gain = grown / (total > 1e-30f ? total : 1e-30f);
+    const int replace =
+        firsts[i] | bounds[i] | (difference * difference > kChange * kChange * total);
+    const int raise = firsts[i] | (value < sample);
+    const float measured = replace ? sample : value + gain * difference;
+    const float left = replace ? sample_variance : grown * (1 - gain);
+    const float raised = raise ? sample : value;
+    const float unsure = raise ? kBoundNoise * kBoundNoise * sample * sample : variances[i];
+    const float next = clips[i] ? raised : measured, next_variance = clips[i] ? unsure : left;
+    const int next_bound = clips[i] ? (bounds[i] | raise) : (bounds[i] & (1 - replace));
+    values[i] = seen[i] ? next : value;
+    variances[i] = seen[i] ? next_variance : variances[i];
+    bounds[i] = seen[i] ? next_bound : bounds[i];
+  }
+}
+
+FASTIBL_CLONES int split_bounds(const std::uint8_t* __restrict bits, int lanes,
+                                int (*__restrict bounds)[kLanes]) {
+  const int n = lanes & ~15;
+  int any = 0;
+  for (int i = 0; i < n; ++i) {
+    any |= bits[i];
+    for (int c = 0; c < 3; ++c) bounds[c][i] = bits[i] >> c & 1;
+  }
+  return any;
+}
+
+FASTIBL_CLONES void join_bounds(const int (*__restrict bounds)[kLanes], int lanes,
+                                std::uint8_t* __restrict bits) {
+  const int n = lanes & ~15;
+  for (int i = 0; i < n; ++i)
+    bits[i] = std::uint8_t(bounds[0][i] | bounds[1][i] << 1 | bounds[2][i] << 2);
+}
+
+constexpr int kPartial = 16;  // sums side by side, in the same order on every processor
+
+struct Arrays {
+  const float *value[3], *angles, *projected;
+  const double* last_seen;
+  const std::uint8_t* bound;
+};
+
+// Of what is summed over a group, each as kPartial sums side by side.
+enum Sum {
+  kCount,
+  kAngle,
+  kProjected,
+  kValue,
+  kFlux = kValue + 3,
+  kIrradiance = kFlux + 3,
+  kSums = kIrradiance + 3
+};
+
+FASTIBL_CLONES int sum_group(const Arrays& in, int count, float* __restrict sums) {
+  const int n = std::min(kLanes, lanes_of(count));
+  alignas(64) float seen[kLanes];
+  const double* __restrict last_seen = in.last_seen;
+  const float* __restrict angles = in.angles;
+  const float* __restrict projected = in.projected;
+  const std::uint8_t* __restrict bound = in.bound;
+  for (int i = 0; i < n; ++i) seen[i] = (i < count) & (last_seen[i] > -1e300) ? 1.0f : 0.0f;
+  const auto at = [](const float* p) -> const Float16& {
+    return *reinterpret_cast<const Float16*>(p);
+  };
+  const auto add = [&](int which, const Float16& sum) {
+    *reinterpret_cast<Float16*>(sums + which * kPartial) += sum;
+  };
+  Float16 counts = {}, angle = {}, below = {};
+  for (int i = 0; i < n; i += kPartial) {
+    counts += at(seen + i);
+    angle += at(seen + i) * at(angles + i), below += at(seen + i) * at(projected + i);
+  }
+  add(kCount, counts), add(kAngle, angle), add(kProjected, below);
+  for (int c = 0; c < 3; ++c) {
+    Float16 plain = {}, flux = {}, irradiance = {};
+    for (int i = 0; i < n; i += kPartial) {
+      const Float16 v = at(seen + i) * at(in.value[c] + i);
+      plain += v, flux += v * at(angles + i), irradiance += v * at(projected + i);
+    }
+    add(kValue + c, plain), add(kFlux + c, flux), add(kIrradiance + c, irradiance);
+  }
+  int bounds = 0;
+  for (int i = 0; i < n; ++i) bounds |= bound[i];
+  return bounds;
+}
+
+// Pairwise.
+FASTIBL_CLONES void join_sums(float* __restrict sums, float* __restrict total) {
+  for (int i = 0; i < kSums; ++i) {
+    float* s = sums + i * kPartial;
+    for (int k = 0; k < 8; ++k) s[k] += s[k + 8];
+    for (int k = 0; k < 4; ++k) s[k] += s[k + 4];
+    total[i] = (s[0] + s[2]) + (s[1] + s[3]);
+  }
+}
+
+}  // namespace
+
+bool merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
+                   const Samples& samples, const SensorNoise& noise, double time) {
+  const int lanes = lanes_of(count);
+  alignas(64) float elapsed[kLanes], sensor[kLanes], inverse_count[kLanes];
+  alignas(64) int firsts[kLanes], bounds[3][kLanes];
+  alignas(64) static constexpr int none[kLanes] = {};
+  const int any = read_times(&state.last_seen[first], sightings.seen, time, lanes, elapsed, firsts);
+  const int bounded = split_bounds(&state.bound[first], lanes, bounds);
+  invert_counts(sightings.pixels, lanes, inverse_count);
+  for (int c = 0; c < 3; ++c) {
+    sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), lanes, sensor);
+    merge_channel({sightings.seen, firsts, elapsed, samples.linear[c], samples.radiance_per_linear,
+                   sensor, samples.any_clipped ? samples.clipped[c] : none, lanes},
+                  &state.value[c][first], &state.variance[c][first], bounds[c]);
+  }
+  if (bounded || samples.any_clipped) join_bounds(bounds, lanes, &state.bound[first]);
+  return any;
+}
+
+TileSums sum_tile(const TexelState& state, std::size_t first, int count, const float* angles,
+                  const float* projected) {
+  alignas(64) float sums[kSums * kPartial] = {};
+  int bounds = 0;
+  for (int group = 0; group < count; group += kLanes) {
+    const std::size_t at = first + std::size_t(group);
+    const Arrays in{{&state.value[0][at], &state.value[1][at], &state.value[2][at]},
+                    angles + group,
+                    projected + group,
+                    &state.last_seen[at],
+                    &state.bound[at]};
+    bounds |= sum_group(in, count - group, sums);
+  }
+  float total[kSums];
+  join_sums(sums, total);
+  TileSums out;
+  out.count = int(total[kCount]);
+  out.angle = double(total[kAngle]), out.projected = double(total[kProjected]);
+  for (int c = 0; c < 3; ++c) {
+    out.value[c] = double(total[kValue + c]), out.flux[c] = double(total[kFlux + c]);
+    out.irradiance[c] = double(total[kIrradiance + c]);
+  }
+  if (bounds)  // rare: after the sums, by a loop of its own
+    for (int i = 0; i < count; ++i) {
+      const std::size_t at = first + std::size_t(i);
+      if (!state.bound[at]) continue;
+      out.bound_angle += double(angles[i]);
+      for (int c = 0; c < 3; ++c) out.bound_flux += double(angles[i]) * double(state.value[c][at]);
+    }
+  return out;
+}
+
+}  // namespace fastibl

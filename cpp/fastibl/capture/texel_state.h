@@ -1,0 +1,56 @@
+// What is known of each texel, and how a sample changes it.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "fastibl/capture/sensor_noise.h"
+#include "fastibl/capture/texel_view.h"
+#include "fastibl/scene/cube_tiles.h"
+#include "fastibl/scene/environment.h"
+
+namespace fastibl {
+
+inline constexpr double kNever = -std::numeric_limits<double>::infinity();
+
+// Arrays by tile: texel k of tile t at t · stride + k.
+struct TexelState {
+  explicit TexelState(TileGrid grid) {
+    const std::size_t count = std::size_t(grid.count()) * std::size_t(grid.stride());
+    for (int c = 0; c < 3; ++c) value[c].assign(count, 0.0f), variance[c].assign(count, 0.0f);
+    bound.assign(count, 0);
+    last_seen.assign(count, kNever);
+  }
+  std::vector<float> value[3], variance[3];
+  std::vector<std::uint8_t> bound;  // bit c: channel c is only a lower bound
+  std::vector<double> last_seen;    // seconds; −∞ if never
+};
+
+// What a group of texels was seen as.
+struct Samples {
+  alignas(64) float linear[3][kLanes];
+  alignas(64) float radiance_per_linear[kLanes];
+  alignas(64) int clipped[3][kLanes];  // 0 or 1: more than a share of the footprint is
+  bool any_clipped = false;
+};
+
+// Takes samples of the texels [first, first + count) that were seen at `time` into their
+// estimates. True if a texel was seen for the first time.
+bool merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
+                   const Samples& samples, const SensorNoise& noise, double time);
+
+// Sums over the seen texels of a tile, weighted by solid angle.
+struct TileSums {
+  int count = 0;
+  double angle = 0, bound_angle = 0, bound_flux = 0;
+  glm::dvec3 value{0}, flux{0};  // plain sum; times solid angle
+  glm::dvec3 irradiance{0};      // times solid angle and |z|
+  double projected = 0;          // sum of solid angle and |z|
+};
+
+// angles, projected: solid angle of each texel of the tile, and that times |z| of its direction.
+TileSums sum_tile(const TexelState& state, std::size_t first, int count, const float* angles,
+                  const float* projected);
+
+}  // namespace fastibl

@@ -1,0 +1,39 @@
+// Sixteen floats side by side, a vector type of GCC and Clang: one register of AVX-512, two of
+// AVX2, four of SSE. For functions with FASTIBL_CLONES; what they call must be inlined into
+// them.
+#pragma once
+
+#include <cstdint>
+
+namespace fastibl {
+
+inline constexpr int kLanes = 16;
+typedef float Lanes __attribute__((vector_size(64)));
+typedef std::int32_t IntLanes __attribute__((vector_size(64)));
+
+#define FASTIBL_INLINE inline __attribute__((always_inline))
+
+// ln(1 − t) for t in [0, 1), to 2e-7 of its value, also where t is small.
+FASTIBL_INLINE void log1m(const Lanes& t, Lanes& result) {
+  // 1 − t = m 2^e with m in [√½, √2): where e is 0, m − 1 is −t, which keeps its digits.
+  const IntLanes bits = reinterpret_cast<IntLanes>(1 - t);
+  const IntLanes e = (bits - 0x3f3504f3) >> 23;
+  const Lanes m = reinterpret_cast<Lanes>(bits - (e << 23));
+  const Lanes v = e == 0 ? -t : m - 1;
+  const Lanes u = v / (2 + v), q = u * u;  // ln(1 + v) = 2 artanh(v/(2 + v)), |u| ≤ 0.172
+  result = __builtin_convertvector(e, Lanes) * 0.69314718f +
+           2 * u * (1 + q * (1 / 3.0f + q * (0.2f + q * (1 / 7.0f + q * (1 / 9.0f)))));
+}
+
+// exp(x) for x ≤ 0, to 2e-7; 0 below −87.
+FASTIBL_INLINE void exp_negative(const Lanes& x, Lanes& result) {
+  const Lanes y = (x > -87 ? x : Lanes{} - 87) * 1.44269504f;
+  const IntLanes e = __builtin_convertvector(y - 0.5f, IntLanes);  // nearest: y ≤ 0
+  const Lanes f = (y - __builtin_convertvector(e, Lanes)) * 0.69314718f;
+  const Lanes p =
+      1 + f * (1 + f * (0.5f + f * (1 / 6.0f + f * (1 / 24.0f + f * (1 / 120.0f + f / 720.0f)))));
+  const Lanes value = p * reinterpret_cast<Lanes>((e + 127) << 23);
+  result = x > -87 ? value : Lanes{};
+}
+
+}  // namespace fastibl

@@ -1,0 +1,235 @@
+#include "fastibl/lighting/find_lights.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl {
+namespace {
+
+constexpr double kThreshold = 4;  // times the mean of the map: what is brighter belongs to lights
+constexpr float kInner = 5 * kPi / 180, kOuter = 7.5f * kPi / 180;  // a disc fades out between
+// A light that holds less of the map's light than this stays in the map; up to twice as much, a
+// part of it does, so that it neither appears nor vanishes at once.
+constexpr double kLeastShare = 0.0025;
+constexpr int kCandidates = 64;
+constexpr int kFinest = 256;  // face size of the level that refines directions
+
+struct Bright {
+  int face, x, y;
+  glm::vec3 direction;
+  glm::vec3 excess;  // radiance above the threshold
+  float solid_angle;
+  float flux;  // mean over RGB of what no light has taken yet
+  float left = 1;
+};
+
+double luminance(glm::vec3 v) { return (double(v.x) + v.y + v.z) / 3; }
+
+float smooth(float t) {
+  t = std::clamp(t, 0.0f, 1.0f);
+  return t * t * (3 - 2 * t);
+}
+
+float window(glm::vec3 a, glm::vec3 b) {
+  static const float inner = std::cos(kInner), outer = std::cos(kOuter);
+  return smooth((glm::dot(a, b) - outer) / (inner - outer));
+}
+
+struct Scene {
+  std::vector<Bright> texels;
+  double total = 0;  // flux of the whole map
+};
+
+Scene bright_texels(const CubeLevel& level) {
+  const int n = level.size();
+  const std::vector<double> angles = texel_solid_angles(n);
+  Scene scene;
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x)
+        scene.total += angles[std::size_t(y) * std::size_t(n) + std::size_t(x)] *
+                       luminance(level.texel(f, x, y));
+  const double threshold = kThreshold * scene.total / (4 * std::numbers::pi);
+  if (!(threshold > 0)) return scene;
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x) {
+        const glm::vec3& radiance = level.texel(f, x, y);
+        const double value = luminance(radiance);
+        if (!(value > threshold)) continue;
+        const glm::vec3 excess = float(1 - threshold / value) * radiance;
+        const float angle = float(angles[std::size_t(y) * std::size_t(n) + std::size_t(x)]);
+        scene.texels.push_back({f, x, y, glm::normalize(texel_direction(f, x, y, n)), excess, angle,
+                                angle * float(luminance(excess))});
+      }
+  return scene;
+}
+
+// Middle of the light around a direction: mean shift with the window.
+glm::vec3 settled(const std::vector<Bright>& texels, glm::vec3 direction) {
+  for (int round = 0; round < 30; ++round) {
+    glm::dvec3 sum(0);
+    for (const Bright& t : texels)
+      sum += glm::dvec3(t.direction) * double(t.flux * t.left * window(t.direction, direction));
+    const double length = glm::length(sum);
+    if (!(length > 0)) break;
+    const glm::vec3 next = glm::vec3(sum / length);
+    const bool same = glm::length(next - direction) < 1e-5f;
+    direction = next;
+    if (same) break;
+  }
+  return direction;
+}
+
+double flux_around(const std::vector<Bright>& texels, glm::vec3 direction) {
+  double sum = 0;
+  for (const Bright& t : texels) sum += t.flux * t.left * window(t.direction, direction);
+  return sum;
+}
+
+// Where most of the light that is left lies under one window.
+glm::vec3 brightest(const std::vector<Bright>& texels) {
+  std::vector<const Bright*> order;
+  for (const Bright& t : texels) order.push_back(&t);
+  const std::size_t count = std::min<std::size_t>(kCandidates, order.size());
+  std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(count), order.end(),
+                    [](const Bright* a, const Bright* b) {
+                      const float fa = a->flux * a->left, fb = b->flux * b->left;
+                      return fa != fb ? fa > fb : a < b;
+                    });
+  double most = -1;
+  glm::vec3 best(0, 0, 1);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double flux = flux_around(texels, order[i]->direction);
+    if (flux > most) most = flux, best = order[i]->direction;
+  }
+  return settled(texels, best);
+}
+
+struct Taken {
+  glm::vec3 centre;
+  double flux;                                      // mean over RGB
+  std::vector<std::pair<std::size_t, float>> part;  // of each texel's excess
+};
+
+Taken take(std::vector<Bright>& texels, glm::vec3 centre) {
+  Taken taken{centre, 0, {}};
+  for (std::size_t i = 0; i < texels.size(); ++i) {
+    const float w = texels[i].left * window(texels[i].direction, centre);
+    if (!(w > 0)) continue;
+    taken.part.emplace_back(i, w);
+    taken.flux += double(w) * texels[i].flux;
+    texels[i].left -= w;
+  }
+  return taken;
+}
+
+void give_back(std::vector<Bright>& texels, const Taken& taken) {
+  for (const auto& [i, w] : taken.part) texels[i].left += w;
+}
+
+// Middle of what a texel holds, from a finer level if there is one.
+glm::dvec3 middle(const CubeMap& map, int fine, int size, const Bright& t) {
+  if (fine < 0) return t.direction;
+  const CubeLevel& level = map.level(fine);
+  const int pieces = level.size() / size;
+  glm::dvec3 sum(0);
+  double total = 0;
+  for (int y = t.y * pieces; y < (t.y + 1) * pieces; ++y)
+    for (int x = t.x * pieces; x < (t.x + 1) * pieces; ++x) {
+      const double value = luminance(level.texel(t.face, x, y));
+      sum += value * glm::normalize(glm::dvec3(texel_direction(t.face, x, y, level.size())));
+      total += value;
+    }
+  return total > 0 ? sum / total : glm::dvec3(t.direction);
+}
+
+FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vector<Bright>& texels,
+                    const Taken& taken, double strength) {
+  int fine = -1;
+  for (int k = map.level_count() - 1; k >= 0; --k) {
+    const int n = map.level(k).size();
+    if (n > level.size() && n % level.size() == 0 && n <= kFinest) fine = k;
+  }
+  FoundLight found;
+  glm::dvec3 sum(0), flux(0);
+  double total = 0;
+  std::vector<glm::dvec3> middles;
+  for (const auto& [i, w] : taken.part) {
+    const Bright& t = texels[i];
+    middles.push_back(middle(map, fine, level.size(), t));
+    sum += double(w) * t.flux * middles.back();
+    total += double(w) * t.flux;
+    const glm::vec3 radiance = float(strength) * w * t.excess;
+    found.parts.push_back({t.face, t.x, t.y, radiance});
+    flux += glm::dvec3(radiance) * double(t.solid_angle);
+  }
+  const glm::dvec3 direction = glm::normalize(sum);
+  glm::dvec3 irradiance(0);
+  double spread = 0;
+  for (std::size_t k = 0; k < middles.size(); ++k) {
+    const Bright& t = texels[taken.part[k].first];
+    const glm::dvec3 d = glm::normalize(middles[k]);
+    irradiance += glm::dvec3(found.parts[k].radiance) * double(t.solid_angle) *
+                  glm::dot(glm::dvec3(t.direction), direction);
+    spread += double(taken.part[k].second) * t.flux * (1 - std::min(glm::dot(d, direction), 1.0));
+  }
+  // 2 (1 − cos δ) ≈ δ², which is the variance along both axes.
+  found.light.angular_radius = std::min(float(2 * std::sqrt(spread / total)), kOuter);
+  found.light.direction = glm::vec3(direction);
+  found.light.irradiance = glm::vec3(irradiance);
+  found.light.flux = glm::vec3(flux);
+  return found;
+}
+
+}  // namespace
+
+std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, int count,
+                                    std::span<const Light> previous) {
+  check(count >= 0 && count <= kMaxLights, "lights must be from 0 to ", kMaxLights, ", got ",
+        count);
+  std::vector<FoundLight> found;
+  if (count == 0) return found;
+  Scene scene = bright_texels(level);
+  std::vector<Bright>& texels = scene.texels;
+  if (texels.empty()) return found;
+  const double least = kLeastShare * scene.total;
+  std::vector<Taken> taken;
+  for (const Light& light : previous) {
+    if (int(taken.size()) == count) break;
+    taken.push_back(take(texels, settled(texels, light.direction)));
+    if (taken.back().flux > least) continue;
+    give_back(texels, taken.back());
+    taken.pop_back();
+  }
+  double next = 0;  // flux of the largest light that there is no room for
+  const auto weakest = [&] {
+    return std::min_element(taken.begin(), taken.end(),
+                            [](const Taken& a, const Taken& b) { return a.flux < b.flux; });
+  };
+  for (int round = 0; round < 2 * kMaxLights; ++round) {
+    Taken more = take(texels, brightest(texels));
+    if (!(more.flux > least)) break;
+    if (int(taken.size()) == count) {
+      const auto last = weakest();
+      next = more.flux;
+      // Only a light that is followed can be this much weaker.
+      if (next < 1.5 * last->flux) break;
+      give_back(texels, *last);
+      taken.erase(last);
+    }
+    taken.push_back(std::move(more));
+  }
+  for (const Taken& t : taken) {
+    // The last ones fade with their distance to the first that is left out, too.
+    double strength = smooth(float(t.flux / least - 1));
+    if (next > 0) strength *= smooth(float((t.flux / next - 1) / 0.25));
+    if (strength > 0) found.push_back(finished(map, level, texels, t, strength));
+  }
+  return found;
+}
+
+}  // namespace fastibl

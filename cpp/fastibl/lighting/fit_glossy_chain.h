@@ -1,0 +1,25 @@
+// From a map to the chain that glossy surfaces are looked up in.
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "fastibl/lighting/find_lights.h"
+#include "fastibl/scene/glossy_chain.h"
+
+namespace fastibl {
+
+// The map's light on 64² faces, whatever its own size: solid-angle means, or copies of larger
+// texels.
+CubeLevel working_level(const CubeMap& map);
+
+// source: working_level(*map). lights: of find_lights(), taken out as far as the levels are wider
+// than them.
+std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map,
+                                              const CubeLevel& source,
+                                              std::span<const FoundLight> lights);
+
+// What is left of `source` when lights are taken out whole.
+CubeLevel without_lights(const CubeLevel& source, std::span<const FoundLight> lights);
+
+}  // namespace fastibl

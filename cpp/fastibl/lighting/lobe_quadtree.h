@@ -1,0 +1,67 @@
+// The texels of all levels of a cube as a quadtree, from which each lobe picks the coarsest that
+// keep the error: texels far from the lobe's middle, and in smooth parts of the map, stand for
+// many.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "fastibl/lighting/lobe.h"
+#include "fastibl/scene/cube_map.h"
+
+namespace fastibl {
+
+struct QuadtreeLevel {
+  int size;
+  const CubeLevel* radiance;
+  float reach;  // largest angle between a texel's middle and a corner
+  // Of the texels of one face, all faces alike, in the face's frame (s, t, major axis): the mean
+  // direction, (1 − its length²)/2, and the solid angle.
+  std::vector<float> x, y, z, deficit, angle;
+  // Of all 6 n² texels, the largest among the 48 images, in units of the map's mean radiance: what
+  // a texel's unevenness can do, √ω Σ ω |L − mean| over the finest texels below; and its flux ω L,
+  // at least ω.
+  std::vector<float> unevenness, flux;
+};
+
+// The levels of a map from the finest on, as long as four texels make one.
+class CubeQuadtree {
+ public:
+  // The finest level has at least `finest` texels along an edge, which are pieces of the map's own
+  // where it has fewer or not a power of two.
+  CubeQuadtree(std::shared_ptr<const CubeMap> map, int finest);
+
+  const CubeMap& map() const { return *map_; }
+  const std::vector<QuadtreeLevel>& levels() const { return levels_; }
+
+ private:
+  std::shared_ptr<const CubeMap> map_;
+  std::vector<QuadtreeLevel> levels_;
+};
+
+// Texels of one face of one level that a group of nearby directions sums over.
+struct TexelRun {
+  int level, face;
+  std::size_t first, count;  // of TexelChoice::texels
+};
+struct TexelChoice {
+  std::vector<TexelRun> runs;
+  std::vector<std::uint32_t> texels;  // y n + x
+};
+
+struct ChoiceLimits {
+  // A texel is cut in four while its unevenness could change a result by more than this share of
+  // the map's mean radiance,
+  float unevenness;
+  // and left out where its flux cannot change a result by more than this share.
+  float flux;
+};
+// For all directions within `spread` (an angle) of a unit direction.
+TexelChoice choose_texels(const CubeQuadtree& tree, const LobeTable& lobe, glm::vec3 direction,
+                          float spread, const ChoiceLimits& limits);
+
+// A map of `size` that holds each texel as an area of its value, in pieces: energy is kept.
+CubeMap resampled(const CubeMap& map, int size);
+
+}  // namespace fastibl

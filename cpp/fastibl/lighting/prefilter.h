@@ -1,0 +1,41 @@
+// Maps convolved with a lobe, one a roughness, for renderers that look them up: the exact lobe
+// summed over the map's solid-angle levels, finely where it matters.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "fastibl/lighting/lobe.h"
+#include "fastibl/scene/cube_map.h"
+
+namespace fastibl {
+
+struct PrefilterLevel {
+  double parameter;    // of the lobe: alpha, or the exponent; alpha 0 and exponent ∞ copy the map
+  int size;            // face edge in texels
+  bool wanted = true;  // false: an empty map, which costs nothing
+};
+struct PrefilterOptions {
+  LobeModel model = LobeModel::ggx;
+  // Mean error of a level, by its mean, that real maps stay below; what is left out of the lobe is
+  // counted in energy, brightest texels of the map included.
+  double error = 0.002;
+};
+// One map a level. Throws for a parameter outside the model's range, size < 1 or error not in (0,
+// 1).
+std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
+                               std::span<const PrefilterLevel> levels,
+                               const PrefilterOptions& options = {});
+
+// Parameters of `count` levels from sharp to wide, as renderers look them up.
+enum class LevelMapping {
+  gltf,      // ggx: level k has perceptual roughness k/(count − 1), alpha its square
+  filament,  // ggx: roughness r with 2r − r² = k/(count − 1), Filament's lodToPerceptualRoughness
+  cmft,  // phong: p = 1 + 2^(1 + 8 (1 − k/count)), cmft's gloss scale 8, bias 1 without its last
+};
+std::string_view name(LevelMapping mapping);
+LevelMapping level_mapping(std::string_view name);  // throws std::invalid_argument, naming all
+std::vector<double> level_parameters(LevelMapping mapping, int count);
+
+}  // namespace fastibl

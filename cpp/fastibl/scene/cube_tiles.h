@@ -1,0 +1,39 @@
+// Faces are cut into at most 16 × 16 tiles, the unit in which changes of a map are told.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+namespace fastibl {
+
+struct TileGrid {
+  static constexpr int kMost = 16;  // tiles along an edge
+
+  int size = 0;  // texels along an edge of a face
+
+  int per_edge() const { return std::min(size, kMost); }
+  int per_face() const { return per_edge() * per_edge(); }
+  int count() const { return 6 * per_face(); }
+  // First texel of tile i along an edge; begin(per_edge()) is the size. Halves of an even face are
+  // halves of its tiles, so that none straddles the horizon.
+  int begin(int i) const { return int(std::int64_t(i) * size / std::max(1, per_edge())); }
+  int widest() const { return (size + per_edge() - 1) / std::max(1, per_edge()); }
+  // Arrays by tile hold stride() entries each, texels row by row and a rest that fills vectors.
+  int stride() const { return (widest() * widest() + 15) / 16 * 16; }
+};
+
+// Texels [x0, x1) × [y0, y1) of a face.
+struct FaceRect {
+  int face, x0, y0, x1, y1;
+  int width() const { return x1 - x0; }
+  int texels() const { return (x1 - x0) * (y1 - y0); }
+};
+
+inline FaceRect tile_rect(const TileGrid& grid, int tile) {
+  const int edge = grid.per_edge(), in_face = tile % grid.per_face();
+  const int x = in_face % edge, y = in_face / edge;
+  return {tile / grid.per_face(), grid.begin(x), grid.begin(y), grid.begin(x + 1),
+          grid.begin(y + 1)};
+}
+
+}  // namespace fastibl

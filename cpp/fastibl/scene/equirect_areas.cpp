@@ -1,0 +1,283 @@
+// A texel's mean is a sum over pieces of azimuth within one column of pixels. The meridian in the
+// middle of a piece crosses the edges of texels one after the other; a length between two crossings
+// in the sine of the latitude, times the piece's azimuth, is a solid angle. The light along a
+// column down to a crossing is known by a sum over whole rows and a part of one, so a texel has the
+// difference of two: all share their crossings, and every part of the picture is counted once.
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "fastibl/core/simd.h"
+#include "fastibl/scene/arctangent.h"
+#include "fastibl/scene/equirect_filters.h"
+
+namespace fastibl {
+namespace {
+
+constexpr double kPiDouble = std::numbers::pi;
+using Double4 [[gnu::vector_size(32), gnu::aligned(8)]] = double;
+
+// Of the texels of a face: light in RGB, and the solid angle that it was summed over.
+using Sums = std::vector<float>;
+
+glm::vec3 mean(const float* sum) {
+  return sum[3] > 0 ? glm::vec3(sum[0], sum[1], sum[2]) / sum[3] : glm::vec3(0);
+}
+
+constexpr int kBlock = 8;  // columns
+
+// Appends rows to `count` columns of values and of sums of the rows above.
+FASTIBL_CLONES void read_rows(const float* pixels, std::ptrdiff_t row_stride, int rows, int count,
+                              const double* ends, std::size_t stride, std::size_t at,
+                              double* __restrict sums, double* __restrict above,
+                              double* __restrict value) {
+  const Float4 one = {1, 1, 1, 1};
+  if (at == 0) std::fill_n(sums, 4 * kBlock, 0.0);
+  for (int y = 0; y < rows; ++y, pixels += row_stride) {
+    const double height = ends[y] - ends[y + 1];
+    const std::size_t to = at + 4 * std::size_t(y);
+    for (int k = 0; k < count; ++k) {
+      const Float4 rgb = *reinterpret_cast<const Float4*>(pixels + 3 * k);
+      const Double4 light =
+          __builtin_convertvector(__builtin_shufflevector(rgb, one, 0, 1, 2, 4), Double4);
+      Double4& sum = *reinterpret_cast<Double4*>(sums + 4 * k);
+      *reinterpret_cast<Double4*>(value + std::size_t(k) * stride + to) = light;
+      *reinterpret_cast<Double4*>(above + std::size_t(k) * stride + to) = sum;
+      sum += height * light;
+    }
+  }
+}
+
+// A column of pixels: light, and the 1 whose sum is a solid angle, per azimuth.
+class Columns {
+ public:
+  explicit Columns(ImageView<const float> picture) : image(picture) {
+    for (int y = 0; y <= image.height; ++y) ends.push_back(std::cos(y * kPiDouble / image.height));
+    // Columns begin in different sets of the cache, as rows of a picture often do not.
+    stride_ = 4 * std::size_t(image.height) + 16;
+    above_.resize(kBlock * stride_);
+    value_.resize(above_.size());
+  }
+  // Columns are read in blocks, row by row.
+  void load(int x) {
+    offset_ = std::size_t(x % kBlock) * stride_;
+    if (x / kBlock == block_) return;
+    block_ = x / kBlock;
+    const int count = std::min(kBlock, image.width - block_ * kBlock);
+    // Pixels are read as four floats: the very last one has no fourth.
+    const int last = image.height - 1;
+    read_rows(image.pixel(block_ * kBlock, 0), image.row_stride, last, count, ends.data(), stride_,
+              0, sums_, above_.data(), value_.data());
+    float row[3 * kBlock + 1] = {};
+    std::copy_n(image.pixel(block_ * kBlock, last), 3 * count, row);
+    read_rows(row, 0, 1, count, ends.data() + last, stride_, 4 * std::size_t(last), sums_,
+              above_.data(), value_.data());
+  }
+  const Double4* above() const {  // by row: the sum of the rows above it
+    return reinterpret_cast<const Double4*>(&above_[offset_]);
+  }
+  const Double4* value() const { return reinterpret_cast<const Double4*>(&value_[offset_]); }
+
+  ImageView<const float> image;
+  std::vector<double> ends;  // sine of the latitude at which rows begin
+
+ private:
+  double sums_[4 * kBlock];
+  std::vector<double> above_, value_;  // four a pixel, column by column
+  std::size_t stride_, offset_ = 0;
+  int block_ = -1;
+};
+
+// What lies above a crossing: its sine, in this row.
+FASTIBL_INLINE void light_above(const double* ends, const Double4* above, const Double4* value,
+                                float sine, int row, Double4& out) {
+  out = above[row] + (ends[row] - double(sine)) * value[row];
+}
+
+// Columns [from, to) of the picture in pieces that lie within one pixel and are at most 1 / split
+// of it. body(column of pixels, azimuth of the middle, width of the piece, both in radians)
+template <typename Body>
+void for_pieces(double from, double to, int width, int split, Body&& body) {
+  const double to_radians = 2 * kPiDouble / width;
+  for (double begin = from; begin < to - 1e-9;) {
+    const double end = std::min(to, (std::floor(begin * split + 1e-7) + 1) / split);
+    const double middle = 0.5 * (begin + end);
+    const int column = int(std::floor(middle)) % width;
+    body(column < 0 ? column + width : column, (middle / width - 0.5) * 2 * kPiDouble,
+         (end - begin) * to_radians);
+    begin = end;
+  }
+}
+
+// Sine and row of latitudes atan(h cos ψ).
+FASTIBL_CLONES void cross_heights(const float* __restrict heights, float cosine, int count,
+                                  int rows, float* __restrict sine, int* __restrict row) {
+  const float scale = float(rows) / std::numbers::pi_v<float>;
+  for (int i = 0; i < count; ++i) {
+    const float t = heights[i] * cosine;
+    sine[i] = t / std::sqrt(1 + t * t);
+    const float angle = first_quadrant_angle(std::fabs(t), 1.0f);
+    const int at = int((0.5f * std::numbers::pi_v<float> - (t < 0 ? -angle : angle)) * scale);
+    row[i] = at > 0 ? (at < rows - 1 ? at : rows - 1) : 0;
+  }
+}
+
+// Adds a meridian's light between crossings to `count` texels in a row.
+FASTIBL_CLONES void add_line(const double* __restrict ends, const Double4* __restrict above,
+                             const Double4* __restrict value, const float* __restrict sine,
+                             const int* __restrict row, int count, float width,
+                             float* __restrict line) {
+  Double4 before;
+  light_above(ends, above, value, sine[0], row[0], before);
+  for (int k = 0; k < count; ++k) {
+    Double4 after;
+    light_above(ends, above, value, sine[k + 1], row[k + 1], after);
+    Float4* sum = reinterpret_cast<Float4*>(line + 4 * k);
+    *sum += width * __builtin_convertvector(after - before, Float4);
+    before = after;
+  }
+}
+
+// The faces ±x, ±y: edges of texels are meridians one way, and the other way at a height h above
+// the face's middle, of latitude atan(h cos ψ) at azimuth ψ from there.
+void resample_side(int face, Columns& column, CubeLevel& faces) {
+  const int n = faces.size();
+  // Azimuth atan2(x, y) of the face's middle, and its sign by the texel coordinate that it goes
+  // with.
+  const double middle[4] = {kPiDouble / 2, -kPiDouble / 2, 0, kPiDouble};
+  const int sign[4] = {1, -1, 1, -1};
+  const bool by_row = face < 2;                 // azimuth goes with t; then height goes with s
+  const bool falling = face == 0 || face == 3;  // height falls with the other coordinate
+  std::vector<float> heights, sine(std::size_t(n) + 1);
+  std::vector<int> row(std::size_t(n) + 1);
+  for (int k = 0; k <= n; ++k) heights.push_back(1 - 2 * float(k) / float(n));
+  Sums line(4 * std::size_t(n));
+  for (int i = 0; i < n; ++i) {
+    std::fill(line.begin(), line.end(), 0.0f);
+    double ends[2];
+    for (int e = 0; e < 2; ++e)
+      ends[e] =
+          ((middle[face] + sign[face] * std::atan(2.0 * (i + e) / n - 1)) / (2 * kPiDouble) + 0.5) *
+          column.image.width;
+    for_pieces(std::min(ends[0], ends[1]), std::max(ends[0], ends[1]), column.image.width, 1,
+               [&](int x, double azimuth, double width) {
+                 column.load(x);
+                 cross_heights(heights.data(), float(std::cos(azimuth - middle[face])), n + 1,
+                               column.image.height, sine.data(), row.data());
+                 add_line(column.ends.data(), column.above(), column.value(), sine.data(),
+                          row.data(), n, float(width), line.data());
+               });
+    for (int k = 0; k < n; ++k) {
+      const int other = falling ? k : n - 1 - k;
+      faces.texel(face, by_row ? other : i, by_row ? i : other) = mean(&line[4 * std::size_t(k)]);
+    }
+  }
+}
+
+// A ray from the middle of a face towards an edge, which it meets at 1: at distance X towards it,
+// slope · X to the side. It crosses the lines X_k of texels, and between two of them at most one
+// line of the other direction; before that it is in the texel first_k, then in second_k.
+// sine, row: of X_0, side_0, X_1, side_1, …: absolute sine of the latitude, row from the pole.
+// texels: first_0, second_0, first_1, …, by their index to the side.
+FASTIBL_CLONES void cast_ray(const float* __restrict lines, int count, float cosine, float slope,
+                             int n, int rows, float* __restrict sine, int* __restrict row,
+                             int* __restrict texels) {
+  const float half = 0.5f * float(n), scale = float(rows) / std::numbers::pi_v<float>;
+  const float steep = std::fabs(slope) > 1e-12f ? 1 / slope : 0.0f;
+  const float inverse = 1 / cosine;
+  for (int k = 0; k < count; ++k) {
+    const float begin = lines[k], end = lines[k + 1];
+    // Texels by their middle: on a line it is not clear which one is next.
+    const float to_begin = (begin * slope + 1) * half, to_end = (end * slope + 1) * half;
+    int first = int(to_begin), second = int(to_end);
+    first = first < n - 1 ? first : n - 1, second = second < n - 1 ? second : n - 1;
+    const int line = first > second ? first : second;
+    const float crossing = (float(line) / half - 1) * steep;
+    const float within = crossing > begin ? (crossing < end ? crossing : end) : begin;
+    const float side = first == second ? end : within;
+    texels[2 * k] = first, texels[2 * k + 1] = second;
+    const float x0 = begin * inverse, x1 = side * inverse;
+    sine[2 * k] = 1 / std::sqrt(1 + x0 * x0), sine[2 * k + 1] = 1 / std::sqrt(1 + x1 * x1);
+    const int r0 = int(first_quadrant_angle(x0, 1.0f) * scale);
+    const int r1 = int(first_quadrant_angle(x1, 1.0f) * scale);
+    row[2 * k] = r0 < rows - 1 ? r0 : rows - 1, row[2 * k + 1] = r1 < rows - 1 ? r1 : rows - 1;
+  }
+}
+
+// Adds a ray's light to the texels that it passes: base + k · along + texels · across, in texels.
+FASTIBL_CLONES void add_ray(const double* __restrict ends, const Double4* __restrict above,
+                            const Double4* __restrict value, const float* __restrict sine,
+                            const int* __restrict row, const int* __restrict texels, int count,
+                            int bottom_row, std::ptrdiff_t along, std::ptrdiff_t across,
+                            float width, float* __restrict sums) {
+  // At the lower pole rows count from below, and what lies above grows towards the pole.
+  const bool top = bottom_row < 0;
+  const float sign = top ? 1.0f : -1.0f;
+  const auto row_of = [&](int k) { return top ? row[k] : bottom_row - row[k]; };
+  Double4 before;
+  light_above(ends, above, value, sign * sine[0], row_of(0), before);
+  for (int k = 0; k < 2 * count; ++k) {
+    Double4 after;
+    light_above(ends, above, value, sign * sine[k + 1], row_of(k + 1), after);
+    Float4* sum = reinterpret_cast<Float4*>(sums + 4 * ((k >> 1) * along + texels[k] * across));
+    *sum += (sign * width) * __builtin_convertvector(after - before, Float4);
+    before = after;
+  }
+}
+
+// The faces ±z, both along each meridian.
+void resample_caps(Columns& column, CubeLevel& faces) {
+  const int n = faces.size(), width = column.image.width, height = column.image.height;
+  // Rays are as dense that several meet every texel at the edge.
+  const int split = std::max(1, int(std::ceil(16.0 * n / width)));
+  std::vector<float> lines{0};  // from the middle of a face to its edge
+  for (int k = 1; k <= (n + 1) / 2; ++k) lines.push_back(float(2 * k - n % 2) / float(n));
+  const int count = int(lines.size()) - 1;
+  const std::size_t crossings = 2 * std::size_t(count) + 2;
+  std::vector<float> sine(crossings);
+  std::vector<int> row(crossings), texels(crossings);
+  Sums sums[2];
+  for (Sums& s : sums) s.assign(4 * std::size_t(n) * std::size_t(n), 0.0f);
+  for_pieces(0, width, width, split, [&](int x, double azimuth, double piece) {
+    column.load(x);
+    // Face coordinates of the ray on +z: a to the right, b down; on −z a is reversed.
+    const double a = std::sin(azimuth), b = -std::cos(azimuth);
+    const bool by_a = std::abs(a) > std::abs(b);
+    const double major = by_a ? a : b, minor = by_a ? b : a;
+    const float cosine = float(std::abs(major)), slope = float(minor / std::abs(major));
+    cast_ray(lines.data(), count, cosine, slope, n, height, sine.data(), row.data(), texels.data());
+    // The last crossing is the edge.
+    const float edge = 1 / cosine;
+    sine[crossings - 2] = 1 / std::sqrt(1 + edge * edge);
+    row[crossings - 2] =
+        std::clamp(int(std::atan(edge) / std::numbers::pi_v<float> * float(height)), 0, height - 1);
+    for (const bool top : {true, false}) {
+      // Texel indices: from the middle along the major axis, and by `texels` along the other.
+      const bool reversed_a = !top;
+      const bool forward = (major > 0) != (by_a && reversed_a);
+      const std::ptrdiff_t along_step = by_a ? 1 : n, across_step = by_a ? n : 1;
+      const std::ptrdiff_t start = forward ? n / 2 : (n - 1) / 2;
+      const bool mirrored = !by_a && reversed_a;
+      const std::ptrdiff_t base = start * along_step + (mirrored ? (n - 1) * across_step : 0);
+      add_ray(column.ends.data(), column.above(), column.value(), sine.data(), row.data(),
+              texels.data(), count, top ? -1 : height - 1, forward ? along_step : -along_step,
+              mirrored ? -across_step : across_step, float(piece),
+              &sums[top ? 0 : 1][4 * std::size_t(base)]);
+    }
+  });
+  for (int face = 4; face < 6; ++face)
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x)
+        faces.texel(face, x, y) =
+            mean(&sums[face - 4][4 * (std::size_t(y) * std::size_t(n) + std::size_t(x))]);
+}
+
+}  // namespace
+
+void resample_areas(ImageView<const float> image, CubeLevel& faces) {
+  Columns column(image);
+  for (int face = 0; face < 4; ++face) resample_side(face, column, faces);
+  resample_caps(column, faces);
+}
+
+}  // namespace fastibl

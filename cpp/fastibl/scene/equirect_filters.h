@@ -1,0 +1,14 @@
+// Two ways from an equirectangular picture to the texels of a cube map. Private to scene.
+#pragma once
+
+#include "fastibl/core/image.h"
+#include "fastibl/scene/cube_map.h"
+
+namespace fastibl {
+
+// One bilinear look-up for each texel; the picture goes on around its left and right edge.
+void resample_points(ImageView<const float> image, CubeLevel& faces);
+// Each texel the mean over its solid angle of the picture taken as constant within a pixel.
+void resample_areas(ImageView<const float> image, CubeLevel& faces);
+
+}  // namespace fastibl

@@ -1,0 +1,204 @@
+#include "fastibl/scene/glossy.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/core/simd.h"
+#include "fastibl/scene/sampled_lobe.h"
+#include "fastibl/scene/shared_formulas.h"
+
+namespace fastibl {
+namespace {
+
+#include "fastibl/scene/glossy_table.inc"
+
+constexpr int kRows = 17;          // exponents 2, 4 … 2^17
+constexpr int kHarmonicsRows = 4;  // 1, 2, 4, 8
+// Up to the first exponent spherical harmonics alone, from the second on look-ups alone.
+constexpr float kHarmonicsOnly = 4, kTapsOnly = 8;
+// Above, and for the mirror, a lobe is narrower than any texel, and lights are in the map.
+constexpr float kLargest = 1e8f;
+
+// A row between two of a table of `rows` × 17 × `width` numbers.
+struct Row {
+  const float *a, *b;
+  float f;
+  Row(const float* table, int rows, int width, float at) {
+    const float clamped = std::clamp(at, 0.0f, float(rows - 1));
+    const int i = std::min(int(clamped), rows - 2);
+    a = table + std::ptrdiff_t(i) * GlossyLobe::kColumns * width;
+    b = a + GlossyLobe::kColumns * width;
+    f = clamped - float(i);
+  }
+  float operator()(int i) const { return a[i] + f * (b[i] - a[i]); }
+};
+
+const float* tap_table(int taps) {
+  constexpr const float* tables[] = {kTaps1, kTaps2, kTaps3, kTaps4};
+  return tables[taps - 1];
+}
+
+// Sum of the lobe over all lights times the share that each tap's level leaves to them.
+// fine, coarse: of each tap, its level rounded down, and the weights of that and the next level.
+struct Shares {
+  int taps;
+  float level[GlossyLobe::kMaxTaps], fine[GlossyLobe::kMaxTaps], coarse[GlossyLobe::kMaxTaps];
+  float rest;  // for what spherical harmonics give: lights are left to us wholly
+};
+
+FASTIBL_CLONES
+void sum_lights(const LightArrays& lights, float s, const Shares& shares, const float* n,
+                const float* v, float* rgb) {
+  float share[kMaxLights], value[kMaxLights];
+  for (int i = 0; i < kMaxLights; ++i) share[i] = shares.rest;
+  for (int k = 0; k < shares.taps; ++k)
+    for (int i = 0; i < kMaxLights; ++i) {
+      const float past = shares.level[k] - lights.level[i];
+      share[i] += shares.fine[k] * shared::clamp(past, 0.0f, 1.0f) +
+                  shares.coarse[k] * shared::clamp(past + 1, 0.0f, 1.0f);
+    }
+  for (int i = 0; i < kMaxLights; ++i)
+    value[i] = share[i] * shared::light_lobe(s, lights.variance[i], glm::vec3(n[0], n[1], n[2]),
+                                             glm::vec3(v[0], v[1], v[2]),
+                                             glm::vec3(lights.x[i], lights.y[i], lights.z[i]));
+  float red = 0, green = 0, blue = 0;
+  for (int i = 0; i < kMaxLights; ++i) {  // unused ones are black
+    red += value[i] * lights.red[i];
+    green += value[i] * lights.green[i];
+    blue += value[i] * lights.blue[i];
+  }
+  rgb[0] = red, rgb[1] = green, rgb[2] = blue;
+}
+
+}  // namespace
+
+GlossyLobe::GlossyLobe(const GlossyChain& chain, int tap_count, float s)
+    : exponent(std::min(s, kLargest)), taps(tap_count) {
+  const float log_s = std::log2(exponent);
+  harmonics = s <= kHarmonicsOnly ? 1 : s < kTapsOnly ? 3 - log_s : 0.0f;
+  const float width = 2 / std::sqrt(s);  // 0 for the mirror
+  // Lobes that the map's texels cannot show are mirrors: look-ups move to the mirror direction.
+  const float shown = std::clamp(2 * width / chain.own_width() - 1, 0.0f, 1.0f);
+  const Row tap_row(tap_table(taps), kRows, 3 * taps, log_s - 1);
+  const Row harmonics_row(kHarmonics, kHarmonicsRows, 5, log_s);
+  const Row integral_row(kLogIntegrals, kRows + 1, 1, log_s);
+  for (int c = 0; c < kColumns; ++c) {
+    Column& column = columns[std::size_t(c)];
+    float last = 1;  // weights sum to 1, beyond the digits of the table
+    for (int k = 0; k < taps && harmonics < 1; ++k) {
+      const int i = (c * taps + k) * 3;
+      const float angle = shown * tap_row(i) * width;
+      const float weight = k + 1 < taps ? tap_row(i + 2) : last;
+      last -= weight;
+      column.taps[std::size_t(k)] = {std::cos(angle), std::sin(angle),
+                                     chain.level_of(width * std::exp2(tap_row(i + 1))), weight};
+    }
+    if (harmonics > 0) {
+      const float angle = harmonics_row(5 * c);
+      column.direction = {std::cos(angle), std::sin(angle)};
+      for (int l = 0; l < 4; ++l) column.bands[l] = harmonics_row(5 * c + 1 + l);
+    }
+    column.log_integral = integral_row(c) - log_s;
+  }
+}
+
+LightArrays arrays_of(const GlossyChain& chain) {
+  LightArrays arrays;
+  arrays.count = int(chain.lights.size());
+  for (int i = 0; i < kMaxLights; ++i) {
+    arrays.z[i] = 1, arrays.variance[i] = 1e-6f;  // unused ones must not divide by 0
+    if (i >= arrays.count) continue;
+    const Light& light = chain.lights[std::size_t(i)];
+    arrays.x[i] = light.direction.x, arrays.y[i] = light.direction.y;
+    arrays.z[i] = light.direction.z;
+    const float deviation = std::max(0.5f * light.angular_radius, 1e-3f);
+    arrays.variance[i] = deviation * deviation;
+    arrays.level[i] = chain.light_levels[std::size_t(i)];
+    arrays.red[i] = light.flux.x, arrays.green[i] = light.flux.y, arrays.blue[i] = light.flux.z;
+  }
+  return arrays;
+}
+
+GlossyShading::GlossyShading(const Lighting& lighting, float exponent)
+    : lighting_(&lighting), exponent_(exponent) {
+  if (exponent == 0 || !lighting.radiance) return;
+  if (lighting.glossy == GlossyMethod::mip) {
+    level_ = shared::mip_level(float(lighting.radiance->size()), exponent);
+  } else if (lighting.chain) {
+    lobe_ = GlossyLobe(*lighting.chain, std::max(lighting.glossy_settings.taps, 1),
+                       std::max(exponent, 1.0f));
+    lights_ = arrays_of(*lighting.chain);
+  }
+}
+
+glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine) const {
+  const float c = std::clamp(cosine, 0.0f, 1.0f), sine = std::sqrt(1 - c * c);
+  glm::vec3 tangent = v - cosine * n;  // towards the view
+  tangent *= 1 / std::max(glm::length(tangent), 1e-6f);
+  const glm::vec3 mirror = c * n - sine * tangent, down = -sine * n - c * tangent;
+  const float at = shared::lobe_column(c);
+  const int i = std::min(int(at), GlossyLobe::kColumns - 2);
+  const float f = at - float(i);
+  const GlossyLobe::Column &a = lobe_.columns[std::size_t(i)],
+                           &b = lobe_.columns[std::size_t(i) + 1];
+  glm::vec3 value(0);
+  Shares shares;
+  shares.taps = 0;
+  shares.rest = lobe_.harmonics;
+  if (lobe_.harmonics > 0) {
+    const glm::vec2 angle = a.direction + f * (b.direction - a.direction);
+    value = lobe_.harmonics *
+            shared::harmonics_radiance(lighting_->chain->harmonics.data(),
+                                       glm::normalize(angle.x * mirror + angle.y * down),
+                                       a.bands + f * (b.bands - a.bands));
+  }
+  if (lobe_.harmonics < 1) {
+    shares.taps = lobe_.taps;
+    for (int k = 0; k < lobe_.taps; ++k) {
+      const glm::vec4 &p = a.taps[std::size_t(k)], &q = b.taps[std::size_t(k)];
+      const glm::vec4 tap = p + f * (q - p);
+      const float weight = (1 - lobe_.harmonics) * tap.w;
+      value += weight * lighting_->chain->sample(tap.x * mirror + tap.y * down, tap.z);
+      const int level = std::min(int(tap.z), GlossyChain::kLevelCount - 2);
+      shares.level[k] = float(level);
+      shares.coarse[k] = weight * (tap.z - float(level));
+      shares.fine[k] = level > 0 ? weight - shares.coarse[k] : 0.0f;
+    }
+  }
+  if (lights_.count > 0) {
+    float rgb[3];
+    sum_lights(lights_, lobe_.exponent, shares, &n.x, &v.x, rgb);
+    const float integral = a.log_integral + f * (b.log_integral - a.log_integral);
+    value += std::exp2(-integral) * glm::vec3(rgb[0], rgb[1], rgb[2]);
+  }
+  return value;
+}
+
+glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine) const {
+  // Eq. 3 with s = 0 is Lambert's law; up to s = 1 lobes are between it and that of s = 1.
+  if (exponent_ == 0) return evaluate(lighting_->irradiance, n) / kPi;
+  if (lighting_->glossy == GlossyMethod::mip)
+    return lighting_->radiance->sample(2 * cosine * n - v, level_);
+  if (lighting_->glossy == GlossyMethod::sampled)
+    return sampled_lobe(*lighting_->radiance, n, v, exponent_, lighting_->glossy_settings.taps);
+  const glm::vec3 value = from_chain(n, v, cosine);
+  if (exponent_ >= 1) return value;
+  const glm::vec3 matte = evaluate(lighting_->irradiance, n) / kPi;
+  return matte + exponent_ * (value - matte);
+}
+
+glm::vec3 GlossyShading::operator()(glm::vec3 n, glm::vec3 v) const {
+  const float cosine = glm::dot(n, v);
+  const glm::vec3 value = reflected(n, v, cosine);
+  if (lighting_->normalization == Normalization::energy || exponent_ == 0) return value;
+  return (albedo_scale(lighting_->normalization, exponent_) *
+          directional_albedo(cosine, exponent_)) *
+         value;
+}
+
+glm::vec3 evaluate_glossy(const Lighting& lighting, glm::vec3 normal, glm::vec3 view,
+                          float exponent) {
+  return GlossyShading(lighting, exponent)(normal, view);
+}
+
+}  // namespace fastibl

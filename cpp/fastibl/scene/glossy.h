@@ -1,0 +1,65 @@
+// Glossy light: a lobe of half-vector exponent s, (n·h)^s max(n·l, 0), by each method.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "fastibl/scene/directional_albedo.h"
+#include "fastibl/scene/lighting.h"
+
+namespace fastibl {
+
+// What one exponent needs of the tables, by the angle between normal and view: columns over
+// √(1 − cos θ_v) from 0 to 1.
+struct GlossyLobe {
+  static constexpr int kColumns = 17, kMaxTaps = 4;
+  struct Column {
+    // Each look-up: cosine and sine of its angle from the mirror direction, away from the normal;
+    // its level; its weight (they sum to 1).
+    std::array<glm::vec4, kMaxTaps> taps{};
+    glm::vec2 direction{1, 0};  // of the spherical harmonics, from the mirror direction likewise
+    glm::vec4 bands{0};         // what bands 1 … 4 are multiplied with
+    float log_integral = 0;     // log2 of the lobe's integral
+  };
+  float exponent = 0;
+  int taps = 1;
+  float harmonics = 0;  // share that spherical harmonics give, the look-ups the rest
+  std::array<Column, kColumns> columns;
+
+  GlossyLobe() = default;
+  GlossyLobe(const GlossyChain& chain, int taps, float exponent);
+};
+
+// Lights side by side, for one loop over all of them; those beyond `count` give nothing.
+struct LightArrays {
+  int count = 0;
+  float x[kMaxLights]{}, y[kMaxLights]{}, z[kMaxLights]{};
+  float variance[kMaxLights]{}, level[kMaxLights]{};
+  float red[kMaxLights]{}, green[kMaxLights]{}, blue[kMaxLights]{};
+};
+LightArrays arrays_of(const GlossyChain& chain);
+
+// The glossy term of one exponent, ready for many normals and views. Keeps a pointer to lighting,
+// which needs its map (and chain) once it is called.
+class GlossyShading {
+ public:
+  GlossyShading(const Lighting& lighting, float exponent);
+  glm::vec3 operator()(glm::vec3 normal, glm::vec3 view) const;
+
+ private:
+  glm::vec3 reflected(glm::vec3 normal, glm::vec3 view, float cosine) const;
+  glm::vec3 from_chain(glm::vec3 normal, glm::vec3 view, float cosine) const;
+
+  const Lighting* lighting_;
+  float exponent_;
+  float level_ = 0;  // of `mip`
+  GlossyLobe lobe_;
+  LightArrays lights_;
+};
+
+// Radiance that a lobe of half-vector exponent s ≥ 0 reflects towards the view (surface to eye),
+// both unit vectors: s = 0 is E/π, s = ∞ the mirror.
+glm::vec3 evaluate_glossy(const Lighting& lighting, glm::vec3 normal, glm::vec3 view,
+                          float exponent);
+
+}  // namespace fastibl

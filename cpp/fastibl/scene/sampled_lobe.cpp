@@ -1,0 +1,105 @@
+#include "fastibl/scene/sampled_lobe.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace fastibl {
+namespace {
+
+struct HalfVector {
+  float x, y, z;      // y across the plane of incidence, z along the normal
+  float solid_angle;  // of the taps around it, over all h
+};
+
+// Half vectors of one exponent, kept for the next call of a thread: a scene has few exponents.
+struct Lattice {
+  float s = -1;
+  int taps = 0;
+  std::vector<HalfVector> half;
+
+  void set(float exponent, int count) {
+    if (exponent == s && count == taps) return;
+    s = exponent, taps = count;
+    half.clear();
+    // Equal shares u of ∫ (n·h)^s dh = 2π/(s + 1) (1 − cos^{s+1}); an odd tap takes the one at the
+    // normal.
+    const int pairs = taps / 2;
+    const double power = 1 / (double(s) + 1);
+    const auto add = [&](double u, double turn) {
+      const double c = std::pow(u, power),
+                   h = std::sqrt(std::max(0.0, -std::expm1(2 * power * std::log(u))));
+      // A tap's share of dh: 1/(N p), p = (s + 1)/(2π) c^s.
+      const double angle = 2 * std::numbers::pi * power / taps * c / u;  // c^−s = c/u
+      for (const double side : {1.0, -1.0}) {
+        half.push_back(
+            {float(h * std::cos(turn)), float(side * h * std::sin(turn)), float(c), float(angle)});
+        if (turn == 0) break;
+      }
+    };
+    for (int k = 0; k < pairs; ++k) {
+      const double golden = k * 0.61803398874989485 + 0.5;
+      add((2 * k + 1.0) / taps, std::numbers::pi * (golden - std::floor(golden)));
+    }
+    if (taps % 2 != 0) add(1 - 0.5 / taps, 0);
+  }
+};
+
+glm::vec3 nearest_texel(const CubeLevel& level, glm::vec3 direction) {
+  const FacePoint p = face_point(direction);
+  const int n = level.size();
+  return level.texel(p.face, std::clamp(int(p.s * float(n)), 0, n - 1),
+                     std::clamp(int(p.t * float(n)), 0, n - 1));
+}
+
+// Mean over about the solid angle around a unit direction.
+glm::vec3 filtered(const CubeMap& map, glm::vec3 l, float solid_angle, float nearest) {
+  const glm::vec3 a = glm::abs(l);
+  const float major = std::max({a.x, a.y, a.z}), n = float(map.size());
+  const float texel = 4 / (n * n) * major * major * major;
+  const float level = 0.5f * std::log2(std::max(solid_angle, 1e-30f) / texel);
+  if (level >= 0 || nearest <= 0) return map.sample(l, level);
+  // From the blend between texels to the texels themselves where four to sixteen taps fall on each:
+  // fewer would count them unevenly.
+  const float share = nearest * std::clamp(-level - 1, 0.0f, 1.0f);
+  const glm::vec3 texels = nearest_texel(map.level(0), l);
+  return share >= 1 ? texels : glm::mix(map.sample(l, 0), texels, share);
+}
+
+// Unit tangent along the plane of incidence; where the view is along the normal, any that does not
+// jump at a cube's edge.
+glm::vec3 incidence(glm::vec3 n, glm::vec3 v) {
+  const glm::vec3 along = v - glm::dot(v, n) * n;
+  constexpr glm::vec3 axis(0.36f, 0.48f, 0.8f);
+  const glm::vec3 t = along + 1e-5f * (axis - glm::dot(axis, n) * n);
+  const float length = glm::length(t);
+  return length > 1e-12f ? t / length : glm::vec3(0.8f, -0.6f, 0);
+}
+
+}  // namespace
+
+glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 n, glm::vec3 v, float s, int taps) {
+  const glm::vec3 mirror = 2 * glm::dot(n, v) * n - v;
+  // Lobes narrower than texels blend between them, as a mirror does: 2/√(s + 1) is their width.
+  const float texels = 2 / std::sqrt(s + 1) * float(map.size()) / (kPi / 2);
+  const float nearest = std::clamp(2 * texels - 1, 0.0f, 1.0f);
+  if (std::isinf(s)) return map.sample(mirror, 0);
+  thread_local Lattice lattice;
+  lattice.set(s, taps);
+  const glm::vec3 t = incidence(n, v), b = glm::cross(n, t);
+  glm::vec3 sum(0);
+  float total = 0;
+  for (const HalfVector& half : lattice.half) {
+    const glm::vec3 h = half.x * t + half.y * b + half.z * n;
+    const float vh = glm::dot(v, h);
+    const glm::vec3 l = 2 * vh * h - v;
+    const float nl = glm::dot(n, l);
+    if (!(vh > 0 && nl > 0)) continue;
+    const float weight = vh * nl;  // dl = 4 (v·h) dh
+    sum += weight * filtered(map, l, 4 * vh * half.solid_angle, nearest);
+    total += weight;
+  }
+  return total > 0 ? sum / total : map.sample(mirror, 0);
+}
+
+}  // namespace fastibl

@@ -1,0 +1,68 @@
+"""Axes by name: the marker frame (z up) and glTF's (y up), and cube maps turned from one to the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import CubeMap, texel_directions
+
+# Rows give a direction in the named axes from one in the marker frame: x stays, up is y, and what lies up the board
+# (marker +y) lies along -z, where a glTF or three.js camera looks.
+_AXES = {
+    "marker": np.eye(3, dtype=int),
+    "gltf": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
+}
+# The same for the frame in which an equirectangular picture has u = 1/2 + atan2(x, y)/2 pi, v = acos(z)/pi. With glTF's
+# axes a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi, as three.js and Khronos' viewer read it.
+_PICTURE = {
+    "marker": np.eye(3, dtype=int),
+    "gltf": np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+}
+NAMES = tuple(_AXES)
+
+# Major axis, s axis (right) and t axis (down) of each face.
+_FACES = np.array(
+    [
+        [(1, 0, 0), (0, 0, -1), (0, -1, 0)],
+        [(-1, 0, 0), (0, 0, 1), (0, -1, 0)],
+        [(0, 1, 0), (1, 0, 0), (0, 0, 1)],
+        [(0, -1, 0), (1, 0, 0), (0, 0, -1)],
+        [(0, 0, 1), (1, 0, 0), (0, -1, 0)],
+        [(0, 0, -1), (-1, 0, 0), (0, -1, 0)],
+    ]
+)
+
+
+def matrix(axes: str, picture: bool = False) -> NDArray[np.int_]:
+    """(3, 3): a direction in the named axes is this matrix times the one in the marker frame.
+
+    picture: the frame of an equirectangular picture instead. Raises ValueError for another name.
+    """
+    if axes not in _AXES:
+        raise ValueError(f"axes must be one of {', '.join(NAMES)}, got {axes!r}")
+    return (_PICTURE if picture else _AXES)[axes]
+
+
+def turned(cube: CubeMap, turn: NDArray[np.int_]) -> CubeMap:
+    """The map with every direction d of it at turn @ d; turn is a signed permutation, so that no value changes."""
+    n = cube.size
+    # Texel centres in whole numbers: n along the major axis, 2 x + 1 - n across.
+    to = texel_directions(n).astype(np.float64)
+    to = np.rint(to / np.abs(to).max(axis=-1, keepdims=True) * n).astype(int)
+    there = to @ turn
+    along = there @ _FACES[:, 0].T
+    face = np.argmax(along, axis=-1)
+    column = (np.einsum("...i,...i", there, _FACES[face, 1]) + n - 1) // 2
+    row = (np.einsum("...i,...i", there, _FACES[face, 2]) + n - 1) // 2
+    return CubeMap(cube.faces[face, row, column])
+
+
+def to_axes(cube: CubeMap, axes: str) -> CubeMap:
+    """A map of the marker frame as a map whose cube coordinates are the named axes."""
+    return turned(cube, matrix(axes))
+
+
+def from_axes(cube: CubeMap, axes: str) -> CubeMap:
+    """The reverse of `to_axes`."""
+    return turned(cube, matrix(axes).T)

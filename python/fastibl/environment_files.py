@@ -1,0 +1,106 @@
+"""Environment maps in files: equirectangular pictures and cube maps, with axes by name."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import CubeMap, Environment, cubemap_from_equirect, equirect_from_cubemap
+from .axes import from_axes, matrix, to_axes, turned
+from .pictures import read_picture, write_picture
+
+LAYOUTS = ("equirect", "faces", "strip", "cross")
+FACES = ("px", "nx", "py", "ny", "pz", "nz")
+_CROSS = ((1, 2), (1, 0), (0, 1), (2, 1), (1, 1), (1, 3))  # row and column of each face
+
+
+def read_environment(path: str | os.PathLike[str], size: int = 128, axes: str = "marker") -> CubeMap:
+    """Environment map of an HDR picture (.hdr, .exr).
+
+    path: an equirectangular picture, twice as wide as high; or a cube map laid out as by `write_environment`: a strip,
+    a cross, or the first of six faces (..._px.hdr).
+    axes: in which it was made, "marker" (z up, image centre along +y) or "gltf" (y up, image centre along +x).
+    size: face edge in texels for an equirectangular picture; faces keep theirs.
+    Raises FileNotFoundError, ValueError for a file that is no such picture, ImportError for .exr without OpenEXR.
+    """
+    path = Path(path)
+    turn = matrix(axes, picture=True)
+    image = read_picture(path)
+    height, width = image.shape[:2]
+    if width == 2 * height:
+        return turned(cubemap_from_equirect(image, size=size), turn.T)
+    if height == 6 * width:
+        faces = image.reshape(6, width, width, 3)
+    elif 3 * width == 4 * height and height % 3 == 0:
+        n = height // 3
+        faces = np.stack([image[r * n : (r + 1) * n, c * n : (c + 1) * n] for r, c in _CROSS])
+    elif width == height and path.stem.endswith("_px"):
+        faces = np.stack([read_picture(_face_path(path.with_stem(path.stem[:-3]), face)) for face in FACES])
+    else:
+        raise ValueError(
+            f"{path} is {width} x {height}; an equirectangular picture is twice as wide as high, a strip of cube faces "
+            "1 x 6, a cross 4 x 3"
+        )
+    return from_axes(CubeMap(faces), axes)
+
+
+def write_environment(
+    path: str | os.PathLike[str],
+    cube: CubeMap | Environment,
+    layout: str = "equirect",
+    axes: str = "marker",
+    height: int | None = None,
+) -> list[Path]:
+    """Writes an environment map as .hdr (to 1/256 of a pixel's brightest channel) or .exr (exactly); returns the files.
+
+    axes: "marker", z up: an equirectangular picture has z at the top, its centre along +y, x to the right of it.
+    "gltf", as three.js, Filament and Khronos' viewer have it, y up: a direction (x, y, z) of the marker frame becomes
+    (x, z, -y), and a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi.
+    layout: "equirect", 2 height x height pixels, by default 4 x 2 face edges. Or cube faces in the axes' own order
+    +x -x +y -y +z -z with OpenGL's orientation (row 0 of the side faces is y = +1, of +y z = -1, of -y z = +1):
+    "faces", six files ..._px, _nx, _py, _ny, _pz, _nz; "strip", one below the other; "cross", -x +z +x -z in the middle
+    row, +y above and -y below +z, the rest black.
+    Raises ValueError for another layout, axes or ending, ImportError for .exr without OpenEXR.
+    """
+    path = Path(path)
+    radiance = cube.radiance if isinstance(cube, Environment) else cube
+    if layout not in LAYOUTS:
+        raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {layout!r}")
+    if layout != "equirect" and height is not None:
+        raise ValueError(f'height goes with layout "equirect", not "{layout}"')
+    if layout == "equirect":
+        picture = turned(radiance, matrix(axes, picture=True))
+        write_picture(path, equirect_from_cubemap(picture, height=2 * radiance.size if height is None else height))
+        return [path]
+    return _write_faces(path, to_axes(radiance, axes).faces, layout)
+
+
+def write_faces(path: str | os.PathLike[str], cube: CubeMap, layout: str = "strip") -> list[Path]:
+    """Writes the faces of a cube as they are, whatever its axes; layouts as in `write_environment` but "equirect"."""
+    if layout not in LAYOUTS[1:]:
+        raise ValueError(f"layout must be one of {', '.join(LAYOUTS[1:])}, got {layout!r}")
+    return _write_faces(Path(path), cube.faces, layout)
+
+
+def _write_faces(path: Path, faces: NDArray[np.float32], layout: str) -> list[Path]:
+    n = faces.shape[1]
+    if layout == "faces":
+        paths = [_face_path(path, face) for face in FACES]
+        for name, face in zip(paths, faces, strict=True):
+            write_picture(name, face)
+        return paths
+    if layout == "strip":
+        write_picture(path, faces.reshape(6 * n, n, 3))
+    else:
+        canvas = np.zeros((3 * n, 4 * n, 3), np.float32)
+        for (r, c), face in zip(_CROSS, faces, strict=True):
+            canvas[r * n : (r + 1) * n, c * n : (c + 1) * n] = face
+        write_picture(path, canvas)
+    return [path]
+
+
+def _face_path(path: Path, face: str) -> Path:
+    return path.with_stem(f"{path.stem}_{face}")

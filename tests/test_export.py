@@ -1,0 +1,314 @@
+"""Writers of maps and of light for other renderers: values, axes, orientation, the command."""
+
+import builtins
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import fastibl
+from conftest import same_error, units
+from fastibl import __main__, reference
+from fastibl.environment_files import LAYOUTS
+from fastibl.pictures import read_picture, write_picture
+
+
+def exr():
+    pytest.importorskip("OpenEXR", reason="pip install fastibl[exr]")
+
+
+@pytest.fixture(params=["hdr", "exr"])
+def ending(request):
+    if request.param == "exr":
+        exr()
+    return request.param
+
+
+def gltf(directions):
+    """A marker-frame direction in glTF's axes: x stays, up is y, up the board is -z."""
+    x, y, z = np.moveaxis(np.asarray(directions), -1, 0)
+    return np.stack([x, z, -y], axis=-1)
+
+
+def opengl_lookup(faces, direction):
+    """Nearest texel of faces (6, n, n, 3), by the table of OpenGL ES 3.0, section 3.8.10."""
+    x, y, z = direction
+    axis = np.argmax(np.abs(direction))
+    face = 2 * axis + (direction[axis] < 0)
+    sc, tc = ((-z, -y), (z, -y), (x, z), (x, -z), (x, -y), (-x, -y))[face]
+    n, major = faces.shape[1], abs(direction[axis])
+    return faces[face, int((tc / major + 1) / 2 * n), int((sc / major + 1) / 2 * n)]
+
+
+def faces_in_file(path, layout, n):
+    if layout == "faces":
+        return np.stack(
+            [read_picture(path.with_stem(f"{path.stem}_{f}")) for f in ("px", "nx", "py", "ny", "pz", "nz")]
+        )
+    image = read_picture(path)
+    if layout == "strip":
+        return image.reshape(6, n, n, 3)
+    rows, columns = (1, 1, 0, 2, 1, 1), (2, 0, 1, 1, 1, 3)
+    return np.stack([image[r * n : (r + 1) * n, c * n : (c + 1) * n] for r, c in zip(rows, columns, strict=True)])
+
+
+@pytest.mark.parametrize("axes", ["marker", "gltf"])
+@pytest.mark.parametrize("layout", ["faces", "strip", "cross"])
+def test_faces_lie_where_opengl_looks(marked, tmp_path, ending, layout, axes):
+    path = tmp_path / f"m.{ending}"
+    names = fastibl.write_environment(path, marked, layout, axes)
+    assert all(p.is_file() for p in names) and len(names) == (6 if layout == "faces" else 1)
+    faces = faces_in_file(path, layout, 32)
+    for d in units(300):
+        d = d if np.sort(np.abs(d))[-2] < 0.97 * np.abs(d).max() else np.array([0.3, 0.2, 0.9])
+        expected = opengl_lookup(marked.faces, d)
+        np.testing.assert_allclose(
+            opengl_lookup(faces, gltf(d) if axes == "gltf" else d), expected, atol=expected.max() / 255
+        )
+    back = fastibl.read_environment(names[0], axes=axes)
+    np.testing.assert_allclose(back.faces, marked.faces, atol=0 if ending == "exr" else 6 / 255)
+    if ending == "exr":
+        np.testing.assert_array_equal(back.faces, marked.faces)
+
+
+@pytest.mark.parametrize("axes", ["marker", "gltf"])
+def test_equirect_orientation(marked, tmp_path, ending, axes):
+    path = tmp_path / f"m.{ending}"
+    assert fastibl.write_environment(path, marked, axes=axes, height=256) == [path]
+    image = read_picture(path)
+    assert image.shape == (256, 512, 3)
+    for d in units(300):
+        x, y, z = gltf(d) if axes == "gltf" else d
+        # three.js' equirectUv and the marker frame's own, with row 0 on top.
+        u, v = (np.arctan2(z, x), np.arccos(y)) if axes == "gltf" else (np.arctan2(x, y), np.arccos(z))
+        row, column = int(v / np.pi * 256), int((0.5 + u / (2 * np.pi)) * 512) % 512
+        around = image[max(row - 12, 0) : row + 13, np.arange(column - 14, column + 15) % 512]
+        if np.ptp(around, axis=(0, 1)).max() < 0.01:  # away from edges
+            np.testing.assert_allclose(image[row, column], opengl_lookup(marked.faces, d), rtol=0.02)
+    back = fastibl.read_environment(path, size=32, axes=axes)
+    assert np.abs(back.faces - marked.faces).mean() < 0.1
+    sharp = np.median(np.abs(back.faces - marked.faces))
+    print(f"median {sharp:.1e}")
+    assert sharp < 0.01
+
+
+def test_equirect_round_trip_keeps_the_picture(tmp_path):
+    """The same picture comes back from either axes, to what a quarter turn is."""
+    exr()
+    cube = fastibl.CubeMap(np.random.default_rng(0).random((6, 32, 32, 3), np.float32))
+    fastibl.write_environment(tmp_path / "a.exr", cube)
+    fastibl.write_environment(tmp_path / "b.exr", cube, axes="gltf")
+    a, b = read_picture(tmp_path / "a.exr"), read_picture(tmp_path / "b.exr")
+    assert a.shape == (64, 128, 3)
+    np.testing.assert_allclose(np.roll(a, -32, axis=1), b, rtol=1e-4)
+    one, two = (fastibl.read_environment(tmp_path / f"{k}.exr", 32, x) for k, x in (("a", "marker"), ("b", "gltf")))
+    np.testing.assert_allclose(one.faces, two.faces, rtol=1e-3)
+
+
+def test_hdr_values(tmp_path):
+    """Shared exponents to half a step of the brightest channel, without a bias; black, tiny and huge."""
+    image = np.random.default_rng(0).lognormal(sigma=4, size=(40, 30, 3)).astype(np.float32)
+    image[0, 0], image[0, 1], image[0, 2], image[0, 3] = 0, 1e-8, 1e8, (1e9, 0, 1e-3)
+    image[0, 4] = 255.9  # rounds up to the next exponent
+    write_picture(tmp_path / "a.hdr", image)
+    back = read_picture(tmp_path / "a.hdr")
+    step = np.abs(back - image) / np.maximum(image.max(axis=-1, keepdims=True), 1e-30)
+    print(f"largest step {step.max():.5f}, bias {back.sum(dtype=float) / image.sum(dtype=float) - 1:.1e}")
+    assert step.max() <= 1 / 256 and (back[0, 0] == 0).all()
+    even = np.random.default_rng(1).uniform(1, 2, (200, 200, 3)).astype(np.float32)
+    write_picture(tmp_path / "b.hdr", even)
+    assert abs(read_picture(tmp_path / "b.hdr").mean() / even.mean() - 1) < 1e-4
+    constant = fastibl.CubeMap(np.full((6, 8, 8, 3), 1e-8))
+    fastibl.write_environment(tmp_path / "c.hdr", constant, "strip")
+    np.testing.assert_allclose(fastibl.read_environment(tmp_path / "c.hdr").faces, 1e-8, rtol=1 / 256)
+
+
+def test_exr_is_exact(tmp_path):
+    exr()
+    image = np.random.default_rng(0).lognormal(sigma=9, size=(7, 14, 3)).astype(np.float32)
+    image[0, 0] = 0, 1e-38, 1e38
+    write_picture(tmp_path / "a.exr", image)
+    np.testing.assert_array_equal(read_picture(tmp_path / "a.exr"), image)
+
+
+def test_odd_and_single_texels(tmp_path):
+    for n in (1, 3, 17):
+        faces = np.random.default_rng(n).random((6, n, n, 3)).astype(np.float32)
+        cube = fastibl.CubeMap(faces)
+        for axes in ("marker", "gltf"):
+            for layout in ("strip", "cross"):
+                fastibl.write_environment(tmp_path / "a.hdr", cube, layout, axes)
+                back = fastibl.read_environment(tmp_path / "a.hdr", axes=axes)
+                np.testing.assert_allclose(back.faces, faces, atol=1 / 255)
+
+
+def light_of(folder, manifest, name):
+    files = manifest["prefiltered"]["levels"][name]["files"] if isinstance(name, int) else manifest[name]["files"]
+    return faces_in_file(folder / files[0], "strip", read_picture(folder / files[0]).shape[1])
+
+
+def test_export_against_brute_force(marked, tmp_path):
+    """What is written, looked up with glTF directions, is the light of the marker frame."""
+    manifest = fastibl.export_light(marked, tmp_path, size=32, levels=5)
+    assert json.loads((tmp_path / "light.json").read_text()) == manifest
+    n = np.array([d for d in units(200) if np.sort(np.abs(d))[-2] < 0.9 * np.abs(d).max()])
+    true = reference.irradiance(marked, n)
+
+    irradiance = np.array([opengl_lookup(light_of(tmp_path, manifest, "irradiance"), gltf(d)) for d in n])
+    off = np.abs(irradiance - true).mean() / true.mean()
+    print(f"irradiance of the nearest of 16^2 texels: {100 * off:.2f} %")
+    assert off < 0.03
+
+    x, y, z = gltf(n).T
+    sh = np.array(manifest["sh9"]["radiance"])
+    basis = np.stack([0.282095 + 0 * x, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z,
+                      0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y)])  # fmt: skip
+    cosine = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
+    off = np.abs((basis * cosine[:, None]).T @ sh - true).mean() / true.mean()
+    print(f"irradiance of the spherical harmonics: {100 * off:.2f} %")
+    assert off < 0.06
+
+    levels = manifest["prefiltered"]["levels"]
+    assert [level["size"] for level in levels] == [32, 16, 8, 4, 2]
+    assert [level["roughness"] for level in levels] == pytest.approx([0, 0.25, 0.5, 0.75, 1])
+    d, angles, radiance = reference.samples(marked)
+    for k in (1, 2):
+        a = levels[k]["alpha"] ** 2
+        faces = light_of(tmp_path, manifest, k)
+        made = np.array([opengl_lookup(faces, gltf(v)) for v in n])
+        c = np.maximum(n @ d.T, 0)
+        weights = (a / ((1 + c) / 2 * (a - 1) + 1)) ** 2 * c * angles
+        expected = weights @ radiance / weights.sum(axis=1, keepdims=True)
+        off = np.abs(made - expected).mean() / expected.mean()
+        print(f"level {k}, nearest of {levels[k]['size']}^2 texels: {100 * off:.2f} %")
+        assert off < 0.15  # half a texel away
+    np.testing.assert_allclose(light_of(tmp_path, manifest, 0), fastibl.read_environment(
+        fastibl.write_environment(tmp_path / "s.hdr", marked, "strip", "gltf")[0]).faces, atol=0)  # fmt: skip
+
+
+def test_command(marked, tmp_path, capsys):
+    fastibl.write_environment(tmp_path / "room.hdr", marked)
+    out = tmp_path / "light"
+    assert (
+        __main__.main(["export", str(tmp_path / "room.hdr"), "--out", str(out), "--size", "16", "--levels", "3"]) == 0
+    )
+    assert "light.json" in capsys.readouterr().out
+    names = {"light.json", "environment.hdr", "irradiance.hdr", *(f"prefiltered_{k}.hdr" for k in range(3))}
+    assert {p.name for p in out.iterdir()} == names
+    for wrong in (
+        ["none.hdr"],
+        [str(tmp_path / "room.hdr"), "--size", "0"],
+        [str(tmp_path / "room.hdr"), "--error", "2"],
+    ):
+        assert __main__.main(["export", *wrong, "--out", str(out)]) == 2
+        assert "fastibl: error:" in capsys.readouterr().err
+    for stop, code in ((["--help"], 0), (["a.hdr", "--axes", "unity"], 2)):
+        with pytest.raises(SystemExit) as caught:
+            __main__.main(["export", *stop])
+        assert caught.value.code == code
+    assert "fastibl export venice" in capsys.readouterr().out
+
+
+def test_bad_input_is_refused(marked, tmp_path, monkeypatch):
+    write = fastibl.write_environment
+    same_error(lambda: write(tmp_path / "a.hdr", marked, "dice"), ValueError, "dice", *LAYOUTS)
+    same_error(lambda: write(tmp_path / "a.hdr", marked, axes="unity"), ValueError, "unity", "gltf")
+    same_error(lambda: write(tmp_path / "a.png", marked), ValueError, "a.png", ".exr")
+    same_error(lambda: write(tmp_path / "a.hdr", marked, "strip", height=8), ValueError, "height", "strip")
+    same_error(lambda: fastibl.read_environment(tmp_path / "none.exr"), FileNotFoundError, "none.exr")
+    same_error(lambda: fastibl.export_light(marked, tmp_path, format="png"), ValueError, "png")
+    same_error(lambda: fastibl.export_light(marked, tmp_path, mapping="cmft"), ValueError, "cmft")
+    cv2.imwrite(str(tmp_path / "odd.hdr"), np.ones((5, 9, 3), np.float32))
+    same_error(lambda: fastibl.read_environment(tmp_path / "odd.hdr"), ValueError, "9 x 5")
+    real = builtins.__import__
+
+    def without_openexr(name, *rest, **options):
+        if name == "OpenEXR":
+            raise ImportError(name)
+        return real(name, *rest, **options)
+
+    monkeypatch.setattr(builtins, "__import__", without_openexr)
+    same_error(lambda: write(tmp_path / "a.exr", marked), ImportError, "fastibl[exr]")
+
+
+def test_a_broken_exr_is_refused(tmp_path):
+    exr()
+    (tmp_path / "broken.exr").write_bytes(b"no picture")
+    same_error(lambda: fastibl.read_environment(tmp_path / "broken.exr"), ValueError, "broken.exr")
+
+
+ROOT = Path(__file__).resolve().parents[1]
+THREE_JS = ROOT / "examples" / "three_js"
+
+# What Node finds at directions (in glTF's axes) with the example's own module.
+NODE = """
+import { readFileSync } from "node:fs";
+const { decodeHdr, lookUp, shIrradiance } = await import(process.argv[2]);
+const { folder, directions } = JSON.parse(readFileSync(0));
+const light = JSON.parse(readFileSync(`${folder}/light.json`));
+const strip = (name) => { const b = readFileSync(`${folder}/${name}`); return decodeHdr(b); };
+const level = strip(light.prefiltered.levels[1].files[0]), even = strip(light.irradiance.files[0]);
+console.log(JSON.stringify(directions.map((d) => [
+  shIrradiance(light.sh9.radiance, d), lookUp(even, d), lookUp(level, d)])));
+"""
+
+
+@pytest.fixture(scope="module")
+def three_js_scene(marked, tmp_path_factory):
+    if not THREE_JS.is_dir():
+        pytest.skip("needs the source tree")
+    folder = tmp_path_factory.mktemp("three_js")
+    fastibl.write_environment(folder / "room.hdr", marked)
+    command = [
+        sys.executable,
+        THREE_JS / "make_scene.py",
+        folder / "room.hdr",
+        "--out",
+        folder / "scene",
+        "--size",
+        "32",
+    ]
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "scene"
+
+
+def test_three_js_scene(three_js_scene):
+    names = {p.name for p in three_js_scene.iterdir()}
+    assert {"index.html", "scene.js", "light.js", "material.js", "decode.js", "light.json", "figurine.glb"} <= names
+    manifest = json.loads((three_js_scene / "light.json").read_text())
+    assert all((three_js_scene / level["files"][0]).is_file() for level in manifest["prefiltered"]["levels"])
+    figurine = fastibl.read_mesh(three_js_scene / "figurine.glb", up="y")
+    np.testing.assert_allclose(np.ptp(figurine.vertices[:, 2]), 0.9, rtol=1e-5)
+    for name in ("scene.js", "light.js", "material.js"):
+        for line in (three_js_scene / name).read_text().splitlines():
+            if line.startswith("import") and "./" in line:
+                assert line.split('"./')[1].split('"')[0] in names
+
+
+def test_three_js_modules_read_what_is_written(three_js_scene, marked, tmp_path):
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("needs node")
+    n = np.array([d for d in units(100) if np.sort(np.abs(d))[-2] < 0.9 * np.abs(d).max()])
+    (tmp_path / "check.mjs").write_text(NODE)
+    given = json.dumps({"folder": str(three_js_scene), "directions": gltf(n).tolist()})
+    module = tmp_path / "decode.mjs"
+    module.write_text((three_js_scene / "decode.js").read_text())
+    command = [node, str(tmp_path / "check.mjs"), str(module)]
+    done = subprocess.run(command, input=given, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    sh, even, level = np.moveaxis(np.array(json.loads(done.stdout)), 1, 0)
+    map_read = fastibl.read_environment(three_js_scene / "environment.hdr", size=32, axes="gltf")
+    true = reference.irradiance(map_read, n)
+    for name, made, allowed in (("harmonics", sh, 0.06), ("irradiance", even, 0.03)):
+        off = np.abs(made - true).mean() / true.mean()
+        print(f"{name} in Node: {100 * off:.2f} %")
+        assert off < allowed
+    expected = fastibl.Lighting(map_read).prefiltered(32)[1].sample(n)
+    assert np.abs(level - expected).mean() / expected.mean() < 0.1  # nearest texels
