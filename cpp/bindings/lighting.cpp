@@ -180,6 +180,7 @@ sizes outside 1 to 256.)")
         options.diffuse = like.irradiance.method;
         options.diffuse_settings = like.irradiance.settings;
         options.measure_error = measure_error;
+        options.chain = false;
         const auto map = std::make_shared<const CubeMap>(cube);
         std::vector<double> seconds;
         for (int i = 0; i < repetitions; ++i) {

@@ -42,10 +42,10 @@ CubeLevel for_interpolation(const CubeLevel& exact) {
   return result;
 }
 
-// Which method costs least for what it leaves wrong. On one core (Zen 4): lobes take 0.2 to 0.6 ms
-// to find anew, 0.15 ms to move along, and 1 to 1.4 ns a normal, and leave 0.4 %; a cube takes 0.15
-// ms to sum and 26 ns a normal, and leaves 0.1 %. So the cube is for few normals, and for a GPU,
-// which fetches it; for many, lobes, and none of them where nine coefficients are enough.
+// Which method costs least for what it leaves wrong. On one core (Zen 4): lobes take 0.2 to 0.4 ms to
+// find anew and 1 to 1.3 ns a normal, and leave 0.4 %; a cube takes 0.2 ms to sum and 26 ns a normal,
+// and leaves 0.1 %. So the cube is for few normals; for many, lobes, and none of them where nine
+// coefficients are enough.
 DiffuseMethod chosen(const DiffuseChoice& choice) {
   if (choice.method != DiffuseMethod::automatic) return choice.method;
   constexpr int kFewNormals = 10000;  // where 26 ns each cost as much as lobes do to find

@@ -47,17 +47,18 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
 Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options,
                       const Lighting* previous) {
   check(radiance && radiance->size() > 0, "lighting needs a map");
-  if (previous && previous->radiance == radiance) previous = nullptr;  // the same result again
   Lighting lighting;
   lighting.glossy =
       options.glossy == GlossyMethod::automatic ? GlossyMethod::stretched : options.glossy;
   lighting.glossy_settings = resolved(lighting.glossy, options.glossy_settings);
   lighting.normalization = options.normalization;
   if (options.irradiance) {
+    // The same map is fitted anew: it gives the same result again.
+    const bool moved = previous && previous->radiance != radiance;
     const FoldedMap map = fold(*radiance, kSumSize);
     lighting.irradiance = fit_irradiance(
         *radiance, map, {options.diffuse, options.diffuse_settings, options.evaluations},
-        previous ? &previous->irradiance : nullptr);
+        moved ? &previous->irradiance : nullptr);
     lighting.plane_irradiance = glm::vec3(sum_irradiance(map, {0, 0, 1}));
     if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);
   }

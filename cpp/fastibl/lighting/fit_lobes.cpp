@@ -13,7 +13,7 @@ namespace {
 constexpr int kNodes = 12,
               kCandidates = 8;  // cube sizes: where the fit is judged, where lobes start
 constexpr int kUsual = 8;       // lobes that are found unasked, at most
-constexpr int kColdSteps = 3, kLastSteps = 6, kWarmSteps = 2;
+constexpr int kColdSteps = 2, kLastSteps = 4, kWarmSteps = 2;
 constexpr int kWeighings = 2;
 constexpr float kWorse = 1.5f;  // the share that is left, by that of the frame before, at which
 constexpr float kWorseAtLeast = 0.05f;  // the lobes are searched anew
