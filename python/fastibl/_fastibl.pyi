@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -93,6 +93,10 @@ class CubeMap:
         ...
     def __setstate__(self, arg0: tuple) -> None:
         ...
+    def _rebuild(self) -> None:
+        """
+        Makes all levels anew from the faces: the same map, for timing.
+        """
     def level(self, k: typing.SupportsInt | typing.SupportsIndex) -> numpy.ndarray:
         """
         MIP level k as a read-only view (6, n >> k, n >> k, 3) float32: solid-angle means of level 0.
@@ -125,6 +129,12 @@ class CubeMap:
     def size(self) -> int:
         """
         Face edge n in texels.
+        """
+    @property
+    def tile_versions(self) -> numpy.typing.NDArray[numpy.uint64]:
+        """
+        (6, t, t) uint64, t = min(size, 16): where two maps of one size have the same number, they have the
+        same texels in that part of a face. For what is made from a map, to be renewed only where it changed.
         """
 class Response:
     """
@@ -462,9 +472,38 @@ class Environment:
         """
         CubeMap; unseen texels hold the mean of what was seen nearest.
         """
+class Light:
+    """
+    A small bright part of a map: a disc of equal radiance.
+    """
+    __hash__: typing.ClassVar[None] = None
+    def __eq__(self, arg0: Light) -> bool:
+        ...
+    def __repr__(self) -> str:
+        ...
+    @property
+    def angular_radius(self) -> float:
+        """
+        Radians.
+        """
+    @property
+    def direction(self) -> tuple:
+        """
+        Towards it, unit length, marker frame.
+        """
+    @property
+    def flux(self) -> tuple:
+        """
+        RGB: radiance summed over its solid angle.
+        """
+    @property
+    def irradiance(self) -> tuple:
+        """
+        RGB, on a surface that faces it.
+        """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: CubeMap, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
+    def __init__(self, cube: CubeMap, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -475,8 +514,8 @@ class _Lighting:
 
         normals, views: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
         exponent: half-vector exponent s >= 0, broadcasts to (...); 0 gives irradiance / pi, infinity the mirror.
-        normalization: "energy" (the lobe's average) or "paper" (times Eq. 3's directional albedo). Returns (..., 3)
-        float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.
+        normalization: "energy" (the lobe's average), "paper" (times Eq. 3's directional albedo) or "exact" (the same with
+        the factor (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)), which conserves energy for k_L + k_G <= 1). Returns (..., 3) float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.
         """
     def irradiance(self, normals: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
@@ -509,6 +548,16 @@ class _Lighting:
     @property
     def _irradiance_error(self) -> float:
         ...
+    @property
+    def _without_lights(self) -> CubeMap:
+        """
+        CubeMap of 64 squared texels: the map without its lights.
+        """
+    @property
+    def lights(self) -> list[Light]:
+        """
+        The dominant lights of the map, at most 8: list of Light. Glossy methods with lights shade them by themselves; what is left of the map and the lights hold every photon once.
+        """
     @property
     def plane_irradiance(self) -> tuple[float, float, float]:
         """
@@ -952,12 +1001,15 @@ def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolu
     extent: half the map's edge in metres, by default 3 times the spheres' half width. centre: (x, y), by default the
     middle of the spheres. The ratio fades to 1 over the outer tenth of the map.
     """
-def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128) -> CubeMap:
+def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128, filter: str = 'area') -> CubeMap:
     """
-    Cube map of an equirectangular picture, area-exact: the energy of each channel is kept.
+    Cube map of an equirectangular picture.
+
+    filter: "area" is exact, the energy of each channel is kept; "point" is one bilinear look-up for each texel, faster,
+    for pictures about as fine as the map.
 
     image: (height, width, 3) any float dtype, linear radiance; z at the top, the centre looks along +y, x grows to
-    the right. size: face edge in texels. Raises ValueError for another shape, TypeError for integers.
+    the right. size: face edge in texels. Raises ValueError for another shape or filter, TypeError for integers.
     """
 def directional_albedo(cos_view: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """
