@@ -217,7 +217,7 @@ def light_change() -> Iterator[Goal]:
             lighting = None
             for scale in (1, 1.02):
                 changed = fastibl.CubeMap(np.where(brighter[..., None], scale * faces, faces))
-                lighting = fastibl.Lighting(changed)
+                lighting = fastibl.Lighting(changed, previous=lighting)
                 changes.add(changed, lighting)
             for step, errors in changes.errors.items():
                 total[step] += errors

@@ -1,8 +1,10 @@
+#include <pybind11/operators.h>
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
 #include "fastibl/core/clock.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/lighting/irradiance_sums.h"
@@ -46,14 +48,59 @@ glm::vec3 unit(const glm::vec3& v) {
                     : v;  // length 0 has no direction: the result is defined, not useful
 }
 
+py::tuple rgb(const glm::vec3& v) { return py::make_tuple(v.x, v.y, v.z); }
+
+bool own_lights(const Lighting& lighting) {
+  return lighting.chain && lighting.chain->most_lights > 0;
+}
+
+std::vector<FoundLight> lights_of(const Lighting& lighting, const CubeLevel& source) {
+  if (!own_lights(lighting)) return find_lights(*lighting.radiance, source);
+  return find_lights(*lighting.radiance, source, lighting.chain->most_lights,
+                     lighting.chain->followed);
+}
+
+// The map on faces of 64² without its lights.
+CubeMap map_without_lights(const Lighting& lighting) {
+  const CubeLevel source = working_level(*lighting.radiance);
+  const CubeLevel left = without_lights(source, lights_of(lighting, source));
+  std::vector<glm::vec3> faces;
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < left.size(); ++y)
+      for (int x = 0; x < left.size(); ++x) faces.push_back(left.texel(f, x, y));
+  return CubeMap(left.size(), faces);
+}
+
+void bind_light(py::module_& module) {
+  py::class_<Light>(module, "Light", "A small bright part of a map: a disc of equal radiance.")
+      .def_property_readonly(
+          "direction", [](const Light& l) { return rgb(l.direction); },
+          "Towards it, unit length, marker frame.")
+      .def_readonly("angular_radius", &Light::angular_radius, "Radians.")
+      .def_property_readonly(
+          "irradiance", [](const Light& l) { return rgb(l.irradiance); },
+          "RGB, on a surface that faces it.")
+      .def_property_readonly(
+          "flux", [](const Light& l) { return rgb(l.flux); },
+          "RGB: radiance summed over its solid angle.")
+      .def(py::self == py::self)
+      .def("__repr__", [](const Light& l) {
+        return "Light(direction=" + std::string(py::str(rgb(l.direction))) +
+               ", angular_radius=" + std::to_string(l.angular_radius) +
+               ", irradiance=" + std::string(py::str(rgb(l.irradiance))) + ")";
+      });
+}
+
 }  // namespace
 
 void bind_lighting(py::module_& module) {
+  bind_light(module);
   py::class_<Lighting>(module, "_Lighting")
       .def(py::init([](const py::object& cube, const std::string& diffuse,
                        const Settings& diffuse_given, const std::string& glossy,
                        const Settings& glossy_given, const Lighting* previous) {
              LightingOptions options;
+             if (previous) options.previous = previous->chain;
              options.diffuse = diffuse_method(diffuse);
              options.diffuse_settings =
                  settings_with<DiffuseSettings>(options.diffuse, diffuse_given);
@@ -62,7 +109,7 @@ void bind_lighting(py::module_& module) {
              return fit_lighting(shared_cube(cube), options, previous);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
-           py::arg("glossy_settings"), py::arg("previous"))
+           py::arg("glossy_settings"), py::arg("previous") = nullptr)
       .def(py::init([](const Lighting& other) { return other; }), py::arg("other"))
       .def(
           "irradiance",
@@ -122,8 +169,8 @@ for integers or objects.)")
 
 normals, views: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
 exponent: half-vector exponent s >= 0, broadcasts to (...); 0 gives irradiance / pi, infinity the mirror.
-normalization: "energy" (the lobe's average) or "paper" (times Eq. 3's directional albedo). Returns (..., 3)
-float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.)")
+normalization: "energy" (the lobe's average), "paper" (times Eq. 3's directional albedo) or "exact" (the same with
+the factor (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)), which conserves energy for k_L + k_G <= 1). Returns (..., 3) float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.)")
       .def_property_readonly(
           "sh9",
           [](const Lighting& lighting) {
@@ -155,6 +202,20 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
 size: texels along a face. source: texels along a face of the MIP level that the cosine is summed over, at most;
 nMAE over seven real maps, median and worst: 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Raises ValueError for
 sizes outside 1 to 256.)")
+      .def_property_readonly(
+          "lights",
+          [](const Lighting& lighting) {
+            if (own_lights(lighting)) return lighting.chain->lights;
+            std::vector<Light> lights;
+            for (const FoundLight& found : lights_of(lighting, working_level(*lighting.radiance)))
+              lights.push_back(found.light);
+            return lights;
+          },
+          "The dominant lights of the map, at most 8: list of Light. Glossy methods with lights "
+          "shade them by "
+          "themselves; what is left of the map and the lights hold every photon once.")
+      .def_property_readonly("_without_lights", &map_without_lights,
+                             "CubeMap of 64 squared texels: the map without its lights.")
       .def_property_readonly(
           "plane_irradiance",
           [](const Lighting& l) {

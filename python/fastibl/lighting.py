@@ -131,7 +131,7 @@ class Lighting(_Lighting):
     """What a map does to surfaces.
 
     cube: CubeMap or Environment. diffuse, glossy: Method, its name, "auto" (the default) or "paper". previous: of a map
-    a moment ago; what was found in it is moved along instead of searched anew, which is steady. Raises ValueError for
+    a moment ago; its lobes and lights are moved along instead of searched anew, which is steady. Raises ValueError for
     an unknown name, an unknown setting or a value out of range.
     """
 

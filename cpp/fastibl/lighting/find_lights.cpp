@@ -45,7 +45,8 @@ struct Scene {
 
 Scene bright_texels(const CubeLevel& level) {
   const int n = level.size();
-  const std::vector<double> angles = texel_solid_angles(n);
+  static const std::vector<double> of_working_size = texel_solid_angles(64);
+  const std::vector<double> angles = n == 64 ? of_working_size : texel_solid_angles(n);
   Scene scene;
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < n; ++y)

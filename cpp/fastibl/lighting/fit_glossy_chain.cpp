@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "fastibl/lighting/lobe_filter.h"
 
@@ -15,7 +16,7 @@ constexpr float kFinestExponent = 8192;
 float exponent_of(int level) { return kFinestExponent / std::exp2(2.0f * float(level - 1)); }
 
 // Solid-angle means over the target's texels of a level of any size: pieces of source texels,
-// each with the density of solid angle at its own middle.
+// each with its solid angle.
 CubeLevel resampled(const CubeLevel& from, int n) {
   const int m = from.size();
   CubeLevel out(n);
@@ -37,8 +38,13 @@ CubeLevel resampled(const CubeLevel& from, int n) {
           for (int i = 0;; ++i) {
             const double u = cut(x, i, width);
             if (!(width > 1e-9)) break;
-            const double a = 2 * u / m - 1, b = 2 * v / m - 1;
-            const double weight = width * height / std::pow(1 + a * a + b * b, 1.5);
+            double weight = 0;  // solid angle of the piece, by nine midpoints
+            for (int q = -1; q <= 1; ++q)
+              for (int p = -1; p <= 1; ++p) {
+                const double s = 2 * (u + p * width / 3) / m - 1,
+                             t = 2 * (v + q * height / 3) / m - 1;
+                weight += width * height / 9 / std::pow(1 + s * s + t * t, 1.5);
+              }
             sum += weight * glm::dvec3(from.texel(f, int(u), int(v)));
             total += weight;
           }
@@ -49,22 +55,11 @@ CubeLevel resampled(const CubeLevel& from, int n) {
   return out;
 }
 
-// Half the size, an even number; solid-angle means.
 CubeLevel halved(const CubeLevel& fine) {
-  const int n = fine.size(), m = n / 2;
-  const std::vector<double> angle = texel_solid_angles(n);
-  CubeLevel coarse(m);
-  for (int y = 0; y < m; ++y)
-    for (int x = 0; x < m; ++x) {
-      const double* a = &angle[std::size_t(2 * y * n + 2 * x)];
-      const double sum = a[0] + a[1] + a[n] + a[n + 1];
-      const float w[4] = {float(a[0] / sum), float(a[1] / sum), float(a[n] / sum),
-                          float(a[n + 1] / sum)};
-      for (int f = 0; f < 6; ++f) {
-        const glm::vec3 *p = &fine.texel(f, 2 * x, 2 * y), *q = p + fine.row_stride();
-        coarse.texel(f, x, y) = w[0] * p[0] + w[1] * p[1] + w[2] * q[0] + w[3] * q[1];
-      }
-    }
+  const int n = fine.size() / 2;
+  CubeLevel coarse(n);
+  const auto reduction = CubeReduction::of(fine.size());
+  for (int f = 0; f < 6; ++f) reduction->reduce(fine, {f, 0, 0, n, n}, coarse);
   return coarse;
 }
 
@@ -184,6 +179,7 @@ std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map
   }
   // `left`: what is left of the map at the size of the level before, and which shares were taken.
   CubeLevel base = source, left;
+  std::optional<PaddedFaces> padded;
   std::vector<float> taken(lights.size(), 0.0f);
   for (int k = 1; k < GlossyChain::kLevelCount; ++k) {
     bool changed = false;
@@ -197,8 +193,9 @@ std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map
     const int size = std::max(GlossyChain::kSizes[std::size_t(k)], 8);
     if (changed || k == 1) left = base;
     while (left.size() > size) left = halved(left);
-    CubeLevel& to = chain->lobes[std::size_t(k)];
-    to = k <= 4 ? filters[std::size_t(k - 1)](PaddedFaces(left)) : wide[std::size_t(k - 5)](left);
+    if (k <= 4 && (changed || !padded || padded->size() != left.size())) padded.emplace(left);
+    chain->lobes[std::size_t(k)] =
+        k <= 4 ? filters[std::size_t(k - 1)](*padded) : wide[std::size_t(k - 5)](left);
     if (k == 4) chain->harmonics = project_harmonics(left);  // 16², and all lights are out by now
   }
   return chain;

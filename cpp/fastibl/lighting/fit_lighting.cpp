@@ -41,6 +41,7 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
   const std::vector<FoundLight> lights = find_lights(*lighting.radiance, source, most, followed);
   std::shared_ptr<GlossyChain> chain = fit_glossy_chain(lighting.radiance, source, lights);
   chain->most_lights = most;
+  chain->followed.assign(followed.begin(), followed.end());
   lighting.chain = std::move(chain);
 }
 
@@ -49,7 +50,7 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   check(radiance && radiance->size() > 0, "lighting needs a map");
   Lighting lighting;
   lighting.glossy =
-      options.glossy == GlossyMethod::automatic ? GlossyMethod::stretched : options.glossy;
+      options.glossy == GlossyMethod::automatic ? GlossyMethod::centroid : options.glossy;
   lighting.glossy_settings = resolved(lighting.glossy, options.glossy_settings);
   lighting.normalization = options.normalization;
   if (options.irradiance) {

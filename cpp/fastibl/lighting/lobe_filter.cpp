@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 
@@ -51,21 +52,28 @@ double lobe(double cosine, double exponent) {
 }
 
 // targets × 24 sums of weighted blocks, run by run: partial sums keep the rounding small.
+typedef float Eight __attribute__((vector_size(32), aligned(4)));
+
 FASTIBL_CLONES
 void sum_runs(const float* blocks, const std::int32_t* runs, const std::int32_t* begin,
               const std::int32_t* weight_begin, const float* weights, int first, int last,
               float* out) {
   for (int i = first; i < last; ++i) {
-    float sum[24] = {};
+    Eight sum0{}, sum1{}, sum2{};
     const float* w = weights + weight_begin[i];
     for (int r = begin[i]; r < begin[i + 1]; ++r) {
-      const float* block = blocks + std::ptrdiff_t(runs[2 * r]) * 24;
-      float part[24] = {};
-      for (int k = runs[2 * r + 1]; k > 0; --k, block += 24, ++w)
-        for (int c = 0; c < 24; ++c) part[c] += *w * block[c];
-      for (int c = 0; c < 24; ++c) sum[c] += part[c];
+      const Eight* block =
+          reinterpret_cast<const Eight*>(blocks + std::ptrdiff_t(runs[2 * r]) * 24);
+      Eight part0{}, part1{}, part2{};
+      for (int k = runs[2 * r + 1]; k > 0; --k, block += 3, ++w) {
+        part0 += *w * block[0];
+        part1 += *w * block[1];
+        part2 += *w * block[2];
+      }
+      sum0 += part0, sum1 += part1, sum2 += part2;
     }
-    std::memcpy(out + std::ptrdiff_t(i - first) * 24, sum, sizeof(sum));
+    Eight* to = reinterpret_cast<Eight*>(out + std::ptrdiff_t(i - first) * 24);
+    to[0] = sum0, to[1] = sum1, to[2] = sum2;
   }
 }
 
@@ -88,34 +96,45 @@ void sum_all(const float* weights, const float* in, int sources, int targets, fl
 
 }  // namespace
 
+namespace {
+
+// Where the margins of all faces come from: (texel in the level, float in the blocks) pairs.
+struct Margin {
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> copies;
+  explicit Margin(int n) {
+    const CubeLevel level(n);
+    const int d = PaddedFaces::margin(n), row = n + 2 * d;
+    for (int f = 0; f < 6; ++f)
+      for (int y = -d; y < n + d; ++y)
+        for (int x = -d; x < n + d; ++x) {
+          const Texel t = padded_texel(f, x, y, n);
+          if (t.face < 0 || (x >= 0 && x < n && y >= 0 && y < n)) continue;
+          copies.emplace_back(std::uint32_t(&level.texel(t.face, t.x, t.y) - level.face(0)),
+                              std::uint32_t(((y + d) * row + x + d) * PaddedFaces::kBlock + 3 * f));
+        }
+  }
+};
+
+const Margin& margin_of(int size) {
+  static const Margin large(64), middle(32), small(16);
+  return size == 64 ? large : size == 32 ? middle : small;
+}
+
+}  // namespace
+
 PaddedFaces::PaddedFaces(const CubeLevel& level) : size_(level.size()) {
+  check(size_ == 64 || size_ == 32 || size_ == 16, "faces of 16, 32 or 64 texels, got ", size_);
   const int n = size_, d = margin(n), row = n + 2 * d;
   blocks_.assign(std::size_t(row) * std::size_t(row) * kBlock, 0.0f);
-  const auto block = [&](int x, int y, int face) {
-    return &blocks_[(std::size_t(y + d) * std::size_t(row) + std::size_t(x + d)) * kBlock +
-                    std::size_t(3 * face)];
-  };
-  for (int f = 0; f < 6; ++f) {
-    for (int y = 0; y < n; ++y) {
-      const glm::vec3* from = &level.texel(f, 0, y);
-      float* to = block(0, y, f);
-      for (int x = 0; x < n; ++x, to += kBlock)
-        to[0] = from[x].x, to[1] = from[x].y, to[2] = from[x].z;
-    }
-    for (int side = 0; side < 4; ++side)
-      for (int i = 0; i < n; ++i) {
-        // The first texel past the edge, and the step into the neighbour.
-        const int x0 = side == 0 ? -1 : side == 1 ? n : i, y0 = side == 2 ? -1 : side == 3 ? n : i;
-        const int dx = side == 0 ? -1 : side == 1 ? 1 : 0, dy = side == 2 ? -1 : side == 3 ? 1 : 0;
-        const Texel a = padded_texel(f, x0, y0, n),
-                    b = n > 1 ? padded_texel(f, x0 + dx, y0 + dy, n) : a;
-        for (int k = 0; k < d; ++k) {
-          const glm::vec3& t = level.texel(a.face, a.x + k * (b.x - a.x), a.y + k * (b.y - a.y));
-          float* to = block(x0 + k * dx, y0 + k * dy, f);
-          to[0] = t.x, to[1] = t.y, to[2] = t.z;
-        }
-      }
+  for (int y = 0; y < n; ++y) {
+    float* to = &blocks_[(std::size_t(y + d) * std::size_t(row) + std::size_t(d)) * kBlock];
+    const glm::vec3* from = &level.texel(0, 0, y);
+    for (int x = 0; x < n; ++x, ++from, to += kBlock)
+      for (int f = 0; f < 6; ++f) std::memcpy(to + 3 * f, from + f * level.face_stride(), 12);
   }
+  const glm::vec3* first = level.face(0);
+  for (const auto& [from, to] : margin_of(n).copies)
+    std::memcpy(&blocks_[to], first + from, sizeof(glm::vec3));
 }
 
 LobeFilter::LobeFilter(int size, float exponent) : size_(size) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 #include "fastibl/core/check.h"
@@ -149,8 +150,17 @@ void CubeLevel::update_border(unsigned faces) {
   }
 }
 
-glm::vec3 CubeLevel::sample(glm::vec3 direction) const {
-  const FacePoint p = face_point(direction);
+// Four floats from a texel on: its three channels and what lies behind.
+typedef float Four __attribute__((vector_size(16)));
+inline Four four(const glm::vec3* texel) {
+  Four v;
+  std::memcpy(&v, texel, sizeof v);
+  return v;
+}
+
+glm::vec3 CubeLevel::sample(glm::vec3 direction) const { return sample(face_point(direction)); }
+
+glm::vec3 CubeLevel::sample(const FacePoint& p) const {
   // Clamped because a direction of length 0 or NaN gives a NaN point; such a look-up is defined,
   // not useful. Comparisons instead of fmin and fmax, which are library calls.
   const float limit = float(size_);
@@ -162,8 +172,10 @@ glm::vec3 CubeLevel::sample(glm::vec3 direction) const {
   const float fx = x - float(ix), fy = y - float(iy);
   const glm::vec3* a = &texel(p.face, ix, iy);
   const glm::vec3* b = a + row_stride();
-  const glm::vec3 upper = a[0] + fx * (a[1] - a[0]), lower = b[0] + fx * (b[1] - b[0]);
-  return upper + fy * (lower - upper);
+  const Four a0 = four(a), b0 = four(b);
+  const Four upper = a0 + fx * (four(a + 1) - a0), lower = b0 + fx * (four(b + 1) - b0);
+  const Four value = upper + fy * (lower - upper);
+  return {value[0], value[1], value[2]};
 }
 
 float clean_radiance(float value, CleaningStatistics& statistics) {
@@ -273,9 +285,10 @@ glm::vec3 CubeMap::sample(glm::vec3 direction, float level) const {
   const float clamped = level > 0 ? (level < top ? level : top) : 0.0f;  // NaN gives 0
   const int k = std::min(int(clamped), level_count() - 1);
   const float f = clamped - float(k);
-  const glm::vec3 fine = levels_[std::size_t(k)].sample(direction);
+  const FacePoint at = face_point(direction);
+  const glm::vec3 fine = levels_[std::size_t(k)].sample(at);
   if (f == 0) return fine;
-  return fine + f * (levels_[std::size_t(k) + 1].sample(direction) - fine);
+  return fine + f * (levels_[std::size_t(k) + 1].sample(at) - fine);
 }
 
 glm::dvec3 CubeMap::mean() const {

@@ -62,6 +62,7 @@ class CubeLevel {
   // To be called after texels were written, before sample(). faces: bit f where face f changed.
   void update_border(unsigned faces = 63);
   glm::vec3 sample(glm::vec3 direction) const;  // seamless bilinear
+  glm::vec3 sample(const FacePoint& p) const;
   bool operator==(const CubeLevel&) const = default;
 
  private:

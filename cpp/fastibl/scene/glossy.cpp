@@ -114,6 +114,7 @@ LightArrays arrays_of(const GlossyChain& chain) {
     const float deviation = std::max(0.5f * light.angular_radius, 1e-3f);
     arrays.variance[i] = deviation * deviation;
     arrays.level[i] = chain.light_levels[std::size_t(i)];
+    arrays.finest = std::min(arrays.finest, arrays.level[i]);
     arrays.red[i] = light.flux.x, arrays.green[i] = light.flux.y, arrays.blue[i] = light.flux.z;
   }
   return arrays;
@@ -145,6 +146,7 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine) cons
   Shares shares;
   shares.taps = 0;
   shares.rest = lobe_.harmonics;
+  float highest = 0;  // level; below the finest light's, look-ups hold all light
   if (lobe_.harmonics > 0) {
     const glm::vec2 angle = a.direction + f * (b.direction - a.direction);
     value = lobe_.harmonics *
@@ -159,13 +161,14 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine) cons
       const glm::vec4 tap = p + f * (q - p);
       const float weight = (1 - lobe_.harmonics) * tap.w;
       value += weight * lighting_->chain->sample(tap.x * mirror + tap.y * down, tap.z);
+      highest = std::max(highest, tap.z);
       const int level = std::min(int(tap.z), GlossyChain::kLevelCount - 2);
       shares.level[k] = float(level);
       shares.coarse[k] = weight * (tap.z - float(level));
       shares.fine[k] = level > 0 ? weight - shares.coarse[k] : 0.0f;
     }
   }
-  if (lights_.count > 0) {
+  if (lights_.count > 0 && (shares.rest > 0 || highest > lights_.finest - 1)) {
     float rgb[3];
     sum_lights(lights_, lobe_.exponent, shares, &n.x, &v.x, rgb);
     const float integral = a.log_integral + f * (b.log_integral - a.log_integral);

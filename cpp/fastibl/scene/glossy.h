@@ -33,6 +33,7 @@ struct GlossyLobe {
 // Lights side by side, for one loop over all of them; those beyond `count` give nothing.
 struct LightArrays {
   int count = 0;
+  float finest = GlossyChain::kLevelCount;  // of the levels
   float x[kMaxLights]{}, y[kMaxLights]{}, z[kMaxLights]{};
   float variance[kMaxLights]{}, level[kMaxLights]{};
   float red[kMaxLights]{}, green[kMaxLights]{}, blue[kMaxLights]{};

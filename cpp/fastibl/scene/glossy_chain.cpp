@@ -21,9 +21,10 @@ glm::vec3 GlossyChain::sample(glm::vec3 direction, float lobe_level) const {
   const float clamped = lobe_level > 0 ? (lobe_level < top ? lobe_level : top) : 0.0f;  // NaN: 0
   const int k = int(clamped);
   const float f = clamped - float(k);
-  const glm::vec3 fine = level(k).sample(direction);
+  const FacePoint at = face_point(direction);
+  const glm::vec3 fine = level(k).sample(at);
   if (f == 0) return fine;
-  return fine + f * (level(k + 1).sample(direction) - fine);
+  return fine + f * (level(k + 1).sample(at) - fine);
 }
 
 float GlossyChain::light_share(std::size_t i, float lobe_level) const {

@@ -35,8 +35,9 @@ struct GlossyChain {
   std::array<glm::vec3, 25> harmonics{};
   // Lights that were taken out of levels, wholly or in part: they are to be shaded by themselves.
   std::vector<Light> lights;
-  int most_lights = 0;  // that were asked for
-  bool exact = false;   // convolved with the lobes themselves, by `prefiltered`
+  int most_lights = 0;          // that were asked for
+  std::vector<Light> followed;  // of an earlier frame, which the search started from
+  bool exact = false;           // convolved with the lobes themselves, by `prefiltered`
   // Where each light's own width lies among the levels.
   std::vector<float> light_levels;
 

@@ -1,0 +1,177 @@
+"""Lights: found where they are, every photon once, steady, and shaded as they shine."""
+
+import numpy as np
+import pytest
+
+import fastibl
+from conftest import SHARED, units
+from fastibl import reference
+
+
+def discs(places, radius=np.pi / 60, background=0.1, size=128):
+    """A map of discs: (direction, radiance)."""
+    directions, _, _ = reference.samples(np.zeros((6, size, size, 3)))
+    faces = np.full((6 * size * size, 3), background)
+    for direction, radiance in places:
+        d = np.asarray(direction, float) / np.linalg.norm(direction)
+        faces[directions @ d > np.cos(radius)] = radiance
+    return fastibl.CubeMap(faces.reshape(6, size, size, 3).astype(np.float32))
+
+
+def flux(cube):
+    _, angles, radiance = reference.samples(cube)
+    return angles @ radiance
+
+
+def assert_every_photon_once(lighting, cube):
+    both = flux(lighting._without_lights) + sum((np.array(light.flux) for light in lighting.lights), np.zeros(3))
+    error = np.abs(both / np.maximum(flux(cube), 1e-30) - 1).max()
+    print(f"flux within {error:.1e}")
+    assert error < 1e-5
+
+
+def angle(a, b):
+    return np.degrees(np.arccos(np.clip(np.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b), -1, 1)))
+
+
+def test_one_disc():
+    place, radiance = np.array([0.3, 0.5, 0.9]), np.array([200.0, 150, 100])
+    cube = discs([(place, radiance)])
+    lighting = fastibl.Lighting(cube)
+    (light,) = lighting.lights
+    assert angle(light.direction, place) < 0.1
+    assert abs(np.degrees(light.angular_radius) - 3) < 0.2
+    facing = reference.irradiance(cube, place / np.linalg.norm(place)) - np.pi * 0.1
+    np.testing.assert_allclose(light.irradiance, facing, rtol=0.02)  # the threshold leaves a part in the map
+    assert_every_photon_once(lighting, cube)
+    assert light == lighting.lights[0] and "angular_radius" in repr(light)
+
+
+def test_two_opposite_suns():
+    place = np.array([0.2, -0.4, 0.8])
+    cube = discs([(place, 1000.0), (-place, 500.0)], np.radians(1))
+    lights = fastibl.Lighting(cube).lights
+    assert len(lights) == 2
+    assert angle(lights[0].direction, place) < 0.3 and angle(lights[1].direction, -place) < 0.3
+    assert lights[0].irradiance[0] / lights[1].irradiance[0] == pytest.approx(2, rel=0.01)
+    assert_every_photon_once(fastibl.Lighting(cube), cube)
+
+
+def test_nothing_to_find():
+    for faces in (np.zeros((6, 16, 16, 3)), np.ones((6, 16, 16, 3)), np.ones((6, 1, 1, 3))):
+        assert fastibl.Lighting(fastibl.CubeMap(faces)).lights == []
+
+
+@pytest.mark.parametrize("size", [1, 3, 32, 100, 128])
+def test_one_bright_texel(size):
+    faces = np.full((6, size, size, 3), 0.5)
+    faces[4, size // 2, size // 3] = 1e6
+    cube = fastibl.CubeMap(faces)
+    lighting = fastibl.Lighting(cube, glossy="stretched")
+    assert_every_photon_once(lighting, cube)
+    value = lighting.glossy(units(200), units(200, 1), 30.0)
+    assert np.isfinite(value).all() and (value >= 0).all()
+    if size >= 32:
+        (light,) = lighting.lights
+        place = reference.samples(cube)[0].reshape(6, size, size, 3)[4, size // 2, size // 3]
+        assert angle(light.direction, place) < 90 / 64  # texels of the working level
+        assert sum(light.flux) == pytest.approx(sum(flux(cube)) - 3 * 0.5 * 4 * np.pi, rel=0.01)
+
+
+def test_real_maps(real_maps):
+    for name, cube in real_maps.items():
+        lighting = fastibl.Lighting(cube)
+        assert len(lighting.lights) <= 8
+        assert_every_photon_once(lighting, cube)
+        left = lighting._without_lights
+        assert (left.faces >= 0).all()
+        print(name, len(lighting.lights), "lights hold", 1 - flux(left).sum() / flux(cube).sum())
+
+
+def test_a_sun_in_the_sky():
+    path = SHARED / "hdri-sun" / "immenstadter_horn_1k.hdr"
+    if not path.exists():
+        pytest.skip(f"{path.name} is not here")
+    cube = fastibl.read_environment(path)
+    lighting = fastibl.Lighting(cube, glossy="stretched")
+    directions, _, radiance = reference.samples(cube)
+    brightest = directions[radiance.sum(axis=1).argmax()]
+    sun = max(lighting.lights, key=lambda light: sum(light.irradiance))
+    assert angle(sun.direction, brightest) < 1.5
+    assert_every_photon_once(lighting, cube)
+    normals, views = units(60), units(60, 1)
+    views *= np.sign((normals * views).sum(axis=1, keepdims=True))
+    for s in (8.0, 64.0, 200.0):
+        true = reference.glossy(cube, normals, views, s)
+        error = np.sqrt(((lighting.glossy(normals, views, s) - true) ** 2).mean(axis=1)) / true.mean()
+        print(f"s = {s:g}: {100 * error.mean():.2f} %")
+        assert error.mean() < 0.06
+
+
+def lobe_towards(light_direction, degrees, tilt):
+    """A normal and view whose mirror direction lies `degrees` from a light; theta_v = tilt degrees."""
+    l = np.asarray(light_direction, float) / np.linalg.norm(light_direction)
+    side = np.cross(l, [0.0, 0.6, 0.8])
+    side /= np.linalg.norm(side)
+    mirror = np.cos(np.radians(degrees)) * l + np.sin(np.radians(degrees)) * side
+    across = np.cross(mirror, side)
+    n = np.cos(np.radians(tilt)) * mirror + np.sin(np.radians(tilt)) * across
+    return n, 2 * (n @ mirror) * n - mirror
+
+
+@pytest.mark.parametrize("exponent", [2.0, 8.0, 64.0, 2048.0])
+@pytest.mark.parametrize("tilt", [0, 45, 80])
+def test_highlight_of_a_light(exponent, tilt):
+    """Across a highlight, against brute force, relative to its peak."""
+    place = [0.4, -0.3, 0.7]
+    cube = discs([(place, 300.0)], np.radians(2))
+    lighting = fastibl.Lighting(cube, glossy="stretched")
+    pairs = [lobe_towards(place, d, tilt) for d in (0, 1, 2, 4, 8, 16, 32)]
+    n, v = np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
+    true = reference.glossy(cube, n, v, exponent)
+    error = np.abs(lighting.glossy(n, v, exponent) - true).max() / true.max()
+    print(f"s = {exponent:g}, {tilt} degrees: {100 * error:.1f} % of the peak")
+    assert error < (0.3 if exponent == 2048 else 0.08)  # at 2048 the map shows it, by three look-ups
+
+
+def test_light_behind_the_horizon():
+    cube = discs([((0, 0, -1), 1000.0)], background=0.01)
+    lighting = fastibl.Lighting(cube, glossy="stretched")
+    n = np.array([[0, 0, 1.0]])
+    for s in (2.0, 16.0, 300.0):
+        np.testing.assert_allclose(lighting.glossy(n, n, s), 0.01, rtol=0.15)
+
+
+def test_steady_under_a_small_change():
+    places = [((1, 0.2, 0.3), 100.0), ((-0.5, 0.8, 0.1), 60.0), ((0.9, 0.4, 0.3), 80.0), ((0, -1, 0.5), 40.0)]
+    before = fastibl.Lighting(discs(places), glossy="stretched")
+    n, v = units(400), units(400, 1)
+    v *= np.sign((n * v).sum(axis=1, keepdims=True))
+    changed = discs([(places[0][0], 102.0), *places[1:]])
+    after = fastibl.Lighting(changed, glossy="stretched", previous=before)
+    assert len(after.lights) == len(before.lights)
+    for a, b in zip(before.lights, after.lights, strict=True):
+        assert angle(a.direction, b.direction) < 0.1
+        np.testing.assert_allclose(a.irradiance, b.irradiance, rtol=0.03)
+    for s in (4.0, 64.0):
+        first, second = before.glossy(n, v, s), after.glossy(n, v, s)
+        assert np.abs(second - first).max() <= 0.025 * first.max()
+
+
+def test_a_light_fades_in():
+    """From nothing to a strong light in 40 steps: glossy light never jumps."""
+    n, v = np.array([[0, 0, 1.0]]), np.array([[0, 0, 1.0]])
+    previous, values = None, []
+    for strength in np.linspace(0, 40, 41):
+        cube = discs([((0.1, 0, 1), 0.1 + strength), ((1, 0, 0), 60.0)])
+        previous = fastibl.Lighting(cube, glossy="stretched", previous=previous)
+        values.append(previous.glossy(n, v, 40.0)[0, 0])
+    steps = np.diff(values)
+    print("steps", steps.min(), "...", steps.max())
+    assert (steps > 0).all() and steps.max() < 1.5 * np.median(steps)
+
+
+def test_the_same_map_gives_the_same_lights(real_maps):
+    cube = real_maps["adams_place_bridge"]
+    first, second = fastibl.Lighting(cube), fastibl.Lighting(cube)
+    assert first.lights == second.lights
