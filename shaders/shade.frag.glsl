@@ -3,7 +3,10 @@
 //   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance,
 //                6 sh9-lobes
 //   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance, 3 the chain of round lobes,
-//                4 exponent below 1: between 2 and 3, 5 filtered samples
+//                4 exponent below 1: between 2 and 3, 5 filtered samples of the exponent's
+//                lobe, 6 glTF's metallic-roughness model from the MIP chain, with
+//                BASE_COLOR_MAP METALLIC_MAP ROUGHNESS_MAP EMISSION_MAP NORMAL_MAP ANISOTROPIC 0 or 1, 7 from the
+//                chain of round lobes
 //   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
 //   DISTORTION   1: the camera has a lens model
 #include "shared/precision.glsl"
@@ -18,7 +21,9 @@ uniform sampler2D vertices;       // position, P_V
 uniform sampler2D normals;
 uniform mat3 marker_from_object;
 uniform vec3 marker_from_object_shift;
+#if GLOSSY < 6
 uniform vec3 emission;
+#endif
 layout(location = 0) out vec4 layer;  // radiance times coverage, and coverage
 
 #if DIFFUSE == 5
@@ -51,10 +56,12 @@ vec3 irradiance(vec3 n) {
   return baked_scale * textureLod(baked, n, 0.0).rgb;
 #endif
 }
+#if GLOSSY < 6
 uniform vec3 diffuse_albedo;
 #endif
+#endif
 
-#if GLOSSY
+#if GLOSSY && GLOSSY < 6
 uniform vec3 glossy_albedo;
 #endif
 #if GLOSSY
@@ -66,10 +73,13 @@ uniform vec3 eye;  // marker frame
 uniform float level;
 #elif GLOSSY == 5
 #include "shared/sampled_lobe.glsl"
-#elif GLOSSY >= 3
+#elif GLOSSY == 3 || GLOSSY == 4 || GLOSSY == 7
 #include "shared/glossy.glsl"
 #include "shared/glossy_chain.glsl"
 uniform float matte_share;  // of exponents below 1
+#endif
+#if GLOSSY >= 6
+#include "shared/pbr_maps.glsl"
 #endif
 #if PAPER
 uniform float albedo_scale;
@@ -93,6 +103,7 @@ float directional_albedo(float cosine) {
 ivec2 texel(int i) { return ivec2(i & 1023, i >> 10); }
 float edge(vec2 a, vec2 b) { return a.x * b.y - a.y * b.x; }  // from a to b, seen from the origin
 
+#if GLOSSY < 6
 vec3 shade(vec3 position, vec3 n, float visibility) {
   vec3 colour = emission;
 #if DIFFUSE || GLOSSY == 2 || GLOSSY == 4
@@ -121,6 +132,28 @@ vec3 shade(vec3 position, vec3 n, float visibility) {
 #endif
   return colour;
 }
+#else
+vec3 shade(vec3 position, float visibility, SurfacePoint p) {
+  vec3 v = normalize(eye - position);
+  vec3 local = v * p.frame;
+  vec2 albedo = sample_ggx_albedo(local, p.roughness);
+  vec3 reflectance = pbr_reflectance(p.base_color, p.metallic, albedo);
+  vec3 colour = p.emission + reflectance * sample_ggx(p.frame, local, alpha_of(p.roughness));
+#if DIFFUSE
+  colour += pbr_diffuse(p.base_color, p.metallic, albedo) * (visibility / 3.14159265) * irradiance(p.frame[2]);
+#endif
+  return colour;
+}
+#endif
+
+// Shares of a triangle's corners at a point of the picture, perspective-correct.
+vec3 corner_weights(vec3 pa, vec3 pb, vec3 pc, vec2 p) {
+  float area = edge(pb.xy - pa.xy, pc.xy - pa.xy);
+  vec3 w = vec3(edge(pb.xy - p, pc.xy - p) / area, edge(pc.xy - p, pa.xy - p) / area, 0.0);
+  w.z = 1.0 - w.x - w.y;
+  w /= vec3(pa.z, pb.z, pc.z);
+  return w / (w.x + w.y + w.z);
+}
 
 void main() {
   ivec2 local = ivec2(gl_FragCoord.xy);
@@ -145,21 +178,30 @@ void main() {
     vec4 b = texelFetch(vertices, texel(index.y), 0);
     vec4 c = texelFetch(vertices, texel(index.z), 0);
     vec3 pa = project(a.xyz), pb = project(b.xyz), pc = project(c.xyz);
-    float area = edge(pb.xy - pa.xy, pc.xy - pa.xy);
-    vec3 w = vec3(edge(pb.xy - p, pc.xy - p) / area, edge(pc.xy - p, pa.xy - p) / area, 0.0);
-    w.z = 1.0 - w.x - w.y;
-    w /= vec3(pa.z, pb.z, pc.z);
-    w /= w.x + w.y + w.z;
+    vec3 w = corner_weights(pa, pb, pc, p);
     vec4 at = w.x * a + w.y * b + w.z * c;
     vec3 n = w.x * texelFetch(normals, texel(index.x), 0).xyz +
              w.y * texelFetch(normals, texel(index.y), 0).xyz +
              w.z * texelFetch(normals, texel(index.z), 0).xyz;
     // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
-    n = marker_from_object * (area > 0.0 ? -n : n);
+    n = marker_from_object * (edge(pb.xy - pa.xy, pc.xy - pa.xy) > 0.0 ? -n : n);
     float size = length(n);
     n = size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);
-    layer += count * 0.25 *
-             vec4(shade(marker_from_object * at.xyz + marker_from_object_shift, n, at.w), 1.0);
+    vec3 position = marker_from_object * at.xyz + marker_from_object_shift;
+#if GLOSSY >= 6
+    vec4 t = w.x * texelFetch(tangents, texel(index.x), 0) + w.y * texelFetch(tangents, texel(index.y), 0) +
+             w.z * texelFetch(tangents, texel(index.z), 0);
+    t = vec4(marker_from_object * t.xyz, t.w < 0.0 ? -1.0 : 1.0);
+    mat3x2 uv = mat3x2(texelFetch(uvs, texel(index.x), 0).xy, texelFetch(uvs, texel(index.y), 0).xy,
+                       texelFetch(uvs, texel(index.z), 0).xy);
+    vec2 here = uv * w;
+    vec2 dx = uv * corner_weights(pa, pb, pc, p + vec2(1.0, 0.0)) - here;
+    vec2 dy = uv * corner_weights(pa, pb, pc, p + vec2(0.0, 1.0)) - here;
+    vec3 colour = shade(position, at.w, surface_point(n, t, here, dx, dy));
+#else
+    vec3 colour = shade(position, n, at.w);
+#endif
+    layer += count * 0.25 * vec4(colour, 1.0);
     left = bvec4(left.x && !same.x, left.y && !same.y, left.z && !same.z, left.w && !same.w);
   }
 }

@@ -573,9 +573,11 @@ def test_another_context_stays_current():
 # --- shaders
 
 
+PBR = ("BASE_COLOR_MAP", "METALLIC_MAP", "ROUGHNESS_MAP", "EMISSION_MAP", "NORMAL_MAP", "ANISOTROPIC")
 VARIANTS = {
     "visibility": {"DISTORTION": (0, 1)},
-    "shade": {"DIFFUSE": range(7), "GLOSSY": range(6), "PAPER": (0, 1), "DISTORTION": (0, 1)},
+    "shade": {"DIFFUSE": range(7), "GLOSSY": range(8), "PAPER": (0, 1), "DISTORTION": (0, 1)}
+    | dict.fromkeys(PBR, (0, 1)),
     "shadow": {"PRODUCT": (0, 1)},
     "composite": {
         "MATTE": (0, 1),
@@ -602,6 +604,11 @@ def sources():
             defines = dict(zip(options, values, strict=True))
             if defines.get("GLOSSY") in (2, 4) and not defines["DIFFUSE"]:
                 continue  # exponent 0 reads the irradiance
+            maps = sum(defines.get(name, 0) for name in PBR)
+            if defines.get("GLOSSY", 0) >= 6 and (defines["PAPER"] or maps not in (0, 1, len(PBR))):
+                continue  # alone and all together
+            if defines.get("GLOSSY", 0) < 6 and maps:
+                continue  # of Eq. 3
             for stage in ("vert", "frag"):
                 lines = expanded(f"{shader}.{stage}.glsl")
                 lines[1:1] = [f"#define {key} {value}" for key, value in defines.items()]

@@ -3,6 +3,7 @@
 #include "bindings/numpy.h"
 #include "fastibl/core/clock.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/scene/glossy.h"
@@ -30,6 +31,15 @@ Floats map_vectors(const Floats& in, F&& f) {
 
 using Settings = std::map<std::string, int>;
 
+// Without a copy: Python's object lives as long as what is returned.
+std::shared_ptr<const CubeMap> shared_cube(const py::object& object) {
+  const CubeMap& cube = object.cast<const CubeMap&>();
+  return {&cube, [keep = new py::object(object)](const CubeMap*) {
+            const py::gil_scoped_acquire lock;
+            delete keep;
+          }};
+}
+
 glm::vec3 unit(const glm::vec3& v) {
   const float length = glm::length(v);
   return length > 0 ? v / length
@@ -40,19 +50,19 @@ glm::vec3 unit(const glm::vec3& v) {
 
 void bind_lighting(py::module_& module) {
   py::class_<Lighting>(module, "_Lighting")
-      .def(py::init([](const CubeMap& cube, const std::string& diffuse,
+      .def(py::init([](const py::object& cube, const std::string& diffuse,
                        const Settings& diffuse_given, const std::string& glossy,
-                       const Settings& glossy_given) {
+                       const Settings& glossy_given, const Lighting* previous) {
              LightingOptions options;
              options.diffuse = diffuse_method(diffuse);
              options.diffuse_settings =
                  settings_with<DiffuseSettings>(options.diffuse, diffuse_given);
              options.glossy = glossy_method(glossy);
              options.glossy_settings = settings_with<GlossySettings>(options.glossy, glossy_given);
-             return fit_lighting(std::make_shared<const CubeMap>(cube), options);
+             return fit_lighting(shared_cube(cube), options, previous);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
-           py::arg("glossy_settings"))
+           py::arg("glossy_settings"), py::arg("previous"))
       .def(py::init([](const Lighting& other) { return other; }), py::arg("other"))
       .def(
           "irradiance",
@@ -117,7 +127,7 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
       .def_property_readonly(
           "sh9",
           [](const Lighting& lighting) {
-            const std::array<glm::dvec3, 9> sh = project_sh9(fold(*lighting.radiance, 16));
+            const std::array<glm::dvec3, 9> sh = project_sh9(fold(*lighting.radiance, kSumSize));
             Floats out({9, 3});
             for (int i = 0; i < 9; ++i)
               for (int c = 0; c < 3; ++c) out.mutable_at(i, c) = float(sh[std::size_t(i)][c]);
@@ -139,7 +149,7 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
                 faces.insert(faces.end(), &cube.texel(f, 0, y), &cube.texel(f, 0, y) + size);
             return CubeMap(size, faces);
           },
-          py::arg("size") = 16, py::arg("source") = 32,
+          py::arg("size") = 16, py::arg("source") = kSumSize,
           R"(CubeMap whose texels are the irradiance on surfaces that face them: pi for a constant map of radiance 1.
 
 size: texels along a face. source: texels along a face of the MIP level that the cosine is summed over, at most;

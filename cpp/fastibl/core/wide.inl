@@ -2,10 +2,10 @@
 
 #define FASTIBL_INLINE FASTIBL_TARGET inline __attribute__((always_inline))
 
-FASTIBL_INLINE Wide larger(Wide a, Wide b) { return a > b ? a : b; }
-
 #ifdef FASTIBL_IN_AVX2
 
+FASTIBL_INLINE Wide larger(Wide a, Wide b) { return _mm256_max_ps(a, b); }
+FASTIBL_INLINE Wide smaller(Wide a, Wide b) { return _mm256_min_ps(a, b); }
 FASTIBL_INLINE Wide multiply_add(Wide a, Wide b, Wide c) { return _mm256_fmadd_ps(a, b, c); }
 FASTIBL_INLINE Wide repeat(float value) { return _mm256_set1_ps(value); }
 
@@ -39,6 +39,8 @@ FASTIBL_INLINE void store_vectors(float* p, Wide x, Wide y, Wide z) {
 
 #else
 
+FASTIBL_INLINE Wide larger(Wide a, Wide b) { return a > b ? a : b; }
+FASTIBL_INLINE Wide smaller(Wide a, Wide b) { return a < b ? a : b; }
 FASTIBL_INLINE Wide multiply_add(Wide a, Wide b, Wide c) { return a * b + c; }
 FASTIBL_INLINE Wide repeat(float value) {
   return Wide{value, value, value, value, value, value, value, value};

@@ -47,15 +47,17 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
 Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options,
                       const Lighting* previous) {
   check(radiance && radiance->size() > 0, "lighting needs a map");
+  if (previous && previous->radiance == radiance) previous = nullptr;  // the same result again
   Lighting lighting;
   lighting.glossy =
       options.glossy == GlossyMethod::automatic ? GlossyMethod::stretched : options.glossy;
   lighting.glossy_settings = resolved(lighting.glossy, options.glossy_settings);
   lighting.normalization = options.normalization;
   if (options.irradiance) {
-    lighting.irradiance = fit_irradiance(*radiance, options.diffuse, options.diffuse_settings,
-                                         previous ? &previous->irradiance : nullptr);
-    const FoldedMap map = fold(*radiance, kPlaneSize);
+    const FoldedMap map = fold(*radiance, kSumSize);
+    lighting.irradiance = fit_irradiance(
+        *radiance, map, {options.diffuse, options.diffuse_settings, options.evaluations},
+        previous ? &previous->irradiance : nullptr);
     lighting.plane_irradiance = glm::vec3(sum_irradiance(map, {0, 0, 1}));
     if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);
   }

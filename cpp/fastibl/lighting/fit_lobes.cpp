@@ -52,7 +52,8 @@ const Nodes& nodes() {
 // ((15/32) c²/a³ − (3/32)/a) v. Rows are times the root of the weights.
 FASTIBL_CLONES
 void fill_rows(const float* x, const float* y, const float* z, const float* root, int count,
-               const float* v, float* value, float* dx, float* dy, float* dz) {
+               const float* v, float* __restrict value, float* __restrict dx,
+               float* __restrict dy, float* __restrict dz) {
   const float vx = v[0], vy = v[1], vz = v[2];
   const float a2 = vx * vx + vy * vy + vz * vz, a = __builtin_sqrtf(a2), inverse = 1 / a;
   for (int i = 0; i < count; ++i) {

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "fastibl/core/clock.h"
+#include "fastibl/render/make_scene.h"
 
 namespace fastibl {
 namespace {
@@ -66,7 +67,7 @@ void Session::update_plan() {
 }
 
 void Session::set_material(const Material& material) {
-  material.validate();
+  check_fits(material, scene_.mesh);
   scene_.material = material;
   replan();
 }
@@ -85,6 +86,7 @@ void Session::set_cast_shadow(bool cast) {
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
   fixed_environment_ = environment != nullptr;
   environment_ = std::move(environment);
+  lighting_.reset();  // the light did not move there, it is another one
   replan();
 }
 void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
@@ -154,7 +156,7 @@ LightingOptions Session::lighting_options() const {
   options.glossy = options_.methods.glossy;
   options.glossy_settings = options_.methods.glossy_settings;
   options.normalization = options_.methods.normalization;
-  options.chain = scene_.material.glossy != glm::vec3(0);
+  options.chain = scene_.material.reads_radiance();
   return options;
 }
 
@@ -182,7 +184,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       break;
   }
   if (lighting_ && lighting_->radiance == radiance() && radiance() && !lighting_->chain &&
-      reads_chain(lighting_->glossy) && scene_.material.glossy != glm::vec3(0)) {
+      reads_chain(lighting_->glossy) && scene_.material.reads_radiance()) {
     Lighting glossy = *lighting_;  // the material was matte when the light was fitted
     fit_chain(glossy);
     lighting_ = std::make_shared<const Lighting>(std::move(glossy));

@@ -58,10 +58,10 @@ class Columns {
     above_.resize(kBlock * stride_);
     value_.resize(above_.size());
   }
-  // Columns are read in blocks, row by row.
-  void load(int x) {
+  // Columns are read in blocks, row by row. True if these are read now.
+  bool load(int x) {
     offset_ = std::size_t(x % kBlock) * stride_;
-    if (x / kBlock == block_) return;
+    if (x / kBlock == block_) return false;
     block_ = x / kBlock;
     const int count = std::min(kBlock, image.width - block_ * kBlock);
     // Pixels are read as four floats: the very last one has no fourth.
@@ -72,6 +72,7 @@ class Columns {
     std::copy_n(image.pixel(block_ * kBlock, last), 3 * count, row);
     read_rows(row, 0, 1, count, ends.data() + last, stride_, 4 * std::size_t(last), sums_,
               above_.data(), value_.data());
+    return true;
   }
   const Double4* above() const {  // by row: the sum of the rows above it
     return reinterpret_cast<const Double4*>(&above_[offset_]);
@@ -138,42 +139,6 @@ FASTIBL_CLONES void add_line(const double* __restrict ends, const Double4* __res
   }
 }
 
-// The faces ±x, ±y: edges of texels are meridians one way, and the other way at a height h above
-// the face's middle, of latitude atan(h cos ψ) at azimuth ψ from there.
-void resample_side(int face, Columns& column, CubeLevel& faces) {
-  const int n = faces.size();
-  // Azimuth atan2(x, y) of the face's middle, and its sign by the texel coordinate that it goes
-  // with.
-  const double middle[4] = {kPiDouble / 2, -kPiDouble / 2, 0, kPiDouble};
-  const int sign[4] = {1, -1, 1, -1};
-  const bool by_row = face < 2;                 // azimuth goes with t; then height goes with s
-  const bool falling = face == 0 || face == 3;  // height falls with the other coordinate
-  std::vector<float> heights, sine(std::size_t(n) + 1);
-  std::vector<int> row(std::size_t(n) + 1);
-  for (int k = 0; k <= n; ++k) heights.push_back(1 - 2 * float(k) / float(n));
-  Sums line(4 * std::size_t(n));
-  for (int i = 0; i < n; ++i) {
-    std::fill(line.begin(), line.end(), 0.0f);
-    double ends[2];
-    for (int e = 0; e < 2; ++e)
-      ends[e] =
-          ((middle[face] + sign[face] * std::atan(2.0 * (i + e) / n - 1)) / (2 * kPiDouble) + 0.5) *
-          column.image.width;
-    for_pieces(std::min(ends[0], ends[1]), std::max(ends[0], ends[1]), column.image.width, 1,
-               [&](int x, double azimuth, double width) {
-                 column.load(x);
-                 cross_heights(heights.data(), float(std::cos(azimuth - middle[face])), n + 1,
-                               column.image.height, sine.data(), row.data());
-                 add_line(column.ends.data(), column.above(), column.value(), sine.data(),
-                          row.data(), n, float(width), line.data());
-               });
-    for (int k = 0; k < n; ++k) {
-      const int other = falling ? k : n - 1 - k;
-      faces.texel(face, by_row ? other : i, by_row ? i : other) = mean(&line[4 * std::size_t(k)]);
-    }
-  }
-}
-
 // A ray from the middle of a face towards an edge, which it meets at 1: at distance X towards it,
 // slope · X to the side. It crosses the lines X_k of texels, and between two of them at most one
 // line of the other direction; before that it is in the texel first_k, then in second_k.
@@ -187,7 +152,6 @@ FASTIBL_CLONES void cast_ray(const float* __restrict lines, int count, float cos
   const float inverse = 1 / cosine;
   for (int k = 0; k < count; ++k) {
     const float begin = lines[k], end = lines[k + 1];
-    // Texels by their middle: on a line it is not clear which one is next.
     const float to_begin = (begin * slope + 1) * half, to_end = (end * slope + 1) * half;
     int first = int(to_begin), second = int(to_end);
     first = first < n - 1 ? first : n - 1, second = second < n - 1 ? second : n - 1;
@@ -216,68 +180,138 @@ FASTIBL_CLONES void add_ray(const double* __restrict ends, const Double4* __rest
   const auto row_of = [&](int k) { return top ? row[k] : bottom_row - row[k]; };
   Double4 before;
   light_above(ends, above, value, sign * sine[0], row_of(0), before);
-  for (int k = 0; k < 2 * count; ++k) {
+  for (int k = 0; k < count; ++k, sums += 4 * along) {
     Double4 after;
-    light_above(ends, above, value, sign * sine[k + 1], row_of(k + 1), after);
-    Float4* sum = reinterpret_cast<Float4*>(sums + 4 * ((k >> 1) * along + texels[k] * across));
-    *sum += (sign * width) * __builtin_convertvector(after - before, Float4);
+    light_above(ends, above, value, sign * sine[2 * k + 1], row_of(2 * k + 1), after);
+    Float4* first = reinterpret_cast<Float4*>(sums + 4 * texels[2 * k] * across);
+    *first += (sign * width) * __builtin_convertvector(after - before, Float4);
+    before = after;
+    if (texels[2 * k] == texels[2 * k + 1]) continue;  // `side` was the end
+    light_above(ends, above, value, sign * sine[2 * k + 2], row_of(2 * k + 2), after);
+    Float4* second = reinterpret_cast<Float4*>(sums + 4 * texels[2 * k + 1] * across);
+    *second += (sign * width) * __builtin_convertvector(after - before, Float4);
     before = after;
   }
 }
 
 // The faces ±z, both along each meridian.
-void resample_caps(Columns& column, CubeLevel& faces) {
-  const int n = faces.size(), width = column.image.width, height = column.image.height;
-  // Rays are as dense that several meet every texel at the edge.
-  const int split = std::max(1, int(std::ceil(16.0 * n / width)));
-  std::vector<float> lines{0};  // from the middle of a face to its edge
-  for (int k = 1; k <= (n + 1) / 2; ++k) lines.push_back(float(2 * k - n % 2) / float(n));
-  const int count = int(lines.size()) - 1;
-  const std::size_t crossings = 2 * std::size_t(count) + 2;
-  std::vector<float> sine(crossings);
-  std::vector<int> row(crossings), texels(crossings);
-  Sums sums[2];
-  for (Sums& s : sums) s.assign(4 * std::size_t(n) * std::size_t(n), 0.0f);
-  for_pieces(0, width, width, split, [&](int x, double azimuth, double piece) {
-    column.load(x);
+class Caps {
+ public:
+  Caps(const Columns& column, int size)
+      : n_(size),
+        // Rays are as dense that several meet every texel at the edge.
+        split_(std::max(1, int(std::ceil(24.0 * size / column.image.width)))),
+        done_(std::size_t(column.image.width), false) {
+    // From the middle of a face to its edge.
+    for (int k = 1; k <= (n_ + 1) / 2; ++k) lines_.push_back(float(2 * k - n_ % 2) / float(n_));
+    sine_.resize(2 * lines_.size()), row_.resize(2 * lines_.size());
+    texels_.resize(2 * lines_.size());
+    for (Sums& s : sums_) s.assign(4 * std::size_t(n_) * std::size_t(n_), 0.0f);
+  }
+
+  // Adds the rays of a block of columns once.
+  void add_block(int x, Columns& column) {
+    const int begin = x / kBlock * kBlock, end = std::min(begin + kBlock, column.image.width);
+    if (done_[std::size_t(begin)]) return;
+    done_[std::size_t(begin)] = true;
+    for_pieces(begin, end, column.image.width, split_, [&](int at, double azimuth, double width) {
+      column.load(at);
+      add(azimuth, width, column);
+    });
+  }
+
+  void finish(Columns& column, CubeLevel& faces) {
+    for (int x = 0; x < column.image.width; x += kBlock) add_block(x, column);
+    for (int face = 4; face < 6; ++face)
+      for (int y = 0; y < n_; ++y)
+        for (int x = 0; x < n_; ++x)
+          faces.texel(face, x, y) =
+              mean(&sums_[face - 4][4 * (std::size_t(y) * std::size_t(n_) + std::size_t(x))]);
+  }
+
+ private:
+  void add(double azimuth, double width, const Columns& column) {
+    const int height = column.image.height, count = int(lines_.size()) - 1;
     // Face coordinates of the ray on +z: a to the right, b down; on −z a is reversed.
     const double a = std::sin(azimuth), b = -std::cos(azimuth);
     const bool by_a = std::abs(a) > std::abs(b);
     const double major = by_a ? a : b, minor = by_a ? b : a;
     const float cosine = float(std::abs(major)), slope = float(minor / std::abs(major));
-    cast_ray(lines.data(), count, cosine, slope, n, height, sine.data(), row.data(), texels.data());
+    cast_ray(lines_.data(), count, cosine, slope, n_, height, sine_.data(), row_.data(),
+             texels_.data());
     // The last crossing is the edge.
     const float edge = 1 / cosine;
-    sine[crossings - 2] = 1 / std::sqrt(1 + edge * edge);
-    row[crossings - 2] =
+    sine_[2 * std::size_t(count)] = 1 / std::sqrt(1 + edge * edge);
+    row_[2 * std::size_t(count)] =
         std::clamp(int(std::atan(edge) / std::numbers::pi_v<float> * float(height)), 0, height - 1);
     for (const bool top : {true, false}) {
       // Texel indices: from the middle along the major axis, and by `texels` along the other.
       const bool reversed_a = !top;
       const bool forward = (major > 0) != (by_a && reversed_a);
-      const std::ptrdiff_t along_step = by_a ? 1 : n, across_step = by_a ? n : 1;
-      const std::ptrdiff_t start = forward ? n / 2 : (n - 1) / 2;
+      const std::ptrdiff_t along_step = by_a ? 1 : n_, across_step = by_a ? n_ : 1;
+      const std::ptrdiff_t start = forward ? n_ / 2 : (n_ - 1) / 2;
       const bool mirrored = !by_a && reversed_a;
-      const std::ptrdiff_t base = start * along_step + (mirrored ? (n - 1) * across_step : 0);
-      add_ray(column.ends.data(), column.above(), column.value(), sine.data(), row.data(),
-              texels.data(), count, top ? -1 : height - 1, forward ? along_step : -along_step,
-              mirrored ? -across_step : across_step, float(piece),
-              &sums[top ? 0 : 1][4 * std::size_t(base)]);
+      const std::ptrdiff_t base = start * along_step + (mirrored ? (n_ - 1) * across_step : 0);
+      add_ray(column.ends.data(), column.above(), column.value(), sine_.data(), row_.data(),
+              texels_.data(), count, top ? -1 : height - 1, forward ? along_step : -along_step,
+              mirrored ? -across_step : across_step, float(width),
+              &sums_[top ? 0 : 1][4 * std::size_t(base)]);
     }
-  });
-  for (int face = 4; face < 6; ++face)
-    for (int y = 0; y < n; ++y)
-      for (int x = 0; x < n; ++x)
-        faces.texel(face, x, y) =
-            mean(&sums[face - 4][4 * (std::size_t(y) * std::size_t(n) + std::size_t(x))]);
+  }
+
+  int n_, split_;
+  std::vector<bool> done_;
+  std::vector<float> lines_{0}, sine_;
+  std::vector<int> row_, texels_;
+  Sums sums_[2];
+};
+
+// The faces ±x, ±y: edges of texels are meridians one way, and the other way at a height h above
+// the face's middle, of latitude atan(h cos ψ) at azimuth ψ from there.
+void resample_side(int face, Columns& column, Caps& caps, CubeLevel& faces) {
+  const int n = faces.size();
+  // Azimuth atan2(x, y) of the face's middle, and its sign by the texel coordinate that it goes
+  // with.
+  const double middle[4] = {kPiDouble / 2, -kPiDouble / 2, 0, kPiDouble};
+  const int sign[4] = {1, -1, 1, -1};
+  const bool by_row = face < 2;                 // azimuth goes with t; then height goes with s
+  const bool falling = face == 0 || face == 3;  // height falls with the other coordinate
+  std::vector<float> heights, sine(std::size_t(n) + 1);
+  std::vector<int> row(std::size_t(n) + 1);
+  for (int k = 0; k <= n; ++k) heights.push_back(1 - 2 * float(k) / float(n));
+  Sums line(4 * std::size_t(n));
+  for (int i = 0; i < n; ++i) {
+    std::fill(line.begin(), line.end(), 0.0f);
+    double ends[2];
+    for (int e = 0; e < 2; ++e)
+      ends[e] =
+          ((middle[face] + sign[face] * std::atan(2.0 * (i + e) / n - 1)) / (2 * kPiDouble) + 0.5) *
+          column.image.width;
+    for_pieces(std::min(ends[0], ends[1]), std::max(ends[0], ends[1]), column.image.width, 2,
+               [&](int x, double azimuth, double width) {
+                 if (column.load(x)) {  // while they are at hand
+                   caps.add_block(x, column);
+                   column.load(x);
+                 }
+                 cross_heights(heights.data(), float(std::cos(azimuth - middle[face])), n + 1,
+                               column.image.height, sine.data(), row.data());
+                 add_line(column.ends.data(), column.above(), column.value(), sine.data(),
+                          row.data(), n, float(width), line.data());
+               });
+    for (int k = 0; k < n; ++k) {
+      const int other = falling ? k : n - 1 - k;
+      faces.texel(face, by_row ? other : i, by_row ? i : other) = mean(&line[4 * std::size_t(k)]);
+    }
+  }
 }
 
 }  // namespace
 
 void resample_areas(ImageView<const float> image, CubeLevel& faces) {
   Columns column(image);
-  for (int face = 0; face < 4; ++face) resample_side(face, column, faces);
-  resample_caps(column, faces);
+  Caps caps(column, faces.size());
+  for (int face = 0; face < 4; ++face) resample_side(face, column, caps, faces);
+  caps.finish(column, faces);
 }
 
 }  // namespace fastibl

@@ -3,8 +3,8 @@
 #include "fastibl/core/wide.inl"
 
 // Eq. 9. faces: 6 × RGB, over 1.75.
-FASTIBL_TARGET void six_face_block(const float* __restrict normals, int count,
-                                   const float* faces, float* __restrict out) {
+FASTIBL_TARGET void six_face_block(const float* __restrict normals, int count, const float* faces,
+                                   float* __restrict out) {
   const Wide shift = repeat(0.75f), none = {};
   Wide face[18];
   for (int i = 0; i < 18; ++i) face[i] = repeat(faces[i]);
@@ -16,8 +16,7 @@ FASTIBL_TARGET void six_face_block(const float* __restrict normals, int count,
     Wide sum[3];
     for (int c = 0; c < 3; ++c) {
       sum[c] = weight[0] * face[c];
-      for (int f = 1; f < 6; ++f)
-        sum[c] = multiply_add(weight[f], face[3 * f + c], sum[c]);
+      for (int f = 1; f < 6; ++f) sum[c] = multiply_add(weight[f], face[3 * f + c], sum[c]);
     }
     store_vectors(out, sum[0], sum[1], sum[2]);
   }
@@ -60,8 +59,7 @@ FASTIBL_TARGET void lobes_block(const float* __restrict normals, int count, cons
         sum[c][u] = larger(e, none);
       }
     }
-    for (int u = 0; u < 2; ++u)
-      store_vectors(out + 3 * kWide * u, sum[0][u], sum[1][u], sum[2][u]);
+    for (int u = 0; u < 2; ++u) store_vectors(out + 3 * kWide * u, sum[0][u], sum[1][u], sum[2][u]);
   }
 }
 

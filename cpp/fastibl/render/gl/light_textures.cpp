@@ -121,9 +121,6 @@ void LightTextures::bind_radiance(Gpu& gpu, const Program& p) const {
 }
 
 void LightTextures::bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe) {
-  bind_radiance(gpu, p);
-  gpu.bind("chain", lobes_, GL_TEXTURE_CUBE_MAP);
-  gpu.bind("first_lobe", first_lobe_, GL_TEXTURE_CUBE_MAP);
   constexpr int n = GlossyLobe::kColumns, taps = GlossyLobe::kMaxTaps;
   std::vector<glm::vec4> table(std::size_t(n) * (taps + 2));
   for (int c = 0; c < n; ++c) {
@@ -139,6 +136,13 @@ void LightTextures::bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lob
   glUniform1f(p.uniform("exponent"), lobe.exponent);
   glUniform1f(p.uniform("harmonics_share"), lobe.harmonics);
   glUniform3fv(p.uniform("harmonics"), 25, &chain_->harmonics[0].x);
+  bind_lobes(gpu, p);
+}
+
+void LightTextures::bind_lobes(Gpu& gpu, const Program& p) const {
+  bind_radiance(gpu, p);
+  gpu.bind("chain", lobes_, GL_TEXTURE_CUBE_MAP);
+  gpu.bind("first_lobe", first_lobe_, GL_TEXTURE_CUBE_MAP);
   const LightArrays lights = arrays_of(*chain_);
   std::array<glm::vec4, kMaxLights> places, fluxes;
   for (int i = 0; i < kMaxLights; ++i) {

@@ -24,6 +24,7 @@ class LightTextures {
   // What was uploaded last, for the program in use.
   void bind_radiance(Gpu& gpu, const Program& p) const;
   void bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe);
+  void bind_lobes(Gpu& gpu, const Program& p) const;  // of the chain, and its lights
   void bind_baked(Gpu& gpu, const Program& p) const;
 
  private:

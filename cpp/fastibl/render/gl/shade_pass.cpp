@@ -35,7 +35,7 @@ int diffuse_variant(DiffuseMethod method) {
   }
 }
 
-// Values of GLOSSY in shade.frag.glsl.
+// Values of GLOSSY in shade.frag.glsl; 6 and 7 are of glTF's model.
 enum class GlossyVariant { none, mip, matte, chain, nearly_matte, sampled };
 
 GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
@@ -73,7 +73,11 @@ void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   area_ = outline.area;
   if (area_.empty()) return;
   draw_visible(gpu, in, outline);
-  draw_colour(gpu, light, in);
+  gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
+  if (in.scene.material.pbr)
+    draw_pbr(gpu, light, in);
+  else
+    draw_colour(gpu, light, in);
 }
 
 // Which triangle each sample sees, one quarter of the target a sample.
@@ -122,29 +126,13 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
   const Irradiance& e = in.lighting.irradiance;
   const int variant =
       lit(m.diffuse) || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
-  gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
   const Program& p = gpu.use(
       "shade", {"DIFFUSE " + std::to_string(variant), "GLOSSY " + std::to_string(int(glossy)),
                 paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
-  set_projection(p, in);
-  set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
-  set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
   set(p, "emission", m.emission);
   set(p, "diffuse_albedo", m.diffuse);
   set(p, "glossy_albedo", m.glossy);
-  if (variant == kBaked) {
-    light.upload_baked(gpu, e);
-    light.bind_baked(gpu, p);
-  } else if (variant == kLobes) {
-    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
-    glUniform3fv(p.uniform("lobes"), kMostLobes, &e.lobes.axes[0].x);
-    glUniform2i(p.uniform("lobe_counts"), e.lobes.counts[0], e.lobes.count());
-    glUniform3fv(p.uniform("lobe_colours"), 2, &e.lobes.colours[0].x);
-  } else if (e.method == DiffuseMethod::sh9) {
-    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
-  } else {
-    glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
-  }
+  set_irradiance(gpu, light, p, variant, e);
   switch (glossy) {
     case GlossyVariant::none:
     case GlossyVariant::matte:
@@ -184,6 +172,74 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
     glUniform1f(p.uniform("albedo_row"), shared::albedo_coordinate(m.exponent));
     glUniform1f(p.uniform("albedo_scale"), albedo_scale(in.lighting.normalization, m.exponent));
   }
+  draw_layer(gpu, p, in);
+}
+
+// The same of a pbr material.
+void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) {
+  const PbrMaterial& m = *in.scene.material.pbr;
+  const Irradiance& e = in.lighting.irradiance;
+  const int variant = !in.scene.material.reads_irradiance() ? 0
+                      : gpu.bake_all()                      ? kBaked
+                                                            : diffuse_variant(e.method);
+  const auto has = [](const char* name, bool there) {
+    return name + std::string(there ? " 1" : " 0");
+  };
+  const bool chain = in.lighting.chain != nullptr;
+  if (chain)
+    light.upload_chain(gpu, in.lighting.chain);
+  else
+    light.upload_radiance(gpu, in.lighting.radiance);
+  material_.upload(gpu, in.scene.material);
+  const Program& p =
+      gpu.use("shade", {"DIFFUSE " + std::to_string(variant), chain ? "GLOSSY 7" : "GLOSSY 6",
+                        "PAPER 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
+                        has("METALLIC_MAP", m.metallic_map != nullptr),
+                        has("ROUGHNESS_MAP", m.roughness_map != nullptr),
+                        has("EMISSION_MAP", m.emission_map != nullptr),
+                        has("NORMAL_MAP", m.normal_map != nullptr),
+                        has("ANISOTROPIC", m.anisotropy > 0), distortion(in.camera)});
+  set_irradiance(gpu, light, p, variant, e);
+  glUseProgram(p.id());
+  if (chain)
+    light.bind_lobes(gpu, p);
+  else
+    light.bind_radiance(gpu, p);
+  glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
+  set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
+  set(p, "base_color", m.base_color);
+  set(p, "emission", m.emission);
+  glUniform1f(p.uniform("metallic"), m.metallic);
+  glUniform1f(p.uniform("roughness"), m.roughness);
+  glUniform1f(p.uniform("normal_scale"), m.normal_scale);
+  glUniform1f(p.uniform("anisotropy"), m.anisotropy);
+  glUniform2f(p.uniform("turn"), std::cos(m.anisotropy_rotation), std::sin(m.anisotropy_rotation));
+  material_.bind(gpu, p);
+  mesh_.bind_uvs(gpu);
+  draw_layer(gpu, p, in);
+}
+
+void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p, int variant,
+                               const Irradiance& e) {
+  if (variant == kBaked) {
+    light.upload_baked(gpu, e);
+    light.bind_baked(gpu, p);
+  } else if (variant == kLobes) {
+    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
+    glUniform3fv(p.uniform("lobes"), kMostLobes, &e.lobes.axes[0].x);
+    glUniform2i(p.uniform("lobe_counts"), e.lobes.counts[0], e.lobes.count());
+    glUniform3fv(p.uniform("lobe_colours"), 2, &e.lobes.colours[0].x);
+  } else if (e.method == DiffuseMethod::sh9) {
+    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
+  } else {
+    glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
+  }
+}
+
+void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
+  set_projection(p, in);
+  set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
+  set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
   gpu.bind("visible", visible_);
   mesh_.bind(gpu);
   glUniform2i(p.uniform("quarter"), visible_.width / 2, visible_.height / 2);
