@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -451,38 +451,95 @@ class Environment:
         """
         CubeMap; unseen texels hold the mean of what was seen nearest.
         """
-class Light:
+class Material:
     """
-    A small bright part of a map: a disc of equal radiance.
+    Reflectance of Eq. 3, Croubois et al. 2014; see Material.pbr for glTF's model. Colours are linear RGB.
+
+    diffuse: k_L. glossy: k_G. exponent: s >= 0, half-vector exponent, may be infinite. emission: radiance. Raises
+    ValueError for negative values.
     """
     __hash__: typing.ClassVar[None] = None
-    def __eq__(self, arg0: Light) -> bool:
+    @staticmethod
+    def pbr(base_color: typing.Any = (0.8, 0.8, 0.8), metallic: typing.Any = 0.0, roughness: typing.Any = 0.5, normal: typing.Any = None, emission: typing.Any = (0.0, 0.0, 0.0), *, anisotropy: typing.SupportsFloat | typing.SupportsIndex = 0.0, anisotropy_rotation: typing.SupportsFloat | typing.SupportsIndex = 0.0, normal_scale: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> Material:
+        """
+        glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is no metal), compensated for
+        scattering more than once, over a diffuse base.
+
+        base_color, emission: three linear numbers, or a texture (height, width, 3): uint8 is sRGB, floats are linear.
+        metallic, roughness: a number in [0, 1], or a texture (height, width): uint8 by 255, floats as they are. normal: a
+        texture (height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along growing v,
+        its x and y times normal_scale; or None. anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along
+        the tangent, where u grows, turned by anisotropy_rotation (radians) towards where v grows. Without uvs the tangent
+        runs around the mesh's z axis, and textures are refused by Scene. Textures repeat; they are filtered trilinearly.
+        Raises ValueError for values out of range or another shape, TypeError for another dtype.
+        """
+    def __eq__(self, arg0: Material) -> bool:
+        ...
+    def __getstate__(self) -> tuple:
+        ...
+    def __init__(self, diffuse: typing.Any = (0.8, 0.8, 0.8), glossy: typing.Any = (0.0, 0.0, 0.0), exponent: typing.SupportsFloat | typing.SupportsIndex = 64.0, emission: typing.Any = (0.0, 0.0, 0.0)) -> None:
         ...
     def __repr__(self) -> str:
         ...
+    def __setstate__(self, arg0: tuple) -> None:
+        ...
     @property
-    def angular_radius(self) -> float:
-        """
-        Radians.
-        """
+    def anisotropy(self) -> typing.Any:
+        ...
     @property
-    def direction(self) -> tuple:
-        """
-        Towards it, unit length, marker frame.
-        """
+    def anisotropy_rotation(self) -> typing.Any:
+        ...
     @property
-    def flux(self) -> tuple:
+    def base_color(self) -> typing.Any:
         """
-        RGB: radiance summed over its solid angle.
+        Three linear numbers or a linear texture; None of Eq. 3.
         """
     @property
-    def irradiance(self) -> tuple:
+    def diffuse(self) -> typing.Any:
         """
-        RGB, on a surface that faces it.
+        k_L; None of a pbr material.
+        """
+    @property
+    def emission(self) -> typing.Any:
+        """
+        Radiance: three numbers, or a texture.
+        """
+    @property
+    def exponent(self) -> typing.Any:
+        """
+        s; None of a pbr material.
+        """
+    @property
+    def glossy(self) -> typing.Any:
+        """
+        k_G; None of a pbr material.
+        """
+    @property
+    def metallic(self) -> typing.Any:
+        """
+        A number or a texture; None of Eq. 3.
+        """
+    @property
+    def model(self) -> str:
+        """
+        "blinn-phong" (Eq. 3) or "pbr".
+        """
+    @property
+    def normal(self) -> typing.Any:
+        """
+        The normal map, encoded 0 to 1, or None.
+        """
+    @property
+    def normal_scale(self) -> typing.Any:
+        ...
+    @property
+    def roughness(self) -> typing.Any:
+        """
+        A number or a texture; None of Eq. 3.
         """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: CubeMap, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None) -> None:
+    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -507,8 +564,8 @@ class _Lighting:
 
         normals, views: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
         exponent: half-vector exponent s >= 0, broadcasts to (...); 0 gives irradiance / pi, infinity the mirror.
-        normalization: "energy" (the lobe's average), "paper" (times Eq. 3's directional albedo) or "exact" (the same with
-        the factor (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)), which conserves energy for k_L + k_G <= 1). Returns (..., 3) float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.
+        normalization: "energy" (the lobe's average) or "paper" (times Eq. 3's directional albedo). Returns (..., 3)
+        float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.
         """
     def irradiance(self, normals: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
@@ -541,16 +598,6 @@ class _Lighting:
     @property
     def _irradiance_error(self) -> float:
         ...
-    @property
-    def _without_lights(self) -> CubeMap:
-        """
-        CubeMap of 64 squared texels: the map without its lights.
-        """
-    @property
-    def lights(self) -> list[Light]:
-        """
-        The dominant lights of the map, at most 8: list of Light. Glossy methods with lights shade them by themselves; what is left of the map and the lights hold every photon once.
-        """
     @property
     def plane_irradiance(self) -> tuple[float, float, float]:
         """

@@ -35,7 +35,7 @@ int diffuse_variant(DiffuseMethod method) {
   }
 }
 
-// Values of GLOSSY in shade.frag.glsl.
+// Values of GLOSSY in shade.frag.glsl; 6 and 7 are of glTF's model.
 enum class GlossyVariant { none, mip, matte, chain, nearly_matte, sampled };
 
 GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
