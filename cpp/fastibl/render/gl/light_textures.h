@@ -1,7 +1,9 @@
 // The light as cube maps on the GPU. Private to render/gl.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "fastibl/render/gl/gpu.h"
 #include "fastibl/scene/cube_map.h"
@@ -11,7 +13,8 @@ namespace fastibl {
 
 class LightTextures {
  public:
-  // Level by level as the CPU made them. Half floats are scaled: they end at 65504.
+  // Level by level as the CPU made them; of a map like the last one only what its tiles' versions
+  // tell to have changed. Half floats are scaled: they end at 65504.
   void upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map);
   // Any diffuse method as a cube map: what has no shader of its own is one look-up.
   void upload_baked(Gpu& gpu, const Irradiance& irradiance);
@@ -22,8 +25,9 @@ class LightTextures {
 
  private:
   Texture cube_, baked_;
-  // That is in cube_; kept alive, so its address is its own.
-  std::shared_ptr<const CubeMap> radiance_;
+  // Of the map that is in cube_. The map itself is not kept: its maker may update it in place.
+  int radiance_size_ = 0, radiance_levels_ = 0;
+  std::vector<std::uint64_t> radiance_versions_;
   float radiance_scale_ = 1, baked_scale_ = 1;
 };
 
