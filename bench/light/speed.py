@@ -118,15 +118,18 @@ def follow(camera: fastibl.Camera, radiance: Callable, lowest: float, highest: f
     x, y = np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5)
     rays = camera.unproject(np.stack([x, y], axis=-1))
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    capture, times, yards, env = fastibl.Capture(size=SIZE), [], [], None
+    pictures = []
     for k in range(FRAMES):
         turn, up = 0.035 * k, lowest + (highest - lowest) * (0.5 + 0.5 * np.sin(0.011 * k))
         pose = looking(
             np.array([np.cos(turn) * np.cos(up), np.sin(turn) * np.cos(up), np.sin(up)]),
             np.array([0.1 * np.sin(turn), -0.25, 0.35]),
         )
-        encoded = 255 * camera.response.encode(np.clip(radiance(rays @ pose.rotation), 0, 1)).astype(np.float32)
-        image = np.clip(encoded + rng.normal(size=(480, 640, 1)), 0, 255).round().astype(np.uint8)
+        light = np.clip(radiance((rays @ pose.rotation).astype(np.float32)), 0, 1)
+        codes = 255 * camera.response.encode(light) + rng.normal(size=(480, 640, 1))
+        pictures.append((np.clip(codes, 0, 255).round().astype(np.uint8), pose))
+    capture, times, yards, env = fastibl.Capture(size=SIZE), [], [], None
+    for k, (image, pose) in enumerate(pictures):
         begin = time.process_time()
         capture.add(image, camera, pose, time=k / 30)
         added = time.process_time()
@@ -135,8 +138,8 @@ def follow(camera: fastibl.Camera, radiance: Callable, lowest: float, highest: f
         lighting = fastibl.Lighting(env, diffuse="sh9", glossy="mip")
         times.append((added - begin, mapped - added, time.process_time() - mapped))
         del lighting
-        if k % 8 == 0:
-            yards.append(measure.yardstick(1).cpu)
+        if k % 40 == 0:
+            yards.append(measure.yardstick(3).cpu)
     return np.array(times), np.array(yards), env.coverage
 
 

@@ -100,7 +100,6 @@ void bind_lighting(py::module_& module) {
                        const Settings& diffuse_given, const std::string& glossy,
                        const Settings& glossy_given, const Lighting* previous) {
              LightingOptions options;
-             if (previous) options.previous = previous->chain;
              options.diffuse = diffuse_method(diffuse);
              options.diffuse_settings =
                  settings_with<DiffuseSettings>(options.diffuse, diffuse_given);

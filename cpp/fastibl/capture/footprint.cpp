@@ -172,10 +172,14 @@ void sample_footprints(const FrameLevels& levels, const Sightings& s, int count,
   if (!out.any_clipped) return;
   alignas(64) float share[4 * kLanes];
   std::memset(share, 0, 4 * sizeof(float) * std::size_t(lanes));
-  each_level([&](int k, const FrameLevels::Level& level) {
+  const auto add = [&](int k, const FrameLevels::Level& level) {
     add_clipped(level.pixels.data(), level.clipped.data(), level.width + 1, rgba, weights, index,
                 fx, fy, count, 1.0f / float(4 << 2 * k), share);
-  });
+  };
+  if (range[0] == range[1] && range[0] == std::floor(range[0]))
+    add(int(range[0]), levels.level(int(range[0])));  // places and weights are still those
+  else
+    each_level(add);
   split_clipped(share, lanes, out.clipped);
 }
 

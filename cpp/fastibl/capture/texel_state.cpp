@@ -130,10 +130,12 @@ enum Sum {
   kValue,
   kFlux = kValue + 3,
   kIrradiance = kFlux + 3,
-  kSums = kIrradiance + 3
+  kBoundAngle = kIrradiance + 3,
+  kBoundFlux,
+  kSums
 };
 
-FASTIBL_CLONES int sum_group(const Arrays& in, int count, float* __restrict sums) {
+FASTIBL_CLONES void sum_group(const Arrays& in, int count, float* __restrict sums) {
   const int n = std::min(kLanes, lanes_of(count));
   alignas(64) float seen[kLanes];
   const double* __restrict last_seen = in.last_seen;
@@ -163,7 +165,15 @@ FASTIBL_CLONES int sum_group(const Arrays& in, int count, float* __restrict sums
   }
   int bounds = 0;
   for (int i = 0; i < n; ++i) bounds |= bound[i];
-  return bounds;
+  if (bounds == 0) return;
+  for (int i = 0; i < n; ++i) seen[i] = bound[i] ? 1.0f : 0.0f;
+  Float16 bound_angle = {}, bound_flux = {};
+  for (int i = 0; i < n; i += kPartial) {
+    const Float16 part = at(seen + i) * at(angles + i);
+    bound_angle += part;
+    bound_flux += part * (at(in.value[0] + i) + at(in.value[1] + i) + at(in.value[2] + i));
+  }
+  add(kBoundAngle, bound_angle), add(kBoundFlux, bound_flux);
 }
 
 // Pairwise.
@@ -200,7 +210,6 @@ bool merge_samples(TexelState& state, std::size_t first, int count, const Sighti
 TileSums sum_tile(const TexelState& state, std::size_t first, int count, const float* angles,
                   const float* projected) {
   alignas(64) float sums[kSums * kPartial] = {};
-  int bounds = 0;
   for (int group = 0; group < count; group += kLanes) {
     const std::size_t at = first + std::size_t(group);
     const Arrays in{{&state.value[0][at], &state.value[1][at], &state.value[2][at]},
@@ -208,7 +217,7 @@ TileSums sum_tile(const TexelState& state, std::size_t first, int count, const f
                     projected + group,
                     &state.last_seen[at],
                     &state.bound[at]};
-    bounds |= sum_group(in, count - group, sums);
+    sum_group(in, count - group, sums);
   }
   float total[kSums];
   join_sums(sums, total);
@@ -219,13 +228,7 @@ TileSums sum_tile(const TexelState& state, std::size_t first, int count, const f
     out.value[c] = double(total[kValue + c]), out.flux[c] = double(total[kFlux + c]);
     out.irradiance[c] = double(total[kIrradiance + c]);
   }
-  if (bounds)  // rare: after the sums, by a loop of its own
-    for (int i = 0; i < count; ++i) {
-      const std::size_t at = first + std::size_t(i);
-      if (!state.bound[at]) continue;
-      out.bound_angle += double(angles[i]);
-      for (int c = 0; c < 3; ++c) out.bound_flux += double(angles[i]) * double(state.value[c][at]);
-    }
+  out.bound_angle = double(total[kBoundAngle]), out.bound_flux = double(total[kBoundFlux]);
   return out;
 }
 

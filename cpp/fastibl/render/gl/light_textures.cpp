@@ -1,6 +1,7 @@
 #include "fastibl/render/gl/light_textures.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -19,48 +20,90 @@ float scale_for(float largest) {
   return std::max(std::exp2(std::ceil(std::log2(largest / kHalfMax))), 1e-30f);
 }
 
-// Into level k of the bound cube map; fits: that level has its size already.
-void upload_level(const Gpu& gpu, const CubeLevel& level, int k, float scale, bool fits) {
-  const int n = level.size();
-  std::vector<glm::vec4> texels(std::size_t(n) * std::size_t(n));
-  for (int f = 0; f < 6; ++f) {
-    glm::vec4* to = texels.data();
-    for (int y = 0; y < n; ++y) {
-      const glm::vec3* from = &level.texel(f, 0, y);
-      for (int x = 0; x < n; ++x) *to++ = glm::vec4(scale * from[x], 1);
-    }
-    const GLenum face = GLenum(GL_TEXTURE_CUBE_MAP_POSITIVE_X + f);
-    if (fits)
-      glTexSubImage2D(face, k, 0, 0, n, n, GL_RGBA, GL_FLOAT, texels.data());
-    else
-      glTexImage2D(face, k, gpu.half() ? GL_RGBA16F : GL_RGBA32F, n, n, 0, GL_RGBA, GL_FLOAT,
-                   texels.data());
+// A rectangle into level k of the bound cube map; fits: that level has its size already, otherwise
+// the rectangle is its face.
+void upload_rect(const Gpu& gpu, const CubeLevel& level, const FaceRect& r, int k, float scale,
+                 bool fits) {
+  const int width = r.width(), height = r.y1 - r.y0;
+  std::vector<glm::vec4> texels(std::size_t(r.texels()));
+  glm::vec4* to = texels.data();
+  for (int y = r.y0; y < r.y1; ++y) {
+    const glm::vec3* from = &level.texel(r.face, r.x0, y);
+    for (int x = 0; x < width; ++x) *to++ = glm::vec4(scale * from[x], 1);
   }
+  const GLenum face = GLenum(GL_TEXTURE_CUBE_MAP_POSITIVE_X + r.face);
+  if (fits)
+    glTexSubImage2D(face, k, r.x0, r.y0, width, height, GL_RGBA, GL_FLOAT, texels.data());
+  else
+    glTexImage2D(face, k, gpu.half() ? GL_RGBA16F : GL_RGBA32F, width, height, 0, GL_RGBA, GL_FLOAT,
+                 texels.data());
+}
+
+void upload_level(const Gpu& gpu, const CubeLevel& level, int k, float scale, bool fits) {
+  for (int f = 0; f < 6; ++f)
+    upload_rect(gpu, level, {f, 0, 0, level.size(), level.size()}, k, scale, fits);
+}
+
+float largest_value(const CubeMap& map) {
+  float largest = 0;
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < map.size(); ++y) {
+      const glm::vec3* row = &map.level(0).texel(f, 0, y);
+      for (int x = 0; x < map.size(); ++x)
+        largest = std::max({largest, row[x].x, row[x].y, row[x].z});
+    }
+  return largest;
+}
+
+// On each face a rectangle around the tiles whose versions differ; empty where none does.
+std::array<FaceRect, 6> changed_rects(const CubeMap& map,
+                                      const std::vector<std::uint64_t>& versions) {
+  std::array<FaceRect, 6> rects;
+  for (int f = 0; f < 6; ++f) rects[std::size_t(f)] = {f, map.size(), map.size(), 0, 0};
+  for (int tile = 0; tile < map.tiles().count(); ++tile) {
+    if (!versions.empty() && versions[std::size_t(tile)] == map.tile_version(tile)) continue;
+    const FaceRect t = tile_rect(map.tiles(), tile);
+    FaceRect& r = rects[std::size_t(t.face)];
+    r = {t.face, std::min(r.x0, t.x0), std::min(r.y0, t.y0), std::max(r.x1, t.x1),
+         std::max(r.y1, t.y1)};
+  }
+  return rects;
+}
+
+// The texels of a level of m that a rectangle of the first level, of n, has a part in. Levels of an
+// odd size share texels with their neighbours.
+FaceRect on_level(const FaceRect& r, int n, int m) {
+  const int margin = (n & (n - 1)) == 0 ? 0 : 1;
+  const auto low = [&](int i) { return std::max(0, int(std::int64_t(i) * m / n) - margin); };
+  const auto high = [&](int i) {
+    return std::min(m, int((std::int64_t(i) * m + n - 1) / n) + margin);
+  };
+  return {r.face, low(r.x0), low(r.y0), high(r.x1), high(r.y1)};
 }
 
 }  // namespace
 
 void LightTextures::upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map) {
   check(map && map->size() > 0, "the radiance map is empty");
-  if (map == radiance_) return;
-  float largest = 0;
-  if (gpu.half())
-    for (int f = 0; f < 6; ++f)
-      for (int y = 0; y < map->size(); ++y)
-        for (int x = 0; x < map->size(); ++x) {
-          const glm::vec3& t = map->level(0).texel(f, x, y);
-          largest = std::max({largest, t.x, t.y, t.z});
-        }
-  radiance_scale_ = scale_for(largest);
+  // The scale is a power of two, so it seldom changes; when it does, so do all stored values.
+  const float scale = gpu.half() ? scale_for(largest_value(*map)) : 1.0f;
+  const bool fits = radiance_size_ == map->size();
+  const bool follows = fits && scale == radiance_scale_;
+  const std::array<FaceRect, 6> rects =
+      changed_rects(*map, follows ? radiance_versions_ : std::vector<std::uint64_t>{});
   glActiveTexture(GL_TEXTURE0);
   if (!cube_.id) cube_.id = gpu.new_texture();
   glBindTexture(GL_TEXTURE_CUBE_MAP, cube_.id);
-  const bool fits = radiance_ && radiance_->size() == map->size();
+  radiance_versions_.clear();  // until the upload is complete
   for (int k = 0; k < map->level_count(); ++k)
-    upload_level(gpu, map->level(k), k, 1 / radiance_scale_, fits);
+    for (const FaceRect& rect : rects)
+      if (rect.x0 < rect.x1)
+        upload_rect(gpu, map->level(k), on_level(rect, map->size(), map->level(k).size()), k,
+                    1 / scale, fits);
   set_sampling(GL_TEXTURE_CUBE_MAP, GL_LINEAR, GL_LINEAR_MIPMAP_NEAREST);
   glTexParameteri(GL_TEXTURE_CUBE_MAP, GL_TEXTURE_MAX_LEVEL, map->level_count() - 1);
-  radiance_ = map;
+  radiance_size_ = map->size(), radiance_levels_ = map->level_count(), radiance_scale_ = scale;
+  radiance_versions_.assign(map->tile_versions().begin(), map->tile_versions().end());
 }
 
 void LightTextures::upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyChain>& chain) {
@@ -117,7 +160,7 @@ void LightTextures::upload_baked(Gpu& gpu, const Irradiance& irradiance) {
 void LightTextures::bind_radiance(Gpu& gpu, const Program& p) const {
   gpu.bind("radiance", cube_, GL_TEXTURE_CUBE_MAP);
   glUniform1f(p.uniform("radiance_scale"), radiance_scale_);
-  glUniform1f(p.uniform("top_level"), float(radiance_->level_count() - 1));
+  glUniform1f(p.uniform("top_level"), float(radiance_levels_ - 1));
 }
 
 void LightTextures::bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe) {

@@ -1,7 +1,9 @@
 // The light as cube maps on the GPU. Private to render/gl.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "fastibl/render/gl/gpu.h"
 #include "fastibl/scene/cube_map.h"
@@ -12,7 +14,8 @@ namespace fastibl {
 
 class LightTextures {
  public:
-  // Level by level as the CPU made them. Half floats are scaled: they end at 65504.
+  // Level by level as the CPU made them; of a map like the last one only what its tiles' versions
+  // tell to have changed. Half floats are scaled: they end at 65504.
   void upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map);
   // irradiance-cube as it is: one look-up. Any other diffuse method as a cube map, where shaders
   // are not to be trusted with it.
@@ -29,8 +32,9 @@ class LightTextures {
 
  private:
   Texture cube_, baked_, lobes_, first_lobe_, table_;
-  // That is in cube_; kept alive, so its address is its own.
-  std::shared_ptr<const CubeMap> radiance_;
+  // Of the map that is in cube_. The map itself is not kept: its maker may update it in place.
+  int radiance_size_ = 0, radiance_levels_ = 0;
+  std::vector<std::uint64_t> radiance_versions_;
   std::shared_ptr<const GlossyChain> chain_;  // that is in lobes_
   int baked_size_ = 0;
   float radiance_scale_ = 1, baked_scale_ = 1;
