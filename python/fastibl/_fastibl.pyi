@@ -539,7 +539,7 @@ class Material:
         """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
+    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
