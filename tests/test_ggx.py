@@ -80,7 +80,8 @@ def test_error_falls_with_taps():
     cube = fastibl.read_environment(MAPS[0], size=128)
     n, t, v = surfaces(12)
     true = reference.ggx(cube, n, v, tangents=t, alpha=(0.1, 0.4))
-    lighting, error = fastibl.Lighting(cube), {}
+    # Lights apart hide what the look-ups do.
+    lighting, error = fastibl.Lighting(cube, glossy=fastibl.Method("stretched", lights=0)), {}
     for taps in (1, 4, 8, 16):
         seen = lighting.ggx(n, v, tangents=t, alpha=(0.1, 0.4), taps=taps)
         error[taps] = np.sqrt(((seen - true) ** 2).mean(axis=-1)).mean() / true.mean()
