@@ -85,6 +85,21 @@ glm::vec3 settled(const std::vector<Bright>& texels, glm::vec3 direction) {
   return direction;
 }
 
+// Where a light of an earlier frame is now: its window stays as it is while the middle of the light
+// is within half a degree of it, and follows beyond. Settling anew would let it drift along lights
+// that are larger than the window.
+glm::vec3 followed(const std::vector<Bright>& texels, glm::vec3 window_middle) {
+  constexpr double kSlack = 0.5 * std::numbers::pi / 180;
+  glm::dvec3 sum(0);
+  for (const Bright& t : texels)
+    sum += glm::dvec3(t.direction) * double(t.flux * t.left * window(t.direction, window_middle));
+  if (!(glm::length(sum) > 0)) return window_middle;
+  const glm::dvec3 step = glm::normalize(sum) - glm::dvec3(window_middle);
+  const double length = glm::length(step);
+  if (length <= kSlack) return window_middle;
+  return glm::vec3(glm::normalize(glm::dvec3(window_middle) + (1 - kSlack / length) * step));
+}
+
 double flux_around(const std::vector<Bright>& texels, glm::vec3 direction) {
   double sum = 0;
   for (const Bright& t : texels) sum += t.flux * t.left * window(t.direction, direction);
@@ -181,6 +196,7 @@ FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vecto
   // 2 (1 − cos δ) ≈ δ², which is the variance along both axes.
   found.light.angular_radius = std::min(float(2 * std::sqrt(spread / total)), kOuter);
   found.light.direction = glm::vec3(direction);
+  found.light.window = taken.centre;
   found.light.irradiance = glm::vec3(irradiance);
   found.light.flux = glm::vec3(flux);
   return found;
@@ -201,7 +217,7 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
   std::vector<Taken> taken;
   for (const Light& light : previous) {
     if (int(taken.size()) == count) break;
-    taken.push_back(take(texels, settled(texels, light.direction)));
+    taken.push_back(take(texels, followed(texels, light.window)));
     if (taken.back().flux > least) continue;
     give_back(texels, taken.back());
     taken.pop_back();

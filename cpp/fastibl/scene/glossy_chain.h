@@ -15,6 +15,7 @@ struct Light {
   float angular_radius = 0;      // radians; half of it is the standard deviation along each axis
   glm::vec3 irradiance{0};       // on a surface that faces it
   glm::vec3 flux{0};             // radiance summed over its solid angle
+  glm::vec3 window{0, 0, 1};     // middle of the disc that it was looked for in
   bool operator==(const Light&) const = default;
 };
 inline constexpr int kMaxLights = 8;
