@@ -1,8 +1,12 @@
 #version 300 es
 // Colour of the object (Eq. 3, 4 and 8). Variants:
-//   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance
-//   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance
-//   PAPER        1: times the directional albedo of Eq. 3
+//   DIFFUSE      0 none, 1 nearest-face, 2 six-face, 3 six-face-exact, 4 sh9, 5 a cube map of the irradiance,
+//                6 sh9-lobes
+//   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance, 3 the chain of round lobes,
+//                4 exponent below 1: between 2 and 3, 5 filtered samples; glTF's metallic-roughness model, with
+//                BASE_COLOR_MAP METALLIC_MAP ROUGHNESS_MAP EMISSION_MAP NORMAL_MAP ANISOTROPIC 0 or 1: 6 from the
+//                MIP chain, 7 from the chain of round lobes
+//   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
 //   DISTORTION   1: the camera has a lens model
 #include "shared/precision.glsl"
 #include "shared/lighting.glsl"
@@ -16,7 +20,9 @@ uniform sampler2D vertices;       // position, P_V
 uniform sampler2D normals;
 uniform mat3 marker_from_object;
 uniform vec3 marker_from_object_shift;
+#if GLOSSY < 6
 uniform vec3 emission;
+#endif
 layout(location = 0) out vec4 layer;  // radiance times coverage, and coverage
 
 #if DIFFUSE == 5
@@ -24,6 +30,11 @@ uniform samplerCube baked;
 uniform float baked_scale;  // stored values times this are irradiance
 #elif DIFFUSE == 4
 uniform vec3 light[9];
+#elif DIFFUSE == 6
+uniform vec3 light[9];
+uniform vec3 lobes[12];
+uniform ivec2 lobe_counts;  // of the first colour, and of both
+uniform vec3 lobe_colours[2];
 #elif DIFFUSE
 uniform vec3 light[6];
 #endif
@@ -38,21 +49,39 @@ vec3 irradiance(vec3 n) {
   return exact_face_irradiance(light, n);
 #elif DIFFUSE == 4
   return sh9_irradiance(light, n);
+#elif DIFFUSE == 6
+  return lobes_irradiance(light, lobes, lobe_counts.x, lobe_counts.y, lobe_colours, n);
 #else
   return baked_scale * textureLod(baked, n, 0.0).rgb;
 #endif
 }
+#if GLOSSY < 6
 uniform vec3 diffuse_albedo;
 #endif
+#endif
 
-#if GLOSSY
+#if GLOSSY && GLOSSY < 6
 uniform vec3 glossy_albedo;
 #endif
-#if GLOSSY == 1
-#include "shared/radiance.glsl"
+#if GLOSSY
 uniform vec3 eye;  // marker frame
+#if GLOSSY != 2
+#include "shared/radiance.glsl"
+#endif
+#if GLOSSY == 1
 uniform float level;
+#elif GLOSSY == 5
+#include "shared/sampled_lobe.glsl"
+#elif GLOSSY == 3 || GLOSSY == 4 || GLOSSY == 7
+#include "shared/glossy.glsl"
+#include "shared/glossy_chain.glsl"
+uniform float matte_share;  // of exponents below 1
+#endif
+#if GLOSSY >= 6
+#include "shared/pbr_maps.glsl"
+#endif
 #if PAPER
+uniform float albedo_scale;
 uniform sampler2D albedo_table;  // rows: exponent coordinate, columns: cosine, ends included
 uniform float albedo_row;        // exponent coordinate
 
@@ -65,7 +94,7 @@ float directional_albedo(float cosine) {
   float c = texelFetch(albedo_table, i + ivec2(0, 1), 0).r,
         d = texelFetch(albedo_table, i + ivec2(1, 1), 0).r;
   float upper = a + f.x * (b - a), lower = c + f.x * (d - c);
-  return upper + f.y * (lower - upper);
+  return albedo_scale * (upper + f.y * (lower - upper));
 }
 #endif
 #endif
@@ -73,24 +102,56 @@ float directional_albedo(float cosine) {
 ivec2 texel(int i) { return ivec2(i & 1023, i >> 10); }
 float edge(vec2 a, vec2 b) { return a.x * b.y - a.y * b.x; }  // from a to b, seen from the origin
 
+#if GLOSSY < 6
 vec3 shade(vec3 position, vec3 n, float visibility) {
   vec3 colour = emission;
-#if DIFFUSE || GLOSSY == 2
+#if DIFFUSE || GLOSSY == 2 || GLOSSY == 4
   vec3 e = irradiance(n) / 3.14159265;
   colour += (visibility * diffuse_albedo) * e;
 #endif
-#if GLOSSY == 2
-  colour += glossy_albedo * e;
-#elif GLOSSY == 1
+#if GLOSSY
   vec3 v = normalize(eye - position);
   float cosine = dot(n, v);
+#if GLOSSY == 2
+  vec3 value = e;
+#elif GLOSSY == 1
   vec3 value = sample_radiance(2.0 * cosine * n - v, level);
+#elif GLOSSY == 5
+  vec3 value = sampled_lobe(n, v);
+#else
+  vec3 value = glossy_from_chain(n, v, cosine);
+#endif
+#if GLOSSY == 4
+  value += matte_share * (e - value);
+#endif
 #if PAPER
   value *= directional_albedo(cosine);
 #endif
   colour += glossy_albedo * value;
 #endif
   return colour;
+}
+#else
+vec3 shade(vec3 position, float visibility, SurfacePoint p) {
+  vec3 v = normalize(eye - position);
+  vec3 local = v * p.frame;
+  vec2 albedo = sample_ggx_albedo(local, p.roughness);
+  vec3 reflectance = pbr_reflectance(p.base_color, p.metallic, albedo);
+  vec3 colour = p.emission + reflectance * sample_ggx(p.frame, local, alpha_of(p.roughness));
+#if DIFFUSE
+  colour += pbr_diffuse(p.base_color, p.metallic, albedo) * (visibility / 3.14159265) * irradiance(p.frame[2]);
+#endif
+  return colour;
+}
+#endif
+
+// Shares of a triangle's corners at a point of the picture, perspective-correct.
+vec3 corner_weights(vec3 pa, vec3 pb, vec3 pc, vec2 p) {
+  float area = edge(pb.xy - pa.xy, pc.xy - pa.xy);
+  vec3 w = vec3(edge(pb.xy - p, pc.xy - p) / area, edge(pc.xy - p, pa.xy - p) / area, 0.0);
+  w.z = 1.0 - w.x - w.y;
+  w /= vec3(pa.z, pb.z, pc.z);
+  return w / (w.x + w.y + w.z);
 }
 
 void main() {
@@ -116,21 +177,30 @@ void main() {
     vec4 b = texelFetch(vertices, texel(index.y), 0);
     vec4 c = texelFetch(vertices, texel(index.z), 0);
     vec3 pa = project(a.xyz), pb = project(b.xyz), pc = project(c.xyz);
-    float area = edge(pb.xy - pa.xy, pc.xy - pa.xy);
-    vec3 w = vec3(edge(pb.xy - p, pc.xy - p) / area, edge(pc.xy - p, pa.xy - p) / area, 0.0);
-    w.z = 1.0 - w.x - w.y;
-    w /= vec3(pa.z, pb.z, pc.z);
-    w /= w.x + w.y + w.z;
+    vec3 w = corner_weights(pa, pb, pc, p);
     vec4 at = w.x * a + w.y * b + w.z * c;
     vec3 n = w.x * texelFetch(normals, texel(index.x), 0).xyz +
              w.y * texelFetch(normals, texel(index.y), 0).xyz +
              w.z * texelFetch(normals, texel(index.z), 0).xyz;
     // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
-    n = marker_from_object * (area > 0.0 ? -n : n);
+    n = marker_from_object * (edge(pb.xy - pa.xy, pc.xy - pa.xy) > 0.0 ? -n : n);
     float size = length(n);
     n = size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);
-    layer += count * 0.25 *
-             vec4(shade(marker_from_object * at.xyz + marker_from_object_shift, n, at.w), 1.0);
+    vec3 position = marker_from_object * at.xyz + marker_from_object_shift;
+#if GLOSSY >= 6
+    vec4 t = w.x * texelFetch(tangents, texel(index.x), 0) + w.y * texelFetch(tangents, texel(index.y), 0) +
+             w.z * texelFetch(tangents, texel(index.z), 0);
+    t = vec4(marker_from_object * t.xyz, t.w < 0.0 ? -1.0 : 1.0);
+    mat3x2 uv = mat3x2(texelFetch(uvs, texel(index.x), 0).xy, texelFetch(uvs, texel(index.y), 0).xy,
+                       texelFetch(uvs, texel(index.z), 0).xy);
+    vec2 here = uv * w;
+    vec2 dx = uv * corner_weights(pa, pb, pc, p + vec2(1.0, 0.0)) - here;
+    vec2 dy = uv * corner_weights(pa, pb, pc, p + vec2(0.0, 1.0)) - here;
+    vec3 colour = shade(position, at.w, surface_point(n, t, here, dx, dy));
+#else
+    vec3 colour = shade(position, n, at.w);
+#endif
+    layer += count * 0.25 * vec4(colour, 1.0);
     left = bvec4(left.x && !same.x, left.y && !same.y, left.z && !same.z, left.w && !same.w);
   }
 }

@@ -20,7 +20,7 @@ from fastibl.session import with_gl
 ROOT = Path(__file__).resolve().parents[1]
 SHADERS = ROOT / "shaders"
 DATA = ROOT.parent / "shared" / "data"
-DIFFUSE = ["nearest-face", "six-face", "six-face-exact", "sh9"]
+DIFFUSE = ["nearest-face", "six-face", "six-face-exact", "sh9", "sh9-lobes", "irradiance-cube"]
 
 
 def gl_missing():
@@ -573,9 +573,11 @@ def test_another_context_stays_current():
 # --- shaders
 
 
+PBR = ("BASE_COLOR_MAP", "METALLIC_MAP", "ROUGHNESS_MAP", "EMISSION_MAP", "NORMAL_MAP", "ANISOTROPIC")
 VARIANTS = {
     "visibility": {"DISTORTION": (0, 1)},
-    "shade": {"DIFFUSE": range(6), "GLOSSY": range(3), "PAPER": (0, 1), "DISTORTION": (0, 1)},
+    "shade": {"DIFFUSE": range(7), "GLOSSY": range(8), "PAPER": (0, 1), "DISTORTION": (0, 1)}
+    | dict.fromkeys(PBR, (0, 1)),
     "shadow": {"PRODUCT": (0, 1)},
     "composite": {
         "MATTE": (0, 1),
@@ -600,8 +602,13 @@ def sources():
     for shader, options in VARIANTS.items():
         for values in itertools.product(*options.values()):
             defines = dict(zip(options, values, strict=True))
-            if defines.get("GLOSSY") == 2 and not defines["DIFFUSE"]:
+            if defines.get("GLOSSY") in (2, 4) and not defines["DIFFUSE"]:
                 continue  # exponent 0 reads the irradiance
+            maps = sum(defines.get(name, 0) for name in PBR)
+            if defines.get("GLOSSY", 0) >= 6 and (defines["PAPER"] or maps not in (0, 1, len(PBR))):
+                continue  # alone and all together
+            if defines.get("GLOSSY", 0) < 6 and maps:
+                continue  # of Eq. 3
             for stage in ("vert", "frag"):
                 lines = expanded(f"{shader}.{stage}.glsl")
                 lines[1:1] = [f"#define {key} {value}" for key, value in defines.items()]

@@ -131,3 +131,49 @@ def test_a_diffuse_ball_looks_the_same(place, marked):
         told = session.process(fastibl.Frame(0.1, back_from_marker=POSE)).predicted_error
         print(f"{place}: {method} against Mitsuba {100 * error:.2f} % (the map's own error by it: {100 * told:.2f} %)")
         assert error < 2 * told + 0.01
+
+
+@pytest.mark.parametrize("alpha", [(0.15, 0.15), (0.1, 0.4)])
+def test_a_rough_metal_ball_looks_the_same(alpha):
+    """Mitsuba's roughconductor without colour: single scattering of GGX with Fresnel 1, on a ball brushed around z."""
+    if not MAPS:
+        pytest.skip("no real HDR maps beside the project")
+    cube = fastibl.read_environment(MAPS[0], size=64)
+    # Directions towards the eye on rays through the middles of pixels well inside the ball.
+    rays = rays_of(CAMERA, POSE).reshape(-1, 3)
+    offset = np.asarray(EYE) - CENTRE
+    along = rays @ offset
+    inside = along**2 - offset @ offset + (0.85 * RADIUS) ** 2 > 0
+    chosen = np.flatnonzero(inside)[::23]
+    t = -along - np.sqrt(np.maximum(along**2 - offset @ offset + RADIUS**2, 0))
+    normals = (offset + t[:, None] * rays)[chosen] / RADIUS
+    views = -rays[chosen]
+    tangents = np.cross([0.0, 0, 1], normals)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+
+    # Their reflection: an average over their own samples of the half vector, in their own frame of the surface.
+    bsdf = mi.load_dict({"type": "roughconductor", "material": "none", "distribution": "ggx",
+                         "alpha_u": alpha[0], "alpha_v": alpha[1]})  # fmt: skip
+    rng, count = np.random.default_rng(0), 3000
+    context, theirs = mi.BSDFContext(), np.zeros((len(chosen), 3))
+    for i, (n, v, u) in enumerate(zip(normals, views, tangents, strict=True)):
+        frame = np.stack([u, np.cross(n, u), n])
+        at = mi.SurfaceInteraction3f()
+        at.wi = mi.Vector3f([float(c) for c in frame @ v])
+        towards, weights = [], []
+        for a, b, c in rng.random((count, 3)):
+            sample, weight = bsdf.sample(context, at, float(a), mi.Point2f(float(b), float(c)))
+            towards.append(np.array(sample.wo).ravel())
+            weights.append(np.array(weight).ravel())
+        # A sample below the horizon has no weight.
+        light = cube.sample(np.array(towards) @ frame)
+        theirs[i] = (np.array(weights) * np.where(np.array(weights) > 0, light, 0)).mean(axis=0)
+    truth = reference.ggx(cube, normals, views, tangents=tangents, alpha=alpha, normalization="single")
+    oracle = np.abs(theirs - truth).mean() / truth.mean()
+    lighting = fastibl.Lighting(cube)
+    ours = lighting.ggx(normals, views, tangents=tangents, alpha=np.array(alpha), normalization="single")
+    error = np.abs(ours - theirs).mean() / truth.mean()
+    bias = (theirs.mean() / truth.mean() - 1) * 100
+    print(f"alpha {alpha}, {len(chosen)} points: oracle against Mitsuba {100 * oracle:.2f} %, bias {bias:.2f} %")
+    print(f"alpha {alpha}: ours against Mitsuba {100 * error:.2f} %")  # both with its noise
+    assert len(chosen) > 20 and oracle < 0.06 and abs(bias) < 2 and error < 0.1

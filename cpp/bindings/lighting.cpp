@@ -3,6 +3,7 @@
 #include "bindings/numpy.h"
 #include "fastibl/core/clock.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/scene/glossy.h"
@@ -51,24 +52,31 @@ void bind_lighting(py::module_& module) {
   py::class_<Lighting>(module, "_Lighting")
       .def(py::init([](const py::object& cube, const std::string& diffuse,
                        const Settings& diffuse_given, const std::string& glossy,
-                       const Settings& glossy_given) {
+                       const Settings& glossy_given, const Lighting* previous) {
              LightingOptions options;
              options.diffuse = diffuse_method(diffuse);
              options.diffuse_settings =
                  settings_with<DiffuseSettings>(options.diffuse, diffuse_given);
              options.glossy = glossy_method(glossy);
              options.glossy_settings = settings_with<GlossySettings>(options.glossy, glossy_given);
-             return fit_lighting(shared_cube(cube), options);
+             return fit_lighting(shared_cube(cube), options, previous);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
-           py::arg("glossy_settings"))
+           py::arg("glossy_settings"), py::arg("previous"))
       .def(py::init([](const Lighting& other) { return other; }), py::arg("other"))
       .def(
           "irradiance",
           [](const Lighting& lighting, const py::object& normals) {
             const Floats in = require_vectors(normals, "normals");
-            return map_vectors(
-                in, [&](int i) { return evaluate(lighting.irradiance, unit(vectors(in)[i])); });
+            Floats out(shape_vector(in));
+            glm::vec3* to = vectors(out);
+            const py::gil_scoped_release release;
+            parallel_for(int(in.size() / 3), 4096, [&](int begin, int end) {
+              const std::span<glm::vec3> part(to + begin, std::size_t(end - begin));
+              for (int i = begin; i < end; ++i) to[i] = unit(vectors(in)[i]);
+              evaluate(lighting.irradiance, part, part);
+            });
+            return out;
           },
           py::arg("normals"), R"(Irradiance on surfaces facing `normals`.
 
@@ -119,7 +127,7 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
       .def_property_readonly(
           "sh9",
           [](const Lighting& lighting) {
-            const std::array<glm::dvec3, 9> sh = project_sh9(fold(*lighting.radiance, 16));
+            const std::array<glm::dvec3, 9> sh = project_sh9(fold(*lighting.radiance, kSumSize));
             Floats out({9, 3});
             for (int i = 0; i < 9; ++i)
               for (int c = 0; c < 3; ++c) out.mutable_at(i, c) = float(sh[std::size_t(i)][c]);
@@ -141,7 +149,7 @@ float32. Raises ValueError for another shape, a negative or NaN exponent or anot
                 faces.insert(faces.end(), &cube.texel(f, 0, y), &cube.texel(f, 0, y) + size);
             return CubeMap(size, faces);
           },
-          py::arg("size") = 16, py::arg("source") = 32,
+          py::arg("size") = 16, py::arg("source") = kSumSize,
           R"(CubeMap whose texels are the irradiance on surfaces that face them: pi for a constant map of radiance 1.
 
 size: texels along a face. source: texels along a face of the MIP level that the cosine is summed over, at most;
@@ -172,6 +180,7 @@ sizes outside 1 to 256.)")
         options.diffuse = like.irradiance.method;
         options.diffuse_settings = like.irradiance.settings;
         options.measure_error = measure_error;
+        options.chain = false;
         const auto map = std::make_shared<const CubeMap>(cube);
         std::vector<double> seconds;
         for (int i = 0; i < repetitions; ++i) {
@@ -183,6 +192,22 @@ sizes outside 1 to 256.)")
       },
       py::arg("cube"), py::arg("like"), py::arg("measure_error"), py::arg("repetitions"),
       "For benchmarks: times of fit_lighting in C++ by the diffuse method of another Lighting.");
+  module.def(
+      "_seconds_to_evaluate",
+      [](const Lighting& lighting, const py::object& normals, int repetitions) {
+        const Floats in = require_vectors(normals, "normals");
+        const std::span<const glm::vec3> from(vectors(in), std::size_t(in.size() / 3));
+        std::vector<glm::vec3> to(from.size());
+        std::vector<double> seconds;
+        for (int i = 0; i < repetitions; ++i) {
+          const Stopwatch watch;
+          evaluate(lighting.irradiance, from, to);
+          seconds.push_back(watch.seconds());
+        }
+        return seconds;
+      },
+      py::arg("lighting"), py::arg("normals"), py::arg("repetitions"),
+      "For benchmarks: times of the irradiance of unit normals in C++, one thread.");
   module.def(
       "_seconds_to_sum_cube",
       [](const CubeMap& cube, int size, int source, int repetitions) {

@@ -6,7 +6,9 @@ PYBIND11_MODULE(_fastibl, module) {
   module.attr("__version__") = FASTIBL_VERSION;
   bind_core(module);
   bind_scene(module);
+  bind_material(module);
   bind_lighting(module);
+  bind_ggx(module);
   bind_prefilter(module);
   bind_capture(module);
   bind_shadow(module);

@@ -144,11 +144,23 @@ inline std::vector<glm::vec3> require_colours(const py::object& object, const ch
   return {vectors(array), vectors(array) + array.size() / 3};
 }
 
+// Three numbers.
+inline glm::vec3 require_colour(const py::object& object, const char* name) {
+  const Floats array = require_floats<float>(object, name);
+  if (array.ndim() != 1 || array.size() != 3)
+    throw py::value_error(std::string(name) + " must be three numbers, got shape " +
+                          shape_of(array));
+  return {array.at(0), array.at(1), array.at(2)};
+}
+inline py::tuple colour_tuple(const glm::vec3& c) { return py::make_tuple(c.x, c.y, c.z); }
+
 void bind_core(py::module_& module);
+void bind_material(py::module_& module);
 void bind_scene(py::module_& module);
 void bind_tracking(py::module_& module);
 void bind_capture(py::module_& module);
 void bind_lighting(py::module_& module);
+void bind_ggx(py::module_& module);
 void bind_prefilter(py::module_& module);
 void bind_shadow(py::module_& module);
 void bind_shading(py::module_& module);

@@ -35,16 +35,6 @@ py::array level_view(const CubeMap& cube, int k, const py::object& owner) {
   return view;
 }
 
-glm::vec3 colour(const py::object& object, const char* name) {
-  const Floats array = require_floats<float>(object, name);
-  if (array.ndim() != 1 || array.size() != 3)
-    throw py::value_error(std::string(name) + " must be three numbers, got shape " +
-                          shape_of(array));
-  return {array.at(0), array.at(1), array.at(2)};
-}
-
-py::tuple colour_tuple(const glm::vec3& c) { return py::make_tuple(c.x, c.y, c.z); }
-
 void bind_cube(py::module_& module) {
   py::class_<CubeMap>(module, "CubeMap", R"(Linear radiance over the sphere, with its MIP chain.
 
@@ -532,42 +522,50 @@ void bind_mesh(py::module_& module) {
   py::class_<Mesh>(module, "Mesh", R"(Triangle mesh.
 
 vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
-or None. Raises ValueError for wrong shapes, indices out of range, or vertices that are not finite.)")
-      .def(py::init(
-               [](const py::object& vertices, const py::object& triangles, const py::object& uvs) {
-                 const Floats v = require_vectors(vertices, "vertices");
-                 if (v.ndim() != 2)
-                   throw py::value_error("vertices must have shape (v, 3), got " + shape_of(v));
-                 const py::array t = py::array::ensure(triangles);
-                 if (!t || (t.dtype().kind() != 'i' && t.dtype().kind() != 'u')) {
-                   PyErr_Clear();
-                   throw py::type_error("triangles must hold integers");
-                 }
-                 if (t.ndim() != 2 || t.shape(1) != 3)
-                   throw py::value_error("triangles must have shape (t, 3), got " + shape_of(t));
-                 const auto wide =
-                     py::array_t<long long, py::array::c_style | py::array::forcecast>::ensure(t);
-                 Mesh mesh;
-                 mesh.vertices.assign(vectors(v), vectors(v) + v.shape(0));
-                 for (py::ssize_t i = 0; i < wide.shape(0); ++i) {
-                   glm::ivec3 triangle;
-                   for (int c = 0; c < 3;
-                        ++c)  // an index beyond int is out of range; −1 is reported as such
-                     triangle[c] =
-                         wide.at(i, c) > 0x7fffffff || wide.at(i, c) < 0 ? -1 : int(wide.at(i, c));
-                   mesh.triangles.push_back(triangle);
-                 }
-                 if (!uvs.is_none()) {
-                   const Floats uv = require_floats<float>(uvs, "uvs");
-                   if (uv.ndim() != 2 || uv.shape(1) != 2)
-                     throw py::value_error("uvs must have shape (v, 2), got " + shape_of(uv));
-                   for (py::ssize_t i = 0; i < uv.shape(0); ++i)
-                     mesh.uvs.push_back({uv.at(i, 0), uv.at(i, 1)});
-                 }
-                 mesh.validate();
-                 return mesh;
-               }),
-           py::arg("vertices"), py::arg("triangles"), py::arg("uvs") = py::none())
+or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to work them out.
+Raises ValueError for wrong shapes, indices out of range, or values that are not finite.)")
+      .def(py::init([](const py::object& vertices, const py::object& triangles,
+                       const py::object& uvs, const py::object& normals) {
+             const Floats v = require_vectors(vertices, "vertices");
+             if (v.ndim() != 2)
+               throw py::value_error("vertices must have shape (v, 3), got " + shape_of(v));
+             const py::array t = py::array::ensure(triangles);
+             if (!t || (t.dtype().kind() != 'i' && t.dtype().kind() != 'u')) {
+               PyErr_Clear();
+               throw py::type_error("triangles must hold integers");
+             }
+             if (t.ndim() != 2 || t.shape(1) != 3)
+               throw py::value_error("triangles must have shape (t, 3), got " + shape_of(t));
+             const auto wide =
+                 py::array_t<long long, py::array::c_style | py::array::forcecast>::ensure(t);
+             Mesh mesh;
+             mesh.vertices.assign(vectors(v), vectors(v) + v.shape(0));
+             for (py::ssize_t i = 0; i < wide.shape(0); ++i) {
+               glm::ivec3 triangle;
+               for (int c = 0; c < 3;
+                    ++c)  // an index beyond int is out of range; −1 is reported as such
+                 triangle[c] =
+                     wide.at(i, c) > 0x7fffffff || wide.at(i, c) < 0 ? -1 : int(wide.at(i, c));
+               mesh.triangles.push_back(triangle);
+             }
+             if (!uvs.is_none()) {
+               const Floats uv = require_floats<float>(uvs, "uvs");
+               if (uv.ndim() != 2 || uv.shape(1) != 2)
+                 throw py::value_error("uvs must have shape (v, 2), got " + shape_of(uv));
+               for (py::ssize_t i = 0; i < uv.shape(0); ++i)
+                 mesh.uvs.push_back({uv.at(i, 0), uv.at(i, 1)});
+             }
+             if (!normals.is_none()) {
+               const Floats n = require_vectors(normals, "normals");
+               if (n.ndim() != 2)
+                 throw py::value_error("normals must have shape (v, 3), got " + shape_of(n));
+               mesh.normals.assign(vectors(n), vectors(n) + n.shape(0));
+             }
+             mesh.validate();
+             return mesh;
+           }),
+           py::arg("vertices"), py::arg("triangles"), py::arg("uvs") = py::none(),
+           py::arg("normals") = py::none())
       .def_property_readonly(
           "vertices",
           [](const Mesh& m) {
@@ -602,7 +600,24 @@ or None. Raises ValueError for wrong shapes, indices out of range, or vertices t
             std::copy(normals.begin(), normals.end(), vectors(out));
             return out;
           },
-          "(v, 3) float32 unit vertex normals, weighted by angle.")
+          "(v, 3) float32 unit vertex normals: those given, else weighted by angle.")
+      .def_property_readonly(
+          "tangents",
+          [](const Mesh& m) {
+            const std::vector<glm::vec4> tangents = vertex_tangents(m, vertex_normals(m));
+            Floats out({py::ssize_t(tangents.size()), py::ssize_t{4}});
+            std::memcpy(out.mutable_data(), tangents.data(), tangents.size() * sizeof(glm::vec4));
+            return out;
+          },
+          "(v, 4) float32: unit direction in which u grows, and the side (1 or -1) of normal x "
+          "tangent on which v does; around the z axis where there are no uvs.")
+      .def_property_readonly("_given_normals",
+                             [](const Mesh& m) -> py::object {
+                               if (m.normals.empty()) return py::none();
+                               Floats out({py::ssize_t(m.normals.size()), py::ssize_t{3}});
+                               std::copy(m.normals.begin(), m.normals.end(), vectors(out));
+                               return out;
+                             })
       .def(py::self == py::self)
       .def("__repr__",
            [](const Mesh& m) {
@@ -612,9 +627,12 @@ or None. Raises ValueError for wrong shapes, indices out of range, or vertices t
       .def(py::pickle(
           [](const py::object& self) {
             return py::make_tuple(py::object(self.attr("vertices")),
-                                  py::object(self.attr("triangles")), py::object(self.attr("uvs")));
+                                  py::object(self.attr("triangles")), py::object(self.attr("uvs")),
+                                  py::object(self.attr("_given_normals")));
           },
-          [](const py::tuple& t) { return py::type::of<Mesh>()(t[0], t[1], t[2]).cast<Mesh>(); }));
+          [](const py::tuple& t) {
+            return py::type::of<Mesh>()(t[0], t[1], t[2], t[3]).cast<Mesh>();
+          }));
 
   py::class_<Bvh>(module, "Bvh", "Ray queries on a mesh. Triangles are two-sided.")
       .def(py::init([](const Mesh& mesh) {
@@ -677,43 +695,6 @@ or None. Raises ValueError for wrong shapes, indices out of range, or vertices t
           py::arg("origins"), py::arg("directions"), py::arg("t_min") = 0.0f,
           "First hits of the rays (..., 3): triangle index (-1: none), t, and barycentric (u, v) "
           "of its second and third vertex.");
-
-  py::class_<Material>(module, "Material",
-                       R"(Reflectance of Eq. 3, Croubois et al. 2014. Colours are linear RGB.
-
-diffuse: k_L. glossy: k_G. exponent: s >= 0, half-vector exponent, may be infinite. emission: radiance. Raises
-ValueError for negative values.)")
-      .def(py::init([](const py::object& diffuse, const py::object& glossy, float exponent,
-                       const py::object& emission) {
-             Material m{colour(diffuse, "diffuse"), colour(glossy, "glossy"), exponent,
-                        colour(emission, "emission")};
-             m.validate();
-             return m;
-           }),
-           py::arg("diffuse") = py::make_tuple(0.8, 0.8, 0.8),
-           py::arg("glossy") = py::make_tuple(0.0, 0.0, 0.0), py::arg("exponent") = 64.0f,
-           py::arg("emission") = py::make_tuple(0.0, 0.0, 0.0))
-      .def_property_readonly("diffuse", [](const Material& m) { return colour_tuple(m.diffuse); })
-      .def_property_readonly("glossy", [](const Material& m) { return colour_tuple(m.glossy); })
-      .def_readonly("exponent", &Material::exponent)
-      .def_property_readonly("emission", [](const Material& m) { return colour_tuple(m.emission); })
-      .def(py::self == py::self)
-      .def("__repr__",
-           [](const Material& m) {
-             return "Material(diffuse=" + std::string(py::repr(colour_tuple(m.diffuse))) +
-                    ", glossy=" + std::string(py::repr(colour_tuple(m.glossy))) +
-                    ", exponent=" + std::string(py::repr(py::float_(m.exponent))) +
-                    ", emission=" + std::string(py::repr(colour_tuple(m.emission))) + ")";
-           })
-      .def(py::pickle(
-          [](const Material& m) {
-            return py::make_tuple(colour_tuple(m.diffuse), colour_tuple(m.glossy), m.exponent,
-                                  colour_tuple(m.emission));
-          },
-          [](const py::tuple& t) {
-            return Material{colour(t[0], "diffuse"), colour(t[1], "glossy"), t[2].cast<float>(),
-                            colour(t[3], "emission")};
-          }));
 }
 
 void bind_environment(py::module_& module) {

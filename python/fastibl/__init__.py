@@ -32,6 +32,7 @@ from ._fastibl import (
     due_passes,
     equirect_from_cubemap,
     fit_spheres,
+    ggx_albedo,
     set_threads,
     shadow_ratio,
     texel_directions,
@@ -42,7 +43,7 @@ from .board import Board
 from .comparison import compare
 from .environment_files import read_environment, write_environment
 from .export import export_light
-from .files import read_mesh, stand
+from .files import read_mesh, read_object, stand
 from .lighting import Lighting, Method, methods
 from .recording import Frame, Recording
 from .session import Session, make_plan
@@ -85,10 +86,12 @@ __all__ = [
     "equirect_from_cubemap",
     "export_light",
     "fit_spheres",
+    "ggx_albedo",
     "make_plan",
     "methods",
     "read_environment",
     "read_mesh",
+    "read_object",
     "reference",
     "set_threads",
     "shadow_ratio",

@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -355,23 +355,32 @@ class Mesh:
     Triangle mesh.
 
     vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
-    or None. Raises ValueError for wrong shapes, indices out of range, or vertices that are not finite.
+    or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to work them out.
+    Raises ValueError for wrong shapes, indices out of range, or values that are not finite.
     """
     __hash__: typing.ClassVar[None] = None
     def __eq__(self, arg0: Mesh) -> bool:
         ...
-    def __getstate__(self) -> tuple[typing.Any, typing.Any, typing.Any]:
+    def __getstate__(self) -> tuple[typing.Any, typing.Any, typing.Any, typing.Any]:
         ...
-    def __init__(self, vertices: typing.Any, triangles: typing.Any, uvs: typing.Any = None) -> None:
+    def __init__(self, vertices: typing.Any, triangles: typing.Any, uvs: typing.Any = None, normals: typing.Any = None) -> None:
         ...
     def __repr__(self) -> str:
         ...
     def __setstate__(self, arg0: tuple) -> None:
         ...
     @property
+    def _given_normals(self) -> typing.Any:
+        ...
+    @property
     def normals(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        (v, 3) float32 unit vertex normals, weighted by angle.
+        (v, 3) float32 unit vertex normals: those given, else weighted by angle.
+        """
+    @property
+    def tangents(self) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        (v, 4) float32: unit direction in which u grows, and the side (1 or -1) of normal x tangent on which v does; around the z axis where there are no uvs.
         """
     @property
     def triangles(self) -> numpy.typing.NDArray[numpy.int32]:
@@ -402,36 +411,6 @@ class Bvh:
         """
         Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.
         """
-class Material:
-    """
-    Reflectance of Eq. 3, Croubois et al. 2014. Colours are linear RGB.
-
-    diffuse: k_L. glossy: k_G. exponent: s >= 0, half-vector exponent, may be infinite. emission: radiance. Raises
-    ValueError for negative values.
-    """
-    __hash__: typing.ClassVar[None] = None
-    def __eq__(self, arg0: Material) -> bool:
-        ...
-    def __getstate__(self) -> tuple[tuple, tuple, float, tuple]:
-        ...
-    def __init__(self, diffuse: typing.Any = (0.8, 0.8, 0.8), glossy: typing.Any = (0.0, 0.0, 0.0), exponent: typing.SupportsFloat | typing.SupportsIndex = 64.0, emission: typing.Any = (0.0, 0.0, 0.0)) -> None:
-        ...
-    def __repr__(self) -> str:
-        ...
-    def __setstate__(self, arg0: tuple) -> None:
-        ...
-    @property
-    def diffuse(self) -> tuple:
-        ...
-    @property
-    def emission(self) -> tuple:
-        ...
-    @property
-    def exponent(self) -> float:
-        ...
-    @property
-    def glossy(self) -> tuple:
-        ...
 class Environment:
     """
     What is known of the light of a place: radiance, and how well it is known.
@@ -472,13 +451,113 @@ class Environment:
         """
         CubeMap; unseen texels hold the mean of what was seen nearest.
         """
+class Material:
+    """
+    Reflectance of Eq. 3, Croubois et al. 2014; see Material.pbr for glTF's model. Colours are linear RGB.
+
+    diffuse: k_L. glossy: k_G. exponent: s >= 0, half-vector exponent, may be infinite. emission: radiance. Raises
+    ValueError for negative values.
+    """
+    __hash__: typing.ClassVar[None] = None
+    @staticmethod
+    def pbr(base_color: typing.Any = (0.8, 0.8, 0.8), metallic: typing.Any = 0.0, roughness: typing.Any = 0.5, normal: typing.Any = None, emission: typing.Any = (0.0, 0.0, 0.0), *, anisotropy: typing.SupportsFloat | typing.SupportsIndex = 0.0, anisotropy_rotation: typing.SupportsFloat | typing.SupportsIndex = 0.0, normal_scale: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> Material:
+        """
+        glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is no metal), compensated for
+        scattering more than once, over a diffuse base.
+
+        base_color, emission: three linear numbers, or a texture (height, width, 3): uint8 is sRGB, floats are linear.
+        metallic, roughness: a number in [0, 1], or a texture (height, width): uint8 by 255, floats as they are. normal: a
+        texture (height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along growing v,
+        its x and y times normal_scale; or None. anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along
+        the tangent, where u grows, turned by anisotropy_rotation (radians) towards where v grows. Without uvs the tangent
+        runs around the mesh's z axis, and textures are refused by Scene. Textures repeat; they are filtered trilinearly.
+        Raises ValueError for values out of range or another shape, TypeError for another dtype.
+        """
+    def __eq__(self, arg0: Material) -> bool:
+        ...
+    def __getstate__(self) -> tuple:
+        ...
+    def __init__(self, diffuse: typing.Any = (0.8, 0.8, 0.8), glossy: typing.Any = (0.0, 0.0, 0.0), exponent: typing.SupportsFloat | typing.SupportsIndex = 64.0, emission: typing.Any = (0.0, 0.0, 0.0)) -> None:
+        ...
+    def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
+        ...
+    @property
+    def anisotropy(self) -> typing.Any:
+        ...
+    @property
+    def anisotropy_rotation(self) -> typing.Any:
+        ...
+    @property
+    def base_color(self) -> typing.Any:
+        """
+        Three linear numbers or a linear texture; None of Eq. 3.
+        """
+    @property
+    def diffuse(self) -> typing.Any:
+        """
+        k_L; None of a pbr material.
+        """
+    @property
+    def emission(self) -> typing.Any:
+        """
+        Radiance: three numbers, or a texture.
+        """
+    @property
+    def exponent(self) -> typing.Any:
+        """
+        s; None of a pbr material.
+        """
+    @property
+    def glossy(self) -> typing.Any:
+        """
+        k_G; None of a pbr material.
+        """
+    @property
+    def metallic(self) -> typing.Any:
+        """
+        A number or a texture; None of Eq. 3.
+        """
+    @property
+    def model(self) -> str:
+        """
+        "blinn-phong" (Eq. 3) or "pbr".
+        """
+    @property
+    def normal(self) -> typing.Any:
+        """
+        The normal map, encoded 0 to 1, or None.
+        """
+    @property
+    def normal_scale(self) -> typing.Any:
+        ...
+    @property
+    def roughness(self) -> typing.Any:
+        """
+        A number or a texture; None of Eq. 3.
+        """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
+    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
         ...
+    def ggx(self, normals: typing.Any, views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typing.Any = 0.0, tangents: typing.Any = None, *, alpha: typing.Any = None, normalization: str = 'energy', method: str = 'taps', taps: typing.SupportsInt | typing.SupportsIndex = 8) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Radiance that a GGX surface with Fresnel term 1 reflects towards `views`.
+
+        normals, views, tangents: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
+        tangents: the direction of alpha_x, made perpendicular to the normals; where it is 0 or along the normal, any.
+        roughness, anisotropy: in [0, 1], broadcast to (...), glTF's mapping (KHR_materials_anisotropy): alpha_y =
+        roughness^2, alpha_x = alpha_y + (1 - alpha_y) anisotropy^2, both at least 0.02. alpha: (..., 2), alpha_x and alpha_y
+        themselves, in place of the two. normalization: "energy" (the lobe's average: scattering more than once is compensated, a
+        constant map of radiance 1 gives 1) or "single" (times the directional albedo of single scattering). method: "taps"
+        (parts of the lobe along its longest axis) or "gradient" (the paper's suggestion, texture gradients). taps: 1 to 16
+        look-ups. Returns (..., 3) float32. Raises ValueError for another shape, a value out of range or another name,
+        TypeError for integers.
+        """
     def glossy(self, normals: typing.Any, views: typing.Any, exponent: typing.Any = 64.0, normalization: str = 'energy') -> numpy.typing.NDArray[numpy.float32]:
         """
         Radiance that a glossy lobe (Eq. 3, k_G = 1) reflects towards `views`.
@@ -932,6 +1011,10 @@ def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8],
     """
     Corners by edges measured in linear light; list of DetectedTag.
     """
+def _seconds_to_evaluate(lighting: _Lighting, normals: typing.Any, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
+    """
+    For benchmarks: times of the irradiance of unit normals in C++, one thread.
+    """
 def _seconds_to_fit(cube: CubeMap, like: _Lighting, measure_error: bool, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     """
     For benchmarks: times of fit_lighting in C++ by the diffuse method of another Lighting.
@@ -991,6 +1074,13 @@ def fit_spheres(mesh: Mesh, count: typing.SupportsInt | typing.SupportsIndex = 5
     resolution: voxels along the longest edge. Deterministic; the mesh may be open, flipped or torn. A mesh that
     encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
     [8, 128].
+    """
+def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typing.Any = 0.0, *, alpha: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
+    """
+    Directional albedo of single-scattering GGX, (..., 2) float32: the split sum's f0 term and the rest.
+
+    views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Fresnel by Schlick the albedo is f0 a + b,
+    with Fresnel 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx.
     """
 def set_threads(count: typing.SupportsInt | typing.SupportsIndex) -> None:
     """

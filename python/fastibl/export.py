@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ._fastibl import CubeMap, Environment, _level_parameters, texel_directions
+from ._fastibl import CubeMap, Environment, _level_parameters
 from .axes import matrix, to_axes
 from .environment_files import FACES, write_environment, write_faces
-from .lighting import Lighting, Method
+from .lighting import Lighting
 
 SH_BASIS = (
     "real, orthonormal, no Condon-Shortley phase: 0.282095; 0.488603 y, z, x; 1.092548 xy, 1.092548 yz, "
@@ -47,9 +47,9 @@ def export_light(
     radiance = cube.radiance if isinstance(cube, Environment) else cube
     alphas = _level_parameters(mapping, levels)
     turned = to_axes(radiance, axes)
-    lighting = Lighting(turned, diffuse=Method("irradiance-cube", size=irradiance, source=32))
+    lighting = Lighting(turned)
     made = lighting.prefiltered(size, levels, mapping=mapping, error=error)
-    diffuse = CubeMap(lighting.irradiance(texel_directions(irradiance)))
+    diffuse = lighting.irradiance_cube(irradiance)
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ._fastibl import Mesh
+from ._fastibl import Material, Mesh
 
 
 def read_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:
@@ -36,6 +36,32 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:
     return Mesh(vertices, np.asarray(loaded.faces, np.int64))
 
 
+def read_object(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Material]:
+    """Mesh and material of a glTF 2.0 file (.glb, .gltf), turned so that +z is up.
+
+    up: the file's upward axis, "y" (glTF's) or "z". The mesh keeps the file's uvs and normals; the material is
+    Material.pbr with the file's textures. Several meshes and materials become one: see fastibl.gltf for how and for
+    what is left out. Raises FileNotFoundError, or ValueError for a file that cannot be read.
+    """
+    from . import gltf
+
+    path = Path(path)
+    if up not in ("y", "z"):
+        raise ValueError(f'up must be "y" or "z", got {up!r}')
+    if not path.is_file():
+        raise FileNotFoundError(f"no object at {path}")
+    if path.suffix.lower() not in (".glb", ".gltf"):
+        raise ValueError(f"{path} is no .glb or .gltf; read_mesh reads the mesh of other files")
+    try:
+        mesh, material = gltf.read(path)
+    except ValueError as error:
+        raise ValueError(f"{path} is not an object that can be read: {error}") from error
+    if up == "y":
+        turned = [a[:, [0, 2, 1]] * np.float32([1, -1, 1]) for a in (mesh.vertices, mesh.normals)]
+        mesh = Mesh(turned[0], mesh.triangles, mesh.uvs, turned[1])
+    return mesh, material
+
+
 def stand(mesh: Mesh, height: float) -> Mesh:
     """The mesh in the marker frame: scaled to `height` metres, centred on the z axis, lowest point on z = 0.
 
@@ -48,4 +74,4 @@ def stand(mesh: Mesh, height: float) -> Mesh:
     if not upper[2] > lower[2]:
         raise ValueError("a mesh without extent along z cannot be scaled to a height")
     origin = np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
-    return Mesh((vertices - origin) * (height / (upper[2] - lower[2])), mesh.triangles, mesh.uvs)
+    return Mesh((vertices - origin) * (height / (upper[2] - lower[2])), mesh.triangles, mesh.uvs, mesh._given_normals)

@@ -130,11 +130,19 @@ def resolve_methods(given: str | Mapping[str, str | Method]) -> _Methods:
 class Lighting(_Lighting):
     """What a map does to surfaces.
 
-    cube: CubeMap or Environment. diffuse, glossy: Method, its name, "auto" (the default) or "paper". Raises ValueError
-    for an unknown name, an unknown setting or a value out of range.
+    cube: CubeMap or Environment. diffuse, glossy: Method, its name, "auto" (the default) or "paper". previous: of a map
+    a moment ago; what was found in it is moved along instead of searched anew, which is steady. Raises ValueError for
+    an unknown name, an unknown setting or a value out of range.
     """
 
-    def __init__(self, cube: CubeMap | Environment, diffuse: str | Method = "auto", glossy: str | Method = "auto"):
+    def __init__(
+        self,
+        cube: CubeMap | Environment,
+        diffuse: str | Method = "auto",
+        glossy: str | Method = "auto",
+        *,
+        previous: Lighting | None = None,
+    ):
         radiance = cube.radiance if isinstance(cube, Environment) else cube
         super().__init__(
             radiance,
@@ -142,6 +150,7 @@ class Lighting(_Lighting):
             method_settings(diffuse),
             method_name("glossy", glossy),
             method_settings(glossy),
+            previous,
         )
 
     @classmethod

@@ -51,7 +51,7 @@ def _cube_samples(faces: NDArray, split: int) -> tuple[NDArray, NDArray, NDArray
     a, b, c, d = corners[:, :-1, :-1], corners[:, :-1, 1:], corners[:, 1:, 1:], corners[:, 1:, :-1]
     angles = np.broadcast_to(_triangle_angle(a, b, c) + _triangle_angle(a, c, d), (6, n, n))
     radiance = np.repeat(np.repeat(faces, split, axis=1), split, axis=2)
-    return directions(middle, middle).reshape(-1, 3), angles.reshape(-1), radiance.reshape(-1, 3)
+    return directions(middle, middle).reshape(-1, 3), angles.reshape(-1), radiance.reshape(-1, faces.shape[-1])
 
 
 def samples(source: Any, split: int = 1) -> tuple[NDArray, NDArray, NDArray]:
@@ -138,6 +138,135 @@ def glossy(
         scale = (exponent + 8) / (8 * np.pi) if normalization == "paper" else 1 / max(weight.sum(), 1e-300)
         out[i] = scale * (weight @ l)
     return out.reshape(n.shape)
+
+
+def _refined(shape: tuple[int, ...], chosen: NDArray, angles: NDArray, split: int) -> tuple[NDArray, NDArray]:
+    """Directions (k, split^2, 3) and solid angles (k, split^2) of the pieces of k chosen texels of a map."""
+    part = (np.arange(split) + 0.5) / split
+    if len(shape) == 4:
+        n = shape[1]
+        face, row, column = np.unravel_index(chosen, (6, n, n))
+        t = ((row[:, None] + part) * 2 / n - 1)[:, :, None, None]
+        s = ((column[:, None] + part) * 2 / n - 1)[:, None, :, None]
+        major, right, down = (_FACES[face, k][:, None, None] for k in range(3))
+        points = major + s * right + t * down
+        size = np.linalg.norm(points, axis=-1)
+        directions, area = points / size[..., None], size**-3
+    else:
+        height, width = shape[:2]
+        row, column = np.unravel_index(chosen, (height, width))
+        polar = ((row[:, None] + part) / height * np.pi)[:, :, None]
+        azimuth = (((column[:, None] + part) / width - 0.5) * 2 * np.pi)[:, None, :]
+        across = np.sin(polar)
+        z = np.broadcast_to(np.cos(polar), (len(chosen), split, split))
+        directions = np.stack([across * np.sin(azimuth), across * np.cos(azimuth), z], axis=-1)
+        area = np.broadcast_to(across, z.shape)
+    area = area.reshape(len(chosen), -1)
+    return directions.reshape(len(chosen), -1, 3), area * (angles[chosen] / area.sum(axis=1))[:, None]
+
+
+def ggx_alpha(roughness: float, anisotropy: float = 0.0) -> tuple[float, float]:
+    """glTF's mapping (KHR_materials_anisotropy): alpha along and across the tangent, at least 0.02."""
+    across = roughness**2
+    return max(across + (1 - across) * anisotropy**2, 0.02), max(across, 0.02)
+
+
+def _ggx_lobe(l: NDArray, v: NDArray, frame: NDArray, alpha: tuple[float, float]) -> NDArray:
+    """D G2 / (4 n.v) for unit directions l (..., 3) towards the light; rows of frame: tangent, bitangent, normal.
+
+    D by the tangent of the half vector's angle (Walter et al. 2007), Smith's masking of height-correlated GGX.
+    """
+    h = l + v
+    h = h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-300)
+    hx, hy, hz = (h @ axis for axis in frame)
+    lx, ly, lz = (l @ axis for axis in frame)
+    vx, vy, vz = frame @ v
+    tangent2 = ((hx / alpha[0]) ** 2 + (hy / alpha[1]) ** 2) / np.maximum(hz, 1e-12) ** 2
+    d = 1 / (np.pi * alpha[0] * alpha[1] * np.maximum(hz, 1e-12) ** 4 * (1 + tangent2) ** 2)
+
+    def masked(x, y, z):
+        return (np.sqrt(1 + ((alpha[0] * x) ** 2 + (alpha[1] * y) ** 2) / np.maximum(z, 1e-12) ** 2) - 1) / 2
+
+    g = 1 / (1 + masked(vx, vy, vz) + masked(lx, ly, lz))
+    return np.where((lz > 0) & (hz > 0), d * g / (4 * max(vz, 1e-12)), 0.0)
+
+
+def _surface_frame(normal: NDArray, tangent: NDArray) -> NDArray:
+    """Rows tangent, bitangent, normal; any tangent where the given one is 0 or along the normal."""
+    across = np.cross(normal, tangent)
+    if not np.linalg.norm(across) > 1e-4:
+        across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    across /= np.linalg.norm(across)
+    return np.stack([np.cross(across, normal), across, normal])
+
+
+def ggx(
+    source: Any,
+    normals: ArrayLike,
+    views: ArrayLike,
+    roughness: float = 0.4,
+    anisotropy: float = 0.0,
+    tangents: ArrayLike | None = None,
+    *,
+    alpha: tuple[float, float] | None = None,
+    normalization: str = "energy",
+    split: int | None = None,
+) -> NDArray:
+    """Radiance (..., 3) float64 that a GGX surface with Fresnel term 1 reflects: the sum over the map.
+
+    alpha: (alpha_x, alpha_y) in place of roughness and anisotropy. "energy" divides by the lobe's integral, "single"
+    keeps single scattering's loss. split: pieces along each axis of the texels where the lobe is above 1/1000 of its
+    height; by default enough for alpha.
+    """
+    if normalization not in ("energy", "single"):
+        raise ValueError(f'normalization must be "energy" or "single", got {normalization!r}')
+    pair = ggx_alpha(roughness, anisotropy) if alpha is None else (float(alpha[0]), float(alpha[1]))
+    if tangents is None:
+        tangents = np.zeros(3)
+    n, v, t = np.broadcast_arrays(_units(normals, "normals"), _units(views, "views"), np.asarray(tangents, np.float64))
+    directions, angles, radiance = samples(source)
+    shape = np.shape(getattr(getattr(source, "radiance", source), "faces", source))
+    if split is None:
+        split = int(np.clip(np.ceil(0.3 / min(pair) * 128 * np.sqrt(98304 / 128**2 / len(angles))), 1, 24))
+    out = np.empty((n.size // 3, radiance.shape[1]))
+    rows = zip(n.reshape(-1, 3), v.reshape(-1, 3), t.reshape(-1, 3), strict=True)
+    for i, (normal, view, tangent) in enumerate(rows):
+        frame = _surface_frame(normal, tangent)
+        weight = _ggx_lobe(directions, view, frame, pair) * angles
+        if split > 1:
+            density = weight / angles
+            # Also texels that the horizon cuts.
+            cut = np.abs(directions @ normal) < 2 * np.sqrt(angles)
+            chosen = np.flatnonzero((density > 1e-3 * density.max()) | cut)
+            for begin in range(0, len(chosen), 1 << 14):
+                some = chosen[begin : begin + (1 << 14)]
+                fine, fine_angles = _refined(shape, some, angles, split)
+                weight[some] = (_ggx_lobe(fine, view, frame, pair) * fine_angles).sum(axis=1)
+        out[i] = weight @ radiance / (max(weight.sum(), 1e-300) if normalization == "energy" else 1)
+    return out.reshape(*n.shape[:-1], -1)
+
+
+def ggx_albedo(cos_view: float, alpha: tuple[float, float], azimuth: float = 0.0, count: int = 1500) -> float:
+    """Directional albedo of single-scattering GGX with Fresnel term 1, by quadrature.
+
+    azimuth: of the view, from the tangent. Midpoints over the half vector: psi = atan(tan(its polar angle) / alpha) and
+    azimuth.
+    """
+    sine = np.sqrt(max(0.0, 1 - cos_view**2))
+    v = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cos_view])
+    psi = ((np.arange(count) + 0.5) / count * np.pi / 2)[:, None]
+    turn = ((np.arange(count // 3) + 0.5) / (count // 3) * 2 * np.pi)[None]
+    radius = np.tan(psi)
+    x, y = alpha[0] * radius * np.cos(turn), alpha[1] * radius * np.sin(turn)
+    h = np.stack(np.broadcast_arrays(-x, -y, np.ones_like(x)), axis=-1)
+    size = np.linalg.norm(h, axis=-1)
+    h /= size[..., None]
+    vh = h @ v
+    l = 2 * vh[..., None] * h - v
+    # dl = 4 v.h dh, dh = dx dy / |(x, y, 1)|^3, dx dy = alpha_x alpha_y r dr dturn, dr = (1 + r^2) dpsi.
+    step = np.pi / 2 / count * 2 * np.pi / (count // 3)
+    measure = 4 * np.maximum(vh, 0) / size**3 * alpha[0] * alpha[1] * radius * (1 + radius**2) * step
+    return float((_ggx_lobe(l, v, np.eye(3), alpha) * measure).sum())
 
 
 def directional_albedo(cos_view: ArrayLike, exponent: float, count: int = 400) -> NDArray:

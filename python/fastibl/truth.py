@@ -11,7 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import reference
-from ._fastibl import Bvh, Camera, CubeMap, Environment, Pose, Response, Scene, ShadowMap, texel_directions
+from ._fastibl import (
+    Bvh,
+    Camera,
+    CubeMap,
+    Environment,
+    Material,
+    Pose,
+    Response,
+    Scene,
+    ShadowMap,
+    ggx_albedo,
+    texel_directions,
+)
 from .comparison import level_at_most
 from .recording import Recording
 
@@ -55,6 +67,56 @@ def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray
     true = np.asarray(truth.environment(recording.times[-1]).faces, np.float64)
     up = texel_directions(true.shape[1])[..., 2] > 0
     return counts, counts & (true.max(axis=-1) * np.where(up, front, back) < 0.95)
+
+
+@dataclass
+class PbrSurface:
+    """A pbr material at n points: base_color, emission (n, 3), metallic (n,), alpha (n, 2), and frame (n, 3, 3), whose
+    rows are tangent, bitangent and normal."""
+
+    base_color: NDArray
+    emission: NDArray
+    metallic: NDArray
+    alpha: NDArray
+    frame: NDArray
+
+
+def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: NDArray | None) -> PbrSurface:
+    """The material where uvs (n, 2) read its textures: bilinear, repeating, without MIP levels. tangents: (n, 4)."""
+    count = len(normals)
+
+    def at(value: object, channels: int) -> NDArray:
+        array = np.asarray(value, np.float64)
+        if array.ndim < 2:
+            return np.broadcast_to(array, (count, channels)) if channels > 1 else np.full(count, float(array))
+        h, w = array.shape[:2]
+        x, y = uvs[:, 0] * w - 0.5, (1 - uvs[:, 1]) * h - 0.5
+        i, j = np.floor(x).astype(int), np.floor(y).astype(int)
+        f, g = x - i, y - j
+        if channels > 1:
+            f, g = f[:, None], g[:, None]
+        upper = (1 - f) * array[j % h, i % w] + f * array[j % h, (i + 1) % w]
+        return (1 - g) * upper + g * ((1 - f) * array[(j + 1) % h, i % w] + f * array[(j + 1) % h, (i + 1) % w])
+
+    def frame_of(n: NDArray, t: NDArray) -> NDArray:
+        b = np.cross(n, t)
+        bad = np.linalg.norm(b, axis=1) < 1e-4
+        b[bad] = np.cross(n[bad], np.eye(3)[np.abs(n[bad]).argmin(axis=1)])
+        b /= np.linalg.norm(b, axis=1, keepdims=True)
+        return np.stack([np.cross(b, n), b, n], axis=1)
+
+    side = np.where(tangents[:, 3] < 0, -1.0, 1.0)
+    frame = frame_of(normals, tangents[:, :3])
+    if material.normal is not None:
+        bend = (at(material.normal, 3) * 2 - 1) * [material.normal_scale, material.normal_scale, 1]
+        bend[:, 1] *= side
+        bent = np.einsum("nk,nkc->nc", bend, frame)
+        frame = frame_of(bent / np.linalg.norm(bent, axis=1, keepdims=True), tangents[:, :3])
+    turn = material.anisotropy_rotation
+    frame = frame_of(frame[:, 2], np.cos(turn) * frame[:, 0] + (np.sin(turn) * side)[:, None] * frame[:, 1])
+    across = at(material.roughness, 1) ** 2
+    alpha = np.clip(np.stack([across + (1 - across) * material.anisotropy**2, across], axis=1), 0.02, 1)
+    return PbrSurface(at(material.base_color, 3), at(material.emission, 3), at(material.metallic, 1), alpha, frame)
 
 
 class TrueRenderer:
@@ -134,6 +196,49 @@ class TrueRenderer:
             out[i : i + 256] = sums[:, :3] / np.maximum(sums[:, 3:], 1e-20)
         return out
 
+    def _pbr(self, source: CubeMap | Environment, p: PbrSurface, normals: NDArray, views: NDArray, light: NDArray):
+        """Colour (n, 3) of glTF's model. light: diffuse light (n, 3) with what the object hides, at `normals`.
+
+        The Fresnel term is integrated with the lobe, over the texels of the map; what scatters more than once has the
+        lobe's average colour. Where a map bends the normals, the diffuse light changes as without occlusion.
+        """
+        sharp = p.alpha.min() < 0.15
+        d, angle, radiance = reference.samples(level_at_most(source, 64 if sharp else _DIRECTIONS))
+        d32, angle32 = d.astype(np.float32), angle.astype(np.float32)
+        flux = np.hstack([radiance, np.ones((len(d), 1))]).astype(np.float32) * angle32[:, None]
+        out = np.empty((len(normals), 3))
+        for i in range(0, len(normals), 256):
+            part = slice(i, i + 256)
+            t, b, n = (p.frame[part, k].astype(np.float32) for k in range(3))
+            v, alpha = views[part].astype(np.float32), p.alpha[part].astype(np.float32)
+            lx, ly, lz = t @ d32.T, b @ d32.T, n @ d32.T
+            vx, vy, vz = ((a * v).sum(axis=1, keepdims=True) for a in (t, b, n))
+            vz = np.maximum(vz, 1e-3)
+            size = np.sqrt(np.maximum((lx + vx) ** 2 + (ly + vy) ** 2 + (lz + vz) ** 2, 1e-12))
+            ax, ay = alpha[:, :1], alpha[:, 1:]
+            height = ((lx + vx) / size / ax) ** 2 + ((ly + vy) / size / ay) ** 2 + ((lz + vz) / size) ** 2
+            below = np.sqrt(lz**2 + (ax * lx) ** 2 + (ay * ly) ** 2) * vz
+            below += np.sqrt(vz**2 + (ax * vx) ** 2 + (ay * vy) ** 2) * np.maximum(lz, 0)
+            lobe = np.maximum(lz, 0) / (height**2 * np.maximum(below, 1e-9))
+            rest = (1 - np.clip((1 + lx * vx + ly * vy + lz * vz) / size, 0, 1)) ** 5
+            whole, grazing = lobe @ flux, (lobe * rest) @ flux
+            seen = np.hstack([vx, vy, vz])
+            a, c = ggx_albedo(seen / np.linalg.norm(seen, axis=1, keepdims=True), alpha=alpha).T.astype(np.float64)
+            front = (whole - grazing)[:, :3] / np.maximum((whole - grazing)[:, 3:], 1e-20) * a[:, None]
+            edge = grazing[:, :3] / np.maximum(grazing[:, 3:], 1e-20) * c[:, None]
+            more = 1 / np.maximum(a + c, 1e-4)[:, None] - 1
+
+            def reflected(f0: NDArray | float, front=front, edge=edge, more=more) -> NDArray:
+                return (f0 * front + edge) * (1 + f0 * more)
+
+            m, base = p.metallic[part, None], p.base_color[part]
+            through = 1 - (0.04 * a + c)[:, None] * (1 + 0.04 * more)
+            bent = reference.irradiance(level_at_most(source, 16), p.frame[part, 2])
+            plain = np.maximum(reference.irradiance(level_at_most(source, 16), normals[part]), 1e-9)
+            out[part] = p.emission[part] + (1 - m) * base * through * light[part] * (bent / plain) / np.pi
+            out[part] += (1 - m) * reflected(0.04) + m * reflected(base)
+        return out
+
     def render(
         self,
         back: NDArray[np.uint8],
@@ -165,10 +270,16 @@ class TrueRenderer:
         normal = (mesh.normals[corner] * weights).sum(axis=1)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         light = (self.vertex_irradiance(source)[corner] * weights).sum(axis=1)
-        colour = np.asarray(material.emission) + np.asarray(material.diffuse) * light / np.pi
-        if any(material.glossy):
-            view = eye - position
-            view /= np.linalg.norm(view, axis=1, keepdims=True)
+        view = eye - position
+        view /= np.linalg.norm(view, axis=1, keepdims=True)
+        if material.model == "pbr":
+            tangent = (mesh.tangents[corner] * weights).sum(axis=1)
+            uv_here = None if mesh.uvs is None else (mesh.uvs[corner] * weights).sum(axis=1)
+            surface = pbr_surface(material, normal, tangent, uv_here)
+            colour = self._pbr(source, surface, normal, view, light)
+        else:
+            colour = np.asarray(material.emission) + np.asarray(material.diffuse) * light / np.pi
+        if material.model != "pbr" and any(material.glossy):
             colour = colour + np.asarray(material.glossy) * self._glossy(source, normal, view, material.exponent)
         layer = np.zeros((h, w, 4))
         layer[covered, :3] = colour * coverage[covered][:, None]

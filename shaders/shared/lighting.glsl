@@ -85,11 +85,21 @@ FN vec3 exact_face_irradiance(const vec3 face[6], REAL3 n) {
   return sum;
 }
 
-// Irradiance from nine spherical harmonics in polynomial form. Never negative: ringing of a small
-// bright light dips below 0 on the far side.
-FN vec3 sh9_irradiance(const vec3 c[9], vec3 n) {
-  vec3 sum = c[0] + c[1] * n.y + c[2] * n.z + c[3] * n.x + c[4] * (n.x * n.y) +
-             c[5] * (n.y * n.z) + c[6] * (3.0f * n.z * n.z - 1.0f) + c[7] * (n.x * n.z) +
-             c[8] * (n.x * n.x - n.y * n.y);
-  return max(sum, 0.0f);
+// Irradiance from nine spherical harmonics in polynomial form.
+FN vec3 sh9_polynomial(const vec3 c[9], vec3 n) {
+  return c[0] + c[1] * n.y + c[2] * n.z + c[3] * n.x + c[4] * (n.x * n.y) + c[5] * (n.y * n.z) +
+         c[6] * (3.0f * n.z * n.z - 1.0f) + c[7] * (n.x * n.z) + c[8] * (n.x * n.x - n.y * n.y);
+}
+
+// Never negative: ringing of a small bright light dips below 0 on the far side.
+FN vec3 sh9_irradiance(const vec3 c[9], vec3 n) { return max(sh9_polynomial(c, n), 0.0f); }
+
+// The same with lights as lobes of two colours: `first` lobes of the first one.
+FN vec3 lobes_irradiance(const vec3 c[9], const vec3 axes[12], int first, int count,
+                         const vec3 colours[2], vec3 n) {
+  float one = 0.0f;
+  float other = 0.0f;
+  for (int k = 0; k < first; ++k) one += max(dot(n, axes[k]), 0.0f);
+  for (int k = first; k < count; ++k) other += max(dot(n, axes[k]), 0.0f);
+  return max(sh9_polynomial(c, n) + one * colours[0] + other * colours[1], 0.0f);
 }

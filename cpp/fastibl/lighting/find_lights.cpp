@@ -70,14 +70,14 @@ Scene bright_texels(const CubeLevel& level) {
 
 // Middle of the light around a direction: mean shift with the window.
 glm::vec3 settled(const std::vector<Bright>& texels, glm::vec3 direction) {
-  for (int round = 0; round < 12; ++round) {
+  for (int round = 0; round < 30; ++round) {
     glm::dvec3 sum(0);
     for (const Bright& t : texels)
       sum += glm::dvec3(t.direction) * double(t.flux * t.left * window(t.direction, direction));
     const double length = glm::length(sum);
     if (!(length > 0)) break;
     const glm::vec3 next = glm::vec3(sum / length);
-    const bool same = glm::dot(next, direction) > 1 - 1e-7f;
+    const bool same = glm::length(next - direction) < 1e-5f;
     direction = next;
     if (same) break;
   }

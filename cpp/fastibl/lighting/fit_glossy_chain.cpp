@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "fastibl/lighting/lobe_filter.h"
 
@@ -97,19 +98,30 @@ void harmonics_at(glm::dvec3 d, double (&y)[25]) {
   y[24] = 0.62583573544917613 * (x2 * (x2 - 3 * y2) - y2 * (3 * x2 - y2));
 }
 
-// The basis at every texel of a level times its solid angle; the same for every map.
+// The basis integrated over every texel of a level; the same for every map. A constant map gives
+// band 0 alone, whatever the integration leaves.
 std::vector<std::array<double, 25>> harmonic_weights(int n) {
+  constexpr int kPieces = 4;
+  const std::vector<double> pieces = texel_solid_angles(n * kPieces),
+                            angles = texel_solid_angles(n);
   std::vector<std::array<double, 25>> weights;
-  const std::vector<double> angles = texel_solid_angles(n);
+  std::array<double, 25> sums{};
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < n; ++y)
       for (int x = 0; x < n; ++x) {
-        double basis[25];
-        harmonics_at(glm::normalize(glm::dvec3(texel_direction(f, x, y, n))), basis);
         auto& w = weights.emplace_back();
-        for (std::size_t i = 0; i < 25; ++i)
-          w[i] = basis[i] * angles[std::size_t(y) * std::size_t(n) + std::size_t(x)];
+        for (int j = y * kPieces; j < (y + 1) * kPieces; ++j)
+          for (int i = x * kPieces; i < (x + 1) * kPieces; ++i) {
+            double basis[25];
+            harmonics_at(glm::normalize(glm::dvec3(texel_direction(f, i, j, n * kPieces))), basis);
+            const double angle = pieces[std::size_t(j) * std::size_t(n * kPieces) + std::size_t(i)];
+            for (std::size_t k = 0; k < 25; ++k) w[k] += basis[k] * angle;
+          }
+        for (std::size_t k = 0; k < 25; ++k) sums[k] += w[k];
       }
+  for (std::size_t t = 0; t < weights.size(); ++t)
+    for (std::size_t k = 1; k < 25; ++k)
+      weights[t][k] -= sums[k] / (4 * std::numbers::pi) * angles[t % angles.size()];
   return weights;
 }
 
@@ -155,9 +167,9 @@ CubeLevel without_lights(const CubeLevel& source, std::span<const FoundLight> li
   return left;
 }
 
-std::shared_ptr<const GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map,
-                                                    const CubeLevel& source,
-                                                    std::span<const FoundLight> lights) {
+std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map,
+                                              const CubeLevel& source,
+                                              std::span<const FoundLight> lights) {
   static const std::array<LobeFilter, 4> filters = {
       LobeFilter(64, exponent_of(1)), LobeFilter(64, exponent_of(2)),
       LobeFilter(32, exponent_of(3)), LobeFilter(16, exponent_of(4))};

@@ -15,9 +15,9 @@ CubeLevel working_level(const CubeMap& map);
 
 // source: working_level(*map). lights: of find_lights(), taken out as far as the levels are wider
 // than them.
-std::shared_ptr<const GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map,
-                                                    const CubeLevel& source,
-                                                    std::span<const FoundLight> lights);
+std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map,
+                                              const CubeLevel& source,
+                                              std::span<const FoundLight> lights);
 
 // What is left of `source` when lights are taken out whole.
 CubeLevel without_lights(const CubeLevel& source, std::span<const FoundLight> lights);

@@ -6,15 +6,23 @@
 
 namespace fastibl {
 
-// nearest-face reads plain means of the faces (a 1×1 box MIP), six-face solid-angle means, sh9 is
-// summed over the 16² level, which holds the same 2.8 % error as all texels at 1/64 of the cost.
-Irradiance fit_irradiance(const CubeMap& radiance, DiffuseMethod method,
-                          const DiffuseSettings& settings = {});
+struct DiffuseChoice {
+  DiffuseMethod method = DiffuseMethod::automatic;
+  DiffuseSettings settings;
+  int evaluations = 0;  // how many normals follow; 0: many. `automatic` goes by it
+};
+
+// nearest-face reads plain means of the faces (a 1×1 box MIP), six-face solid-angle means; the
+// others are summed over `map`, the radiance folded at kSumSize. previous: of the frame before, or
+// null.
+Irradiance fit_irradiance(const CubeMap& radiance, const FoldedMap& map,
+                          const DiffuseChoice& choice, const Irradiance* previous = nullptr);
 
 // Relative RMS over RGB of the difference from a sum over the map, mean over 216 normals.
 double measure_error(const Irradiance& irradiance, const FoldedMap& map);
 
-inline constexpr int kFitSize = 16;    // face edge of the level that nine coefficients are from
-inline constexpr int kPlaneSize = 32;  // and that what other things are divided by or judged by is
+// Face edge of the level that irradiance is summed over: within 0.014 % (median nMAE over seven
+// maps) of all texels.
+inline constexpr int kSumSize = 32;
 
 }  // namespace fastibl

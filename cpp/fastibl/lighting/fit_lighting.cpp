@@ -3,6 +3,7 @@
 #include "fastibl/core/check.h"
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
+#include "fastibl/lighting/fit_prefiltered_chain.h"
 #include "fastibl/lighting/irradiance_sums.h"
 
 namespace fastibl {
@@ -10,6 +11,7 @@ namespace {
 
 GlossySettings resolved(GlossyMethod method, GlossySettings settings) {
   if (method == GlossyMethod::centroid) settings.taps = 1;
+  if (method == GlossyMethod::prefiltered) settings.lights = 0;
   if (settings.taps == 0) settings.taps = method == GlossyMethod::sampled ? 64 : 3;
   if (settings.lights < 0) settings.lights = kMaxLights;
   return settings;
@@ -18,30 +20,51 @@ GlossySettings resolved(GlossyMethod method, GlossySettings settings) {
 }  // namespace
 
 bool reads_chain(GlossyMethod method) {
-  return method == GlossyMethod::centroid || method == GlossyMethod::stretched;
+  return method == GlossyMethod::centroid || method == GlossyMethod::stretched ||
+         method == GlossyMethod::prefiltered;
 }
 
-void fit_chain(Lighting& lighting, std::span<const Light> previous) {
+void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
+  const bool exact = lighting.glossy == GlossyMethod::prefiltered;
+  const int most = lighting.glossy_settings.lights;
+  if (previous && previous->map == lighting.radiance && previous->exact == exact &&
+      previous->most_lights == most) {
+    lighting.chain = previous;
+    return;
+  }
+  if (exact) {
+    lighting.chain = fit_prefiltered_chain(lighting.radiance);
+    return;
+  }
   const CubeLevel source = working_level(*lighting.radiance);
-  lighting.chain = fit_glossy_chain(
-      lighting.radiance, source,
-      find_lights(*lighting.radiance, source, lighting.glossy_settings.lights, previous));
+  const std::span<const Light> followed = previous ? previous->lights : std::span<const Light>();
+  const std::vector<FoundLight> lights = find_lights(*lighting.radiance, source, most, followed);
+  std::shared_ptr<GlossyChain> chain = fit_glossy_chain(lighting.radiance, source, lights);
+  chain->most_lights = most;
+  lighting.chain = std::move(chain);
 }
 
-Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options) {
+Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options,
+                      const Lighting* previous) {
   check(radiance && radiance->size() > 0, "lighting needs a map");
   Lighting lighting;
-  lighting.glossy = options.glossy == GlossyMethod::automatic ? GlossyMethod::mip : options.glossy;
+  lighting.glossy =
+      options.glossy == GlossyMethod::automatic ? GlossyMethod::stretched : options.glossy;
   lighting.glossy_settings = resolved(lighting.glossy, options.glossy_settings);
   lighting.normalization = options.normalization;
   if (options.irradiance) {
-    lighting.irradiance = fit_irradiance(*radiance, options.diffuse, options.diffuse_settings);
-    const FoldedMap map = fold(*radiance, kPlaneSize);
+    // The same map is fitted anew: it gives the same result again.
+    const bool moved = previous && previous->radiance != radiance;
+    const FoldedMap map = fold(*radiance, kSumSize);
+    lighting.irradiance = fit_irradiance(
+        *radiance, map, {options.diffuse, options.diffuse_settings, options.evaluations},
+        moved ? &previous->irradiance : nullptr);
     lighting.plane_irradiance = glm::vec3(sum_irradiance(map, {0, 0, 1}));
     if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);
   }
   lighting.radiance = std::move(radiance);
-  if (options.chain && reads_chain(lighting.glossy)) fit_chain(lighting, options.previous_lights);
+  if (options.chain && reads_chain(lighting.glossy))
+    fit_chain(lighting, previous ? previous->chain : nullptr);
   return lighting;
 }
 

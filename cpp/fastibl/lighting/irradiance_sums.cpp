@@ -7,6 +7,10 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/wide.h"
 
+#ifdef FASTIBL_WITH_AVX2
+#include <immintrin.h>
+#endif
+
 namespace fastibl {
 namespace {
 
@@ -31,9 +35,11 @@ namespace portable {
 }  // namespace portable
 #ifdef FASTIBL_WITH_AVX2
 namespace avx2 {
+#define FASTIBL_IN_AVX2
 #define FASTIBL_TARGET __attribute__((target("avx2,fma")))
 #include "fastibl/lighting/sum_kernel.inl"
 #undef FASTIBL_TARGET
+#undef FASTIBL_IN_AVX2
 }  // namespace avx2
 const auto sum_sources = has_avx2() ? avx2::sum_sources : portable::sum_sources;
 #else

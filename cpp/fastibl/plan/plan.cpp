@@ -13,8 +13,6 @@ using namespace product;
 constexpr Products kGivable = pose | texels | radiance;
 
 Pass pass_of(PassId id, const Scene& scene) {
-  const Material& m = scene.material;
-  const bool matte_lobe = m.exponent == 0;  // s = 0 reads the irradiance
   switch (id) {
     case PassId::track:
       return {id, back_picture, 0, pose};
@@ -28,9 +26,8 @@ Pass pass_of(PassId id, const Scene& scene) {
       return {id, radiance | irradiance | placement, 0, shadow};
     case PassId::shade: {
       Products reads = pose | placement | material;
-      if (m.diffuse != glm::vec3(0) || (matte_lobe && m.glossy != glm::vec3(0)))
-        reads |= irradiance;
-      if (m.glossy != glm::vec3(0) && !matte_lobe) reads |= radiance;
+      if (scene.material.reads_irradiance()) reads |= irradiance;
+      if (scene.material.reads_radiance()) reads |= radiance;
       return {id, reads, 0, object};
     }
     default:
@@ -97,8 +94,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
           line.method = described(l->irradiance.method, l->irradiance.settings);
           line.error = l->irradiance_error;
         }
-        const Material& m = scene.material;
-        const bool lit = m.diffuse != glm::vec3(0) || (m.glossy != glm::vec3(0) && m.exponent == 0);
+        const bool lit = scene.material.reads_irradiance();
         const bool shadowed = options.cast_shadow && !scene.spheres.empty();
         if (!lit && !shadowed) leave_out("k_L = 0 and no shadow: nothing reads it");
         break;
@@ -112,6 +108,10 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
       case PassId::shade: {
         const Material& m = scene.material;
+        if (m.pbr) {
+          line.method = m.reads_irradiance() ? "diffuse + ggx" : "ggx";
+          break;
+        }
         line.method = m.glossy == glm::vec3(0)    ? "diffuse"
                       : m.diffuse == glm::vec3(0) ? "glossy"
                                                   : "diffuse + glossy";

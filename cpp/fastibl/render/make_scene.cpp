@@ -1,25 +1,55 @@
 #include "fastibl/render/make_scene.h"
 
+#include <array>
+#include <map>
+
 #include "fastibl/shading/ambient_occlusion.h"
 #include "fastibl/shadow/fit_spheres.h"
 
 namespace fastibl {
+namespace {
+
+// Vertices that differ by their uv alone are one point of the surface: they share the mean, so that
+// no seam shows.
+void share_at_seams(const Mesh& mesh, const std::vector<glm::vec3>& normals,
+                    std::vector<float>& values) {
+  std::map<std::array<float, 6>, std::vector<std::size_t>> points;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const glm::vec3 &p = mesh.vertices[i], &n = normals[i];
+    points[{p.x, p.y, p.z, n.x, n.y, n.z}].push_back(i);
+  }
+  for (const auto& [point, vertices] : points) {
+    float sum = 0;
+    for (const std::size_t i : vertices) sum += values[i];
+    for (const std::size_t i : vertices) values[i] = sum / float(vertices.size());
+  }
+}
+
+}  // namespace
+
+void check_fits(const Material& material, const Mesh& mesh) {
+  material.validate();
+  check(!material.textured() || !mesh.uvs.empty(),
+        "a material with textures needs a mesh with uvs, got one without");
+}
 
 Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_object,
                  const SceneOptions& options) {
   mesh.validate();
-  material.validate();
+  check_fits(material, mesh);
   check(options.sphere_count >= 0, "the number of spheres must be at least 0, got ",
         options.sphere_count);
   check(options.visibility_rays >= 0, "the number of rays must be at least 0, got ",
         options.visibility_rays);
   Scene scene;
   scene.normals = vertex_normals(mesh);
+  scene.tangents = vertex_tangents(mesh, scene.normals);
   scene.visibility.assign(mesh.vertices.size(), 1.0f);
   if (options.visibility_rays > 0) {
     AmbientOcclusionOptions occlusion;
     occlusion.rays = options.visibility_rays;
     scene.visibility = ambient_occlusion(mesh, occlusion);
+    if (!mesh.uvs.empty()) share_at_seams(mesh, scene.normals, scene.visibility);
   }
   if (options.sphere_count > 0) {
     FitSpheresOptions spheres;

@@ -10,7 +10,10 @@ struct SceneOptions {
   int visibility_rays = 64;  // for P_V; 0: nothing hides anything
 };
 
-// mesh: in its own frame, metres. Throws what validate() of mesh and material throw.
+// Throws what validate() throws, or for textures on a mesh without uvs.
+void check_fits(const Material& material, const Mesh& mesh);
+
+// mesh: in its own frame, metres. Throws what validate() of the mesh and check_fits throw.
 Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_object = {},
                  const SceneOptions& options = {});
 

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "fastibl/core/clock.h"
+#include "fastibl/render/make_scene.h"
 
 namespace fastibl {
 namespace {
@@ -66,7 +67,7 @@ void Session::update_plan() {
 }
 
 void Session::set_material(const Material& material) {
-  material.validate();
+  check_fits(material, scene_.mesh);
   scene_.material = material;
   replan();
 }
@@ -85,6 +86,7 @@ void Session::set_cast_shadow(bool cast) {
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
   fixed_environment_ = environment != nullptr;
   environment_ = std::move(environment);
+  lighting_.reset();  // the light did not move there, it is another one
   replan();
 }
 void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
@@ -154,6 +156,7 @@ LightingOptions Session::lighting_options() const {
   options.glossy = options_.methods.glossy;
   options.glossy_settings = options_.methods.glossy_settings;
   options.normalization = options_.methods.normalization;
+  options.chain = scene_.material.reads_radiance();
   return options;
 }
 
@@ -174,17 +177,24 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       environment_ = capture_->environment();
       return true;
     case PassId::irradiance:
-      lighting_ = std::make_shared<const Lighting>(fit_lighting(radiance(), lighting_options()));
+      lighting_ = std::make_shared<const Lighting>(
+          fit_lighting(radiance(), lighting_options(), lighting_.get()));
       return true;
     default:
       break;
+  }
+  if (lighting_ && lighting_->radiance == radiance() && radiance() && !lighting_->chain &&
+      reads_chain(lighting_->glossy) && scene_.material.reads_radiance()) {
+    Lighting glossy = *lighting_;  // the material was matte when the light was fitted
+    fit_chain(glossy);
+    lighting_ = std::make_shared<const Lighting>(std::move(glossy));
   }
   if (!lighting_ || lighting_->radiance != radiance()) {
     Lighting chain;  // no pass reads the irradiance, but the glossy look-up needs its chain
     if (radiance()) {
       LightingOptions options = lighting_options();
       options.irradiance = false;
-      chain = fit_lighting(radiance(), options);
+      chain = fit_lighting(radiance(), options, lighting_.get());
     }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }

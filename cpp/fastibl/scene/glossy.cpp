@@ -16,6 +16,8 @@ constexpr int kRows = 17;          // exponents 2, 4 … 2^17
 constexpr int kHarmonicsRows = 4;  // 1, 2, 4, 8
 // Up to the first exponent spherical harmonics alone, from the second on look-ups alone.
 constexpr float kHarmonicsOnly = 4, kTapsOnly = 8;
+// Above, and for the mirror, a lobe is narrower than any texel, and lights are in the map.
+constexpr float kLargest = 1e8f;
 
 // A row between two of a table of `rows` × 17 × `width` numbers.
 struct Row {
@@ -71,21 +73,25 @@ void sum_lights(const LightArrays& lights, float s, const Shares& shares, const 
 }  // namespace
 
 GlossyLobe::GlossyLobe(const GlossyChain& chain, int tap_count, float s)
-    : exponent(s), taps(tap_count) {
-  const float log_s = std::log2(s);  // ∞ for the mirror
+    : exponent(std::min(s, kLargest)), taps(tap_count) {
+  const float log_s = std::log2(exponent);
   harmonics = s <= kHarmonicsOnly ? 1 : s < kTapsOnly ? 3 - log_s : 0.0f;
-  const float width = 2 / std::sqrt(s);
+  const float width = 2 / std::sqrt(s);  // 0 for the mirror
+  // Lobes that the map's texels cannot show are mirrors: look-ups move to the mirror direction.
+  const float shown = std::clamp(2 * width / chain.own_width() - 1, 0.0f, 1.0f);
   const Row tap_row(tap_table(taps), kRows, 3 * taps, log_s - 1);
   const Row harmonics_row(kHarmonics, kHarmonicsRows, 5, log_s);
   const Row integral_row(kLogIntegrals, kRows + 1, 1, log_s);
   for (int c = 0; c < kColumns; ++c) {
     Column& column = columns[std::size_t(c)];
+    float last = 1;  // weights sum to 1, beyond the digits of the table
     for (int k = 0; k < taps && harmonics < 1; ++k) {
       const int i = (c * taps + k) * 3;
-      const float angle = tap_row(i) * width;
+      const float angle = shown * tap_row(i) * width;
+      const float weight = k + 1 < taps ? tap_row(i + 2) : last;
+      last -= weight;
       column.taps[std::size_t(k)] = {std::cos(angle), std::sin(angle),
-                                     chain.level_of(width * std::exp2(tap_row(i + 1))),
-                                     tap_row(i + 2)};
+                                     chain.level_of(width * std::exp2(tap_row(i + 1))), weight};
     }
     if (harmonics > 0) {
       const float angle = harmonics_row(5 * c);
@@ -184,7 +190,7 @@ glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine) const
 glm::vec3 GlossyShading::operator()(glm::vec3 n, glm::vec3 v) const {
   const float cosine = glm::dot(n, v);
   const glm::vec3 value = reflected(n, v, cosine);
-  if (lighting_->normalization == Normalization::energy) return value;
+  if (lighting_->normalization == Normalization::energy || exponent_ == 0) return value;
   return (albedo_scale(lighting_->normalization, exponent_) *
           directional_albedo(cosine, exponent_)) *
          value;

@@ -5,12 +5,14 @@
 
 namespace fastibl {
 
+float GlossyChain::own_width() const {
+  return std::min(0.25f * kPi / float(map->size()), 0.5f * kFinestWidth);
+}
+
 float GlossyChain::level_of(float width) const {
   if (width >= kFinestWidth)
     return std::min(1 + std::log2(width / kFinestWidth), float(kLevelCount - 1));
-  // A texel read bilinearly has half its width as standard deviation.
-  const float texel = 0.25f * kPi / float(map->size());
-  const float own = std::min(texel, 0.5f * kFinestWidth);
+  const float own = own_width();
   return width > own ? std::log2(width / own) / std::log2(kFinestWidth / own) : 0.0f;
 }
 

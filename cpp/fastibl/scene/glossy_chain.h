@@ -35,11 +35,15 @@ struct GlossyChain {
   std::array<glm::vec3, 25> harmonics{};
   // Lights that were taken out of levels, wholly or in part: they are to be shaded by themselves.
   std::vector<Light> lights;
+  int most_lights = 0;  // that were asked for
+  bool exact = false;   // convolved with the lobes themselves, by `prefiltered`
   // Where each light's own width lies among the levels.
   std::vector<float> light_levels;
 
   const CubeLevel& level(int k) const { return k == 0 ? map->level(0) : lobes[std::size_t(k)]; }
 
+  // Standard deviation of level 0 along each axis: a texel read bilinearly has half its width.
+  float own_width() const;
   // Level whose lobe has this standard deviation along each axis, radians; clamped to the chain.
   float level_of(float width) const;
   // Radiance under a lobe; the direction has any length but 0. Seamless, level clamped.

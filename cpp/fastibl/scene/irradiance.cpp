@@ -12,6 +12,9 @@ glm::vec3 evaluate(const Irradiance& e, glm::vec3 n) {
       return shared::six_face_irradiance(e.faces.data(), n);
     case DiffuseMethod::six_face_exact:
       return shared::exact_face_irradiance(e.faces.data(), glm::dvec3(n));
+    case DiffuseMethod::sh9_lobes:
+      return shared::lobes_irradiance(e.polynomial.data(), e.lobes.axes.data(), e.lobes.counts[0],
+                                      e.lobes.count(), e.lobes.colours.data(), n);
     case DiffuseMethod::irradiance_cube:
       return e.cube->sample(n);
     default:

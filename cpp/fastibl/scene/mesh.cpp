@@ -6,15 +6,49 @@
 #include "fastibl/core/check.h"
 
 namespace fastibl {
+namespace {
+
+bool finite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+void normalize_all(std::vector<glm::vec3>& normals) {
+  for (glm::vec3& n : normals) {
+    const float length = glm::length(n);
+    n = length > 0 ? n / length : glm::vec3(0, 0, 1);
+  }
+}
+
+// Adds what f gives of each triangle to its three vertices, times the angle there.
+template <typename T, typename F>
+void add_by_angle(const Mesh& mesh, std::vector<T>& sums, F&& f) {
+  for (const glm::ivec3& t : mesh.triangles) {
+    const glm::vec3 p[3] = {mesh.vertices[std::size_t(t[0])], mesh.vertices[std::size_t(t[1])],
+                            mesh.vertices[std::size_t(t[2])]};
+    const glm::vec3 area = glm::cross(p[1] - p[0], p[2] - p[0]);
+    const float length = glm::length(area);
+    if (!(length > 0)) continue;
+    const T value = f(t, p, area / length);
+    for (int k = 0; k < 3; ++k) {
+      const glm::vec3 a = p[(k + 1) % 3] - p[k], b = p[(k + 2) % 3] - p[k];
+      sums[std::size_t(t[k])] += std::atan2(length, glm::dot(a, b)) * value;
+    }
+  }
+}
+
+}  // namespace
 
 void Mesh::validate() const {
   check(!vertices.empty(), "a mesh needs at least one vertex");
   check(!triangles.empty(), "a mesh needs at least one triangle");
   check(uvs.empty() || uvs.size() == vertices.size(), "a mesh of ", vertices.size(),
         " vertices needs as many uvs or none, got ", uvs.size());
+  check(normals.empty() || normals.size() == vertices.size(), "a mesh of ", vertices.size(),
+        " vertices needs as many normals or none, got ", normals.size());
   for (std::size_t i = 0; i < vertices.size(); ++i)
-    for (int c = 0; c < 3; ++c)
-      check(std::isfinite(vertices[i][c]), "vertex ", i, " is not finite");
+    check(finite(vertices[i]), "vertex ", i, " is not finite");
+  for (std::size_t i = 0; i < uvs.size(); ++i)
+    check(std::isfinite(uvs[i].x) && std::isfinite(uvs[i].y), "uv ", i, " is not finite");
+  for (std::size_t i = 0; i < normals.size(); ++i)
+    check(finite(normals[i]), "normal ", i, " is not finite");
   for (std::size_t i = 0; i < triangles.size(); ++i)
     for (int c = 0; c < 3; ++c)
       check(triangles[i][c] >= 0 && std::size_t(triangles[i][c]) < vertices.size(), "triangle ", i,
@@ -22,24 +56,36 @@ void Mesh::validate() const {
 }
 
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {
-  std::vector<glm::vec3> normals(mesh.vertices.size(), glm::vec3(0));
-  for (const glm::ivec3& t : mesh.triangles) {
-    const glm::vec3 p[3] = {mesh.vertices[std::size_t(t[0])], mesh.vertices[std::size_t(t[1])],
-                            mesh.vertices[std::size_t(t[2])]};
-    const glm::vec3 area = glm::cross(p[1] - p[0], p[2] - p[0]);
-    const float length = glm::length(area);
-    if (!(length > 0)) continue;
-    for (int k = 0; k < 3; ++k) {
-      const glm::vec3 a = p[(k + 1) % 3] - p[k], b = p[(k + 2) % 3] - p[k];
-      const float angle = std::atan2(length, glm::dot(a, b));
-      normals[std::size_t(t[k])] += angle / length * area;
-    }
+  std::vector<glm::vec3> normals = mesh.normals;
+  if (normals.empty()) {
+    normals.assign(mesh.vertices.size(), glm::vec3(0));
+    add_by_angle(mesh, normals, [](const glm::ivec3&, const glm::vec3*, glm::vec3 n) { return n; });
   }
-  for (glm::vec3& n : normals) {
-    const float length = glm::length(n);
-    n = length > 0 ? n / length : glm::vec3(0, 0, 1);
-  }
+  normalize_all(normals);
   return normals;
+}
+
+std::vector<glm::vec4> vertex_tangents(const Mesh& mesh, std::span<const glm::vec3> normals) {
+  std::vector<glm::vec4> sums(mesh.vertices.size(), glm::vec4(0));
+  if (!mesh.uvs.empty())
+    add_by_angle(mesh, sums, [&](const glm::ivec3& t, const glm::vec3* p, glm::vec3) {
+      const glm::vec2 a = mesh.uvs[std::size_t(t[1])] - mesh.uvs[std::size_t(t[0])],
+                      b = mesh.uvs[std::size_t(t[2])] - mesh.uvs[std::size_t(t[0])];
+      const float area = a.x * b.y - a.y * b.x;
+      const glm::vec3 along =
+          (b.y * (p[1] - p[0]) - a.y * (p[2] - p[0])) * (area < 0 ? -1.0f : 1.0f);
+      const float length = glm::length(along);
+      if (!(area != 0 && length > 0)) return glm::vec4(0);
+      return glm::vec4(along / length, area < 0 ? -1 : 1);
+    });
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    const glm::vec3 n = normals[i], sum(sums[i]);
+    glm::vec3 t = sum - glm::dot(sum, n) * n;
+    if (!(glm::dot(t, t) > 1e-8f)) t = glm::cross(glm::vec3(0, 0, 1), n);  // around the z axis
+    if (!(glm::dot(t, t) > 1e-8f)) t = glm::cross(n, glm::vec3(0, 1, 0));
+    sums[i] = glm::vec4(glm::normalize(t), sums[i].w < 0 ? -1 : 1);
+  }
+  return sums;
 }
 
 Bounds bounds(std::span<const glm::vec3> points) {
@@ -47,18 +93,6 @@ Bounds bounds(std::span<const glm::vec3> points) {
   for (const glm::vec3& p : points)
     box.lower = glm::min(box.lower, p), box.upper = glm::max(box.upper, p);
   return box;
-}
-
-void Material::validate() const {
-  const auto colour = [](const char* name, const glm::vec3& value) {
-    for (int c = 0; c < 3; ++c)
-      check(value[c] >= 0 && std::isfinite(value[c]), "a material's ", name,
-            " must be finite and at least 0, got ", value[0], ", ", value[1], ", ", value[2]);
-  };
-  colour("diffuse", diffuse);
-  colour("glossy", glossy);
-  colour("emission", emission);
-  check(exponent >= 0, "a material's exponent must be at least 0, got ", exponent);
 }
 
 }  // namespace fastibl

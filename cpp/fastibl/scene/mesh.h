@@ -1,4 +1,4 @@
-// Triangle meshes, their material, and what an object on the marker needs.
+// Triangle meshes, and what an object on the marker needs of them.
 #pragma once
 
 #include <span>
@@ -11,17 +11,24 @@ namespace fastibl {
 struct Mesh {
   std::vector<glm::vec3> vertices;    // metres
   std::vector<glm::ivec3> triangles;  // indices; counter-clockwise seen from outside
-  std::vector<glm::vec2> uvs;         // one a vertex, or none
+  std::vector<glm::vec2> uvs;         // one a vertex, or none; v upwards in a texture
+  std::vector<glm::vec3> normals;     // one a vertex, or none: worked out from the triangles
 
-  // Throws std::invalid_argument for no vertices or triangles, an index out of range, a vertex that
-  // is not finite, or another number of uvs.
+  // Throws std::invalid_argument for no vertices or triangles, an index out of range, a value that
+  // is not finite, or another number of uvs or normals.
   void validate() const;
   bool operator==(const Mesh&) const = default;
 };
 
-// Unit normals of the vertices, weighted by the angle of each triangle there; +z where none is
-// defined.
+// Unit normals of the vertices: those given, else weighted by the angle of each triangle there; +z
+// where none is defined.
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh);
+
+// Where u grows (x y z: unit, perpendicular to the normal), and the side of n × t on which v grows
+// (w: ±1), weighted by the angle of each triangle at the vertex, as MikkTSpace does; vertices that
+// mirrored halves of a texture share are not split. Without uvs, or where they define none, around
+// the z axis.
+std::vector<glm::vec4> vertex_tangents(const Mesh& mesh, std::span<const glm::vec3> normals);
 
 // Axis-aligned box of the vertices.
 struct Bounds {
@@ -32,17 +39,5 @@ struct Bounds {
   }  // of the sphere around the box
 };
 Bounds bounds(std::span<const glm::vec3> points);
-
-// Reflectance of Eq. 3. Colours are linear; the object's colour is
-// emission + diffuse · P_V · E/π + glossy · (normalised lobe average of the radiance).
-struct Material {
-  glm::vec3 diffuse{0.8f};   // k_L
-  glm::vec3 glossy{0.0f};    // k_G
-  float exponent = 64;       // s, half-vector (Blinn-Phong) exponent ≥ 0, may be infinite
-  glm::vec3 emission{0.0f};  // radiance
-
-  void validate() const;  // throws for negative or NaN values, or an infinite colour
-  bool operator==(const Material&) const = default;
-};
 
 }  // namespace fastibl

@@ -14,6 +14,8 @@ std::string_view name(DiffuseMethod method) {
       return "six-face-exact";
     case DiffuseMethod::sh9:
       return "sh9";
+    case DiffuseMethod::sh9_lobes:
+      return "sh9-lobes";
     default:
       return "irradiance-cube";
   }
@@ -28,6 +30,8 @@ std::string_view name(GlossyMethod method) {
       return "stretched";
     case GlossyMethod::sampled:
       return "sampled";
+    case GlossyMethod::prefiltered:
+      return "prefiltered";
     default:
       return "mip";
   }
@@ -67,9 +71,11 @@ CaptureMethod capture_method(std::string_view text) {
 }
 
 std::vector<Setting<DiffuseSettings>> settings_of(DiffuseMethod method) {
+  if (method == DiffuseMethod::sh9_lobes)
+    return {{"lobes", &DiffuseSettings::lobes, 0, 12, {1, 2, 3, 4, 6, 8, 12}}};
   if (method == DiffuseMethod::irradiance_cube)
     return {{"size", &DiffuseSettings::size, 1, 256, {8, 32}},
-            {"source", &DiffuseSettings::source, 1, 256, {32}}};
+            {"source", &DiffuseSettings::source, 1, 256, {16}}};
   return {};
 }
 std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
@@ -79,6 +85,7 @@ std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
     return {{"taps", &GlossySettings::taps, 2, 4, {2, 4}}, lights};
   if (method == GlossyMethod::sampled)
     return {{"taps", &GlossySettings::taps, 1, 1 << 16, {4, 16, 256}}};
+  if (method == GlossyMethod::prefiltered) return {{"taps", &GlossySettings::taps, 1, 4, {1}}};
   return {};
 }
 

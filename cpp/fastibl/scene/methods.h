@@ -17,14 +17,16 @@ enum class DiffuseMethod {
   six_face,         // Croubois et al. 2014, Eq. 8 and 9
   six_face_exact,   // Eq. 8 with W_F of Eq. 7 in closed form
   sh9,              // Ramamoorthi and Hanrahan 2001: spherical harmonics up to order 2
+  sh9_lobes,        // and the brightest lights as lobes of their own
   irradiance_cube,  // the cosine summed over a small level, for the texels of a cube map
 };
 enum class GlossyMethod {
   automatic,
-  mip,        // Eq. 2: one look-up in the MIP chain at the mirror direction
-  centroid,   // one look-up in a chain of round lobes, where and as wide as the lobe is best met
-  stretched,  // two to four of them along the plane of incidence
-  sampled,    // filtered importance sampling, any number of taps
+  mip,          // Eq. 2: one look-up in the MIP chain at the mirror direction
+  centroid,     // one look-up in a chain of round lobes, where and as wide as the lobe is best met
+  stretched,    // two to four of them along the plane of incidence
+  sampled,      // filtered importance sampling, any number of taps
+  prefiltered,  // look-ups along the plane of incidence in exactly convolved maps, lights included
 };
 enum class Normalization {
   energy,  // the lobe's average: a white surface in a constant map is white
@@ -46,11 +48,12 @@ enum class CaptureMethod {
 };
 
 // All methods of a step in order of the enum, without `automatic`.
-inline constexpr std::array kDiffuseMethods = {DiffuseMethod::nearest_face, DiffuseMethod::six_face,
-                                               DiffuseMethod::six_face_exact, DiffuseMethod::sh9,
-                                               DiffuseMethod::irradiance_cube};
+inline constexpr std::array kDiffuseMethods = {
+    DiffuseMethod::nearest_face, DiffuseMethod::six_face,  DiffuseMethod::six_face_exact,
+    DiffuseMethod::sh9,          DiffuseMethod::sh9_lobes, DiffuseMethod::irradiance_cube};
 inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::centroid,
-                                              GlossyMethod::stretched, GlossyMethod::sampled};
+                                              GlossyMethod::stretched, GlossyMethod::sampled,
+                                              GlossyMethod::prefiltered};
 inline constexpr std::array kNormalizations = {Normalization::energy, Normalization::paper,
                                                Normalization::exact};
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product};
@@ -74,8 +77,9 @@ CaptureMethod capture_method(std::string_view name);
 
 // Each method reads those that settings_of() lists for it; the others are ignored.
 struct DiffuseSettings {
+  int lobes = -1;   // beside nine coefficients, up to 12; −1: as many as the map needs, up to 8
   int size = 16;    // texels along a face of the irradiance cube
-  int source = 16;  // texels along a face of the level that is summed for it, at most
+  int source = 32;  // texels along a face of the level that is summed for it, at most
   bool operator==(const DiffuseSettings&) const = default;
 };
 struct GlossySettings {

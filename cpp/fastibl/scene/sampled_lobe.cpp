@@ -78,11 +78,14 @@ glm::vec3 incidence(glm::vec3 n, glm::vec3 v) {
 
 }  // namespace
 
+float sampled_texel_share(float s, int face_size) {
+  const float texels = 2 / std::sqrt(s + 1) * float(face_size) / (kPi / 2);  // the lobe's deviation
+  return std::clamp(2 * texels - 1, 0.0f, 1.0f);
+}
+
 glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 n, glm::vec3 v, float s, int taps) {
   const glm::vec3 mirror = 2 * glm::dot(n, v) * n - v;
-  // Lobes narrower than texels blend between them, as a mirror does: 2/√(s + 1) is their width.
-  const float texels = 2 / std::sqrt(s + 1) * float(map.size()) / (kPi / 2);
-  const float nearest = std::clamp(2 * texels - 1, 0.0f, 1.0f);
+  const float nearest = sampled_texel_share(s, map.size());
   if (std::isinf(s)) return map.sample(mirror, 0);
   thread_local Lattice lattice;
   lattice.set(s, taps);

@@ -15,4 +15,8 @@ inline constexpr int kMaxSampledTaps = 1 << 16;
 // nothing; where all are, the mirror direction is read. normal, view: unit vectors; s may be ∞.
 glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 normal, glm::vec3 view, float s, int taps);
 
+// How far taps much finer than a texel read that texel alone: 0 for lobes narrower than texels,
+// which blend between them as a mirror does.
+float sampled_texel_share(float s, int face_size);
+
 }  // namespace fastibl

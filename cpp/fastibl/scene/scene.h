@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "fastibl/core/pose.h"
+#include "fastibl/scene/material.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/shadow_map.h"
 
@@ -13,9 +14,10 @@ struct Scene {
   Mesh mesh;  // marker frame, moved by marker_from_object
   Material material;
   Pose marker_from_object;
-  std::vector<glm::vec3> normals;  // one a vertex, unit
-  std::vector<float> visibility;   // P_V of Eq. 8, one a vertex in [0, 1]
-  SphereSet spheres;               // proxies of the mesh, in its frame
+  std::vector<glm::vec3> normals;   // one a vertex, unit
+  std::vector<glm::vec4> tangents;  // one a vertex, see vertex_tangents
+  std::vector<float> visibility;    // P_V of Eq. 8, one a vertex in [0, 1]
+  SphereSet spheres;                // proxies of the mesh, in its frame
 
   // The spheres where the object stands.
   SphereSet placed_spheres() const {

@@ -11,9 +11,11 @@
 #define REAL3 dvec3
 namespace fastibl::shared {
 using namespace glm;
+#include "shaders/shared/ggx.glsl"
 #include "shaders/shared/glossy.glsl"
 #include "shaders/shared/lens.glsl"
 #include "shaders/shared/lighting.glsl"
+#include "shaders/shared/material.glsl"
 #include "shaders/shared/plane.glsl"
 #include "shaders/shared/sphere_cap.glsl"
 }  // namespace fastibl::shared

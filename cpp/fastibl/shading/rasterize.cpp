@@ -31,6 +31,16 @@ std::int64_t edge(const Corner& a, const Corner& b, std::int64_t px, std::int64_
 // A sample exactly on an edge belongs to one of the two triangles: the top-left rule.
 bool owns_edge(const Corner& a, const Corner& b) { return a.y == b.y ? b.x > a.x : b.y < a.y; }
 
+// Shares of a triangle's three corners at a point of the picture, perspective-correct.
+glm::vec3 corner_weights(const Corner& a, const Corner& b, const Corner& c, std::int64_t px,
+                         std::int64_t py) {
+  const float area = float(edge(a, b, c.x, c.y));
+  glm::vec3 w(float(edge(b, c, px, py)) / area, float(edge(c, a, px, py)) / area, 0);
+  w.z = 1 - w.x - w.y;
+  w *= glm::vec3(a.inverse_depth, b.inverse_depth, c.inverse_depth);
+  return w / (w.x + w.y + w.z);
+}
+
 struct Cell {
   std::array<float, kSamples> inverse_depth{};  // 0: nothing
   std::array<int, kSamples> triangle{-1, -1, -1, -1};
@@ -145,29 +155,40 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
             const glm::ivec3& index = mesh.triangles[std::size_t(t)];
             const std::size_t i[3] = {std::size_t(index[0]), std::size_t(index[1]),
                                       std::size_t(index[2])};
-            const float area =
-                float(edge(corners[i[0]], corners[i[1]], corners[i[2]].x, corners[i[2]].y));
-            glm::vec3 w(float(edge(corners[i[1]], corners[i[2]], px, py)) / area,
-                        float(edge(corners[i[2]], corners[i[0]], px, py)) / area, 0);
-            w.z = 1 - w.x - w.y;
-            w *= glm::vec3(corners[i[0]].inverse_depth, corners[i[1]].inverse_depth,
-                           corners[i[2]].inverse_depth);
-            w /= w.x + w.y + w.z;
+            const Corner &a = corners[i[0]], &b = corners[i[1]], &c = corners[i[2]];
+            const glm::vec3 w = corner_weights(a, b, c, px, py);
             const glm::vec3 position =
                 w.x * mesh.vertices[i[0]] + w.y * mesh.vertices[i[1]] + w.z * mesh.vertices[i[2]];
             glm::vec3 normal =
                 w.x * scene.normals[i[0]] + w.y * scene.normals[i[1]] + w.z * scene.normals[i[2]];
             // In the picture, y down, a triangle seen from outside runs clockwise: its area is
             // negative.
-            if (area > 0) normal = -normal;
+            if (edge(a, b, c.x, c.y) > 0) normal = -normal;
             normal = glm::mat3(marker_from_object) * normal;
             const float length = glm::length(normal);
             const float visibility = w.x * scene.visibility[i[0]] + w.y * scene.visibility[i[1]] +
                                      w.z * scene.visibility[i[2]];
-            found[std::size_t(band)].push_back(
-                {x, y, float(count) / kSamples,
-                 glm::vec3(scene.marker_from_object * glm::dvec3(position)),
-                 length > 0 ? normal / length : glm::vec3(0, 0, 1), visibility});
+            Fragment fragment{x,
+                              y,
+                              float(count) / kSamples,
+                              glm::vec3(scene.marker_from_object * glm::dvec3(position)),
+                              length > 0 ? normal / length : glm::vec3(0, 0, 1),
+                              visibility};
+            if (!scene.tangents.empty() && scene.material.pbr) {
+              const auto tangent = w.x * scene.tangents[i[0]] + w.y * scene.tangents[i[1]] +
+                                   w.z * scene.tangents[i[2]];
+              fragment.tangent = glm::vec4(glm::mat3(marker_from_object) * glm::vec3(tangent),
+                                           tangent.w < 0 ? -1 : 1);
+            }
+            if (!mesh.uvs.empty() && scene.material.textured()) {
+              const auto uv_at = [&](glm::vec3 at) {
+                return at.x * mesh.uvs[i[0]] + at.y * mesh.uvs[i[1]] + at.z * mesh.uvs[i[2]];
+              };
+              fragment.uv = uv_at(w);
+              fragment.uv_dx = uv_at(corner_weights(a, b, c, px + kSubpixel, py)) - fragment.uv;
+              fragment.uv_dy = uv_at(corner_weights(a, b, c, px, py + kSubpixel)) - fragment.uv;
+            }
+            found[std::size_t(band)].push_back(fragment);
           }
         }
     }

@@ -16,6 +16,9 @@ struct Fragment {
   glm::vec3 position;  // marker frame, metres
   glm::vec3 normal;    // marker frame, unit, facing the camera's side of the triangle
   float visibility;    // P_V
+  // Of a textured or anisotropic material only:
+  glm::vec4 tangent{0};                 // marker frame; w: the side of n × t on which v grows
+  glm::vec2 uv{0}, uv_dx{0}, uv_dy{0};  // and its steps to the pixels to the right and below
 };
 
 // Fragments in order of rows, then columns. Vertices go through the full lens model; edges between

@@ -7,6 +7,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/glossy.h"
+#include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
 namespace {
@@ -116,6 +117,57 @@ glm::vec4 object_at(const ObjectLayer& object, int x, int y) {
   return {p[0], p[1], p[2], p[3]};
 }
 
+// What a pbr material is at one point.
+struct SurfacePoint {
+  glm::vec3 base_color, emission;
+  float metallic, roughness;
+  SurfaceFrame frame;  // of the mapped normal; the tangent is the rougher direction
+};
+
+glm::vec3 read_map(const std::shared_ptr<const SurfaceTexture>& map, const Fragment& f) {
+  return map ? map->sample(f.uv, map->level_of(f.uv_dx, f.uv_dy)) : glm::vec3(1);
+}
+
+SurfacePoint point_of(const Fragment& f, const PbrMaterial& m) {
+  SurfacePoint p;
+  p.base_color = m.base_color * read_map(m.base_color_map, f);
+  p.emission = m.emission * read_map(m.emission_map, f);
+  p.metallic = m.metallic * read_map(m.metallic_map, f).x;
+  p.roughness = m.roughness * read_map(m.roughness_map, f).x;
+  const glm::vec3 tangent(f.tangent);
+  p.frame = frame_around(f.normal, tangent);
+  if (m.normal_map) {
+    glm::vec3 n = read_map(m.normal_map, f);
+    n.x *= m.normal_scale, n.y *= m.normal_scale * f.tangent.w;
+    const glm::vec3 bent = n.x * p.frame.tangent + n.y * p.frame.bitangent + n.z * p.frame.normal;
+    if (glm::dot(bent, bent) > 1e-12f) p.frame = frame_around(glm::normalize(bent), tangent);
+  }
+  if (m.anisotropy > 0 && m.anisotropy_rotation != 0) {
+    const float c = std::cos(m.anisotropy_rotation),
+                s = std::sin(m.anisotropy_rotation) * f.tangent.w;
+    p.frame = frame_around(p.frame.normal, c * p.frame.tangent + s * p.frame.bitangent);
+  }
+  return p;
+}
+
+glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting& lighting,
+                    glm::vec3 eye) {
+  const PbrMaterial& m = *material.pbr;
+  const SurfacePoint p = point_of(f, m);
+  const glm::vec3 view = glm::normalize(eye - f.position);
+  const glm::vec3 local(glm::dot(view, p.frame.tangent), glm::dot(view, p.frame.bitangent),
+                        glm::dot(view, p.frame.normal));
+  const glm::vec2 albedo = material.albedo->sample(local, p.roughness);
+  const glm::vec3 reflectance = shared::pbr_reflectance(p.base_color, p.metallic, albedo);
+  const glm::vec3 diffuse = shared::pbr_diffuse(p.base_color, p.metallic, albedo);
+  glm::vec3 colour = p.emission;
+  if (diffuse != glm::vec3(0))
+    colour += diffuse * (f.visibility / kPi) * evaluate(lighting.irradiance, p.frame.normal);
+  return colour + reflectance * evaluate_ggx(lighting, p.frame, view,
+                                             ggx_alpha(p.roughness, m.anisotropy),
+                                             GgxOptions::for_shading(m.anisotropy));
+}
+
 float exposure_at(const Camera& camera, double exposure, int x, int y) {
   const double base = exposure * camera.gain;
   return float(camera.vignetting.empty() ? base : base * camera.vignette({x + 0.5, y + 0.5}));
@@ -123,6 +175,7 @@ float exposure_at(const Camera& camera, double exposure, int x, int y) {
 
 glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lighting,
                 const GlossyShading& glossy, glm::vec3 eye) {
+  if (material.pbr) return shade_pbr(f, material, lighting, eye);
   glm::vec3 colour = material.emission;
   if (material.diffuse != glm::vec3(0))
     colour += material.diffuse * (f.visibility / kPi) * evaluate(lighting.irradiance, f.normal);

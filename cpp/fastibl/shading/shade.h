@@ -14,7 +14,8 @@
 
 namespace fastibl {
 
-// L = emission + k_L · P_V · E/π + k_G · glossy, towards `eye` (marker frame).
+// L = emission + k_L · P_V · E/π + k_G · glossy, towards `eye` (marker frame); of a pbr material
+// emission + diffuse · P_V · E/π + reflectance · (average over the GGX lobe).
 glm::vec3 shade(const Fragment& fragment, const Material& material, const Lighting& lighting,
                 glm::vec3 eye);
 ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,

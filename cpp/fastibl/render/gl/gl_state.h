@@ -8,7 +8,7 @@
 
 namespace fastibl {
 
-inline constexpr int kTextureUnits = 7;  // that passes bind to
+inline constexpr int kTextureUnits = 10;  // that passes bind to
 
 class SavedState {
  public:

@@ -12,9 +12,15 @@ namespace {
 
 // Which texture unit a sampler reads; no program has two of the same unit.
 constexpr std::pair<const char*, int> kUnits[] = {
-    {"radiance", 0},     {"visible", 1},   {"triangles", 2}, {"vertices", 3}, {"normals", 4},
-    {"albedo_table", 5}, {"spheres", 1},   {"response", 0},  {"guess", 1},    {"back", 2},
-    {"object", 3},       {"ratio_map", 4}, {"rays", 5},      {"baked", 6}};
+    {"radiance", 0},      {"visible", 1},        {"triangles", 2},
+    {"vertices", 3},      {"normals", 4},        {"albedo_table", 5},
+    {"spheres", 1},       {"response", 0},       {"guess", 1},
+    {"back", 2},          {"object", 3},         {"ratio_map", 4},
+    {"rays", 5},          {"baked", 6},          {"chain", 7},
+    {"first_lobe", 8},    {"lobe_table", 9},     {"normal_map", 9},
+    {"uvs", 10},          {"tangents", 11},      {"base_color_map", 12},
+    {"metallic_map", 13}, {"roughness_map", 14}, {"emission_map", 15},
+    {"ggx_albedo", 5}};
 
 std::string text_of(GLenum what) {
   const GLubyte* text = glGetString(what);
@@ -98,6 +104,14 @@ void Gpu::allocate(Texture& t, GLenum internal, int width, int height, GLenum fo
   } else if (data) {
     glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, format, type, data);
   }
+}
+
+void Gpu::remove(Texture& t) {
+  if (t.id) {
+    glDeleteTextures(1, &t.id);
+    std::erase(textures_, t.id);
+  }
+  t = {};
 }
 
 void Gpu::allocate_depth(int width, int height) {

@@ -52,6 +52,7 @@ class Gpu {
   // Makes the texture if needed, and fills it if there is data.
   void allocate(Texture& t, GLenum internal, int width, int height, GLenum format, GLenum type,
                 const void* data = nullptr);
+  void remove(Texture& t);  // it is none afterwards
   void allocate_depth(int width, int height);
 
   // Framebuffer 0 or 1 draws to, and reads from, this texture.

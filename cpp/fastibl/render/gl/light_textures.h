@@ -7,6 +7,7 @@
 
 #include "fastibl/render/gl/gpu.h"
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/glossy.h"
 #include "fastibl/scene/lighting.h"
 
 namespace fastibl {
@@ -16,18 +17,26 @@ class LightTextures {
   // Level by level as the CPU made them; of a map like the last one only what its tiles' versions
   // tell to have changed. Half floats are scaled: they end at 65504.
   void upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map);
-  // Any diffuse method as a cube map: what has no shader of its own is one look-up.
+  // irradiance-cube as it is: one look-up. Any other diffuse method as a cube map, where shaders
+  // are not to be trusted with it.
   void upload_baked(Gpu& gpu, const Irradiance& irradiance);
+
+  // The round lobes, and the map that is their level 0.
+  void upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyChain>& chain);
 
   // What was uploaded last, for the program in use.
   void bind_radiance(Gpu& gpu, const Program& p) const;
+  void bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe);
+  void bind_lobes(Gpu& gpu, const Program& p) const;  // of the chain, and its lights
   void bind_baked(Gpu& gpu, const Program& p) const;
 
  private:
-  Texture cube_, baked_;
+  Texture cube_, baked_, lobes_, first_lobe_, table_;
   // Of the map that is in cube_. The map itself is not kept: its maker may update it in place.
   int radiance_size_ = 0, radiance_levels_ = 0;
   std::vector<std::uint64_t> radiance_versions_;
+  std::shared_ptr<const GlossyChain> chain_;  // that is in lobes_
+  int baked_size_ = 0;
   float radiance_scale_ = 1, baked_scale_ = 1;
 };
 

@@ -49,14 +49,17 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
   }
   if (same_bytes(scene.mesh.vertices, mesh_.vertices) &&
       same_bytes(scene.mesh.triangles, mesh_.triangles) && same_bytes(scene.normals, normal_) &&
-      same_bytes(scene.visibility, visibility_))
+      same_bytes(scene.mesh.uvs, mesh_.uvs) && same_bytes(scene.visibility, visibility_))
     return;
   const Mesh& mesh = scene.mesh;
   mesh_ = {};  // until all is uploaded: a failure must not pass for a mesh that is there
-  std::vector<glm::vec4> positions, normals;
+  std::vector<glm::vec4> positions, normals, tangents;
+  std::vector<glm::vec2> uvs;
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     positions.emplace_back(mesh.vertices[i], scene.visibility[i]);
     normals.emplace_back(scene.normals[i], 0);
+    tangents.push_back(scene.tangents.empty() ? glm::vec4(0) : scene.tangents[i]);
+    uvs.push_back(mesh.uvs.empty() ? glm::vec2(0) : mesh.uvs[i]);
   }
   std::vector<glm::ivec4> triangles;
   std::vector<Corner> corners;
@@ -67,6 +70,8 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
   }
   upload_rows(gpu, vertices_, GL_RGBA32F, GL_RGBA, GL_FLOAT, positions);
   upload_rows(gpu, normals_, GL_RGBA32F, GL_RGBA, GL_FLOAT, normals);
+  upload_rows(gpu, tangents_, GL_RGBA32F, GL_RGBA, GL_FLOAT, tangents);
+  upload_rows(gpu, uvs_, GL_RG32F, GL_RG, GL_FLOAT, uvs);
   upload_rows(gpu, triangles_, GL_RGBA32I, GL_RGBA_INTEGER, GL_INT, triangles);
   fill(buffers_[0], corners, GL_STATIC_DRAW);
   corner_count_ = int(corners.size());
@@ -77,6 +82,11 @@ void MeshBuffers::bind(Gpu& gpu) const {
   gpu.bind("triangles", triangles_);
   gpu.bind("vertices", vertices_);
   gpu.bind("normals", normals_);
+}
+
+void MeshBuffers::bind_uvs(Gpu& gpu) const {
+  gpu.bind("tangents", tangents_);
+  gpu.bind("uvs", uvs_);
 }
 
 int MeshBuffers::use_whole() const {

@@ -16,7 +16,8 @@ class MeshBuffers {
  public:
   void upload(Gpu& gpu, const Scene& scene);
   const Mesh& mesh() const { return mesh_; }
-  void bind(Gpu& gpu) const;  // the tables
+  void bind(Gpu& gpu) const;      // the tables,
+  void bind_uvs(Gpu& gpu) const;  // and those that pbr materials read besides
 
   // Corners to draw as triangles; they return how many.
   int use_whole() const;
@@ -24,7 +25,7 @@ class MeshBuffers {
   int use_visible_part(const Camera& camera, const Pose& camera_from_object) const;
 
  private:
-  Texture triangles_, vertices_, normals_;
+  Texture triangles_, vertices_, normals_, tangents_, uvs_;
   GLuint buffers_[2] = {}, vertex_arrays_[2] = {};  // of the whole mesh, and of a part
   Mesh mesh_;                                       // that is in the buffers
   std::vector<glm::vec3> normal_;

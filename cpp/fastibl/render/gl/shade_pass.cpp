@@ -1,16 +1,18 @@
 #include "fastibl/render/gl/shade_pass.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "fastibl/core/check.h"
 #include "fastibl/scene/glossy.h"
+#include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
 namespace {
 
-constexpr int kBaked = 5;  // variant that reads the irradiance from a cube map
+constexpr int kBaked = 5, kLobes = 6;  // variants that read a cube map, and lobes
 // The four samples of a pixel in 1/256, where GPUs and the CPU's rasteriser put them.
 constexpr int kSampleX[4] = {96, 224, 32, 160}, kSampleY[4] = {32, 96, 160, 224};
 
@@ -26,9 +28,26 @@ int diffuse_variant(DiffuseMethod method) {
       return 3;
     case DiffuseMethod::sh9:
       return 4;
+    case DiffuseMethod::sh9_lobes:
+      return kLobes;
     default:
       return kBaked;
   }
+}
+
+// Values of GLOSSY in shade.frag.glsl.
+enum class GlossyVariant { none, mip, matte, chain, nearly_matte, sampled };
+
+GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
+  if (!lit(material.glossy)) return GlossyVariant::none;
+  if (material.exponent == 0) return GlossyVariant::matte;
+  if (method == GlossyMethod::mip) return GlossyVariant::mip;
+  if (method == GlossyMethod::sampled)  // the mirror is level 0 of the map
+    return std::isinf(material.exponent) ? GlossyVariant::mip : GlossyVariant::sampled;
+  check(method == GlossyMethod::centroid || method == GlossyMethod::stretched ||
+            method == GlossyMethod::prefiltered,
+        "the GL back end has no glossy method ", name(method));
+  return material.exponent < 1 ? GlossyVariant::nearly_matte : GlossyVariant::chain;
 }
 
 Pose camera_from_object(const RenderInput& in) {
@@ -54,7 +73,11 @@ void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   area_ = outline.area;
   if (area_.empty()) return;
   draw_visible(gpu, in, outline);
-  draw_colour(gpu, light, in);
+  gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
+  if (in.scene.material.pbr)
+    draw_pbr(gpu, light, in);
+  else
+    draw_colour(gpu, light, in);
 }
 
 // Which triangle each sample sees, one quarter of the target a sample.
@@ -96,47 +119,127 @@ void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& out
 
 void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   const Material& m = in.scene.material;
-  const bool diffuse = lit(m.diffuse), glossy = lit(m.glossy), matte = glossy && m.exponent == 0;
-  const bool paper = in.lighting.normalization == Normalization::paper && glossy && !matte;
+  const bool paper =
+      in.lighting.normalization != Normalization::energy && lit(m.glossy) && m.exponent != 0;
+  const GlossyVariant glossy = glossy_variant(m, in.lighting.glossy);
+  const bool matte = glossy == GlossyVariant::matte || glossy == GlossyVariant::nearly_matte;
   const Irradiance& e = in.lighting.irradiance;
-  const int variant = diffuse || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
-  gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
-  const Program& p = gpu.use("shade", {"DIFFUSE " + std::to_string(variant),
-                                       matte    ? "GLOSSY 2"
-                                       : glossy ? "GLOSSY 1"
-                                                : "GLOSSY 0",
-                                       paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
-  set_projection(p, in);
-  set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
-  set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
+  const int variant =
+      lit(m.diffuse) || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
+  const Program& p = gpu.use(
+      "shade", {"DIFFUSE " + std::to_string(variant), "GLOSSY " + std::to_string(int(glossy)),
+                paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
   set(p, "emission", m.emission);
   set(p, "diffuse_albedo", m.diffuse);
   set(p, "glossy_albedo", m.glossy);
-  if (variant == kBaked) {
-    light.upload_baked(gpu, e);
-    light.bind_baked(gpu, p);
-  } else if (e.method == DiffuseMethod::sh9) {
-    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
-  } else {
-    glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
+  set_irradiance(gpu, light, p, variant, e);
+  switch (glossy) {
+    case GlossyVariant::none:
+    case GlossyVariant::matte:
+      break;
+    case GlossyVariant::mip:
+      light.upload_radiance(gpu, in.lighting.radiance);
+      glUseProgram(p.id());
+      light.bind_radiance(gpu, p);
+      glUniform1f(p.uniform("level"),
+                  shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
+      break;
+    case GlossyVariant::sampled:
+      light.upload_radiance(gpu, in.lighting.radiance);
+      glUseProgram(p.id());
+      light.bind_radiance(gpu, p);
+      glUniform1i(p.uniform("taps"), in.lighting.glossy_settings.taps);
+      glUniform1f(p.uniform("exponent"), m.exponent);
+      glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
+      glUniform1f(p.uniform("texel_share"),
+                  sampled_texel_share(m.exponent, in.lighting.radiance->size()));
+      break;
+    case GlossyVariant::chain:
+    case GlossyVariant::nearly_matte:
+      light.upload_chain(gpu, in.lighting.chain);
+      glUseProgram(p.id());
+      light.bind_chain(gpu, p,
+                       GlossyLobe(*in.lighting.chain, in.lighting.glossy_settings.taps,
+                                  std::max(m.exponent, 1.0f)));
+      glUniform1f(p.uniform("matte_share"), std::max(1 - m.exponent, 0.0f));
   }
-  if (glossy && !matte) {
-    check(in.lighting.glossy == GlossyMethod::mip, "the GL back end has no glossy method ",
-          name(in.lighting.glossy));
-    light.upload_radiance(gpu, in.lighting.radiance);
-    glUseProgram(p.id());
-    light.bind_radiance(gpu, p);
-    set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
-    glUniform1f(p.uniform("level"),
-                shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
-  }
+  set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
   if (paper) {
     if (!albedo_.id)
       gpu.allocate(albedo_, GL_R32F, kAlbedoTableSize, kAlbedoTableSize, GL_RED, GL_FLOAT,
                    albedo_table().data());
     gpu.bind("albedo_table", albedo_);
     glUniform1f(p.uniform("albedo_row"), shared::albedo_coordinate(m.exponent));
+    glUniform1f(p.uniform("albedo_scale"), albedo_scale(in.lighting.normalization, m.exponent));
   }
+  draw_layer(gpu, p, in);
+}
+
+// The same of a pbr material.
+void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) {
+  const PbrMaterial& m = *in.scene.material.pbr;
+  const Irradiance& e = in.lighting.irradiance;
+  const int variant = !in.scene.material.reads_irradiance() ? 0
+                      : gpu.bake_all()                      ? kBaked
+                                                            : diffuse_variant(e.method);
+  const auto has = [](const char* name, bool there) {
+    return name + std::string(there ? " 1" : " 0");
+  };
+  const bool chain = in.lighting.chain != nullptr;
+  if (chain)
+    light.upload_chain(gpu, in.lighting.chain);
+  else
+    light.upload_radiance(gpu, in.lighting.radiance);
+  material_.upload(gpu, in.scene.material);
+  const Program& p =
+      gpu.use("shade", {"DIFFUSE " + std::to_string(variant), chain ? "GLOSSY 7" : "GLOSSY 6",
+                        "PAPER 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
+                        has("METALLIC_MAP", m.metallic_map != nullptr),
+                        has("ROUGHNESS_MAP", m.roughness_map != nullptr),
+                        has("EMISSION_MAP", m.emission_map != nullptr),
+                        has("NORMAL_MAP", m.normal_map != nullptr),
+                        has("ANISOTROPIC", m.anisotropy > 0), distortion(in.camera)});
+  set_irradiance(gpu, light, p, variant, e);
+  glUseProgram(p.id());
+  if (chain)
+    light.bind_lobes(gpu, p);
+  else
+    light.bind_radiance(gpu, p);
+  glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
+  set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
+  set(p, "base_color", m.base_color);
+  set(p, "emission", m.emission);
+  glUniform1f(p.uniform("metallic"), m.metallic);
+  glUniform1f(p.uniform("roughness"), m.roughness);
+  glUniform1f(p.uniform("normal_scale"), m.normal_scale);
+  glUniform1f(p.uniform("anisotropy"), m.anisotropy);
+  glUniform2f(p.uniform("turn"), std::cos(m.anisotropy_rotation), std::sin(m.anisotropy_rotation));
+  material_.bind(gpu, p);
+  mesh_.bind_uvs(gpu);
+  draw_layer(gpu, p, in);
+}
+
+void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p, int variant,
+                               const Irradiance& e) {
+  if (variant == kBaked) {
+    light.upload_baked(gpu, e);
+    light.bind_baked(gpu, p);
+  } else if (variant == kLobes) {
+    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
+    glUniform3fv(p.uniform("lobes"), kMostLobes, &e.lobes.axes[0].x);
+    glUniform2i(p.uniform("lobe_counts"), e.lobes.counts[0], e.lobes.count());
+    glUniform3fv(p.uniform("lobe_colours"), 2, &e.lobes.colours[0].x);
+  } else if (e.method == DiffuseMethod::sh9) {
+    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
+  } else {
+    glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
+  }
+}
+
+void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
+  set_projection(p, in);
+  set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
+  set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
   gpu.bind("visible", visible_);
   mesh_.bind(gpu);
   glUniform2i(p.uniform("quarter"), visible_.width / 2, visible_.height / 2);

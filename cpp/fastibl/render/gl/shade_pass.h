@@ -4,6 +4,7 @@
 #include "fastibl/core/pose.h"
 #include "fastibl/render/gl/gpu.h"
 #include "fastibl/render/gl/light_textures.h"
+#include "fastibl/render/gl/material_textures.h"
 #include "fastibl/render/gl/mesh_buffers.h"
 #include "fastibl/render/gl/outline.h"
 #include "fastibl/render/renderer.h"
@@ -22,8 +23,13 @@ class ShadePass {
  private:
   void draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline);
   void draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& in);
+  void draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in);
+  void set_irradiance(Gpu& gpu, LightTextures& light, const Program& p, int variant,
+                      const Irradiance& irradiance);
+  void draw_layer(Gpu& gpu, const Program& p, const RenderInput& in);
 
   MeshBuffers mesh_;
+  MaterialTextures material_;
   Texture visible_, object_, albedo_;
   Area area_;
 };

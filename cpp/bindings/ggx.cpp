@@ -1,0 +1,147 @@
+#include "fastibl/scene/ggx.h"
+
+#include <pybind11/stl.h>
+
+#include <optional>
+
+#include "bindings/numpy.h"
+#include "fastibl/core/parallel.h"
+
+namespace fastibl::bindings {
+namespace {
+
+// A number or an array of floats, broadcast to `shape`.
+Floats broadcast(const py::object& value, const char* name, const std::vector<py::ssize_t>& shape) {
+  const py::module_ numpy = py::module_::import("numpy");
+  const bool number = py::isinstance<py::float_>(value) || py::isinstance<py::int_>(value);
+  const py::object array = number ? py::object(numpy.attr("float32")(value.cast<double>()))
+                                  : py::object(require_floats<float>(value, name));
+  return Floats::ensure(numpy.attr("ascontiguousarray")(
+      numpy.attr("broadcast_to")(array, py::tuple(py::cast(shape)))));
+}
+
+void check_range(const Floats& values, const char* name, float low, float high) {
+  for (py::ssize_t i = 0; i < values.size(); ++i)
+    if (!(values.data()[i] >= low && values.data()[i] <= high))
+      throw py::value_error(std::string(name) + " must be " +
+                            py::str(py::float_(low)).cast<std::string>() + " to " +
+                            py::str(py::float_(high)).cast<std::string>() + ", got " +
+                            std::to_string(values.data()[i]));
+}
+
+// GGX's alpha of each of `shape`, from the pairs where they are given.
+std::vector<glm::vec2> alphas(const py::object& roughness, const py::object& anisotropy,
+                              const py::object& alpha, std::vector<py::ssize_t> shape) {
+  std::vector<glm::vec2> out;
+  if (!alpha.is_none()) {
+    shape.push_back(2);
+    const Floats pairs = broadcast(alpha, "alpha", shape);
+    check_range(pairs, "alpha", 0, 1);
+    for (py::ssize_t i = 0; i < pairs.size(); i += 2)
+      out.push_back(glm::max(glm::vec2(pairs.data()[i], pairs.data()[i + 1]), kSmallestAlpha));
+    return out;
+  }
+  const Floats r = broadcast(roughness, "roughness", shape),
+               a = broadcast(anisotropy, "anisotropy", shape);
+  check_range(r, "roughness", 0, 1), check_range(a, "anisotropy", 0, 1);
+  for (py::ssize_t i = 0; i < r.size(); ++i) out.push_back(ggx_alpha(r.data()[i], a.data()[i]));
+  return out;
+}
+
+glm::vec3 unit(const glm::vec3& v) {
+  const float length = glm::length(v);
+  return length > 0 ? v / length : v;
+}
+
+Floats ggx(const Lighting& lighting, const py::object& normals, const py::object& views,
+           const py::object& roughness, const py::object& anisotropy, const py::object& tangents,
+           const py::object& alpha, const std::string& normalization, const std::string& method,
+           int taps) {
+  const bool single = normalization == "single";
+  if (!single && normalization != "energy")
+    throw py::value_error("normalization must be \"energy\" or \"single\", got \"" + normalization +
+                          "\"");
+  if (taps < 1 || taps > kMostGgxTaps)
+    throw py::value_error("taps must be 1 to 16, got " + std::to_string(taps));
+  const GgxOptions options{ggx_method(method), taps};
+  const py::module_ numpy = py::module_::import("numpy");
+  const Floats given = tangents.is_none() ? Floats(std::vector<py::ssize_t>{3})
+                                          : require_vectors(tangents, "tangents");
+  Floats none = given;
+  if (tangents.is_none()) std::fill_n(none.mutable_data(), 3, 0.0f);
+  const py::tuple all = numpy.attr("broadcast_arrays")(require_vectors(normals, "normals"),
+                                                       require_vectors(views, "views"), none);
+  const Floats n = Floats::ensure(all[0]), v = Floats::ensure(all[1]), t = Floats::ensure(all[2]);
+  std::vector<py::ssize_t> shape = shape_vector(n);
+  shape.pop_back();
+  const std::vector<glm::vec2> pairs = alphas(roughness, anisotropy, alpha, shape);
+  Floats out(shape_vector(n));
+  glm::vec3* to = vectors(out);
+  {
+    const py::gil_scoped_release release;
+    parallel_for(int(pairs.size()), 512, [&](int begin, int end) {
+      for (int i = begin; i < end; ++i) {
+        const SurfaceFrame frame = frame_around(unit(vectors(n)[i]), vectors(t)[i]);
+        const glm::vec3 view = unit(vectors(v)[i]);
+        const glm::vec2 a = pairs[std::size_t(i)];
+        to[i] = evaluate_ggx(lighting, frame, view, a, options);
+        if (!single) continue;
+        const glm::dvec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
+                               glm::dot(view, frame.normal));
+        const glm::dvec2 albedo = integrate_ggx_albedo(local, glm::dvec2(a));
+        to[i] *= float(albedo.x + albedo.y);
+      }
+    });
+  }
+  return out;
+}
+
+}  // namespace
+
+void bind_ggx(py::module_& module) {
+  py::class_<Lighting>(module.attr("_Lighting"))
+      .def("ggx", &ggx, py::arg("normals"), py::arg("views"), py::arg("roughness") = 0.4,
+           py::arg("anisotropy") = 0.0, py::arg("tangents") = py::none(), py::kw_only(),
+           py::arg("alpha") = py::none(), py::arg("normalization") = "energy",
+           py::arg("method") = "taps", py::arg("taps") = kGgxTaps,
+           R"(Radiance that a GGX surface with Fresnel term 1 reflects towards `views`.
+
+normals, views, tangents: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
+tangents: the direction of alpha_x, made perpendicular to the normals; where it is 0 or along the normal, any.
+roughness, anisotropy: in [0, 1], broadcast to (...), glTF's mapping (KHR_materials_anisotropy): alpha_y =
+roughness^2, alpha_x = alpha_y + (1 - alpha_y) anisotropy^2, both at least 0.02. alpha: (..., 2), alpha_x and alpha_y
+themselves, in place of the two. normalization: "energy" (the lobe's average: scattering more than once is compensated, a
+constant map of radiance 1 gives 1) or "single" (times the directional albedo of single scattering). method: "taps"
+(parts of the lobe along its longest axis) or "gradient" (the paper's suggestion, texture gradients). taps: 1 to 16
+look-ups. Returns (..., 3) float32. Raises ValueError for another shape, a value out of range or another name,
+TypeError for integers.)");
+  module.def(
+      "ggx_albedo",
+      [](const py::object& views, const py::object& roughness, const py::object& anisotropy,
+         const py::object& alpha) {
+        const Floats v = require_vectors(views, "views");
+        std::vector<py::ssize_t> shape = shape_vector(v);
+        shape.pop_back();
+        const std::vector<glm::vec2> pairs = alphas(roughness, anisotropy, alpha, shape);
+        shape.push_back(2);
+        Floats out(shape);
+        float* to = out.mutable_data();
+        const py::gil_scoped_release release;
+        parallel_for(int(pairs.size()), 16, [&](int begin, int end) {
+          for (int i = begin; i < end; ++i) {
+            const glm::dvec2 value = integrate_ggx_albedo(glm::dvec3(unit(vectors(v)[i])),
+                                                          glm::dvec2(pairs[std::size_t(i)]));
+            to[2 * i] = float(value.x), to[2 * i + 1] = float(value.y);
+          }
+        });
+        return out;
+      },
+      py::arg("views"), py::arg("roughness") = 0.4, py::arg("anisotropy") = 0.0, py::kw_only(),
+      py::arg("alpha") = py::none(),
+      R"(Directional albedo of single-scattering GGX, (..., 2) float32: the split sum's f0 term and the rest.
+
+views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Fresnel by Schlick the albedo is f0 a + b,
+with Fresnel 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx.)");
+}
+
+}  // namespace fastibl::bindings

@@ -1,0 +1,275 @@
+#include "fastibl/scene/material.h"
+
+#include <cmath>
+
+#include "bindings/numpy.h"
+
+namespace fastibl::bindings {
+namespace {
+
+enum class Coding { linear, srgb, normal };  // of what 8 bits or the range 0 to 1 mean
+
+float decoded(float value, Coding coding) {
+  if (coding == Coding::srgb)
+    return value <= 0.04045f ? value / 12.92f : std::pow((value + 0.055f) / 1.055f, 2.4f);
+  return coding == Coding::normal ? 2 * value - 1 : value;
+}
+
+// A picture (h, w, 3), or (h, w) and (h, w, 1) for one channel: uint8, or float as it is.
+std::shared_ptr<const SurfaceTexture> texture(const py::array& array, const char* name,
+                                              int channels, Coding coding) {
+  const bool fits = channels == 3 ? array.ndim() == 3 && array.shape(2) == 3
+                                  : array.ndim() == 2 || (array.ndim() == 3 && array.shape(2) == 1);
+  if (!fits || array.shape(0) < 1 || array.shape(1) < 1)
+    throw py::value_error(std::string(name) + " must be " +
+                          (channels == 3 ? "three numbers or a texture (height, width, 3)"
+                                         : "a number or a texture (height, width)") +
+                          ", got shape " + shape_of(array));
+  const bool bytes = array.dtype().kind() == 'u' && array.dtype().itemsize() == 1;
+  if (!bytes && array.dtype().kind() != 'f')
+    throw py::type_error(std::string(name) + " must be a texture of uint8 or floats, got dtype " +
+                         std::string(py::str(array.dtype())));
+  const auto values = py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(array);
+  Image<float> image(int(array.shape(1)), int(array.shape(0)), channels);
+  float table[256];
+  for (int i = 0; i < 256; ++i) table[i] = decoded(float(i) / 255, coding);
+  for (std::size_t i = 0; i < image.data.size(); ++i) {
+    const float value = values.data()[i];
+    image.data[i] = bytes                      ? table[int(value)]
+                    : coding == Coding::normal ? decoded(value, coding)
+                                               : value;
+  }
+  return std::make_shared<const SurfaceTexture>(std::move(image));
+}
+
+bool is_texture(const py::object& value) {
+  return py::isinstance<py::array>(value) && py::reinterpret_borrow<py::array>(value).ndim() >= 2;
+}
+
+// Either a constant, or a texture beside which the constant becomes 1.
+void set_colour(const py::object& value, const char* name, glm::vec3& constant,
+                std::shared_ptr<const SurfaceTexture>& map) {
+  if (is_texture(value)) {
+    map = texture(value, name, 3, Coding::srgb);
+    constant = glm::vec3(1);
+  } else {
+    constant = require_colour(value, name);
+  }
+}
+
+void set_number(const py::object& value, const char* name, float& constant,
+                std::shared_ptr<const SurfaceTexture>& map) {
+  if (is_texture(value)) {
+    map = texture(value, name, 1, Coding::linear);
+    constant = 1;
+    return;
+  }
+  const bool number = PyFloat_Check(value.ptr()) ||
+                      (PyLong_Check(value.ptr()) && !PyBool_Check(value.ptr())) ||
+                      py::hasattr(value, "__float__");
+  if (!number || py::isinstance<py::str>(value))
+    throw py::type_error(std::string(name) +
+                         " must be a number or a texture (height, width), got " +
+                         std::string(py::str(py::type::handle_of(value).attr("__name__"))));
+  constant = py::float_(value).cast<float>();
+}
+
+py::object array_of(const SurfaceTexture& map, Coding coding = Coding::linear) {
+  Image<float> image = map.level(0);
+  if (coding == Coding::normal)
+    for (float& v : image.data) v = 0.5f * v + 0.5f;
+  return image_array(image);
+}
+
+py::object colour_or_array(const glm::vec3& constant,
+                           const std::shared_ptr<const SurfaceTexture>& map) {
+  return map ? array_of(*map) : py::object(colour_tuple(constant));
+}
+py::object number_or_array(float constant, const std::shared_ptr<const SurfaceTexture>& map) {
+  return map ? array_of(*map) : py::object(py::float_(constant));
+}
+
+Material pbr(const py::object& base_color, const py::object& metallic, const py::object& roughness,
+             const py::object& normal, const py::object& emission, float anisotropy,
+             float anisotropy_rotation, float normal_scale) {
+  PbrMaterial m;
+  set_colour(base_color, "base_color", m.base_color, m.base_color_map);
+  set_number(metallic, "metallic", m.metallic, m.metallic_map);
+  set_number(roughness, "roughness", m.roughness, m.roughness_map);
+  set_colour(emission, "emission", m.emission, m.emission_map);
+  if (!normal.is_none()) {
+    if (!py::isinstance<py::array>(normal))
+      throw py::type_error("normal must be a texture (height, width, 3) or None, got " +
+                           std::string(py::str(py::type::handle_of(normal).attr("__name__"))));
+    m.normal_map = texture(normal, "normal", 3, Coding::normal);
+  }
+  m.anisotropy = anisotropy, m.anisotropy_rotation = anisotropy_rotation;
+  m.normal_scale = normal_scale;
+  const py::gil_scoped_release release;
+  return Material::make_pbr(m);
+}
+
+// A property that only one of the two models has: None in the other.
+template <typename F>
+auto of_pbr(F&& f) {
+  return
+      [f](const Material& m) -> py::object { return m.pbr ? f(*m.pbr) : py::object(py::none()); };
+}
+template <typename F>
+auto of_paper(F&& f) {
+  return [f](const Material& m) -> py::object { return m.pbr ? py::object(py::none()) : f(m); };
+}
+
+std::string text_of(const Material& m) {
+  const auto text = [](const py::object& value) {
+    if (!py::isinstance<py::array>(value)) return std::string(py::repr(value));
+    const py::array array = value;
+    return "<texture " + std::to_string(array.shape(1)) + " x " + std::to_string(array.shape(0)) +
+           ">";
+  };
+  if (!m.pbr)
+    return "Material(diffuse=" + text(colour_tuple(m.diffuse)) +
+           ", glossy=" + text(colour_tuple(m.glossy)) +
+           ", exponent=" + text(py::float_(m.exponent)) +
+           ", emission=" + text(colour_tuple(m.emission)) + ")";
+  const PbrMaterial& p = *m.pbr;
+  std::string out =
+      "Material.pbr(base_color=" + text(colour_or_array(p.base_color, p.base_color_map)) +
+      ", metallic=" + text(number_or_array(p.metallic, p.metallic_map)) +
+      ", roughness=" + text(number_or_array(p.roughness, p.roughness_map));
+  if (p.normal_map) out += ", normal=" + text(array_of(*p.normal_map));
+  if (p.emission_map || p.emission != glm::vec3(0))
+    out += ", emission=" + text(colour_or_array(p.emission, p.emission_map));
+  if (p.anisotropy > 0) out += ", anisotropy=" + text(py::float_(p.anisotropy));
+  return out + ")";
+}
+
+py::tuple state_of(const Material& m) {
+  if (!m.pbr)
+    return py::make_tuple(colour_tuple(m.diffuse), colour_tuple(m.glossy), m.exponent,
+                          colour_tuple(m.emission));
+  const PbrMaterial& p = *m.pbr;
+  const auto map = [](const std::shared_ptr<const SurfaceTexture>& t) {
+    return t ? py::object(image_array(t->level(0))) : py::object(py::none());
+  };
+  return py::make_tuple(colour_tuple(p.base_color), p.metallic, p.roughness,
+                        colour_tuple(p.emission), p.anisotropy, p.anisotropy_rotation,
+                        p.normal_scale, map(p.base_color_map), map(p.metallic_map),
+                        map(p.roughness_map), map(p.emission_map), map(p.normal_map));
+}
+
+Material from_state(const py::tuple& t) {
+  if (t.size() == 4)
+    return Material{require_colour(t[0], "diffuse"),
+                    require_colour(t[1], "glossy"),
+                    t[2].cast<float>(),
+                    require_colour(t[3], "emission"),
+                    nullptr,
+                    nullptr};
+  PbrMaterial p;
+  p.base_color = require_colour(t[0], "base_color"), p.metallic = t[1].cast<float>();
+  p.roughness = t[2].cast<float>(), p.emission = require_colour(t[3], "emission");
+  p.anisotropy = t[4].cast<float>(), p.anisotropy_rotation = t[5].cast<float>();
+  p.normal_scale = t[6].cast<float>();
+  std::shared_ptr<const SurfaceTexture>* maps[] = {
+      &p.base_color_map, &p.metallic_map, &p.roughness_map, &p.emission_map, &p.normal_map};
+  for (std::size_t i = 0; i < 5; ++i)
+    if (const py::object array = t[7 + i]; !array.is_none())
+      *maps[i] = texture(array, "texture", i == 1 || i == 2 ? 1 : 3, Coding::linear);
+  return Material::make_pbr(p);
+}
+
+}  // namespace
+
+void bind_material(py::module_& module) {
+  py::class_<Material>(
+      module, "Material",
+      R"(Reflectance of Eq. 3, Croubois et al. 2014; see Material.pbr for glTF's model. Colours are linear RGB.
+
+diffuse: k_L. glossy: k_G. exponent: s >= 0, half-vector exponent, may be infinite. emission: radiance. Raises
+ValueError for negative values.)")
+      .def(py::init([](const py::object& diffuse, const py::object& glossy, float exponent,
+                       const py::object& emission) {
+             Material m{require_colour(diffuse, "diffuse"),
+                        require_colour(glossy, "glossy"),
+                        exponent,
+                        require_colour(emission, "emission"),
+                        nullptr,
+                        nullptr};
+             m.validate();
+             return m;
+           }),
+           py::arg("diffuse") = py::make_tuple(0.8, 0.8, 0.8),
+           py::arg("glossy") = py::make_tuple(0.0, 0.0, 0.0), py::arg("exponent") = 64.0f,
+           py::arg("emission") = py::make_tuple(0.0, 0.0, 0.0))
+      .def_static(
+          "pbr", &pbr, py::arg("base_color") = py::make_tuple(0.8, 0.8, 0.8),
+          py::arg("metallic") = 0.0, py::arg("roughness") = 0.5, py::arg("normal") = py::none(),
+          py::arg("emission") = py::make_tuple(0.0, 0.0, 0.0), py::kw_only(),
+          py::arg("anisotropy") = 0.0f, py::arg("anisotropy_rotation") = 0.0f,
+          py::arg("normal_scale") = 1.0f,
+          R"(glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is no metal), compensated for
+scattering more than once, over a diffuse base.
+
+base_color, emission: three linear numbers, or a texture (height, width, 3): uint8 is sRGB, floats are linear.
+metallic, roughness: a number in [0, 1], or a texture (height, width): uint8 by 255, floats as they are. normal: a
+texture (height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along growing v,
+its x and y times normal_scale; or None. anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along
+the tangent, where u grows, turned by anisotropy_rotation (radians) towards where v grows. Without uvs the tangent
+runs around the mesh's z axis, and textures are refused by Scene. Textures repeat; they are filtered trilinearly.
+Raises ValueError for values out of range or another shape, TypeError for another dtype.)")
+      .def_property_readonly(
+          "model", [](const Material& m) { return m.pbr ? "pbr" : "blinn-phong"; },
+          "\"blinn-phong\" (Eq. 3) or \"pbr\".")
+      .def_property_readonly("diffuse", of_paper([](const Material& m) -> py::object {
+                               return colour_tuple(m.diffuse);
+                             }),
+                             "k_L; None of a pbr material.")
+      .def_property_readonly("glossy", of_paper([](const Material& m) -> py::object {
+                               return colour_tuple(m.glossy);
+                             }),
+                             "k_G; None of a pbr material.")
+      .def_property_readonly("exponent", of_paper([](const Material& m) -> py::object {
+                               return py::float_(m.exponent);
+                             }),
+                             "s; None of a pbr material.")
+      .def_property_readonly(
+          "emission",
+          [](const Material& m) {
+            return m.pbr ? colour_or_array(m.pbr->emission, m.pbr->emission_map)
+                         : py::object(colour_tuple(m.emission));
+          },
+          "Radiance: three numbers, or a texture.")
+      .def_property_readonly("base_color", of_pbr([](const PbrMaterial& p) {
+                               return colour_or_array(p.base_color, p.base_color_map);
+                             }),
+                             "Three linear numbers or a linear texture; None of Eq. 3.")
+      .def_property_readonly("metallic", of_pbr([](const PbrMaterial& p) {
+                               return number_or_array(p.metallic, p.metallic_map);
+                             }),
+                             "A number or a texture; None of Eq. 3.")
+      .def_property_readonly("roughness", of_pbr([](const PbrMaterial& p) {
+                               return number_or_array(p.roughness, p.roughness_map);
+                             }),
+                             "A number or a texture; None of Eq. 3.")
+      .def_property_readonly("normal", of_pbr([](const PbrMaterial& p) {
+                               return p.normal_map ? array_of(*p.normal_map, Coding::normal)
+                                                   : py::object(py::none());
+                             }),
+                             "The normal map, encoded 0 to 1, or None.")
+      .def_property_readonly("anisotropy", of_pbr([](const PbrMaterial& p) -> py::object {
+                               return py::float_(p.anisotropy);
+                             }))
+      .def_property_readonly("anisotropy_rotation", of_pbr([](const PbrMaterial& p) -> py::object {
+                               return py::float_(p.anisotropy_rotation);
+                             }))
+      .def_property_readonly("normal_scale", of_pbr([](const PbrMaterial& p) -> py::object {
+                               return py::float_(p.normal_scale);
+                             }))
+      .def(
+          "__eq__", [](const Material& a, const Material& b) { return a == b; }, py::is_operator())
+      .def("__repr__", &text_of)
+      .def(py::pickle(&state_of, &from_state));
+}
+
+}  // namespace fastibl::bindings

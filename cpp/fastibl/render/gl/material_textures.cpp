@@ -1,0 +1,70 @@
+#include "fastibl/render/gl/material_textures.h"
+
+#include <algorithm>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl {
+namespace {
+
+constexpr const char* kNames[] = {"base_color_map", "metallic_map", "roughness_map", "emission_map",
+                                  "normal_map"};
+constexpr float kHalfMax = 65504;
+
+// A new texture each time: its size and channels may be others than before.
+GLuint make(Gpu& gpu, const SurfaceTexture& map) {
+  const GLuint id = gpu.new_texture();
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D, id);
+  const bool colour = map.channels() == 3;
+  std::vector<float> values;
+  for (int k = 0; k < map.level_count(); ++k) {
+    const Image<float>& level = map.level(k);
+    values.resize(level.data.size());
+    std::transform(level.data.begin(), level.data.end(), values.begin(),
+                   [](float v) { return std::clamp(v, -kHalfMax, kHalfMax); });
+    glTexImage2D(GL_TEXTURE_2D, k, colour ? GL_RGB16F : GL_R16F, level.width, level.height, 0,
+                 colour ? GL_RGB : GL_RED, GL_FLOAT, values.data());
+  }
+  set_sampling(GL_TEXTURE_2D, GL_LINEAR, GL_LINEAR_MIPMAP_NEAREST);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_REPEAT);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_REPEAT);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, map.level_count() - 1);
+  return id;
+}
+
+}  // namespace
+
+void MaterialTextures::upload(Gpu& gpu, const Material& material) {
+  const PbrMaterial& m = *material.pbr;
+  const std::shared_ptr<const SurfaceTexture> maps[] = {
+      m.base_color_map, m.metallic_map, m.roughness_map, m.emission_map, m.normal_map};
+  for (std::size_t i = 0; i < kMaps; ++i) {
+    if (maps_[i].shown == maps[i]) continue;
+    gpu.remove(maps_[i].texture);
+    maps_[i] = {};
+    if (!maps[i]) continue;
+    check(maps[i]->width() <= gpu.largest() && maps[i]->height() <= gpu.largest(),
+          "the GL driver's textures have at most ", gpu.largest(), " texels along an edge, got ",
+          maps[i]->width(), " × ", maps[i]->height());
+    maps_[i].texture = {make(gpu, *maps[i]), maps[i]->width(), maps[i]->height()};
+    maps_[i].shown = maps[i];
+  }
+  if (table_ == material.albedo) return;
+  const int rows = GgxAlbedo::kRoughnesses * material.albedo->azimuths();
+  if (albedo_.height != rows) gpu.remove(albedo_);
+  gpu.allocate(albedo_, GL_RG32F, GgxAlbedo::kCosines, rows, GL_RG, GL_FLOAT,
+               material.albedo->values().data());
+  table_ = material.albedo;
+}
+
+void MaterialTextures::bind(Gpu& gpu, const Program& p) const {
+  for (std::size_t i = 0; i < kMaps; ++i) {
+    if (!maps_[i].shown) continue;
+    gpu.bind(kNames[i], maps_[i].texture);
+  }
+  gpu.bind("ggx_albedo", albedo_);
+  glUniform1i(p.uniform("albedo_azimuths"), table_->azimuths());
+}
+
+}  // namespace fastibl

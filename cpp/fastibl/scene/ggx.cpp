@@ -1,0 +1,220 @@
+#include "fastibl/scene/ggx.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+
+#include "fastibl/core/check.h"
+#include "fastibl/scene/methods.h"
+#include "fastibl/scene/shared_formulas.h"
+
+namespace fastibl {
+namespace {
+
+// Texture gradients of the mirror direction over slopes of ±alpha, read as an anisotropic filter
+// does (EXT_texture_filter_anisotropic): N = ⌈longer / shorter⌉ look-ups along the longer one, each
+// of the MIP level of longer / N.
+void add_gradient_taps(glm::vec3 v, glm::vec2 alpha, int most, GgxTaps& out) {
+  const glm::vec3 mirror(-v.x, -v.y, v.z);
+  const glm::vec3 dx = 4 * alpha.x * glm::vec3(-v.z, 0, -v.x),
+                  dy = 4 * alpha.y * glm::vec3(0, -v.z, -v.y);
+  const float lx = glm::length(dx), ly = glm::length(dy);
+  const glm::vec3 along = lx > ly ? dx : dy;
+  const float longer = std::max({lx, ly, 1e-6f}), shorter = std::max(std::min(lx, ly), 1e-6f);
+  out.count = int(std::min(std::ceil(longer / shorter), float(most)));
+  for (int i = 0; i < out.count; ++i) {
+    const float at = (float(i) + 0.5f) / float(out.count) - 0.5f;
+    out.taps[std::size_t(i)] = {glm::normalize(mirror + at * along),
+                                0.5f * longer / float(out.count), 1 / float(out.count)};
+  }
+}
+
+// Light that the taps do not hold because its sources were taken out of the chain's levels, towards
+// the view (both in the surface's frame).
+glm::vec3 lights_of(const GlossyChain& chain, const SurfaceFrame& frame,
+                    const shared::GgxLobe& lobe, const GgxTaps& taps,
+                    const std::array<float, kMostGgxTaps>& levels) {
+  glm::vec3 sum(0);
+  for (std::size_t i = 0; i < chain.lights.size(); ++i) {
+    float share = 0;
+    for (std::size_t k = 0; k < std::size_t(taps.count); ++k)
+      share += taps.taps[k].weight * shared::light_share(levels[k], chain.light_levels[i]);
+    const Light& light = chain.lights[i];
+    const glm::vec3 local(glm::dot(light.direction, frame.tangent),
+                          glm::dot(light.direction, frame.bitangent),
+                          glm::dot(light.direction, frame.normal));
+    const float deviation = std::max(0.5f * light.angular_radius, 1e-3f);
+    sum += (share * shared::ggx_light(lobe, local, deviation * deviation)) * light.flux;
+  }
+  return sum / std::max(taps.albedo, 1e-4f);
+}
+
+glm::vec3 unit_or(glm::vec3 v, glm::vec3 otherwise) {
+  const float length = glm::length(v);
+  return length > 1e-6f && std::isfinite(length) ? v / length : otherwise;
+}
+
+}  // namespace
+
+std::string_view name(GgxMethod method) { return method == GgxMethod::taps ? "taps" : "gradient"; }
+GgxMethod ggx_method(std::string_view text) { return method_named(text, kGgxMethods, "ggx"); }
+
+glm::vec2 ggx_alpha(float roughness, float anisotropy) {
+  const float across = roughness * roughness;
+  const float along = across + (1 - across) * anisotropy * anisotropy;
+  return glm::clamp(glm::vec2(along, across), kSmallestAlpha, 1.0f);
+}
+
+GgxTaps ggx_taps(glm::vec3 view, glm::vec2 alpha, const GgxOptions& options) {
+  GgxTaps out;
+  const int count = std::clamp(options.taps, 1, kMostGgxTaps);
+  const shared::GgxLobe lobe = shared::ggx_lobe(view, alpha);
+  std::array<glm::vec4, kMostGgxTaps> parts;
+  glm::vec4 sum(0);
+  float begin = -1;
+  for (int k = 0; k < count; ++k) {
+    const float end = shared::ggx_begin(k + 1, count);
+    parts[std::size_t(k)] = shared::ggx_part(lobe, begin, end);
+    sum += parts[std::size_t(k)];
+    begin = end;
+  }
+  out.albedo = sum.w;
+  if (options.method == GgxMethod::gradient) {
+    add_gradient_taps(lobe.view, alpha, count, out);
+    return out;
+  }
+  const glm::vec3 centre = shared::ggx_centre(sum, lobe.view);
+  if (!(sum.w > 1e-12f)) {
+    out.count = 1;
+    out.taps[0] = {centre, std::max(alpha.x, alpha.y), 1};
+    return out;
+  }
+  out.count = count;
+  for (std::size_t k = 0; k < std::size_t(count); ++k) {
+    const glm::vec4 tap = shared::ggx_tap(lobe, parts[k], centre);
+    out.taps[k] = {glm::vec3(tap), tap.w, parts[k].w / sum.w};
+  }
+  return out;
+}
+
+SurfaceFrame frame_around(glm::vec3 normal, glm::vec3 tangent) {
+  glm::vec3 across = glm::cross(normal, unit_or(tangent, glm::vec3(0)));
+  if (!(glm::dot(across, across) > 1e-8f))
+    across =
+        glm::cross(normal, std::abs(normal.x) < 0.7f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0));
+  const glm::vec3 bitangent = unit_or(across, glm::vec3(0, 1, 0));
+  return {glm::cross(bitangent, normal), bitangent, normal};
+}
+
+glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm::vec3 view,
+                       glm::vec2 alpha, const GgxOptions& options) {
+  const glm::vec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
+                        glm::dot(view, frame.normal));
+  const GgxTaps taps = ggx_taps(local, alpha, options);
+  const CubeMap& map = *lighting.radiance;
+  const GlossyChain* chain = lighting.chain.get();
+  std::array<float, kMostGgxTaps> levels;
+  glm::vec3 sum(0);
+  for (std::size_t k = 0; k < std::size_t(taps.count); ++k) {
+    const GgxTap& tap = taps.taps[k];
+    const glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
+                        tap.direction.z * frame.normal;
+    levels[k] =
+        chain ? chain->level_of(tap.width) : shared::blur_level(float(map.size()), tap.width);
+    sum += tap.weight * (chain ? chain->sample(d, levels[k]) : map.sample(d, levels[k]));
+  }
+  if (chain && !chain->lights.empty())
+    sum += lights_of(*chain, frame, shared::ggx_lobe(local, alpha), taps, levels);
+  return sum;
+}
+
+glm::dvec2 integrate_ggx_albedo(glm::dvec3 v, glm::dvec2 alpha) {
+  // G2/G1 averaged over midpoints of visible normals: Heitz 2018, Sampling the GGX distribution of
+  // visible normals. Under it the integrand is flat, also at grazing views.
+  constexpr int kSteps = 96, kTurns = 32;
+  static const std::array<glm::dvec2, kTurns> turns = [] {
+    std::array<glm::dvec2, kTurns> t;
+    for (int k = 0; k < kTurns; ++k) {
+      const double angle = (k + 0.5) / kTurns * 2 * std::numbers::pi;
+      t[std::size_t(k)] = {std::cos(angle), std::sin(angle)};
+    }
+    return t;
+  }();
+  v = glm::normalize(glm::dvec3(v.x, v.y, std::max(v.z, 1e-6)));
+  const glm::dvec3 stretch(alpha, 1);
+  const double view_size = glm::length(stretch * v);
+  const glm::dvec3 up = stretch * v / view_size;
+  const double flat = std::hypot(up.x, up.y);
+  const glm::dvec3 side = flat > 0 ? glm::dvec3(-up.y, up.x, 0) / flat : glm::dvec3(1, 0, 0);
+  const glm::dvec3 other = glm::cross(up, side);
+  const double share = 0.5 * (1 + up.z);
+  glm::dvec2 sum(0);
+  for (int i = 0; i < kSteps; ++i) {
+    // r = sin ψ smooths what falls to 0 at the rim like a root; the weights sin 2ψ sum to 1.
+    const double psi = (i + 0.5) / kSteps * std::numbers::pi / 2, r = std::sin(psi);
+    const double weight = std::sin(std::numbers::pi / (2 * kSteps)) * std::sin(2 * psi) / kTurns;
+    for (const glm::dvec2& turn : turns) {
+      const double x = r * turn.x, rim = std::sqrt(1 - x * x);
+      const double y = (1 - share) * rim + share * r * turn.y;
+      const double z = std::sqrt(std::max(0.0, rim * rim - y * y));
+      const glm::dvec3 h = glm::normalize(stretch * (x * side + y * other + z * up));
+      const double vh = glm::dot(v, h);
+      const glm::dvec3 l = 2 * vh * h - v;
+      if (!(l.z > 0)) continue;
+      // G2/G1 = (1 + Λ_v) / (1 + Λ_v + Λ_l) with Λ = (|A w| / w_z − 1) / 2.
+      const double a = view_size / v.z, b = glm::length(stretch * l) / l.z;
+      const double g = (1 + a) / (a + b), rest = std::pow(std::clamp(1 - vh, 0.0, 1.0), 5);
+      sum += weight * g * glm::dvec2(1 - rest, rest);
+    }
+  }
+  return sum;
+}
+
+GgxAlbedo::GgxAlbedo(float anisotropy) : azimuths_(anisotropy > 0 ? kAzimuths : 1) {
+  values_.reserve(std::size_t(azimuths_) * kRoughnesses * kCosines);
+  for (int a = 0; a < azimuths_; ++a)
+    for (int r = 0; r < kRoughnesses; ++r)
+      for (int c = 0; c < kCosines; ++c) {
+        const double turn = azimuths_ > 1 ? a * std::numbers::pi / 2 / (azimuths_ - 1) : 0;
+        const float roughness = std::sqrt(kSmallestAlpha) +
+                                (1 - std::sqrt(kSmallestAlpha)) * float(r) / (kRoughnesses - 1);
+        const double root = double(c) / (kCosines - 1), cosine = root * root;
+        const double sine = std::sqrt(1 - cosine * cosine);
+        values_.emplace_back(
+            integrate_ggx_albedo({sine * std::cos(turn), sine * std::sin(turn), cosine},
+                                 glm::dvec2(ggx_alpha(roughness, anisotropy))));
+      }
+}
+
+std::shared_ptr<const GgxAlbedo> GgxAlbedo::of(float anisotropy) {
+  static std::mutex guard;
+  static std::vector<std::pair<float, std::weak_ptr<const GgxAlbedo>>> made;
+  const std::scoped_lock lock(guard);
+  std::erase_if(made, [](const auto& entry) { return entry.second.expired(); });
+  for (const auto& [strength, table] : made)
+    if (strength == anisotropy)
+      if (auto kept = table.lock()) return kept;
+  auto table = std::make_shared<const GgxAlbedo>(anisotropy);
+  made.emplace_back(anisotropy, table);
+  return table;
+}
+
+glm::vec2 GgxAlbedo::sample(glm::vec3 view, float roughness) const {
+  const glm::vec3 p = shared::ggx_albedo_coordinate(view, roughness) *
+                      glm::vec3(kRoughnesses - 1, kCosines - 1, azimuths_ - 1);
+  const int r = std::min(int(p.x), kRoughnesses - 2), c = std::min(int(p.y), kCosines - 2);
+  const float fr = p.x - float(r), fc = p.y - float(c);
+  const auto slice = [&](int a) {
+    const glm::vec2* row =
+        &values_[(std::size_t(a) * kRoughnesses + std::size_t(r)) * kCosines + std::size_t(c)];
+    const glm::vec2 low = row[0] + fc * (row[1] - row[0]);
+    const glm::vec2 high = row[kCosines] + fc * (row[kCosines + 1] - row[kCosines]);
+    return low + fr * (high - low);
+  };
+  if (azimuths_ == 1) return slice(0);
+  const int a = std::min(int(p.z), azimuths_ - 2);
+  const glm::vec2 first = slice(a);
+  return first + (p.z - float(a)) * (slice(a + 1) - first);
+}
+
+}  // namespace fastibl

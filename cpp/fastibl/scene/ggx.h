@@ -1,0 +1,92 @@
+// Light that a rough surface reflects: single-scattering GGX, isotropic and anisotropic.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "fastibl/core/vector.h"
+#include "fastibl/scene/lighting.h"
+
+namespace fastibl {
+
+inline constexpr float kSmallestAlpha = 0.02f;
+inline constexpr int kMostGgxTaps = 16, kGgxTaps = 8;
+
+// GGX's alpha along tangent and bitangent, from 0.02 to 1. glTF's mapping
+// (KHR_materials_anisotropy): across alpha = roughness², along it mix(roughness², 1, anisotropy²).
+glm::vec2 ggx_alpha(float roughness, float anisotropy);
+
+enum class GgxMethod {
+  taps,      // parts of the lobe along its longest axis, each read with its own width
+  gradient,  // what Croubois et al. 2014 suggest: texture gradients, as anisotropic filters read
+             // them
+};
+std::string_view name(GgxMethod method);
+GgxMethod ggx_method(std::string_view name);  // throws std::invalid_argument, naming all methods
+inline constexpr std::array kGgxMethods = {GgxMethod::taps, GgxMethod::gradient};
+
+struct GgxOptions {
+  GgxMethod method = GgxMethod::taps;
+  int taps = kGgxTaps;  // 1 to 16
+
+  // Of materials: twice as many along a brushed one's lobe, or small bright lights show each tap.
+  static GgxOptions for_shading(float anisotropy) {
+    return {GgxMethod::taps, anisotropy > 0 ? kMostGgxTaps : kGgxTaps};
+  }
+};
+
+// One look-up: unit direction and view in the frame of tangent, bitangent and normal.
+struct GgxTap {
+  glm::vec3 direction;
+  float width;   // standard deviation of the blur along each axis, radians
+  float weight;  // of all taps sum to 1
+};
+struct GgxTaps {
+  int count = 0;
+  float albedo = 0;  // the lobe's integral, as the taps saw it
+  std::array<GgxTap, kMostGgxTaps> taps;
+};
+GgxTaps ggx_taps(glm::vec3 unit_view, glm::vec2 alpha, const GgxOptions& options);
+
+// Orthonormal, right-handed.
+struct SurfaceFrame {
+  glm::vec3 tangent, bitangent, normal;
+};
+// Around a unit normal, with the tangent as near as can be to the given one; any where that is 0,
+// along the normal or not finite.
+SurfaceFrame frame_around(glm::vec3 unit_normal, glm::vec3 tangent);
+
+// Average of the map over the lobe D G2 of a surface whose Fresnel term is 1, divided by its
+// directional albedo: 1 for a constant map of radiance 1. Reads the lighting's chain and its lights
+// where it has one, else the MIP levels. unit_view: marker frame, surface to eye.
+glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm::vec3 unit_view,
+                       glm::vec2 alpha, const GgxOptions& options = {});
+
+// Directional albedo of single scattering towards a view in the surface's frame, as the two numbers
+// of the split sum: f0 x + y with Fresnel by Schlick, x + y with Fresnel 1. Quadrature, within
+// 3e-4.
+glm::dvec2 integrate_ggx_albedo(glm::dvec3 unit_view, glm::dvec2 alpha);
+
+// The same from a table for one strength of anisotropy.
+class GgxAlbedo {
+ public:
+  static constexpr int kRoughnesses = 24, kCosines = 24, kAzimuths = 9;
+
+  explicit GgxAlbedo(float anisotropy);
+  // Shared by all who ask for the same strength.
+  static std::shared_ptr<const GgxAlbedo> of(float anisotropy);
+
+  glm::vec2 sample(glm::vec3 unit_view, float roughness) const;
+  // Rows of kCosines: of each roughness for the first azimuth, then the next.
+  const std::vector<glm::vec2>& values() const { return values_; }
+  int azimuths() const { return azimuths_; }  // 1 without anisotropy
+
+ private:
+  int azimuths_;
+  std::vector<glm::vec2> values_;
+};
+
+}  // namespace fastibl

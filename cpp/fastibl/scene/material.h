@@ -1,0 +1,53 @@
+// What an object's surface does with light: Eq. 3 of the paper, or glTF's metallic-roughness model.
+#pragma once
+
+#include <memory>
+
+#include "fastibl/core/vector.h"
+#include "fastibl/scene/ggx.h"
+#include "fastibl/scene/texture.h"
+
+namespace fastibl {
+
+// glTF 2.0's metallic-roughness model with KHR_materials_anisotropy, linear colours. A texture's
+// values are multiplied with the factor beside it.
+struct PbrMaterial {
+  glm::vec3 base_color{0.8f};
+  float metallic = 0, roughness = 0.5f;
+  glm::vec3 emission{0.0f};       // radiance
+  float anisotropy = 0;           // strength, 0 to 1
+  float anisotropy_rotation = 0;  // of the rougher direction from the tangent, radians
+  float normal_scale = 1;         // of the normal map's x and y
+  std::shared_ptr<const SurfaceTexture> base_color_map, metallic_map, roughness_map, emission_map;
+  std::shared_ptr<const SurfaceTexture>
+      normal_map;  // tangent space, (x, y, z) as they are, y up in uv
+
+  bool textured() const {
+    return base_color_map || metallic_map || roughness_map || emission_map || normal_map;
+  }
+  void validate() const;  // throws for values out of range
+  bool operator==(const PbrMaterial& other) const;
+};
+
+// Reflectance of Eq. 3. Colours are linear; the object's colour is
+// emission + diffuse · P_V · E/π + glossy · (normalised lobe average of the radiance).
+struct Material {
+  glm::vec3 diffuse{0.8f};   // k_L
+  glm::vec3 glossy{0.0f};    // k_G
+  float exponent = 64;       // s, half-vector (Blinn-Phong) exponent ≥ 0, may be infinite
+  glm::vec3 emission{0.0f};  // radiance
+  // Where it is there, it takes the place of Eq. 3: the colour is emission + diffuse · P_V · E/π +
+  // reflectance · (average of the radiance over the GGX lobe), see PbrMaterial.
+  std::shared_ptr<const PbrMaterial> pbr;
+  std::shared_ptr<const GgxAlbedo> albedo;  // of pbr's anisotropy
+
+  static Material make_pbr(const PbrMaterial& pbr);  // validates
+
+  void validate() const;  // throws for negative or NaN values, or an infinite colour
+  bool textured() const { return pbr && pbr->textured(); }
+  bool reads_irradiance() const;  // does it reflect light diffusely; s = 0 is Lambert's law
+  bool reads_radiance() const;    // does it need the chain that lobes are read from
+  bool operator==(const Material& other) const;
+};
+
+}  // namespace fastibl

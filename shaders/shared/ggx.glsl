@@ -1,0 +1,151 @@
+// GGX reflection by a few taps, for C++ (through scene/shared_formulas.h) and GLSL ES 3.00. All vectors are in the
+// frame of tangent, bitangent and normal; alpha is (alpha_x, alpha_y) along the first two.
+//
+// Let s be the slopes of the half vector h = (−s, 1)/|…| and r = s/alpha. GGX's D is the density 1/(π (1 + r²)²) of r
+// (Walter 2007, Heitz 2014), so the lobe D G2 / (4 n·v) of reflected light is that density times
+//   q(r) = (v_z − s·v) · 2 l_z / (v_z |A l| + l_z |A v|),   |A w|² = w_z² + (alpha_x w_x)² + (alpha_y w_y)²,
+// with height-correlated Smith masking, and ∫ q dP is the directional albedo.
+
+struct GgxLobe {
+  vec3 view;
+  vec2 alpha;
+  vec2 axis;        // of r, along which the lobe is longest in the space of directions
+  float spread;     // 0: round, all taps share one direction; 1: each tap at its own part's middle
+  float narrow;     // half the lobe's width across, radians
+  float view_size;  // |A v|
+};
+
+FN float ggx_size(vec3 w, vec2 alpha) {
+  float x = alpha.x * w.x;
+  float y = alpha.y * w.y;
+  return sqrt(w.z * w.z + x * x + y * y);
+}
+
+// view: unit, may be below the horizon by interpolation; it is lifted to it.
+FN GgxLobe ggx_lobe(vec3 view, vec2 alpha) {
+  GgxLobe lobe;
+  lobe.view = normalize(vec3(view.x, view.y, max(view.z, 1e-3f)));
+  lobe.alpha = alpha;
+  lobe.view_size = ggx_size(lobe.view, alpha);
+  // Near the mirror direction a slope in the plane of incidence turns l by twice as much, one across it by twice
+  // times cos θ_v: r is stretched by A (v_z² + v vᵀ) A, whose eigenvectors are the lobe's axes.
+  vec3 v = lobe.view;
+  float xx = alpha.x * alpha.x * (v.z * v.z + v.x * v.x);
+  float yy = alpha.y * alpha.y * (v.z * v.z + v.y * v.y);
+  float xy = alpha.x * alpha.y * v.x * v.y;
+  float middle = 0.5f * (xx + yy);
+  float apart = 0.5f * (xx - yy);
+  float radius = sqrt(apart * apart + xy * xy);
+  float turn = radius > 1e-6f * middle ? apart / radius : 1.0f;  // cosine of twice the angle
+  lobe.axis = vec2(sqrt(max(0.5f + 0.5f * turn, 0.0f)), sqrt(max(0.5f - 0.5f * turn, 0.0f)));
+  if (xy < 0.0f) lobe.axis.y = -lobe.axis.y;
+  // Where both axes are alike, their direction means nothing: the taps then share one direction and differ in width,
+  // so that nothing jumps where the axes turn or swap. 0.4: best on four of seven maps.
+  float ratio = sqrt(max(middle - radius, 0.0f) / (middle + radius));
+  lobe.spread = clamp((1.0f - ratio) / 0.4f, 0.0f, 1.0f);
+  lobe.narrow = sqrt(max(middle - radius, 0.0f));
+  return lobe;
+}
+
+// Light direction of r = x axis + y (axis turned by 90°), times q, and q.
+FN vec4 ggx_slope(GgxLobe lobe, float x, float y) {
+  float sx = lobe.alpha.x * (x * lobe.axis.x - y * lobe.axis.y);
+  float sy = lobe.alpha.y * (x * lobe.axis.y + y * lobe.axis.x);
+  vec3 v = lobe.view;
+  float vh = max(v.z - sx * v.x - sy * v.y, 0.0f);  // v·h / n·h
+  float k = 2.0f * vh / (1.0f + sx * sx + sy * sy);
+  vec3 l = vec3(-k * sx - v.x, -k * sy - v.y, k - v.z);
+  float up = max(l.z, 0.0f);
+  float q = 2.0f * vh * up / (v.z * ggx_size(l, lobe.alpha) + up * lobe.view_size);
+  return vec4(q * l.x, q * l.y, q * l.z, q);
+}
+
+// Where part k of `count` of the lobe begins along its axis: x = sinh(u) in equal steps of u, since the lobe's width
+// across the axis grows with √(1 + x²), as do then the parts. Given as x/√(1 + x²) = tanh(u); the last ends at 1.
+FN float ggx_begin(int k, int count) {
+  if (k <= 0) return -1.0f;
+  if (k >= count) return 1.0f;
+  float top = 0.5f + 0.5f * log2(float(count));
+  return tanh(top * (2.0f * float(k) / float(count) - 1.0f));
+}
+
+// Energy of the part between two such bounds (w), and its first moment (x y z): two Gauss–Legendre nodes along, and
+// across three of Gauss–Chebyshev (second kind) at −1, 0 and 1 widths.
+FN vec4 ggx_part(GgxLobe lobe, float begin, float end) {
+  vec4 sum = vec4(0.0f);
+  for (int i = 0; i < 2; ++i) {
+    float c = 0.5f * (begin + end) + (float(i) - 0.5f) * 0.57735027f * (end - begin);
+    float width = 1.0f / sqrt(1.0f - c * c);
+    float x = c * width;
+    sum += 0.5f * ggx_slope(lobe, x, 0.0f);
+    sum += 0.25f * ggx_slope(lobe, x, width);
+    sum += 0.25f * ggx_slope(lobe, x, -width);
+  }
+  return 0.25f * (end - begin) * sum;
+}
+
+// Direction of the whole lobe from the sum of its parts; the mirror's where nothing is reflected.
+FN vec3 ggx_centre(vec4 sum, vec3 view) {
+  vec3 moment = vec3(sum.x, sum.y, sum.z);
+  return normalize(sum.w > 1e-12f ? moment : vec3(-view.x, -view.y, max(view.z, 1e-3f)));
+}
+
+// Unit direction of a part's tap (x y z), and the standard deviation in radians along each axis that the map is to be
+// blurred with there (w). 1.2: the three nodes leave out the tails. It is that of the lobe across at least: a part of
+// which the horizon leaves one node has no width of its own.
+FN vec4 ggx_tap(GgxLobe lobe, vec4 part, vec3 centre) {
+  vec3 mean = part.w > 1e-12f ? vec3(part.x, part.y, part.z) / part.w : centre;
+  vec3 d = normalize((1.0f - lobe.spread) * centre + lobe.spread * normalize(mean));
+  return vec4(d.x, d.y, d.z, 1.2f * sqrt(max(1.0f - dot(mean, d), lobe.narrow * lobe.narrow)));
+}
+
+// The lobe D G2 / (4 n·v) towards l, averaged over a light of this variance (radians², along each axis) around l: D's
+// alpha² as a matrix, plus twice the covariance of the half vectors (alpha² is twice the variance of a Gaussian's
+// slopes). The light reaches them halved along the plane of v and l, and divided by 2 v·h across it (the Jacobian of
+// reflection). As exact as seven points on the light, at a seventh of the cost.
+FN float ggx_light(GgxLobe lobe, vec3 l, float variance) {
+  vec3 v = lobe.view;
+  vec3 h = normalize(vec3(l.x + v.x, l.y + v.y, l.z + v.z + 1e-6f));
+  float hz = max(h.z, 1e-3f);
+  float vh = max(dot(v, h), 5e-2f);
+  vec3 q = cross(v, l);
+  float size = dot(q, q);
+  vec3 other = abs(h.x) < 0.7f ? vec3(1.0f, 0.0f, 0.0f) : vec3(0.0f, 1.0f, 0.0f);
+  q = size > 1e-10f ? q / sqrt(size) : normalize(cross(h, other));
+  vec3 p = cross(q, h);
+  vec2 sp = vec2(p.x, p.y);
+  vec2 sq = vec2(q.x, q.y) / vh;
+  float wider = 0.5f * variance;
+  float xx = lobe.alpha.x * lobe.alpha.x + wider * (sp.x * sp.x + sq.x * sq.x);
+  float yy = lobe.alpha.y * lobe.alpha.y + wider * (sp.y * sp.y + sq.y * sq.y);
+  float xy = wider * (sp.x * sp.y + sq.x * sq.y);
+  float det = xx * yy - xy * xy;
+  float sx = h.x / hz;
+  float sy = h.y / hz;
+  float t = 1.0f + (yy * sx * sx - 2.0f * xy * sx * sy + xx * sy * sy) / det;
+  float d = 1.0f / (3.14159265f * sqrt(det) * t * t * hz * hz * hz * hz);
+  float up = max(l.z, 0.0f);
+  return d * 0.5f * up / max(v.z * ggx_size(l, lobe.alpha) + up * lobe.view_size, 1e-12f);
+}
+
+// MIP level whose trilinear look-up blurs by this standard deviation: half a texel (a box and a tent), where a texel
+// is the root of the mean solid angle.
+FN float blur_level(float face_size, float width) {
+  return log2(max(width * face_size / 0.7236012f, 1.0f));
+}
+
+// Fresnel by Schlick from the albedos (f0 term, rest) of single scattering, and the light that is scattered more than
+// once, with the lobe's own shape: Turquin 2019, Practical multiple scattering compensation for microfacet models.
+FN vec3 ggx_reflectance(vec3 f0, vec2 albedo) {
+  float whole = max(albedo.x + albedo.y, 1e-4f);
+  return (f0 * albedo.x + albedo.y) * (1.0f + f0 * (1.0f / whole - 1.0f));
+}
+
+// Where the table of the directional albedo is read, in [0, 1] along each axis: roughness from √0.02 to 1, cosine
+// (fine near grazing), azimuth from the tangent.
+FN vec3 ggx_albedo_coordinate(vec3 view, float roughness) {
+  float x = abs(view.x);
+  float y = abs(view.y);
+  return vec3(clamp((roughness - 0.14142136f) / 0.85857864f, 0.0f, 1.0f), sqrt(clamp(view.z, 0.0f, 1.0f)),
+              x + y > 1e-6f ? atan(y, x) / 1.5707963f : 0.0f);
+}

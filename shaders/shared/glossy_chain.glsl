@@ -1,0 +1,58 @@
+// Glossy light from the chain of round lobes, its lights and spherical harmonics: as
+// scene/glossy.cpp. Needs shared/radiance.glsl and shared/glossy.glsl.
+uniform samplerCube chain;       // levels 2 ... 7
+uniform samplerCube first_lobe;  // level 1; level 0 is the map itself
+uniform sampler2D lobe_table;    // rows: 4 taps, direction and integral, bands; columns: lobe_column()
+uniform int taps;
+uniform float exponent;
+uniform float harmonics_share;
+uniform vec3 harmonics[25];
+uniform int light_count;
+uniform vec4 light_place[8];  // direction, variance
+uniform vec4 light_flux[8];   // flux, level
+
+vec3 chain_level(vec3 d, float k) {
+  if (k < 0.5) return textureLod(radiance, d, 0.0).rgb;
+  if (k < 1.5) return textureLod(first_lobe, d, 0.0).rgb;
+  return textureLod(chain, d, k - 2.0).rgb;
+}
+
+// Its two levels are blended here: drivers round the blend to a few bits.
+vec3 sample_chain(vec3 d, float level) {
+  float k = floor(level);
+  vec3 fine = chain_level(d, k), coarse = chain_level(d, min(k + 1.0, 7.0));
+  return radiance_scale * (fine + (level - k) * (coarse - fine));
+}
+
+vec3 glossy_from_chain(vec3 n, vec3 v, float cosine) {
+  float c = clamp(cosine, 0.0, 1.0), sine = sqrt(1.0 - c * c);
+  vec3 tangent = v - cosine * n;  // towards the view
+  tangent /= max(length(tangent), 1e-6);
+  vec3 mirror = c * n - sine * tangent, down = -sine * n - c * tangent;
+  float at = lobe_column(c);
+  int i = min(int(at), 15);
+  float f = at - float(i);
+  vec4 turn = mix(texelFetch(lobe_table, ivec2(i, 4), 0), texelFetch(lobe_table, ivec2(i + 1, 4), 0), f);
+  float share[8];
+  for (int j = 0; j < 8; ++j) share[j] = harmonics_share;
+  vec3 value = vec3(0.0);
+  if (harmonics_share > 0.0) {
+    vec4 bands = mix(texelFetch(lobe_table, ivec2(i, 5), 0), texelFetch(lobe_table, ivec2(i + 1, 5), 0), f);
+    value = harmonics_share * harmonics_radiance(harmonics, normalize(turn.x * mirror + turn.y * down), bands);
+  }
+  if (harmonics_share < 1.0) {
+    for (int k = 0; k < taps; ++k) {
+      vec4 tap = mix(texelFetch(lobe_table, ivec2(i, k), 0), texelFetch(lobe_table, ivec2(i + 1, k), 0), f);
+      float weight = (1.0 - harmonics_share) * tap.w;
+      value += weight * sample_chain(tap.x * mirror + tap.y * down, tap.z);
+      for (int j = 0; j < light_count; ++j) share[j] += weight * light_share(tap.z, light_flux[j].w);
+    }
+  }
+  if (light_count > 0) {
+    vec3 sum = vec3(0.0);
+    for (int j = 0; j < light_count; ++j)
+      sum += share[j] * light_lobe(exponent, light_place[j].w, n, v, light_place[j].xyz) * light_flux[j].rgb;
+    value += exp2(-turn.z) * sum;
+  }
+  return value;
+}

@@ -1,0 +1,18 @@
+// glTF's metallic-roughness model and its textures, for C++ (through scene/shared_formulas.h) and GLSL ES 3.00.
+
+// MIP level of a texture (size: of level 0, texels) whose texels are as large as the longer of two steps of uv.
+FN float texture_level(vec2 size, vec2 uv_dx, vec2 uv_dy) {
+  vec2 a = uv_dx * size;
+  vec2 b = uv_dy * size;
+  return 0.5f * log2(max(max(dot(a, a), dot(b, b)), 1e-12f));
+}
+
+// glTF mixes a metal, which reflects its colour at normal incidence, with a dielectric that reflects 4 % (index 1.5)
+// over a diffuse base; what the dielectric does not reflect goes into its base.
+FN vec3 pbr_reflectance(vec3 base_color, float metallic, vec2 albedo) {
+  return (1.0f - metallic) * ggx_reflectance(vec3(0.04f), albedo) + metallic * ggx_reflectance(base_color, albedo);
+}
+FN vec3 pbr_diffuse(vec3 base_color, float metallic, vec2 albedo) {
+  vec3 rest = max(vec3(1.0f) - ggx_reflectance(vec3(0.04f), albedo), vec3(0.0f));
+  return (1.0f - metallic) * base_color * rest;
+}

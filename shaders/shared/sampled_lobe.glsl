@@ -1,0 +1,57 @@
+// Glossy light by filtered samples: as scene/sampled_lobe.cpp. Needs shared/radiance.glsl.
+uniform int taps;
+uniform float exponent;     // below infinity
+uniform float face_size;    // texels along a face of level 0
+uniform float texel_share;  // how far taps much finer than a texel read that texel alone
+
+vec3 nearest_texel(vec3 d) {
+  vec3 a = abs(d);
+  vec3 p = d / max(a.x, max(a.y, a.z));
+  vec3 middle = (floor((0.5 * p + 0.5) * face_size) + 0.5) / face_size * 2.0 - 1.0;
+  middle = clamp(middle, 1.0 / face_size - 1.0, 1.0 - 1.0 / face_size);
+  if (a.x >= a.y && a.x >= a.z) p.yz = middle.yz;
+  else if (a.y >= a.z) p.xz = middle.xz;
+  else p.xy = middle.xy;
+  return radiance_scale * textureLod(radiance, p, 0.0).rgb;
+}
+
+vec3 filtered_tap(vec3 l, float solid_angle) {
+  vec3 a = abs(l);
+  float major = max(a.x, max(a.y, a.z));
+  float texel = 4.0 / (face_size * face_size) * major * major * major;
+  float tap_level = 0.5 * log2(max(solid_angle, 1e-30) / texel);
+  if (tap_level >= 0.0 || texel_share <= 0.0) return sample_radiance(l, tap_level);
+  float share = texel_share * clamp(-tap_level - 1.0, 0.0, 1.0);
+  vec3 blended = share < 1.0 ? sample_radiance(l, 0.0) : vec3(0.0);
+  return share > 0.0 ? blended + share * (nearest_texel(l) - blended) : blended;
+}
+
+vec3 sampled_lobe(vec3 n, vec3 v) {
+  vec3 axis = vec3(0.36, 0.48, 0.8);
+  vec3 t = v - dot(v, n) * n + 1e-4 * (axis - dot(axis, n) * n);
+  float size = length(t);
+  t = size > 1e-12 ? t / size : vec3(0.8, -0.6, 0.0);
+  vec3 b = cross(n, t);
+  float power = 1.0 / (exponent + 1.0), count = float(taps);
+  vec3 sum = vec3(0.0);
+  float total = 0.0;
+  for (int i = 0; i < taps; ++i) {
+    bool middle = i == taps - 1 && taps % 2 != 0;
+    float k = float(i / 2);
+    float u = middle ? 1.0 - 0.5 / count : (2.0 * k + 1.0) / count;
+    float turn = middle ? 0.0 : 3.14159265 * fract(k * 0.61803399 + 0.5);
+    float side = i % 2 == 0 ? 1.0 : -1.0;
+    float x = power * log(u), c = exp(x), y = 2.0 * x;
+    // 1 - e^y without cancellation.
+    float sine2 = y > -0.1 ? -y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y / 24.0))) : 1.0 - exp(y);
+    float s = sqrt(max(sine2, 0.0));
+    vec3 h = s * cos(turn) * t + side * s * sin(turn) * b + c * n;
+    float vh = dot(v, h);
+    vec3 l = 2.0 * vh * h - v;
+    float nl = dot(n, l);
+    if (!(vh > 0.0 && nl > 0.0)) continue;
+    sum += vh * nl * filtered_tap(l, 4.0 * vh * 6.2831853 * power / count * c / u);
+    total += vh * nl;
+  }
+  return total > 0.0 ? sum / total : sample_radiance(2.0 * dot(n, v) * n - v, 0.0);
+}
