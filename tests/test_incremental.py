@@ -167,14 +167,14 @@ def test_sessions_follow_what_a_new_session_would_have():
     scene = fastibl.Scene(fastibl.shapes.figurine(0.1), spheres=4, visibility_rays=0)
     results = []
     for _ in range(2):
-        session = fastibl.Session(scene, rig, size=64)
+        session = fastibl.Session(scene, rig, size=64, methods={"diffuse": "sh9"})
         for image, _, pose, exposure, time, _ in views(15, 9):
             result = session.process(
                 fastibl.Frame(time, back=image[:120, :160], back_exposure=exposure, back_from_marker=pose)
             )
         assert_is_rebuilt(result.environment, "session")
         normals = np.random.default_rng(0).normal(size=(50, 3))
-        anew = fastibl.Lighting(fastibl.CubeMap(np.array(result.environment.radiance.faces)))
+        anew = fastibl.Lighting(fastibl.CubeMap(np.array(result.environment.radiance.faces)), diffuse="sh9")
         assert relative(result.lighting.irradiance(normals), anew.irradiance(normals)) <= 1e-5
         results.append((result.image.tobytes(), result.environment.radiance.faces.tobytes()))
     assert results[0] == results[1]
