@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -537,9 +537,38 @@ class Material:
         """
         A number or a texture; None of Eq. 3.
         """
+class Light:
+    """
+    A small bright part of a map: a disc of equal radiance.
+    """
+    __hash__: typing.ClassVar[None] = None
+    def __eq__(self, arg0: Light) -> bool:
+        ...
+    def __repr__(self) -> str:
+        ...
+    @property
+    def angular_radius(self) -> float:
+        """
+        Radians.
+        """
+    @property
+    def direction(self) -> tuple:
+        """
+        Towards it, unit length, marker frame.
+        """
+    @property
+    def flux(self) -> tuple:
+        """
+        RGB: radiance summed over its solid angle.
+        """
+    @property
+    def irradiance(self) -> tuple:
+        """
+        RGB, on a surface that faces it.
+        """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting) -> None:
+    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -564,8 +593,8 @@ class _Lighting:
 
         normals, views: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
         exponent: half-vector exponent s >= 0, broadcasts to (...); 0 gives irradiance / pi, infinity the mirror.
-        normalization: "energy" (the lobe's average) or "paper" (times Eq. 3's directional albedo). Returns (..., 3)
-        float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.
+        normalization: "energy" (the lobe's average), "paper" (times Eq. 3's directional albedo) or "exact" (the same with
+        the factor (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)), which conserves energy for k_L + k_G <= 1). Returns (..., 3) float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.
         """
     def irradiance(self, normals: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
@@ -598,6 +627,16 @@ class _Lighting:
     @property
     def _irradiance_error(self) -> float:
         ...
+    @property
+    def _without_lights(self) -> CubeMap:
+        """
+        CubeMap of 64 squared texels: the map without its lights.
+        """
+    @property
+    def lights(self) -> list[Light]:
+        """
+        The dominant lights of the map, at most 8: list of Light. Glossy methods with lights shade them by themselves; what is left of the map and the lights hold every photon once.
+        """
     @property
     def plane_irradiance(self) -> tuple[float, float, float]:
         """
