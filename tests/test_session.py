@@ -423,3 +423,16 @@ def test_replay_gives_the_same_bits():
     results = [o.stdout.split() for o in out]
     print(f"tracked {results[0][0]} of 6 frames, {results[0][1][:16]}")
     assert results[0] == results[1] and int(results[0][0]) >= 3
+
+
+def test_light_of_a_matte_object_still_answers_glossy_questions():
+    """No chain was built for it; it is when it is asked for."""
+    n = np.array([[0.0, 0, 1], [0.6, 0, 0.8]])
+    cube = fastibl.CubeMap(np.random.default_rng(0).random((6, 16, 16, 3)))
+    camera = fastibl.Camera(32, 32, 30, 30, 16, 16)
+    mesh = fastibl.Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]]))
+    session = fastibl.Session(fastibl.Scene(mesh, spheres=0), fastibl.Rig(camera), environment=cube, backend="cpu")
+    lighting = session.process(fastibl.Frame(time=0.0, back_from_marker=np.eye(4))).lighting
+    fresh = fastibl.Lighting(cube)
+    np.testing.assert_array_equal(lighting.glossy(n, n, 50.0), fresh.glossy(n, n, 50.0))
+    np.testing.assert_array_equal(lighting.ggx(n, n, 0.4), fresh.ggx(n, n, 0.4))

@@ -6,6 +6,7 @@
 
 #include "bindings/numpy.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/lighting/fit_lighting.h"
 
 namespace fastibl::bindings {
 namespace {
@@ -53,10 +54,11 @@ glm::vec3 unit(const glm::vec3& v) {
   return length > 0 ? v / length : v;
 }
 
-Floats ggx(const Lighting& lighting, const py::object& normals, const py::object& views,
+Floats ggx(Lighting& lighting, const py::object& normals, const py::object& views,
            const py::object& roughness, const py::object& anisotropy, const py::object& tangents,
            const py::object& alpha, const std::string& normalization, const std::string& method,
            int taps) {
+  ensure_chain(lighting);
   const bool single = normalization == "single";
   if (!single && normalization != "energy")
     throw py::value_error("normalization must be \"energy\" or \"single\", got \"" + normalization +

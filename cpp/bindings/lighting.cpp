@@ -131,8 +131,9 @@ for a constant map of radiance 1 (six-face: 0.966 to 0.978 of it). Raises ValueE
 for integers or objects.)")
       .def(
           "glossy",
-          [](const Lighting& lighting, const py::object& normals, const py::object& views,
+          [](Lighting& lighting, const py::object& normals, const py::object& views,
              const py::object& exponent, const std::string& normalization_name) {
+            ensure_chain(lighting);
             const py::module_ numpy = py::module_::import("numpy");
             const py::tuple pair = numpy.attr("broadcast_arrays")(
                 require_vectors(normals, "normals"), require_vectors(views, "views"));

@@ -45,6 +45,10 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
   lighting.chain = std::move(chain);
 }
 
+void ensure_chain(Lighting& lighting) {
+  if (lighting.radiance && !lighting.chain && reads_chain(lighting.glossy)) fit_chain(lighting);
+}
+
 Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options,
                       const Lighting* previous) {
   check(radiance && radiance->size() > 0, "lighting needs a map");

@@ -26,5 +26,7 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
 // Whether a method reads Lighting::chain; adds it to a lighting without.
 bool reads_chain(GlossyMethod method);
 void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous = nullptr);
+// The same where it is missing: light that was fitted while nothing glossy was to be shaded.
+void ensure_chain(Lighting& lighting);
 
 }  // namespace fastibl

@@ -121,9 +121,10 @@ LightArrays arrays_of(const GlossyChain& chain) {
 }
 
 GlossyShading::GlossyShading(const Lighting& lighting, float exponent)
-    : lighting_(&lighting), exponent_(exponent) {
+    : lighting_(&lighting), method_(lighting.glossy), exponent_(exponent) {
   if (exponent == 0 || !lighting.radiance) return;
-  if (lighting.glossy == GlossyMethod::mip) {
+  if (!lighting.chain && method_ != GlossyMethod::sampled) method_ = GlossyMethod::mip;
+  if (method_ == GlossyMethod::mip) {
     level_ = shared::mip_level(float(lighting.radiance->size()), exponent);
   } else if (lighting.chain) {
     lobe_ = GlossyLobe(*lighting.chain, std::max(lighting.glossy_settings.taps, 1),
@@ -180,9 +181,9 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine) cons
 glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine) const {
   // Eq. 3 with s = 0 is Lambert's law; up to s = 1 lobes are between it and that of s = 1.
   if (exponent_ == 0) return evaluate(lighting_->irradiance, n) / kPi;
-  if (lighting_->glossy == GlossyMethod::mip)
+  if (method_ == GlossyMethod::mip)
     return lighting_->radiance->sample(2 * cosine * n - v, level_);
-  if (lighting_->glossy == GlossyMethod::sampled)
+  if (method_ == GlossyMethod::sampled)
     return sampled_lobe(*lighting_->radiance, n, v, exponent_, lighting_->glossy_settings.taps);
   const glm::vec3 value = from_chain(n, v, cosine);
   if (exponent_ >= 1) return value;

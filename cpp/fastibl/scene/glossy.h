@@ -41,7 +41,7 @@ struct LightArrays {
 LightArrays arrays_of(const GlossyChain& chain);
 
 // The glossy term of one exponent, ready for many normals and views. Keeps a pointer to lighting,
-// which needs its map (and chain) once it is called.
+// which needs its map once it is called.
 class GlossyShading {
  public:
   GlossyShading(const Lighting& lighting, float exponent);
@@ -52,6 +52,7 @@ class GlossyShading {
   glm::vec3 from_chain(glm::vec3 normal, glm::vec3 view, float cosine) const;
 
   const Lighting* lighting_;
+  GlossyMethod method_;  // of the lighting; `mip` where its chain is missing
   float exponent_;
   float level_ = 0;  // of `mip`
   GlossyLobe lobe_;
