@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
         path = write_rows(name, rows)
         print(f"\n{name}: {len(rows)} rows in {path.relative_to(ROOT)}, {time.perf_counter() - begin:.0f} s")
         print(table(rows), flush=True)
-        for drawn in plot(rows):
+        for drawn in plot(name, rows):
             print(f"drawn: {drawn.relative_to(ROOT)}")
     return 0
 

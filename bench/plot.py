@@ -6,6 +6,7 @@ The frontier joins what nothing else beats in both: "better" means ahead of it.
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ def points(rows: Iterable[Row]) -> dict[str, list[Point]]:
     found: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     for r in rows:
         if r.error is not None and r.seconds is not None:
-            setting = ", ".join(s for s in r.setting.split(", ") if not s.startswith("exponent="))
+            setting = " ".join(s for s in r.setting.split() if not s.startswith("exponent="))
             found[r.metric, r.method, setting].append(r)
     plots: dict[str, list[Point]] = defaultdict(list)
     for (metric, method, setting), same in found.items():
@@ -88,14 +89,13 @@ def draw(metric: str, all_points: Sequence[Point], path: Path) -> None:
     plt.close(figure)
 
 
-def plot(rows: Sequence[Row]) -> list[Path]:
-    """Draws each metric that several methods share to docs/plots/; the name is that of what the error is of."""
+def plot(name: str, rows: Sequence[Row]) -> list[Path]:
+    """Draws each metric of a benchmark that several methods share to docs/plots/<name>-<metric>.svg."""
     written = []
     for metric, found in points(rows).items():
         if len(found) < 2:
             continue
-        name = metric.partition(";")[0].lower().partition(" of the ")[2].replace(" ", "-")
-        path = PLOTS / f"{name}.svg"
+        path = PLOTS / f"{name}-{re.sub('[^a-z0-9]+', '-', metric.lower()).strip('-')}.svg"
         draw(metric, found, path)
         written.append(path)
     return written

@@ -64,8 +64,7 @@ def look_ups() -> Iterator[Goal]:
             None if goal is None else _mean(means) <= goal,
             (
                 *by_map(means),
-                f"four maps that constants were chosen with {percent(_mean(means, _FIRST))}, the other three "
-                f"{percent(_mean(means, rest))}",
+                f"four maps {percent(_mean(means, _FIRST))}, the other three {percent(_mean(means, rest))}",
                 "by exponent: " + ", ".join(f"{s} {percent(e)}" for s, e in by_exponent.items()),
             ),
         )
