@@ -6,10 +6,6 @@
 
 #include <cstring>
 
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wpsabi"  // Wide is passed between inlined functions only
-#endif
-
 namespace fastibl {
 
 typedef float Wide __attribute__((vector_size(32)));
