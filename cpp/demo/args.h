@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "fastibl/scene/mesh.h"
+#include "fastibl/scene/material.h"
 
 namespace fastibl::demo {
 

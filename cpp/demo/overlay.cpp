@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "fastibl/scene/response.h"
 
@@ -10,12 +11,12 @@ namespace {
 
 constexpr float kUnseen = 0.35f;  // brightness of what no camera saw
 
-float confidence(const Environment& environment, glm::vec3 direction) {
-  const int n = environment.radiance.size();
+// Of the n² texels of each face.
+float look_up(const std::vector<float>& confidence, int n, glm::vec3 direction) {
   const FacePoint p = face_point(direction);
   const int x = std::clamp(int(p.s * float(n)), 0, n - 1);
   const int y = std::clamp(int(p.t * float(n)), 0, n - 1);
-  return environment.confidence[(std::size_t(p.face) * n + std::size_t(y)) * n + std::size_t(x)];
+  return confidence[(std::size_t(p.face) * n + std::size_t(y)) * n + std::size_t(x)];
 }
 
 }  // namespace
@@ -26,6 +27,7 @@ void draw_map(Image<std::uint8_t>& picture, const Environment& environment, doub
   if (height < 8 || picture.channels != 3) return;
   const int left = picture.width - width - margin, top = picture.height - height - margin;
   const ByteResponse response(Response::srgb());
+  const std::vector<float> confidence = environment.confidence();
   // The level whose texels are as large as the inset's pixels.
   const float level = std::log2(float(4 * environment.radiance.size()) / float(width));
   for (int y = 0; y < height; ++y)
@@ -35,7 +37,7 @@ void draw_map(Image<std::uint8_t>& picture, const Environment& environment, doub
       const glm::vec3 direction(std::sin(polar) * std::sin(azimuth),
                                 std::sin(polar) * std::cos(azimuth), std::cos(polar));
       glm::vec3 colour = environment.radiance.sample(direction, level) * float(exposure);
-      if (!(confidence(environment, direction) > 0))
+      if (!(look_up(confidence, environment.radiance.size(), direction) > 0))
         colour *= (x + y) / 2 % 4 == 0 ? kUnseen / 4 : kUnseen;
       const bool border = x == 0 || y == 0 || x == width - 1 || y == height - 1;
       std::uint8_t* pixel = picture.pixel(left + x, top + y);

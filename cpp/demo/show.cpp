@@ -104,8 +104,8 @@ class Viewer {
         paper_ = !paper_, methods_ = methods_preset(paper_);
         return session_.set_methods(methods_), redraw();
       case 'd':
-        methods_.diffuse =
-            kDiffuseMethods[std::size_t(methods_.diffuse) % kDiffuseMethods.size()]  // after `automatic`;
+        // `automatic` is the first value of the enum and not in the list.
+        methods_.diffuse = kDiffuseMethods[std::size_t(methods_.diffuse) % kDiffuseMethods.size()];
         return session_.set_methods(methods_), redraw();
       case 'b':
         return next_backend();
