@@ -11,16 +11,6 @@
 namespace fastibl::bindings {
 namespace {
 
-// A number or an array of floats, broadcast to `shape`.
-Floats broadcast(const py::object& value, const char* name, const std::vector<py::ssize_t>& shape) {
-  const py::module_ numpy = py::module_::import("numpy");
-  const bool number = py::isinstance<py::float_>(value) || py::isinstance<py::int_>(value);
-  const py::object array = number ? py::object(numpy.attr("float32")(value.cast<double>()))
-                                  : py::object(require_floats<float>(value, name));
-  return Floats::ensure(numpy.attr("ascontiguousarray")(
-      numpy.attr("broadcast_to")(array, py::tuple(py::cast(shape)))));
-}
-
 void check_range(const Floats& values, const char* name, float low, float high) {
   for (py::ssize_t i = 0; i < values.size(); ++i)
     if (!(values.data()[i] >= low && values.data()[i] <= high))
@@ -36,22 +26,17 @@ std::vector<glm::vec2> alphas(const py::object& roughness, const py::object& ani
   std::vector<glm::vec2> out;
   if (!alpha.is_none()) {
     shape.push_back(2);
-    const Floats pairs = broadcast(alpha, "alpha", shape);
+    const Floats pairs = broadcast_floats(alpha, "alpha", shape);
     check_range(pairs, "alpha", 0, 1);
     for (py::ssize_t i = 0; i < pairs.size(); i += 2)
       out.push_back(glm::max(glm::vec2(pairs.data()[i], pairs.data()[i + 1]), kSmallestAlpha));
     return out;
   }
-  const Floats r = broadcast(roughness, "roughness", shape),
-               a = broadcast(anisotropy, "anisotropy", shape);
+  const Floats r = broadcast_floats(roughness, "roughness", shape),
+               a = broadcast_floats(anisotropy, "anisotropy", shape);
   check_range(r, "roughness", 0, 1), check_range(a, "anisotropy", 0, 1);
   for (py::ssize_t i = 0; i < r.size(); ++i) out.push_back(ggx_alpha(r.data()[i], a.data()[i]));
   return out;
-}
-
-glm::vec3 unit(const glm::vec3& v) {
-  const float length = glm::length(v);
-  return length > 0 ? v / length : v;
 }
 
 Floats ggx(Lighting& lighting, const py::object& normals, const py::object& views,

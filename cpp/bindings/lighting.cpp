@@ -42,12 +42,6 @@ std::shared_ptr<const CubeMap> shared_cube(const py::object& object) {
           }};
 }
 
-glm::vec3 unit(const glm::vec3& v) {
-  const float length = glm::length(v);
-  return length > 0 ? v / length
-                    : v;  // length 0 has no direction: the result is defined, not useful
-}
-
 py::tuple rgb(const glm::vec3& v) { return py::make_tuple(v.x, v.y, v.z); }
 
 bool own_lights(const Lighting& lighting) {
@@ -140,13 +134,7 @@ for integers or objects.)")
             const Floats n = Floats::ensure(pair[0]), v = Floats::ensure(pair[1]);
             std::vector<py::ssize_t> shape = shape_vector(n);
             shape.pop_back();
-            const py::object plain =
-                py::isinstance<py::int_>(exponent) ? py::object(py::float_(exponent)) : exponent;
-            const Floats s = Floats::ensure(numpy.attr("ascontiguousarray")(numpy.attr(
-                "broadcast_to")(py::isinstance<py::float_>(plain)
-                                    ? py::object(numpy.attr("float32")(plain))
-                                    : py::object(require_floats<float>(plain, "exponent")),
-                                py::tuple(py::cast(shape)))));
+            const Floats s = broadcast_floats(exponent, "exponent", shape);
             for (py::ssize_t i = 0; i < s.size(); ++i)
               if (!(s.data()[i] >= 0))
                 throw py::value_error("exponent must be at least 0, got " +

@@ -90,8 +90,25 @@ inline glm::vec3* vectors(Floats& array) {
   return reinterpret_cast<glm::vec3*>(array.mutable_data());
 }
 
+inline glm::vec3 unit(const glm::vec3& v) {
+  const float length = glm::length(v);
+  return length > 0 ? v / length
+                    : v;  // length 0 has no direction: the result is defined, not useful
+}
+
 inline std::vector<py::ssize_t> shape_vector(const py::array& array) {
   return {array.shape(), array.shape() + array.ndim()};
+}
+
+// A number or an array of floats, broadcast to `shape`.
+inline Floats broadcast_floats(const py::object& value, const char* name,
+                               const std::vector<py::ssize_t>& shape) {
+  const py::module_ numpy = py::module_::import("numpy");
+  const bool number = py::isinstance<py::float_>(value) || py::isinstance<py::int_>(value);
+  const py::object array = number ? py::object(numpy.attr("float32")(value.cast<double>()))
+                                  : py::object(require_floats<float>(value, name));
+  return Floats::ensure(numpy.attr("ascontiguousarray")(
+      numpy.attr("broadcast_to")(array, py::tuple(py::cast(shape)))));
 }
 
 // uint8 or uint16 encoded RGB, or float linear RGB, (height, width, 3). `keep` owns the memory

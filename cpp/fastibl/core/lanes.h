@@ -5,13 +5,13 @@
 
 #include <cstdint>
 
+#include "fastibl/core/simd.h"
+
 namespace fastibl {
 
 inline constexpr int kLanes = 16;
 typedef float Lanes __attribute__((vector_size(64)));
 typedef std::int32_t IntLanes __attribute__((vector_size(64)));
-
-#define FASTIBL_INLINE inline __attribute__((always_inline))
 
 // ln(1 − t) for t in [0, 1), to 2e-7 of its value, also where t is small.
 FASTIBL_INLINE void log1m(const Lanes& t, Lanes& result) {
