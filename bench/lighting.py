@@ -7,7 +7,7 @@ import numpy as np
 import fastibl
 
 from . import brute, inputs
-from .measure import Row, Timing, measure, row
+from .measure import Row, Timing, measure, one_core, row
 
 _NORMALS = 1_000_000
 _PAIRS = 200_000
@@ -15,13 +15,9 @@ _GLOSSY_PAIRS = 40  # at each angle, against brute force
 _TIMED_EXPONENT = 64.0
 
 
+@one_core()
 def rows() -> list[Row]:
-    threads = fastibl.threads()
-    fastibl.set_threads(1)
-    try:
-        return diffuse() + glossy()
-    finally:
-        fastibl.set_threads(threads)
+    return diffuse() + glossy()
 
 
 def _maps() -> dict[str, fastibl.CubeMap]:

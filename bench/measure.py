@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+import fastibl
 from fastibl.machine import cpu
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -70,6 +72,17 @@ def timing(walls: Iterable[float], cpus: Iterable[float]) -> Timing:
     low, middle, high = np.percentile(wall, (10, 50, 90))
     cpu_low, cpu_middle, cpu_high = np.percentile(cpu, (10, 50, 90))
     return Timing(*(float(v) for v in (middle, low, high, cpu_middle, cpu_low, cpu_high)), len(wall))
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """The library on one thread, as a block or, with @one_core(), a whole function."""
+    before = fastibl.threads()
+    fastibl.set_threads(1)
+    try:
+        yield
+    finally:
+        fastibl.set_threads(before)
 
 
 def measure(call: Callable[..., Any], inputs: Sequence[Any], repetitions: int = 15, warm: int = 2) -> Timing:

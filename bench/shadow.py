@@ -8,20 +8,11 @@ from numpy.typing import NDArray
 import fastibl
 
 from . import inputs
-from .measure import Row, measure, row
+from .measure import Row, measure, one_core, row
 
 _COUNTS = (10, 50, 200)
 _SIZE = 64  # face edge of the maps: every texel above the horizon is one direction of the truth
 _GRID = 18
-
-
-def rows() -> list[Row]:
-    threads = fastibl.threads()
-    fastibl.set_threads(1)
-    try:
-        return _rows()
-    finally:
-        fastibl.set_threads(threads)
 
 
 def _points(mesh: fastibl.Mesh) -> NDArray:
@@ -46,7 +37,8 @@ def _maps() -> dict[str, fastibl.CubeMap]:
     return {"noise": fastibl.CubeMap(noise.astype(np.float32))}
 
 
-def _rows() -> list[Row]:
+@one_core()
+def rows() -> list[Row]:
     maps = _maps()
     mesh = inputs.scene().mesh
     points = _points(mesh)

@@ -5,19 +5,9 @@ import pytest
 import test_gl
 
 import fastibl
+from bench.light.prefilter import height
 from conftest import same_error
 from fastibl import reference
-
-
-def height(model, parameter, cosine):
-    """The lobes as they are defined, relative to their peaks."""
-    c = np.maximum(cosine, 0)
-    if model == "phong":
-        return c**parameter * (cosine > 0)
-    if model == "blinn":
-        return np.sqrt((1 + c) / 2) ** parameter * c
-    a = parameter * parameter
-    return (a / ((1 + c) / 2 * (a - 1) + 1)) ** 2 * c
 
 
 def truth(cube, size, model, parameter, count=60, split=1):

@@ -11,7 +11,7 @@ from fastibl import reference
 
 from .. import brute, inputs
 from ..goals import Goal, by_map, percent, row, skipped
-from ..measure import measure, yardstick_seconds
+from ..measure import measure, one_core, yardstick_seconds
 
 _PAIRS = 100  # at each angle
 # The taps come from lobes alone (tools/fit_glossy_taps.py). The three constants of find_lights were looked at on all
@@ -170,9 +170,7 @@ def cost() -> Iterator[Goal]:
     cube = next(iter(maps.values()))
     normals, views = inputs.units(200_000, 2).astype(np.float32), inputs.units(200_000, 3).astype(np.float32)
     views *= np.sign((normals * views).sum(axis=1, keepdims=True))
-    threads = fastibl.threads()
-    fastibl.set_threads(1)
-    try:
+    with one_core():
         lightings = {method: fastibl.Lighting(cube, glossy=method) for method in METHODS}
         for s in (2.0, 64.0, 2048.0):
             times = dict.fromkeys(METHODS, np.inf)
@@ -205,5 +203,3 @@ def cost() -> Iterator[Goal]:
                 "(no goal of its own)",
                 None,
             )
-    finally:
-        fastibl.set_threads(threads)

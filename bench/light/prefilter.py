@@ -13,7 +13,7 @@ from fastibl import reference
 
 from .. import brute, inputs
 from ..goals import Goal, by_map, percent, row, skipped
-from ..measure import measure, yardstick
+from ..measure import measure, one_core, yardstick
 
 # nMAE of cmft on the same seven maps, median and worst, by level (research: peers, measured): p = 513 ... 5.4.
 CMFT = ((0.09, 0.9), (0.13, 0.8), (0.15, 0.6), (0.20, 0.5), (0.26, 0.7), (0.29, 0.8), (0.29, 1.1))
@@ -80,26 +80,28 @@ def compare(level: int, sets: dict[str, list], source: int, model: str, paramete
     return nmae, largest, energy
 
 
+@one_core()
 def timed(size: int, levels: int, model: str, **options) -> tuple[dict[str, list], float, dict[str, float]]:
     """The sets of all maps; yardsticks of CPU time on one core, the median map's; and those of each map."""
-    threads = fastibl.threads()
-    fastibl.set_threads(1)
-    try:
-        sets, times = {}, {}
-        for name, cube in maps(size).items():
-            lighting = fastibl.Lighting(cube, diffuse="sh9", glossy="mip")
-            sets[name] = lighting.prefiltered(size, levels, model, **options)
-            times[name] = (
-                measure(lambda _, l=lighting: l.prefiltered(size, levels, model, **options), [0], 3, warm=0).cpu_low
-                / yardstick(9).cpu_low
-            )
-    finally:
-        fastibl.set_threads(threads)
+    sets, times = {}, {}
+    for name, cube in maps(size).items():
+        lighting = fastibl.Lighting(cube, diffuse="sh9", glossy="mip")
+        sets[name] = lighting.prefiltered(size, levels, model, **options)
+        times[name] = (
+            measure(lambda _, l=lighting: l.prefiltered(size, levels, model, **options), [0], 3, warm=0).cpu_low
+            / yardstick(9).cpu_low
+        )
     return sets, float(np.median(list(times.values()))), times
 
 
-def _times(times: dict[str, float]) -> tuple[str, ...]:
-    return ("yardsticks by map: " + ", ".join(f"{name} {t:.1f}" for name, t in times.items()),)
+def _timed_goal(what: str, median: float, times: dict[str, float], most: float, peer: str) -> Goal:
+    return Goal(
+        f"{what}, one core: yardsticks, median (slowest) map",
+        f"{median:.2f} ({max(times.values()):.2f})",
+        f"<= {most:g} ({peer})",
+        median <= most,
+        ("yardsticks by map: " + ", ".join(f"{name} {t:.1f}" for name, t in times.items()),),
+    )
 
 
 @row("light", "prefiltered Phong set against cmft, 128^2")
@@ -108,13 +110,7 @@ def phong() -> Iterator[Goal]:
         yield skipped("prefiltered Phong set, seven levels", inputs.NO_MAPS)
         return
     sets, median, times = timed(128, 7, "phong")
-    yield Goal(
-        "Phong set of 7 levels at 128^2, one core: yardsticks, median (slowest) map",
-        f"{median:.2f} ({max(times.values()):.2f})",
-        "<= 11.25 (cmft 220)",
-        median <= 11.25,
-        _times(times),
-    )
+    yield _timed_goal("Phong set of 7 levels at 128^2", median, times, 11.25, "cmft 220")
     worst_studio = 0.0
     for level, (middle, worst) in enumerate(CMFT):
         p = 1 + 2 ** (1 + 8 * (1 - level / 7))
@@ -141,13 +137,7 @@ def phong_large() -> Iterator[Goal]:
         yield skipped("prefiltered Phong set at 256^2", inputs.NO_MAPS)
         return
     _, median, times = timed(256, 7, "phong")
-    yield Goal(
-        "Phong set of 7 levels at 256^2, one core: yardsticks, median (slowest) map",
-        f"{median:.1f} ({max(times.values()):.1f})",
-        "<= 67.5 (cmft 3400)",
-        median <= 67.5,
-        _times(times),
-    )
+    yield _timed_goal("Phong set of 7 levels at 256^2", median, times, 67.5, "cmft 3400")
 
 
 @row("light", "prefiltered GGX set against cmgen, 256^2")
@@ -156,13 +146,7 @@ def ggx() -> Iterator[Goal]:
         yield skipped("prefiltered GGX set at 256^2", inputs.NO_MAPS)
         return
     sets, median, times = timed(256, 5, "ggx", mapping="filament", error=0.005)
-    yield Goal(
-        "GGX set of 5 levels at 256^2, error=0.005, one core: yardsticks, median (slowest) map",
-        f"{median:.2f} ({max(times.values()):.2f})",
-        "<= 15 (cmgen 1475)",
-        median <= 15,
-        _times(times),
-    )
+    yield _timed_goal("GGX set of 5 levels at 256^2, error=0.005", median, times, 15, "cmgen 1475")
     for level, alpha in enumerate(CMGEN_ALPHA):
         if level == 0:
             worst = max(float(np.abs(s[0].faces - maps(256)[name].faces).max()) for name, s in sets.items())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +15,6 @@ from ..goals import Goal, percent, row
 
 SIZE = 256
 FRAMES = 320
-
-
-@contextmanager
-def one_core() -> Iterator[None]:
-    before = fastibl.threads()
-    fastibl.set_threads(1)
-    try:
-        yield
-    finally:
-        fastibl.set_threads(before)
 
 
 def cpu_times(calls: list[Callable[[], object]], repetitions: int) -> NDArray[np.float64]:
@@ -51,7 +40,7 @@ def noise_map(size: int = SIZE, seed: int = 0) -> fastibl.CubeMap:
 def full_rebuild() -> Iterator[Goal]:
     cube = noise_map()
     faces = np.ascontiguousarray(cube.faces)
-    with one_core():
+    with measure.one_core():
         times = cpu_times(
             [
                 cube._rebuild,
@@ -153,7 +142,7 @@ def frames() -> Iterator[Goal]:
         ("75 degrees, on the table", lens(75, False), -0.9, -0.5, False),
     )
     for what, camera, lowest, highest, judged in cases:
-        with one_core():
+        with measure.one_core():
             times, yards, coverage = follow(camera, radiance, lowest, highest)
         yard = float(np.median(yards))
         total = times.sum(axis=1) / yard
@@ -176,7 +165,7 @@ def frames() -> Iterator[Goal]:
 @row("light", "speed of reading a panorama")
 def panorama() -> Iterator[Goal]:
     image = np.random.default_rng(0).random((512, 1024, 3), np.float32)
-    with one_core():
+    with measure.one_core():
         times = cpu_times(
             [
                 lambda: fastibl.cubemap_from_equirect(image, SIZE),

@@ -10,28 +10,22 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
-import fastibl
-
 from .. import inputs
-from ..measure import Row
+from ..measure import Row, one_core
 from . import cmft, cmgen, conversion, three
 
 
+@one_core()
 def rows() -> list[Row]:
-    threads = fastibl.threads()
-    fastibl.set_threads(1)
     out: list[Row] = []
-    try:
-        for name, measure in PEERS.items():
-            if not inputs.MAPS:
-                print(f"{name}: skipped, {inputs.NO_MAPS}", file=sys.stderr)
-                continue
-            try:
-                out += measure()
-            except (ImportError, FileNotFoundError, RuntimeError) as reason:
-                print(f"{name}: skipped, {reason}", file=sys.stderr)
-    finally:
-        fastibl.set_threads(threads)
+    for name, measure in PEERS.items():
+        if not inputs.MAPS:
+            print(f"{name}: skipped, {inputs.NO_MAPS}", file=sys.stderr)
+            continue
+        try:
+            out += measure()
+        except (ImportError, FileNotFoundError, RuntimeError) as reason:
+            print(f"{name}: skipped, {reason}", file=sys.stderr)
     return out
 
 
