@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fastibl
-from bench.shadows import truth
+from bench.shadows import sky, truth
 from fastibl import reference
 
 SPHERES = np.array([(0.0, 0.0, 0.3, 0.3), (0.2, 0.1, 0.4, 0.25), (-0.3, 0.1, 0.05, 0.2), (0.1, -0.2, -0.6, 0.2)])
@@ -22,23 +22,23 @@ def seeded(size=32, seed=0):
 def test_truth_of_spheres_is_the_reference():
     """Without cut texels, direction for direction; with them, as the reference of the same map with finer texels."""
     cubes = [seeded(), seeded(seed=1)]
-    whole = truth.Sky(cubes, largest=1)
-    given = whole.ratios(POINTS, truth.behind_spheres(whole, SPHERES), False)
+    whole = sky.Sky(cubes, largest=1)
+    given = whole.ratios(POINTS, sky.behind_spheres(whole, SPHERES), False)
     for k, cube in enumerate(cubes):
         np.testing.assert_allclose(given[:, k], reference.shadow_ratio(cube, SPHERES, POINTS), atol=1e-12)
     fine = fastibl.CubeMap(np.repeat(np.repeat(cubes[0].faces, 8, axis=1), 8, axis=2))
-    cut = truth.Sky(cubes[:1], largest=0)  # every texel is cut
-    given = cut.ratios(POINTS, truth.behind_spheres(cut, SPHERES), False)[:, 0]
+    cut = sky.Sky(cubes[:1], largest=0)  # every texel is cut
+    given = cut.ratios(POINTS, sky.behind_spheres(cut, SPHERES), False)[:, 0]
     np.testing.assert_allclose(given, reference.shadow_ratio(fine, SPHERES, POINTS), atol=1e-4)
 
 
 def test_truth_of_spheres_knows_the_extremes():
-    none = truth.sphere_ratio([seeded()], [(np.nan, 0, 1, 1), (0, 0, 1, -1), (0, 0, -2, 1)], POINTS)
-    assert (none == 1).all() and (truth.sphere_ratio([seeded()], np.zeros((0, 4)), POINTS) == 1).all()
+    none = sky.sphere_ratio([seeded()], [(np.nan, 0, 1, 1), (0, 0, 1, -1), (0, 0, -2, 1)], POINTS)
+    assert (none == 1).all() and (sky.sphere_ratio([seeded()], np.zeros((0, 4)), POINTS) == 1).all()
     black = seeded().faces * (1, 0, 1)
-    dark = truth.sphere_ratio([fastibl.CubeMap(black)], SPHERES, POINTS)
+    dark = sky.sphere_ratio([fastibl.CubeMap(black)], SPHERES, POINTS)
     assert (dark[..., 1] == 1).all() and (dark[..., 0] < 1).any()
-    around = truth.sphere_ratio([seeded()], [(0, 0, 0, 5)], POINTS)
+    around = sky.sphere_ratio([seeded()], [(0, 0, 0, 5)], POINTS)
     np.testing.assert_allclose(around, 0, atol=1e-12)
 
 
@@ -46,8 +46,7 @@ def test_truth_of_a_mesh_is_the_reference():
     pytest.importorskip("embreex")
     mesh = fastibl.stand(fastibl.shapes.figurine(1.0), 1.0)
     cube = seeded()
-    sky = truth.Sky([cube], largest=1)
-    given = sky.ratios(POINTS, truth.behind_mesh(sky, mesh), False)[:, 0]
+    given = (whole := sky.Sky([cube], largest=1)).ratios(POINTS, sky.behind_mesh(whole, mesh), False)[:, 0]
     # Both start their rays above the plane, not equally high.
     np.testing.assert_allclose(given, reference.shadow_ratio(cube, mesh, POINTS), atol=2e-3)
     assert given.min() < 0.9
