@@ -70,3 +70,34 @@ def test_errors():
     assert truth.errors_in_shadow(off, true, covered) == pytest.approx((0.1, 0.1))
     grid = truth.grid()
     assert grid.shape == (4096, 2) and np.allclose(grid[0], -1.5 + 3 / 128) and grid[1, 0] > grid[0, 0]
+
+
+def test_the_peer_agrees_with_cap_sum():
+    """The same caps and, in light without detail, the same radiance in them; in any light, the same mean."""
+    from bench.peers import cone_sum
+
+    try:
+        cone_sum.load()
+    except RuntimeError as reason:
+        pytest.skip(str(reason))
+    points = truth.grid(32).astype(np.float32)
+    x, y = np.ascontiguousarray(points.T)
+    given = SPHERES[:2] * (1, 1, 1, 0.3)  # small: a fetch takes the nearest texel, which is as wide as the cap
+    d = fastibl.texel_directions(64)
+    smooth = fastibl.CubeMap(1 + 0.3 * d)  # each channel along another axis
+    worst = 0.0
+    for cube in (fastibl.CubeMap(np.ones((6, 16, 16, 3))), smooth):
+        ratio = cone_sum.ConeSum(cube, given)(x, y).T
+        expected = fastibl.shadow_ratio(cube, given, points, "cap-sum")
+        worst = max(worst, truth.errors(ratio, expected).rms / truth.errors(np.ones_like(expected), expected).rms)
+        assert ((ratio == 0).all(axis=1) == (expected == 0).all(axis=1)).mean() > 0.99
+    print(f"per-pixel cones against cap-sum in smooth light: {100 * worst:.2g} % of the shadow")
+    assert worst < 0.03
+    lit = fastibl.CubeMap(1 + 20 * np.exp(8 * (d[..., :1] - 1)) * (1, 0.5, 0.1))
+    ratio = cone_sum.ConeSum(lit, given)(x, y).T
+    expected = fastibl.shadow_ratio(lit, given, points, "cap-sum")
+    np.testing.assert_allclose((1 - ratio).mean(axis=0), (1 - expected).mean(axis=0), rtol=0.05)
+    none = cone_sum.ConeSum(fastibl.CubeMap(np.zeros((6, 16, 16, 3))), given[:1])(x, y)
+    assert ((none == 1) | (none == 0)).all() and none.mean() > 0.8
+    with pytest.raises(ValueError, match="16"):
+        cone_sum.ConeSum(smooth, given)(x[:5], y[:5])

@@ -5,6 +5,10 @@ of the truth is the centre of a texel above the horizon; a texel that holds more
 in any channel of any light is cut into 8 x 8. So a sun of a few texels is an area, as it is for whoever cuts its texels
 finer. Sums are in float64, for each channel by itself.
 
+What the texels cost, on spot: the sun of texels against a round one RMS 0.0020, at most 0.034; the studio, warehouse and
+sunset maps against every pixel of the 1k pictures RMS 0.0007, 0.0003 and 0.0002, at most 0.005. Methods do not pay it,
+as they get the same texels.
+
     lights()["venice_sunset"].cube      what a method gets;  .soft tells small lamps and suns from the rest
     grid()                              (4096, 2) points of the plane
     mesh_truth("spot", "uniform")       (4096, 3) ratio of the light with and without the mesh
