@@ -52,6 +52,16 @@ def test_truth_of_a_mesh_is_the_reference():
     assert given.min() < 0.9
 
 
+def test_visibility_of_an_object_that_stays():
+    from bench.shadows.steady import Visibility
+
+    seen = Visibility(lambda given: sky.behind_spheres(given, SPHERES), POINTS, 32)
+    for seed in (0, 1):
+        cube = seeded(seed=seed)
+        np.testing.assert_allclose(seen.ratio(cube), reference.shadow_ratio(cube, SPHERES, POINTS), atol=1e-5)
+    assert (seen.ratio(fastibl.CubeMap(np.zeros((6, 32, 32, 3)))) == 1).all()
+
+
 def test_lights_and_their_sun():
     lights = truth.lights(32)
     assert lights["uniform"].soft
