@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -11,13 +12,16 @@ from numpy.typing import NDArray
 import fastibl
 
 from .measure import Row, Timing, measure, one_core, row
+from .peers import cone_sum
 from .shadows import truth
+from .shadows.plane import seen
 
 _COUNTS = (16, 50, 128)
 _DIRECTIONS = (16, 64, 256, 1024)
 _RESOLUTION = 128
 _BY_MESH = f"RMS of the ratio against the mesh; seconds a map of {_RESOLUTION}^2"
 _BY_SPHERES = f"RMS of the ratio against the same spheres; seconds a map of {_RESOLUTION}^2"
+_PIXELS = "640 x 480 pixels"
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,35 @@ def rows() -> list[Row]:
         out += _rows(s.method, str(s), _BY_MESH, ratios, by_mesh, time)
         if s.count == 50:
             out += _rows(s.method, str(s), _BY_SPHERES, ratios, by_spheres, time)
+    for lights_ in (0, 64, 256) if hasattr(fastibl, "MeshShadow") else ():
+        baked = {
+            name: fastibl.MeshShadow(mesh, extent=truth.EXTENT, directions=lights_) for name, mesh in objects.items()
+        }
+        time = measure(baked[first].cast, cubes, repetitions=len(cubes))
+        ratios = {
+            light: [shadow.ratio(cube, truth.grid()) for shadow in baked.values()]
+            for light, cube in zip(lights, cubes, strict=True)
+        }
+        out += _rows("mesh", f"directions={lights_}", _BY_MESH, ratios, by_mesh, time)
+    return out + _pixels({n: spheres[first, n] for n in _COUNTS}, cubes)
+
+
+def _pixels(spheres: Mapping[int, NDArray], cubes: list[fastibl.CubeMap]) -> list[Row]:
+    """Times of a picture of 640 x 480 pixels of the plane, by the map and by the paper's sum in every pixel."""
+    points = seen()
+    x, y = (np.ascontiguousarray(c) for c in points.T)
+    out = []
+    for count, given in spheres.items():
+        ours = Setting("directions", count, {"directions": 256})
+        time = measure(lambda cube, s=ours, g=given: s.cast(cube, g).sample(points), cubes, repetitions=len(cubes))
+        out.append(row("directions", _PIXELS, time=time, setting=str(ours)))
+        try:
+            cones = [cone_sum.ConeSum(cube, given) for cube in cubes]
+        except RuntimeError as reason:
+            print(f"per-pixel cone sum: skipped, {reason}", file=sys.stderr)
+            continue
+        time = measure(lambda c: c(x, y), cones, repetitions=len(cones))
+        out.append(row("per-pixel cone sum (peer)", _PIXELS, time=time, setting=f"spheres={count}"))
     return out
 
 

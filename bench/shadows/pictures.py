@@ -104,7 +104,7 @@ Method = Callable[[fastibl.CubeMap, NDArray], NDArray]  # light and points to th
 
 
 def methods(mesh: fastibl.Mesh, spheres: NDArray) -> dict[str, Method]:
-    """What is shown beside the truth, by its caption; the last is the one for a rigid object, where there is one."""
+    """What is shown beside the truth, by its caption."""
     found: dict[str, Method] = {
         "cap-product (paper)": lambda cube, p: fastibl.cast_shadow(
             cube, spheres, "cap-product", resolution=256, extent=2.2
@@ -113,6 +113,9 @@ def methods(mesh: fastibl.Mesh, spheres: NDArray) -> dict[str, Method]:
             cube, spheres, "directions", resolution=256, extent=2.2
         ).sample(p),
     }
+    if hasattr(fastibl, "MeshShadow"):
+        baked = fastibl.MeshShadow(mesh, 256, extent=2.2, directions=256)
+        found["mesh, rigid object"] = lambda cube, p: baked.cast(cube).sample(p)
     return found
 
 
