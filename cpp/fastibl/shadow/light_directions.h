@@ -3,10 +3,12 @@
 // with a weight for each: luminance alone would starve blue.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/methods.h"
 #include "fastibl/shadow/sky_energy.h"
 
 namespace fastibl {
@@ -17,8 +19,6 @@ struct LightDirection {
   bool operator==(const LightDirection&) const = default;
 };
 
-inline constexpr int kLeastDirections = 8;
-inline constexpr int kMostDirections = 4096;
 // Cube faces of this many texels at most are read: finer ones changed the ratio by less than the
 // directions do.
 inline constexpr int kDirectionLevel = 64;
@@ -36,5 +36,7 @@ std::vector<LightDirection> light_directions(const CubeMap& radiance, int count 
 // together is exactly 1, and none is 0.
 inline constexpr int kWholeShare = 1 << 30;
 std::vector<glm::ivec4> whole_shares(std::span<const LightDirection> directions);
+// What is left when that much is lost.
+inline float remaining(std::int32_t lost) { return 1 - float(lost) * (1.0f / kWholeShare); }
 
 }  // namespace fastibl

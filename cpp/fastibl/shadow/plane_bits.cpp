@@ -188,10 +188,6 @@ void add_far(const double* x, const double* y, const double* z, const double* r,
   add_all<true>(x, y, z, r, count, light, light, size, words, column_stride);
 }
 
-bool finite(const glm::vec4& s) {
-  return std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.z) && std::isfinite(s.w);
-}
-
 }  // namespace
 
 void PlaneBits::set_span(int row, int begin, int end) {
@@ -207,7 +203,7 @@ void PlaneBits::clear() { std::fill(words_.begin(), words_.end(), Group{}); }
 PlaneSpheres::PlaneSpheres(const SphereSet& spheres, const PlaneGrid& grid) {
   const double scale = 1 / grid.texel();
   for (const glm::vec4& s : spheres) {
-    if (!finite(s) || !(s.w > 0)) {
+    if (!is_sphere(s)) {
       ++ignored_;
       continue;
     }

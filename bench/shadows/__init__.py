@@ -1,0 +1,1 @@
+"""Goals of shadow: table "shadow". One file a subject; each adds its rows when it is imported."""
