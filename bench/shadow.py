@@ -39,7 +39,7 @@ class Setting:
         return fastibl.shadow_ratio(cube, spheres, truth.grid(), self.method, **self.options)
 
     def cast(self, cube: fastibl.CubeMap, spheres: NDArray) -> fastibl.ShadowMap:
-        where = {"resolution": _RESOLUTION, "extent": truth.EXTENT, "centre": (0.0, 0.0)}
+        where = {"resolution": _RESOLUTION, "extent": truth.EXTENT, "centre": (0.0, 0.0), "outer": False}
         return fastibl.cast_shadow(cube, spheres, self.method, **where, **self.options)
 
 

@@ -110,7 +110,7 @@ def methods(mesh: fastibl.Mesh, spheres: NDArray) -> dict[str, Method]:
             cube, spheres, "cap-product", resolution=256, extent=2.2
         ).sample(p),
         "directions, 50 spheres": lambda cube, p: fastibl.cast_shadow(
-            cube, spheres, "directions", resolution=256, extent=2.2
+            cube, spheres, "directions", resolution=256
         ).sample(p),
     }
     if hasattr(fastibl, "MeshShadow"):

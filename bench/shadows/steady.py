@@ -66,17 +66,19 @@ def light_change() -> Iterator[Goal]:
     followed: dict[str, truth.Errors] = {}
     anew: dict[str, truth.Errors] = {}
     size: dict[str, float] = {}
-    options = {"method": "directions", "extent": truth.EXTENT, "centre": (0.0, 0.0), "resolution": 128}
+    where = {"extent": truth.EXTENT, "centre": (0.0, 0.0), "resolution": 128}
     for name, light in truth.lights().items():
-        before, first = seen.ratio(light.cube), fastibl.cast_shadow(light.cube, spheres, **options)
+        before, first = seen.ratio(light.cube), fastibl.cast_shadow(light.cube, spheres, "directions", **where)
         for k, cube in enumerate(brighter(light.cube)):
             change = seen.ratio(cube) - before
             what = f"{name}, {('its lights', 'a half')[k]}"
             size[what] = truth.errors(change, np.zeros_like(change)).rms
-            for found, previous in ((followed, first), (anew, None)):
-                then = fastibl.cast_shadow(cube, spheres, previous=previous, **options)
-                given = then.sample(points).astype(np.float64) - first.sample(points)
-                found[what] = truth.errors(given, change)
+            shadow = fastibl.DirectionShadow()
+            start = shadow.cast(light.cube, spheres, **where)
+            then = shadow.cast(cube, spheres, **where)
+            followed[what] = truth.errors(then.sample(points).astype(np.float64) - start.sample(points), change)
+            then = fastibl.cast_shadow(cube, spheres, "directions", **where)
+            anew[what] = truth.errors(then.sample(points).astype(np.float64) - first.sample(points), change)
     worst = truth.Errors(max(e.rms for e in followed.values()), max(e.worst for e in followed.values()))
     yield Goal(
         "flicker, K = 256: error of the change after a 2 % light change, RMS of the worst light and largest",
