@@ -138,7 +138,8 @@ def recording() -> Iterator[Goal]:
         (
             f"{count} of {len(steps)} steps change at most 2 % of the light; "
             + "; ".join(f"at most {100 * m:g} %: {n} steps {e.rms:.5f}, {e.worst:.4f}" for m, n, e in more),
-            f"over all steps: largest {worst(np.inf)[1].worst:.4f}, mean RMS of the error {np.mean([e.rms for _, e, _ in steps]):.5f}, of the true change "
+            f"over all steps: largest {worst(np.inf)[1].worst:.4f}, mean RMS of the error "
+            f"{np.mean([e.rms for _, e, _ in steps]):.5f}, of the true change "
             f"{np.mean([t.rms for _, _, t in steps]):.5f}",
         ),
     )
