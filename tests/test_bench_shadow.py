@@ -52,6 +52,16 @@ def test_truth_of_a_mesh_is_the_reference():
     assert given.min() < 0.9
 
 
+def test_visibility_of_an_object_that_stays():
+    from bench.shadows.steady import Visibility
+
+    seen = Visibility(lambda given: sky.behind_spheres(given, SPHERES), POINTS, 32)
+    for seed in (0, 1):
+        cube = seeded(seed=seed)
+        np.testing.assert_allclose(seen.ratio(cube), reference.shadow_ratio(cube, SPHERES, POINTS), atol=1e-5)
+    assert (seen.ratio(fastibl.CubeMap(np.zeros((6, 32, 32, 3)))) == 1).all()
+
+
 def test_lights_and_their_sun():
     lights = truth.lights(32)
     assert lights["uniform"].soft
@@ -101,3 +111,20 @@ def test_the_peer_agrees_with_cap_sum():
     assert ((none == 1) | (none == 0)).all() and none.mean() > 0.8
     with pytest.raises(ValueError, match="16"):
         cone_sum.ConeSum(smooth, given)(x[:5], y[:5])
+
+
+def test_pictures_show_what_they_are_given():
+    from bench.shadows import pictures
+
+    mesh = fastibl.stand(fastibl.shapes.figurine(1.0), 1.0)
+    view = pictures.view_of(mesh)
+    assert 0.02 < view.alpha.mean() < 0.5 and view.points.shape == (pictures.HEIGHT, pictures.WIDTH, 2)
+    one = np.ones((pictures.HEIGHT, pictures.WIDTH, 3))
+    light = pictures.object_light(mesh, view, fastibl.CubeMap(np.ones((6, 16, 16, 3))))
+    assert (light[view.alpha == 0] == 0).all() and 0.2 < light[view.alpha == 1].mean() <= 1
+    lit, dark = (pictures.picture(r, 0 * light, view.alpha) for r in (one, 0.5 * one))
+    assert (lit > dark)[view.alpha == 0].all() and (lit == 0)[view.alpha == 1].all()
+    off = pictures.difference(0.99 * one, one, view.alpha)
+    assert (off[view.alpha == 1] == 128).all() and (off[view.alpha == 0] < 128).all()
+    table = pictures.error_table({"a": {"dawn": {"ours": truth.Errors(0.01, 0.2)}}})
+    assert table.splitlines() == ["| light | ours |", "|---|---|", "| dawn | 0.0100 (0.20) |"]

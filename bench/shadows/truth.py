@@ -5,21 +5,23 @@ of the truth is the centre of a texel above the horizon; a texel that holds more
 in any channel of any light is cut into 8 x 8. So a sun of a few texels is an area, as it is for whoever cuts its texels
 finer. Sums are in float64, for each channel by itself.
 
-What the texels cost, on spot: the sun of texels against a round one RMS 0.0020, at most 0.034; the studio, warehouse and
-sunset maps against every pixel of the 1k pictures RMS 0.0007, 0.0003 and 0.0002, at most 0.005. Methods do not pay it,
-as they get the same texels.
+What the texels cost, on spot: the sun of texels against a round one RMS 0.0020, at most 0.034; the studio, warehouse
+and sunset maps against every pixel of the 1k pictures RMS 0.0007, 0.0003 and 0.0002, at most 0.005. Methods do not pay
+it, as they get the same texels.
 
     lights()["venice_sunset"].cube      what a method gets;  .soft tells small lamps and suns from the rest
     grid()                              (4096, 2) points of the plane
     mesh_truth("spot", "uniform")       (4096, 3) ratio of the light with and without the mesh
     sphere_truth(spheres, "uniform")    (4096, 3) the same for the union of spheres (m, 4)
     errors(ratio, truth)                RMS and worst of a method's ratio
+    kept_mesh_ratio, kept_sphere_ratio  the truth of any mesh, spheres, lights and points
 
 The truths of a mesh or of spheres under all lights are made at once and kept on disk by their content (bench/brute.py).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -147,21 +149,33 @@ def with_sun(cube: fastibl.CubeMap) -> fastibl.CubeMap:
 # Truths, kept
 
 
-def _key() -> list[NDArray | Path | str]:
-    return [*(light.cube.faces for light in lights().values()), Path(sky.__file__), np.__version__]
+def kept_mesh_ratio(cubes: Sequence[fastibl.CubeMap], mesh: fastibl.Mesh, points: NDArray) -> NDArray[np.float64]:
+    """(points, maps, 3) for maps of one size, kept on disk by the content of all. ImportError without embreex."""
+    return stored(
+        ["mesh", mesh.vertices, mesh.triangles, *_key(cubes, points)],
+        lambda: mesh_ratio(cubes, mesh, points, bar=True),
+    )
+
+
+def kept_sphere_ratio(cubes: Sequence[fastibl.CubeMap], given: ArrayLike, points: NDArray) -> NDArray[np.float64]:
+    """(points, maps, 3) for maps of one size, kept on disk by the content of all."""
+    array = np.ascontiguousarray(given, np.float64).reshape(-1, 4)
+    return stored(["spheres", array, *_key(cubes, points)], lambda: sphere_ratio(cubes, array, points, bar=True))
+
+
+def _key(cubes: Sequence[fastibl.CubeMap], points: NDArray) -> list[NDArray | Path | str]:
+    return [points, *(cube.faces for cube in cubes), Path(sky.__file__), np.__version__]
 
 
 @cache
 def _of_mesh(name: str) -> NDArray:
-    mesh, cubes = meshes()[name], [light.cube for light in lights().values()]
-    return stored(["mesh", mesh.vertices, mesh.triangles, *_key()], lambda: mesh_ratio(cubes, mesh, grid(), bar=True))
+    return kept_mesh_ratio([light.cube for light in lights().values()], meshes()[name], grid())
 
 
 @cache
 def _of_spheres(content: bytes) -> NDArray:
     given = np.frombuffer(content).reshape(-1, 4)
-    cubes = [light.cube for light in lights().values()]
-    return stored(["spheres", given, *_key()], lambda: sphere_ratio(cubes, given, grid(), bar=True))
+    return kept_sphere_ratio([light.cube for light in lights().values()], given, grid())
 
 
 def mesh_truth(mesh: str, light: str) -> NDArray[np.float64]:

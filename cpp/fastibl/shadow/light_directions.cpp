@@ -1,7 +1,6 @@
 #include "fastibl/shadow/light_directions.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -10,94 +9,112 @@
 namespace fastibl {
 namespace {
 
-// Whether a part spans a larger angle along x than along y. With a and b the position on the face
-// of the unit cube, p = (a, b, 1): |∂(p/|p|)/∂a| = √(1 + b²)/(1 + a² + b²).
-bool is_wide(const SkyRect& r, double size) {
-  const double a = (r.x0 + r.x1) / size - 1, b = (r.y0 + r.y1) / size - 1;
-  const double along_x = (r.x1 - r.x0) * (r.x1 - r.x0) * (1 + b * b);
-  const double along_y = (r.y1 - r.y0) * (r.y1 - r.y0) * (1 + a * a);
-  return along_x >= along_y;
+// How far directions are moved from the middle of their parts, by the half width of a part. Parts
+// lie in rows; were their middles as well, edges of shadows that run along a row would come in
+// steps of many directions.
+constexpr double kStagger = 0.25;
+
+// Where in its part a direction goes, as a Hammersley set has it: neighbours along y, which differ
+// in the last bit of y, differ in the first of x.
+struct Place {
+  double x = 0, y = 0;           // in [0, 1)
+  int along_x = 0, along_y = 0;  // splits that were made
+  void split(bool wide, int side) {
+    double& other = wide ? y : x;
+    other = 0.5 * (other + side);
+    ++(wide ? along_x : along_y);
+  }
+};
+
+glm::vec3 place_direction(const SkyEnergy& sky, const SkyRect& rect, const Place& place) {
+  const double x = place.x + std::ldexp(0.5, -place.along_y) - 0.5;
+  const double y = place.y + std::ldexp(0.5, -place.along_x) - 0.5;
+  return sky.direction(rect, sky.split_x(rect, 0.5 + kStagger * x),
+                       sky.split_y(rect, 0.5 + kStagger * y));
 }
 
-void split(const SkyEnergy& sky, const SkyRect& rect, double weight, int count,
-           std::vector<SkyRect>& out) {
+void split(const SkyEnergy& sky, const SkyRect& rect, int count, const Place& place,
+           std::vector<SkyPart>& out) {
   if (count <= 1) {
-    out.push_back(rect);
+    out.push_back({rect, place_direction(sky, rect, place)});
     return;
   }
   const int first_count = count / 2;
-  const double first_weight = weight * first_count / count;
+  const double part = double(first_count) / count;
   SkyRect first = rect, second = rect;
-  if (is_wide(rect, sky.size()))
-    first.x1 = second.x0 = sky.split_x(rect, first_weight);
+  const bool wide = sky.is_wide(rect);
+  if (wide)
+    first.x1 = second.x0 = sky.split_x(rect, part);
   else
-    first.y1 = second.y0 = sky.split_y(rect, first_weight);
-  split(sky, first, first_weight, first_count, out);
-  split(sky, second, weight - first_weight, count - first_count, out);
+    first.y1 = second.y0 = sky.split_y(rect, part);
+  Place first_place = place, second_place = place;
+  first_place.split(wide, 0);
+  second_place.split(wide, 1);
+  split(sky, first, first_count, first_place, out);
+  split(sky, second, count - first_count, second_place, out);
 }
 
-// How many directions each face gets: in proportion to its weight, at least one if it has any.
-std::array<int, kSkyFaces> counts_of(const std::array<double, kSkyFaces>& weights, int count) {
+// How many parts each table gets: in proportion to its weight, at least one if it has any.
+std::vector<int> counts_of(std::span<const double> weights, int count) {
   const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
-  std::array<int, kSkyFaces> counts{};
+  std::vector<int> counts;
   int given = 0;
-  for (int f = 0; f < kSkyFaces; ++f) {
-    const double share = weights[std::size_t(f)] / total;
-    counts[std::size_t(f)] = share > 1e-9 ? std::max(int(share * count), 1) : 0;
-    given += counts[std::size_t(f)];
+  for (const double weight : weights) {
+    const double share = weight / total;
+    counts.push_back(share > 1e-9 ? std::max(int(share * count), 1) : 0);
+    given += counts.back();
   }
-  // The rest to where a direction stands for the most; too many are taken where for the least.
+  // The rest goes to where a part stands for the most; too many are taken where for the least.
   for (; given != count; given += given < count ? 1 : -1) {
-    int best = -1;
+    std::size_t best = counts.size();
     double best_value = 0;
-    for (int f = 0; f < kSkyFaces; ++f) {
-      const std::size_t i = std::size_t(f);
+    for (std::size_t i = 0; i < counts.size(); ++i) {
       if (counts[i] == 0 || (given > count && counts[i] == 1)) continue;
       const double value =
           given < count ? weights[i] / counts[i] : counts[i] / std::max(weights[i], 1e-300);
-      if (best < 0 || value > best_value) best = f, best_value = value;
+      if (best == counts.size() || value > best_value) best = i, best_value = value;
     }
-    counts[std::size_t(best)] += given < count ? 1 : -1;
+    if (best == counts.size()) break;
+    counts[best] += given < count ? 1 : -1;
   }
   return counts;
 }
 
 }  // namespace
 
-std::vector<SkyRect> split_sky(const SkyEnergy& sky, int count) {
+std::vector<SkyPart> split_sky(const SkyEnergy& sky, int count) {
   check(count >= kLeastDirections && count <= kMostDirections, "directions must be from ",
         kLeastDirections, " to ", kMostDirections, ", got ", count);
-  std::vector<SkyRect> parts;
+  std::vector<SkyPart> parts;
   if (sky.no_light()) return parts;
-  std::array<double, kSkyFaces> weights;
-  for (int f = 0; f < kSkyFaces; ++f) weights[std::size_t(f)] = sky.weight(sky.face(f));
-  const std::array<int, kSkyFaces> counts = counts_of(weights, count);
-  for (int f = 0; f < kSkyFaces; ++f)
-    if (counts[std::size_t(f)] > 0)
-      split(sky, sky.face(f), weights[std::size_t(f)], counts[std::size_t(f)], parts);
+  std::vector<double> weights;
+  for (int t = 0; t < sky.tables(); ++t) weights.push_back(sky.weight(sky.whole(t)));
+  const std::vector<int> counts = counts_of(weights, count);
+  for (int t = 0; t < sky.tables(); ++t)
+    if (counts[std::size_t(t)] > 0)
+      split(sky, sky.whole(t), counts[std::size_t(t)], Place{}, parts);
   return parts;
 }
 
-std::vector<LightDirection> light_directions(const SkyEnergy& sky, std::span<const SkyRect> parts) {
-  std::vector<LightDirection> directions;
-  directions.reserve(parts.size());
+std::vector<LightDirection> light_directions(const SkyEnergy& sky, std::span<const SkyPart> parts) {
   glm::dvec3 total(0);
   std::vector<glm::dvec3> shares;
-  for (const SkyRect& part : parts) {
-    directions.push_back({sky.direction(part), glm::vec3(0)});
-    shares.push_back(sky.share(part));
+  for (const SkyPart& part : parts) {
+    shares.push_back(sky.share(part.rect));
     total += shares.back();
   }
-  // Faces with next to no light have no part.
-  for (std::size_t i = 0; i < shares.size(); ++i)
+  std::vector<LightDirection> directions;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    glm::vec3 share(0);
     for (int c = 0; c < 3; ++c)
-      directions[i].share[c] = total[c] > 0 ? float(shares[i][c] / total[c]) : 0;
+      if (total[c] > 0) share[c] = float(shares[i][c] / total[c]);
+    directions.push_back({parts[i].direction, share});
+  }
   return directions;
 }
 
 std::vector<LightDirection> light_directions(const CubeMap& radiance, int count) {
-  check(radiance.size() > 0, "the radiance map is empty");
-  const SkyEnergy sky(radiance.level_at_most(kDirectionLevel));
+  const SkyEnergy sky(radiance, brightest_texel(count));
   return light_directions(sky, split_sky(sky, count));
 }
 

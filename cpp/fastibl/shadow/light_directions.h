@@ -15,21 +15,25 @@ namespace fastibl {
 
 struct LightDirection {
   glm::vec3 direction;  // towards the light, unit length, z > 0, marker frame
-  glm::vec3 share;      // of the plane's irradiance, by channel; a lit channel's sum to 1
+  glm::vec3 share;      // of the plane's irradiance, by channel; those of a lit channel sum to 1
   bool operator==(const LightDirection&) const = default;
 };
 
-// Cube faces of this many texels at most are read: finer ones changed the ratio by less than the
-// directions do.
-inline constexpr int kDirectionLevel = 64;
+// A part of the sky and the direction that stands for it.
+struct SkyPart {
+  SkyRect rect;
+  glm::vec3 direction;
+  bool operator==(const SkyPart&) const = default;
+};
 
-// `count` parts of the same weight (the sum over channels of the share of the plane's irradiance),
-// by recursive splitting along the side that spans the larger angle. Fewer where there is less
-// light; none without light. Deterministic.
-std::vector<SkyRect> split_sky(const SkyEnergy& sky, int count);
+// `count` parts of about the same weight, by recursive splitting along the side that spans the
+// larger angle. None without light. Deterministic.
+std::vector<SkyPart> split_sky(const SkyEnergy& sky, int count);
+// What to take for bright when so many parts are made of the sky: what several stand for.
+inline double brightest_texel(int count) { return 2.0 / count; }
 
-// Their mean directions and shares.
-std::vector<LightDirection> light_directions(const SkyEnergy& sky, std::span<const SkyRect> parts);
+// The directions of parts with their shares under any light.
+std::vector<LightDirection> light_directions(const SkyEnergy& sky, std::span<const SkyPart> parts);
 std::vector<LightDirection> light_directions(const CubeMap& radiance, int count = 256);
 
 // Shares as whole numbers: in every lit channel they sum to exactly 2^30, so that all light

@@ -2,8 +2,7 @@
 // a cube map's faces above the horizon, from summed-area tables (Crow 1984).
 #pragma once
 
-#include <array>
-#include <memory>
+#include <span>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
@@ -11,53 +10,72 @@
 namespace fastibl {
 
 inline constexpr int kSkyFaces = 5;  // +x −x +y −y, of which half is above the horizon, and +z
+// Faces of so many texels at most are summed; bright texels are cut into those of the map itself.
+inline constexpr int kSkyLevel = 64;
 
-// A part of a face of `SkyEnergy::size()`, in texels, not whole ones alone.
+// A part of a table of `SkyEnergy`, in texels, not whole ones alone.
 struct SkyRect {
-  int face = 4;
+  int table = 0;
   double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
   bool operator==(const SkyRect&) const = default;
 };
 
+// A texel that is summed by itself, from finer ones.
+struct BrightTexel {
+  int face, x, y;
+  bool operator==(const BrightTexel&) const = default;
+};
+
+// The first five tables are the faces; each bright texel has one of its own, and is dark in its
+// face's. `weight` is that of the channel in which a part counts most: no colour starves.
 class SkyEnergy {
  public:
   SkyEnergy() = default;
-  // Texels of odd or few ones are split, so that the horizon is an edge of texels.
-  explicit SkyEnergy(const CubeLevel& radiance);
+  // Texels with more than `brightest` of the weight are told apart; finest: the same map with faces
+  // of 2^k times as many texels, of which they are made.
+  SkyEnergy(const CubeMap& radiance, double brightest);
+  // The same with texels that are given, bright or not.
+  SkyEnergy(const CubeMap& radiance, std::span<const BrightTexel> bright);
 
-  int size() const { return size_; }
-  // Of a face above the horizon.
-  SkyRect face(int f) const;
+  int tables() const { return int(tables_.size()); }
+  const std::vector<BrightTexel>& bright() const { return bright_; }
+  SkyRect whole(int table) const;
   // The plane's irradiance; of what is seen at less than 1e-3 above the horizon, nothing counts.
   const glm::dvec3& irradiance() const { return irradiance_; }
   bool no_light() const { return irradiance_ == glm::dvec3(0); }
 
   // Its share of the plane's irradiance in each channel, 0 in one without light.
   glm::dvec3 share(const SkyRect& rect) const;
-  // The sum of the shares: no colour starves.
   double weight(const SkyRect& rect) const;
-  // Mean direction by weight, unit length; the middle of one without light.
-  glm::vec3 direction(const SkyRect& rect) const;
-  // The x (or y) of `rect` before which lies that weight.
-  double split_x(const SkyRect& rect, double weight) const;
-  double split_y(const SkyRect& rect, double weight) const;
+  // The x (or y) of `rect` before which lies that part of its weight.
+  double split_x(const SkyRect& rect, double part) const;
+  double split_y(const SkyRect& rect, double part) const;
+  // Whether it spans a larger angle along x than along y.
+  bool is_wide(const SkyRect& rect) const;
+  glm::vec3 direction(const SkyRect& rect, double x, double y) const;  // unit length, z > 0
 
  private:
-  // Shares of red, green and blue, their sum, and direction by that sum.
-  struct Sum {
-    double value[8];
+  // Red, green, blue as shares of their sum over the sky, and weight.
+  struct alignas(32) Sum {
+    double value[4];
   };
   struct Table {
-    int x0 = 0, y0 = 0, width = 0, height = 0;  // where it lies on the face
-    std::vector<Sum> sums;                      // (width + 1) × (height + 1)
+    int face, size;             // texels along an edge of the whole face
+    int x0, y0, width, height;  // the part of it that is summed
+    std::vector<Sum> sums;      // (width + 1) × (height + 1)
   };
-  Sum before(const Table& table, double x, double y) const;
-  Sum sum(const SkyRect& rect) const;
-  double weight_before(const Table& table, int x, double y) const;
+  void read(const CubeMap& radiance);
+  void make_tables(const CubeMap& radiance);
+  Table bright_table(const CubeMap& radiance, const BrightTexel& texel,
+                     const double* inverse) const;
+  static Sum before(const Table& table, double x, double y);
+  double weight_before(const Table& table, double x, double y) const;
 
-  int size_ = 0;
+  int size_ = 0, level_ = 0, finest_ = 0, parts_ = 1;
   glm::dvec3 irradiance_{0};
-  std::array<Table, kSkyFaces> tables_;
+  std::vector<glm::vec3> energies_[kSkyFaces];
+  std::vector<BrightTexel> bright_;
+  std::vector<Table> tables_;
 };
 
 }  // namespace fastibl
