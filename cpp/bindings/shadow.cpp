@@ -74,21 +74,21 @@ ShadowMap cast(const CubeMap& cube, const py::object& spheres, const std::string
 void bind_shadow(py::module_& module) {
   module.def(
       "fit_spheres",
-      [](const Mesh& mesh, int count, int resolution) {
+      [](const Mesh& mesh, int count, int resolution, unsigned seed) {
         SphereSet spheres;
         {
           const py::gil_scoped_release release;
-          spheres = fit_spheres(mesh, {count, resolution});
+          spheres = fit_spheres(mesh, {count, resolution, seed});
         }
         py::array_t<float> out({py::ssize_t(spheres.size()), py::ssize_t{4}});
         std::memcpy(out.mutable_data(), spheres.data(), spheres.size() * sizeof(glm::vec4));
         return out;
       },
-      py::arg("mesh"), py::arg("count") = 50, py::arg("resolution") = 64,
+      py::arg("mesh"), py::arg("count") = 50, py::arg("resolution") = 64, py::arg("seed") = 0u,
       R"(Spheres that fill a mesh, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
 
-resolution: voxels along the longest edge. Deterministic; the mesh may be open, flipped or torn. A mesh that
-encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
+resolution: voxels along the longest edge. seed: another gives another set, about as good; the same gives the same
+bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
 [8, 128].)");
 
   py::class_<ShadowMap>(module, "ShadowMap",

@@ -1106,12 +1106,12 @@ def equirect_from_cubemap(cube: CubeMap, height: typing.SupportsInt | typing.Sup
     """
     Equirectangular picture (height, 2 height, 3) float32 of a cube map, area-exact.
     """
-def fit_spheres(mesh: Mesh, count: typing.SupportsInt | typing.SupportsIndex = 50, resolution: typing.SupportsInt | typing.SupportsIndex = 64) -> numpy.typing.NDArray[numpy.float32]:
+def fit_spheres(mesh: Mesh, count: typing.SupportsInt | typing.SupportsIndex = 50, resolution: typing.SupportsInt | typing.SupportsIndex = 64, seed: typing.SupportsInt | typing.SupportsIndex = 0) -> numpy.typing.NDArray[numpy.float32]:
     """
     Spheres that fill a mesh, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
 
-    resolution: voxels along the longest edge. Deterministic; the mesh may be open, flipped or torn. A mesh that
-    encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
+    resolution: voxels along the longest edge. seed: another gives another set, about as good; the same gives the same
+    bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
     [8, 128].
     """
 def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typing.Any = 0.0, *, alpha: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
