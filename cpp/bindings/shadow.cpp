@@ -7,6 +7,7 @@
 #include "bindings/spheres.h"
 #include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/shadow/fit_spheres.h"
+#include "fastibl/shadow/ratio_at.h"
 #include "fastibl/shadow/sphere_shadow.h"
 
 namespace fastibl::bindings {
@@ -33,7 +34,8 @@ Floats colours_at(const Floats& points, const std::vector<glm::vec3>& colours) {
 }
 
 ShadowMethod require_method(const std::string& text) {
-  return text == "auto" ? ShadowOptions{}.method : shadow_method(text);
+  const ShadowMethod method = shadow_method(text);
+  return method == ShadowMethod::automatic ? ShadowMethod::directions : method;
 }
 
 glm::vec3 plane_irradiance(const CubeMap& cube) {
@@ -121,18 +123,22 @@ bits. The mesh may be open, flipped or torn; one that encloses nothing gets sphe
   module.def(
       "shadow_ratio",
       [](const CubeMap& cube, const py::object& spheres, const py::object& points,
-         const std::string& method) {
+         const std::string& method, int directions) {
         const ShadowMethod chosen = require_method(method);
         const SphereSet set = require_spheres(spheres);
         const Floats in = require_points(points);
         std::vector<glm::vec3> ratios;
         {
           const py::gil_scoped_release release;
-          ratios = shadow_ratio(cube, plane_irradiance(cube), set, as_points(in), chosen);
+          if (chosen == ShadowMethod::directions)
+            ratios = ratio_at(as_points(in), set, light_directions(cube, directions));
+          else
+            ratios = shadow_ratio(cube, plane_irradiance(cube), set, as_points(in), chosen);
         }
         return colours_at(in, ratios);
       },
       py::arg("cube"), py::arg("spheres"), py::arg("points"), py::arg("method") = "auto",
+      py::arg("directions") = 256,
       R"(Ratio of the light on the plane z = 0 with and without spheres: (..., 3) float32 in [0, 1].
 
 spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "cap-sum" adds what the
