@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -683,6 +683,9 @@ class Capture:
 class ShadowMap:
     """
     Ratio of the light on the marker plane with and without the object.
+
+    A fine map around the object and, by most methods, a coarse one around that; both have the same centre, and the fine
+    one passes into the coarse one at its border. Beyond both the ratio is 1.
     """
     __hash__: typing.ClassVar[None] = None
     def __eq__(self, arg0: ShadowMap) -> bool:
@@ -701,7 +704,7 @@ class ShadowMap:
     @property
     def extent(self) -> float:
         """
-        Half the edge in metres; outside the ratio is 1.
+        Half the edge of `image` in metres.
         """
     @property
     def ignored_spheres(self) -> int:
@@ -709,7 +712,7 @@ class ShadowMap:
         Number of spheres that were not finite or had a radius of 0 or less.
         """
     @property
-    def image(self) -> numpy.ndarray:
+    def image(self) -> typing.Any:
         """
         (n, n, 3) float32 in [0, 1], a read-only view; row 0 is y min, column 0 is x min.
         """
@@ -718,6 +721,143 @@ class ShadowMap:
         """
         True when nothing lights the plane: the ratio is 1 everywhere.
         """
+    @property
+    def outer(self) -> typing.Any:
+        """
+        The coarse map (m, m, 3) float32, a read-only view; None where there is none.
+        """
+    @property
+    def outer_extent(self) -> float:
+        """
+        Half the edge of `outer` in metres; 0 where there is none.
+        """
+    @property
+    def reach(self) -> float:
+        """
+        Half the edge in metres of all; outside the ratio is 1.
+        """
+class DirectionShadow:
+    """
+    Casts the shadows of one object, frame by frame, by method "directions".
+
+    The directions stay where they are while the light changes, so that nothing flickers, and are chosen anew and faded in
+    over 32 maps when the light has moved; what a pose hides is kept as long as it does not change; when nothing changed, the
+    last map is returned. directions: how many stand for all light, 8 to 4096.
+    """
+    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256) -> None:
+        ...
+    def cast(self, cube: CubeMap, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
+        """
+        ShadowMap of spheres (m, 4) under a map, see cast_shadow.
+        """
+    @property
+    def light(self) -> tuple:
+        """
+        Directions (k, 3) and shares (k, 3) of the last cast, see light_directions; twice as many while new ones are faded in.
+        """
+class MeshShadowLight:
+    """
+    What lasts from one light to the next: directions of dominant lights, and their shadows.
+    """
+    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0010000000474974513) -> None:
+        ...
+    @property
+    def directions(self) -> int:
+        """
+        Number of directions of the last light.
+        """
+    @property
+    def splits(self) -> int:
+        """
+        How often directions were chosen.
+        """
+class BakedShadow:
+    """
+    What a rigid object hides of the sky, see fastibl.MeshShadow.
+    """
+    @staticmethod
+    def bake(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, progress: collections.abc.Callable[[float], bool] = None) -> typing.Any:
+        """
+        None if `progress`, called with the part that is done, returned False.
+        """
+    @staticmethod
+    def from_table(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, table: tuple) -> BakedShadow:
+        """
+        From what `table` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
+        """
+    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight) -> ShadowMap:
+        """
+        ShadowMap of the object under this light.
+        """
+    def fits(self, marker_from_object: typing.Any) -> bool:
+        """
+        Whether the object still stands as it was baked: shifted on the plane and turned about z, no more.
+        """
+    @property
+    def bytes(self) -> int:
+        """
+        Memory of the table.
+        """
+    @property
+    def extent(self) -> float:
+        """
+        Half the map's edge in metres.
+        """
+    @property
+    def table(self) -> tuple:
+        """
+        Three arrays: where the entries of each block begin, their cells, their covers (n, 16).
+        """
+class SelfShadow:
+    """
+    The light that an object keeps from itself, by vertex.
+
+    mesh: Mesh. size: cells of the sphere along an edge, 16, 32, 64 or 128 (64: 2.8 degrees, about 530 rays a vertex).
+    Directions that the mesh blocks are worked out once; the light of a map is then summed over the free ones, whatever
+    its lights. The marker plane is not included: below the horizon the map holds the table. Raises ValueError for
+    another size.
+    """
+    @staticmethod
+    def from_spheres(mesh: Mesh, spheres: typing.Any, *, size: typing.SupportsInt | typing.SupportsIndex = 16) -> SelfShadow:
+        """
+        The same from spheres (m, 4) in the mesh's frame, for an object that deforms.
+
+        A sphere that contains a vertex does not hide it; spheres that are not finite or have no radius are ignored.
+        """
+    def __init__(self, mesh: Mesh, *, size: typing.SupportsInt | typing.SupportsIndex = 64) -> None:
+        ...
+    def __repr__(self) -> str:
+        ...
+    def glossy_shares(self, eye: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex = 64.0) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Share of a glossy lobe of this half-vector exponent that is free at each vertex: (v,) float32 in [0, 1].
+
+        eye: (3,) where it is seen from, in the mesh's frame. Raises ValueError for a negative exponent.
+        """
+    def irradiance(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Irradiance of each vertex with its self-shadow: (v, 3) float32.
+        """
+    def shares(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Share of the irradiance that reaches each vertex, by colour channel: (v, 3) float32 in [0, 1].
+
+        1 where nothing is blocked, and where there is no light.
+        """
+    def visible(self, directions: typing.Any) -> numpy.typing.NDArray[numpy.bool]:
+        """
+        Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
+
+        False below the vertex's tangent plane.
+        """
+    @property
+    def nbytes(self) -> int:
+        """
+        Memory of the directions.
+        """
+    @property
+    def size(self) -> int:
+        ...
 class DetectedTag:
     """
     A tag found in a picture: id, and corners (4, 2) in pixels with centres at + 0.5, in the order of Tag.corners.
@@ -796,7 +936,7 @@ class _Methods:
         ...
     def __eq__(self, arg0: _Methods) -> bool:
         ...
-    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str) -> None:
+    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -820,6 +960,9 @@ class _Methods:
         ...
     @property
     def shadow(self) -> str:
+        ...
+    @property
+    def shadow_settings(self) -> dict[str, int]:
         ...
     @property
     def tracking(self) -> str:
@@ -1081,12 +1224,14 @@ def ambient_occlusion(mesh: Mesh, rays: typing.SupportsInt | typing.SupportsInde
     triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster, RMS error 0.02.
     Raises ValueError for rays < 1.
     """
-def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolution: typing.SupportsInt | typing.SupportsIndex = 64, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None) -> ShadowMap:
+def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, directions: typing.SupportsInt | typing.SupportsIndex = 256, outer: bool = True) -> ShadowMap:
     """
     ShadowMap of spheres, see shadow_ratio.
 
-    extent: half the map's edge in metres, by default 3 times the spheres' half width. centre: (x, y), by default the
-    middle of the spheres. The ratio fades to 1 over the outer tenth of the map.
+    resolution: texels along an edge; 0 is the method's own: 128 for "directions", 64 for the others. extent: half the map's
+    edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the middle of the
+    spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510; without,
+    and by the other methods, the ratio fades to 1 over the outer tenth of the map.
     """
 def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128, filter: str = 'area') -> CubeMap:
     """
@@ -1125,18 +1270,26 @@ def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typin
     views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Fresnel by Schlick the albedo is f0 a + b,
     with Fresnel 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx.
     """
+def light_directions(cube: CubeMap, count: typing.SupportsInt | typing.SupportsIndex = 256) -> tuple:
+    """
+    Directions that stand for all light on the plane z = 0: unit vectors (count, 3) towards it, marker frame, and their
+    shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. float32; none, (0, 3), without
+    light. Raises ValueError for a count outside [8, 4096].
+    """
 def set_threads(count: typing.SupportsInt | typing.SupportsIndex) -> None:
     """
     Number of threads that the library uses; 0 asks for all cores. Results are the same bits for any number.
     """
-def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method: str = 'auto') -> numpy.typing.NDArray[numpy.float32]:
+def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method: str = 'auto', directions: typing.SupportsInt | typing.SupportsIndex = 256) -> numpy.typing.NDArray[numpy.float32]:
     """
     Ratio of the light on the plane z = 0 with and without spheres: (..., 3) float32 in [0, 1].
 
-    spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "cap-sum" adds what the
-    spheres hold back, "cap-product" multiplies what they let through; "auto" takes the better. A channel without light
-    has ratio 1, a point in or on a sphere 0; spheres that are not finite, have a radius of 0 or less, or lie below the
-    plane are ignored. Raises ValueError for another shape or method, TypeError for integers.
+    spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "directions" (the default,
+    "auto"; right where spheres overlap), or the paper's: "cap-sum" adds what the spheres hold back, "cap-product"
+    multiplies what they let through. directions: how many stand for all light by the first, 8 to 4096; the root mean square
+    error of the ratio against all texels is about 0.009, 0.0034, 0.0012 for 64, 256, 1024. A channel without light has ratio
+    1, a point in a sphere 0; spheres that are not finite, have a radius of 0 or less, or lie below the plane are ignored.
+    Raises ValueError for another shape, method or number, TypeError for integers.
     """
 def texel_directions(size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """
