@@ -24,6 +24,7 @@ constexpr std::pair<const char*, Products> kProducts[] = {
     {"radiance", product::radiance},
     {"irradiance", product::irradiance},
     {"shadow", product::shadow},
+    {"self_shadow", product::self_shadow},
     {"object", product::object},
     {"image", product::image}};
 
@@ -82,7 +83,8 @@ void bind_plan(py::module_& module) {
       .def(py::init([](const std::string& tracking, const std::string& capture,
                        const std::string& diffuse, const Settings& diffuse_settings,
                        const std::string& glossy, const Settings& glossy_settings,
-                       const std::string& normalization_name, const std::string& shadow) {
+                       const std::string& normalization_name, const std::string& shadow,
+                       const std::string& self_shadow) {
              Methods methods;
              methods.tracking = tracking_method(tracking);
              methods.capture = capture_method(capture);
@@ -94,11 +96,12 @@ void bind_plan(py::module_& module) {
                  settings_with<GlossySettings>(methods.glossy, glossy_settings);
              methods.normalization = normalization(normalization_name);
              methods.shadow = shadow_method(shadow);
+             methods.self_shadow = self_shadow_method(self_shadow);
              return methods;
            }),
            py::kw_only(), py::arg("tracking"), py::arg("capture"), py::arg("diffuse"),
            py::arg("diffuse_settings"), py::arg("glossy"), py::arg("glossy_settings"),
-           py::arg("normalization"), py::arg("shadow"))
+           py::arg("normalization"), py::arg("shadow"), py::arg("self_shadow") = "auto")
       .def_static("_auto", [] { return Methods{}; })
       .def_static("_paper", &Methods::paper)
       .def_property_readonly("tracking",
@@ -117,6 +120,8 @@ void bind_plan(py::module_& module) {
       .def_property_readonly("normalization",
                              [](const Methods& m) { return std::string(name(m.normalization)); })
       .def_property_readonly("shadow", [](const Methods& m) { return std::string(name(m.shadow)); })
+      .def_property_readonly("self_shadow",
+                             [](const Methods& m) { return std::string(name(m.self_shadow)); })
       .def(py::self == py::self)
       .def("__repr__", [](const Methods& m) {
         return "Methods(tracking='" + std::string(name(m.tracking)) + "', capture='" +
@@ -124,7 +129,7 @@ void bind_plan(py::module_& module) {
                described(m.diffuse, m.diffuse_settings) + "', glossy='" +
                described(m.glossy, m.glossy_settings) + "', normalization='" +
                std::string(name(m.normalization)) + "', shadow='" + std::string(name(m.shadow)) +
-               "')";
+               "', self_shadow='" + std::string(name(m.self_shadow)) + "')";
       });
   module.def(
       "_method_names",
@@ -143,6 +148,8 @@ void bind_plan(py::module_& module) {
           all(kGlossyMethods);
         else if (step == "shadow")
           all(kShadowMethods);
+        else if (step == "self_shadow")
+          all(kSelfShadowMethods);
         return names;
       },
       py::arg("step"));

@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -716,6 +716,56 @@ class ShadowMap:
         """
         True when nothing lights the plane: the ratio is 1 everywhere.
         """
+class SelfShadow:
+    """
+    The light that an object keeps from itself, by vertex.
+
+    mesh: Mesh. size: cells of the sphere along an edge, 16, 32, 64 or 128 (64: 2.8 degrees, about 530 rays a vertex).
+    Directions that the mesh blocks are worked out once; the light of a map is then summed over the free ones, whatever
+    its lights. The marker plane is not included: below the horizon the map holds the table. Raises ValueError for
+    another size.
+    """
+    @staticmethod
+    def from_spheres(mesh: Mesh, spheres: typing.Any, *, size: typing.SupportsInt | typing.SupportsIndex = 16) -> SelfShadow:
+        """
+        The same from spheres (m, 4) in the mesh's frame, for an object that deforms.
+
+        A sphere that contains a vertex does not hide it; spheres that are not finite or have no radius are ignored.
+        """
+    def __init__(self, mesh: Mesh, *, size: typing.SupportsInt | typing.SupportsIndex = 64) -> None:
+        ...
+    def __repr__(self) -> str:
+        ...
+    def glossy_shares(self, eye: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex = 64.0) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Share of a glossy lobe of this half-vector exponent that is free at each vertex: (v,) float32 in [0, 1].
+
+        eye: (3,) where it is seen from, in the mesh's frame. Raises ValueError for a negative exponent.
+        """
+    def irradiance(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Irradiance of each vertex with its self-shadow: (v, 3) float32.
+        """
+    def shares(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Share of the irradiance that reaches each vertex, by colour channel: (v, 3) float32 in [0, 1].
+
+        1 where nothing is blocked, and where there is no light.
+        """
+    def visible(self, directions: typing.Any) -> numpy.typing.NDArray[numpy.bool]:
+        """
+        Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
+
+        False below the vertex's tangent plane.
+        """
+    @property
+    def nbytes(self) -> int:
+        """
+        Memory of the directions.
+        """
+    @property
+    def size(self) -> int:
+        ...
 class DetectedTag:
     """
     A tag found in a picture: id, and corners (4, 2) in pixels with centres at + 0.5, in the order of Tag.corners.
@@ -794,7 +844,7 @@ class _Methods:
         ...
     def __eq__(self, arg0: _Methods) -> bool:
         ...
-    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str) -> None:
+    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, self_shadow: str = 'auto') -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -815,6 +865,9 @@ class _Methods:
         ...
     @property
     def normalization(self) -> str:
+        ...
+    @property
+    def self_shadow(self) -> str:
         ...
     @property
     def shadow(self) -> str:
