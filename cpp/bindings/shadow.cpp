@@ -6,6 +6,7 @@
 #include "bindings/numpy.h"
 #include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/shadow/fit_spheres.h"
+#include "fastibl/shadow/ratio_at.h"
 #include "fastibl/shadow/sphere_shadow.h"
 
 namespace fastibl::bindings {
@@ -42,7 +43,8 @@ Floats colours_at(const Floats& points, const std::vector<glm::vec3>& colours) {
 }
 
 ShadowMethod require_method(const std::string& text) {
-  return text == "auto" ? ShadowOptions{}.method : shadow_method(text);
+  const ShadowMethod method = shadow_method(text);
+  return method == ShadowMethod::automatic ? ShadowMethod::directions : method;
 }
 
 glm::vec3 plane_irradiance(const CubeMap& cube) {
@@ -72,21 +74,21 @@ ShadowMap cast(const CubeMap& cube, const py::object& spheres, const std::string
 void bind_shadow(py::module_& module) {
   module.def(
       "fit_spheres",
-      [](const Mesh& mesh, int count, int resolution) {
+      [](const Mesh& mesh, int count, int resolution, unsigned seed) {
         SphereSet spheres;
         {
           const py::gil_scoped_release release;
-          spheres = fit_spheres(mesh, {count, resolution});
+          spheres = fit_spheres(mesh, {count, resolution, seed});
         }
         py::array_t<float> out({py::ssize_t(spheres.size()), py::ssize_t{4}});
         std::memcpy(out.mutable_data(), spheres.data(), spheres.size() * sizeof(glm::vec4));
         return out;
       },
-      py::arg("mesh"), py::arg("count") = 50, py::arg("resolution") = 64,
+      py::arg("mesh"), py::arg("count") = 50, py::arg("resolution") = 64, py::arg("seed") = 0u,
       R"(Spheres that fill a mesh, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
 
-resolution: voxels along the longest edge. Deterministic; the mesh may be open, flipped or torn. A mesh that
-encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
+resolution: voxels along the longest edge. seed: another gives another set, about as good; the same gives the same
+bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
 [8, 128].)");
 
   py::class_<ShadowMap>(module, "ShadowMap",
@@ -130,18 +132,22 @@ encloses nothing gets spheres spread over its surface. Raises ValueError for cou
   module.def(
       "shadow_ratio",
       [](const CubeMap& cube, const py::object& spheres, const py::object& points,
-         const std::string& method) {
+         const std::string& method, int directions) {
         const ShadowMethod chosen = require_method(method);
         const SphereSet set = require_spheres(spheres);
         const Floats in = require_points(points);
         std::vector<glm::vec3> ratios;
         {
           const py::gil_scoped_release release;
-          ratios = shadow_ratio(cube, plane_irradiance(cube), set, as_points(in), chosen);
+          if (chosen == ShadowMethod::directions)
+            ratios = ratio_at(as_points(in), set, light_directions(cube, directions));
+          else
+            ratios = shadow_ratio(cube, plane_irradiance(cube), set, as_points(in), chosen);
         }
         return colours_at(in, ratios);
       },
       py::arg("cube"), py::arg("spheres"), py::arg("points"), py::arg("method") = "auto",
+      py::arg("directions") = 256,
       R"(Ratio of the light on the plane z = 0 with and without spheres: (..., 3) float32 in [0, 1].
 
 spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "cap-sum" adds what the

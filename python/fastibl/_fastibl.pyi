@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -716,6 +716,59 @@ class ShadowMap:
         """
         True when nothing lights the plane: the ratio is 1 everywhere.
         """
+class MeshShadowLight:
+    """
+    What lasts from one light to the next: directions of dominant lights, and their shadows.
+    """
+    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0010000000474974513) -> None:
+        ...
+    @property
+    def directions(self) -> int:
+        """
+        Number of directions of the last light.
+        """
+    @property
+    def splits(self) -> int:
+        """
+        How often directions were chosen.
+        """
+class BakedShadow:
+    """
+    What a rigid object hides of the sky, see fastibl.MeshShadow.
+    """
+    @staticmethod
+    def bake(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, progress: collections.abc.Callable[[float], bool] = None) -> typing.Any:
+        """
+        None if `progress`, called with the part that is done, returned False.
+        """
+    @staticmethod
+    def from_table(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, table: tuple) -> BakedShadow:
+        """
+        From what `table` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
+        """
+    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight) -> ShadowMap:
+        """
+        ShadowMap of the object under this light.
+        """
+    def fits(self, marker_from_object: typing.Any) -> bool:
+        """
+        Whether the object still stands as it was baked: shifted on the plane and turned about z, no more.
+        """
+    @property
+    def bytes(self) -> int:
+        """
+        Memory of the table.
+        """
+    @property
+    def extent(self) -> float:
+        """
+        Half the map's edge in metres.
+        """
+    @property
+    def table(self) -> tuple:
+        """
+        Three arrays: where the entries of each block begin, their cells, their covers (n, 16).
+        """
 class SelfShadow:
     """
     The light that an object keeps from itself, by vertex.
@@ -1159,12 +1212,12 @@ def equirect_from_cubemap(cube: CubeMap, height: typing.SupportsInt | typing.Sup
     """
     Equirectangular picture (height, 2 height, 3) float32 of a cube map, area-exact.
     """
-def fit_spheres(mesh: Mesh, count: typing.SupportsInt | typing.SupportsIndex = 50, resolution: typing.SupportsInt | typing.SupportsIndex = 64) -> numpy.typing.NDArray[numpy.float32]:
+def fit_spheres(mesh: Mesh, count: typing.SupportsInt | typing.SupportsIndex = 50, resolution: typing.SupportsInt | typing.SupportsIndex = 64, seed: typing.SupportsInt | typing.SupportsIndex = 0) -> numpy.typing.NDArray[numpy.float32]:
     """
     Spheres that fill a mesh, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
 
-    resolution: voxels along the longest edge. Deterministic; the mesh may be open, flipped or torn. A mesh that
-    encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
+    resolution: voxels along the longest edge. seed: another gives another set, about as good; the same gives the same
+    bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
     [8, 128].
     """
 def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typing.Any = 0.0, *, alpha: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
@@ -1178,7 +1231,7 @@ def set_threads(count: typing.SupportsInt | typing.SupportsIndex) -> None:
     """
     Number of threads that the library uses; 0 asks for all cores. Results are the same bits for any number.
     """
-def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method: str = 'auto') -> numpy.typing.NDArray[numpy.float32]:
+def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method: str = 'auto', directions: typing.SupportsInt | typing.SupportsIndex = 256) -> numpy.typing.NDArray[numpy.float32]:
     """
     Ratio of the light on the plane z = 0 with and without spheres: (..., 3) float32 in [0, 1].
 

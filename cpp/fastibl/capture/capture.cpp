@@ -36,15 +36,15 @@ FASTIBL_CLONES void interleave_row(const float* __restrict r, const float* __res
   for (; i < count; ++i, out += 3) out[0] = r[i], out[1] = g[i], out[2] = b[i];
 }
 
-// The same where some were not; they take `fill`.
-FASTIBL_CLONES void write_row(const float* __restrict r, const float* __restrict g,
-                              const float* __restrict b, const double* __restrict last_seen,
-                              const float* __restrict fill, int count, float* __restrict out) {
+// Texels that were not seen take `fill`.
+FASTIBL_CLONES void fill_unseen(const double* __restrict last_seen, const float* __restrict fill,
+                                int count, float* __restrict r, float* __restrict g,
+                                float* __restrict b) {
   for (int i = 0; i < count; ++i) {
     const bool seen = last_seen[i] > -1e300;
-    out[3 * i] = seen ? r[i] : fill[0];
-    out[3 * i + 1] = seen ? g[i] : fill[1];
-    out[3 * i + 2] = seen ? b[i] : fill[2];
+    r[i] = seen ? r[i] : fill[0];
+    g[i] = seen ? g[i] : fill[1];
+    b[i] = seen ? b[i] : fill[2];
   }
 }
 
@@ -103,7 +103,8 @@ Capture::Capture(CaptureOptions options)
       outlines_(grid_),
       state_(grid_),
       sums_(std::size_t(grid_.count())),
-      unseen_(grid_, float(options_.plane_albedo)) {
+      unseen_(grid_, float(options_.plane_albedo)),
+      pyramids_(grid_) {
   const std::size_t n = std::size_t(grid_.size), stride = std::size_t(grid_.stride()),
                     tiles = std::size_t(grid_.count()), per_face = std::size_t(grid_.per_face());
   const std::vector<double> angles = texel_solid_angles(grid_.size);
@@ -131,6 +132,7 @@ Capture::Capture(CaptureOptions options)
     }
   }
   versions_.assign(tiles, new_tile_version());
+  for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
 
 void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
@@ -173,12 +175,30 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   std::vector<int> changed, refilled;
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) changed.push_back(tiles_[i]);
-  unseen_.update(changed, sums_, tile_projected_, refilled);
+  unseen_.update(changed, sums_, tile_projected_, time_, refilled);
   const std::uint64_t version = new_tile_version();
-  for (const int tile : changed) versions_[std::size_t(tile)] = version;
+  for (const int tile : changed) versions_[std::size_t(tile)] = version, refill(tile);
   for (const int tile : refilled)
-    if (sums_[std::size_t(tile)].count < tile_rect(grid_, tile).texels())
+    if (versions_[std::size_t(tile)] != version && refill(tile))
       versions_[std::size_t(tile)] = version;
+}
+
+// Gives the tile's unseen texels their value; false if there are none.
+bool Capture::refill(int tile) {
+  const FaceRect r = tile_rect(grid_, tile);
+  const int seen = sums_[std::size_t(tile)].count;
+  if (seen == r.texels()) return false;
+  const glm::vec3 fill = unseen_.fill(tile);
+  if (seen == 0) {
+    pyramids_.make(tile, fill);
+    return true;
+  }
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
+                           &state_.value[2][start]};
+  fill_unseen(&state_.last_seen[start], &fill.x, r.texels(), value[0], value[1], value[2]);
+  pyramids_.make(tile, value);
+  return true;
 }
 
 // Takes what the picture shows of a tile; true if it shows any of its texels.
@@ -220,12 +240,17 @@ bool Capture::add_tile(const View& view, int tile) {
     merge_samples(state_, start + std::size_t(k), count, sightings, samples, view.known.noise,
                   time_);
   }
-  if (any)
-    sums_[std::size_t(tile)] =
-        sum_tile(state_, start, r.texels(),
-                 &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
-                 &projected_[start]);
-  return any;
+  if (!any) return false;
+  TileSums& sums = sums_[std::size_t(tile)];
+  sums = sum_tile(state_, start, r.texels(),
+                  &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
+                  &projected_[start]);
+  if (sums.count == r.texels()) {
+    const float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
+                                   &state_.value[2][start]};
+    pyramids_.make(tile, value);
+  }
+  return true;
 }
 
 std::vector<double> Capture::last_seen() const {
@@ -269,7 +294,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
   for (int tile = 0; tile < grid_.count(); ++tile)
     if (map.tile_version(tile) != versions_[std::size_t(tile)]) stale.push_back(tile);
   for (const int tile : stale) write_tile(tile, snapshot);
-  map.update(stale);
+  map.update(stale, pyramids_.levels());
   for (const int tile : stale) map.set_tile_version(tile, versions_[std::size_t(tile)]);
 
   double up = 0, up_seen = 0, seen = 0, bound = 0, bound_flux = 0, flux = 0;
@@ -295,24 +320,28 @@ void Capture::update_snapshot(Environment& snapshot) const {
 
 void Capture::write_tile(int tile, Environment& snapshot) const {
   const FaceRect r = tile_rect(grid_, tile);
+  CubeMap& map = snapshot.radiance;
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  const glm::vec3 fill = unseen_.fill(tile);
-  const int seen = sums_[std::size_t(tile)].count;
-  std::size_t i = start;
-  for (int y = r.y0; y < r.y1; ++y, i += std::size_t(r.width())) {
-    glm::vec3* row = &snapshot.radiance.base().texel(r.face, r.x0, y);
-    const float *red = &state_.value[0][i], *green = &state_.value[1][i],
-                *blue = &state_.value[2][i];
-    if (seen == r.texels())
-      interleave_row(red, green, blue, r.width(), &row->x);
-    else if (seen > 0)
-      write_row(red, green, blue, &state_.last_seen[i], &fill.x, r.width(), &row->x);
-    else
-      std::fill_n(row, r.width(), fill);
-  }
-  if (seen == 0) return;
   const float* value[3] = {&state_.value[0][start], &state_.value[1][start],
                            &state_.value[2][start]};
+  const int seen = sums_[std::size_t(tile)].count;
+  for (int y = 0; y < r.height(); ++y) {
+    glm::vec3* row = &map.base(0).texel(r.face, r.x0, r.y0 + y);
+    const int i = y * r.width();
+    if (seen > 0)
+      interleave_row(value[0] + i, value[1] + i, value[2] + i, r.width(), &row->x);
+    else
+      std::fill_n(row, r.width(), unseen_.fill(tile));
+  }
+  for (int k = 1; k < pyramids_.levels(); ++k) {
+    const int w = pyramids_.width(k);
+    const float *red = pyramids_.level(tile, 0, k), *green = pyramids_.level(tile, 1, k),
+                *blue = pyramids_.level(tile, 2, k);
+    for (int y = 0; y < w; ++y, red += w, green += w, blue += w)
+      interleave_row(red, green, blue, w,
+                     &map.base(k).texel(r.face, r.x0 >> k, (r.y0 >> k) + y).x);
+  }
+  if (seen == 0) return;
   const float* variance[3] = {&state_.variance[0][start], &state_.variance[1][start],
                               &state_.variance[2][start]};
   relative_variance(value, variance, r.texels(), &snapshot.variance[start]);

@@ -10,6 +10,7 @@
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/texel_state.h"
 #include "fastibl/capture/texel_view.h"
+#include "fastibl/capture/tile_pyramids.h"
 #include "fastibl/capture/unseen.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
@@ -51,8 +52,8 @@ class Capture {
   void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
            double exposure, double time, ImageView<const std::uint8_t> mask = {});
 
-  // The map at the time of the last picture, without holes: unseen texels take the mean of the tile
-  // that was seen nearest on their side of the horizon, at confidence 0. Only what changed since an
+  // The map at the time of the last picture, without holes: unseen texels take a mean of what
+  // was seen near them on their side of the horizon, at confidence 0. Only what changed since an
   // earlier map that nobody holds any more is made anew in its place.
   std::shared_ptr<const Environment> environment();
 
@@ -72,6 +73,7 @@ class Capture {
   struct View;  // of one picture
   const KnownCamera& known(const Camera& camera);
   bool add_tile(const View& view, int tile);
+  bool refill(int tile);
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
 
@@ -86,6 +88,7 @@ class Capture {
   std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
   std::vector<TileSums> sums_;               // by tile
   UnseenTiles unseen_;
+  TilePyramids pyramids_;
   std::vector<std::uint64_t> versions_;  // by tile, as the map's
   std::vector<KnownCamera> cameras_;
   FrameLevels levels_;

@@ -23,12 +23,13 @@ double corner_angle(double x, double y) {
 // the last texel's index for the start.
 struct EdgeNeighbour {
   int face, start_x, start_y, step_x, step_y;
+  CubeEdge edge;  // of that face
 };
-enum Edge { top, bottom, left, right };
+using enum CubeEdge;
 
 // Found by folding the direction of imagined texels onto the neighbour: exact, because both faces
 // cut an edge into the same parts.
-EdgeNeighbour find_neighbour(int face, Edge edge) {
+EdgeNeighbour find_neighbour(int face, CubeEdge edge) {
   constexpr int n = 4;
   const auto across = [&](int i) {
     const float s = edge == left ? -1e-4f : edge == right ? 1 + 1e-4f : (float(i) + 0.5f) / n;
@@ -38,16 +39,25 @@ EdgeNeighbour find_neighbour(int face, Edge edge) {
                       std::clamp(int(p.t * n), 0, n - 1)};
   };
   const auto first = across(0), second = across(1);
-  return {first[0], first[1] / (n - 1), first[2] / (n - 1), second[1] - first[1],
-          second[2] - first[2]};
+  EdgeNeighbour found{first[0],
+                      first[1] / (n - 1),
+                      first[2] / (n - 1),
+                      second[1] - first[1],
+                      second[2] - first[2],
+                      top};
+  if (found.step_x == 0)
+    found.edge = found.start_x == 0 ? left : right;
+  else
+    found.edge = found.start_y == 0 ? top : bottom;
+  return found;
 }
 
 const std::array<std::array<EdgeNeighbour, 4>, 6>& edge_neighbours() {
   static const auto table = [] {
     std::array<std::array<EdgeNeighbour, 4>, 6> all{};
     for (int f = 0; f < 6; ++f)
-      for (const Edge edge : {top, bottom, left, right})
-        all[std::size_t(f)][edge] = find_neighbour(f, edge);
+      for (const CubeEdge edge : {top, bottom, left, right})
+        all[std::size_t(f)][std::size_t(edge)] = find_neighbour(f, edge);
     return all;
   }();
   return table;
@@ -120,14 +130,14 @@ std::vector<double> texel_solid_angles(int size) {
 CubeLevel::CubeLevel(int size)
     : size_(size), texels_(6 * std::size_t(size + 2) * std::size_t(size + 2) + 1, glm::vec3(0)) {}
 
-void CubeLevel::update_border(unsigned faces) {
+void CubeLevel::update_border(unsigned edges) {
   const int n = size_;
   const std::ptrdiff_t stride = row_stride();
   for (int f = 0; f < 6; ++f) {
-    unsigned touched = faces >> f & 1;
-    for (const Edge edge : {top, bottom, left, right}) {
-      const EdgeNeighbour& other = edge_neighbours()[std::size_t(f)][edge];
-      if (!(faces >> other.face & 1)) continue;
+    unsigned touched = edges >> 4 * f & 15;
+    for (const CubeEdge edge : {top, bottom, left, right}) {
+      const EdgeNeighbour& other = edge_neighbours()[std::size_t(f)][std::size_t(edge)];
+      if (!(edges >> (4 * other.face + int(other.edge)) & 1)) continue;
       touched = 1;
       const glm::vec3* from = &texel(other.face, other.start_x * (n - 1), other.start_y * (n - 1));
       const std::ptrdiff_t from_step = other.step_x + other.step_y * stride;
@@ -235,10 +245,12 @@ void CubeMap::update() {
     for (int f = 0; f < 6; ++f)
       all.push_back({f, 0, tiles().begin(row), size(), tiles().begin(row + 1)});
   std::fill(versions_.begin(), versions_.end(), new_tile_version());
-  update_levels(std::move(all));
+  update_levels(std::move(all), 1);
 }
 
-void CubeMap::update(std::span<const int> changed) {
+void CubeMap::update(std::span<const int> changed) { update(changed, 1); }
+
+void CubeMap::update(std::span<const int> changed, int written) {
   const std::uint64_t version = new_tile_version();
   std::vector<FaceRect> runs;  // of tiles side by side
   for (const int tile : changed) {
@@ -250,15 +262,30 @@ void CubeMap::update(std::span<const int> changed) {
     else
       runs.push_back(r);
   }
-  update_levels(std::move(runs));
+  update_levels(std::move(runs), written);
 }
 
+namespace {
+
+// Edges of a level of faces of n texels along which these lie.
+unsigned edges_of(const std::vector<FaceRect>& rects, int n) {
+  unsigned edges = 0;
+  for (const FaceRect& r : rects) {
+    const unsigned own = unsigned(r.y0 == 0) << int(top) | unsigned(r.y1 == n) << int(bottom) |
+                         unsigned(r.x0 == 0) << int(left) | unsigned(r.x1 == n) << int(right);
+    edges |= own << 4 * r.face;
+  }
+  return edges;
+}
+
+}  // namespace
+
 // Level by level: what is made of texels on both sides of a rectangle's edge needs both done.
-void CubeMap::update_levels(std::vector<FaceRect> changed) {
+void CubeMap::update_levels(std::vector<FaceRect> changed, int written) {
+  if (changed.empty()) return;
   unsigned faces = 0;
   for (const FaceRect& r : changed) faces |= 1u << r.face;
-  if (!faces) return;
-  levels_[0].update_border(faces);
+  levels_[0].update_border(edges_of(changed, size()));
   bool whole = false;
   for (std::size_t k = 0; k + 1 < levels_.size(); ++k) {
     for (FaceRect& r : changed) r = reductions_[k]->reached(r);
@@ -269,8 +296,9 @@ void CubeMap::update_levels(std::vector<FaceRect> changed) {
         if (faces >> f & 1) changed.push_back({f, 0, 0, coarse, coarse});
       whole = true;
     }
-    for (const FaceRect& r : changed) reductions_[k]->reduce(levels_[k], r, levels_[k + 1]);
-    levels_[k + 1].update_border(faces);
+    if (int(k) + 1 >= written)
+      for (const FaceRect& r : changed) reductions_[k]->reduce(levels_[k], r, levels_[k + 1]);
+    levels_[k + 1].update_border(edges_of(changed, coarse));
   }
 }
 

@@ -43,6 +43,9 @@ double texel_solid_angle(int x, int y, int size);
 // All n² of a face, row by row.
 std::vector<double> texel_solid_angles(int size);
 
+// Of a face; their texels are numbered from the left, and from the top.
+enum class CubeEdge { top, bottom, left, right };
+
 // One MIP level. Texels are stored with a border of one texel copied from the adjacent faces (mean
 // of three at a corner), so that bilinear filtering is seamless without a branch.
 class CubeLevel {
@@ -59,8 +62,11 @@ class CubeLevel {
   std::ptrdiff_t row_stride() const { return size_ + 2; }
   std::ptrdiff_t face_stride() const { return std::ptrdiff_t(size_ + 2) * (size_ + 2); }
 
-  // To be called after texels were written, before sample(). faces: bit f where face f changed.
-  void update_border(unsigned faces = 63);
+  // To be called after texels were written, before sample().
+  void update_border() { update_border(kAllEdges); }
+  // The same where only texels along some edges were: bit 4 f + e for CubeEdge e of face f.
+  static constexpr unsigned kAllEdges = (1u << 24) - 1;
+  void update_border(unsigned edges);
   glm::vec3 sample(glm::vec3 direction) const;  // seamless bilinear
   glm::vec3 sample(const FacePoint& p) const;
   bool operator==(const CubeLevel&) const = default;
@@ -111,6 +117,10 @@ class CubeMap {
   CubeLevel& base() { return levels_[0]; }
   void update();                              // everything changed
   void update(std::span<const int> changed);  // tiles
+  // The same where their maker has written the first `written` levels of the tiles, as
+  // CubeReduction makes them. These are wide enough that tiles share no texels.
+  CubeLevel& base(int level) { return levels_[std::size_t(level)]; }
+  void update(std::span<const int> changed, int written);
 
   // Where two maps of one size have the same version of a tile, they have the same texels in it.
   // For what is derived of a map, to be renewed only where it changed.
@@ -128,7 +138,7 @@ class CubeMap {
   }
 
  private:
-  void update_levels(std::vector<FaceRect> changed);
+  void update_levels(std::vector<FaceRect> changed, int written);
   std::vector<CubeLevel> levels_;
   std::vector<std::shared_ptr<const CubeReduction>> reductions_;  // from level k to k + 1
   std::vector<std::uint64_t> versions_;                           // of the tiles

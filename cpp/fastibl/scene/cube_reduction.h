@@ -17,6 +17,15 @@ class CubeReduction {
   static std::shared_ptr<const CubeReduction> of(int size);
   explicit CubeReduction(int size);
 
+  // Whether by factor 2; if so, the share of a fine texel of a face in its coarse one, which is
+  // (u₀ w + l₀ w) + (u₁ w + l₁ w) of the upper and lower ones.
+  bool halves() const { return !upper_weights_.empty(); }
+  float share(int x, int y) const {
+    const std::vector<float>& weights = y & 1 ? lower_weights_ : upper_weights_;
+    const std::size_t coarse = std::size_t(y / 2) * std::size_t(coarse_) + std::size_t(x / 2);
+    return weights[6 * coarse + 3 * std::size_t(x & 1)];
+  }
+
   // The texels of the coarse level that read any of these of the fine one.
   FaceRect reached(const FaceRect& fine) const;
   // Makes these texels of the coarse level. The same bits whatever else is made with them.

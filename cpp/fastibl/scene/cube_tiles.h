@@ -26,6 +26,7 @@ struct TileGrid {
 struct FaceRect {
   int face, x0, y0, x1, y1;
   int width() const { return x1 - x0; }
+  int height() const { return y1 - y0; }
   int texels() const { return (x1 - x0) * (y1 - y0); }
 };
 

@@ -1,8 +1,14 @@
 #include "fastibl/scene/shadow_map.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace fastibl {
+
+bool is_sphere(const glm::vec4& s) {
+  return std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.z) && std::isfinite(s.w) &&
+         s.w > 0;
+}
 
 glm::vec3 ShadowMap::sample(glm::vec2 point) const {
   const float n = float(ratio.width);

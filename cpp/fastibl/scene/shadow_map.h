@@ -11,6 +11,7 @@ namespace fastibl {
 // xyz centre, w radius; metres. Spheres that are not finite or have a radius ≤ 0 are ignored and
 // counted.
 using SphereSet = std::vector<glm::vec4>;
+bool is_sphere(const glm::vec4& sphere);
 
 // Ratio of the light on the plane z = 0 with and without the object, RGB in [0, 1].
 struct ShadowMap {

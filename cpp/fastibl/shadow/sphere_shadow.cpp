@@ -16,11 +16,6 @@ namespace {
 constexpr float kDefaultExtent = 3.0f;  // × the half width of the spheres
 constexpr float kFarthest = 1e30f;      // metres; keeps centre and extent finite for any sphere
 
-bool usable(const glm::vec4& s) {
-  return std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.z) && std::isfinite(s.w) &&
-         s.w > 0;
-}
-
 // A sphere that can hold back light. In double, so that squares of 1e30 do not overflow.
 struct Caster {
   double x, y, z;
@@ -120,7 +115,7 @@ class Obstruction {
       inverse_[c] = lit_[c] ? 1 / irradiance[c] : 0;
     }
     for (const glm::vec4& s : spheres) {
-      if (!usable(s)) {
+      if (!is_sphere(s)) {
         ++ignored_;
         continue;
       }
@@ -187,7 +182,7 @@ class Obstruction {
 void frame(const SphereSet& spheres, const ShadowOptions& options, ShadowMap& map) {
   glm::vec2 lower(std::numeric_limits<float>::max()), upper(-lower);
   for (const glm::vec4& s : spheres)
-    if (usable(s) && s.z + s.w > 0)
+    if (is_sphere(s) && s.z + s.w > 0)
       for (int i = 0; i < 2; ++i)
         lower[i] = std::min(lower[i], std::max(s[i] - s.w, -kFarthest)),
         upper[i] = std::max(upper[i], std::min(s[i] + s.w, kFarthest));

@@ -1,0 +1,37 @@
+// MIP levels tile by tile: made once where a tile changes, and copied into every map.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "fastibl/core/vector.h"
+#include "fastibl/scene/cube_tiles.h"
+
+namespace fastibl {
+
+// Of a map whose tiles have 2^k × 2^k texels, all levels down to a tile's one texel, the same bits
+// as CubeReduction gives. Channels lie in arrays of their own.
+class TilePyramids {
+ public:
+  explicit TilePyramids(TileGrid grid);
+
+  int levels() const { return levels_; }  // with the map's own; 1: tiles of another size
+  int width(int level) const { return grid_.widest() >> level; }
+  // fine: texels of the tile, row by row, by channel.
+  void make(int tile, const float* const fine[3]);
+  void make(int tile, glm::vec3 constant);
+  // 1 ≤ level < levels(), row by row.
+  const float* level(int tile, int channel, int level) const {
+    return &values_[channel][std::size_t(tile) * stride_ + starts_[std::size_t(level)]];
+  }
+
+ private:
+  TileGrid grid_;
+  int levels_ = 1;
+  std::size_t stride_ = 0, weight_stride_ = 0;
+  std::vector<std::size_t> starts_;  // by level, of a tile's values
+  std::vector<float> weights_;       // by tile of one face, of the texels of all levels but the last
+  std::vector<float> values_[3], constant_;
+};
+
+}  // namespace fastibl
