@@ -7,7 +7,7 @@ namespace fastibl {
 
 struct SceneOptions {
   int sphere_count = 50;     // at most; 0: no shadow
-  int visibility_rays = 64;  // for P_V; 0: nothing hides anything
+  int visibility_rays = 96;  // for P_V; 0: nothing hides anything
 };
 
 // Throws what validate() throws, or for textures on a mesh without uvs.
