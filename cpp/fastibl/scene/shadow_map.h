@@ -38,6 +38,9 @@ struct ShadowMap {
   bool operator==(const ShadowMap&) const = default;
 
  private:
+  // From texels of `ratio` to those of `outer`.
+  float outer_scale() const;
+  float outer_shift(float scale) const;
   glm::vec2 outer_texels(float x, float y) const;
 };
 
