@@ -44,7 +44,7 @@ class Setting:
 
 
 def settings() -> Iterator[Setting]:
-    for name in sorted({method.name for method in fastibl.methods("shadow")}):
+    for name in sorted({method.name for method in fastibl.methods("shadow")} - {"mesh"}):
         for count in _COUNTS:
             if name == "directions":
                 yield from (Setting(name, count, {"directions": k}) for k in _DIRECTIONS)

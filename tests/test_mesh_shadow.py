@@ -96,6 +96,20 @@ def test_ratio_is_that_of_rays(name, make, split, rms, worst):
     assert np.sqrt((off**2).mean()) < rms and np.abs(off).max() < worst
 
 
+def test_far_shadow_is_in_the_outer_map():
+    """A low lamp: the shadow reaches beyond the fine map."""
+    mesh = box((-0.2, -0.2, 0), (0.2, 0.2, 1.0))
+    cube, d = lamp((1, 0, 0.25), size=128, ground=0.01)
+    shadow = MeshShadow(mesh, 128, cache=False)
+    x = np.linspace(-3.9, -1.6, 12)
+    points = np.stack([x, np.zeros(12)], axis=-1)
+    made, true = shadow.ratio(cube, points), reference.shadow_ratio(cube, mesh, points)
+    print(f"far: worst {np.abs(made - true).max():.3f} within {shadow.extent * 6} m")
+    assert np.abs(x).min() > shadow.extent and true.min() < 0.1
+    assert np.sqrt(((made - true) ** 2).mean()) < 0.1
+    assert (shadow.ratio(cube, [[0.0, 6.1 * shadow.extent], [1e6, 0.0]]) == 1).all()
+
+
 def test_bits_are_those_of_rays():
     """One direction alone: every texel is lit or not, as a ray says."""
     mesh = fastibl.shapes.figurine(0.5)
@@ -303,6 +317,37 @@ def test_following_without_a_change_is_the_same_bits():
     assert first == shadow.cast(cube, follow=True).image.tobytes() == shadow.cast(cube).image.tobytes()
 
 
+# In a scene
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+def test_session_casts_the_baked_shadow(backend):
+    if backend == "gl" and not fastibl._fastibl.with_gl:
+        pytest.skip("built without GL")
+    mesh, cube = table(), sky(16, sigma=0.7)
+    camera = fastibl.Camera(96, 64, 80, 80, 48, 32)
+    looking = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 3], [0, 0, 0, 1]])
+
+    def cast(scene):
+        session = fastibl.Session(
+            scene, fastibl.Rig(camera), environment=cube, methods={"shadow": "mesh"}, backend=backend
+        )
+        return session.process(fastibl.Frame(time=0.0, back=None, back_from_marker=looking)).shadow_map
+
+    scene = fastibl.Scene(mesh, marker_from_object=pose(0.4, (0.1, 0.2, 0)))
+    with pytest.raises(ValueError, match="baked"):
+        cast(scene)
+    scene.baked_shadow = MeshShadow(mesh, 32, cache=False)
+    made, alone = cast(scene), MeshShadow(mesh, 32, cache=False).cast(cube, scene.marker_from_object)
+    assert made.image.shape == (32, 32, 3) and np.allclose(made.centre, alone.centre)
+    assert np.abs(made.image - alone.image).mean() < 0.02  # the session's map has a plane below it
+    tilted = np.eye(4)
+    tilted[1:3, 1:3] = [[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]]
+    leaning = fastibl.Scene(mesh, marker_from_object=tilted)
+    leaning.baked_shadow = MeshShadow(mesh, 32, cache=False)
+    assert (cast(leaning).image < 0.9).any()  # of its spheres
+
+
 # On disk
 
 
@@ -367,21 +412,23 @@ def test_table_of_another_object_is_refused():
     from fastibl._fastibl import BakedShadow
 
     baked = BakedShadow.bake(table(), GRID, 0, 4, 3)
-    begin, source_of, cover = baked.table
-    good = BakedShadow.from_table(table(), GRID, 0, 4, 3, (begin, source_of, cover))
-    assert good.bytes == baked.bytes
+    begin, cells, cover, *outer = baked.tables
+    assert BakedShadow.from_tables(table(), GRID, 0, 4, 3, baked.tables).bytes == baked.bytes
     wrong = begin.copy()
     wrong[1] = 60000
     for bad in (
-        (begin[:-1], source_of, cover),
-        (wrong, source_of, cover),
-        (begin, source_of[:-1], cover),
-        (begin, source_of, cover[:, :8]),
-        (begin, np.full_like(source_of, 64), cover),
-        (begin, source_of),
+        (begin[:-1], cells, cover),
+        (wrong, cells, cover),
+        (begin, cells[:-1], cover),
+        (begin, cells, cover[:, :8]),
+        (begin, np.full_like(cells, 64), cover),
+        (begin.astype(np.int64), cells, cover),
+        (begin, cells),
     ):
         with pytest.raises(ValueError, match="expected"):
-            BakedShadow.from_table(table(), GRID, 0, 4, 3, bad)
+            BakedShadow.from_tables(table(), GRID, 0, 4, 3, [*bad, *outer])
+    with pytest.raises(ValueError, match="expected"):
+        BakedShadow.from_tables(table(), 2 * GRID, 0, 4, 3, baked.tables)
 
 
 def test_no_cache_when_turned_off(cache_folder, monkeypatch):

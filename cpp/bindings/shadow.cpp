@@ -36,6 +36,8 @@ Floats colours_at(const Floats& points, const std::vector<glm::vec3>& colours) {
 
 ShadowMethod require_method(const std::string& text) {
   const ShadowMethod method = shadow_method(text);
+  if (method == ShadowMethod::mesh)
+    throw py::value_error("\"mesh\" is the method of fastibl.MeshShadow, not of spheres");
   return method == ShadowMethod::automatic ? ShadowMethod::directions : method;
 }
 

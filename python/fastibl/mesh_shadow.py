@@ -21,6 +21,7 @@ from ._fastibl import BakedShadow, CubeMap, Environment, Mesh, MeshShadowLight, 
 
 _FORMAT = 1  # of the files, and of how a table is baked: another number makes older files stale
 _PATIENCE = 0.5  # seconds before a progress bar appears
+_ARRAYS = ("begin", "cells", "cover", "outer_begin", "outer_cells", "outer_cover")
 _MOST_BYTES = 256 << 20  # of all files together; the ones that were used longest ago go first
 
 
@@ -46,10 +47,11 @@ class MeshShadow:
 
     mesh: as it stands on the plane z = 0, metres; what is below casts no shadow, triangles hide from both sides.
     resolution: texels along an edge of the map, 8 to 1024. extent: half the map's edge in metres, by default 1.5
-    times the object's largest extent; outside the ratio is 1. rings, samples: 4 rings^2 cells of the sky, and
-    directions that each is made of (1 to 63). directions: for lights, 0 for none. progress: a bar on stderr if that is
-    a terminal and the work lasts; or a function that is given the part done, and ends the work with KeyboardInterrupt
-    by returning False. cache: whether to keep the work on disk and to take it from there.
+    times the object's largest extent; a coarse map of the same texels, 6 times as large, lies around it. rings,
+    samples: 4 rings^2 cells of the sky, and directions that each is made of (1 to 63). directions: for lights, 0 for
+    none. progress: a bar on stderr if that is a terminal and the work lasts; or a function that is given the part
+    done, and ends the work with KeyboardInterrupt by returning False. cache: whether to keep the work on disk and to
+    take it from there.
 
     Raises ValueError for a mesh without triangles or with values that are not finite, and for options out of range.
     """
@@ -83,8 +85,13 @@ class MeshShadow:
         self._baked = baked
 
     @property
+    def baked(self) -> BakedShadow:
+        """What was baked; for Scene.baked_shadow."""
+        return self._baked
+
+    @property
     def bytes(self) -> int:
-        """Memory of the table."""
+        """Memory of the tables."""
         return self._baked.bytes
 
     @property
@@ -114,7 +121,7 @@ class MeshShadow:
     def ratio(self, cube: CubeMap | Environment, points: ArrayLike) -> NDArray[np.float32]:
         """Ratio (..., 3) of the light at plane points (..., 2) in metres, with and without the object.
 
-        In [0, 1]; bilinear between the texels of the map, 1 outside and in a channel without light.
+        In [0, 1]; bilinear between the texels of the map, 1 outside of both and in a channel without light.
         """
         return self.cast(cube).sample(points)
 
@@ -160,7 +167,7 @@ class _Bar:
             self._bar.close()
 
 
-# Files: the three arrays of a table, compressed
+# Files: the arrays of both tables, compressed
 
 
 def _path(mesh: Mesh, options: tuple) -> Path | None:
@@ -174,15 +181,15 @@ def _path(mesh: Mesh, options: tuple) -> Path | None:
 
 
 def _read(path: Path, mesh: Mesh, options: tuple) -> Any:
-    """The table of a file, or None where there is none; a file that cannot be read is warned of."""
+    """The tables of a file, or None where there is none; a file that cannot be read is warned of."""
     if not path.is_file():
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
-            table = tuple(file[name] for name in ("begin", "source_of", "cover"))
-            if int(file["checksum"]) != _checksum(table):
+            tables = [file[name] for name in _ARRAYS]
+            if int(file["checksum"]) != _checksum(tables):
                 raise ValueError("its checksum is another")
-        baked = BakedShadow.from_table(mesh, *options, table)
+        baked = BakedShadow.from_tables(mesh, *options, tables)
     except (OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         warnings.warn(f"{path} is broken and will be made anew: {error}", RuntimeWarning, stacklevel=4)
         return None
@@ -191,23 +198,21 @@ def _read(path: Path, mesh: Mesh, options: tuple) -> Any:
     return baked
 
 
-def _checksum(table: tuple[NDArray, ...]) -> int:
+def _checksum(tables: list[NDArray]) -> int:
     total = 0
-    for array in table:
+    for array in tables:
         total = zlib.crc32(np.ascontiguousarray(array).tobytes(), total)
     return total
 
 
 def _write(path: Path, baked: Any) -> None:
     """Under another name first: who reads sees the whole file or none. A disk that is full or closed is no error."""
-    table = baked.table
+    tables = baked.tables
     part = path.with_suffix(f".{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with part.open("wb") as file:
-            np.savez_compressed(
-                file, begin=table[0], source_of=table[1], cover=table[2], checksum=np.int64(_checksum(table))
-            )
+            np.savez_compressed(file, checksum=np.int64(_checksum(tables)), **dict(zip(_ARRAYS, tables, strict=True)))
         part.replace(path)
         _forget(path.parent)
     except OSError as error:

@@ -47,6 +47,8 @@ std::string_view name(ShadowMethod method) {
       return "cap-sum";
     case ShadowMethod::cap_product:
       return "cap-product";
+    case ShadowMethod::mesh:
+      return "mesh";
     default:
       return "directions";
   }

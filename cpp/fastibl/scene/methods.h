@@ -38,6 +38,7 @@ enum class ShadowMethod {
   cap_sum,      // obstruction of all spheres added, and clamped
   cap_product,  // the product of what each sphere lets through
   directions,   // the union of all spheres, for directions of equal energy
+  mesh,         // of a rigid object's triangles, baked: Scene::baked_shadow
 };
 enum class SelfShadowMethod {
   automatic,
@@ -65,7 +66,7 @@ inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::c
 inline constexpr std::array kNormalizations = {Normalization::energy, Normalization::paper,
                                                Normalization::exact};
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product,
-                                              ShadowMethod::directions};
+                                              ShadowMethod::directions, ShadowMethod::mesh};
 inline constexpr std::array kSelfShadowMethods = {SelfShadowMethod::none, SelfShadowMethod::ambient,
                                                   SelfShadowMethod::transfer};
 inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,

@@ -12,6 +12,8 @@
 
 namespace fastibl {
 
+class MeshShadow;
+
 struct Scene {
   Mesh mesh;  // marker frame, moved by marker_from_object
   Material material;
@@ -22,6 +24,8 @@ struct Scene {
   // Directions that the object blocks; null: none that is known.
   std::shared_ptr<const VertexVisibility> directions;
   SphereSet spheres;  // proxies of the mesh, in its frame
+  // What the mesh hides of the sky, for the `mesh` method, see shadow/mesh_shadow.h; may be null.
+  std::shared_ptr<const MeshShadow> baked_shadow = nullptr;
 
   // The spheres where the object stands.
   SphereSet placed_spheres() const {

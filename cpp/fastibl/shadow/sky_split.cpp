@@ -262,14 +262,16 @@ SkySplit::Weights SkySplit::weigh(const CubeMap& map) const {
   return out;
 }
 
-bool SkySplit::suits(const Weights& weights) const {
+float SkySplit::misfit(const Weights& weights) const {
   const glm::vec3 scale = brightness_scale(weights.irradiance);
   constexpr float kGrown = 4, kLeast = 0.02f;
+  float share =
+      std::max(share_above(weights.rest, rest_cosines_, scale, 2 * threshold_) - bright_, 0.0f);
   for (std::size_t k = 0; k < shares_.size(); ++k) {
-    const float share = glm::dot(glm::vec3(weights.directions[k]), scale) / kPi;
-    if (share > std::max(kGrown * shares_[k], kLeast)) return false;
+    const float now = glm::dot(glm::vec3(weights.directions[k]), scale) / kPi;
+    if (now > kGrown * shares_[k]) share += now - shares_[k];
   }
-  return share_above(weights.rest, rest_cosines_, scale, 2 * threshold_) < bright_ + kLeast;
+  return share > kLeast ? share : 0;
 }
 
 CellSums::CellSums(const SkyCells& cells, int size, float turn)
