@@ -84,7 +84,7 @@ void bind_plan(py::module_& module) {
                        const std::string& diffuse, const Settings& diffuse_settings,
                        const std::string& glossy, const Settings& glossy_settings,
                        const std::string& normalization_name, const std::string& shadow,
-                       const std::string& self_shadow) {
+                       const Settings& shadow_settings, const std::string& self_shadow) {
              Methods methods;
              methods.tracking = tracking_method(tracking);
              methods.capture = capture_method(capture);
@@ -96,12 +96,15 @@ void bind_plan(py::module_& module) {
                  settings_with<GlossySettings>(methods.glossy, glossy_settings);
              methods.normalization = normalization(normalization_name);
              methods.shadow = shadow_method(shadow);
+             methods.shadow_settings =
+                 settings_with<ShadowSettings>(methods.shadow, shadow_settings);
              methods.self_shadow = self_shadow_method(self_shadow);
              return methods;
            }),
            py::kw_only(), py::arg("tracking"), py::arg("capture"), py::arg("diffuse"),
            py::arg("diffuse_settings"), py::arg("glossy"), py::arg("glossy_settings"),
-           py::arg("normalization"), py::arg("shadow"), py::arg("self_shadow") = "auto")
+           py::arg("normalization"), py::arg("shadow"), py::arg("shadow_settings"),
+           py::arg("self_shadow") = "auto")
       .def_static("_auto", [] { return Methods{}; })
       .def_static("_paper", &Methods::paper)
       .def_property_readonly("tracking",
@@ -120,6 +123,9 @@ void bind_plan(py::module_& module) {
       .def_property_readonly("normalization",
                              [](const Methods& m) { return std::string(name(m.normalization)); })
       .def_property_readonly("shadow", [](const Methods& m) { return std::string(name(m.shadow)); })
+      .def_property_readonly(
+          "shadow_settings",
+          [](const Methods& m) { return settings_map(m.shadow, m.shadow_settings); })
       .def_property_readonly("self_shadow",
                              [](const Methods& m) { return std::string(name(m.self_shadow)); })
       .def(py::self == py::self)
@@ -128,8 +134,9 @@ void bind_plan(py::module_& module) {
                std::string(name(m.capture)) + "', diffuse='" +
                described(m.diffuse, m.diffuse_settings) + "', glossy='" +
                described(m.glossy, m.glossy_settings) + "', normalization='" +
-               std::string(name(m.normalization)) + "', shadow='" + std::string(name(m.shadow)) +
-               "', self_shadow='" + std::string(name(m.self_shadow)) + "')";
+               std::string(name(m.normalization)) + "', shadow='" +
+               described(m.shadow, m.shadow_settings) + "', self_shadow='" +
+               std::string(name(m.self_shadow)) + "')";
       });
   module.def(
       "_method_names",
@@ -164,6 +171,8 @@ void bind_plan(py::module_& module) {
           add(settings_of(diffuse_method(method)));
         else if (step == "glossy")
           add(settings_of(glossy_method(method)));
+        else if (step == "shadow")
+          add(settings_of(shadow_method(method)));
         return settings;
       },
       py::arg("step"), py::arg("method"),
