@@ -47,7 +47,7 @@ frame by default. spheres: number of shadow proxies at most, 0 for no shadow. vi
            }),
            py::arg("mesh"), py::arg("material") = py::none(),
            py::arg("marker_from_object") = py::none(), py::arg("spheres") = 50,
-           py::arg("visibility_rays") = 64)
+           py::arg("visibility_rays") = 96)
       .def_readonly("mesh", &Scene::mesh)
       .def_readonly("material", &Scene::material)
       .def_readonly("marker_from_object", &Scene::marker_from_object)
