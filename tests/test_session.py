@@ -217,7 +217,9 @@ def test_an_unseen_marker_gives_no_pose():
     assert session.process(fastibl.Frame(0.09, back=visible(False))).back_from_marker is None
     later = session.process(fastibl.Frame(0.12, back=visible(True)))
     fresh = tracking_session(environment=fastibl.CubeMap(0.1 * np.ones((6, 8, 8, 3))))
-    np.testing.assert_array_equal(later.image, fresh.process(fastibl.Frame(0.0, back=visible(True))).image)
+    expected = fresh.process(fastibl.Frame(0.0, back=visible(True))).image
+    # Not the same bits: the directions of light stay where they were under the other map.
+    assert np.abs(later.image.astype(int) - expected).max() <= 1
 
 
 def test_a_given_pose_is_not_tracked():

@@ -9,7 +9,8 @@ import fastibl
 from fastibl import reference
 
 UNIFORM = fastibl.CubeMap(np.ones((6, 64, 64, 3), np.float32))
-METHODS = ["cap-sum", "cap-product"]
+CAPS = ["cap-sum", "cap-product"]
+METHODS = [*CAPS, "directions"]
 
 
 def seeded_map(size=64, seed=0):
@@ -53,7 +54,7 @@ def test_cap_formula_against_quadrature():
     for alpha in np.radians([0.5, 3, 10, 30, 45, 60, 80, 89, 89.9]):
         for theta in np.radians([0, 0.1, 20, 45, 60, 80, 87, 89.5, 90, 90.5, 93, 110, 135, 165, 179]):
             sphere = np.array([[np.sin(theta), 0, np.cos(theta), np.sin(alpha)]])
-            ratio = fastibl.shadow_ratio(UNIFORM, sphere, np.zeros(2))
+            ratio = fastibl.shadow_ratio(UNIFORM, sphere, np.zeros(2), "cap-product")
             assert np.ptp(ratio) == 0
             error = abs((1 - ratio[0]) - cap_quadrature(alpha, theta) / np.pi)
             worst = max(worst, error)
@@ -69,7 +70,7 @@ def test_single_sphere_under_uniform_sky(sphere, method):
     truth = reference.shadow_ratio(UNIFORM, spheres, points)
     error = np.abs(ratio - truth)
     print(f"{sphere} {method}: RMS {np.sqrt(np.mean(error**2)):.4f}, max {error.max():.4f}")
-    assert np.sqrt(np.mean(error**2)) < 0.002
+    assert np.sqrt(np.mean(error**2)) < (0.004 if method == "directions" else 0.002)
     assert error.max() < 0.02  # the reference tells texels of 1.4 degrees apart
 
 
@@ -81,7 +82,7 @@ def test_small_sphere_takes_the_light_behind_it():
     for direction in np.array([[0.3, 0.2, 0.9], [-0.9, 0.3, 0.3], [0.8, -0.2, 0.4], [0.1, 0.9, 0.2], [0.2, -0.9, 0.3]]):
         d = direction / np.linalg.norm(direction)
         sine = np.sin(np.radians(3))
-        ratio = fastibl.shadow_ratio(cube, [[*d, sine]], np.zeros(2))
+        ratio = fastibl.shadow_ratio(cube, [[*d, sine]], np.zeros(2), "cap-product")
         expected = (1 + 0.8 * d) * np.pi * sine**2 * d[2] / up
         np.testing.assert_allclose(1 - ratio, expected, rtol=0.02)
 
@@ -95,7 +96,7 @@ def test_look_up_is_at_the_level_of_the_caps_solid_angle():
             solid_angle = 2 * np.pi * (1 - np.sqrt(1 - sine**2))
             level = np.log(solid_angle / (4 * np.pi / (6 * cube.size**2))) / np.log(4)
             hidden = cube.sample(d, level) * np.pi * sine**2 * d[2] / up
-            ratio = fastibl.shadow_ratio(cube, [[*d, sine]], np.zeros(2))
+            ratio = fastibl.shadow_ratio(cube, [[*d, sine]], np.zeros(2), "cap-product")
             np.testing.assert_allclose(ratio, np.clip(1 - hidden, 0, 1), atol=1e-3)
 
 
@@ -112,7 +113,7 @@ def test_methods_on_overlapping_spheres_against_reference():
             rms = np.sqrt(np.mean(error**2))
             print(f"{name:8} {method:12} RMS {rms:.3f} (no shadow {nothing:.3f})")
             assert rms < 0.4
-        total, product = (fastibl.shadow_ratio(cube, mesh, points, m) for m in METHODS)
+        total, product = (fastibl.shadow_ratio(cube, mesh, points, m) for m in CAPS)
         assert (total <= product + 1e-6).all()
 
 
@@ -189,9 +190,11 @@ def test_covering_all_is_exactly_0(cover, method):
 
 def test_many_spheres_stay_at_0_or_above():
     same = np.tile([0.1, 0, 0.6, 0.4], (1000, 1))
-    for method in METHODS:
+    for method in CAPS:
         ratio = fastibl.shadow_ratio(seeded_map(), same, plane_grid(1, 8), method)
         assert (ratio >= 0).all() and (ratio <= 1).all() and ratio[4, 4].max() == 0
+    once, often = (fastibl.shadow_ratio(seeded_map(), s, plane_grid(1, 8), "directions") for s in (same[:1], same))
+    np.testing.assert_array_equal(once, often)
 
 
 def test_extreme_radiance_and_far_spheres_stay_finite():
@@ -218,8 +221,9 @@ def test_extreme_radiance_and_far_spheres_stay_finite():
 
 def test_one_texel_faces_work():
     cube = fastibl.CubeMap(np.ones((6, 1, 1, 3)))
-    ratio = fastibl.shadow_ratio(cube, [[0.0, 0, 0.5, 0.3]], np.zeros(2))
-    np.testing.assert_allclose(ratio, 1 - 0.36, atol=2e-3)
+    for method, error in [("cap-product", 2e-3), ("directions", 0.02)]:
+        ratio = fastibl.shadow_ratio(cube, [[0.0, 0, 0.5, 0.3]], np.zeros(2), method)
+        np.testing.assert_allclose(ratio, 1 - 0.36, atol=error)
 
 
 finite = st.floats(-2, 2, width=32)

@@ -85,7 +85,9 @@ def object_light(mesh: fastibl.Mesh, view: View, cube: fastibl.CubeMap) -> NDArr
     plane = np.maximum(lighting.irradiance(np.array([[0.0, 0.0, 1.0]]))[0], 1e-9)
     out = np.zeros((*view.triangle.shape, 3))
     out[seen] = lighting.irradiance(normals) / plane * np.clip(visible, 0, 1)[:, None]
-    return _reduced(out)
+    out = _reduced(out)
+    # Light from the side alone can make it far brighter than the table: then less, so that it does not burn out.
+    return out / max(1.0, _TABLE * _OBJECT * float(np.quantile(out, 0.99)))
 
 
 def picture(ratio: NDArray, light: NDArray, alpha: NDArray) -> NDArray[np.uint8]:
@@ -110,7 +112,7 @@ def methods(mesh: fastibl.Mesh, spheres: NDArray) -> dict[str, Method]:
             cube, spheres, "cap-product", resolution=256, extent=2.2
         ).sample(p),
         "directions, 50 spheres": lambda cube, p: fastibl.cast_shadow(
-            cube, spheres, "directions", resolution=256, extent=2.2
+            cube, spheres, "directions", resolution=256
         ).sample(p),
     }
     if hasattr(fastibl, "MeshShadow"):
