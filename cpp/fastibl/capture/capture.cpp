@@ -104,7 +104,8 @@ Capture::Capture(CaptureOptions options)
       state_(grid_),
       sums_(std::size_t(grid_.count())),
       unseen_(grid_, float(options_.plane_albedo)),
-      pyramids_(grid_) {
+      pyramids_(grid_),
+      quiet_(grid_) {
   const std::size_t n = std::size_t(grid_.size), stride = std::size_t(grid_.stride()),
                     tiles = std::size_t(grid_.count()), per_face = std::size_t(grid_.per_face());
   const std::vector<double> angles = texel_solid_angles(grid_.size);
@@ -164,9 +165,12 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
   if (tiles_.empty()) return;
-  levels_.make(picture, camera.response, levels_for(most));
+  // Probes are four times as large as texels.
+  levels_.make(picture, camera.response, levels_for(4 * most));
 
   const View view{k, texels, mask, std::min(1 / (exposure * camera.gain), kLargestScale)};
+  leave_out_quiet_tiles(
+      view, TexelView(camera, k.lens, k.bounds, camera_from_marker, viewpoint, grid_.size / 2));
   changed_.assign(tiles_.size(), 0);
   parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {
     for (int i = begin; i < end; ++i)
@@ -183,6 +187,15 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       versions_[std::size_t(tile)] = version;
 }
 
+// Of a tile of which any texel was seen.
+void Capture::make_levels(int tile) {
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
+                                 &state_.value[2][start]};
+  pyramids_.make(tile, value);
+  quiet_.place_probes(tile, pyramids_);
+}
+
 // Gives the tile's unseen texels their value; false if there are none.
 bool Capture::refill(int tile) {
   const FaceRect r = tile_rect(grid_, tile);
@@ -194,24 +207,115 @@ bool Capture::refill(int tile) {
     return true;
   }
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
-                           &state_.value[2][start]};
-  fill_unseen(&state_.last_seen[start], &fill.x, r.texels(), value[0], value[1], value[2]);
-  pyramids_.make(tile, value);
+  fill_unseen(&state_.last_seen[start], &fill.x, r.texels(), &state_.value[0][start],
+              &state_.value[1][start], &state_.value[2][start]);
+  make_levels(tile);
   return true;
+}
+
+// Reads the picture where it shows texels.
+void Capture::look(const View& view, int count, Sightings& sightings, Samples& samples) const {
+  const Camera& camera = view.known.camera;
+  if (!view.mask.empty())
+    for (int i = 0; i < count; ++i)
+      if (sightings.seen[i])
+        sightings.seen[i] = *view.mask.pixel(int(sightings.x[i]), int(sightings.y[i])) != 0;
+  sample_footprints(levels_, sightings, count, samples);
+  if (camera.vignetting.empty())
+    std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
+  else
+    for (int i = 0; i < lanes_of(count); ++i)
+      samples.radiance_per_linear[i] =
+          sightings.seen[i] ? float(view.scale / camera.vignette({sightings.x[i], sightings.y[i]}))
+                            : 1.0f;
+}
+
+TileSighting Capture::sighting(const View& view, int tile, const Sightings& sightings,
+                               const Samples& samples, int first, int count) const {
+  TileSighting s{time_, float(view.scale), float(view.scale), most_pixels_[std::size_t(tile)]};
+  if (!view.known.camera.vignetting.empty())
+    for (int i = first; i < first + count; ++i)
+      if (sightings.seen[i]) {
+        s.least_scale = std::min(s.least_scale, samples.radiance_per_linear[i]);
+        s.most_scale = std::max(s.most_scale, samples.radiance_per_linear[i]);
+      }
+  return s;
+}
+
+void Capture::leave_out_quiet_tiles(const View& view, const TexelView& halved) {
+  // By face and side of the horizon: groups that are seen alike.
+  std::vector<int> groups[12];
+  for (const int tile : tiles_)
+    if (quiet_.may_leave_out(tile, time_))
+      groups[2 * (tile / grid_.per_face()) + unseen_.above(tile)].push_back(tile);
+  constexpr int kTiles = kLanes / QuietTiles::kProbes;
+  struct Part {
+    const int* tiles;
+    int count;
+  };
+  std::vector<Part> parts;
+  for (const std::vector<int>& group : groups)
+    for (int i = 0; i < int(group.size()); i += kTiles)
+      parts.push_back({&group[std::size_t(i)], std::min(kTiles, int(group.size()) - i)});
+  if (parts.empty()) return;
+  left_out_.assign(std::size_t(grid_.count()), 0);
+  parallel_for(int(parts.size()), 2, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      const Part& part = parts[std::size_t(i)];
+      compare_probes(view, halved, part.tiles, part.count);
+    }
+  });
+  std::erase_if(tiles_, [&](int tile) { return left_out_[std::size_t(tile)] != 0; });
+}
+
+void Capture::compare_probes(const View& view, const TexelView& halved, const int* tiles,
+                             int count) {
+  constexpr int kProbes = QuietTiles::kProbes;
+  const int lanes = count * kProbes, face = tiles[0] / grid_.per_face(), half = grid_.size / 2;
+  alignas(64) float columns[kLanes], rows[kLanes], values[3][kLanes], rough[3][kLanes];
+  for (int t = 0; t < count; ++t) {
+    const FaceRect r = tile_rect(grid_, tiles[t]);
+    for (int p = 0; p < kProbes; ++p) {
+      columns[t * kProbes + p] = float(r.x0 / 2 + quiet_.probe_column(tiles[t], p));
+      rows[t * kProbes + p] = float(r.y0 / 2 + quiet_.probe_row(tiles[t], p));
+    }
+    for (int c = 0; c < 3; ++c) {
+      std::copy_n(quiet_.value(tiles[t], c), kProbes, &values[c][t * kProbes]);
+      std::copy_n(quiet_.rough(tiles[t], c), kProbes, &rough[c][t * kProbes]);
+    }
+  }
+  const float first = 1.0f / float(half) - 1;
+  const TexelGroup group{face, first, first, 2.0f / float(half), columns, rows, lanes, lanes};
+  Sightings sightings;
+  if (!halved.see(group, unseen_.above(tiles[0]), sightings)) return;
+  Samples samples;
+  look(view, lanes, sightings, samples);
+  alignas(64) float deviance[kLanes];
+  const float* const value[3] = {values[0], values[1], values[2]};
+  const float* const variance[3] = {rough[0], rough[1], rough[2]};
+  compare_samples(value, variance, lanes, sightings, samples, view.known.noise, deviance);
+  for (int t = 0; t < count; ++t) {
+    const int tile = tiles[t], at = t * kProbes;
+    left_out_[std::size_t(tile)] =
+        quiet_.leave_out(tile, sighting(view, tile, sightings, samples, at, kProbes),
+                         &sightings.seen[at], &deviance[at]);
+  }
 }
 
 // Takes what the picture shows of a tile; true if it shows any of its texels.
 bool Capture::add_tile(const View& view, int tile) {
   const FaceRect r = tile_rect(grid_, tile);
   const int table = r.width() == grid_.widest() ? 1 : 0;
-  const Camera& camera = view.known.camera;
   const float step = 2.0f / float(grid_.size);
   const auto first = [&](int i) { return float((2.0 * i + 1) / grid_.size - 1); };
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
   Sightings sightings;
   Samples samples;
   bool any = false;
+  bool whole = true;
+  float unsure[QuietTiles::kProbes];
+  std::fill_n(unsure, QuietTiles::kProbes, -1.0f);
+  TileSighting shown{};
   for (int k = 0; k < r.texels(); k += kLanes) {
     const int count = std::min(kLanes, r.texels() - k);
     const TexelGroup group{r.face,
@@ -222,34 +326,27 @@ bool Capture::add_tile(const View& view, int tile) {
                            &rows_[table][std::size_t(k)],
                            count,
                            r.width()};
-    if (!view.texels.see(group, sightings)) continue;
-    if (!view.mask.empty())
-      for (int i = 0; i < count; ++i)
-        if (sightings.seen[i])
-          sightings.seen[i] = *view.mask.pixel(int(sightings.x[i]), int(sightings.y[i])) != 0;
+    if (!view.texels.see(group, sightings)) {
+      whole = false;
+      continue;
+    }
+    look(view, count, sightings, samples);
+    const TileSighting part = sighting(view, tile, sightings, samples, 0, count);
+    shown = any ? joined(shown, part) : part;
     any = true;
-    sample_footprints(levels_, sightings, count, samples);
-    if (camera.vignetting.empty())
-      std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
-    else
-      for (int i = 0; i < lanes_of(count); ++i)
-        samples.radiance_per_linear[i] =
-            sightings.seen[i]
-                ? float(view.scale / camera.vignette({sightings.x[i], sightings.y[i]}))
-                : 1.0f;
+    whole &= std::count(sightings.seen, sightings.seen + count, 0) == 0;
+    alignas(64) float left[kLanes];
     merge_samples(state_, start + std::size_t(k), count, sightings, samples, view.known.noise,
-                  time_);
+                  time_, left);
+    quiet_.add_blocks(k, count, left, unsure);
   }
   if (!any) return false;
   TileSums& sums = sums_[std::size_t(tile)];
   sums = sum_tile(state_, start, r.texels(),
                   &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
                   &projected_[start]);
-  if (sums.count == r.texels()) {
-    const float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
-                                   &state_.value[2][start]};
-    pyramids_.make(tile, value);
-  }
+  quiet_.took(tile, shown, unsure, whole, sums.bound_angle > 0);
+  if (sums.count == r.texels()) make_levels(tile);
   return true;
 }
 
@@ -338,8 +435,7 @@ void Capture::write_tile(int tile, Environment& snapshot) const {
     const float *red = pyramids_.level(tile, 0, k), *green = pyramids_.level(tile, 1, k),
                 *blue = pyramids_.level(tile, 2, k);
     for (int y = 0; y < w; ++y, red += w, green += w, blue += w)
-      interleave_row(red, green, blue, w,
-                     &map.base(k).texel(r.face, r.x0 >> k, (r.y0 >> k) + y).x);
+      interleave_row(red, green, blue, w, &map.base(k).texel(r.face, r.x0 >> k, (r.y0 >> k) + y).x);
   }
   if (seen == 0) return;
   const float* variance[3] = {&state_.variance[0][start], &state_.variance[1][start],

@@ -8,27 +8,24 @@
 namespace fastibl {
 namespace {
 
-// Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
-constexpr float kModelNoise = 0.03f;
 // A sample further than this many standard deviations from the value is a change of the place.
 constexpr float kChange = 4.0f;
 constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
+alignas(64) constexpr int kNoneClipped[kLanes] = {};
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
 
 // Seconds since each texel was last seen, and whether it is seen for the first time.
-FASTIBL_CLONES int read_times(double* __restrict last_seen, const int* __restrict seen, double time,
-                              int lanes, float* __restrict elapsed, int* __restrict first) {
+FASTIBL_CLONES void read_times(double* __restrict last_seen, const int* __restrict seen,
+                               double time, int lanes, float* __restrict elapsed,
+                               int* __restrict first) {
   const int n = lanes & ~15;
   for (int i = 0; i < n; ++i) elapsed[i] = float(time - last_seen[i]);
-  int any = 0;
   for (int i = 0; i < n; ++i) {
     const int never = elapsed[i] > 1e30f;  // infinite
     first[i] = never;
     elapsed[i] = never ? 0.0f : elapsed[i];
-    any |= never & seen[i];
   }
   for (int i = 0; i < n; ++i) last_seen[i] = seen[i] ? time : last_seen[i];
-  return any;
 }
 
 FASTIBL_CLONES void invert_counts(const float* __restrict pixels, int lanes,
@@ -63,7 +60,8 @@ struct ChannelInput {
 // A Kalman filter per texel. A bound is no measurement, and what contradicts the value is a change
 // of the place: both are replaced. A clipped sample raises a value below it and does no more.
 FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict values,
-                                  float* __restrict variances, int* __restrict bounds) {
+                                  float* __restrict variances, int* __restrict bounds,
+                                  float* __restrict unsure) {
   const int n = in.lanes & ~15;
   const int* __restrict seen = in.seen;
   const int* __restrict firsts = in.first;
@@ -87,12 +85,52 @@ FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict valu
     const float measured = replace ? sample : value + gain * difference;
     const float left = replace ? sample_variance : grown * (1 - gain);
     const float raised = raise ? sample : value;
-    const float unsure = raise ? kBoundNoise * kBoundNoise * sample * sample : variances[i];
-    const float next = clips[i] ? raised : measured, next_variance = clips[i] ? unsure : left;
+    const float guessed = raise ? kBoundNoise * kBoundNoise * sample * sample : variances[i];
+    const float next = clips[i] ? raised : measured, next_variance = clips[i] ? guessed : left;
     const int next_bound = clips[i] ? (bounds[i] | raise) : (bounds[i] & (1 - replace));
     values[i] = seen[i] ? next : value;
     variances[i] = seen[i] ? next_variance : variances[i];
     bounds[i] = seen[i] ? next_bound : bounds[i];
+    const float ratio = replace ? 1.0f : gain, counted = clips[i] ? 0.0f : ratio;
+    const float most = counted > unsure[i] ? counted : unsure[i];
+    unsure[i] = seen[i] ? most : unsure[i];
+  }
+}
+
+// What is left of variances where samples were clipped, in those of a sample that is not.
+FASTIBL_CLONES void compare_clipped(const ChannelInput& in, const float* __restrict values,
+                                    const float* __restrict variances, const int* __restrict bounds,
+                                    float* __restrict unsure) {
+  const int n = in.lanes & ~15;
+  const int* __restrict seen = in.seen;
+  const int* __restrict clips = in.clipped;
+  const float* __restrict scale = in.scale;
+  const float* __restrict sensor = in.sensor;
+  for (int i = 0; i < n; ++i) {
+    const float model = kModelNoise * values[i];
+    const float noise = sensor[i] * scale[i] * scale[i] + model * model;
+    const float ratio =
+        seen[i] & clips[i] & !bounds[i] ? variances[i] / (noise > 1e-30f ? noise : 1e-30f) : 0.0f;
+    unsure[i] = ratio > unsure[i] ? ratio : unsure[i];
+  }
+}
+
+FASTIBL_CLONES void add_deviance(const ChannelInput& in, const float* __restrict value,
+                                 const float* __restrict rough, float* __restrict deviance) {
+  const int n = in.lanes & ~15;
+  const int* __restrict seen = in.seen;
+  const int* __restrict clips = in.clipped;
+  const float* __restrict linear = in.linear;
+  const float* __restrict scale = in.scale;
+  const float* __restrict sensor = in.sensor;
+  for (int i = 0; i < n; ++i) {
+    const float scaled = linear[i] * scale[i];
+    const float sample = scaled < kRadianceCap ? scaled : kRadianceCap;
+    const float model = kModelNoise * (sample > value[i] ? sample : value[i]);
+    const float noise = sensor[i] * scale[i] * scale[i] + model * model + rough[i];
+    const float difference = sample - value[i];
+    const float counted = clips[i] & (difference < 0) ? 0.0f : difference;  // a bound agrees
+    deviance[i] += seen[i] ? counted * counted / (noise > 1e-30f ? noise : 1e-30f) : 0.0f;
   }
 }
 
@@ -188,23 +226,45 @@ FASTIBL_CLONES void join_sums(float* __restrict sums, float* __restrict total) {
 
 }  // namespace
 
-bool merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
-                   const Samples& samples, const SensorNoise& noise, double time) {
+void merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
+                   const Samples& samples, const SensorNoise& noise, double time, float* unsure) {
   const int lanes = lanes_of(count);
   alignas(64) float elapsed[kLanes], sensor[kLanes], inverse_count[kLanes];
   alignas(64) int firsts[kLanes], bounds[3][kLanes];
-  alignas(64) static constexpr int none[kLanes] = {};
-  const int any = read_times(&state.last_seen[first], sightings.seen, time, lanes, elapsed, firsts);
+  for (int i = 0; i < lanes; ++i) unsure[i] = sightings.seen[i] ? 0.0f : -1.0f;
+  read_times(&state.last_seen[first], sightings.seen, time, lanes, elapsed, firsts);
   const int bounded = split_bounds(&state.bound[first], lanes, bounds);
   invert_counts(sightings.pixels, lanes, inverse_count);
   for (int c = 0; c < 3; ++c) {
     sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), lanes, sensor);
-    merge_channel({sightings.seen, firsts, elapsed, samples.linear[c], samples.radiance_per_linear,
-                   sensor, samples.any_clipped ? samples.clipped[c] : none, lanes},
-                  &state.value[c][first], &state.variance[c][first], bounds[c]);
+    const ChannelInput in{sightings.seen,
+                          firsts,
+                          elapsed,
+                          samples.linear[c],
+                          samples.radiance_per_linear,
+                          sensor,
+                          samples.any_clipped ? samples.clipped[c] : kNoneClipped,
+                          lanes};
+    merge_channel(in, &state.value[c][first], &state.variance[c][first], bounds[c], unsure);
+    if (samples.any_clipped)
+      compare_clipped(in, &state.value[c][first], &state.variance[c][first], bounds[c], unsure);
   }
   if (bounded || samples.any_clipped) join_bounds(bounds, lanes, &state.bound[first]);
-  return any;
+}
+
+void compare_samples(const float* const value[3], const float* const rough[3], int count,
+                     const Sightings& sightings, const Samples& samples, const SensorNoise& noise,
+                     float* deviance) {
+  const int lanes = lanes_of(count);
+  alignas(64) float sensor[kLanes], inverse_count[kLanes];
+  invert_counts(sightings.pixels, lanes, inverse_count);
+  std::fill_n(deviance, lanes, 0.0f);
+  for (int c = 0; c < 3; ++c) {
+    sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), lanes, sensor);
+    add_deviance({sightings.seen, nullptr, nullptr, samples.linear[c], samples.radiance_per_linear,
+                  sensor, samples.any_clipped ? samples.clipped[c] : kNoneClipped, lanes},
+                 value[c], rough[c], deviance);
+  }
 }
 
 TileSums sum_tile(const TexelState& state, std::size_t first, int count, const float* angles,

@@ -35,10 +35,20 @@ struct Samples {
   bool any_clipped = false;
 };
 
+// Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
+inline constexpr float kModelNoise = 0.03f;
+
 // Takes samples of the texels [first, first + count) that were seen at `time` into their
-// estimates. True if a texel was seen for the first time.
-bool merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
-                   const Samples& samples, const SensorNoise& noise, double time);
+// estimates. unsure: for each the variance that is left, in variances of such a sample, of the
+// channel where it is largest, over those that are more than bounds; −1 where none was seen.
+void merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
+                   const Samples& samples, const SensorNoise& noise, double time, float* unsure);
+
+// For each texel the sum over channels of the squared difference of its sample from `value`, in
+// variances of the sample and of `rough`; 0 where it was not seen.
+void compare_samples(const float* const value[3], const float* const rough[3], int count,
+                     const Sightings& sightings, const Samples& samples, const SensorNoise& noise,
+                     float* deviance);
 
 // Sums over the seen texels of a tile, weighted by solid angle.
 struct TileSums {
