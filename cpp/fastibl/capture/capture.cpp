@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 
 #include "fastibl/capture/footprint.h"
 #include "fastibl/core/check.h"
@@ -12,28 +13,38 @@
 namespace fastibl {
 namespace {
 
-constexpr double kBoardMargin = 0.01;   // metres around the page, for blur and the pose's error
-constexpr std::size_t kCameras = 4;     // whose tables are kept
-constexpr std::size_t kSnapshots = 3;   // kept to be updated: in use by renderer, caller and us
+constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
+constexpr std::size_t kCameras = 4;    // whose tables are kept
+constexpr std::size_t kSnapshots = 3;  // kept to be updated: in use by renderer, caller and us
+// Seconds over which new values of unseen tiles are spread, and the least share that a picture
+// makes: what is not seen is a guess, and follows when there is time.
+constexpr double kRefillTime = 1, kLeastRefill = 1 / 32.0;
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 
-// A row of texels that were all seen, as the map has them.
-FASTIBL_CLONES void interleave_row(const float* __restrict r, const float* __restrict g,
-                                   const float* __restrict b, int count, float* __restrict out) {
-  int i = 0;
+// Rows of `width` texels as the map has them, its rows `stride` floats apart.
+FASTIBL_CLONES void interleave(const float* const channels[3], int width, int height,
+                               std::ptrdiff_t stride, float* __restrict map) {
+  const float *r = channels[0], *g = channels[1], *b = channels[2];
   const auto at = [](const float* p) -> const Float8& {
     return *reinterpret_cast<const Float8*>(p);
   };
-  for (; i + 8 <= count; i += 8, out += 24) {
-    const Float8 &x = at(r + i), &y = at(g + i), &z = at(b + i);
-    const Float8 p = __builtin_shufflevector(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
-    const Float8 q = __builtin_shufflevector(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
-    const Float8 s = __builtin_shufflevector(x, y, 13, 0, 6, 14, 0, 7, 15, 0);
-    *reinterpret_cast<Float8*>(out) = __builtin_shufflevector(p, z, 0, 1, 8, 3, 4, 9, 6, 7);
-    *reinterpret_cast<Float8*>(out + 8) = __builtin_shufflevector(q, z, 10, 1, 2, 11, 4, 5, 12, 7);
-    *reinterpret_cast<Float8*>(out + 16) = __builtin_shufflevector(s, z, 0, 13, 2, 3, 14, 5, 6, 15);
+  for (int row = 0; row < height; ++row, map += stride) {
+    float* out = map;
+    int i = 0;
+    for (; i + 8 <= width; i += 8, out += 24) {
+      const Float8 &x = at(r + i), &y = at(g + i), &z = at(b + i);
+      const Float8 p = __builtin_shufflevector(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
+      const Float8 q = __builtin_shufflevector(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
+      const Float8 s = __builtin_shufflevector(x, y, 13, 0, 6, 14, 0, 7, 15, 0);
+      *reinterpret_cast<Float8*>(out) = __builtin_shufflevector(p, z, 0, 1, 8, 3, 4, 9, 6, 7);
+      *reinterpret_cast<Float8*>(out + 8) =
+          __builtin_shufflevector(q, z, 10, 1, 2, 11, 4, 5, 12, 7);
+      *reinterpret_cast<Float8*>(out + 16) =
+          __builtin_shufflevector(s, z, 0, 13, 2, 3, 14, 5, 6, 15);
+    }
+    for (; i < width; ++i, out += 3) out[0] = r[i], out[1] = g[i], out[2] = b[i];
+    r += width, g += width, b += width;
   }
-  for (; i < count; ++i, out += 3) out[0] = r[i], out[1] = g[i], out[2] = b[i];
 }
 
 // Texels that were not seen take `fill`.
@@ -45,17 +56,6 @@ FASTIBL_CLONES void fill_unseen(const double* __restrict last_seen, const float*
     r[i] = seen ? r[i] : fill[0];
     g[i] = seen ? g[i] : fill[1];
     b[i] = seen ? b[i] : fill[2];
-  }
-}
-
-// Variance of a texel over RGB, relative to the square of its value.
-FASTIBL_CLONES void relative_variance(const float* const value[3], const float* const variance[3],
-                                      int count, float* __restrict out) {
-  const float *r = value[0], *g = value[1], *b = value[2];
-  const float *vr = variance[0], *vg = variance[1], *vb = variance[2];
-  for (int i = 0; i < count; ++i) {
-    const float square = r[i] * r[i] + g[i] * g[i] + b[i] * b[i];
-    out[i] = (vr[i] + vg[i] + vb[i]) / (square > 1e-20f ? square : 1e-20f);
   }
 }
 
@@ -133,6 +133,7 @@ Capture::Capture(CaptureOptions options)
     }
   }
   versions_.assign(tiles, new_tile_version());
+  filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
 
@@ -149,7 +150,9 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
         exposure);
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
-  time_ = time;
+  const std::ptrdiff_t index = &k - cameras_.data();
+  int refills = refills_after(time, index);
+  time_ = time, last_camera_ = index;
 
   Viewpoint viewpoint{options_.centre, options_.distance};
   if (options_.board)
@@ -182,9 +185,13 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   unseen_.update(changed, sums_, tile_projected_, refilled);
   const std::uint64_t version = new_tile_version();
   for (const int tile : changed) versions_[std::size_t(tile)] = version, refill(tile);
-  for (const int tile : refilled)
-    if (versions_[std::size_t(tile)] != version && refill(tile))
-      versions_[std::size_t(tile)] = version;
+  for (const int tile : refilled) stale_fill_[std::size_t(tile)] = 1;
+  for (int i = 0; i < grid_.count() && refills > 0; ++i) {
+    next_refill_ = (next_refill_ + 1) % grid_.count();
+    if (!stale_fill_[std::size_t(next_refill_)] || !refill(next_refill_)) continue;
+    versions_[std::size_t(next_refill_)] = version;
+    --refills;
+  }
 }
 
 // Of a tile of which any texel was seen.
@@ -196,18 +203,28 @@ void Capture::make_levels(int tile) {
   quiet_.place_probes(tile, pyramids_);
 }
 
+// How many tiles may get new values where they are unseen.
+int Capture::refills_after(double time, std::ptrdiff_t camera) const {
+  // Pictures without times of their own are no film.
+  const bool still = time == time_ && camera == last_camera_;
+  const double share = still ? 1 : std::clamp((time - time_) / kRefillTime, kLeastRefill, 1.0);
+  return int(share * grid_.count());
+}
+
 // Gives the tile's unseen texels their value; false if there are none.
 bool Capture::refill(int tile) {
   const FaceRect r = tile_rect(grid_, tile);
   const int seen = sums_[std::size_t(tile)].count;
+  stale_fill_[std::size_t(tile)] = 0;
   if (seen == r.texels()) return false;
   const glm::vec3 fill = unseen_.fill(tile);
+  filled_[std::size_t(tile)] = fill;
   if (seen == 0) {
     pyramids_.make(tile, fill);
     return true;
   }
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  fill_unseen(&state_.last_seen[start], &fill.x, r.texels(), &state_.value[0][start],
+  fill_unseen(state_.last_seen.texels(tile), &fill.x, r.texels(), &state_.value[0][start],
               &state_.value[1][start], &state_.value[2][start]);
   make_levels(tile);
   return true;
@@ -336,13 +353,19 @@ bool Capture::add_tile(const View& view, int tile) {
     any = true;
     whole &= std::count(sightings.seen, sightings.seen + count, 0) == 0;
     alignas(64) float left[kLanes];
+    // Times of single texels are needed where not all are seen, or not all at once.
+    const bool once = count == r.texels() && whole && state_.last_seen.same(tile);
     merge_samples(state_, start + std::size_t(k), count, sightings, samples, view.known.noise,
-                  time_, left);
+                  time_, once ? nullptr : state_.last_seen.texels(tile) + k,
+                  state_.last_seen.at(tile, 0), left);
     quiet_.add_blocks(k, count, left, unsure);
   }
   if (!any) return false;
   TileSums& sums = sums_[std::size_t(tile)];
+  if (whole) state_.last_seen.set(tile, time_);
+  relate_variances(state_, start, r.texels());
   sums = sum_tile(state_, start, r.texels(),
+                  state_.last_seen.same(tile) ? nullptr : state_.last_seen.texels(tile),
                   &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
                   &projected_[start]);
   quiet_.took(tile, shown, unsure, whole, sums.bound_angle > 0);
@@ -355,11 +378,11 @@ std::vector<double> Capture::last_seen() const {
   std::vector<double> out(6 * n * n);
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const FaceRect r = tile_rect(grid_, tile);
-    std::size_t from = std::size_t(tile) * std::size_t(grid_.stride());
+    int from = 0;
     for (int y = r.y0; y < r.y1; ++y)
       for (int x = r.x0; x < r.x1; ++x)
         out[(std::size_t(r.face) * n + std::size_t(y)) * n + std::size_t(x)] =
-            state_.last_seen[from++];
+            state_.last_seen.at(tile, from++);
   }
   return out;
 }
@@ -376,8 +399,8 @@ std::shared_ptr<const Environment> Capture::environment() {
   if (!snapshot) {
     snapshot = std::make_shared<Environment>();
     snapshot->radiance = CubeMap(grid_.size);
-    snapshot->last_seen.assign(state_.last_seen.size(), kNever);
-    snapshot->variance.assign(state_.last_seen.size(), 0.0f);
+    snapshot->last_seen = TexelTimes(grid_);
+    snapshot->variance.assign(state_.relative.size(), 0);
   }
   update_snapshot(*snapshot);
   snapshots_.insert(snapshots_.begin(), snapshot);
@@ -400,7 +423,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
     const TileSums& s = sums_[i];
     seen += s.angle, bound += s.bound_angle;
     if (!unseen_.above(tile)) continue;
-    const glm::dvec3 fill(unseen_.fill(tile));
+    const glm::dvec3 fill(filled_[i]);
     up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux;
     flux +=
         s.flux.x + s.flux.y + s.flux.z + (tile_angle_[i] - s.angle) * (fill.x + fill.y + fill.z);
@@ -419,29 +442,29 @@ void Capture::write_tile(int tile, Environment& snapshot) const {
   const FaceRect r = tile_rect(grid_, tile);
   CubeMap& map = snapshot.radiance;
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  const float* value[3] = {&state_.value[0][start], &state_.value[1][start],
-                           &state_.value[2][start]};
-  const int seen = sums_[std::size_t(tile)].count;
-  for (int y = 0; y < r.height(); ++y) {
-    glm::vec3* row = &map.base(0).texel(r.face, r.x0, r.y0 + y);
-    const int i = y * r.width();
-    if (seen > 0)
-      interleave_row(value[0] + i, value[1] + i, value[2] + i, r.width(), &row->x);
-    else
-      std::fill_n(row, r.width(), unseen_.fill(tile));
-  }
-  for (int k = 1; k < pyramids_.levels(); ++k) {
-    const int w = pyramids_.width(k);
-    const float *red = pyramids_.level(tile, 0, k), *green = pyramids_.level(tile, 1, k),
-                *blue = pyramids_.level(tile, 2, k);
-    for (int y = 0; y < w; ++y, red += w, green += w, blue += w)
-      interleave_row(red, green, blue, w, &map.base(k).texel(r.face, r.x0 >> k, (r.y0 >> k) + y).x);
-  }
-  if (seen == 0) return;
-  const float* variance[3] = {&state_.variance[0][start], &state_.variance[1][start],
-                              &state_.variance[2][start]};
-  relative_variance(value, variance, r.texels(), &snapshot.variance[start]);
-  std::copy_n(&state_.last_seen[start], std::size_t(r.texels()), &snapshot.last_seen[start]);
+  const auto write = [&](int level, const float* const(&channels)[3]) {
+    CubeLevel& to = map.base(level);
+    interleave(channels, r.width() >> level, r.height() >> level, 3 * to.row_stride(),
+               &to.texel(r.face, r.x0 >> level, r.y0 >> level).x);
+  };
+  const bool seen = sums_[std::size_t(tile)].count > 0;
+  if (seen)
+    write(0, {&state_.value[0][start], &state_.value[1][start], &state_.value[2][start]});
+  else
+    for (int y = r.y0; y < r.y1; ++y) {
+      glm::vec3* row = &map.base(0).texel(r.face, r.x0, y);
+      if (y == r.y0)
+        std::fill_n(row, r.width(), filled_[std::size_t(tile)]);
+      else
+        std::memcpy(row, &map.base(0).texel(r.face, r.x0, r.y0),
+                    sizeof *row * std::size_t(r.width()));
+    }
+  for (int k = 1; k < pyramids_.levels(); ++k)
+    write(k,
+          {pyramids_.level(tile, 0, k), pyramids_.level(tile, 1, k), pyramids_.level(tile, 2, k)});
+  if (!seen) return;
+  std::copy_n(&state_.relative[start], grid_.stride(), &snapshot.variance[start]);
+  snapshot.last_seen.copy(tile, state_.last_seen);
 }
 
 }  // namespace fastibl

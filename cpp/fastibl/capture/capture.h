@@ -57,8 +57,8 @@ class Capture {
            double exposure, double time, ImageView<const std::uint8_t> mask = {});
 
   // The map at the time of the last picture, without holes: unseen texels take the mean of the tile
-  // that was seen nearest on their side of the horizon, at confidence 0. Only what changed since an
-  // earlier map that nobody holds any more is made anew in its place.
+  // that was seen nearest on their side of the horizon, at confidence 0 and up to a second late.
+  // Only what changed since an earlier map that nobody holds any more is made anew in its place.
   std::shared_ptr<const Environment> environment();
 
   int size() const { return options_.size; }
@@ -85,6 +85,7 @@ class Capture {
                         const Samples& samples, int first, int count) const;
   bool add_tile(const View& view, int tile);
   void make_levels(int tile);
+  int refills_after(double time, std::ptrdiff_t camera) const;
   bool refill(int tile);
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
@@ -100,10 +101,14 @@ class Capture {
   std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
   std::vector<TileSums> sums_;               // by tile
   UnseenTiles unseen_;
+  std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map
+  std::vector<std::uint8_t> stale_fill_;  // where it is no longer that of unseen_
+  int next_refill_ = 0;
   TilePyramids pyramids_;
   QuietTiles quiet_;
   std::vector<std::uint64_t> versions_;  // by tile, as the map's
   std::vector<KnownCamera> cameras_;
+  std::ptrdiff_t last_camera_ = -1;
   FrameLevels levels_;
   std::vector<float> most_pixels_;
   std::vector<int> tiles_;  // that the picture may see

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fastibl/capture/texel_state.h"
+#include "fastibl/core/simd.h"
 #include "fastibl/scene/environment.h"
 
 namespace fastibl {
@@ -20,6 +21,29 @@ int turn_of(const TileGrid& grid, int tile) {
   const int in_face = tile % grid.per_face();
   const int x = in_face % grid.per_edge() / 2, y = in_face / grid.per_edge() / 2;
   return (x + 2 * y) % (QuietTiles::kMostLeftOut + 1);
+}
+
+FASTIBL_CLONES void largest_of_blocks(int first, int count, int width, const float* texels,
+                                      float* blocks) {
+  const int edge = width / kProbesPerEdge;
+  if (width == 16) {  // a row is one vector
+    for (int row = 0; row < count / 16; ++row) {
+      const Float16& texel = *reinterpret_cast<const Float16*>(texels + 16 * row);
+      const Float4 a = __builtin_shufflevector(texel, texel, 0, 4, 8, 12);
+      const Float4 b = __builtin_shufflevector(texel, texel, 1, 5, 9, 13);
+      const Float4 c = __builtin_shufflevector(texel, texel, 2, 6, 10, 14);
+      const Float4 d = __builtin_shufflevector(texel, texel, 3, 7, 11, 15);
+      Float4& block = *reinterpret_cast<Float4*>(blocks + (first / 16 + row) / 4 * 4);
+      const Float4 ab = a > b ? a : b, cd = c > d ? c : d, most = ab > cd ? ab : cd;
+      block = most > block ? most : block;
+    }
+    return;
+  }
+  for (int i = 0; i < count; i += edge) {
+    const int y = (first + i) / width, x = (first + i) % width;
+    float& block = blocks[y / edge * kProbesPerEdge + x / edge];
+    for (int k = i; k < i + edge; ++k) block = texels[k] > block ? texels[k] : block;
+  }
 }
 
 }  // namespace
@@ -74,13 +98,7 @@ void QuietTiles::took(int tile, const TileSighting& s, const float (&unsure)[kPr
 
 void QuietTiles::add_blocks(int first, int count, const float* texels,
                             float (&blocks)[kProbes]) const {
-  if (width_ == 0) return;
-  const int width = 2 * width_, edge = width / kProbesPerEdge;
-  for (int i = 0; i < count; i += edge) {
-    const int y = (first + i) / width, x = (first + i) % width;
-    float& block = blocks[y / edge * kProbesPerEdge + x / edge];
-    for (int k = i; k < i + edge; ++k) block = std::max(block, texels[k]);
-  }
+  if (width_ > 0) largest_of_blocks(first, count, 2 * width_, texels, blocks);
 }
 
 int QuietTiles::probe_column(int tile, int probe) const {

@@ -1,6 +1,7 @@
 #include "fastibl/capture/texel_state.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "fastibl/core/simd.h"
@@ -152,6 +153,18 @@ FASTIBL_CLONES void join_bounds(const int (*__restrict bounds)[kLanes], int lane
     bits[i] = std::uint8_t(bounds[0][i] | bounds[1][i] << 1 | bounds[2][i] << 2);
 }
 
+// Variance of a texel over RGB, relative to the square of its value.
+FASTIBL_CLONES void relative_variance(const float* const value[3], const float* const variance[3],
+                                      int count, std::uint16_t* __restrict out) {
+  const float *r = value[0], *g = value[1], *b = value[2];
+  const float *vr = variance[0], *vg = variance[1], *vb = variance[2];
+  for (int i = 0; i < count; ++i) {
+    const float square = r[i] * r[i] + g[i] * g[i] + b[i] * b[i];
+    const float relative = (vr[i] + vg[i] + vb[i]) / (square > 1e-20f ? square : 1e-20f);
+    out[i] = std::uint16_t(std::bit_cast<std::uint32_t>(relative) >> 16);
+  }
+}
+
 constexpr int kPartial = 16;  // sums side by side, in the same order on every processor
 
 struct Arrays {
@@ -180,7 +193,10 @@ FASTIBL_CLONES void sum_group(const Arrays& in, int count, float* __restrict sum
   const float* __restrict angles = in.angles;
   const float* __restrict projected = in.projected;
   const std::uint8_t* __restrict bound = in.bound;
-  for (int i = 0; i < n; ++i) seen[i] = (i < count) & (last_seen[i] > -1e300) ? 1.0f : 0.0f;
+  if (last_seen)
+    for (int i = 0; i < n; ++i) seen[i] = (i < count) & (last_seen[i] > -1e300) ? 1.0f : 0.0f;
+  else
+    for (int i = 0; i < n; ++i) seen[i] = i < count ? 1.0f : 0.0f;
   const auto at = [](const float* p) -> const Float16& {
     return *reinterpret_cast<const Float16*>(p);
   };
@@ -227,12 +243,19 @@ FASTIBL_CLONES void join_sums(float* __restrict sums, float* __restrict total) {
 }  // namespace
 
 void merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
-                   const Samples& samples, const SensorNoise& noise, double time, float* unsure) {
+                   const Samples& samples, const SensorNoise& noise, double time, double* last_seen,
+                   double common, float* unsure) {
   const int lanes = lanes_of(count);
   alignas(64) float elapsed[kLanes], sensor[kLanes], inverse_count[kLanes];
   alignas(64) int firsts[kLanes], bounds[3][kLanes];
   for (int i = 0; i < lanes; ++i) unsure[i] = sightings.seen[i] ? 0.0f : -1.0f;
-  read_times(&state.last_seen[first], sightings.seen, time, lanes, elapsed, firsts);
+  if (last_seen) {
+    read_times(last_seen, sightings.seen, time, lanes, elapsed, firsts);
+  } else {
+    const bool never = common == kNever;
+    std::fill_n(elapsed, lanes, never ? 0.0f : float(time - common));
+    std::fill_n(firsts, lanes, int(never));
+  }
   const int bounded = split_bounds(&state.bound[first], lanes, bounds);
   invert_counts(sightings.pixels, lanes, inverse_count);
   for (int c = 0; c < 3; ++c) {
@@ -252,6 +275,13 @@ void merge_samples(TexelState& state, std::size_t first, int count, const Sighti
   if (bounded || samples.any_clipped) join_bounds(bounds, lanes, &state.bound[first]);
 }
 
+void relate_variances(TexelState& state, std::size_t first, int count) {
+  const float* value[3] = {&state.value[0][first], &state.value[1][first], &state.value[2][first]};
+  const float* variance[3] = {&state.variance[0][first], &state.variance[1][first],
+                              &state.variance[2][first]};
+  relative_variance(value, variance, count, &state.relative[first]);
+}
+
 void compare_samples(const float* const value[3], const float* const rough[3], int count,
                      const Sightings& sightings, const Samples& samples, const SensorNoise& noise,
                      float* deviance) {
@@ -267,15 +297,15 @@ void compare_samples(const float* const value[3], const float* const rough[3], i
   }
 }
 
-TileSums sum_tile(const TexelState& state, std::size_t first, int count, const float* angles,
-                  const float* projected) {
+TileSums sum_tile(const TexelState& state, std::size_t first, int count, const double* last_seen,
+                  const float* angles, const float* projected) {
   alignas(64) float sums[kSums * kPartial] = {};
   for (int group = 0; group < count; group += kLanes) {
     const std::size_t at = first + std::size_t(group);
     const Arrays in{{&state.value[0][at], &state.value[1][at], &state.value[2][at]},
                     angles + group,
                     projected + group,
-                    &state.last_seen[at],
+                    last_seen ? last_seen + group : nullptr,
                     &state.bound[at]};
     sum_group(in, count - group, sums);
   }
