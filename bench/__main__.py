@@ -1,7 +1,8 @@
 """Benchmarks: rows of error against time, written to bench/results/ and drawn to docs/plots/.
 
-./dev bench                 all
-./dev bench lighting real   some of them
+./dev bench                   all
+./dev bench lighting real     some of them
+./dev bench shadow-pictures   docs/shadow.md and its pictures, which `all` leaves as they are
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import time
 from .measure import ROOT, cpu, table, write_rows, yardstick_seconds
 from .plot import plot
 
+PICTURES = "shadow-pictures"
 NAMES = ("lighting", "shadow", "tracking", "frame", "real", "peers")
 
 
@@ -21,13 +23,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="./dev bench", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)} (default: all)")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)} (default: all), {PICTURES}")
     given = parser.parse_args(arguments)
     for name in given.names:
-        if name not in NAMES:
-            parser.error(f"no benchmark {name!r}; there are: {', '.join(NAMES)}")
+        if name not in (*NAMES, PICTURES):
+            parser.error(f"no benchmark {name!r}; there are: {', '.join((*NAMES, PICTURES))}")
     print(f"{cpu()}; yardstick {1e3 * yardstick_seconds():.2f} ms")
     for name in given.names or NAMES:
+        if name == PICTURES:
+            for drawn in importlib.import_module("bench.shadows.pictures").main():
+                print(f"written: {drawn.relative_to(ROOT)}")
+            continue
         begin = time.perf_counter()
         rows = importlib.import_module(f"bench.{name}").rows()
         path = write_rows(name, rows)

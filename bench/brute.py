@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
@@ -37,10 +37,17 @@ CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fast
 
 def kept(what: str, make: Callable[[], NDArray]) -> NDArray:
     """make(), kept between runs by `what` it is, the maps, and the code of the oracle and of this file."""
-    key = hashlib.sha256(what.encode() + np.__version__.encode() + _radiance().tobytes())
-    for path in (Path(reference.__file__), Path(__file__)):
-        key.update(path.read_bytes())
-    path = CACHE / f"{key.hexdigest()[:24]}.npy"
+    return stored([what, np.__version__, _radiance(), Path(reference.__file__), Path(__file__)], make)
+
+
+def stored(key: Iterable[str | NDArray | Path], make: Callable[[], NDArray]) -> NDArray:
+    """make(), kept between runs by the contents of what it was made from: texts, arrays, files."""
+    parts = hashlib.sha256()
+    for part in key:
+        parts.update(
+            part.encode() if isinstance(part, str) else part.read_bytes() if isinstance(part, Path) else part.tobytes()
+        )
+    path = CACHE / f"{parts.hexdigest()[:24]}.npy"
     if path.exists():
         return np.load(path)
     array = make()

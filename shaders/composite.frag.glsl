@@ -28,27 +28,41 @@ uniform float vignetting[VIGNETTING];
 #endif
 #if SHADOW
 uniform sampler2D ratio_map;
-uniform vec4 ratio_place;  // centre, extent
+uniform sampler2D outer_map;  // coarser, around it
+uniform vec4 ratio_place;  // centre, extent, that of the outer map or 0
 uniform vec3 eye;          // marker frame
 uniform mat3 marker_from_camera;
 #if DISTORTION
 uniform sampler2D rays;  // x and y at z = 1; 1e30 beyond the lens model
 #endif
 
+bool inside(vec2 p, float size) {
+  return p.x > -0.5 && p.y > -0.5 && p.x < size - 0.5 && p.y < size - 0.5;
+}
+
+vec3 bilinear(sampler2D map, vec2 p, int n) {
+  ivec2 i = ivec2(floor(p));
+  vec2 f = p - vec2(i);
+  ivec2 lower = max(i, 0), upper = min(i + 1, n - 1);
+  vec3 a = texelFetch(map, lower, 0).rgb;
+  vec3 b = texelFetch(map, ivec2(upper.x, lower.y), 0).rgb;
+  vec3 c = texelFetch(map, ivec2(lower.x, upper.y), 0).rgb;
+  vec3 d = texelFetch(map, upper, 0).rgb;
+  vec3 first = a + f.x * (b - a), second = c + f.x * (d - c);
+  return first + f.y * (second - first);
+}
+
 vec3 ratio_at(vec2 point) {
   int n = textureSize(ratio_map, 0).x;
   float size = float(n);
   vec2 p = (point - ratio_place.xy) * (0.5 * size / ratio_place.z) + 0.5 * size - 0.5;
-  if (!(p.x > -0.5 && p.y > -0.5 && p.x < size - 0.5 && p.y < size - 0.5)) return vec3(1.0);
-  ivec2 i = ivec2(floor(p));
-  vec2 f = p - vec2(i);
-  ivec2 lower = max(i, 0), upper = min(i + 1, n - 1);
-  vec3 a = texelFetch(ratio_map, lower, 0).rgb;
-  vec3 b = texelFetch(ratio_map, ivec2(upper.x, lower.y), 0).rgb;
-  vec3 c = texelFetch(ratio_map, ivec2(lower.x, upper.y), 0).rgb;
-  vec3 d = texelFetch(ratio_map, upper, 0).rgb;
-  vec3 first = a + f.x * (b - a), second = c + f.x * (d - c);
-  return first + f.y * (second - first);
+  if (inside(p, size)) return bilinear(ratio_map, p, n);
+  if (ratio_place.w > 0.0) {
+    n = textureSize(outer_map, 0).x, size = float(n);
+    p = (point - ratio_place.xy) * (0.5 * size / ratio_place.w) + 0.5 * size - 0.5;
+    if (inside(p, size)) return bilinear(outer_map, p, n);
+  }
+  return vec3(1.0);
 }
 #endif
 

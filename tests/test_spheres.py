@@ -77,15 +77,15 @@ def test_ball_is_one_sphere():
 
 
 SHAPES = {
-    "ball": (ball, lambda p: (p**2).sum(-1) < 1, (-1, -1, -1), (1, 1, 1), 0.10, 0.03),
-    "box": (box, lambda p: ((p > 0) & (p < (1, 0.7, 0.5))).all(-1), (0, 0, 0), (1, 0.7, 0.5), 0.13, 0.085),
+    "ball": (ball, lambda p: (p**2).sum(-1) < 1, (-1, -1, -1), (1, 1, 1), 0.02, 0.005),
+    "box": (box, lambda p: ((p > 0) & (p < (1, 0.7, 0.5))).all(-1), (0, 0, 0), (1, 0.7, 0.5), 0.11, 0.05),
     "torus": (
         torus,
         lambda p: (np.hypot(p[..., 0], p[..., 1]) - 1) ** 2 + p[..., 2] ** 2 < 0.35**2,
         (-1.35, -1.35, -0.35),
         (1.35, 1.35, 0.35),
-        0.10,
-        0.05,
+        0.03,
+        0.015,
     ),
 }
 
@@ -121,7 +121,7 @@ def test_flipped_and_missing_faces(make):
         torn = fastibl.Mesh(mesh.vertices, triangles[rng.random(len(triangles)) > share])
         error = silhouette_error(mesh, fastibl.fit_spheres(torn))
         print(f"{make.__name__}: silhouette error {whole:.3f}, {error:.3f} with {share} of the triangles gone")
-        assert error < whole + 0.03
+        assert error < whole + 0.015
 
 
 def test_open_shells_are_full():
@@ -169,6 +169,30 @@ def test_same_result_every_time_and_for_any_threads():
         fastibl.set_threads(before)
 
 
+def test_seeds_give_other_sets_that_are_as_good():
+    mesh = torus()
+    sets = [fastibl.fit_spheres(mesh, seed=seed) for seed in (0, 1, 2, 4_000_000_000)]
+    assert len({s.tobytes() for s in sets}) == len(sets)
+    np.testing.assert_array_equal(fastibl.fit_spheres(mesh, seed=1), sets[1])
+    errors = [silhouette_error(mesh, s) for s in sets]
+    print("silhouette errors of four seeds:", np.round(errors, 4))
+    assert max(errors) < 0.015
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 200])
+def test_spheres_stay_in_and_around_the_mesh(count):
+    """Two limbs with a gap: nothing outside the box but a little, and no sphere in the gap."""
+    a, b = ball(centre=(0, 0, 0), radius=0.3), torus(1.0, 0.1)
+    both = fastibl.Mesh(
+        np.concatenate([a.vertices, b.vertices]), np.concatenate([a.triangles, b.triangles + len(a.vertices)])
+    )
+    spheres = fastibl.fit_spheres(both, count=count)
+    assert np.isfinite(spheres).all() and len(spheres) <= count and (spheres[:, 3] > 0).all()
+    assert (np.abs(spheres[:, :3]) + spheres[:, 3:] < np.array([1.1, 1.1, 0.3]) * 1.1).all()
+    distance = np.linalg.norm(spheres[:, :2], axis=1)
+    assert ((distance < 0.3) | (np.abs(distance - 1) < 0.15)).all()
+
+
 def test_what_is_refused():
     for settings in ({"count": 0}, {"count": -1}, {"resolution": 7}, {"resolution": 129}):
         with pytest.raises(ValueError, match="spheres|resolution"):
@@ -179,7 +203,7 @@ def test_what_is_refused():
         fastibl.fit_spheres(box((1e30, 1, 1)))
 
 
-@pytest.mark.parametrize("name, limit, seconds", [("spot", 0.045, 1), ("stanford-bunny", 0.07, 3)])
+@pytest.mark.parametrize("name, limit, seconds", [("spot", 0.03, 0.5), ("stanford-bunny", 0.045, 0.5)])
 def test_real_mesh(name, limit, seconds):
     path = MESHES / f"{name}.obj"
     if not path.exists():
@@ -196,5 +220,5 @@ def test_real_mesh(name, limit, seconds):
         torn = fastibl.fit_spheres(fastibl.Mesh(mesh.vertices, mesh.triangles[keep]))
         error = silhouette_error(mesh, torn)
         print(f"{name}: silhouette error {error:.3f} with 0.3 of the triangles gone")
-        assert error < 0.05
-    assert took < 3 * seconds  # three times the goal: other work may share the machine
+        assert error < 0.035
+    assert took < 4 * seconds  # four times the goal: other work may share the machine

@@ -231,7 +231,7 @@ def recording() -> Iterator[Goal]:
     Judged are the frames whose true light changes by at most 2 %: what a person could take for a flicker.
     """
     changes = _Changes(128, at_most=0.02)
-    scene = inputs.scene("figurine")
+    scene = fastibl.Scene(inputs.scene("figurine").mesh, fastibl.Material(glossy=(0.2,) * 3, exponent=64))
     film = fastibl.simulate(seconds=20, fps=15, seed=0, position=inputs.OBJECT)
     session = fastibl.Session(scene, film.rig, film.board)
     for frame in film:

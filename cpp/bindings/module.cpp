@@ -12,6 +12,7 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_prefilter(module);
   bind_capture(module);
   bind_shadow(module);
+  bind_mesh_shadow(module);
   bind_shading(module);
   bind_tracking(module);
   bind_plan(module);

@@ -82,7 +82,8 @@ void bind_plan(py::module_& module) {
       .def(py::init([](const std::string& tracking, const std::string& capture,
                        const std::string& diffuse, const Settings& diffuse_settings,
                        const std::string& glossy, const Settings& glossy_settings,
-                       const std::string& normalization_name, const std::string& shadow) {
+                       const std::string& normalization_name, const std::string& shadow,
+                       const Settings& shadow_settings) {
              Methods methods;
              methods.tracking = tracking_method(tracking);
              methods.capture = capture_method(capture);
@@ -94,11 +95,13 @@ void bind_plan(py::module_& module) {
                  settings_with<GlossySettings>(methods.glossy, glossy_settings);
              methods.normalization = normalization(normalization_name);
              methods.shadow = shadow_method(shadow);
+             methods.shadow_settings =
+                 settings_with<ShadowSettings>(methods.shadow, shadow_settings);
              return methods;
            }),
            py::kw_only(), py::arg("tracking"), py::arg("capture"), py::arg("diffuse"),
            py::arg("diffuse_settings"), py::arg("glossy"), py::arg("glossy_settings"),
-           py::arg("normalization"), py::arg("shadow"))
+           py::arg("normalization"), py::arg("shadow"), py::arg("shadow_settings"))
       .def_static("_auto", [] { return Methods{}; })
       .def_static("_paper", &Methods::paper)
       .def_property_readonly("tracking",
@@ -117,14 +120,17 @@ void bind_plan(py::module_& module) {
       .def_property_readonly("normalization",
                              [](const Methods& m) { return std::string(name(m.normalization)); })
       .def_property_readonly("shadow", [](const Methods& m) { return std::string(name(m.shadow)); })
+      .def_property_readonly(
+          "shadow_settings",
+          [](const Methods& m) { return settings_map(m.shadow, m.shadow_settings); })
       .def(py::self == py::self)
       .def("__repr__", [](const Methods& m) {
         return "Methods(tracking='" + std::string(name(m.tracking)) + "', capture='" +
                std::string(name(m.capture)) + "', diffuse='" +
                described(m.diffuse, m.diffuse_settings) + "', glossy='" +
                described(m.glossy, m.glossy_settings) + "', normalization='" +
-               std::string(name(m.normalization)) + "', shadow='" + std::string(name(m.shadow)) +
-               "')";
+               std::string(name(m.normalization)) + "', shadow='" +
+               described(m.shadow, m.shadow_settings) + "')";
       });
   module.def(
       "_method_names",
@@ -157,6 +163,8 @@ void bind_plan(py::module_& module) {
           add(settings_of(diffuse_method(method)));
         else if (step == "glossy")
           add(settings_of(glossy_method(method)));
+        else if (step == "shadow")
+          add(settings_of(shadow_method(method)));
         return settings;
       },
       py::arg("step"), py::arg("method"),

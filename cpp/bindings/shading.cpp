@@ -1,7 +1,94 @@
 #include "bindings/numpy.h"
+#include "fastibl/core/check.h"
+#include "fastibl/scene/lighting.h"
+#include "fastibl/scene/octahedral.h"
 #include "fastibl/shading/ambient_occlusion.h"
+#include "fastibl/shading/bake_visibility.h"
+#include "fastibl/shading/self_shadow.h"
 
 namespace fastibl::bindings {
+namespace {
+
+struct SelfShadow {
+  std::vector<glm::vec3> vertices, normals;
+  VertexVisibility visibility;
+  CellLight light;
+
+  std::vector<glm::vec4> shares(const Lighting& lighting, const glm::mat3& marker_from_object) {
+    check(lighting.radiance != nullptr, "self-shadow needs a lighting with its map");
+    light.update(*lighting.radiance, glm::transpose(marker_from_object), visibility.size);
+    std::vector<glm::vec4> result(vertices.size(), glm::vec4(1));
+    diffuse_shares(visibility, light, lighting.irradiance, normals, marker_from_object, result);
+    return result;
+  }
+};
+
+SelfShadow from_mesh(const Mesh& mesh, int size) {
+  const py::gil_scoped_release release;
+  return {mesh.vertices, vertex_normals(mesh), mesh_visibility(mesh, {size}), {}};
+}
+
+SelfShadow from_spheres(const Mesh& mesh, const py::object& spheres, int size) {
+  const Floats array = require_floats<float>(spheres, "spheres");
+  if (array.ndim() != 2 || array.shape(1) != 4)
+    throw py::value_error("spheres must have shape (m, 4), got " + shape_of(array));
+  SphereSet set(std::size_t(array.shape(0)));
+  std::memcpy(set.data(), array.data(), set.size() * sizeof(glm::vec4));
+  const py::gil_scoped_release release;
+  mesh.validate();
+  const std::vector<glm::vec3> normals = vertex_normals(mesh);
+  return {mesh.vertices, normals, sphere_visibility(mesh.vertices, normals, set, {size}), {}};
+}
+
+glm::mat3 rotation_of(const py::object& marker_from_object) {
+  return marker_from_object.is_none()
+             ? glm::mat3(1)
+             : glm::mat3(require_pose(marker_from_object, "marker_from_object").rotation);
+}
+
+Floats colours(const std::vector<glm::vec4>& values) {
+  Floats out({py::ssize_t(values.size()), py::ssize_t{3}});
+  for (std::size_t i = 0; i < values.size(); ++i) vectors(out)[i] = glm::vec3(values[i]);
+  return out;
+}
+
+Floats glossy(const SelfShadow& s, const py::object& eye, double exponent) {
+  const Floats at = require_vectors(eye, "eye");
+  if (at.ndim() != 1) throw py::value_error("eye must have shape (3,), got " + shape_of(at));
+  if (!(exponent >= 0))
+    throw py::value_error("the exponent must be at least 0, got " + std::to_string(exponent));
+  std::vector<glm::vec4> shares(s.vertices.size());
+  glossy_shares(s.visibility, s.vertices, s.normals, *vectors(at), blinn_width(float(exponent)),
+                shares);
+  Floats out(py::ssize_t(shares.size()));
+  for (std::size_t i = 0; i < shares.size(); ++i) out.mutable_data()[i] = shares[i].w;
+  return out;
+}
+
+// (v, k) whether the cell of each direction is free, and above the tangent plane.
+py::array_t<bool> visible(const SelfShadow& s, const py::object& directions) {
+  const Floats array = require_vectors(directions, "directions");
+  if (array.ndim() != 2)
+    throw py::value_error("directions must have shape (k, 3), got " + shape_of(array));
+  const OctahedralGrid& grid = octahedral_grid(s.visibility.size);
+  const py::ssize_t count = array.shape(0);
+  py::array_t<bool> out({py::ssize_t(s.vertices.size()), count});
+  for (py::ssize_t k = 0; k < count; ++k) {
+    const glm::vec3 d = unit(vectors(array)[k]);
+    const glm::vec2 p = float(grid.size()) * octahedral_point(d);
+    const int cell =
+        grid.cell(std::min(int(p.x), grid.size() - 1), std::min(int(p.y), grid.size() - 1));
+    for (std::size_t i = 0; i < s.vertices.size(); ++i) {
+      const auto* begin = s.visibility.edges.data() + s.visibility.first[i];
+      const auto* end = s.visibility.edges.data() + s.visibility.first[i + 1];
+      const bool blocked = (std::upper_bound(begin, end, cell) - begin) % 2 == 1;
+      out.mutable_at(py::ssize_t(i), k) = !blocked && glm::dot(s.normals[i], d) > 0;
+    }
+  }
+  return out;
+}
+
+}  // namespace
 
 void bind_shading(py::module_& module) {
   module.def(
@@ -19,6 +106,62 @@ void bind_shading(py::module_& module) {
 
 rays: number a vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included;
 triangles hide from both sides. Raises ValueError for rays < 1.)");
+
+  py::class_<SelfShadow>(module, "SelfShadow",
+                         R"(The light that an object keeps from itself, by vertex.
+
+mesh: Mesh. size: cells of the sphere along an edge, 16, 32, 64 or 128 (64: 2.8 degrees, about 530 rays a vertex).
+Directions that the mesh blocks are worked out once; the light of a map is then summed over the free ones, whatever
+its lights. The marker plane is not included: below the horizon the map holds the table. Raises ValueError for
+another size.)")
+      .def(py::init(&from_mesh), py::arg("mesh"), py::kw_only(), py::arg("size") = 64)
+      .def_static("from_spheres", &from_spheres, py::arg("mesh"), py::arg("spheres"), py::kw_only(),
+                  py::arg("size") = 16,
+                  R"(The same from spheres (m, 4) in the mesh's frame, for an object that deforms.
+
+A sphere that contains a vertex does not hide it; spheres that are not finite or have no radius are ignored.)")
+      .def(
+          "shares",
+          [](SelfShadow& s, const Lighting& lighting, const py::object& marker_from_object) {
+            return colours(s.shares(lighting, rotation_of(marker_from_object)));
+          },
+          py::arg("lighting"), py::arg("marker_from_object") = py::none(),
+          R"(Share of the irradiance that reaches each vertex, by colour channel: (v, 3) float32 in [0, 1].
+
+1 where nothing is blocked, and where there is no light.)")
+      .def(
+          "irradiance",
+          [](SelfShadow& s, const Lighting& lighting, const py::object& marker_from_object) {
+            const glm::mat3 turn = rotation_of(marker_from_object);
+            std::vector<glm::vec4> shares = s.shares(lighting, turn);
+            for (std::size_t i = 0; i < shares.size(); ++i)
+              shares[i] *= glm::vec4(evaluate(lighting.irradiance, turn * s.normals[i]), 1);
+            return colours(shares);
+          },
+          py::arg("lighting"), py::arg("marker_from_object") = py::none(),
+          "Irradiance of each vertex with its self-shadow: (v, 3) float32.")
+      .def(
+          "glossy_shares", &glossy, py::arg("eye"), py::arg("exponent") = 64.0,
+          R"(Share of a glossy lobe of this half-vector exponent that is free at each vertex: (v,) float32 in [0, 1].
+
+eye: (3,) where it is seen from, in the mesh's frame. Raises ValueError for a negative exponent.)")
+      .def(
+          "visible", &visible, py::arg("directions"),
+          R"(Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
+
+False below the vertex's tangent plane.)")
+      .def_property_readonly("size", [](const SelfShadow& s) { return s.visibility.size; })
+      .def_property_readonly(
+          "nbytes",
+          [](const SelfShadow& s) {
+            return s.visibility.edges.size() * 2 + s.visibility.first.size() * 4 +
+                   s.visibility.shares.size();
+          },
+          "Memory of the directions.")
+      .def("__repr__", [](const SelfShadow& s) {
+        return "<fastibl.SelfShadow of " + std::to_string(s.vertices.size()) + " vertices, " +
+               std::to_string(s.visibility.size) + " cells along an edge>";
+      });
 }
 
 }  // namespace fastibl::bindings

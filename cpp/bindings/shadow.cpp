@@ -2,10 +2,12 @@
 #include <pybind11/stl.h>
 
 #include <optional>
+#include <sstream>
 
 #include "bindings/numpy.h"
 #include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/shadow/fit_spheres.h"
+#include "fastibl/shadow/ratio_at.h"
 #include "fastibl/shadow/sphere_shadow.h"
 
 namespace fastibl::bindings {
@@ -42,16 +44,22 @@ Floats colours_at(const Floats& points, const std::vector<glm::vec3>& colours) {
 }
 
 ShadowMethod require_method(const std::string& text) {
-  return text == "auto" ? ShadowOptions{}.method : shadow_method(text);
+  const ShadowMethod method = shadow_method(text);
+  return method == ShadowMethod::automatic ? ShadowMethod::directions : method;
 }
 
 glm::vec3 plane_irradiance(const CubeMap& cube) {
   return glm::vec3(sum_irradiance(fold(cube, 32), {0, 0, 1}));
 }
 
-ShadowMap cast(const CubeMap& cube, const py::object& spheres, const std::string& method,
-               int resolution, const std::optional<float>& extent, const py::object& centre) {
-  ShadowOptions options{require_method(method), resolution, 0, {}};
+ShadowOptions require_options(const std::string& method, int directions, int resolution,
+                              const std::optional<float>& extent, const py::object& centre,
+                              bool outer) {
+  ShadowOptions options;
+  options.method = require_method(method);
+  options.settings.directions = directions;
+  options.resolution = resolution;
+  options.outer = outer;
   if (extent) {
     options.extent = *extent;
     if (!(options.extent > 0)) throw py::value_error("extent must be above 0 metres");
@@ -62,9 +70,27 @@ ShadowMap cast(const CubeMap& cube, const py::object& spheres, const std::string
       throw py::value_error("centre must have shape (2,), got " + shape_of(array));
     options.centre = glm::vec2(array.at(0), array.at(1));
   }
-  const SphereSet set = require_spheres(spheres);
-  const py::gil_scoped_release release;
-  return cast_shadow(cube, plane_irradiance(cube), set, options);
+  return options;
+}
+
+// A read-only view of a map's image.
+py::object image_view(const py::object& owner, const Image<float>& image) {
+  const py::ssize_t n = image.width, s = sizeof(float);
+  py::array view(py::dtype::of<float>(), {n, n, py::ssize_t{3}}, {3 * n * s, 3 * s, s},
+                 image.data.data(), owner);
+  view.attr("setflags")(py::arg("write") = false);
+  return view;
+}
+
+// (k, 3) directions and (k, 3) shares.
+py::tuple direction_arrays(std::span<const LightDirection> light) {
+  Floats directions({py::ssize_t(light.size()), py::ssize_t{3}});
+  Floats shares({py::ssize_t(light.size()), py::ssize_t{3}});
+  for (std::size_t k = 0; k < light.size(); ++k) {
+    vectors(directions)[k] = light[k].direction;
+    vectors(shares)[k] = light[k].share;
+  }
+  return py::make_tuple(directions, shares);
 }
 
 }  // namespace
@@ -72,38 +98,46 @@ ShadowMap cast(const CubeMap& cube, const py::object& spheres, const std::string
 void bind_shadow(py::module_& module) {
   module.def(
       "fit_spheres",
-      [](const Mesh& mesh, int count, int resolution) {
+      [](const Mesh& mesh, int count, int resolution, unsigned seed) {
         SphereSet spheres;
         {
           const py::gil_scoped_release release;
-          spheres = fit_spheres(mesh, {count, resolution});
+          spheres = fit_spheres(mesh, {count, resolution, seed});
         }
         py::array_t<float> out({py::ssize_t(spheres.size()), py::ssize_t{4}});
         std::memcpy(out.mutable_data(), spheres.data(), spheres.size() * sizeof(glm::vec4));
         return out;
       },
-      py::arg("mesh"), py::arg("count") = 50, py::arg("resolution") = 64,
+      py::arg("mesh"), py::arg("count") = 50, py::arg("resolution") = 64, py::arg("seed") = 0u,
       R"(Spheres that fill a mesh, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
 
-resolution: voxels along the longest edge. Deterministic; the mesh may be open, flipped or torn. A mesh that
-encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
+resolution: voxels along the longest edge. seed: another gives another set, about as good; the same gives the same
+bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
 [8, 128].)");
 
   py::class_<ShadowMap>(module, "ShadowMap",
-                        R"(Ratio of the light on the marker plane with and without the object.)")
+                        R"(Ratio of the light on the marker plane with and without the object.
+
+A fine map around the object and, by most methods, a coarse one around that; both have the same centre, and the fine
+one passes into the coarse one at its border. Beyond both the ratio is 1.)")
       .def_property_readonly(
           "image",
           [](const py::object& self) {
-            const ShadowMap& map = self.cast<const ShadowMap&>();
-            const py::ssize_t n = map.ratio.width, s = sizeof(float);
-            py::array view(py::dtype::of<float>(), {n, n, py::ssize_t{3}}, {3 * n * s, 3 * s, s},
-                           map.ratio.data.data(), self);
-            view.attr("setflags")(py::arg("write") = false);
-            return view;
+            return image_view(self, self.cast<const ShadowMap&>().ratio);
           },
           "(n, n, 3) float32 in [0, 1], a read-only view; row 0 is y min, column 0 is x min.")
-      .def_readonly("extent", &ShadowMap::extent,
-                    "Half the edge in metres; outside the ratio is 1.")
+      .def_readonly("extent", &ShadowMap::extent, "Half the edge of `image` in metres.")
+      .def_property_readonly(
+          "outer",
+          [](const py::object& self) {
+            const Image<float>& outer = self.cast<const ShadowMap&>().outer;
+            return outer.empty() ? py::object(py::none()) : image_view(self, outer);
+          },
+          "The coarse map (m, m, 3) float32, a read-only view; None where there is none.")
+      .def_readonly("outer_extent", &ShadowMap::outer_extent,
+                    "Half the edge of `outer` in metres; 0 where there is none.")
+      .def_property_readonly("reach", &ShadowMap::reach,
+                             "Half the edge in metres of all; outside the ratio is 1.")
       .def_property_readonly(
           "centre", [](const ShadowMap& map) { return py::make_tuple(map.centre.x, map.centre.y); },
           "(x, y) of the map's middle, metres, marker frame.")
@@ -115,46 +149,116 @@ encloses nothing gets spheres spread over its surface. Raises ValueError for cou
           "sample",
           [](const ShadowMap& map, const py::object& points) {
             const Floats in = require_points(points);
-            std::vector<glm::vec3> colours;
-            for (const glm::vec2 p : as_points(in)) colours.push_back(map.sample(p));
-            return colours_at(in, colours);
+            std::vector<py::ssize_t> shape = shape_vector(in);
+            shape.back() = 3;
+            Floats out(shape);
+            {
+              const py::gil_scoped_release release;
+              map.sample(as_points(in), {vectors(out), std::size_t(in.size() / 2)});
+            }
+            return out;
           },
           py::arg("points"),
           "Ratio (..., 3) float32 at plane points (..., 2) in metres, bilinear; 1 outside.")
       .def(py::self == py::self)
       .def("__repr__", [](const ShadowMap& map) {
-        return "<fastibl.ShadowMap " + std::to_string(map.ratio.width) + " x " +
-               std::to_string(map.ratio.height) + ", extent " + std::to_string(map.extent) + " m>";
+        std::ostringstream text;
+        text << "<fastibl.ShadowMap " << map.ratio.width << " x " << map.ratio.height << ", extent "
+             << map.extent << " m";
+        if (!map.outer.empty())
+          text << ", outer " << map.outer.width << " x " << map.outer.height << ", extent "
+               << map.outer_extent << " m";
+        text << ">";
+        return text.str();
       });
 
   module.def(
       "shadow_ratio",
       [](const CubeMap& cube, const py::object& spheres, const py::object& points,
-         const std::string& method) {
+         const std::string& method, int directions) {
         const ShadowMethod chosen = require_method(method);
         const SphereSet set = require_spheres(spheres);
         const Floats in = require_points(points);
         std::vector<glm::vec3> ratios;
         {
           const py::gil_scoped_release release;
-          ratios = shadow_ratio(cube, plane_irradiance(cube), set, as_points(in), chosen);
+          if (chosen == ShadowMethod::directions)
+            ratios = ratio_at(as_points(in), set, light_directions(cube, directions));
+          else
+            ratios = shadow_ratio(cube, plane_irradiance(cube), set, as_points(in), chosen);
         }
         return colours_at(in, ratios);
       },
       py::arg("cube"), py::arg("spheres"), py::arg("points"), py::arg("method") = "auto",
+      py::arg("directions") = 256,
       R"(Ratio of the light on the plane z = 0 with and without spheres: (..., 3) float32 in [0, 1].
 
-spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "cap-sum" adds what the
-spheres hold back, "cap-product" multiplies what they let through; "auto" takes the better. A channel without light
-has ratio 1, a point in or on a sphere 0; spheres that are not finite, have a radius of 0 or less, or lie below the
-plane are ignored. Raises ValueError for another shape or method, TypeError for integers.)");
-  module.def("cast_shadow", &cast, py::arg("cube"), py::arg("spheres"), py::arg("method") = "auto",
-             py::arg("resolution") = 64, py::arg("extent") = py::none(),
-             py::arg("centre") = py::none(),
-             R"(ShadowMap of spheres, see shadow_ratio.
+spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "directions" (the default,
+"auto"; right where spheres overlap), or the paper's: "cap-sum" adds what the spheres hold back, "cap-product"
+multiplies what they let through. directions: how many stand for all light by the first, 8 to 4096; the root mean square
+error of the ratio against all texels is about 0.009, 0.0034, 0.0012 for 64, 256, 1024. A channel without light has ratio
+1, a point in a sphere 0; spheres that are not finite, have a radius of 0 or less, or lie below the plane are ignored.
+Raises ValueError for another shape, method or number, TypeError for integers.)");
+  module.def(
+      "cast_shadow",
+      [](const CubeMap& cube, const py::object& spheres, const std::string& method, int resolution,
+         const std::optional<float>& extent, const py::object& centre, int directions, bool outer) {
+        const ShadowOptions options =
+            require_options(method, directions, resolution, extent, centre, outer);
+        const SphereSet set = require_spheres(spheres);
+        const py::gil_scoped_release release;
+        return cast_shadow(cube, plane_irradiance(cube), set, options);
+      },
+      py::arg("cube"), py::arg("spheres"), py::arg("method") = "auto", py::arg("resolution") = 0,
+      py::arg("extent") = py::none(), py::arg("centre") = py::none(), py::arg("directions") = 256,
+      py::arg("outer") = true,
+      R"(ShadowMap of spheres, see shadow_ratio.
 
-extent: half the map's edge in metres, by default 3 times the spheres' half width. centre: (x, y), by default the
-middle of the spheres. The ratio fades to 1 over the outer tenth of the map.)");
+resolution: texels along an edge; 0 is the method's own: 128 for "directions", 64 for the others. extent: half the map's
+edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the middle of the
+spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510; without,
+and by the other methods, the ratio fades to 1 over the outer tenth of the map.)");
+  py::class_<DirectionShadow>(
+      module, "DirectionShadow",
+      R"(Casts the shadows of one object, frame by frame, by method "directions".
+
+The directions stay where they are while the light changes, so that nothing flickers, and are chosen anew and faded in
+over 32 maps when the light has moved; what a pose hides is kept as long as it does not change; when nothing changed, the
+last map is returned. directions: how many stand for all light, 8 to 4096.)")
+      .def(py::init<int>(), py::arg("directions") = 256)
+      .def(
+          "cast",
+          [](DirectionShadow& self, const CubeMap& cube, const py::object& spheres, int resolution,
+             const std::optional<float>& extent, const py::object& centre, bool outer) {
+            const ShadowOptions options =
+                require_options("directions", 256, resolution, extent, centre, outer);
+            const SphereSet set = require_spheres(spheres);
+            const py::gil_scoped_release release;
+            return self.cast(cube, set, options);
+          },
+          py::arg("cube"), py::arg("spheres"), py::arg("resolution") = 0,
+          py::arg("extent") = py::none(), py::arg("centre") = py::none(), py::arg("outer") = true,
+          "ShadowMap of spheres (m, 4) under a map, see cast_shadow.")
+      .def_property_readonly(
+          "light",
+          [](const DirectionShadow& self) { return direction_arrays(self.light().directions()); },
+          "Directions (k, 3) and shares (k, 3) of the last cast, see light_directions; twice as "
+          "many "
+          "while new ones are faded in.");
+  module.def(
+      "light_directions",
+      [](const CubeMap& cube, int count) {
+        std::vector<LightDirection> light;
+        {
+          const py::gil_scoped_release release;
+          light = light_directions(cube, count);
+        }
+        return direction_arrays(light);
+      },
+      py::arg("cube"), py::arg("count") = 256,
+      R"(Directions that stand for all light on the plane z = 0: unit vectors (count, 3) towards it, marker frame, and their
+shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. float32; none, (0, 3), without
+light. Raises ValueError for a count outside [8, 4096].)");
 }
 
 }  // namespace fastibl::bindings

@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -681,6 +681,9 @@ class Capture:
 class ShadowMap:
     """
     Ratio of the light on the marker plane with and without the object.
+
+    A fine map around the object and, by most methods, a coarse one around that; both have the same centre, and the fine
+    one passes into the coarse one at its border. Beyond both the ratio is 1.
     """
     __hash__: typing.ClassVar[None] = None
     def __eq__(self, arg0: ShadowMap) -> bool:
@@ -699,7 +702,7 @@ class ShadowMap:
     @property
     def extent(self) -> float:
         """
-        Half the edge in metres; outside the ratio is 1.
+        Half the edge of `image` in metres.
         """
     @property
     def ignored_spheres(self) -> int:
@@ -707,7 +710,7 @@ class ShadowMap:
         Number of spheres that were not finite or had a radius of 0 or less.
         """
     @property
-    def image(self) -> numpy.ndarray:
+    def image(self) -> typing.Any:
         """
         (n, n, 3) float32 in [0, 1], a read-only view; row 0 is y min, column 0 is x min.
         """
@@ -715,6 +718,40 @@ class ShadowMap:
     def no_light(self) -> bool:
         """
         True when nothing lights the plane: the ratio is 1 everywhere.
+        """
+    @property
+    def outer(self) -> typing.Any:
+        """
+        The coarse map (m, m, 3) float32, a read-only view; None where there is none.
+        """
+    @property
+    def outer_extent(self) -> float:
+        """
+        Half the edge of `outer` in metres; 0 where there is none.
+        """
+    @property
+    def reach(self) -> float:
+        """
+        Half the edge in metres of all; outside the ratio is 1.
+        """
+class DirectionShadow:
+    """
+    Casts the shadows of one object, frame by frame, by method "directions".
+
+    The directions stay where they are while the light changes, so that nothing flickers, and are chosen anew and faded in
+    over 32 maps when the light has moved; what a pose hides is kept as long as it does not change; when nothing changed, the
+    last map is returned. directions: how many stand for all light, 8 to 4096.
+    """
+    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256) -> None:
+        ...
+    def cast(self, cube: CubeMap, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
+        """
+        ShadowMap of spheres (m, 4) under a map, see cast_shadow.
+        """
+    @property
+    def light(self) -> tuple:
+        """
+        Directions (k, 3) and shares (k, 3) of the last cast, see light_directions; twice as many while new ones are faded in.
         """
 class DetectedTag:
     """
@@ -794,7 +831,7 @@ class _Methods:
         ...
     def __eq__(self, arg0: _Methods) -> bool:
         ...
-    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str) -> None:
+    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -818,6 +855,9 @@ class _Methods:
         ...
     @property
     def shadow(self) -> str:
+        ...
+    @property
+    def shadow_settings(self) -> dict[str, int]:
         ...
     @property
     def tracking(self) -> str:
@@ -1077,12 +1117,14 @@ def ambient_occlusion(mesh: Mesh, rays: typing.SupportsInt | typing.SupportsInde
     rays: number a vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included;
     triangles hide from both sides. Raises ValueError for rays < 1.
     """
-def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolution: typing.SupportsInt | typing.SupportsIndex = 64, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None) -> ShadowMap:
+def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, directions: typing.SupportsInt | typing.SupportsIndex = 256, outer: bool = True) -> ShadowMap:
     """
     ShadowMap of spheres, see shadow_ratio.
 
-    extent: half the map's edge in metres, by default 3 times the spheres' half width. centre: (x, y), by default the
-    middle of the spheres. The ratio fades to 1 over the outer tenth of the map.
+    resolution: texels along an edge; 0 is the method's own: 128 for "directions", 64 for the others. extent: half the map's
+    edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the middle of the
+    spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510; without,
+    and by the other methods, the ratio fades to 1 over the outer tenth of the map.
     """
 def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128, filter: str = 'area') -> CubeMap:
     """
@@ -1106,12 +1148,12 @@ def equirect_from_cubemap(cube: CubeMap, height: typing.SupportsInt | typing.Sup
     """
     Equirectangular picture (height, 2 height, 3) float32 of a cube map, area-exact.
     """
-def fit_spheres(mesh: Mesh, count: typing.SupportsInt | typing.SupportsIndex = 50, resolution: typing.SupportsInt | typing.SupportsIndex = 64) -> numpy.typing.NDArray[numpy.float32]:
+def fit_spheres(mesh: Mesh, count: typing.SupportsInt | typing.SupportsIndex = 50, resolution: typing.SupportsInt | typing.SupportsIndex = 64, seed: typing.SupportsInt | typing.SupportsIndex = 0) -> numpy.typing.NDArray[numpy.float32]:
     """
     Spheres that fill a mesh, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
 
-    resolution: voxels along the longest edge. Deterministic; the mesh may be open, flipped or torn. A mesh that
-    encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
+    resolution: voxels along the longest edge. seed: another gives another set, about as good; the same gives the same
+    bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
     [8, 128].
     """
 def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typing.Any = 0.0, *, alpha: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
@@ -1121,18 +1163,26 @@ def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typin
     views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Fresnel by Schlick the albedo is f0 a + b,
     with Fresnel 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx.
     """
+def light_directions(cube: CubeMap, count: typing.SupportsInt | typing.SupportsIndex = 256) -> tuple:
+    """
+    Directions that stand for all light on the plane z = 0: unit vectors (count, 3) towards it, marker frame, and their
+    shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. float32; none, (0, 3), without
+    light. Raises ValueError for a count outside [8, 4096].
+    """
 def set_threads(count: typing.SupportsInt | typing.SupportsIndex) -> None:
     """
     Number of threads that the library uses; 0 asks for all cores. Results are the same bits for any number.
     """
-def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method: str = 'auto') -> numpy.typing.NDArray[numpy.float32]:
+def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method: str = 'auto', directions: typing.SupportsInt | typing.SupportsIndex = 256) -> numpy.typing.NDArray[numpy.float32]:
     """
     Ratio of the light on the plane z = 0 with and without spheres: (..., 3) float32 in [0, 1].
 
-    spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "cap-sum" adds what the
-    spheres hold back, "cap-product" multiplies what they let through; "auto" takes the better. A channel without light
-    has ratio 1, a point in or on a sphere 0; spheres that are not finite, have a radius of 0 or less, or lie below the
-    plane are ignored. Raises ValueError for another shape or method, TypeError for integers.
+    spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "directions" (the default,
+    "auto"; right where spheres overlap), or the paper's: "cap-sum" adds what the spheres hold back, "cap-product"
+    multiplies what they let through. directions: how many stand for all light by the first, 8 to 4096; the root mean square
+    error of the ratio against all texels is about 0.009, 0.0034, 0.0012 for 64, 256, 1024. A channel without light has ratio
+    1, a point in a sphere 0; spheres that are not finite, have a radius of 0 or less, or lie below the plane are ignored.
+    Raises ValueError for another shape, method or number, TypeError for integers.
     """
 def texel_directions(size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """

@@ -182,7 +182,7 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   std::vector<int> changed, refilled;
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) changed.push_back(tiles_[i]);
-  unseen_.update(changed, sums_, tile_projected_, refilled);
+  unseen_.update(changed, sums_, tile_projected_, time_, refilled);
   const std::uint64_t version = new_tile_version();
   for (const int tile : changed) versions_[std::size_t(tile)] = version, refill(tile);
   for (const int tile : refilled) stale_fill_[std::size_t(tile)] = 1;

@@ -9,29 +9,44 @@
 namespace fastibl {
 namespace {
 
-// Share by which a source moves before what it stands for follows: far less than what is not known
-// there.
+// Share by which a fill is wrong before it is made anew: far less than what is not known there.
 constexpr float kMoved = 0.02f;
 constexpr float kMovedHalf = 0.005f;  // the same of what stands for half the sphere
 constexpr float kMidGrey = 0.5f;      // of the sky before any picture
+constexpr int kSlices = 4;            // calls in which all tiles are looked at once
+// Least trust in a tile, next to one that was seen for kSettled seconds, in every exposure.
+constexpr float kLeastTrust = 0.02f;
+constexpr double kSettled = 0.5;
+constexpr float kClippedTrust = 1e-3f;  // of what is only a lower bound
+// No tile stands for more than this times the mean of what was seen on its side. On seven maps,
+// swept in part, the irradiance is wrong by 0.31 instead of 0.39, a mean.
+constexpr float kMostOfMean = 8.0f;
+constexpr float kNear2 = 0.01f;  // squared chord: closer than this, sources count alike
+constexpr int kPartial = 16;     // sums side by side, in the same order on every processor
 
 bool moved(const glm::vec3& from, const glm::vec3& to, float share) {
   const glm::vec3 difference = glm::abs(to - from), limit = share * glm::abs(from);
   return difference.x > limit.x || difference.y > limit.y || difference.z > limit.z;
 }
 
-// Where the new source is nearer than the one before; of two as near the one of lower index.
-FASTIBL_CLONES void take_nearer(const float* __restrict x, const float* __restrict y,
-                                const float* __restrict z, const int* __restrict above, int count,
-                                int tile, int* __restrict source, float* __restrict nearness) {
-  const float tx = x[tile], ty = y[tile], tz = z[tile];
-  const int side = above[tile];
-  for (int i = 0; i < count; ++i) {
-    const float dot = x[i] * tx + y[i] * ty + z[i] * tz;
-    const int nearer =
-        (above[i] == side) & ((dot > nearness[i]) | ((dot == nearness[i]) & (tile < source[i])));
-    source[i] = nearer ? tile : source[i];
-    nearness[i] = nearer ? dot : nearness[i];
+// Sums of weight / (|d − source|² + kNear2)⁴, and of that times the value.
+FASTIBL_CLONES void sum_nearness(const float* const from[7], int count, const float* d,
+                                 float* __restrict total) {
+  const auto at = [](const float* p) -> const Float16& {
+    return *reinterpret_cast<const Float16*>(p);
+  };
+  Float16 sums[4] = {};
+  for (int i = 0; i < count; i += kPartial) {
+    const Float16 dot = at(from[0] + i) * d[0] + at(from[1] + i) * d[1] + at(from[2] + i) * d[2];
+    // The largest is 1: eighth powers of the rest do not overflow.
+    const Float16 near = kNear2 / ((2 + kNear2) - 2 * dot), near2 = near * near;
+    const Float16 weight = at(from[3] + i) * (near2 * near2);
+    sums[0] += weight;
+    for (int c = 0; c < 3; ++c) sums[1 + c] += weight * at(from[4 + c] + i);
+  }
+  for (int k = 0; k < 4; ++k) {
+    total[k] = 0;
+    for (int i = 0; i < kPartial; ++i) total[k] += sums[k][i];
   }
 }
 
@@ -48,18 +63,70 @@ UnseenTiles::UnseenTiles(TileGrid grid, float plane_albedo)
     above_.push_back(d.z >= 0);
   }
   const std::size_t count = std::size_t(grid.count());
-  source_.assign(count, -1);
-  nearness_.assign(count, -2.0f);
-  mean_.assign(count, glm::vec3(0));
+  first_seen_.assign(count, kNever);
   fill_.resize(count);
   for (std::size_t i = 0; i < count; ++i)
     fill_[i] = glm::vec3(above_[i] ? kMidGrey : kMidGrey * plane_albedo);
 }
 
-void UnseenTiles::add_source(int tile) {
-  take_nearer(x_.data(), y_.data(), z_.data(), above_.data(), grid_.count(), tile, source_.data(),
-              nearness_.data());
-  source_[std::size_t(tile)] = tile, nearness_[std::size_t(tile)] = 2;
+UnseenTiles::Sources UnseenTiles::sources(bool above, const std::vector<TileSums>& sums,
+                                          double time) const {
+  std::vector<int> tiles;
+  glm::dvec3 sum(0);
+  double weights = 0;
+  // Solid angle, and radiance of a tile, of which bounds hardly count.
+  const auto open_angle = [&](std::size_t i) {
+    return sums[i].angle - (1 - kClippedTrust) * sums[i].bound_angle;
+  };
+  const auto radiance = [&](std::size_t i) {
+    const glm::dvec3& flux = sums[i].flux;
+    const double all = std::max(flux.x + flux.y + flux.z, 1e-300);
+    return std::max(0.0, 1 - (1 - kClippedTrust) * sums[i].bound_flux / all) / open_angle(i) * flux;
+  };
+  const auto trust = [&](std::size_t i) {
+    return open_angle(i) * std::clamp((time - first_seen_[i]) / kSettled, double(kLeastTrust), 1.0);
+  };
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    const std::size_t i = std::size_t(tile);
+    if (bool(above_[i]) != above || sums[i].count == 0) continue;
+    tiles.push_back(tile);
+    const double weight = trust(i);
+    sum += weight * radiance(i), weights += weight;
+  }
+  const glm::dvec3 mean = sum / std::max(weights, 1e-300);
+  const double most = double(kMostOfMean) * (mean.x + mean.y + mean.z);
+  const std::size_t padded = (tiles.size() + kPartial - 1) / kPartial * kPartial;
+  Sources out;
+  for (std::vector<float>* v :
+       {&out.x, &out.y, &out.z, &out.weight, &out.value[0], &out.value[1], &out.value[2]})
+    v->assign(padded, 0.0f);
+  for (std::size_t k = 0; k < tiles.size(); ++k) {
+    const std::size_t i = std::size_t(tiles[k]);
+    const glm::dvec3 value = radiance(i);
+    const double all = value.x + value.y + value.z, scale = all > most ? most / all : 1;
+    out.x[k] = x_[i], out.y[k] = y_[i], out.z[k] = z_[i];
+    out.weight[k] = float(trust(i) / std::max(weights, 1e-300));
+    for (int c = 0; c < 3; ++c) out.value[c][k] = float(scale * value[c]);
+  }
+  return out;
+}
+
+void UnseenTiles::interpolate(bool above, const Sources& from, bool all,
+                              const std::vector<TileSums>& sums, std::vector<int>& refilled) {
+  const float* const arrays[7] = {from.x.data(),       from.y.data(),        from.z.data(),
+                                  from.weight.data(),  from.value[0].data(), from.value[1].data(),
+                                  from.value[2].data()};
+  for (int tile = all ? 0 : calls_ % kSlices; tile < grid_.count(); tile += all ? 1 : kSlices) {
+    const std::size_t i = std::size_t(tile);
+    if (bool(above_[i]) != above || sums[i].count == tile_rect(grid_, tile).texels()) continue;
+    const float d[3] = {x_[i], y_[i], z_[i]};
+    float total[4];
+    sum_nearness(arrays, int(from.x.size()), d, total);
+    const glm::vec3 value = glm::vec3(total[1], total[2], total[3]) / std::max(total[0], 1e-37f);
+    if (!all && !moved(fill_[i], value, kMoved)) continue;
+    fill_[i] = value;
+    refilled.push_back(tile);
+  }
 }
 
 void UnseenTiles::fill_half(bool above, glm::vec3 value, std::vector<int>& refilled) {
@@ -81,27 +148,19 @@ glm::vec3 UnseenTiles::sky_without_pictures(const std::vector<TileSums>& sums) c
 }
 
 void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSums>& sums,
-                         const std::vector<double>& tile_projected, std::vector<int>& refilled) {
-  bool any = false;
+                         const std::vector<double>& tile_projected, double time,
+                         std::vector<int>& refilled) {
+  const bool had[2] = {seen_[0], seen_[1]};
   for (const int tile : changed) {
     const std::size_t i = std::size_t(tile);
-    const TileSums& s = sums[i];
-    if (s.count == 0) continue;
-    const glm::vec3 mean(s.value / double(s.count));
-    const bool first = source_[i] != tile;
-    if (first) add_source(tile);
+    if (sums[i].count == 0) continue;
     seen_[above_[i]] = true;
-    if (!first && !moved(mean_[i], mean, kMoved)) continue;
-    mean_[i] = mean;
-    any = true;
+    if (first_seen_[i] == kNever) first_seen_[i] = time;
   }
-  for (int tile = 0; any && tile < grid_.count(); ++tile) {
-    const std::size_t i = std::size_t(tile);
-    const int source = source_[i];
-    if (source < 0 || fill_[i] == mean_[std::size_t(source)]) continue;
-    fill_[i] = mean_[std::size_t(source)];
-    refilled.push_back(tile);
-  }
+  ++calls_;
+  for (const int half : {0, 1})
+    if (seen_[half] && !changed.empty())
+      interpolate(half, sources(half, sums, time), !had[half], sums, refilled);
   if (!seen_[1]) fill_half(true, sky_without_pictures(sums), refilled);
   if (!seen_[0]) {
     glm::dvec3 irradiance(0);  // of the plane

@@ -14,6 +14,9 @@ constexpr float kInner = 5 * kPi / 180, kOuter = 7.5f * kPi / 180;  // a disc fa
 // A light that holds less of the map's light than this stays in the map; up to twice as much, a
 // part of it does, so that it neither appears nor vanishes at once.
 constexpr double kLeastShare = 0.0025;
+// By how much the share that a light holds of its disc may change from one map to the next: lights
+// are shaded sharper than the map, and would pop.
+constexpr float kFade = 0.1f;
 constexpr int kCandidates = 64;
 constexpr int kFinest = 256;  // face size of the level that refines directions
 
@@ -128,11 +131,13 @@ glm::vec3 brightest(const std::vector<Bright>& texels) {
 struct Taken {
   glm::vec3 centre;
   double flux;                                      // mean over RGB
+  float before = -1;                                // its strength in the last map; −1: it is new
+  bool leaves = false;                              // for a stronger one
   std::vector<std::pair<std::size_t, float>> part;  // of each texel's excess
 };
 
 Taken take(std::vector<Bright>& texels, glm::vec3 centre) {
-  Taken taken{centre, 0, {}};
+  Taken taken{centre, 0, -1, false, {}};
   for (std::size_t i = 0; i < texels.size(); ++i) {
     const float w = texels[i].left * window(texels[i].direction, centre);
     if (!(w > 0)) continue;
@@ -164,7 +169,7 @@ glm::dvec3 middle(const CubeMap& map, int fine, int size, const Bright& t) {
 }
 
 FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vector<Bright>& texels,
-                    const Taken& taken, double strength) {
+                    const Taken& taken, float strength) {
   int fine = -1;
   for (int k = map.level_count() - 1; k >= 0; --k) {
     const int n = map.level(k).size();
@@ -179,7 +184,7 @@ FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vecto
     middles.push_back(middle(map, fine, level.size(), t));
     sum += double(w) * t.flux * middles.back();
     total += double(w) * t.flux;
-    const glm::vec3 radiance = float(strength) * w * t.excess;
+    const glm::vec3 radiance = strength * w * t.excess;
     found.parts.push_back({t.face, t.x, t.y, radiance});
     flux += glm::dvec3(radiance) * double(t.solid_angle);
   }
@@ -197,6 +202,7 @@ FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vecto
   found.light.angular_radius = std::min(float(2 * std::sqrt(spread / total)), kOuter);
   found.light.direction = glm::vec3(direction);
   found.light.window = taken.centre;
+  found.light.strength = strength;
   found.light.irradiance = glm::vec3(irradiance);
   found.light.flux = glm::vec3(flux);
   return found;
@@ -217,24 +223,28 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
   std::vector<Taken> taken;
   for (const Light& light : previous) {
     if (int(taken.size()) == count) break;
-    taken.push_back(take(texels, followed(texels, light.window)));
-    if (taken.back().flux > least) continue;
-    give_back(texels, taken.back());
-    taken.pop_back();
+    Taken again = take(texels, followed(texels, light.window));
+    again.before = light.strength;
+    if (again.flux > least || (again.flux > 0 && light.strength > kFade))
+      taken.push_back(std::move(again));
+    else
+      give_back(texels, again);
   }
   double next = 0;  // flux of the largest light that there is no room for
-  const auto weakest = [&] {
-    return std::min_element(taken.begin(), taken.end(),
-                            [](const Taken& a, const Taken& b) { return a.flux < b.flux; });
-  };
   for (int round = 0; round < 2 * kMaxLights; ++round) {
     Taken more = take(texels, brightest(texels));
     if (!(more.flux > least)) break;
     if (int(taken.size()) == count) {
-      const auto last = weakest();
+      const auto last =
+          std::min_element(taken.begin(), taken.end(),
+                           [](const Taken& a, const Taken& b) { return a.flux < b.flux; });
       next = more.flux;
       // Only a light that is followed can be this much weaker.
       if (next < 1.5 * last->flux) break;
+      if (last->before > kFade) {
+        last->leaves = true;
+        break;
+      }
       give_back(texels, *last);
       taken.erase(last);
     }
@@ -242,8 +252,13 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
   }
   for (const Taken& t : taken) {
     // The last ones fade with their distance to the first that is left out, too.
-    double strength = smooth(float(t.flux / least - 1));
+    float strength = smooth(float(t.flux / least - 1));
     if (next > 0) strength *= smooth(float((t.flux / next - 1) / 0.25));
+    if (t.leaves) strength = 0;
+    if (!previous.empty()) {
+      const float before = std::max(t.before, 0.0f);
+      strength = std::clamp(strength, before - kFade, before + kFade);
+    }
     if (strength > 0) found.push_back(finished(map, level, texels, t, strength));
   }
   return found;

@@ -22,7 +22,8 @@ struct FoundLight {
 
 // At most `count` lights: discs of up to 7° that hold what is brighter than four times the map's
 // mean. They change continuously with the map. previous: lights of an earlier frame, which are
-// followed. level: working_level() of the map, the map only refines directions.
+// followed; they and new ones grow, fade and give room to stronger ones by a tenth from map to map.
+// level: working_level() of the map, the map only refines directions.
 std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level,
                                     int count = kMaxLights, std::span<const Light> previous = {});
 

@@ -42,15 +42,20 @@ CubeLevel for_interpolation(const CubeLevel& exact) {
   return result;
 }
 
-// Which method costs least for what it leaves wrong. On one core (Zen 4): lobes take 0.2 to 0.4 ms to
-// find anew and 1 to 1.3 ns a normal, and leave 0.4 %; a cube takes 0.2 ms to sum and 26 ns a normal,
-// and leaves 0.1 %. So the cube is for few normals; for many, lobes, and none of them where nine
-// coefficients are enough.
-DiffuseMethod chosen(const DiffuseChoice& choice) {
+// Which method costs least for what it leaves wrong. On one core (Zen 4): lobes take 0.2 to 0.4 ms
+// to find anew and 1 to 1.3 ns a normal, and leave 0.4 %; a cube takes 0.2 ms to sum and 4 ns a
+// normal, and leaves 0.1 %. So the cube is for few normals; for many, lobes, and none of them where
+// nine coefficients are enough. From map to map lobes jump by up to 0.3 %, where the cube, which is
+// linear in the map, is wrong by 0.03 % of such a change: it is for light that is followed.
+// A map that follows another keeps its method.
+DiffuseMethod chosen(const DiffuseChoice& choice, const Irradiance* previous) {
   if (choice.method != DiffuseMethod::automatic) return choice.method;
-  constexpr int kFewNormals = 10000;  // where 26 ns each cost as much as lobes do to find
+  if (previous && (previous->method == DiffuseMethod::irradiance_cube ||
+                   previous->method == DiffuseMethod::sh9_lobes))
+    return previous->method;
+  constexpr int kFewNormals = 50000;  // where 4 ns each cost as much as lobes do to find
   const bool few = choice.evaluations > 0 && choice.evaluations <= kFewNormals;
-  return few ? DiffuseMethod::irradiance_cube : DiffuseMethod::sh9_lobes;
+  return few || choice.follows ? DiffuseMethod::irradiance_cube : DiffuseMethod::sh9_lobes;
 }
 
 }  // namespace
@@ -58,7 +63,7 @@ DiffuseMethod chosen(const DiffuseChoice& choice) {
 Irradiance fit_irradiance(const CubeMap& radiance, const FoldedMap& map,
                           const DiffuseChoice& choice, const Irradiance* previous) {
   Irradiance result;
-  const DiffuseMethod method = chosen(choice);
+  const DiffuseMethod method = chosen(choice, previous);
   const DiffuseSettings& settings = choice.settings;
   result.method = method;
   result.settings = settings;

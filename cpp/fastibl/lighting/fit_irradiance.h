@@ -9,7 +9,8 @@ namespace fastibl {
 struct DiffuseChoice {
   DiffuseMethod method = DiffuseMethod::automatic;
   DiffuseSettings settings;
-  int evaluations = 0;  // how many normals follow; 0: many. `automatic` goes by it
+  int evaluations = 0;   // how many normals follow; 0: many. `automatic` goes by it
+  bool follows = false;  // other maps follow: light that hardly changes must hardly change
 };
 
 // nearest-face reads plain means of the faces (a 1×1 box MIP), six-face solid-angle means; the

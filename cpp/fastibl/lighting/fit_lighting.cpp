@@ -62,7 +62,8 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
     const bool moved = previous && previous->radiance != radiance;
     const FoldedMap map = fold(*radiance, kSumSize);
     lighting.irradiance = fit_irradiance(
-        *radiance, map, {options.diffuse, options.diffuse_settings, options.evaluations},
+        *radiance, map,
+        {options.diffuse, options.diffuse_settings, options.evaluations, options.follows},
         moved ? &previous->irradiance : nullptr);
     lighting.plane_irradiance = glm::vec3(sum_irradiance(map, {0, 0, 1}));
     if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);

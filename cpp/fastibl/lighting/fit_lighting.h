@@ -17,6 +17,7 @@ struct LightingOptions {
   bool chain = true;          // false: nothing glossy will be shaded
   bool measure_error = true;  // also compare the irradiance with a sum over the 32² level (0.05 ms)
   int evaluations = 0;        // how many normals follow; 0: many. `automatic` goes by it
+  bool follows = false;       // this map is one of many in a row: `automatic` takes what is steady
 };
 // previous: of the frame before, or null. What was found then is moved along instead of searched
 // anew, which is faster, and steady; a chain of the same map is kept.

@@ -100,7 +100,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
       }
       case PassId::shadow:
-        line.method = name(options.methods.shadow);
+        line.method = described(options.methods.shadow, options.methods.shadow_settings);
         if (!options.cast_shadow)
           leave_out("no shadow was asked for");
         else if (scene.spheres.empty())

@@ -157,6 +157,7 @@ LightingOptions Session::lighting_options() const {
   options.glossy_settings = options_.methods.glossy_settings;
   options.normalization = options_.methods.normalization;
   options.chain = scene_.material.reads_radiance();
+  options.follows = true;
   return options;
 }
 

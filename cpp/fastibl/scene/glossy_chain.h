@@ -16,6 +16,7 @@ struct Light {
   glm::vec3 irradiance{0};       // on a surface that faces it
   glm::vec3 flux{0};             // radiance summed over its solid angle
   glm::vec3 window{0, 0, 1};     // middle of the disc that it was looked for in
+  float strength = 1;            // share of the disc's light that it holds; the map keeps the rest
   bool operator==(const Light&) const = default;
 };
 inline constexpr int kMaxLights = 8;

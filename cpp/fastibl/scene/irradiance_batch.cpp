@@ -37,9 +37,11 @@ namespace avx2 {
 }  // namespace avx2
 const auto six_face_block = has_avx2() ? avx2::six_face_block : portable::six_face_block;
 const auto lobes_of = has_avx2() ? avx2::lobes_of : portable::lobes_of;
+const auto cube_block = has_avx2() ? avx2::cube_block : portable::cube_block;
 #else
 const auto six_face_block = portable::six_face_block;
 const auto lobes_of = portable::lobes_of;
+const auto cube_block = portable::cube_block;
 #endif
 
 LobesKernel lobes_kernel(const Irradiance& e) {
@@ -92,6 +94,12 @@ void evaluate(const Irradiance& e, std::span<const glm::vec3> normals, std::span
       const LobesKernel kernel = lobes_kernel(e);
       return by_blocks(normals, out, [&](const float* n, int count, float* to) {
         lobes_of(n, count, kernel, to);
+      });
+    }
+    case DiffuseMethod::irradiance_cube: {
+      const float* texels = &e.cube->texel(0, -1, -1).x;
+      return by_blocks(normals, out, [&](const float* n, int count, float* to) {
+        cube_block(n, count, texels, e.cube->size(), to);
       });
     }
     default:

@@ -40,7 +40,16 @@ std::string_view name(Normalization n) {
   return n == Normalization::energy ? "energy" : n == Normalization::paper ? "paper" : "exact";
 }
 std::string_view name(ShadowMethod method) {
-  return method == ShadowMethod::cap_sum ? "cap-sum" : "cap-product";
+  switch (method) {
+    case ShadowMethod::automatic:
+      return "auto";
+    case ShadowMethod::cap_sum:
+      return "cap-sum";
+    case ShadowMethod::cap_product:
+      return "cap-product";
+    default:
+      return "directions";
+  }
 }
 std::string_view name(TrackingMethod method) {
   return method == TrackingMethod::board ? "board" : "frame-marker";
@@ -61,6 +70,7 @@ Normalization normalization(std::string_view text) {
   return method_named(text, kNormalizations, "normalization");
 }
 ShadowMethod shadow_method(std::string_view text) {
+  if (text == "auto") return ShadowMethod::automatic;
   return method_named(text, kShadowMethods, "shadow");
 }
 TrackingMethod tracking_method(std::string_view text) {
@@ -87,6 +97,14 @@ std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
     return {{"taps", &GlossySettings::taps, 1, 1 << 16, {4, 16, 256}}};
   if (method == GlossyMethod::prefiltered) return {{"taps", &GlossySettings::taps, 1, 4, {1}}};
   return {};
+}
+std::vector<Setting<ShadowSettings>> settings_of(ShadowMethod method) {
+  if (method != ShadowMethod::directions) return {};
+  return {{"directions",
+           &ShadowSettings::directions,
+           kLeastDirections,
+           kMostDirections,
+           {16, 64, 1024}}};
 }
 
 }  // namespace fastibl

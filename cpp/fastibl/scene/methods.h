@@ -34,8 +34,10 @@ enum class Normalization {
   exact,   // Eq. 3 with (s + 2)(s + 4)/(8π(2^{−s/2} + s)): never more light than came
 };
 enum class ShadowMethod {
+  automatic,
   cap_sum,      // obstruction of all spheres added, and clamped
   cap_product,  // the product of what each sphere lets through
+  directions,   // the union of all spheres, for directions of equal energy
 };
 enum class TrackingMethod {
   frame_marker,  // the corners of one tag, as the paper's
@@ -56,7 +58,8 @@ inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::c
                                               GlossyMethod::prefiltered};
 inline constexpr std::array kNormalizations = {Normalization::energy, Normalization::paper,
                                                Normalization::exact};
-inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product};
+inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product,
+                                              ShadowMethod::directions};
 inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,
                                                 TrackingMethod::board};
 inline constexpr std::array kCaptureMethods = {CaptureMethod::single, CaptureMethod::continuous};
@@ -87,6 +90,11 @@ struct GlossySettings {
   int lights = -1;  // taken out of the map and shaded by themselves, -1: as many as it has, up to 8
   bool operator==(const GlossySettings&) const = default;
 };
+struct ShadowSettings {
+  int directions = 256;  // that stand for all light
+  bool operator==(const ShadowSettings&) const = default;
+};
+inline constexpr int kLeastDirections = 8, kMostDirections = 4096;
 
 // A setting of a method, by its public name.
 template <typename Settings>
@@ -99,6 +107,7 @@ struct Setting {
 };
 std::vector<Setting<DiffuseSettings>> settings_of(DiffuseMethod method);
 std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method);
+std::vector<Setting<ShadowSettings>> settings_of(ShadowMethod method);
 
 struct Methods {
   TrackingMethod tracking = TrackingMethod::board;
@@ -108,7 +117,8 @@ struct Methods {
   GlossyMethod glossy = GlossyMethod::automatic;
   GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
-  ShadowMethod shadow = ShadowMethod::cap_product;
+  ShadowMethod shadow = ShadowMethod::automatic;
+  ShadowSettings shadow_settings;
 
   static Methods paper() {
     Methods methods;

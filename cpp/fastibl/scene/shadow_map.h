@@ -1,6 +1,7 @@
 // Sphere proxies, and the shadow that they cast on the marker plane.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "fastibl/core/image.h"
@@ -11,20 +12,33 @@ namespace fastibl {
 // xyz centre, w radius; metres. Spheres that are not finite or have a radius ≤ 0 are ignored and
 // counted.
 using SphereSet = std::vector<glm::vec4>;
+bool is_sphere(const glm::vec4& sphere);
 
 // Ratio of the light on the plane z = 0 with and without the object, RGB in [0, 1].
 struct ShadowMap {
   Image<float> ratio;  // texel (i, j) is centred at centre + extent · ((i, j) + ½ − n/2) · 2/n; row
                        // 0 is y min
   glm::vec2 centre{0};  // metres, marker frame
-  float extent = 0;     // half the edge in metres; outside the ratio is 1
+  float extent = 0;     // half the edge in metres
+  // Of the plane around it, coarser, with the same centre: shadows end by its border. May be empty.
+  Image<float> outer;
+  float outer_extent = 0;
   int ignored_spheres = 0;
   bool no_light = false;  // nothing lights the plane: the ratio is 1 everywhere
 
-  glm::vec3 sample(glm::vec2 point) const;  // bilinear; 1 outside
-  // The same at a position in texels, the centre of texel (i, j) at (i, j); 1 for NaN too.
+  float reach() const { return outer.empty() ? extent : outer_extent; }  // outside the ratio is 1
+
+  glm::vec3 sample(glm::vec2 point) const;  // bilinear, in the finer map that has the point
+  void sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;
+  // The same at a position in texels of `ratio`, the centre of texel (i, j) at (i, j); 1 for NaN.
   glm::vec3 sample_texels(float x, float y) const;
+  // The same at many positions.
+  void sample_texels(const float* x, const float* y, int count, glm::vec3* ratios) const;
+  glm::vec3 sample_outer(glm::vec2 point) const;  // in `outer`
   bool operator==(const ShadowMap&) const = default;
+
+ private:
+  glm::vec2 outer_texels(float x, float y) const;
 };
 
 }  // namespace fastibl

@@ -33,7 +33,7 @@ Rectangle shadowed_pixels(const Camera& camera, const Pose& camera_from_marker,
                                        : glm::dvec2(-1, -a);
       const auto pixel =
           lens.project(camera_from_marker *
-                       glm::dvec3(glm::dvec2(shadow.centre) + double(shadow.extent) * p, 0));
+                       glm::dvec3(glm::dvec2(shadow.centre) + double(shadow.reach()) * p, 0));
       if (!pixel)
         return {0, 0, camera.width, camera.height};  // partly behind the camera: look everywhere
       lower = glm::min(lower, *pixel), upper = glm::max(upper, *pixel);
@@ -91,8 +91,7 @@ class PlaneShadow {
     std::vector<float> u(static_cast<std::size_t>(count)), v(u.size());
     const std::size_t first = std::size_t(y) * table_.camera.width + std::size_t(begin);
     meet_plane(&table_.x[first], &table_.y[first], count, transform_, u.data(), v.data());
-    for (std::size_t i = 0; i < u.size(); ++i)
-      ratios[std::size_t(begin - x0) + i] = shadow_.sample_texels(u[i], v[i]);
+    shadow_.sample_texels(u.data(), v.data(), count, &ratios[std::size_t(begin - x0)]);
   }
 
  private:

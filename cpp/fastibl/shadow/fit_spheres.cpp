@@ -7,6 +7,8 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/shadow/refine_spheres.h"
+#include "fastibl/shadow/voxel_surface.h"
 #include "fastibl/shadow/voxels.h"
 
 namespace fastibl {
@@ -26,7 +28,6 @@ constexpr float kRadii[] = {-0.5f, 0.0f, 0.5f, 1.0f, 1.75f, 2.5f};
 constexpr float kOutside = -0.85f;
 // Spacing of centres, over their distance to the outside. Closer ones are no better, but slow.
 constexpr float kSpacing = 1 / 8.0f;
-constexpr int kRounds = 2;  // of choosing each ball again
 
 // Calls visit(y, z, first x, last x) for the rows of a ball.
 template <typename Visit>
@@ -40,12 +41,6 @@ void for_rows(const VoxelGrid& grid, const Ball& ball, Visit&& visit) {
       const int half = int(std::sqrt(left));
       visit(y, z, std::max(ball.x - half, 0), std::min(ball.x + half, grid.size.x - 1));
     }
-}
-
-bool is_near(const Ball& other, const Ball& ball) {
-  const float dx = float(other.x - ball.x), dy = float(other.y - ball.y),
-              dz = float(other.z - ball.z), reach = std::max(0.5f * ball.radius, 3.0f);
-  return dx * dx + dy * dy + dz * dz <= reach * reach;
 }
 
 // Centres on the ridges of the distance field (no neighbour's ball contains theirs), in all radii.
@@ -96,7 +91,6 @@ class Cover {
         const VoxelGrid& grid)
       : grid_(grid),
         worth_(inside.size()),
-        chosen_(inside.size()),
         sums_(std::size_t(grid.size.x + 1) * std::size_t(grid.size.y * grid.size.z)) {
     std::vector<Ball> ascending = balls;  // so that the largest is written last
     std::stable_sort(ascending.begin(), ascending.end(),
@@ -120,9 +114,9 @@ class Cover {
     return sum;
   }
 
-  void change(const Ball& ball, int by) {  // +1 to choose it, −1 to give it back
+  void choose(const Ball& ball) {  // its voxels are worth nothing from now on
     for_rows(grid_, ball, [&](int y, int z, int first, int last) {
-      for (int x = first; x <= last; ++x) chosen_[std::size_t(grid_.index(x, y, z))] += by;
+      std::fill_n(&worth_[std::size_t(grid_.index(first, y, z))], last - first + 1, 0.0f);
       sum_row(y, z);
     });
   }
@@ -135,13 +129,11 @@ class Cover {
     float* s = &sums_[sums_index(y, z)];
     const std::size_t first = std::size_t(grid_.index(0, y, z));
     s[0] = 0;
-    for (std::size_t x = 0; x < std::size_t(grid_.size.x); ++x)
-      s[x + 1] = s[x] + (chosen_[first + x] == 0 ? worth_[first + x] : 0);
+    for (std::size_t x = 0; x < std::size_t(grid_.size.x); ++x) s[x + 1] = s[x] + worth_[first + x];
   }
 
   const VoxelGrid& grid_;
   std::vector<float> worth_;
-  std::vector<int> chosen_;  // number of chosen balls over each voxel
   std::vector<float> sums_;
 };
 
@@ -155,8 +147,7 @@ void weigh(std::vector<Ball>& balls, const Cover& state) {
 bool smaller_gain(const Ball& a, const Ball& b) { return a.gain < b.gain; }
 
 // Greedy, each time the ball of the largest gain. Gains seldom rise when a ball is chosen, so an
-// old one serves as bound (lazy greedy, Minoux 1978). Then each ball is given back and the best of
-// those near it chosen instead, now that the others are known.
+// old one serves as bound (lazy greedy, Minoux 1978). In voxels.
 SphereSet cover(const std::vector<std::uint8_t>& inside, const VoxelGrid& grid, int count) {
   std::vector<Ball> balls = ridge_balls(squared_distances(inside, grid), grid);
   Cover state(inside, balls, grid);
@@ -170,27 +161,16 @@ SphereSet cover(const std::vector<std::uint8_t>& inside, const VoxelGrid& grid, 
     const bool best = heap.size() == 1 || ball.gain >= heap.front().gain;
     if (best && ball.gain > 0) {
       chosen.push_back(ball);
-      state.change(ball, 1);
+      state.choose(ball);
     }
     if (best || !(ball.gain > 0))
       heap.pop_back();
     else
       std::push_heap(heap.begin(), heap.end(), smaller_gain);
   }
-  for (int round = 0; round < kRounds; ++round)
-    for (Ball& ball : chosen) {
-      state.change(ball, -1);
-      std::vector<Ball> near;
-      for (const Ball& other : balls)
-        if (is_near(other, ball)) near.push_back(other);
-      weigh(near, state);
-      ball = *std::max_element(near.begin(), near.end(), smaller_gain);
-      state.change(ball, 1);
-    }
   SphereSet spheres;
   for (const Ball& ball : chosen)
-    spheres.emplace_back(glm::vec3(grid.origin + grid.cell * glm::dvec3(ball.x, ball.y, ball.z)),
-                         float(grid.cell * ball.radius));
+    spheres.emplace_back(float(ball.x), float(ball.y), float(ball.z), ball.radius);
   return spheres;
 }
 
@@ -249,6 +229,13 @@ SphereSet surface_spheres(const Mesh& mesh, int count, int resolution, float lon
   return spheres;
 }
 
+// A third of a voxel at most on each axis, none for seed 0: steps of the golden ratio of three
+// numbers (Roberts 2018, The Unreasonable Effectiveness of Quasirandom Sequences).
+glm::dvec3 shift_of(unsigned seed) {
+  const glm::dvec3 at = double(seed) * glm::dvec3(0.8191725134, 0.6710436067, 0.5497004779);
+  return (at - glm::round(at)) * (2 / 3.0);
+}
+
 }  // namespace
 
 SphereSet fit_spheres(const Mesh& mesh, const FitSpheresOptions& options) {
@@ -263,10 +250,15 @@ SphereSet fit_spheres(const Mesh& mesh, const FitSpheresOptions& options) {
         longest);
   SphereSet spheres;
   if (longest > 0) {
-    const VoxelGrid grid = make_voxel_grid(box, options.resolution);
+    const VoxelGrid grid = make_voxel_grid(box, options.resolution, shift_of(options.seed));
     const std::vector<std::uint8_t> inside = inside_voxels(mesh, grid);
-    if (std::find(inside.begin(), inside.end(), 1) != inside.end())
-      spheres = cover(inside, grid, options.count);
+    if (std::find(inside.begin(), inside.end(), 1) != inside.end()) {
+      spheres = refine_spheres(cover(inside, grid, options.count),
+                               surface_points(mesh, grid, inside), inside, grid);
+      for (glm::vec4& s : spheres)
+        s = glm::vec4(glm::vec3(grid.origin + grid.cell * glm::dvec3(glm::vec3(s))),
+                      float(grid.cell * double(s.w)));
+    }
   }
   if (spheres.empty()) spheres = surface_spheres(mesh, options.count, options.resolution, longest);
   return spheres;

@@ -9,17 +9,12 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/shared_formulas.h"
+#include "fastibl/shadow/direction_shadow.h"
 
 namespace fastibl {
 namespace {
 
-constexpr float kDefaultExtent = 3.0f;  // × the half width of the spheres
-constexpr float kFarthest = 1e30f;      // metres; keeps centre and extent finite for any sphere
-
-bool usable(const glm::vec4& s) {
-  return std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.z) && std::isfinite(s.w) &&
-         s.w > 0;
-}
+constexpr int kResolution = 64;  // of a map, by default
 
 // A sphere that can hold back light. In double, so that squares of 1e30 do not overflow.
 struct Caster {
@@ -120,7 +115,7 @@ class Obstruction {
       inverse_[c] = lit_[c] ? 1 / irradiance[c] : 0;
     }
     for (const glm::vec4& s : spheres) {
-      if (!usable(s)) {
+      if (!is_sphere(s)) {
         ++ignored_;
         continue;
       }
@@ -183,27 +178,13 @@ class Obstruction {
   int ignored_ = 0;
 };
 
-// Middle and half width (x = y) of the spheres' box on the plane; 1 m around 0 when there is none.
-void frame(const SphereSet& spheres, const ShadowOptions& options, ShadowMap& map) {
-  glm::vec2 lower(std::numeric_limits<float>::max()), upper(-lower);
-  for (const glm::vec4& s : spheres)
-    if (usable(s) && s.z + s.w > 0)
-      for (int i = 0; i < 2; ++i)
-        lower[i] = std::min(lower[i], std::max(s[i] - s.w, -kFarthest)),
-        upper[i] = std::max(upper[i], std::min(s[i] + s.w, kFarthest));
-  const bool any = lower.x <= upper.x;
-  map.centre = options.centre.value_or(any ? 0.5f * lower + 0.5f * upper : glm::vec2(0));
-  map.extent = options.extent;
-  if (map.extent == 0)
-    map.extent =
-        any ? kDefaultExtent * 0.5f * std::max(upper.x - lower.x, upper.y - lower.y) : 1.0f;
-}
-
 }  // namespace
 
 std::vector<glm::vec3> shadow_ratio(const CubeMap& radiance, glm::vec3 plane_irradiance,
                                     const SphereSet& spheres, std::span<const glm::vec2> points,
                                     ShadowMethod method) {
+  check(method == ShadowMethod::cap_sum || method == ShadowMethod::cap_product,
+        "no method of caps: ", name(method));
   const Obstruction obstruction(radiance, plane_irradiance, spheres, method);
   std::vector<glm::vec3> ratios(points.size());
   parallel_for(int(points.size()), kBlock, [&](int begin, int end) {
@@ -215,17 +196,14 @@ std::vector<glm::vec3> shadow_ratio(const CubeMap& radiance, glm::vec3 plane_irr
 
 ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const SphereSet& spheres,
                       const ShadowOptions& options) {
-  const int n = options.resolution;
-  check(n >= 2 && n <= 8192, "the shadow map's resolution must be 2 to 8192, got ", n);
-  check(std::isfinite(options.extent) && options.extent >= 0,
-        "the shadow map's extent must be finite and at least 0 (0: from the spheres), got ",
-        options.extent);
-  if (options.centre)
-    check(std::isfinite(options.centre->x) && std::isfinite(options.centre->y),
-          "the shadow map's centre must be finite");
-  const Obstruction obstruction(radiance, plane_irradiance, spheres, options.method);
+  check_options(options);
+  const ShadowMethod method = resolved(options.method);
+  if (method == ShadowMethod::directions)
+    return DirectionShadow(options.settings.directions).cast(radiance, spheres, options);
+  const int n = options.resolution > 0 ? options.resolution : kResolution;
+  const Obstruction obstruction(radiance, plane_irradiance, spheres, method);
   ShadowMap map;
-  frame(spheres, options, map);
+  place_map(spheres, options, map);
   map.ratio = Image<float>(n, n, 3, 1.0f);
   map.ignored_spheres = obstruction.ignored();
   map.no_light = obstruction.no_light();
@@ -249,6 +227,15 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
     }
   });
   return map;
+}
+
+ShadowMap ShadowCaster::cast(const CubeMap& radiance, glm::vec3 plane_irradiance,
+                             const SphereSet& spheres, const ShadowOptions& options) {
+  if (resolved(options.method) != ShadowMethod::directions)
+    return cast_shadow(radiance, plane_irradiance, spheres, options);
+  const int count = options.settings.directions;
+  if (!directions_ || directions_->light().count() != count) directions_.emplace(count);
+  return directions_->cast(radiance, spheres, options);
 }
 
 }  // namespace fastibl

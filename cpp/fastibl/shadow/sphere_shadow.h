@@ -11,17 +11,11 @@
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
-#include "fastibl/scene/methods.h"
 #include "fastibl/scene/shadow_map.h"
+#include "fastibl/shadow/direction_shadow.h"
+#include "fastibl/shadow/shadow_options.h"
 
 namespace fastibl {
-
-struct ShadowOptions {
-  ShadowMethod method = ShadowMethod::cap_product;
-  int resolution = 64;              // texels along an edge
-  float extent = 0;                 // half the edge in metres; 0 = 3 × the spheres' half width
-  std::optional<glm::vec2> centre;  // metres; by default the middle of the spheres
-};
 
 // Ratio of the light on the plane with and without the spheres, RGB in [0, 1], marker frame.
 // plane_irradiance: E(z) of the same map. A channel of E(z) = 0 has ratio 1; a point in or on a
@@ -30,9 +24,20 @@ std::vector<glm::vec3> shadow_ratio(const CubeMap& radiance, glm::vec3 plane_irr
                                     const SphereSet& spheres, std::span<const glm::vec2> points,
                                     ShadowMethod method = ShadowMethod::cap_product);
 
-// The same at the texels of a map. Over the outer tenth of the map (distance along x or y from its
-// centre) the ratio fades to exactly 1 at the border texels, so that a long shadow ends softly.
+// The same at the texels of a map, by any method, without a memory: see DirectionShadow. A map
+// without an outer one fades to exactly 1 over its outer tenth (distance along x or y from its
+// centre), so that a long shadow ends softly.
 ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const SphereSet& spheres,
                       const ShadowOptions& options = {});
+
+// The same for one object, frame by frame: what is still right of the last map is kept.
+class ShadowCaster {
+ public:
+  ShadowMap cast(const CubeMap& radiance, glm::vec3 plane_irradiance, const SphereSet& spheres,
+                 const ShadowOptions& options = {});
+
+ private:
+  std::optional<DirectionShadow> directions_;
+};
 
 }  // namespace fastibl

@@ -10,42 +10,10 @@ namespace {
 
 constexpr int kBorder = 4;  // empty voxels on each side, so that spheres may stick out a little
 
-// Lines through all voxel centres along an axis or a diagonal: (u, v) = (p[a] − sa p[c],
-// p[b] − sb p[c]) is constant along one and a pair of whole numbers, with c the axis, a and b the
-// two that follow. One line counts the crossings of all its voxels, so inside tests cost a
-// rasterisation of the mesh instead of a ray a voxel.
-struct LineSet {
-  int axis, sa, sb;
-};
 // The 13 directions to the 26 neighbours.
 constexpr LineSet kLines[] = {{0, 0, 0},  {1, 0, -1}, {1, 0, 0},  {1, 0, 1}, {2, -1, -1},
                               {2, -1, 0}, {2, -1, 1}, {2, 0, -1}, {2, 0, 0}, {2, 0, 1},
                               {2, 1, -1}, {2, 1, 0},  {2, 1, 1}};
-
-// Calls visit(u, v, w) for the lines that meet the triangle; w is p[c] there. Half-open in v and u
-// and computed alike from both sides of an edge, so a line never slips between two triangles or
-// meets both at their common edge.
-template <typename Visit>
-void cross_lines(const glm::dvec3 (&q)[3], Visit&& visit) {
-  const double lowest = std::min({q[0].y, q[1].y, q[2].y}),
-               highest = std::max({q[0].y, q[1].y, q[2].y});
-  for (int v = int(std::ceil(lowest)); v <= highest; ++v) {
-    glm::dvec2 ends[2];  // (u, w) where two edges pass v
-    int found = 0;
-    for (int e = 0; e < 3 && found < 2; ++e) {
-      const glm::dvec3 *a = &q[e], *b = &q[(e + 1) % 3];
-      if ((a->y <= v) == (b->y <= v)) continue;
-      if (a->y > b->y) std::swap(a, b);
-      const double t = (v - a->y) / (b->y - a->y);
-      ends[found++] = {a->x + t * (b->x - a->x), a->z + t * (b->z - a->z)};
-    }
-    if (found < 2) continue;
-    if (ends[0].x > ends[1].x) std::swap(ends[0], ends[1]);
-    const double slope = (ends[1].y - ends[0].y) / std::max(ends[1].x - ends[0].x, 1e-300);
-    for (int u = int(std::floor(ends[0].x)) + 1; u <= ends[1].x; ++u)
-      visit(u, v, ends[0].y + slope * (u - ends[0].x));
-  }
-}
 
 // Numbers of crossings before each voxel on its line (below) and on the whole line (total).
 struct Crossings {
@@ -62,19 +30,11 @@ Crossings count_crossings(const Mesh& mesh, const VoxelGrid& grid, const LineSet
   };
   Crossings k;
   k.below.assign(std::size_t(grid.count()), 0);
-  for (const glm::ivec3& triangle : mesh.triangles) {
-    glm::dvec3 q[3];
-    for (int i = 0; i < 3; ++i) {
-      const glm::dvec3 p =
-          (glm::dvec3(mesh.vertices[std::size_t(triangle[i])]) - grid.origin) / grid.cell;
-      q[i] = {p[a] - lines.sa * p[c], p[b] - lines.sb * p[c], p[c]};
-    }
-    cross_lines(q, [&](int u, int v, double w) {
-      const int ic = std::clamp(int(std::floor(w)) + 1, 0, grid.size[c] - 1);  // first voxel after
-      const int ia = u + lines.sa * ic, ib = v + lines.sb * ic;
-      if (inside_grid(ia, ib)) ++k.below[std::size_t(voxel(ia, ib, ic))];
-    });
-  }
+  for_line_crossings(mesh, grid, lines, [&](int u, int v, double w) {
+    const int ic = std::clamp(int(std::floor(w)) + 1, 0, grid.size[c] - 1);  // first voxel after
+    const int ia = u + lines.sa * ic, ib = v + lines.sb * ic;
+    if (inside_grid(ia, ib)) ++k.below[std::size_t(voxel(ia, ib, ic))];
+  });
   const int step = voxel(lines.sa, lines.sb, 1);
   for (int ic = 1; ic < grid.size[c]; ++ic)
     for (int ib = 0; ib < grid.size[b]; ++ib)
@@ -143,7 +103,7 @@ void distance_line(const float* in, float* out, int n, std::vector<int>& at,
 
 }  // namespace
 
-VoxelGrid make_voxel_grid(const Bounds& box, int resolution) {
+VoxelGrid make_voxel_grid(const Bounds& box, int resolution, const glm::dvec3& shift) {
   const glm::dvec3 lower(box.lower), extent = glm::dvec3(box.upper) - lower;
   VoxelGrid grid;
   grid.cell = std::max({extent.x, extent.y, extent.z}) / resolution;
@@ -151,7 +111,7 @@ VoxelGrid make_voxel_grid(const Bounds& box, int resolution) {
     grid.size[i] = std::max(1, int(std::ceil(extent[i] / grid.cell - 1e-6))) + 2 * kBorder;
   // Off the middle by a little, another amount on each axis: voxel centres then do not lie exactly
   // in faces of boxes and other meshes with neat coordinates.
-  const glm::dvec3 off(0.0137, -0.0171, 0.0093);
+  const glm::dvec3 off = glm::dvec3(0.0137, -0.0171, 0.0093) + shift;
   grid.origin = lower + 0.5 * extent - grid.cell * (0.5 * glm::dvec3(grid.size - 1) + off);
   return grid;
 }

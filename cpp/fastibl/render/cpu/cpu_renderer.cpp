@@ -16,8 +16,9 @@ class CpuRenderer final : public Renderer {
       case PassId::shadow: {
         ShadowOptions options;
         options.method = in.methods.shadow;
-        shadow_ = cast_shadow(*in.lighting.radiance, in.lighting.plane_irradiance,
-                              in.scene.placed_spheres(), options);
+        options.settings = in.methods.shadow_settings;
+        shadow_ = caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance,
+                               in.scene.placed_spheres(), options);
         return;
       }
       case PassId::shade: {
@@ -48,6 +49,7 @@ class CpuRenderer final : public Renderer {
   Image<std::uint8_t> image() override { return image_; }
 
  private:
+  ShadowCaster caster_;
   ShadowMap shadow_;
   ObjectLayer object_;
   Image<std::uint8_t> image_;

@@ -28,7 +28,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   const glm::vec3 eye(marker_from_camera.translation);
   Area shadowed;
   if (place.extent > 0 && !place.no_light && eye.z > 0)
-    shadowed = outline_of_plane(place.centre, place.extent, camera, in.camera_from_marker);
+    shadowed = outline_of_plane(place.centre, place.reach(), camera, in.camera_from_marker);
   area_ = shadowed.united(object_area);
   if (area_.empty()) return;
   const int width = area_.width(), height = area_.height();
@@ -57,7 +57,8 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   glUniform1f(p.uniform("exposure"), float(in.exposure * camera.gain));
   glUniform4i(p.uniform("object_area"), object_area.x0, object_area.y0, object_area.x1,
               object_area.y1);
-  glUniform4f(p.uniform("ratio_place"), place.centre.x, place.centre.y, place.extent, 0);
+  glUniform4f(p.uniform("ratio_place"), place.centre.x, place.centre.y, place.extent,
+              place.outer.empty() ? 0 : place.outer_extent);
   set(p, "eye", eye);
   set(p, "marker_from_camera", glm::mat3(marker_from_camera.rotation));
   if (!camera.vignetting.empty()) {
@@ -67,7 +68,10 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   camera_.bind_response(gpu);
   if (!matte) gpu.bind("back", back_);
   if (!object_area.empty()) gpu.bind("object", shade.object());
-  if (!shadowed.empty()) gpu.bind("ratio_map", shadow.ratio());
+  if (!shadowed.empty()) {
+    gpu.bind("ratio_map", shadow.ratio());
+    gpu.bind("outer_map", shadow.outer());
+  }
   if (rays) camera_.bind_rays(gpu);
   gpu.target(0, picture_);
   gpu.draw_full_screen(width, height);

@@ -11,27 +11,33 @@ namespace {
 
 constexpr int kResolution = 64;  // of the shadow map
 
+void upload(Gpu& gpu, const Image<float>& image, Texture& texture) {
+  if (image.empty()) return;
+  std::vector<float> rgba;
+  for (std::size_t i = 0; i < image.data.size(); i += 3) {
+    rgba.insert(rgba.end(), &image.data[i], &image.data[i] + 3);
+    rgba.push_back(1);
+  }
+  gpu.allocate(texture, GL_RGBA32F, image.width, image.height, GL_RGBA, GL_FLOAT, rgba.data());
+}
+
 }  // namespace
 
 void ShadowPass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   ShadowOptions options;
-  options.method = in.methods.shadow;
+  options.method = resolved(in.methods.shadow);
+  options.settings = in.methods.shadow_settings;
   const SphereSet spheres = in.scene.placed_spheres();
   const bool caps =
       options.method == ShadowMethod::cap_sum || options.method == ShadowMethod::cap_product;
   // A method without a shader is the CPU's. Of the others this gives place and size: a map of
   // 2 × 2 has border texels only, at which nothing is cast.
-  options.resolution = caps ? 2 : kResolution;
-  shadow_ = cast_shadow(*in.lighting.radiance, in.lighting.plane_irradiance, spheres, options);
+  options.resolution = caps ? 2 : 0;
+  shadow_ = caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance, spheres, options);
   read_ = true;
   if (!caps) {
-    std::vector<float> rgba;
-    for (std::size_t i = 0; i < shadow_.ratio.data.size(); i += 3) {
-      rgba.insert(rgba.end(), &shadow_.ratio.data[i], &shadow_.ratio.data[i] + 3);
-      rgba.push_back(1);
-    }
-    gpu.allocate(ratio_, GL_RGBA32F, shadow_.ratio.width, shadow_.ratio.height, GL_RGBA, GL_FLOAT,
-                 rgba.data());
+    upload(gpu, shadow_.ratio, ratio_);
+    upload(gpu, shadow_.outer, outer_);
     return;
   }
   light.upload_radiance(gpu, in.lighting.radiance);

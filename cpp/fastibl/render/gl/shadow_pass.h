@@ -5,6 +5,7 @@
 #include "fastibl/render/gl/light_textures.h"
 #include "fastibl/render/renderer.h"
 #include "fastibl/scene/shadow_map.h"
+#include "fastibl/shadow/sphere_shadow.h"
 
 namespace fastibl {
 
@@ -15,10 +16,12 @@ class ShadowPass {
 
   const ShadowMap& place() const { return shadow_; }  // without its ratio, which may be old
   const Texture& ratio() const { return ratio_; }
+  const Texture& outer() const { return shadow_.outer.empty() ? ratio_ : outer_; }
   const ShadowMap& shadow_map(Gpu& gpu);  // reads back; outside a scope
 
  private:
-  Texture ratio_, spheres_;
+  Texture ratio_, outer_, spheres_;
+  ShadowCaster caster_;
   ShadowMap shadow_;  // its ratio is read back on request
   bool read_ = true;
 };

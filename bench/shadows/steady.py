@@ -1,0 +1,138 @@
+"""Steadiness of the shadow: the light changes a little, and the shadow as much as it should."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fastibl
+
+from .. import inputs
+from ..goals import Goal, row, skipped
+from ..light.stability import texel_directions
+from . import truth
+from .sky import Sky, behind_spheres, texels
+
+_GOAL = truth.Errors(0.0005, 0.003)
+
+
+class Visibility:
+    """What points (n, 2) see past an object that stays, under maps of one size that come one after the other.
+
+    hide: behind_mesh or behind_spheres, of the object. A direction is a texel, however bright: changes are compared.
+    """
+
+    def __init__(self, hide: Callable[[Sky], Callable[[NDArray, NDArray], None]], points: NDArray, size: int):
+        directions, angles = texels(size)
+        self._upper = np.flatnonzero(directions[:, 2] > 0)
+        self._weight = (angles * directions[:, 2])[self._upper, None]
+        sky = Sky([fastibl.CubeMap(np.ones((6, size, size, 3), np.float32))], largest=1)
+        behind = hide(sky)
+        hidden = np.zeros((len(points), *sky.directions.shape[:2]), np.float32)
+        for point, mine in zip(points, hidden, strict=True):
+            behind(np.array([*point, 0.0]), mine)
+        # From the sky's blocks of directions to the order of texels.
+        where = {tuple(d): i for i, d in enumerate(sky.directions.reshape(-1, 3))}
+        order = [where[tuple(d)] for d in directions[self._upper]]
+        self._hidden = np.ascontiguousarray(hidden.reshape(len(points), -1)[:, order])
+
+    def ratio(self, cube: fastibl.CubeMap) -> NDArray[np.float64]:
+        """True ratio (n, 3) under a map."""
+        flux = cube.faces.reshape(-1, 3)[self._upper] * self._weight
+        total = flux.sum(axis=0)
+        lost = self._hidden @ flux.astype(np.float32)
+        return np.where(total > 0, 1 - lost / np.where(total > 0, total, 1), 1)
+
+
+def brighter(cube: fastibl.CubeMap) -> Iterator[fastibl.CubeMap]:
+    """The brightest hundredth of the sphere, and one half of it, 2 % brighter."""
+    faces = cube.faces
+    brightness = faces.sum(axis=-1)
+    half = (texel_directions(cube.size) @ (0.6, 0.64, 0.48) > 0).reshape(brightness.shape)
+    for changed in (brightness > np.quantile(brightness, 0.99), half):
+        yield fastibl.CubeMap(np.where(changed[..., None], np.float32(1.02) * faces, faces))
+
+
+@row("shadow", "flicker: 2 % of the light")
+def light_change() -> Iterator[Goal]:
+    if not inputs.MAPS or "spot" not in truth.meshes():
+        yield skipped("a light change of 2 %", inputs.NO_MAPS)
+        return
+    points = truth.grid(32)
+    spheres = truth.spheres("spot")
+    seen = Visibility(lambda sky: behind_spheres(sky, spheres), points, truth.SIZE)
+    followed: dict[str, truth.Errors] = {}
+    anew: dict[str, truth.Errors] = {}
+    size: dict[str, float] = {}
+    options = {"method": "directions", "extent": truth.EXTENT, "centre": (0.0, 0.0), "resolution": 128}
+    for name, light in truth.lights().items():
+        before, first = seen.ratio(light.cube), fastibl.cast_shadow(light.cube, spheres, **options)
+        for k, cube in enumerate(brighter(light.cube)):
+            change = seen.ratio(cube) - before
+            what = f"{name}, {('its lights', 'a half')[k]}"
+            size[what] = truth.errors(change, np.zeros_like(change)).rms
+            for found, previous in ((followed, first), (anew, None)):
+                then = fastibl.cast_shadow(cube, spheres, previous=previous, **options)
+                given = then.sample(points).astype(np.float64) - first.sample(points)
+                found[what] = truth.errors(given, change)
+    worst = truth.Errors(max(e.rms for e in followed.values()), max(e.worst for e in followed.values()))
+    yield Goal(
+        "flicker, K = 256: error of the change after a 2 % light change, RMS of the worst light and largest",
+        f"{worst.rms:.5f}, {worst.worst:.4f}",
+        f"<= {_GOAL.rms}, <= {_GOAL.worst}",
+        worst.rms <= _GOAL.rms and worst.worst <= _GOAL.worst,
+        (
+            f"{len(followed)} changes of {len(truth.lights())} lights, directions kept from the shadow before; true "
+            f"changes RMS {min(size.values()):.5f} to {max(size.values()):.5f}; worst: "
+            f"{max(followed, key=lambda n: followed[n].rms)}",
+            f"with directions chosen anew: RMS {max(e.rms for e in anew.values()):.5f}, largest "
+            f"{max(e.worst for e in anew.values()):.4f}",
+        ),
+    )
+
+
+@row("shadow", "flicker: a recording")
+def recording() -> Iterator[Goal]:
+    """300 frames in the built-in room: the captured map changes, and with it the shadow; nothing else may.
+
+    Judged are the steps in which no point's true ratio changes by more than 0.02: what a person could take for flicker.
+    """
+    scene = inputs.scene("figurine")
+    film = fastibl.simulate(seconds=20, fps=15, seed=0, position=inputs.OBJECT)
+    session = fastibl.Session(scene, film.rig, film.board)
+    seen = last = None
+    errors: list[truth.Errors] = []
+    skipped_steps = 0
+    extent = 0.0
+    for frame in film:
+        result = session.process(frame)
+        if result.lighting is None:
+            continue
+        shadow = result.shadow_map
+        if seen is None:
+            extent = shadow.extent
+            # Towards its border the map fades, which is no matter of light.
+            points = truth.grid(20, 0.7 * extent) + shadow.centre
+            seen = Visibility(lambda sky: behind_spheres(sky, scene.spheres), points, result.environment.radiance.size)
+        now = seen.ratio(result.environment.radiance), shadow.sample(points).astype(np.float64)
+        if last is not None:
+            change = now[0] - last[0]
+            if np.abs(change).max() <= 0.02:
+                errors.append(truth.errors(now[1] - last[1], change))
+            else:
+                skipped_steps += 1
+        last = now
+    worst = truth.Errors(max(e.rms for e in errors), max(e.worst for e in errors))
+    yield Goal(
+        "flicker, 300-frame recording: error of the change from frame to frame, largest RMS and largest of all points",
+        f"{worst.rms:.5f}, {worst.worst:.4f}",
+        f"<= {_GOAL.rms}, <= {_GOAL.worst}",
+        worst.rms <= _GOAL.rms and worst.worst <= _GOAL.worst,
+        (
+            f"{len(errors)} steps judged, {skipped_steps} with a larger true change not; mean RMS "
+            f"{np.mean([e.rms for e in errors]):.5f}, 95th percentile of the largest "
+            f"{np.percentile([e.worst for e in errors], 95):.4f}; map of {2 * extent:.2f} m",
+        ),
+    )

@@ -1,0 +1,183 @@
+#include "fastibl/shading/bake_visibility.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "fastibl/core/check.h"
+#include "fastibl/core/parallel.h"
+#include "fastibl/core/simd.h"
+#include "fastibl/scene/bvh.h"
+#include "fastibl/scene/octahedral.h"
+
+namespace fastibl {
+namespace {
+
+constexpr float kOffset = 1e-4f;  // of the mesh's radius: far above rounding, below visible detail
+constexpr int kFirstSize = 16;    // of the directions that every vertex looks towards
+constexpr int kBlock = 64;        // vertices that one thread works out at a time
+
+void check_size(int size) {
+  check(
+      size >= kFirstSize && size <= OctahedralGrid::kLargest && std::has_single_bit(unsigned(size)),
+      "visibility needs 16, 32, 64 or 128 cells along an edge, got ", size);
+}
+
+// Cells of one vertex, 1 where it is blocked; those below its tangent plane are not.
+using Cells = std::vector<std::uint8_t>;
+
+struct Baked {  // of a block of vertices
+  std::vector<std::uint32_t> counts;
+  std::vector<std::uint16_t> edges;
+};
+
+void append_runs(const Cells& blocked, Baked& baked) {
+  const std::size_t begin = baked.edges.size();
+  std::uint8_t before = 0;
+  for (std::size_t k = 0; k < blocked.size(); ++k)
+    if (blocked[k] != before) baked.edges.push_back(std::uint16_t(k)), before = blocked[k];
+  if (before) baked.edges.push_back(std::uint16_t(blocked.size()));
+  baked.counts.push_back(std::uint32_t(baked.edges.size() - begin));
+}
+
+// Cosine-weighted share of each coarse cell that is free; what lies wholly below the tangent plane
+// has the share of the cell that it is part of, so that looking up between cells meets no step.
+void find_shares(const Cells& blocked, const std::vector<glm::vec3>& directions, glm::vec3 normal,
+                 std::uint8_t* shares) {
+  constexpr int kCount = VertexVisibility::kShareSize * VertexVisibility::kShareSize;
+  float free[VertexVisibility::kShareCount]{}, all[VertexVisibility::kShareCount]{};
+  const std::size_t parts = blocked.size() / kCount;
+  for (std::size_t k = 0; k < blocked.size(); ++k) {
+    const float cosine = std::max(glm::dot(normal, directions[k]), 0.0f);
+    all[k / parts] += cosine;
+    free[k / parts] += blocked[k] ? 0 : cosine;
+  }
+  int level[6] = {0};
+  for (int l = 0, count = kCount; count > 1; ++l, count /= 4) {
+    level[l + 1] = level[l] + count;
+    for (int k = 0; k < count; ++k) {
+      free[level[l + 1] + k / 4] += free[level[l] + k];
+      all[level[l + 1] + k / 4] += all[level[l] + k];
+    }
+  }
+  for (int l = 4; l >= 0; --l)
+    for (int k = level[l]; k < (l < 4 ? level[l + 1] : level[l] + 1); ++k) {
+      const int parent = l < 4 ? level[l + 1] + (k - level[l]) / 4 : k;
+      const float share = all[k] > 1e-6f ? free[k] / all[k] : 1;
+      shares[k] =
+          all[k] > 1e-6f || l == 4 ? std::uint8_t(std::lround(255 * share)) : shares[parent];
+    }
+}
+
+// blocked_around(vertex, normal, cells): fills the cells of one vertex.
+template <typename Around>
+VertexVisibility baked(std::size_t count, std::span<const glm::vec3> normals, int size,
+                       Around&& blocked_around) {
+  const OctahedralGrid& grid = octahedral_grid(size);
+  VertexVisibility result;
+  result.size = size;
+  result.shares.resize(count * VertexVisibility::kShareCount);
+  std::vector<Baked> blocks((count + kBlock - 1) / kBlock);
+  parallel_for(int(blocks.size()), 1, [&](int begin, int end) {
+    for (int b = begin; b < end; ++b)
+      for (std::size_t i = std::size_t(b) * kBlock;
+           i < std::min(count, std::size_t(b + 1) * kBlock); ++i) {
+        const Cells cells = blocked_around(i, normals[i]);
+        append_runs(cells, blocks[std::size_t(b)]);
+        find_shares(cells, grid.directions(), normals[i],
+                    &result.shares[i * VertexVisibility::kShareCount]);
+      }
+  });
+  result.first.push_back(0);
+  for (const Baked& block : blocks) {
+    for (const std::uint32_t n : block.counts) result.first.push_back(result.first.back() + n);
+    result.edges.insert(result.edges.end(), block.edges.begin(), block.edges.end());
+  }
+  return result;
+}
+
+// Rays towards the coarsest cells, then towards the four parts of those that differ from a
+// neighbour, which the silhouette of what blocks passes near; the other parts are as the whole.
+Cells trace(const Bvh& bvh, glm::vec3 origin, glm::vec3 normal, int size) {
+  const auto meets = [&](glm::vec3 d) {
+    return std::uint8_t(glm::dot(normal, d) > 0 && bvh.occluded({origin, d}));
+  };
+  Cells cells(kFirstSize * kFirstSize), finer;
+  const std::vector<glm::vec3>& first = octahedral_grid(kFirstSize).directions();
+  for (std::size_t k = 0; k < cells.size(); ++k) cells[k] = meets(first[k]);
+  for (int n = kFirstSize; n < size; n *= 2) {
+    const OctahedralGrid &grid = octahedral_grid(n), &fine = octahedral_grid(2 * n);
+    finer.resize(cells.size() * 4);
+    for (int k = 0; k < grid.count(); ++k) {
+      const std::uint8_t blocked = cells[std::size_t(k)];
+      bool mixed = glm::dot(normal, grid.directions()[std::size_t(k)]) <= 0;
+      const std::uint16_t* around = grid.neighbours(k);
+      for (int i = 0; i < 8; ++i) mixed |= cells[around[i]] != blocked;
+      for (std::size_t part = std::size_t(k) * 4; part < std::size_t(k) * 4 + 4; ++part) {
+        const glm::vec3 d = fine.directions()[part];
+        finer[part] = mixed ? meets(d) : std::uint8_t(blocked && glm::dot(normal, d) > 0);
+      }
+    }
+    cells.swap(finer);
+  }
+  return cells;
+}
+
+// Directions one coordinate after the other, for loops over all of them.
+struct Directions {
+  std::vector<float> x, y, z;
+  explicit Directions(const std::vector<glm::vec3>& directions) {
+    for (const glm::vec3& d : directions) x.push_back(d.x), y.push_back(d.y), z.push_back(d.z);
+  }
+};
+
+// Blocks the directions whose part along `axis` is at least `least`.
+FASTIBL_CLONES void block_cap(const float* x, const float* y, const float* z, int count,
+                              const float* axis, float least, std::uint8_t* blocked) {
+  const float ax = axis[0], ay = axis[1], az = axis[2];
+  for (int k = 0; k < count; ++k)
+    blocked[k] |= std::uint8_t(x[k] * ax + y[k] * ay + z[k] * az >= least);
+}
+FASTIBL_CLONES void keep_above(const float* x, const float* y, const float* z, int count,
+                               const float* normal, std::uint8_t* blocked) {
+  const float nx = normal[0], ny = normal[1], nz = normal[2];
+  for (int k = 0; k < count; ++k) blocked[k] &= std::uint8_t(x[k] * nx + y[k] * ny + z[k] * nz > 0);
+}
+
+}  // namespace
+
+VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options) {
+  mesh.validate();
+  check_size(options.size);
+  const Bvh bvh(mesh);
+  const std::vector<glm::vec3> normals = vertex_normals(mesh);
+  const float offset = kOffset * bounds(mesh.vertices).radius();
+  return baked(mesh.vertices.size(), normals, options.size, [&](std::size_t i, glm::vec3 normal) {
+    return trace(bvh, mesh.vertices[i] + offset * normal, normal, options.size);
+  });
+}
+
+VertexVisibility sphere_visibility(std::span<const glm::vec3> vertices,
+                                   std::span<const glm::vec3> normals, const SphereSet& spheres,
+                                   const VisibilityOptions& options) {
+  check(vertices.size() == normals.size(), "there must be as many normals as vertices, ",
+        vertices.size(), ", got ", normals.size());
+  check_size(options.size);
+  const Directions d(octahedral_grid(options.size).directions());
+  const int count = options.size * options.size;
+  return baked(vertices.size(), normals, options.size, [&](std::size_t i, glm::vec3 normal) {
+    Cells cells(std::size_t(count), 0);
+    for (const glm::vec4& s : spheres) {
+      const glm::vec3 to = glm::vec3(s) - vertices[i];
+      const float beyond = glm::dot(to, to) - s.w * s.w;  // the tangent's length, squared
+      // Contains the vertex, lies below its tangent plane, or is none (NaN fails every comparison).
+      if (!(s.w > 0) || !(beyond > 0) || !std::isfinite(beyond) || !(glm::dot(to, normal) > -s.w))
+        continue;
+      block_cap(d.x.data(), d.y.data(), d.z.data(), count, &to.x, std::sqrt(beyond), cells.data());
+    }
+    keep_above(d.x.data(), d.y.data(), d.z.data(), count, &normal.x, cells.data());
+    return cells;
+  });
+}
+
+}  // namespace fastibl

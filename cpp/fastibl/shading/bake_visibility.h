@@ -1,0 +1,30 @@
+// From an object to the directions that it blocks.
+#pragma once
+
+#include <span>
+
+#include "fastibl/scene/mesh.h"
+#include "fastibl/scene/shadow_map.h"
+#include "fastibl/scene/vertex_visibility.h"
+
+namespace fastibl {
+
+struct VisibilityOptions {
+  // Cells of the sphere along an edge: 16, 32 or 64 (11°, 5.6°, 2.8°). Rays towards 16² directions,
+  // then towards finer ones where neighbours differ: about 130, 250 and 530 a vertex.
+  int size = 64;
+};
+
+// From the mesh, by rays. Triangles hide from both sides; rays start off the surface, by 1e-4 of
+// the mesh's radius along the normal. The marker plane is not included: below the horizon the map
+// holds the table. Deterministic.
+VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options = {});
+
+// From spheres in its place, for an object that deforms: milliseconds. A sphere that contains a
+// vertex does not hide it, nor does one whose radius or centre is not finite.
+VertexVisibility sphere_visibility(std::span<const glm::vec3> vertices,
+                                   std::span<const glm::vec3> unit_normals,
+                                   const SphereSet& spheres,
+                                   const VisibilityOptions& options = {16});
+
+}  // namespace fastibl

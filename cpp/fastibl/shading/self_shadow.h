@@ -1,0 +1,63 @@
+// The light that an object keeps from itself.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "fastibl/scene/irradiance.h"
+#include "fastibl/scene/vertex_visibility.h"
+
+namespace fastibl {
+
+// The light of a map by the cells of a VertexVisibility, in the frame of the object, summed along
+// the curve.
+class CellLight {
+ public:
+  // Keeps what depends on size and rotation alone for the next map.
+  void update(const CubeMap& radiance, const glm::mat3& object_from_marker, int size);
+
+  int size() const { return size_; }
+  // ∫ L w dω over the cells before k: x, y and z for red, green, blue and nothing.
+  struct Sum {
+    float values[16];
+  };
+  const Sum& before(int k) const { return sums_[std::size_t(k)]; }
+
+ private:
+  void update_pieces(const glm::mat3& object_from_marker, int level_size);
+
+  // Where a piece of a texel goes: its solid angle times its direction; cells and their shares.
+  struct Piece {
+    glm::vec3 moment;
+    std::uint16_t cells[4];
+    float shares[4];
+  };
+  int size_ = 0, level_size_ = 0;
+  glm::mat3 object_from_marker_{0};
+  std::vector<Piece> pieces_;
+  std::vector<Sum> sums_;
+};
+
+// Irradiance that the object keeps from each vertex: n · Σ ∫ L w dω over the blocked cells.
+// normals: unit, mesh frame.
+void blocked_irradiance(const VertexVisibility& visibility, const CellLight& light,
+                        std::span<const glm::vec3> unit_normals, std::span<glm::vec3> blocked);
+
+// Share of the irradiance that reaches each vertex, by channel, in [0, 1]: 1 − blocked/E(n), where
+// E is read from `irradiance`; 1 where there is no light. Written to the first three of `shares`.
+void diffuse_shares(const VertexVisibility& visibility, const CellLight& light,
+                    const Irradiance& irradiance, std::span<const glm::vec3> unit_normals,
+                    const glm::mat3& marker_from_object, std::span<glm::vec4> shares);
+
+// Standard deviation along each axis, radians, of the lobe of half-vector exponent s ≥ 0, as the
+// levels of GlossyChain have it.
+float blinn_width(float exponent);
+
+// Share of a glossy lobe around the mirror direction that is free, to the fourth. width: standard
+// deviation of the lobe along each axis, radians. eye: in the frame of the mesh.
+void glossy_shares(const VertexVisibility& visibility, std::span<const glm::vec3> vertices,
+                   std::span<const glm::vec3> unit_normals, glm::vec3 eye, float width,
+                   std::span<glm::vec4> shares);
+
+}  // namespace fastibl

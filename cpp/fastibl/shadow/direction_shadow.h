@@ -1,0 +1,51 @@
+// Shadow of spheres on the marker plane, exact where they overlap: each of K directions of light
+// leaves its share of the irradiance where no sphere stands before it.
+//
+// Root mean square error of the ratio over ten lights and three objects: 0.0034 at K = 256, about
+// 0.009 (64/K)^0.71; see bench/shadows.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "fastibl/core/image.h"
+#include "fastibl/shadow/plane_bits.h"
+#include "fastibl/shadow/shadow_options.h"
+#include "fastibl/shadow/steady_light.h"
+
+namespace fastibl {
+
+// 1 − the sum of the shares where bits are set: (size, size, 3), row 0 is y min. Shares as
+// whole_shares() makes them: exactly 1 where no bit is set, exactly 0 where all are.
+Image<float> ratio_of(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares);
+
+// Half the edge of a map around `grid` beyond which no ratio is changed by more than 1/510, from
+// what of the light passes the spheres' bounding sphere; at most 8 times that of the grid. 0 where
+// the grid itself is enough.
+float outer_extent(std::span<const LightDirection> light, const SphereSet& spheres,
+                   const PlaneGrid& grid);
+
+// Casts the shadows of one object, frame by frame: the directions of light stay where they are, the
+// bits of a pose are kept as long as it does, and when nothing changed nothing is done.
+class DirectionShadow {
+ public:
+  explicit DirectionShadow(int directions = 256) : light_(directions) {}
+
+  const ShadowMap& cast(const CubeMap& radiance, const SphereSet& spheres,
+                        const ShadowOptions& options = {});
+  const SteadyLight& light() const { return light_; }
+
+ private:
+  void place(const SphereSet& spheres, const ShadowOptions& options);
+  void make_bits();
+  void make_ratio();
+
+  SteadyLight light_;
+  SphereSet spheres_;
+  ShadowOptions options_;
+  PlaneGrid inner_, outer_;
+  std::vector<PlaneBits> inner_bits_, outer_bits_;  // of the directions; outer ones may be empty
+  ShadowMap map_;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,36 @@
+// What a shadow on the marker plane is cast with, and where its map lies.
+#pragma once
+
+#include <optional>
+
+#include "fastibl/core/vector.h"
+#include "fastibl/scene/methods.h"
+#include "fastibl/scene/shadow_map.h"
+
+namespace fastibl {
+
+struct ShadowOptions {
+  ShadowMethod method = ShadowMethod::automatic;  // directions
+  ShadowSettings settings = {};
+  // Texels along an edge. 0: the method's own number, see default_resolution().
+  int resolution = 0;
+  float extent = 0;  // half the edge in metres; 0 = 3 × the spheres' half width or half height
+  std::optional<glm::vec2> centre = {};  // metres; by default the middle of the spheres
+  // A coarse map around the first one, by the methods that have it: so far out that what is left
+  // out changes no ratio by more than 1/510. Without, the ratio fades to 1 within the first.
+  bool outer = true;
+  bool operator==(const ShadowOptions&) const = default;
+};
+
+inline ShadowMethod resolved(ShadowMethod method) {
+  return method == ShadowMethod::automatic ? ShadowMethod::directions : method;
+}
+
+// Throws std::invalid_argument for a resolution that is neither 0 nor from 2 to 8192, and for an
+// extent or centre that is none.
+void check_options(const ShadowOptions& options);
+
+// Centre and extent of the map of these spheres; ±1 m around 0 when there is none.
+void place_map(const SphereSet& spheres, const ShadowOptions& options, ShadowMap& map);
+
+}  // namespace fastibl

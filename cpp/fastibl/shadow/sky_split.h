@@ -1,0 +1,94 @@
+// The light of the sky in two parts: what is far brighter than the mean, as a few directions of
+// their own, and the rest, which is smooth enough to be taken as even over each cell of the sky.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "fastibl/scene/cube_map.h"
+#include "fastibl/shadow/sky_cells.h"
+
+namespace fastibl {
+
+struct SkySplitOptions {
+  float threshold = 8;  // radiance above this many times the cosine-weighted mean has directions
+  // Leaves the directions out where they would hold less than this share of the irradiance: then
+  // no ratio changes by more than what the cells err on this share.
+  float least_share = 0.02f;
+  // A direction is split in two while its share times the root of its angular radius is above this;
+  // about half of the error of the ratio that it may leave.
+  float tolerance = 1e-3f;
+  int most_directions = 128;
+};
+
+// Which texels belong to which direction. It is kept while the light changes: weights are then
+// linear in the map, and nothing flickers.
+class SkySplit {
+ public:
+  SkySplit() = default;
+  explicit SkySplit(const CubeMap& radiance, const SkySplitOptions& options = {});
+
+  // Towards the lights, unit length, z > 0, marker frame.
+  const std::vector<glm::vec3>& directions() const { return directions_; }
+
+  struct Weights {
+    std::vector<glm::vec4> directions;  // xyz: irradiance of the plane by each
+    std::vector<glm::vec3> rest;        // radiance that is left of the texels of a level, 6 n²
+    int rest_size = 0;                  // n
+    glm::dvec3 irradiance{0};           // of the plane, by the whole map at rest_size
+  };
+  // radiance: a map of size().
+  Weights weigh(const CubeMap& radiance) const;
+  int size() const { return size_; }
+  // Whether this split still suits a light: no direction holds four times what it held, and the
+  // rest holds no new light.
+  bool suits(const Weights& weights) const;
+
+ private:
+  // Part of the radiance of a texel, which belongs to a direction.
+  struct Piece {
+    std::uint8_t level;
+    std::uint8_t face;
+    std::uint16_t x, y;
+    std::uint16_t direction;
+    std::int32_t rest;  // texel of the rest that it is taken from
+    float flux;         // irradiance of the plane by radiance 1
+    float taken;        // radiance taken from the rest by radiance 1
+  };
+  struct Element;
+  void collect(const CubeMap& radiance, const glm::dvec3& scale, const SkySplitOptions& options,
+               std::vector<Element>& elements) const;
+  void group(const SkySplitOptions& options, std::vector<Element>& elements);
+
+  int size_ = 0;  // of the map
+  float threshold_ = 0;
+  std::vector<glm::vec3> directions_;
+  std::vector<float> shares_;        // of each direction, when it was split
+  float bright_ = 0;                 // share of what was above twice the threshold in the rest
+  std::vector<float> rest_cosines_;  // × solid angle, of the texels of the rest
+  std::vector<Piece> pieces_;
+};
+
+// From radiance of texels to irradiance by cells of the sky, seen by an object that is turned about
+// z by `turn` radians.
+class CellSums {
+ public:
+  CellSums() = default;
+  CellSums(const SkyCells& cells, int size, float turn);
+  int size() const { return size_; }
+  float turn() const { return turn_; }
+  // rest: 6 size² texels. Returns one a cell, w is 0; never below 0.
+  std::vector<glm::vec4> sum(std::span<const glm::vec3> rest) const;
+
+ private:
+  struct Entry {
+    std::int32_t texel, cell;
+    float cosine;  // × solid angle
+  };
+  int size_ = 0, cells_ = 0;
+  float turn_ = 0;
+  std::vector<Entry> entries_;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,219 @@
+#include "fastibl/shadow/triangle_bits.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <unordered_map>
+
+#include "fastibl/core/wide.h"
+
+#ifdef FASTIBL_WITH_AVX2
+#include <immintrin.h>
+#endif
+
+namespace fastibl {
+namespace {
+
+constexpr int kLow = 4;  // rows of triangles that are drawn side by side
+// Texels. Keeps what is far away finite; a grid has fewer by far.
+constexpr float kFar = 1e7f;
+
+struct PlaceHash {
+  std::size_t operator()(const glm::vec3& v) const {
+    std::uint32_t bits[3];
+    std::memcpy(bits, &v, sizeof bits);
+    std::uint64_t h = 0x9e3779b97f4a7c15u;
+    for (const std::uint32_t b : bits) h = (h ^ b) * 0xff51afd7ed558ccdu, h ^= h >> 32;
+    return std::size_t(h);
+  }
+};
+
+// Merges vertices, and cuts triangles at z = 0.
+class Builder {
+ public:
+  int add(glm::vec3 v) {
+    v += 0.0f;  // −0 and 0 are one place
+    const auto [it, is_new] = index_.try_emplace(v, int(vertices.size()));
+    if (is_new) vertices.push_back(v);
+    return it->second;
+  }
+  // Where the edge between two vertices meets the plane; worked out once for both its triangles.
+  int cut(int i, int j) {
+    if (i > j) std::swap(i, j);
+    const auto [it, is_new] = cuts_.try_emplace({i, j}, -1);
+    if (is_new) {
+      const glm::dvec3 p(vertices[std::size_t(i)]), q(vertices[std::size_t(j)]);
+      glm::vec3 at(p + (q - p) * (p.z / (p.z - q.z)));
+      at.z = 0;
+      it->second = add(at);
+    }
+    return it->second;
+  }
+  void add_triangle(const int (&corner)[3]) {
+    int polygon[4], count = 0;
+    for (int k = 0; k < 3; ++k) {
+      const int i = corner[k], j = corner[(k + 1) % 3];
+      const float zi = vertices[std::size_t(i)].z, zj = vertices[std::size_t(j)].z;
+      if (zi >= 0) polygon[count++] = i;
+      if ((zi < 0 && zj > 0) || (zi > 0 && zj < 0)) polygon[count++] = cut(i, j);
+    }
+    for (int k = 2; k < count; ++k) keep(polygon[0], polygon[k - 1], polygon[k]);
+  }
+  std::vector<glm::vec3> vertices;
+  std::vector<glm::ivec3> triangles;
+
+ private:
+  void keep(int a, int b, int c) {
+    if (a == b || b == c || a == c) return;
+    if (a > b) std::swap(a, b);
+    if (b > c) std::swap(b, c);
+    if (a > b) std::swap(a, b);
+    triangles.push_back({a, b, c});
+  }
+  std::unordered_map<glm::vec3, int, PlaceHash> index_;
+  std::map<std::pair<int, int>, int> cuts_;
+};
+
+// begin and end included; columns of 64 texels lie `stride` words apart.
+inline void set_span(std::uint64_t* row, std::ptrdiff_t stride, int begin, int end) {
+  const int first = begin >> 6, last = end >> 6;
+  const std::uint64_t low = ~std::uint64_t{0} << (begin & 63),
+                      high = ~std::uint64_t{0} >> (63 - (end & 63));
+  if (first == last) {
+    row[first * stride] |= low & high;
+    return;
+  }
+  row[first * stride] |= low;
+  for (int w = first + 1; w < last; ++w) row[w * stride] = ~std::uint64_t{0};
+  row[last * stride] |= high;
+}
+
+struct Edge {
+  float x, y, slope, low, high;  // low and high: y of the ends; low > high: horizontal, never met
+  Edge(glm::vec2 p, glm::vec2 q)
+      : x(p.x), y(p.y), slope(0), low(std::min(p.y, q.y)), high(std::max(p.y, q.y)) {
+    if (low < high)
+      slope = (q.x - p.x) / (q.y - p.y);
+    else
+      low = 1, high = 0;
+  }
+};
+
+// a b c: corners in an order that two triangles give a shared edge alike, so that both find the
+// same crossing with a row.
+void draw_triangle(glm::vec2 a, glm::vec2 b, glm::vec2 c, int size, std::ptrdiff_t stride,
+                   std::uint64_t* words) {
+  const float last = float(size - 1);
+  const int begin = int(std::ceil(std::max(std::min({a.y, b.y, c.y}), 0.0f))),
+            end = int(std::floor(std::min(std::max({a.y, b.y, c.y}), last)));
+  const Edge edges[3] = {{a, b}, {b, c}, {a, c}};
+  for (int j = begin; j <= end; ++j) {
+    const float y = float(j);
+    float left = kFar, right = -kFar;
+    for (const Edge& e : edges) {
+      if (y < e.low || y > e.high) continue;
+      const float x = e.x + (y - e.y) * e.slope;
+      left = std::min(left, x), right = std::max(right, x);
+    }
+    left = std::max(left, 0.0f), right = std::min(right, last);
+    if (!(left <= right)) continue;
+    const int i0 = int(std::ceil(left)), i1 = int(std::floor(right));
+    if (i0 <= i1) set_span(words + j, stride, i0, i1);
+  }
+}
+
+namespace portable {
+#define FASTIBL_TARGET
+#include "fastibl/shadow/triangle_kernel.inl"
+#undef FASTIBL_TARGET
+}  // namespace portable
+#ifdef FASTIBL_WITH_AVX2
+namespace avx2 {
+#define FASTIBL_IN_AVX2
+#define FASTIBL_TARGET __attribute__((target("avx2,fma")))
+#include "fastibl/shadow/triangle_kernel.inl"
+#undef FASTIBL_TARGET
+#undef FASTIBL_IN_AVX2
+}  // namespace avx2
+const auto project = has_avx2() ? avx2::project : portable::project;
+const auto count_rows = has_avx2() ? avx2::count_rows : portable::count_rows;
+const auto draw_low = has_avx2() ? avx2::draw_low : portable::draw_low;
+#else
+using portable::count_rows, portable::draw_low, portable::project;
+#endif
+
+}  // namespace
+
+ShadowTriangles::ShadowTriangles(const Mesh& mesh) {
+  mesh.validate();
+  Builder builder;
+  std::vector<int> places;
+  places.reserve(mesh.vertices.size());
+  for (const glm::vec3& v : mesh.vertices) places.push_back(builder.add(v));
+  for (const glm::ivec3& t : mesh.triangles) {
+    const int corner[3] = {places[std::size_t(t.x)], places[std::size_t(t.y)],
+                           places[std::size_t(t.z)]};
+    builder.add_triangle(corner);
+  }
+  // Vertices in the order of their use, so that neighbours lie together; the order of an edge's two
+  // ends stays one for all its triangles.
+  std::vector<int> number(builder.vertices.size(), -1);
+  for (const glm::ivec3& t : builder.triangles) {
+    int corner[3];
+    for (int k = 0; k < 3; ++k) {
+      const int v = t[k];
+      if (number[std::size_t(v)] < 0) {
+        number[std::size_t(v)] = int(x_.size());
+        const glm::vec3& p = builder.vertices[std::size_t(v)];
+        x_.push_back(p.x), y_.push_back(p.y), z_.push_back(p.z);
+      }
+      corner[k] = number[std::size_t(v)];
+    }
+    std::sort(corner, corner + 3);
+    a_.push_back(corner[0]), b_.push_back(corner[1]), c_.push_back(corner[2]);
+  }
+}
+
+ShadowTriangles ShadowTriangles::moved(glm::vec2 cos_sin, glm::vec2 offset) const {
+  ShadowTriangles out = *this;
+  for (std::size_t i = 0; i < x_.size(); ++i) {
+    out.x_[i] = cos_sin.x * x_[i] - cos_sin.y * y_[i] + offset.x;
+    out.y_[i] = cos_sin.y * x_[i] + cos_sin.x * y_[i] + offset.y;
+  }
+  return out;
+}
+
+void ShadowTriangles::draw(glm::vec3 direction, const PlaneGrid& grid, PlaneBits& bits,
+                           Scratch& scratch) const {
+  if (!(direction.z > 0) || bits.size() == 0) return;
+  const int count = int(a_.size());
+  scratch.x.resize(x_.size()), scratch.y.resize(x_.size()), scratch.rows.resize(a_.size());
+  const float scale = float(1 / grid.texel());
+  const glm::vec2 slope = glm::vec2(direction) / direction.z, shift(grid.texels({0, 0}));
+  project(x_.data(), y_.data(), z_.data(), int(x_.size()), &slope.x, &shift.x, scale,
+          scratch.x.data(), scratch.y.data());
+  const float last = float(bits.size() - 1);
+  count_rows(a_.data(), b_.data(), c_.data(), count, scratch.x.data(), scratch.y.data(), last,
+             scratch.rows.data());
+  // Written in place, over what was read.
+  int low = 0;
+  std::int32_t* chosen = scratch.rows.data();
+  const auto at = [&](std::int32_t v) {
+    return glm::vec2(scratch.x[std::size_t(v)], scratch.y[std::size_t(v)]);
+  };
+  for (int i = 0; i < count; ++i) {
+    const std::int32_t rows = chosen[i];
+    chosen[low] = i;
+    low += rows >= 1 && rows <= kLow;
+    if (rows > kLow) {
+      const std::size_t k = std::size_t(i);
+      draw_triangle(at(a_[k]), at(b_[k]), at(c_[k]), bits.size(), bits.padded_rows(),
+                    bits.column(0));
+    }
+  }
+  draw_low(chosen, low, a_.data(), b_.data(), c_.data(), scratch.x.data(), scratch.y.data(), last,
+           bits.padded_rows(), bits.column(0));
+}
+
+}  // namespace fastibl
