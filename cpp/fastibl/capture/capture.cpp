@@ -19,6 +19,7 @@ constexpr std::size_t kSnapshots = 3;  // kept to be updated: in use by renderer
 // Seconds over which new values of unseen tiles are spread, and the least share that a picture
 // makes: what is not seen is a guess, and follows when there is time.
 constexpr double kRefillTime = 1, kLeastRefill = 1 / 32.0;
+constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 
 // Rows of `width` texels as the map has them, its rows `stride` floats apart.
@@ -152,6 +153,7 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
         time_, " s");
   const std::ptrdiff_t index = &k - cameras_.data();
   int refills = refills_after(time, index);
+  const bool all_refills = refills == grid_.count();
   time_ = time, last_camera_ = index;
 
   Viewpoint viewpoint{options_.centre, options_.distance};
@@ -182,7 +184,11 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   std::vector<int> changed, refilled;
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) changed.push_back(tiles_[i]);
-  unseen_.update(changed, sums_, tile_projected_, time_, refilled);
+  new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
+  if (all_refills || ++pictures_ % kPicturesPerFill == 0) {
+    unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);
+    new_sums_.clear();
+  }
   const std::uint64_t version = new_tile_version();
   for (const int tile : changed) versions_[std::size_t(tile)] = version, refill(tile);
   for (const int tile : refilled) stale_fill_[std::size_t(tile)] = 1;

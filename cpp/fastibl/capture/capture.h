@@ -103,7 +103,8 @@ class Capture {
   UnseenTiles unseen_;
   std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map
   std::vector<std::uint8_t> stale_fill_;  // where it is no longer that of unseen_
-  int next_refill_ = 0;
+  int next_refill_ = 0, pictures_ = 0;
+  std::vector<int> new_sums_;  // tiles that unseen_ does not know yet
   TilePyramids pyramids_;
   QuietTiles quiet_;
   std::vector<std::uint64_t> versions_;  // by tile, as the map's
