@@ -123,7 +123,9 @@ def resolve_methods(given: str | Mapping[str, str | Method]) -> _Methods:
     if unknown:
         raise ValueError(f"no step {sorted(unknown)[0]!r}; there are: {', '.join(STEPS)}")
     chosen = {step: method_name(step, given.get(step, "auto")) for step in STEPS}
-    settings = {f"{step}_settings": method_settings(given.get(step, "auto")) for step in ("diffuse", "glossy", "shadow")}
+    settings = {
+        f"{step}_settings": method_settings(given.get(step, "auto")) for step in ("diffuse", "glossy", "shadow")
+    }
     return _Methods(normalization=str(given.get("normalization", "energy")), **chosen, **settings)
 
 

@@ -23,8 +23,8 @@ class CpuRenderer final : public Renderer {
       }
       case PassId::shade: {
         const glm::vec3 eye(in.camera_from_marker.inverse().translation);
-        object_ = shade(rasterize(in.scene, in.camera, in.camera_from_marker, in.light_shares), in.scene.material,
-                        in.lighting, eye);
+        object_ = shade(rasterize(in.scene, in.camera, in.camera_from_marker, in.light_shares),
+                        in.scene.material, in.lighting, eye);
         return;
       }
       case PassId::composite:
