@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -753,6 +753,109 @@ class DirectionShadow:
         """
         Directions (k, 3) and shares (k, 3) of the last cast, see light_directions; twice as many while new ones are faded in.
         """
+class MeshShadowLight:
+    """
+    What lasts from one light to the next: directions of dominant lights, and their shadows.
+    """
+    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0010000000474974513) -> None:
+        ...
+    @property
+    def directions(self) -> int:
+        """
+        Number of directions of the last light.
+        """
+    @property
+    def splits(self) -> int:
+        """
+        How often directions were chosen.
+        """
+class BakedShadow:
+    """
+    What a rigid object hides of the sky, see fastibl.MeshShadow.
+    """
+    @staticmethod
+    def bake(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, progress: collections.abc.Callable[[float], bool] = None) -> typing.Any:
+        """
+        None if `progress`, called with the part that is done, returned False.
+        """
+    @staticmethod
+    def from_table(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, table: tuple) -> BakedShadow:
+        """
+        From what `table` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
+        """
+    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight) -> ShadowMap:
+        """
+        ShadowMap of the object under this light.
+        """
+    def fits(self, marker_from_object: typing.Any) -> bool:
+        """
+        Whether the object still stands as it was baked: shifted on the plane and turned about z, no more.
+        """
+    @property
+    def bytes(self) -> int:
+        """
+        Memory of the table.
+        """
+    @property
+    def extent(self) -> float:
+        """
+        Half the map's edge in metres.
+        """
+    @property
+    def table(self) -> tuple:
+        """
+        Three arrays: where the entries of each block begin, their cells, their covers (n, 16).
+        """
+class SelfShadow:
+    """
+    The light that an object keeps from itself, by vertex.
+
+    mesh: Mesh. size: cells of the sphere along an edge, 16, 32, 64 or 128 (64: 2.8 degrees, about 530 rays a vertex).
+    Directions that the mesh blocks are worked out once; the light of a map is then summed over the free ones, whatever
+    its lights. The marker plane is not included: below the horizon the map holds the table. Raises ValueError for
+    another size.
+    """
+    @staticmethod
+    def from_spheres(mesh: Mesh, spheres: typing.Any, *, size: typing.SupportsInt | typing.SupportsIndex = 16) -> SelfShadow:
+        """
+        The same from spheres (m, 4) in the mesh's frame, for an object that deforms.
+
+        A sphere that contains a vertex does not hide it; spheres that are not finite or have no radius are ignored.
+        """
+    def __init__(self, mesh: Mesh, *, size: typing.SupportsInt | typing.SupportsIndex = 64) -> None:
+        ...
+    def __repr__(self) -> str:
+        ...
+    def glossy_shares(self, eye: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex = 64.0) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Share of a glossy lobe of this half-vector exponent that is free at each vertex: (v,) float32 in [0, 1].
+
+        eye: (3,) where it is seen from, in the mesh's frame. Raises ValueError for a negative exponent.
+        """
+    def irradiance(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Irradiance of each vertex with its self-shadow: (v, 3) float32.
+        """
+    def shares(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Share of the irradiance that reaches each vertex, by colour channel: (v, 3) float32 in [0, 1].
+
+        1 where nothing is blocked, and where there is no light.
+        """
+    def visible(self, directions: typing.Any) -> numpy.typing.NDArray[numpy.bool]:
+        """
+        Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
+
+        False below the vertex's tangent plane.
+        """
+    @property
+    def nbytes(self) -> int:
+        """
+        Memory of the directions.
+        """
+    @property
+    def size(self) -> int:
+        ...
 class DetectedTag:
     """
     A tag found in a picture: id, and corners (4, 2) in pixels with centres at + 0.5, in the order of Tag.corners.
