@@ -127,12 +127,12 @@ void ShadowMap::sample(std::span<const glm::vec2> points, std::span<glm::vec3> r
   }
 }
 
-glm::vec3 ShadowMap::sample_outer(glm::vec2 point) const {
-  const float n = float(outer.width);
-  const glm::vec2 p = (point - centre) * (0.5f * n / outer_extent) + 0.5f * n - 0.5f;
-  glm::vec3 out(1);
-  look_up(outer, p.x, p.y, out);
-  return out;
+void ShadowMap::sample_outer(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const {
+  const float n = float(outer.width), scale = 0.5f * n / outer_extent;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const glm::vec2 p = (points[i] - centre) * scale + 0.5f * n - 0.5f;
+    if (!look_up(outer, p.x, p.y, ratios[i])) ratios[i] = glm::vec3(1);
+  }
 }
 
 glm::vec3 ShadowMap::sample_texels(float px, float py) const {

@@ -34,7 +34,8 @@ struct ShadowMap {
   glm::vec3 sample_texels(float x, float y) const;
   // The same at many positions.
   void sample_texels(const float* x, const float* y, int count, glm::vec3* ratios) const;
-  glm::vec3 sample_outer(glm::vec2 point) const;  // in `outer`
+  // In `outer`, whatever the finer map has there.
+  void sample_outer(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;
   bool operator==(const ShadowMap&) const = default;
 
  private:

@@ -24,25 +24,33 @@ constexpr double kUnseen = 1 / 510.0;  // half a step of an 8-bit picture
 constexpr double kFarthest = 8;        // extent of the outer map, by that of the inner
 constexpr int kSectors = 64;           // of the plane around the object
 constexpr double kSectorAngle = 2 * std::numbers::pi / kSectors;
-constexpr int kRows = 16;  // of a map, summed together: their differences stay in the L1 cache
+constexpr int kRows = 8;    // of a map, summed together: a vector of words
+constexpr int kStrip = 16;  // rows of a thread
 
 using Share [[gnu::vector_size(16), gnu::may_alias]] = std::int32_t;
 using Words [[gnu::vector_size(64), gnu::may_alias]] = std::uint64_t;
 
+// Differences along eight rows: of which columns of 64 texels some are not 0.
+struct Strip {
+  int first = 1 << 20, last = -1;
+};
+
 // Adds a share where the bits of eight rows begin to be set, and takes it off where they end. The
 // cost is that of the edges: of an object a few in a row, whatever its size.
 FASTIBL_CLONES
-void add_edges(const std::uint64_t* words, std::ptrdiff_t column_stride, int columns,
-               const glm::ivec4& whole, glm::ivec4* differences, std::ptrdiff_t row_stride) {
+void add_edges(const std::uint64_t* words, std::ptrdiff_t column_stride, int first_column,
+               int last_column, const glm::ivec4& whole, glm::ivec4* differences,
+               std::ptrdiff_t row_stride, Strip& strip) {
   const Share share = *reinterpret_cast<const Share*>(&whole);
   Words carry{};
-  for (int c = 0; c < columns; ++c) {
+  for (int c = first_column; c <= last_column; ++c) {
     const Words bits = *reinterpret_cast<const Words*>(words + c * column_stride);
     const Words changes = bits ^ (bits << 1 | carry);
     std::uint64_t any = 0;
-    for (int r = 0; r < 8; ++r) any |= changes[r];
+    for (int r = 0; r < kRows; ++r) any |= changes[r];
     if (any != 0) {
-      for (int r = 0; r < 8; ++r) {
+      strip.first = std::min(strip.first, c), strip.last = std::max(strip.last, c);
+      for (int r = 0; r < kRows; ++r) {
         Share step = carry[r] ? -share : share;
         auto* row = reinterpret_cast<Share*>(differences + r * row_stride + 64 * c);
         for (std::uint64_t left = changes[r]; left != 0; left &= left - 1) {
@@ -55,15 +63,25 @@ void add_edges(const std::uint64_t* words, std::ptrdiff_t column_stride, int col
   }
 }
 
-// Sums the differences of a row up to what is lost there.
+// Sums the differences of a row up to what is lost there, in texels [begin, end), and clears them;
+// what is lost at the end stays lost.
 FASTIBL_CLONES
-void sum_row(const glm::ivec4* differences, int size, float* ratio) {
+void sum_row(glm::ivec4* differences, int begin, int end, int size, float* ratio) {
+  using Colour [[gnu::vector_size(16), gnu::aligned(4), gnu::may_alias]] = float;
   constexpr float kScale = 1.0f / kWholeShare;
+  for (int i = 0; i < 3 * begin; ++i) ratio[i] = 1;
   Share lost{};
-  for (int x = 0; x < size; ++x) {
-    lost += reinterpret_cast<const Share*>(differences)[x];
-    for (int c = 0; c < 3; ++c) ratio[3 * x + c] = 1 - float(lost[c]) * kScale;
+  Colour left = {1, 1, 1, 1};
+  // Four floats are written for three; the next texel, or the rest of the row, overwrites the last.
+  for (int x = begin; x < end; ++x) {
+    Share& difference = reinterpret_cast<Share*>(differences)[x];
+    lost += difference;
+    difference = Share{};
+    left = 1 - __builtin_convertvector(lost, Colour) * kScale;
+    if (x + 1 < size) *reinterpret_cast<Colour*>(ratio + 3 * x) = left;
   }
+  for (int x = std::min(end, size - 1); x < size; ++x)
+    for (int c = 0; c < 3; ++c) ratio[3 * x + c] = left[c];
 }
 
 void sum_rows(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares, int begin,
@@ -71,14 +89,20 @@ void sum_rows(std::span<const PlaneBits> bits, std::span<const glm::ivec4> share
   const int size = ratio.width, columns = (size + 63) / 64;
   const std::ptrdiff_t row_stride = 64 * columns;
   std::vector<glm::ivec4> differences(std::size_t(row_stride) * kRows, glm::ivec4(0));
-  for (std::size_t k = 0; k < bits.size(); ++k) {
-    const PlaneBits& b = bits[k];
-    for (int y = begin; y < end; y += 8)
-      add_edges(b.column(0) + y, b.padded_rows(), columns, shares[k],
-                differences.data() + (y - begin) * row_stride, row_stride);
+  for (int first = begin; first < end; first += kRows) {
+    Strip strip;
+    for (std::size_t k = 0; k < bits.size(); ++k) {
+      const PlaneBits::Box& box = bits[k].box();
+      if (first + kRows <= box.first_row || first > box.last_row) continue;
+      add_edges(bits[k].column(0) + first, bits[k].padded_rows(), box.first_column,
+                std::min(box.last_column + 1, columns - 1), shares[k], differences.data(),
+                row_stride, strip);
+    }
+    const int from = std::min(64 * strip.first, size), to = std::min(64 * (strip.last + 1), size);
+    for (int y = first; y < std::min(first + kRows, end); ++y)
+      sum_row(differences.data() + (y - first) * row_stride, std::min(from, to), to, size,
+              ratio.row(y));
   }
-  for (int y = begin; y < end; ++y)
-    sum_row(differences.data() + (y - begin) * row_stride, size, ratio.row(y));
 }
 
 // A ball around all spheres that can cast a shadow; of radius 0 when there is none.
@@ -122,44 +146,84 @@ void cast_bits(const PlaneSpheres& spheres, glm::vec3 direction, int size, Plane
   spheres.add_shadow(direction, bits);
 }
 
-// Calls visit(x, y, keep) for the texels of the outer tenth, where less than all is kept.
+// How much of a map is kept along its border; shared::shadow_keep() is that of the nearer border.
+std::vector<float> border_keep(int n) {
+  std::vector<float> keep;
+  for (int i = 0; i < n; ++i)
+    keep.push_back(shared::shadow_keep({shared::plane_offset(i, float(n)), 0}, float(n)));
+  return keep;
+}
+
+FASTIBL_CLONES
+void fade_texels(float* ratio, const float* keep, float most, int count) {
+  for (int x = 0; x < count; ++x) {
+    const float k = keep[x] < most ? keep[x] : most;
+    for (int c = 0; c < 3; ++c) ratio[3 * x + c] = 1 + k * (ratio[3 * x + c] - 1);
+  }
+}
+
+// Calls visit(begin, end, row) for the runs of texels where not all is kept.
 template <typename Visit>
-void for_border(int n, const Visit& visit) {
-  const int width = std::min(int(0.05f * float(n)) + 2, n);
-  for (int y = 0; y < n; ++y)
-    for (int x = 0; x < n; ++x) {
-      if (y >= width && y < n - width && x == width) x = std::max(x, n - width);
-      const glm::vec2 p(shared::plane_offset(x, float(n)), shared::plane_offset(y, float(n)));
-      visit(x, y, p, shared::shadow_keep(p, float(n)));
-    }
+void for_border(std::span<const float> keep, const Visit& visit) {
+  const int n = int(keep.size());
+  int width = 0;
+  while (width < n && keep[std::size_t(width)] < 1) ++width;
+  for (int y = 0; y < n; ++y) {
+    if (y < width || y >= n - width || 2 * width >= n)
+      visit(0, n, y);
+    else
+      visit(0, width, y), visit(n - width, n, y);
+  }
 }
 
 // To exactly 1 at the border texels.
 void fade_border(Image<float>& ratio) {
-  for_border(ratio.width, [&](int x, int y, glm::vec2, float keep) {
-    float* r = ratio.pixel(x, y);
-    for (int c = 0; c < 3; ++c) r[c] = 1 + keep * (r[c] - 1);
+  const std::vector<float> keep = border_keep(ratio.width);
+  for_border(keep, [&](int begin, int end, int y) {
+    fade_texels(ratio.pixel(begin, y), &keep[std::size_t(begin)], keep[std::size_t(y)],
+                end - begin);
   });
 }
 
 // To the outer map, so that no seam is seen between the two.
 void join_border(ShadowMap& map) {
   if (map.outer.empty()) return;
-  for_border(map.ratio.width, [&](int x, int y, glm::vec2 p, float keep) {
-    const glm::vec3 outside = map.sample_outer(map.centre + map.extent * p);
-    float* r = map.ratio.pixel(x, y);
-    for (int c = 0; c < 3; ++c) r[c] = outside[c] + keep * (r[c] - outside[c]);
+  const int n = map.ratio.width;
+  const std::vector<float> keep = border_keep(n);
+  std::vector<glm::vec2> points(static_cast<std::size_t>(n));
+  std::vector<glm::vec3> around(points.size());
+  for_border(keep, [&](int begin, int end, int y) {
+    const std::size_t count = std::size_t(end - begin);
+    for (int x = begin; x < end; ++x)
+      points[std::size_t(x - begin)] =
+          map.centre + map.extent * glm::vec2(shared::plane_offset(x, float(n)),
+                                              shared::plane_offset(y, float(n)));
+    map.sample_outer(std::span(points).first(count), around);
+    for (int x = begin; x < end; ++x) {
+      const float k = std::min(keep[std::size_t(x)], keep[std::size_t(y)]);
+      float* r = map.ratio.pixel(x, y);
+      const glm::vec3& o = around[std::size_t(x - begin)];
+      for (int c = 0; c < 3; ++c) r[c] = o[c] + k * (r[c] - o[c]);
+    }
   });
 }
 
 }  // namespace
 
-Image<float> ratio_of(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares) {
+void sum_shares(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares,
+                Image<float>& ratio) {
   check(!bits.empty() && bits.size() == shares.size(), "there must be as many shares as bits");
   const int size = bits[0].size();
   for (const PlaneBits& b : bits) check(b.size() == size, "the bits must be of one size");
-  Image<float> ratio(size, size, 3);
-  parallel_for(size, kRows, [&](int begin, int end) { sum_rows(bits, shares, begin, end, ratio); });
+  if (ratio.width != size || ratio.height != size || ratio.channels != 3)
+    ratio = Image<float>(size, size, 3);
+  parallel_for(size, kStrip,
+               [&](int begin, int end) { sum_rows(bits, shares, begin, end, ratio); });
+}
+
+Image<float> ratio_of(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares) {
+  Image<float> ratio;
+  sum_shares(bits, shares, ratio);
   return ratio;
 }
 
@@ -208,8 +272,7 @@ void DirectionShadow::make_bits() {
   inner_bits_.resize(light.size());
   outer_bits_.resize(outer_.extent > 0 ? light.size() : 0);
   std::optional<PlaneSpheres> outer;
-  glm::dvec4 ball(0);
-  if (outer_.extent > 0) outer.emplace(spheres_, outer_), ball = bounding_ball(spheres_);
+  if (outer_.extent > 0) outer.emplace(spheres_, outer_);
   parallel_for(int(light.size()), kDirections, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       const glm::vec3 d = light[std::size_t(k)].direction;
@@ -221,13 +284,14 @@ void DirectionShadow::make_bits() {
 
 void DirectionShadow::make_ratio() {
   const std::vector<glm::ivec4> shares = whole_shares(light_.directions());
-  map_.ratio = ratio_of(inner_bits_, shares);
-  map_.outer = {};
-  map_.outer_extent = 0;
+  sum_shares(inner_bits_, shares, map_.ratio);
   if (outer_.extent > 0) {
-    map_.outer = ratio_of(outer_bits_, shares);
+    sum_shares(outer_bits_, shares, map_.outer);
     map_.outer_extent = outer_.extent;
     fade_border(map_.outer);
+  } else {
+    map_.outer = {};
+    map_.outer_extent = 0;
   }
   if (options_.outer)
     join_border(map_);

@@ -80,6 +80,15 @@ std::vector<int> counts_of(std::span<const double> weights, int count) {
   return counts;
 }
 
+// The weight of all light is 1 where it has one colour, and 3 where red, green and blue come from
+// different places: then each channel has directions of its own, as many as were asked for.
+int count_for(double total, int count) {
+  constexpr double kUsual =
+      1.5;  // up to here the channels share theirs; seven real maps: 1.0 to 1.4
+  const double more = std::max(total - kUsual, 0.0) / (3 - kUsual) * 2;
+  return int(std::lround(count * (1 + std::min(more, 2.0))));
+}
+
 }  // namespace
 
 std::vector<SkyPart> split_sky(const SkyEnergy& sky, int count) {
@@ -89,7 +98,8 @@ std::vector<SkyPart> split_sky(const SkyEnergy& sky, int count) {
   if (sky.no_light()) return parts;
   std::vector<double> weights;
   for (int t = 0; t < sky.tables(); ++t) weights.push_back(sky.weight(sky.whole(t)));
-  const std::vector<int> counts = counts_of(weights, count);
+  const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
+  const std::vector<int> counts = counts_of(weights, count_for(total, count));
   for (int t = 0; t < sky.tables(); ++t)
     if (counts[std::size_t(t)] > 0)
       split(sky, sky.whole(t), counts[std::size_t(t)], Place{}, parts);

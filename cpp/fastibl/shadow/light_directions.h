@@ -27,7 +27,8 @@ struct SkyPart {
 };
 
 // `count` parts of about the same weight, by recursive splitting along the side that spans the
-// larger angle. None without light. Deterministic.
+// larger angle; up to three times as many where the channels have their light from different
+// places. None without light. Deterministic.
 std::vector<SkyPart> split_sky(const SkyEnergy& sky, int count);
 // What to take for bright when so many parts are made of the sky: what several stand for.
 inline double brightest_texel(int count) { return 2.0 / count; }

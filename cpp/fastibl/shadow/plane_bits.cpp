@@ -160,11 +160,23 @@ FASTIBL_INLINE void add_ellipse(const Ellipses<T>& e, int i, const Light<T>& lig
 template <bool cut, typename T>
 FASTIBL_INLINE void add_all(const double* x, const double* y, const double* z, const double* r,
                             int count, const Light<double>& setting, const Light<T>& light,
-                            int size, std::uint64_t* words, std::ptrdiff_t column_stride) {
+                            int size, std::uint64_t* words, std::ptrdiff_t column_stride,
+                            PlaneBits::Box& box) {
   Ellipses<T> ellipses;
   for (int first = 0; first < count; first += kBlock) {
     const int n = std::min(kBlock, count - first);
     set_up(x + first, y + first, z + first, r + first, n, setting, double(size), ellipses);
+    std::int32_t low_y = 1 << 20, high_y = -1, low_x = 1 << 20, high_x = -1;
+    for (int i = 0; i < n; ++i) {
+      low_y = std::min(low_y, ellipses.row_begin[i]),
+      high_y = std::max(high_y, ellipses.row_last[i]);
+      low_x = std::min(low_x, ellipses.x_begin[i]), high_x = std::max(high_x, ellipses.x_last[i]);
+    }
+    if (low_y <= high_y && low_x <= high_x) {
+      box.first_row = std::min(box.first_row, low_y), box.last_row = std::max(box.last_row, high_y);
+      box.first_column = std::min(box.first_column, low_x / 64);
+      box.last_column = std::max(box.last_column, high_x / 64);
+    }
     for (int i = 0; i < n; ++i) add_ellipse<cut>(ellipses, i, light, size, words, column_stride);
   }
 }
@@ -172,20 +184,20 @@ FASTIBL_INLINE void add_all(const double* x, const double* y, const double* z, c
 FASTIBL_CLONES
 void add_whole(const double* x, const double* y, const double* z, const double* r, int count,
                const Light<double>& setting, const Light<float>& light, int size,
-               std::uint64_t* words, std::ptrdiff_t column_stride) {
-  add_all<false>(x, y, z, r, count, setting, light, size, words, column_stride);
+               std::uint64_t* words, std::ptrdiff_t column_stride, PlaneBits::Box& box) {
+  add_all<false>(x, y, z, r, count, setting, light, size, words, column_stride, box);
 }
 FASTIBL_CLONES
 void add_cut(const double* x, const double* y, const double* z, const double* r, int count,
              const Light<double>& setting, const Light<float>& light, int size,
-             std::uint64_t* words, std::ptrdiff_t column_stride) {
-  add_all<true>(x, y, z, r, count, setting, light, size, words, column_stride);
+             std::uint64_t* words, std::ptrdiff_t column_stride, PlaneBits::Box& box) {
+  add_all<true>(x, y, z, r, count, setting, light, size, words, column_stride, box);
 }
 FASTIBL_CLONES
 void add_far(const double* x, const double* y, const double* z, const double* r, int count,
              const Light<double>& light, int size, std::uint64_t* words,
-             std::ptrdiff_t column_stride) {
-  add_all<true>(x, y, z, r, count, light, light, size, words, column_stride);
+             std::ptrdiff_t column_stride, PlaneBits::Box& box) {
+  add_all<true>(x, y, z, r, count, light, light, size, words, column_stride, box);
 }
 
 }  // namespace
@@ -194,11 +206,23 @@ void PlaneBits::set_span(int row, int begin, int end) {
   for (int c = begin / 64; 64 * c < end; ++c) {
     const int from = std::max(begin - 64 * c, 0), to = std::min(end - 64 * c, 64);
     if (from >= to) continue;
-    column(c)[row] |= (~std::uint64_t{0} >> (64 - (to - from))) << from;
+    words_[std::size_t(c) * std::size_t(groups_)].row[row] |=
+        (~std::uint64_t{0} >> (64 - (to - from))) << from;
+    box_.first_column = std::min(box_.first_column, c);
+    box_.last_column = std::max(box_.last_column, c);
   }
+  box_.first_row = std::min(box_.first_row, row);
+  box_.last_row = std::max(box_.last_row, row);
 }
 
-void PlaneBits::clear() { std::fill(words_.begin(), words_.end(), Group{}); }
+void PlaneBits::clear() {
+  if (box_.last_row >= 0)
+    for (int c = box_.first_column; c <= box_.last_column; ++c) {
+      Group* column = &words_[std::size_t(c) * std::size_t(groups_)];
+      std::fill(column + box_.first_row / 8, column + box_.last_row / 8 + 1, Group{});
+    }
+  box_ = {};
+}
 
 PlaneSpheres::PlaneSpheres(const SphereSet& spheres, const PlaneGrid& grid) {
   const double scale = 1 / grid.texel();
@@ -226,13 +250,13 @@ void PlaneSpheres::add_shadow(glm::vec3 towards_light, PlaneBits& bits) const {
     if (!a.x.empty()) call(a.x.data(), a.y.data(), a.z.data(), a.r.data(), int(a.x.size()));
   };
   const int n = bits.size();
-  std::uint64_t* words = bits.column(0);
+  std::uint64_t* words = bits.words_[0].row;
   const std::ptrdiff_t stride = bits.padded_rows();
-  add(whole_, [&](auto... a) { add_whole(a..., setting, light, n, words, stride); });
-  add(cut_, [&](auto... a) { add_cut(a..., setting, light, n, words, stride); });
-  add(far_, [&](auto... a) { add_far(a..., setting, n, words, stride); });
+  add(whole_, [&](auto... a) { add_whole(a..., setting, light, n, words, stride, bits.box_); });
+  add(cut_, [&](auto... a) { add_cut(a..., setting, light, n, words, stride, bits.box_); });
+  add(far_, [&](auto... a) { add_far(a..., setting, n, words, stride, bits.box_); });
   for (int c = 0; c < bits.columns(); ++c)
-    for (int y = n; y < bits.padded_rows(); ++y) bits.column(c)[y] = 0;
+    for (int y = n; y < bits.padded_rows(); ++y) words[c * stride + y] = 0;
 }
 
 }  // namespace fastibl

@@ -38,21 +38,35 @@ class PlaneBits {
   int size() const { return size_; }
   int columns() const { return (size_ + 63) / 64; }
   int padded_rows() const { return 8 * groups_; }
-  std::uint64_t* column(int c) { return words_[std::size_t(c) * groups_].row; }
+  // To be written to; all bits count as set then, as far as box() goes.
+  std::uint64_t* column(int c) {
+    box_ = {0, size_ - 1, 0, columns() - 1};
+    return words_[std::size_t(c) * groups_].row;
+  }
   const std::uint64_t* column(int c) const { return words_[std::size_t(c) * groups_].row; }
   bool at(int x, int y) const { return column(x / 64)[y] >> (x % 64) & 1; }
   // Sets texels [begin, end) of a row; 0 ≤ begin, end ≤ size.
   void set_span(int row, int begin, int end);
   void clear();
-  bool operator==(const PlaneBits&) const = default;
+  bool operator==(const PlaneBits& other) const {
+    return size_ == other.size_ && words_ == other.words_;
+  }
+
+  // Outside these rows and columns no bit is set.
+  struct Box {
+    int first_row = 1 << 20, last_row = -1, first_column = 1 << 20, last_column = -1;
+  };
+  const Box& box() const { return box_; }
 
  private:
+  friend class PlaneSpheres;
   struct alignas(64) Group {
     std::uint64_t row[8] = {};
     bool operator==(const Group&) const = default;
   };
   int size_ = 0, groups_ = 0;
   std::vector<Group> words_;
+  Box box_;
 };
 
 // The spheres that can hold back light from a grid, in units of its texels.

@@ -67,6 +67,25 @@ void scale_row(const glm::vec3* radiance, const float* cosines, int count, glm::
   sum[0] += r, sum[1] += g, sum[2] += b;
 }
 
+// Of the channels' shares the largest, and their sum.
+FASTIBL_CLONES
+double largest_shares(const glm::vec3* energy, int count, const float* inverse, float* shares) {
+  for (int i = 0; i < count; ++i) {
+    const float r = energy[i].x * inverse[0], g = energy[i].y * inverse[1],
+                b = energy[i].z * inverse[2];
+    const float most = r > g ? r : g;
+    shares[i] = most > b ? most : b;
+  }
+  double lanes[8] = {};
+  int i = 0;
+  for (; i + 8 <= count; i += 8)
+    for (int k = 0; k < 8; ++k) lanes[k] += shares[i + k];
+  double sum = 0;
+  for (; i < count; ++i) sum += shares[i];
+  for (const double lane : lanes) sum += lane;
+  return sum;
+}
+
 // Sums of (width + 1) × (height + 1), of which the first row and column are 0.
 FASTIBL_CLONES
 void integrate(const glm::vec3* energy, int width, int height, const double* inverse,
@@ -88,20 +107,20 @@ void integrate(const glm::vec3* energy, int width, int height, const double* inv
 
 SkyEnergy::SkyEnergy(const CubeMap& radiance, double brightest) {
   read(radiance);
+  float inverse[3];
+  for (int c = 0; c < 3; ++c) inverse[c] = irradiance_[c] > 0 ? float(1 / irradiance_[c]) : 0;
+  std::vector<float> weights[kSkyFaces];
   double total = 0;
-  const auto weight = [&](const glm::vec3& e) {
-    double most = 0;
-    for (int c = 0; c < 3; ++c)
-      if (irradiance_[c] > 0) most = std::max(most, e[c] / irradiance_[c]);
-    return most;
-  };
+  for (int f = 0; f < kSkyFaces; ++f) {
+    weights[f].resize(energies_[f].size());
+    total +=
+        largest_shares(energies_[f].data(), int(energies_[f].size()), inverse, weights[f].data());
+  }
   const auto texels = sky_texels(size_);
-  for (const std::vector<glm::vec3>& face : energies_)
-    for (const glm::vec3& e : face) total += weight(e);
   for (int f = 0; f < kSkyFaces && finest_ < level_; ++f) {
     const FaceTexels& t = (*texels)[std::size_t(f)];
-    for (std::size_t i = 0; i < energies_[f].size(); ++i)
-      if (weight(energies_[f][i]) > brightest * total)
+    for (std::size_t i = 0; i < weights[f].size(); ++i)
+      if (weights[f][i] > float(brightest * total))
         bright_.push_back({f, t.x0 + int(i) % t.width, t.y0 + int(i) / t.width});
   }
   make_tables(radiance);
@@ -204,7 +223,15 @@ SkyEnergy::Sum SkyEnergy::before(const Table& table, double x, double y) {
 }
 
 double SkyEnergy::weight_before(const Table& table, double x, double y) const {
-  return before(table, x, y).value[3];
+  x -= table.x0, y -= table.y0;
+  const int ix = std::clamp(int(x), 0, table.width - 1),
+            iy = std::clamp(int(y), 0, table.height - 1);
+  const double fx = x - ix, fy = y - iy;
+  const Sum* a = &table.sums[std::size_t(iy) * std::size_t(table.width + 1) + std::size_t(ix)];
+  const Sum* b = a + table.width + 1;
+  const double upper = a[0].value[3] + fx * (a[1].value[3] - a[0].value[3]);
+  const double lower = b[0].value[3] + fx * (b[1].value[3] - b[0].value[3]);
+  return upper + fy * (lower - upper);
 }
 
 glm::dvec3 SkyEnergy::share(const SkyRect& r) const {
@@ -229,8 +256,8 @@ namespace {
 // part of it.
 template <typename Sum>
 double find(double first, double last, double part, const Sum& sum) {
-  const double wanted = part * sum(last);
   double low = first, high = last, at_low = 0, at_high = sum(last);
+  const double wanted = part * at_high;
   while (std::ceil(high) - std::floor(low) > 1) {
     const double middle = std::floor(0.5 * (std::floor(low) + std::ceil(high)));
     const double at = sum(middle);

@@ -199,8 +199,11 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
   check_options(options);
   const ShadowMethod method = resolved(options.method);
   check(method != ShadowMethod::mesh, "the mesh method needs a baked mesh, got spheres");
-  if (method == ShadowMethod::directions)
-    return DirectionShadow(options.settings.directions).cast(radiance, spheres, options);
+  if (method == ShadowMethod::directions) {
+    DirectionShadow caster(options.settings.directions);
+    caster.cast(radiance, spheres, options);
+    return std::move(caster).take();
+  }
   const int n = options.resolution > 0 ? options.resolution : kResolution;
   const Obstruction obstruction(radiance, plane_irradiance, spheres, method);
   ShadowMap map;
