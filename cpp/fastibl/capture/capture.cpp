@@ -18,7 +18,7 @@ constexpr std::size_t kCameras = 4;    // whose tables are kept
 constexpr std::size_t kSnapshots = 3;  // kept to be updated: in use by renderer, caller and us
 // Seconds over which new values of unseen tiles are spread, and the least share that a picture
 // makes: what is not seen is a guess, and follows when there is time.
-constexpr double kRefillTime = 1, kLeastRefill = 1 / 32.0;
+constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 
