@@ -86,6 +86,7 @@ class Capture {
   bool add_tile(const View& view, int tile);
   void make_levels(int tile);
   int refills_after(double time, std::ptrdiff_t camera) const;
+  bool is_small_refill(int tile) const;
   bool refill(int tile);
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
