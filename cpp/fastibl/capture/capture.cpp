@@ -18,7 +18,9 @@ constexpr std::size_t kCameras = 4;    // whose tables are kept
 constexpr std::size_t kSnapshots = 3;  // kept to be updated: in use by renderer, caller and us
 // Seconds over which new values of unseen tiles are spread, and the least share that a picture
 // makes: what is not seen is a guess, and follows when there is time.
-constexpr double kRefillTime = 1, kLeastRefill = 1 / 32.0;
+constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
+constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
+constexpr int kSmallLater = 4;
 constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 
@@ -192,12 +194,22 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   const std::uint64_t version = new_tile_version();
   for (const int tile : changed) versions_[std::size_t(tile)] = version, refill(tile);
   for (const int tile : refilled) stale_fill_[std::size_t(tile)] = 1;
+  int small_refills = all_refills ? refills : refills / kSmallLater;
   for (int i = 0; i < grid_.count() && refills > 0; ++i) {
     next_refill_ = (next_refill_ + 1) % grid_.count();
-    if (!stale_fill_[std::size_t(next_refill_)] || !refill(next_refill_)) continue;
+    if (!stale_fill_[std::size_t(next_refill_)]) continue;
+    const bool small = is_small_refill(next_refill_);
+    if ((small && small_refills == 0) || !refill(next_refill_)) continue;
     versions_[std::size_t(next_refill_)] = version;
-    --refills;
+    --refills, small_refills -= small;
   }
+}
+
+// Whether the value of the tile's unseen texels is nearly what it is to be.
+bool Capture::is_small_refill(int tile) const {
+  const glm::vec3 from = filled_[std::size_t(tile)];
+  const glm::vec3 step = glm::abs(unseen_.fill(tile) - from), limit = kSmallRefill * from;
+  return step.x <= limit.x && step.y <= limit.y && step.z <= limit.z;
 }
 
 // Of a tile of which any texel was seen.

@@ -57,8 +57,8 @@ class Capture {
            double exposure, double time, ImageView<const std::uint8_t> mask = {});
 
   // The map at the time of the last picture, without holes: unseen texels take a mean of what
-  // was seen near them on their side of the horizon, at confidence 0 and up to a second late. Only
-  // what changed since an earlier map that nobody holds any more is made anew in its place.
+  // was seen near them on their side of the horizon, at confidence 0 and up to half a second late.
+  // Only what changed since an earlier map that nobody holds any more is made anew in its place.
   std::shared_ptr<const Environment> environment();
 
   int size() const { return options_.size; }
@@ -86,6 +86,7 @@ class Capture {
   bool add_tile(const View& view, int tile);
   void make_levels(int tile);
   int refills_after(double time, std::ptrdiff_t camera) const;
+  bool is_small_refill(int tile) const;
   bool refill(int tile);
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;

@@ -1,5 +1,7 @@
 #include "fastibl/capture/code_sums.h"
 
+#include <algorithm>
+
 #include "fastibl/core/simd.h"
 
 #if defined(__x86_64__) && defined(__GNUC__)
@@ -82,6 +84,7 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi"))) int shuffle_codes(const s
     const __m512i value = _mm512_add_epi32(
         sum[0], _mm512_add_epi32(_mm512_slli_epi32(sum[1], 8), _mm512_slli_epi32(sum[2], 16)));
     __m512 out = _mm512_maskz_mul_ps(0x7777, _mm512_cvtepi32_ps(value), scale);
+    __m128i numbers = _mm_setzero_si128();
     if (over) {  // counts of the three channels side by side in one number
       const __m512i counts =
           _mm512_madd_epi16(_mm512_maddubs_epi16(_mm512_maskz_mov_epi8(over, one8), one8), one16);
@@ -90,9 +93,9 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi"))) int shuffle_codes(const s
       packed = _mm512_or_si512(packed, _mm512_shuffle_epi32(packed, _MM_PERM_CDAB));
       const __mmask16 any = _mm512_test_epi32_mask(packed, packed);
       out = _mm512_mask_mov_ps(out, __mmask16(any & 0x8888), _mm512_set1_ps(1));
-      _mm_storeu_si128(reinterpret_cast<__m128i*>(clipped),
-                       _mm512_castsi512_si128(_mm512_maskz_compress_epi32(0x1111, packed)));
+      numbers = _mm512_castsi512_si128(_mm512_maskz_compress_epi32(0x1111, packed));
     }
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(clipped), numbers);
     _mm512_storeu_ps(pixels, out);
   }
   return x;
@@ -124,11 +127,15 @@ void decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint
 #endif
   a += 6 * done, b += 6 * done, pairs -= done, pixels += 4 * done, clipped += done;
   sum_pairs(table.sums.data(), a, b, pairs, scratch);
-  if (to_pixels(scratch, pairs, pixels)) return;
+  if (to_pixels(scratch, pairs, pixels)) {
+    std::fill_n(clipped, pairs, 0u);
+    return;
+  }
   for (int x = 0; x < pairs; ++x, scratch += 3) {
     std::uint32_t counts = 0;
     for (int c = 0; c < 3; ++c) counts |= CodeTable::count(scratch[c]) << c * kCountBits;
-    if (counts) clipped[x] = counts, pixels[4 * x + 3] = 1;
+    clipped[x] = counts;
+    if (counts) pixels[4 * x + 3] = 1;
   }
 }
 

@@ -92,8 +92,7 @@ FASTIBL_CLONES bool split_channels(const float* __restrict rgba, int lanes,
 }
 
 // Adds each footprint's share of clipped pixels by channel, where it has any.
-FASTIBL_CLONES void add_clipped(const float* __restrict pixels,
-                                const std::uint32_t* __restrict clipped, int stride,
+FASTIBL_CLONES void add_clipped(const std::uint32_t* __restrict clipped, int stride,
                                 const float* __restrict rgba, const float* __restrict weights,
                                 const int* __restrict index, const float* __restrict fx,
                                 const float* __restrict fy, int lanes, float unit,
@@ -108,10 +107,8 @@ FASTIBL_CLONES void add_clipped(const float* __restrict pixels,
     alignas(64) std::uint32_t packed[4][kTogether];
     for (int i = 0; i < kTogether; ++i) {
       const int a = index[first + i], c = a + stride;
-      packed[0][i] = pixels[4 * a + 3] > 0 ? clipped[a] : 0;
-      packed[1][i] = pixels[4 * a + 7] > 0 ? clipped[a + 1] : 0;
-      packed[2][i] = pixels[4 * c + 3] > 0 ? clipped[c] : 0;
-      packed[3][i] = pixels[4 * c + 7] > 0 ? clipped[c + 1] : 0;
+      packed[0][i] = clipped[a], packed[1][i] = clipped[a + 1];
+      packed[2][i] = clipped[c], packed[3][i] = clipped[c + 1];
     }
     for (int c = 0; c < 3; ++c)
       for (int i = 0; i < kTogether; ++i) {
@@ -184,8 +181,8 @@ void sample_footprints(const FrameLevels& levels, const Sightings& s, int count,
   alignas(64) float share[3][kLanes];
   for (auto& channel : share) std::fill_n(channel, lanes, 0.0f);
   const auto add = [&](int k, const FrameLevels::Level& level) {
-    add_clipped(level.pixels.data(), level.clipped.data(), level.width + 1, rgba, weights, index,
-                fx, fy, lanes, 1.0f / float(4 << 2 * k), share);
+    add_clipped(level.clipped.data(), level.width + 1, rgba, weights, index, fx, fy, lanes,
+                1.0f / float(4 << 2 * k), share);
   };
   if (range[0] == range[1] && range[0] == std::floor(range[0]))
     add(int(range[0]), levels.level(int(range[0])));  // places and weights are still those

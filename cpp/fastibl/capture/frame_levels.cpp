@@ -34,9 +34,13 @@ std::uint32_t packed(const std::array<std::uint32_t, 3>& counts) {
 }
 std::uint32_t unpacked(std::uint32_t counts, int channel) { return counts >> 10 * channel & 1023u; }
 
-// The sum of four. Numbers of the last level alone would need a bit more.
-std::uint32_t added(const std::uint32_t (&counts)[4], int level) {
-  if (level < FrameLevels::kMost - 1) return counts[0] + counts[1] + counts[2] + counts[3];
+FASTIBL_CLONES void add_counts(const std::uint32_t* __restrict a, const std::uint32_t* __restrict b,
+                               int count, std::uint32_t* __restrict out) {
+  for (int x = 0; x < count; ++x) out[x] = (a[2 * x] + a[2 * x + 1]) + (b[2 * x] + b[2 * x + 1]);
+}
+
+// For the last level, whose numbers would need a bit more.
+std::uint32_t saturated_sum(const std::array<std::uint32_t, 4>& counts) {
   std::array<std::uint32_t, 3> sum{};
   for (const std::uint32_t count : counts)
     for (int c = 0; c < 3; ++c) sum[std::size_t(c)] += unpacked(count, c);
@@ -142,22 +146,17 @@ void FrameLevels::halve(int k, int y) {
   Level& coarse = levels_[std::size_t(k)];
   // The row and column after an odd last one repeat it.
   float* out = coarse.pixel(0, y);
-  if (!halve_row(fine.pixel(0, 2 * y), fine.pixel(0, 2 * y + 1), coarse.width, out)) return;
-  for (int x = 0; x < coarse.width; ++x) {
-    const float share = out[4 * x + 3];
-    if (!(share > 0)) continue;
-    if (share == 1 && k < kMost - 1) {  // most: all four have counts
-      const std::uint32_t *a = &fine.clipped[fine.index(2 * x, 2 * y)], *b = a + fine.width + 1;
-      coarse.clipped[coarse.index(x, y)] = a[0] + a[1] + b[0] + b[1];
-      continue;
-    }
-    std::uint32_t counts[4] = {};
-    for (int i = 0; i < 4; ++i) {
-      const int u = 2 * x + (i & 1), v = 2 * y + (i >> 1);
-      if (fine.pixel(u, v)[3] > 0) counts[i] = fine.clipped[fine.index(u, v)];
-    }
-    coarse.clipped[coarse.index(x, y)] = added(counts, k);
-  }
+  const bool any = halve_row(fine.pixel(0, 2 * y), fine.pixel(0, 2 * y + 1), coarse.width, out);
+  std::uint32_t* counts = &coarse.clipped[coarse.index(0, y)];
+  const std::uint32_t *a = &fine.clipped[fine.index(0, 2 * y)],
+                      *b = &fine.clipped[fine.index(0, 2 * y + 1)];
+  if (!any)
+    std::fill_n(counts, coarse.width, 0u);
+  else if (k < kMost - 1)
+    add_counts(a, b, coarse.width, counts);
+  else
+    for (int x = 0; x < coarse.width; ++x)
+      counts[x] = saturated_sum({a[2 * x], a[2 * x + 1], b[2 * x], b[2 * x + 1]});
 }
 
 }  // namespace fastibl

@@ -21,8 +21,7 @@ class FrameLevels {
   struct Level {
     int width = 0, height = 0;
     std::vector<float> pixels;  // linear RGB (exposure included); above 0 where any is clipped
-    std::vector<std::uint32_t> clipped;  // numbers of clipped pixels, kCountBits a channel;
-                                         // only where there are some
+    std::vector<std::uint32_t> clipped;  // numbers of clipped pixels, kCountBits a channel
     const float* pixel(int x, int y) const { return &pixels[4 * index(x, y)]; }
     float* pixel(int x, int y) { return &pixels[4 * index(x, y)]; }
     std::size_t index(int x, int y) const {
