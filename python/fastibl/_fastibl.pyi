@@ -759,7 +759,7 @@ class MeshShadowLight:
     """
     What lasts from one light to the next: directions of dominant lights, and their shadows.
     """
-    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0010000000474974513) -> None:
+    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0005000000237487257) -> None:
         ...
     @property
     def directions(self) -> int:
@@ -781,9 +781,9 @@ class BakedShadow:
         None if `progress`, called with the part that is done, returned False.
         """
     @staticmethod
-    def from_table(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, table: tuple) -> BakedShadow:
+    def from_tables(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, tables: list) -> BakedShadow:
         """
-        From what `table` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
+        From what `tables` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
         """
     def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight) -> ShadowMap:
         """
@@ -796,7 +796,7 @@ class BakedShadow:
     @property
     def bytes(self) -> int:
         """
-        Memory of the table.
+        Memory of the tables.
         """
     @property
     def extent(self) -> float:
@@ -804,9 +804,9 @@ class BakedShadow:
         Half the map's edge in metres.
         """
     @property
-    def table(self) -> tuple:
+    def tables(self) -> list:
         """
-        Three arrays: where the entries of each block begin, their cells, their covers (n, 16).
+        Three arrays of each of two tables: where the entries of each block begin, their cells, their covers (n, 16).
         """
 class PlaneExchange:
     """
@@ -1081,6 +1081,17 @@ class Scene:
     def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96) -> None:
         ...
     def __repr__(self) -> str:
+        ...
+    @property
+    def baked_shadow(self) -> BakedShadow:
+        """
+        What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
+
+        Without it that method raises ValueError; where the object is tilted or lifted off the plane, its spheres cast the
+        shadow.
+        """
+    @baked_shadow.setter
+    def baked_shadow(self, arg1: typing.Any) -> None:
         ...
     @property
     def marker_from_object(self) -> Pose:
