@@ -104,7 +104,7 @@ def formatted(title: str, goals: Sequence[Goal]) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     from . import light, paper, shadows  # noqa: F401 - fill their tables
-    from .measure import commit, cpu, yardstick
+    from .measure import commit, cpu, yardstick_seconds
 
     parser = argparse.ArgumentParser(
         prog="./dev goals", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
@@ -120,7 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not any(chosen.values()):
         names = ", ".join(r.name for name, rows in TABLES.items() if given.table in (None, name) for r in rows)
         parser.error(f"no row has {given.only!r} in its name; there are: {names}")
-    return report(chosen, f"{cpu()}; commit {commit() or 'unknown'}; yardstick {1e3 * yardstick().median:.2f} ms")
+    return report(chosen, f"{cpu()}; commit {commit() or 'unknown'}; yardstick {1e3 * yardstick_seconds():.2f} ms")
 
 
 def report(chosen: dict[str, list[Row]], machine: str) -> int:

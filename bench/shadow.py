@@ -1,4 +1,4 @@
-"""Shadow methods: error of the ratio on the plane against rays and against the same spheres, against time."""
+"""Shadow methods: error of the ratio on the plane against rays and against the same spheres, against CPU time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Setting:
 
 
 def settings() -> Iterator[Setting]:
-    for name in sorted({method.name for method in fastibl.methods("shadow")}):
+    for name in sorted({method.name for method in fastibl.methods("shadow")} - {"mesh"}):
         for count in _COUNTS:
             if name == "directions":
                 yield from (Setting(name, count, {"directions": k}) for k in _DIRECTIONS)
@@ -69,7 +69,7 @@ def rows() -> list[Row]:
     none = {n: [np.ones_like(t[:, k]) for t in by_mesh.values()] for k, n in enumerate(lights)}
     out = _rows("none", "", _BY_MESH, none, by_mesh)
     for s in settings():
-        time = measure(lambda cube, s=s: s.cast(cube, spheres[first, s.count]), cubes, repetitions=len(cubes))
+        time = measure(lambda cube, s=s: s.cast(cube, spheres[first, s.count]), cubes, repetitions=len(cubes)).of_cpu
         ratios = {
             light: [s.ratio(cube, spheres[name, s.count]) for name in objects]
             for light, cube in zip(lights, cubes, strict=True)
@@ -81,7 +81,7 @@ def rows() -> list[Row]:
         baked = {
             name: fastibl.MeshShadow(mesh, extent=truth.EXTENT, directions=lights_) for name, mesh in objects.items()
         }
-        time = measure(baked[first].cast, cubes, repetitions=len(cubes))
+        time = measure(baked[first].cast, cubes, repetitions=len(cubes)).of_cpu
         ratios = {
             light: [shadow.ratio(cube, truth.grid()) for shadow in baked.values()]
             for light, cube in zip(lights, cubes, strict=True)
@@ -97,14 +97,16 @@ def _pixels(spheres: Mapping[int, NDArray], cubes: list[fastibl.CubeMap]) -> lis
     out = []
     for count, given in spheres.items():
         ours = Setting("directions", count, {"directions": 256})
-        time = measure(lambda cube, s=ours, g=given: s.cast(cube, g).sample(points), cubes, repetitions=len(cubes))
+        time = measure(
+            lambda cube, s=ours, g=given: s.cast(cube, g).sample(points), cubes, repetitions=len(cubes)
+        ).of_cpu
         out.append(row("directions", _PIXELS, time=time, setting=str(ours)))
         try:
             cones = [cone_sum.ConeSum(cube, given) for cube in cubes]
         except RuntimeError as reason:
             print(f"per-pixel cone sum: skipped, {reason}", file=sys.stderr)
             continue
-        time = measure(lambda c: c(x, y), cones, repetitions=len(cones))
+        time = measure(lambda c: c(x, y), cones, repetitions=len(cones)).of_cpu
         out.append(row("per-pixel cone sum (peer)", _PIXELS, time=time, setting=f"spheres={count}"))
     return out
 

@@ -16,8 +16,8 @@ uniform usampler2D visible;       // a triangle's number; the four samples in fo
 uniform ivec2 quarter;            // size of one
 uniform ivec2 corner;             // first pixel of the area that is drawn
 uniform isampler2D triangles;     // vertices of each triangle
-uniform sampler2D vertices;       // position, P_V
-uniform sampler2D normals;
+uniform sampler2D vertices;       // position and normal, one vertex after the other
+uniform sampler2D shares;         // of the irradiance (RGB) and of the glossy light that reach a vertex
 uniform mat3 marker_from_object;
 uniform vec3 marker_from_object_shift;
 #if GLOSSY < 6
@@ -103,11 +103,11 @@ ivec2 texel(int i) { return ivec2(i & 1023, i >> 10); }
 float edge(vec2 a, vec2 b) { return a.x * b.y - a.y * b.x; }  // from a to b, seen from the origin
 
 #if GLOSSY < 6
-vec3 shade(vec3 position, vec3 n, float visibility) {
+vec3 shade(vec3 position, vec3 n, vec4 share) {
   vec3 colour = emission;
 #if DIFFUSE || GLOSSY == 2 || GLOSSY == 4
   vec3 e = irradiance(n) / 3.14159265;
-  colour += (visibility * diffuse_albedo) * e;
+  colour += (share.rgb * diffuse_albedo) * e;
 #endif
 #if GLOSSY
   vec3 v = normalize(eye - position);
@@ -127,19 +127,19 @@ vec3 shade(vec3 position, vec3 n, float visibility) {
 #if PAPER
   value *= directional_albedo(cosine);
 #endif
-  colour += glossy_albedo * value;
+  colour += share.a * glossy_albedo * value;
 #endif
   return colour;
 }
 #else
-vec3 shade(vec3 position, float visibility, SurfacePoint p) {
+vec3 shade(vec3 position, vec4 share, SurfacePoint p) {
   vec3 v = normalize(eye - position);
   vec3 local = v * p.frame;
   vec2 albedo = sample_ggx_albedo(local, p.roughness);
   vec3 reflectance = pbr_reflectance(p.base_color, p.metallic, albedo);
-  vec3 colour = p.emission + reflectance * sample_ggx(p.frame, local, alpha_of(p.roughness));
+  vec3 colour = p.emission + share.a * reflectance * sample_ggx(p.frame, local, alpha_of(p.roughness));
 #if DIFFUSE
-  colour += pbr_diffuse(p.base_color, p.metallic, albedo) * (visibility / 3.14159265) * irradiance(p.frame[2]);
+  colour += pbr_diffuse(p.base_color, p.metallic, albedo) * (share.rgb / 3.14159265) * irradiance(p.frame[2]);
 #endif
   return colour;
 }
@@ -173,20 +173,22 @@ void main() {
     vec2 p = vec2(local + corner) + floor(middle / count) / 256.0;
 
     ivec3 index = texelFetch(triangles, texel(int(number) - 1), 0).xyz;
-    vec4 a = texelFetch(vertices, texel(index.x), 0);
-    vec4 b = texelFetch(vertices, texel(index.y), 0);
-    vec4 c = texelFetch(vertices, texel(index.z), 0);
-    vec3 pa = project(a.xyz), pb = project(b.xyz), pc = project(c.xyz);
+    vec3 a = texelFetch(vertices, texel(2 * index.x), 0).xyz;
+    vec3 b = texelFetch(vertices, texel(2 * index.y), 0).xyz;
+    vec3 c = texelFetch(vertices, texel(2 * index.z), 0).xyz;
+    vec3 pa = project(a), pb = project(b), pc = project(c);
     vec3 w = corner_weights(pa, pb, pc, p);
-    vec4 at = w.x * a + w.y * b + w.z * c;
-    vec3 n = w.x * texelFetch(normals, texel(index.x), 0).xyz +
-             w.y * texelFetch(normals, texel(index.y), 0).xyz +
-             w.z * texelFetch(normals, texel(index.z), 0).xyz;
+    vec3 at = w.x * a + w.y * b + w.z * c;
+    vec4 share = w.x * texelFetch(shares, texel(index.x), 0) + w.y * texelFetch(shares, texel(index.y), 0) +
+                 w.z * texelFetch(shares, texel(index.z), 0);
+    vec3 n = w.x * texelFetch(vertices, texel(2 * index.x + 1), 0).xyz +
+             w.y * texelFetch(vertices, texel(2 * index.y + 1), 0).xyz +
+             w.z * texelFetch(vertices, texel(2 * index.z + 1), 0).xyz;
     // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
     n = marker_from_object * (edge(pb.xy - pa.xy, pc.xy - pa.xy) > 0.0 ? -n : n);
     float size = length(n);
     n = size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);
-    vec3 position = marker_from_object * at.xyz + marker_from_object_shift;
+    vec3 position = marker_from_object * at + marker_from_object_shift;
 #if GLOSSY >= 6
     vec4 t = w.x * texelFetch(tangents, texel(index.x), 0) + w.y * texelFetch(tangents, texel(index.y), 0) +
              w.z * texelFetch(tangents, texel(index.z), 0);
@@ -196,9 +198,9 @@ void main() {
     vec2 here = uv * w;
     vec2 dx = uv * corner_weights(pa, pb, pc, p + vec2(1.0, 0.0)) - here;
     vec2 dy = uv * corner_weights(pa, pb, pc, p + vec2(0.0, 1.0)) - here;
-    vec3 colour = shade(position, at.w, surface_point(n, t, here, dx, dy));
+    vec3 colour = shade(position, share, surface_point(n, t, here, dx, dy));
 #else
-    vec3 colour = shade(position, n, at.w);
+    vec3 colour = shade(position, n, share);
 #endif
     layer += count * 0.25 * vec4(colour, 1.0);
     left = bvec4(left.x && !same.x, left.y && !same.y, left.z && !same.z, left.w && !same.w);

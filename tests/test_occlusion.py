@@ -45,6 +45,53 @@ def test_bvh_against_brute_force(count):
     assert met.any()
 
 
+@pytest.mark.parametrize("count", [1, 7, 80, 3000])
+def test_many_directions_from_one_point(count):
+    """Packets of rays find what single rays find, for any number of directions."""
+    mesh, rng = soup(count, size=0.4 if count < 1000 else 0.03), np.random.default_rng(count)
+    bvh, differ, rays = fastibl.Bvh(mesh), 0, 0
+    for k in range(60):
+        origin = rng.uniform(-2, 2, 3).astype(np.float32)
+        directions = rng.normal(size=(1 + 7 * k % 65, 3)).astype(np.float32)
+        directions[::9] = np.eye(3)[rng.integers(0, 3, len(directions[::9]))]  # along axes
+        for t_min in (0.0, 0.4):
+            single = bvh.occluded(np.broadcast_to(origin, directions.shape), directions, t_min)
+            packets = bvh.occluded(origin, directions, t_min)
+            assert packets.shape == single.shape and packets.dtype == bool
+            differ, rays = differ + int((packets != single).sum()), rays + single.size
+    print(f"{count} triangles: {differ} of {rays} rays differ")
+    assert differ <= rays * 2e-4  # those that graze an edge
+    assert bvh.occluded(np.zeros(3, np.float32), np.zeros((0, 3), np.float32)).shape == (0,)
+
+
+def test_rays_in_the_faces_of_boxes():
+    """Axis-parallel rays that start in the plane of a box's face: 0 times infinity in a slab test."""
+    mesh = floor_and_wall(False, 1.0)[0]
+    bvh = fastibl.Bvh(mesh)
+    origins = np.array([[0.5, 0, 0], [0.5, 0, 0.5], [0.5, 100, 0.5], [0.5, -100, 1]], np.float32)
+    to_wall = np.tile(np.array([-1, 0, 0], np.float32), (4, 1))
+    np.testing.assert_array_equal(bvh.occluded(origins, to_wall), [True] * 4)
+    for origin in origins:
+        assert bvh.occluded(origin, to_wall).all()
+        assert not bvh.occluded(origin, -to_wall).any()
+
+
+def test_deep_and_degenerate_trees():
+    """Centres in a geometric series make splits lopsided; many equal triangles cannot be split."""
+    x = 2.0 ** -np.arange(100)
+    corners = np.stack([np.stack([x, 0 * x, 0 * x], -1), np.stack([1.01 * x, 0 * x, 0 * x], -1),
+                        np.stack([x, 0.01 * x, 0 * x], -1)], 1)  # fmt: skip
+    same = np.repeat(np.array([[[0.0, 2, 0], [1, 2, 0], [0, 3, 0]]]), 500, 0)
+    points = np.concatenate([corners, same, np.full((20, 3, 3), 7.0)]).reshape(-1, 3)
+    mesh = fastibl.Mesh(points, np.arange(len(points)).reshape(-1, 3))
+    bvh = fastibl.Bvh(mesh)
+    at = corners.mean(1)[:40]  # smaller ones have no area in float32
+    down = np.broadcast_to(np.array([0, 0, -1.0]), at.shape)
+    assert bvh.occluded((at + [0, 0, 1]).astype(np.float32), down.astype(np.float32)).all()
+    assert bvh.occluded(np.array([0.2, 2.2, 1], np.float32), np.array([[0, 0, -1.0]], np.float32)).all()
+    assert np.isfinite(fastibl.ambient_occlusion(mesh)).all()
+
+
 def test_convex_meshes_are_free():
     n = 24
     t, p = np.meshgrid(np.linspace(0, np.pi, n), np.arange(2 * n) / n * np.pi, indexing="ij")
@@ -117,10 +164,34 @@ def test_against_brute_force_rays():
         directions += n  # a point of the sphere about the normal's tip: cosine-distributed
         origins = np.broadcast_to(p + 2e-4 * n, directions.shape)
         truth[i] = 1 - np.isfinite(all_hits(mesh, origins, directions)[0]).any(1).mean()
-    for rays, limit in ((64, 0.05), (1024, 0.02)):
+    for rays, limit in ((64, 0.035), (96, 0.03), (1024, 0.012)):
         error = fastibl.ambient_occlusion(mesh, rays) - truth
         print(f"{rays} rays: RMS {np.sqrt(np.mean(error**2)):.4f}, max {np.abs(error).max():.4f}")
         assert np.sqrt(np.mean(error**2)) < limit
+
+
+def test_spheres_in_place_of_the_mesh():
+    """Against NumPy over the whole hemisphere: containing spheres are left out, hostile ones ignored."""
+    mesh, rng = soup(25, seed=3), np.random.default_rng(0)
+    spheres = np.concatenate([rng.uniform(-1.2, 1.2, (12, 3)), rng.uniform(0.1, 0.5, (12, 1))], 1)
+    hostile = [[0, 0, 0, -1], [0, 0, 0, 0], [np.nan, 0, 0, 1], [0, np.inf, 0, 1], [0, 0, 0, np.nan], [0, 0, 0, np.inf]]
+    got = fastibl.ambient_occlusion(mesh, 4096, spheres=np.concatenate([spheres, hostile]).astype(np.float32))
+    d = rng.normal(size=(4000, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    expected = []
+    for p, n in zip(mesh.vertices.astype(float), mesh.normals.astype(float), strict=True):
+        directions = d + n
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        m = spheres[:, :3] - p
+        squared = (m**2).sum(1) - spheres[:, 3] ** 2
+        m, squared = m[squared > 0], squared[squared > 0]
+        expected.append(1 - (directions @ m.T > np.sqrt(squared)).any(1).mean())
+    error = got - np.array(expected)
+    print(f"spheres: RMS {np.sqrt(np.mean(error**2)):.4f}, max {np.abs(error).max():.4f}, mean P_V {got.mean():.2f}")
+    assert np.sqrt(np.mean(error**2)) < 0.012 and got.mean() < 0.95
+    assert (fastibl.ambient_occlusion(mesh, spheres=np.zeros((0, 4), np.float32)) == 1).all()
+    with pytest.raises(ValueError, match="spheres"):
+        fastibl.ambient_occlusion(mesh, spheres=np.zeros((4, 3), np.float32))
 
 
 def test_same_bits_for_any_threads_and_every_time():
@@ -129,7 +200,8 @@ def test_same_bits_for_any_threads_and_every_time():
         results = []
         for count in (1, 2, 2):
             fastibl.set_threads(count)
-            results.append(fastibl.ambient_occlusion(mesh).tobytes())
+            spheres = fastibl.ambient_occlusion(mesh, spheres=[[0.0, 0, 0, 1], [1, 0, 0, 0.5]])
+            results.append(fastibl.ambient_occlusion(mesh).tobytes() + spheres.tobytes())
         assert results[0] == results[1] == results[2]
     finally:
         fastibl.set_threads(before)

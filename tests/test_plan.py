@@ -7,7 +7,8 @@ import fastibl
 from conftest import same_error
 from views import camera_of, looking
 
-PASSES = ["track", "capture", "mips", "irradiance", "shadow", "shade", "composite"]
+PASSES = ["track", "capture", "mips", "irradiance", "shadow", "self_shadow", "shade", "composite"]
+CONVEX = [p for p in PASSES if p != "self_shadow"]  # of an object that hides nothing of itself
 INPUTS = {"back_picture", "light_pictures", "placement", "material"}
 MATTE = fastibl.Material()
 SHINY = fastibl.Material(diffuse=(0, 0, 0), glossy=(0.9, 0.8, 0.7), exponent=32.0)
@@ -22,6 +23,15 @@ def cube_mesh(half=0.03):
     return fastibl.Mesh(x, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]))
 
 
+def hollow_mesh():
+    """Two cubes side by side: each hides the light of the other."""
+    one = cube_mesh()
+    return fastibl.Mesh(
+        np.concatenate([one.vertices, one.vertices + [0.07, 0, 0]]),
+        np.concatenate([one.triangles, one.triangles + len(one.vertices)]),
+    )
+
+
 def scene_of(material=MATTE, spheres=8):
     return fastibl.Scene(cube_mesh(), material, spheres=spheres, visibility_rays=0)
 
@@ -34,6 +44,8 @@ def scenes():
         "both": scene_of(BOTH),
         "blunt": scene_of(BLUNT),
         "glowing": scene_of(GLOWING),
+        "hollow": fastibl.Scene(hollow_mesh(), BOTH, spheres=8),
+        "shiny hollow": fastibl.Scene(hollow_mesh(), SHINY, spheres=8),
         "no spheres": scene_of(spheres=0),
         "shiny, no spheres": scene_of(SHINY, 0),
         "blunt, no spheres": scene_of(BLUNT, 0),
@@ -53,9 +65,12 @@ def test_what_a_scene_does_not_need_is_left_out(scenes, marked):
             assert p.included or (p.reason and p.bound == 0)
             assert not (p.included and p.reason)
         assert plan.omission_bound == 0
-        return left_out(plan)
+        out = left_out(plan)
+        assert ("self_shadow" not in out) == (name == "hollow" and "methods" not in options)
+        return {name: reason for name, reason in out.items() if name != "self_shadow"}
 
     assert out("matte") == out("shiny") == out("both") == {}
+    assert out("hollow") == out("shiny hollow") == {}
     assert out("matte", track=False) == {"track": "poses are given"}
     given = out("matte", marked)
     assert set(given) == {"capture", "mips"} and "environment is given" in given["capture"]
@@ -71,14 +86,32 @@ def test_what_a_scene_does_not_need_is_left_out(scenes, marked):
     assert set(everything) == {"track", "capture", "mips", "irradiance", "shadow"}
 
 
+def test_an_object_that_hides_nothing_of_itself_needs_no_self_shadow(scenes):
+    def reason(scene, **options):
+        return left_out(fastibl.make_plan(scene, **options)).get("self_shadow")
+
+    assert reason(scenes["hollow"]) is None
+    assert reason(scenes["hollow"], methods={"self_shadow": "transfer"}) is None
+    assert "P_V" in reason(scenes["hollow"], methods="paper")
+    assert "P_V" in reason(scenes["hollow"], methods={"self_shadow": "ambient-occlusion"})
+    assert "no self-shadow was asked for" in reason(scenes["hollow"], methods={"self_shadow": "none"})
+    assert "k_L = 0" in reason(scenes["shiny hollow"])
+    assert "not worked out" in reason(scenes["matte"])
+    assert "hides nothing of itself" in reason(fastibl.Scene(cube_mesh(), MATTE, spheres=0))
+
+
 def test_shading_reads_what_its_material_needs(scenes):
     def reads(name):
-        return {p.name: p.reads for p in fastibl.make_plan(scenes[name]).passes}["shade"] & {"irradiance", "radiance"}
+        return {p.name: p.reads for p in fastibl.make_plan(scenes[name]).passes}["shade"] & {
+            "irradiance",
+            "radiance",
+            "self_shadow",
+        }
 
-    assert reads("matte") == {"irradiance"}
+    assert reads("matte") == {"irradiance", "self_shadow"}
     assert reads("shiny") == {"radiance"}
-    assert reads("both") == {"irradiance", "radiance"}
-    assert reads("blunt") == {"irradiance"}
+    assert reads("both") == {"irradiance", "radiance", "self_shadow"}
+    assert reads("blunt") == {"irradiance", "self_shadow"}
     assert reads("glowing") == set()
 
 
@@ -125,9 +158,9 @@ def test_due_passes_of_usual_frames(scenes, marked):
 
     plan = fastibl.make_plan(scenes["both"])
     everything = {"pose", "texels", "radiance", "irradiance", "shadow", "object", "image"}
-    assert due(plan, everything | INPUTS) == PASSES
+    assert due(plan, everything | INPUTS) == CONVEX
     assert due(plan, set()) == []
-    assert due(plan, {"light_pictures"}) == PASSES[1:]
+    assert due(plan, {"light_pictures"}) == CONVEX[1:]
     assert due(plan, {"placement"}) == ["shadow", "shade", "composite"]
     assert due(plan, {"material"}) == ["shade", "composite"]
     assert due(plan, {"back_picture"}) == ["track", "shade", "composite"]
@@ -138,10 +171,15 @@ def test_due_passes_of_usual_frames(scenes, marked):
     assert due(fixed, {"back_picture", "pose"}) == ["shade", "composite"]
     assert due(fixed, {"radiance"}) == ["irradiance", "shadow", "shade", "composite"]
     assert due(fixed, {"light_pictures"}) == []
+    hollow = fastibl.make_plan(scenes["hollow"])
+    assert due(hollow, everything | {"self_shadow"} | INPUTS) == PASSES
+    assert due(hollow, {"placement"}) == ["shadow", "self_shadow", "shade", "composite"]
+    assert due(hollow, {"back_picture"}) == ["track", "shade", "composite"]
+    assert due(hollow, {"material"}) == ["shade", "composite"]
 
 
 def test_a_shadow_switched_off_while_the_light_moved_is_old_when_it_comes_back(scenes):
-    on, off = (fastibl.make_plan(scenes["matte"], cast_shadow=cast) for cast in (True, False))
+    on, off = (fastibl.make_plan(scenes["hollow"], cast_shadow=cast) for cast in (True, False))
     _, stale = fastibl.due_passes(on, {"image"}, {"light_pictures"})
     assert stale == set()
     due, stale = fastibl.due_passes(off, {"image"}, stale | {"image"})
@@ -160,7 +198,7 @@ class Model:
     def __init__(self, plan):
         self.plan, self.version, self.products = plan, dict.fromkeys(INPUTS, 0), {}
         self.given = dict.fromkeys(self.GIVEN.values(), 0)
-        self.stale = {"pose", "texels", "radiance", "irradiance", "shadow", "object", "image"}
+        self.stale = {"pose", "texels", "radiance", "irradiance", "shadow", "self_shadow", "object", "image"}
         self.runs = 0
 
     def value(self, product, plan=None):
@@ -200,11 +238,11 @@ class Model:
 def test_nothing_is_ever_old_nor_made_twice(scenes, marked, seed):
     rng = np.random.default_rng(seed)
     plans = [
-        fastibl.make_plan(scenes["both"], cast_shadow=cast, track=track, capture=capture)
+        fastibl.make_plan(scenes["hollow"], cast_shadow=cast, track=track, capture=capture)
         for cast in (True, False)
         for track in (True, False)
         for capture in (True, False)
-    ] + [fastibl.make_plan(scenes[name], cast_shadow=False) for name in ("shiny", "glowing", "blunt")]
+    ] + [fastibl.make_plan(scenes[name], cast_shadow=False) for name in ("shiny", "both", "glowing", "blunt")]
     model = Model(plans[0])
     model.forced = set(model.stale)
     wants = [{"image"}, {"image"}, {"texels"}, {"irradiance"}, {"shadow", "object"}, {"image", "texels"}, set()]
@@ -227,7 +265,7 @@ def test_nothing_is_ever_old_nor_made_twice(scenes, marked, seed):
                     changed |= new.writes
             model.stale |= changed
             # A change of where a product comes from makes everything after it old.
-            model.forced |= changed | {"texels", "radiance", "irradiance", "shadow", "object", "image"}
+            model.forced |= changed | {"texels", "radiance", "irradiance", "shadow", "self_shadow", "object", "image"}
         kept += not model.stale
         model.step(wants[rng.integers(len(wants))])
     print(f"{model.runs} runs of passes in 150 steps; {150 * len(PASSES)} without a plan")
@@ -247,7 +285,7 @@ CHOICES = [
     "paper",
     {"diffuse": "six-face-exact", "shadow": "cap-sum"},
     {"diffuse": "nearest-face"},
-    {"normalization": "paper"},
+    {"normalization": "paper", "self_shadow": "none"},
 ]
 
 
@@ -259,7 +297,7 @@ def placed(k):
 def test_a_session_equals_a_fresh_one_after_any_changes(seed):
     rng = np.random.default_rng(seed)
     camera = camera_of(64, 48, 50.0)
-    rig, base = fastibl.Rig(camera), scene_of()
+    rig, base = fastibl.Rig(camera), fastibl.Scene(hollow_mesh(), spheres=8)
     environments = [lit_map(k) for k in range(3)]
     back = rng.integers(0, 256, (48, 64, 3), np.uint8)
     state = dict(material=0, place=0, methods=0, cast=True, environment=0)
@@ -318,7 +356,7 @@ def test_a_capturing_session_equals_one_that_never_changed(seed):
     """Whatever was switched between the frames: the next picture is that of a session which saw the same frames."""
     rng = np.random.default_rng(seed)
     camera = camera_of(64, 48, 50.0)
-    rig, base = fastibl.Rig(camera), scene_of()
+    rig, base = fastibl.Rig(camera), fastibl.Scene(hollow_mesh(), spheres=8)
     choices = [c for c in CHOICES if c != "paper"]  # it captures other frames
     state = dict(material=0, place=0, methods=0, cast=True)
     session, frames = fastibl.Session(base, rig, size=16), []

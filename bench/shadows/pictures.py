@@ -85,7 +85,9 @@ def object_light(mesh: fastibl.Mesh, view: View, cube: fastibl.CubeMap) -> NDArr
     plane = np.maximum(lighting.irradiance(np.array([[0.0, 0.0, 1.0]]))[0], 1e-9)
     out = np.zeros((*view.triangle.shape, 3))
     out[seen] = lighting.irradiance(normals) / plane * np.clip(visible, 0, 1)[:, None]
-    return _reduced(out)
+    out = _reduced(out)
+    # Light from the side alone can make it far brighter than the table: then less, so that it does not burn out.
+    return out / max(1.0, _TABLE * _OBJECT * float(np.quantile(out, 0.99)))
 
 
 def picture(ratio: NDArray, light: NDArray, alpha: NDArray) -> NDArray[np.uint8]:

@@ -1,9 +1,8 @@
-#include "fastibl/shadow/mesh_shadow.h"
-
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "fastibl/shadow/mesh_shadow_light.h"
 
 namespace fastibl::bindings {
 namespace {
@@ -13,21 +12,29 @@ py::array_t<T> copied(const T* data, std::vector<py::ssize_t> shape) {
   return py::array_t<T>(std::move(shape), data);
 }
 
-py::tuple table_arrays(const SparseCover& table) {
+void append_arrays(const SparseCover& table, py::list& out) {
   const auto count = py::ssize_t(table.source_of().size());
-  return py::make_tuple(copied(table.begin().data(), {py::ssize_t(table.begin().size())}),
-                        copied(table.source_of().data(), {count}),
-                        copied(reinterpret_cast<const std::uint8_t*>(table.cover().data()),
-                               {count, py::ssize_t{16}}));
+  out.append(copied(table.begin().data(), {py::ssize_t(table.begin().size())}));
+  out.append(copied(table.source_of().data(), {count}));
+  out.append(copied(reinterpret_cast<const std::uint8_t*>(table.cover().data()),
+                    {count, py::ssize_t{16}}));
 }
 
-SparseCover table_of(int size, int sources, const py::tuple& arrays) {
-  if (arrays.size() != 3) throw py::value_error("expected three arrays of a table");
-  const auto begin = arrays[0].cast<py::array_t<std::uint32_t, py::array::c_style>>();
-  const auto source_of = arrays[1].cast<py::array_t<std::uint16_t, py::array::c_style>>();
-  const auto cover = arrays[2].cast<py::array_t<std::uint8_t, py::array::c_style>>();
-  if (begin.ndim() != 1 || source_of.ndim() != 1 || cover.ndim() != 2 || cover.shape(1) != 16)
-    throw py::value_error("expected arrays of a table with shapes (b,), (n,), (n, 16)");
+template <typename T>
+py::array_t<T, py::array::c_style> require_exactly(const py::handle& object, int dimensions) {
+  if (!py::isinstance<py::array_t<T>>(object))
+    throw py::value_error("expected arrays of a table of uint32, uint16 and uint8");
+  const auto array = py::array_t<T, py::array::c_style>::ensure(object);
+  if (array.ndim() != dimensions || (dimensions == 2 && array.shape(1) != 16))
+    throw py::value_error("expected arrays of a table with shapes (b,), (n,), (n, 16), got " +
+                          shape_of(array));
+  return array;
+}
+
+SparseCover table_of(int size, int sources, const py::list& arrays, std::size_t first) {
+  const auto begin = require_exactly<std::uint32_t>(arrays[first], 1);
+  const auto source_of = require_exactly<std::uint16_t>(arrays[first + 1], 1);
+  const auto cover = require_exactly<std::uint8_t>(arrays[first + 2], 2);
   std::vector<SparseCover::Texels> texels(std::size_t(cover.shape(0)));
   if (!texels.empty()) std::memcpy(texels.data(), cover.data(), texels.size() * 16);
   return SparseCover(size, sources, {begin.data(), begin.data() + begin.size()},
@@ -81,23 +88,34 @@ void bind_mesh_shadow(py::module_& module) {
           py::arg("samples"), py::arg("progress") = py::none(),
           R"(None if `progress`, called with the part that is done, returned False.)")
       .def_static(
-          "from_table",
+          "from_tables",
           [](const Mesh& mesh, int resolution, float extent, int rings, int samples,
-             const py::tuple& table) {
+             const py::list& tables) {
+            if (tables.size() != 6)
+              throw py::value_error("expected six arrays of two tables, got " +
+                                    std::to_string(tables.size()));
             const int cells = SkyCells(rings).count();
             return std::make_shared<MeshShadow>(
                 mesh, MeshShadowOptions{resolution, extent, rings, samples},
-                table_of(resolution, cells, table));
+                MeshShadow::Tables{table_of(resolution, cells, tables, 0),
+                                   table_of(resolution, cells, tables, 3)});
           },
           py::arg("mesh"), py::arg("resolution"), py::arg("extent"), py::arg("rings"),
-          py::arg("samples"), py::arg("table"),
-          R"(From what `table` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.)")
+          py::arg("samples"), py::arg("tables"),
+          R"(From what `tables` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.)")
       .def_property_readonly(
-          "table", [](const MeshShadow& shadow) { return table_arrays(shadow.table()); },
-          "Three arrays: where the entries of each block begin, their cells, their covers (n, 16).")
-      .def_property_readonly("bytes", &MeshShadow::bytes, "Memory of the table.")
+          "tables",
+          [](const MeshShadow& shadow) {
+            py::list out;
+            append_arrays(shadow.tables().inner, out);
+            append_arrays(shadow.tables().outer, out);
+            return out;
+          },
+          "Three arrays of each of two tables: where the entries of each block begin, their cells, "
+          "their covers (n, 16).")
+      .def_property_readonly("bytes", &MeshShadow::bytes, "Memory of the tables.")
       .def_property_readonly(
-          "extent", [](const MeshShadow& shadow) { return shadow.grid().extent; },
+          "extent", [](const MeshShadow& shadow) { return shadow.inner().extent; },
           "Half the map's edge in metres.")
       .def(
           "fits",
@@ -113,7 +131,7 @@ void bind_mesh_shadow(py::module_& module) {
              MeshShadowLight& light) {
             const Pose placed = pose.is_none() ? Pose{} : require_pose(pose, "marker_from_object");
             const py::gil_scoped_release release;
-            return shadow.cast(cube, placed, light);
+            return light.cast(shadow, cube, placed);
           },
           py::arg("cube"), py::arg("marker_from_object"), py::arg("light"),
           "ShadowMap of the object under this light.");

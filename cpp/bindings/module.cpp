@@ -13,6 +13,7 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_capture(module);
   bind_shadow(module);
   bind_mesh_shadow(module);
+  bind_plane_exchange(module);
   bind_shading(module);
   bind_tracking(module);
   bind_plan(module);

@@ -24,6 +24,7 @@ constexpr std::pair<const char*, Products> kProducts[] = {
     {"radiance", product::radiance},
     {"irradiance", product::irradiance},
     {"shadow", product::shadow},
+    {"self_shadow", product::self_shadow},
     {"object", product::object},
     {"image", product::image}};
 
@@ -83,7 +84,7 @@ void bind_plan(py::module_& module) {
                        const std::string& diffuse, const Settings& diffuse_settings,
                        const std::string& glossy, const Settings& glossy_settings,
                        const std::string& normalization_name, const std::string& shadow,
-                       const Settings& shadow_settings) {
+                       const Settings& shadow_settings, const std::string& self_shadow) {
              Methods methods;
              methods.tracking = tracking_method(tracking);
              methods.capture = capture_method(capture);
@@ -97,11 +98,13 @@ void bind_plan(py::module_& module) {
              methods.shadow = shadow_method(shadow);
              methods.shadow_settings =
                  settings_with<ShadowSettings>(methods.shadow, shadow_settings);
+             methods.self_shadow = self_shadow_method(self_shadow);
              return methods;
            }),
            py::kw_only(), py::arg("tracking"), py::arg("capture"), py::arg("diffuse"),
            py::arg("diffuse_settings"), py::arg("glossy"), py::arg("glossy_settings"),
-           py::arg("normalization"), py::arg("shadow"), py::arg("shadow_settings"))
+           py::arg("normalization"), py::arg("shadow"), py::arg("shadow_settings"),
+           py::arg("self_shadow") = "auto")
       .def_static("_auto", [] { return Methods{}; })
       .def_static("_paper", &Methods::paper)
       .def_property_readonly("tracking",
@@ -123,6 +126,8 @@ void bind_plan(py::module_& module) {
       .def_property_readonly(
           "shadow_settings",
           [](const Methods& m) { return settings_map(m.shadow, m.shadow_settings); })
+      .def_property_readonly("self_shadow",
+                             [](const Methods& m) { return std::string(name(m.self_shadow)); })
       .def(py::self == py::self)
       .def("__repr__", [](const Methods& m) {
         return "Methods(tracking='" + std::string(name(m.tracking)) + "', capture='" +
@@ -130,7 +135,8 @@ void bind_plan(py::module_& module) {
                described(m.diffuse, m.diffuse_settings) + "', glossy='" +
                described(m.glossy, m.glossy_settings) + "', normalization='" +
                std::string(name(m.normalization)) + "', shadow='" +
-               described(m.shadow, m.shadow_settings) + "')";
+               described(m.shadow, m.shadow_settings) + "', self_shadow='" +
+               std::string(name(m.self_shadow)) + "')";
       });
   module.def(
       "_method_names",
@@ -149,6 +155,8 @@ void bind_plan(py::module_& module) {
           all(kGlossyMethods);
         else if (step == "shadow")
           all(kShadowMethods);
+        else if (step == "self_shadow")
+          all(kSelfShadowMethods);
         return names;
       },
       py::arg("step"));

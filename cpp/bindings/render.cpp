@@ -5,6 +5,7 @@
 #include "bindings/numpy.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/session.h"
+#include "fastibl/shadow/mesh_shadow.h"
 #ifdef FASTIBL_WITH_GL
 #include "fastibl/render/gl/gl_renderer.h"
 #endif
@@ -47,7 +48,7 @@ frame by default. spheres: number of shadow proxies at most, 0 for no shadow. vi
            }),
            py::arg("mesh"), py::arg("material") = py::none(),
            py::arg("marker_from_object") = py::none(), py::arg("spheres") = 50,
-           py::arg("visibility_rays") = 64)
+           py::arg("visibility_rays") = 96)
       .def_readonly("mesh", &Scene::mesh)
       .def_readonly("material", &Scene::material)
       .def_readonly("marker_from_object", &Scene::marker_from_object)
@@ -65,6 +66,18 @@ frame by default. spheres: number of shadow proxies at most, 0 for no shadow. vi
             return out;
           },
           "(m, 4) float32: centre and radius, mesh frame.")
+      .def_property(
+          "baked_shadow",
+          [](const Scene& s) { return std::const_pointer_cast<MeshShadow>(s.baked_shadow); },
+          [](Scene& s, const py::object& given) {
+            const py::object baked =
+                py::hasattr(given, "baked") ? py::object(given.attr("baked")) : given;
+            s.baked_shadow = baked.cast<std::shared_ptr<MeshShadow>>();
+          },
+          R"(What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
+
+Without it that method raises ValueError; where the object is tilted or lifted off the plane, its spheres cast the
+shadow.)")
       .def("__repr__", [](const Scene& s) {
         return "<fastibl.Scene of " + std::to_string(s.mesh.triangles.size()) + " triangles, " +
                std::to_string(s.spheres.size()) + " spheres>";

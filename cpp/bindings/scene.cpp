@@ -645,13 +645,23 @@ Raises ValueError for wrong shapes, indices out of range, or values that are not
           [](const Bvh& bvh, const py::object& origins, const py::object& directions, float t_min) {
             const Floats o = require_vectors(origins, "origins"),
                          d = require_vectors(directions, "directions");
-            if (shape_vector(o) != shape_vector(d))
-              throw py::value_error("origins and directions must have the same shape, got " +
-                                    shape_of(o) + " and " + shape_of(d));
-            std::vector<py::ssize_t> shape = shape_vector(o);
+            if (o.ndim() > 1 && shape_vector(o) != shape_vector(d))
+              throw py::value_error(
+                  "origins must be one point, or have the shape of directions; got " + shape_of(o) +
+                  " and " + shape_of(d));
+            std::vector<py::ssize_t> shape = shape_vector(d);
             shape.pop_back();
             py::array_t<bool> out(shape);
             bool* to = out.mutable_data();
+            if (o.ndim() == 1) {
+              const py::gil_scoped_release release;
+              DirectionSet set(int(d.size() / 3));
+              for (int i = 0; i < set.count; ++i) set.set(i, vectors(d)[i]);
+              std::vector<std::uint8_t> hidden(std::size_t(set.count), 0);
+              bvh.occluded(vectors(o)[0], set, t_min, hidden);
+              std::copy(hidden.begin(), hidden.end(), to);
+              return out;
+            }
             {
               const py::gil_scoped_release release;
               parallel_for(int(o.size() / 3), 1024, [&](int begin, int end) {
@@ -662,7 +672,9 @@ Raises ValueError for wrong shapes, indices out of range, or values that are not
             return out;
           },
           py::arg("origins"), py::arg("directions"), py::arg("t_min") = 0.0f,
-          "Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.")
+          R"(Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.
+
+origins may be one point (3,) for all directions, which is several times faster.)")
       .def(
           "nearest",
           [](const Bvh& bvh, const py::object& origins, const py::object& directions, float t_min) {

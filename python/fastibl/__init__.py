@@ -17,6 +17,7 @@ from ._fastibl import (
     Mesh,
     ObjectLayer,
     Plan,
+    PlaneExchange,
     PlannedPass,
     Pose,
     Response,
@@ -48,6 +49,7 @@ from .environment_files import read_environment, write_environment
 from .export import export_light
 from .files import read_mesh, read_object, stand
 from .lighting import Lighting, Method, methods
+from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
 from .session import Session, make_plan
 from .tracking import Tracker
@@ -65,9 +67,11 @@ __all__ = [
     "Lighting",
     "Material",
     "Mesh",
+    "MeshShadow",
     "Method",
     "ObjectLayer",
     "Plan",
+    "PlaneExchange",
     "PlannedPass",
     "Pose",
     "Recording",

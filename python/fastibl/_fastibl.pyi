@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -410,6 +410,8 @@ class Bvh:
     def occluded(self, origins: typing.Any, directions: typing.Any, t_min: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> numpy.typing.NDArray[numpy.bool]:
         """
         Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.
+
+        origins may be one point (3,) for all directions, which is several times faster.
         """
 class Environment:
     """
@@ -757,7 +759,7 @@ class MeshShadowLight:
     """
     What lasts from one light to the next: directions of dominant lights, and their shadows.
     """
-    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0010000000474974513) -> None:
+    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0005000000237487257) -> None:
         ...
     @property
     def directions(self) -> int:
@@ -779,9 +781,9 @@ class BakedShadow:
         None if `progress`, called with the part that is done, returned False.
         """
     @staticmethod
-    def from_table(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, table: tuple) -> BakedShadow:
+    def from_tables(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, tables: list) -> BakedShadow:
         """
-        From what `table` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
+        From what `tables` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
         """
     def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight) -> ShadowMap:
         """
@@ -794,7 +796,7 @@ class BakedShadow:
     @property
     def bytes(self) -> int:
         """
-        Memory of the table.
+        Memory of the tables.
         """
     @property
     def extent(self) -> float:
@@ -802,9 +804,45 @@ class BakedShadow:
         Half the map's edge in metres.
         """
     @property
-    def table(self) -> tuple:
+    def tables(self) -> list:
         """
-        Three arrays: where the entries of each block begin, their cells, their covers (n, 16).
+        Three arrays of each of two tables: where the entries of each block begin, their cells, their covers (n, 16).
+        """
+class PlaneExchange:
+    """
+    Diffuse light from an object to the marker plane that it stands on, and back: one bounce.
+
+    mesh: Mesh standing on z = 0. cells: of the plane along an edge, 1 to 128, over 1.5 times the object's largest extent
+    to each side. Form factors between vertices and cells are worked out once (Goral et al. 1984); then both ways are sums.
+    Raises ValueError for another number of cells.
+    """
+    def __init__(self, mesh: Mesh, *, cells: typing.SupportsInt | typing.SupportsIndex = 32) -> None:
+        ...
+    def onto_object(self, exitance: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Irradiance of each vertex (v, 3) by cells that send out exitance (cells, cells, 3).
+
+        Linear, and so good for changes as well: what a shadow on the plane takes from the object.
+        """
+    def onto_plane(self, exitance: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Irradiance of the cells (cells, cells, 3), row 0 at least y, float32.
+
+        exitance: (v, 3) light that each vertex sends out: its irradiance times its diffuse reflectance.
+        Raises ValueError for another number of vertices.
+        """
+    @property
+    def cells(self) -> int:
+        ...
+    @property
+    def centre(self) -> tuple[float, float]:
+        """
+        Middle of the cells (x, y), metres, the mesh's frame.
+        """
+    @property
+    def extent(self) -> float:
+        """
+        Half the edge of all cells together, metres.
         """
 class SelfShadow:
     """
@@ -934,7 +972,7 @@ class _Methods:
         ...
     def __eq__(self, arg0: _Methods) -> bool:
         ...
-    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex]) -> None:
+    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], self_shadow: str = 'auto') -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -955,6 +993,9 @@ class _Methods:
         ...
     @property
     def normalization(self) -> str:
+        ...
+    @property
+    def self_shadow(self) -> str:
         ...
     @property
     def shadow(self) -> str:
@@ -1037,9 +1078,20 @@ class Scene:
     mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
     frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0 for none.
     """
-    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 64) -> None:
+    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96) -> None:
         ...
     def __repr__(self) -> str:
+        ...
+    @property
+    def baked_shadow(self) -> BakedShadow:
+        """
+        What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
+
+        Without it that method raises ValueError; where the object is tilted or lifted off the plane, its spheres cast the
+        shadow.
+        """
+    @baked_shadow.setter
+    def baked_shadow(self, arg1: typing.Any) -> None:
         ...
     @property
     def marker_from_object(self) -> Pose:
@@ -1213,12 +1265,14 @@ def _track_with(detector: typing.Any, grey: typing.Annotated[numpy.typing.ArrayL
     """
     One frame as a Session runs it: detector(grey, board, camera) -> (tags, start), refinement, pose.
     """
-def ambient_occlusion(mesh: Mesh, rays: typing.SupportsInt | typing.SupportsIndex = 64) -> numpy.typing.NDArray[numpy.float32]:
+def ambient_occlusion(mesh: Mesh, rays: typing.SupportsInt | typing.SupportsIndex = 96, spheres: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
     """
     P_V of Eq. 8: cosine-weighted share of each vertex's hemisphere that the mesh itself leaves free.
 
     rays: number a vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included;
-    triangles hide from both sides. Raises ValueError for rays < 1.
+    triangles hide from both sides. spheres: (m, 4), x y z radius in the mesh's frame, which hide instead of the
+    triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster, RMS error 0.02.
+    Raises ValueError for rays < 1.
     """
 def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, directions: typing.SupportsInt | typing.SupportsIndex = 256, outer: bool = True) -> ShadowMap:
     """

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 
 #include "fastibl/capture/footprint.h"
 #include "fastibl/core/check.h"
@@ -12,28 +13,39 @@
 namespace fastibl {
 namespace {
 
-constexpr double kBoardMargin = 0.01;   // metres around the page, for blur and the pose's error
-constexpr std::size_t kCameras = 4;     // whose tables are kept
-constexpr std::size_t kSnapshots = 3;   // kept to be updated: in use by renderer, caller and us
+constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
+constexpr std::size_t kCameras = 4;    // whose tables are kept
+constexpr std::size_t kSnapshots = 3;  // kept to be updated: in use by renderer, caller and us
+// Seconds over which new values of unseen tiles are spread, and the least share that a picture
+// makes: what is not seen is a guess, and follows when there is time.
+constexpr double kRefillTime = 1, kLeastRefill = 1 / 32.0;
+constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 
-// A row of texels that were all seen, as the map has them.
-FASTIBL_CLONES void interleave_row(const float* __restrict r, const float* __restrict g,
-                                   const float* __restrict b, int count, float* __restrict out) {
-  int i = 0;
+// Rows of `width` texels as the map has them, its rows `stride` floats apart.
+FASTIBL_CLONES void interleave(const float* const channels[3], int width, int height,
+                               std::ptrdiff_t stride, float* __restrict map) {
+  const float *r = channels[0], *g = channels[1], *b = channels[2];
   const auto at = [](const float* p) -> const Float8& {
     return *reinterpret_cast<const Float8*>(p);
   };
-  for (; i + 8 <= count; i += 8, out += 24) {
-    const Float8 &x = at(r + i), &y = at(g + i), &z = at(b + i);
-    const Float8 p = __builtin_shufflevector(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
-    const Float8 q = __builtin_shufflevector(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
-    const Float8 s = __builtin_shufflevector(x, y, 13, 0, 6, 14, 0, 7, 15, 0);
-    *reinterpret_cast<Float8*>(out) = __builtin_shufflevector(p, z, 0, 1, 8, 3, 4, 9, 6, 7);
-    *reinterpret_cast<Float8*>(out + 8) = __builtin_shufflevector(q, z, 10, 1, 2, 11, 4, 5, 12, 7);
-    *reinterpret_cast<Float8*>(out + 16) = __builtin_shufflevector(s, z, 0, 13, 2, 3, 14, 5, 6, 15);
+  for (int row = 0; row < height; ++row, map += stride) {
+    float* out = map;
+    int i = 0;
+    for (; i + 8 <= width; i += 8, out += 24) {
+      const Float8 &x = at(r + i), &y = at(g + i), &z = at(b + i);
+      const Float8 p = __builtin_shufflevector(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
+      const Float8 q = __builtin_shufflevector(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
+      const Float8 s = __builtin_shufflevector(x, y, 13, 0, 6, 14, 0, 7, 15, 0);
+      *reinterpret_cast<Float8*>(out) = __builtin_shufflevector(p, z, 0, 1, 8, 3, 4, 9, 6, 7);
+      *reinterpret_cast<Float8*>(out + 8) =
+          __builtin_shufflevector(q, z, 10, 1, 2, 11, 4, 5, 12, 7);
+      *reinterpret_cast<Float8*>(out + 16) =
+          __builtin_shufflevector(s, z, 0, 13, 2, 3, 14, 5, 6, 15);
+    }
+    for (; i < width; ++i, out += 3) out[0] = r[i], out[1] = g[i], out[2] = b[i];
+    r += width, g += width, b += width;
   }
-  for (; i < count; ++i, out += 3) out[0] = r[i], out[1] = g[i], out[2] = b[i];
 }
 
 // Texels that were not seen take `fill`.
@@ -45,17 +57,6 @@ FASTIBL_CLONES void fill_unseen(const double* __restrict last_seen, const float*
     r[i] = seen ? r[i] : fill[0];
     g[i] = seen ? g[i] : fill[1];
     b[i] = seen ? b[i] : fill[2];
-  }
-}
-
-// Variance of a texel over RGB, relative to the square of its value.
-FASTIBL_CLONES void relative_variance(const float* const value[3], const float* const variance[3],
-                                      int count, float* __restrict out) {
-  const float *r = value[0], *g = value[1], *b = value[2];
-  const float *vr = variance[0], *vg = variance[1], *vb = variance[2];
-  for (int i = 0; i < count; ++i) {
-    const float square = r[i] * r[i] + g[i] * g[i] + b[i] * b[i];
-    out[i] = (vr[i] + vg[i] + vb[i]) / (square > 1e-20f ? square : 1e-20f);
   }
 }
 
@@ -104,7 +105,8 @@ Capture::Capture(CaptureOptions options)
       state_(grid_),
       sums_(std::size_t(grid_.count())),
       unseen_(grid_, float(options_.plane_albedo)),
-      pyramids_(grid_) {
+      pyramids_(grid_),
+      quiet_(grid_) {
   const std::size_t n = std::size_t(grid_.size), stride = std::size_t(grid_.stride()),
                     tiles = std::size_t(grid_.count()), per_face = std::size_t(grid_.per_face());
   const std::vector<double> angles = texel_solid_angles(grid_.size);
@@ -132,6 +134,7 @@ Capture::Capture(CaptureOptions options)
     }
   }
   versions_.assign(tiles, new_tile_version());
+  filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
 
@@ -148,7 +151,10 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
         exposure);
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
-  time_ = time;
+  const std::ptrdiff_t index = &k - cameras_.data();
+  int refills = refills_after(time, index);
+  const bool all_refills = refills == grid_.count();
+  time_ = time, last_camera_ = index;
 
   Viewpoint viewpoint{options_.centre, options_.distance};
   if (options_.board)
@@ -164,9 +170,12 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
   if (tiles_.empty()) return;
-  levels_.make(picture, camera.response, levels_for(most));
+  // Probes are four times as large as texels.
+  levels_.make(picture, camera.response, levels_for(4 * most));
 
   const View view{k, texels, mask, std::min(1 / (exposure * camera.gain), kLargestScale)};
+  leave_out_quiet_tiles(
+      view, TexelView(camera, k.lens, k.bounds, camera_from_marker, viewpoint, grid_.size / 2));
   changed_.assign(tiles_.size(), 0);
   parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {
     for (int i = begin; i < end; ++i)
@@ -175,43 +184,161 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   std::vector<int> changed, refilled;
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) changed.push_back(tiles_[i]);
-  unseen_.update(changed, sums_, tile_projected_, time_, refilled);
+  new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
+  if (all_refills || ++pictures_ % kPicturesPerFill == 0) {
+    unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);
+    new_sums_.clear();
+  }
   const std::uint64_t version = new_tile_version();
   for (const int tile : changed) versions_[std::size_t(tile)] = version, refill(tile);
-  for (const int tile : refilled)
-    if (versions_[std::size_t(tile)] != version && refill(tile))
-      versions_[std::size_t(tile)] = version;
+  for (const int tile : refilled) stale_fill_[std::size_t(tile)] = 1;
+  for (int i = 0; i < grid_.count() && refills > 0; ++i) {
+    next_refill_ = (next_refill_ + 1) % grid_.count();
+    if (!stale_fill_[std::size_t(next_refill_)] || !refill(next_refill_)) continue;
+    versions_[std::size_t(next_refill_)] = version;
+    --refills;
+  }
+}
+
+// Of a tile of which any texel was seen.
+void Capture::make_levels(int tile) {
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
+                                 &state_.value[2][start]};
+  pyramids_.make(tile, value);
+  quiet_.place_probes(tile, pyramids_);
+}
+
+// How many tiles may get new values where they are unseen.
+int Capture::refills_after(double time, std::ptrdiff_t camera) const {
+  // Pictures without times of their own are no film.
+  const bool still = time == time_ && camera == last_camera_;
+  const double share = still ? 1 : std::clamp((time - time_) / kRefillTime, kLeastRefill, 1.0);
+  return int(share * grid_.count());
 }
 
 // Gives the tile's unseen texels their value; false if there are none.
 bool Capture::refill(int tile) {
   const FaceRect r = tile_rect(grid_, tile);
   const int seen = sums_[std::size_t(tile)].count;
+  stale_fill_[std::size_t(tile)] = 0;
   if (seen == r.texels()) return false;
   const glm::vec3 fill = unseen_.fill(tile);
+  filled_[std::size_t(tile)] = fill;
   if (seen == 0) {
     pyramids_.make(tile, fill);
     return true;
   }
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
-                           &state_.value[2][start]};
-  fill_unseen(&state_.last_seen[start], &fill.x, r.texels(), value[0], value[1], value[2]);
-  pyramids_.make(tile, value);
+  fill_unseen(state_.last_seen.texels(tile), &fill.x, r.texels(), &state_.value[0][start],
+              &state_.value[1][start], &state_.value[2][start]);
+  make_levels(tile);
   return true;
+}
+
+// Reads the picture where it shows texels.
+void Capture::look(const View& view, int count, Sightings& sightings, Samples& samples) const {
+  const Camera& camera = view.known.camera;
+  if (!view.mask.empty())
+    for (int i = 0; i < count; ++i)
+      if (sightings.seen[i])
+        sightings.seen[i] = *view.mask.pixel(int(sightings.x[i]), int(sightings.y[i])) != 0;
+  sample_footprints(levels_, sightings, count, samples);
+  if (camera.vignetting.empty())
+    std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
+  else
+    for (int i = 0; i < lanes_of(count); ++i)
+      samples.radiance_per_linear[i] =
+          sightings.seen[i] ? float(view.scale / camera.vignette({sightings.x[i], sightings.y[i]}))
+                            : 1.0f;
+}
+
+TileSighting Capture::sighting(const View& view, int tile, const Sightings& sightings,
+                               const Samples& samples, int first, int count) const {
+  TileSighting s{time_, float(view.scale), float(view.scale), most_pixels_[std::size_t(tile)]};
+  if (!view.known.camera.vignetting.empty())
+    for (int i = first; i < first + count; ++i)
+      if (sightings.seen[i]) {
+        s.least_scale = std::min(s.least_scale, samples.radiance_per_linear[i]);
+        s.most_scale = std::max(s.most_scale, samples.radiance_per_linear[i]);
+      }
+  return s;
+}
+
+void Capture::leave_out_quiet_tiles(const View& view, const TexelView& halved) {
+  // By face and side of the horizon: groups that are seen alike.
+  std::vector<int> groups[12];
+  for (const int tile : tiles_)
+    if (quiet_.may_leave_out(tile, time_))
+      groups[2 * (tile / grid_.per_face()) + unseen_.above(tile)].push_back(tile);
+  constexpr int kTiles = kLanes / QuietTiles::kProbes;
+  struct Part {
+    const int* tiles;
+    int count;
+  };
+  std::vector<Part> parts;
+  for (const std::vector<int>& group : groups)
+    for (int i = 0; i < int(group.size()); i += kTiles)
+      parts.push_back({&group[std::size_t(i)], std::min(kTiles, int(group.size()) - i)});
+  if (parts.empty()) return;
+  left_out_.assign(std::size_t(grid_.count()), 0);
+  parallel_for(int(parts.size()), 2, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      const Part& part = parts[std::size_t(i)];
+      compare_probes(view, halved, part.tiles, part.count);
+    }
+  });
+  std::erase_if(tiles_, [&](int tile) { return left_out_[std::size_t(tile)] != 0; });
+}
+
+void Capture::compare_probes(const View& view, const TexelView& halved, const int* tiles,
+                             int count) {
+  constexpr int kProbes = QuietTiles::kProbes;
+  const int lanes = count * kProbes, face = tiles[0] / grid_.per_face(), half = grid_.size / 2;
+  alignas(64) float columns[kLanes], rows[kLanes], values[3][kLanes], rough[3][kLanes];
+  for (int t = 0; t < count; ++t) {
+    const FaceRect r = tile_rect(grid_, tiles[t]);
+    for (int p = 0; p < kProbes; ++p) {
+      columns[t * kProbes + p] = float(r.x0 / 2 + quiet_.probe_column(tiles[t], p));
+      rows[t * kProbes + p] = float(r.y0 / 2 + quiet_.probe_row(tiles[t], p));
+    }
+    for (int c = 0; c < 3; ++c) {
+      std::copy_n(quiet_.value(tiles[t], c), kProbes, &values[c][t * kProbes]);
+      std::copy_n(quiet_.rough(tiles[t], c), kProbes, &rough[c][t * kProbes]);
+    }
+  }
+  const float first = 1.0f / float(half) - 1;
+  const TexelGroup group{face, first, first, 2.0f / float(half), columns, rows, lanes, lanes};
+  Sightings sightings;
+  if (!halved.see(group, unseen_.above(tiles[0]), sightings)) return;
+  Samples samples;
+  look(view, lanes, sightings, samples);
+  alignas(64) float deviance[kLanes];
+  const float* const value[3] = {values[0], values[1], values[2]};
+  const float* const variance[3] = {rough[0], rough[1], rough[2]};
+  compare_samples(value, variance, lanes, sightings, samples, view.known.noise, deviance);
+  for (int t = 0; t < count; ++t) {
+    const int tile = tiles[t], at = t * kProbes;
+    left_out_[std::size_t(tile)] =
+        quiet_.leave_out(tile, sighting(view, tile, sightings, samples, at, kProbes),
+                         &sightings.seen[at], &deviance[at]);
+  }
 }
 
 // Takes what the picture shows of a tile; true if it shows any of its texels.
 bool Capture::add_tile(const View& view, int tile) {
   const FaceRect r = tile_rect(grid_, tile);
   const int table = r.width() == grid_.widest() ? 1 : 0;
-  const Camera& camera = view.known.camera;
   const float step = 2.0f / float(grid_.size);
   const auto first = [&](int i) { return float((2.0 * i + 1) / grid_.size - 1); };
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
   Sightings sightings;
   Samples samples;
   bool any = false;
+  bool whole = true;
+  float unsure[QuietTiles::kProbes];
+  std::fill_n(unsure, QuietTiles::kProbes, -1.0f);
+  TileSighting shown{};
   for (int k = 0; k < r.texels(); k += kLanes) {
     const int count = std::min(kLanes, r.texels() - k);
     const TexelGroup group{r.face,
@@ -222,34 +349,33 @@ bool Capture::add_tile(const View& view, int tile) {
                            &rows_[table][std::size_t(k)],
                            count,
                            r.width()};
-    if (!view.texels.see(group, sightings)) continue;
-    if (!view.mask.empty())
-      for (int i = 0; i < count; ++i)
-        if (sightings.seen[i])
-          sightings.seen[i] = *view.mask.pixel(int(sightings.x[i]), int(sightings.y[i])) != 0;
+    if (!view.texels.see(group, sightings)) {
+      whole = false;
+      continue;
+    }
+    look(view, count, sightings, samples);
+    const TileSighting part = sighting(view, tile, sightings, samples, 0, count);
+    shown = any ? joined(shown, part) : part;
     any = true;
-    sample_footprints(levels_, sightings, count, samples);
-    if (camera.vignetting.empty())
-      std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
-    else
-      for (int i = 0; i < lanes_of(count); ++i)
-        samples.radiance_per_linear[i] =
-            sightings.seen[i]
-                ? float(view.scale / camera.vignette({sightings.x[i], sightings.y[i]}))
-                : 1.0f;
+    whole &= std::count(sightings.seen, sightings.seen + count, 0) == 0;
+    alignas(64) float left[kLanes];
+    // Times of single texels are needed where not all are seen, or not all at once.
+    const bool once = count == r.texels() && whole && state_.last_seen.same(tile);
     merge_samples(state_, start + std::size_t(k), count, sightings, samples, view.known.noise,
-                  time_);
+                  time_, once ? nullptr : state_.last_seen.texels(tile) + k,
+                  state_.last_seen.at(tile, 0), left);
+    quiet_.add_blocks(k, count, left, unsure);
   }
   if (!any) return false;
   TileSums& sums = sums_[std::size_t(tile)];
+  if (whole) state_.last_seen.set(tile, time_);
+  relate_variances(state_, start, r.texels());
   sums = sum_tile(state_, start, r.texels(),
+                  state_.last_seen.same(tile) ? nullptr : state_.last_seen.texels(tile),
                   &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
                   &projected_[start]);
-  if (sums.count == r.texels()) {
-    const float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
-                                   &state_.value[2][start]};
-    pyramids_.make(tile, value);
-  }
+  quiet_.took(tile, shown, unsure, whole, sums.bound_angle > 0);
+  if (sums.count == r.texels()) make_levels(tile);
   return true;
 }
 
@@ -258,11 +384,11 @@ std::vector<double> Capture::last_seen() const {
   std::vector<double> out(6 * n * n);
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const FaceRect r = tile_rect(grid_, tile);
-    std::size_t from = std::size_t(tile) * std::size_t(grid_.stride());
+    int from = 0;
     for (int y = r.y0; y < r.y1; ++y)
       for (int x = r.x0; x < r.x1; ++x)
         out[(std::size_t(r.face) * n + std::size_t(y)) * n + std::size_t(x)] =
-            state_.last_seen[from++];
+            state_.last_seen.at(tile, from++);
   }
   return out;
 }
@@ -279,8 +405,8 @@ std::shared_ptr<const Environment> Capture::environment() {
   if (!snapshot) {
     snapshot = std::make_shared<Environment>();
     snapshot->radiance = CubeMap(grid_.size);
-    snapshot->last_seen.assign(state_.last_seen.size(), kNever);
-    snapshot->variance.assign(state_.last_seen.size(), 0.0f);
+    snapshot->last_seen = TexelTimes(grid_);
+    snapshot->variance.assign(state_.relative.size(), 0);
   }
   update_snapshot(*snapshot);
   snapshots_.insert(snapshots_.begin(), snapshot);
@@ -303,7 +429,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
     const TileSums& s = sums_[i];
     seen += s.angle, bound += s.bound_angle;
     if (!unseen_.above(tile)) continue;
-    const glm::dvec3 fill(unseen_.fill(tile));
+    const glm::dvec3 fill(filled_[i]);
     up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux;
     flux +=
         s.flux.x + s.flux.y + s.flux.z + (tile_angle_[i] - s.angle) * (fill.x + fill.y + fill.z);
@@ -322,30 +448,29 @@ void Capture::write_tile(int tile, Environment& snapshot) const {
   const FaceRect r = tile_rect(grid_, tile);
   CubeMap& map = snapshot.radiance;
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  const float* value[3] = {&state_.value[0][start], &state_.value[1][start],
-                           &state_.value[2][start]};
-  const int seen = sums_[std::size_t(tile)].count;
-  for (int y = 0; y < r.height(); ++y) {
-    glm::vec3* row = &map.base(0).texel(r.face, r.x0, r.y0 + y);
-    const int i = y * r.width();
-    if (seen > 0)
-      interleave_row(value[0] + i, value[1] + i, value[2] + i, r.width(), &row->x);
-    else
-      std::fill_n(row, r.width(), unseen_.fill(tile));
-  }
-  for (int k = 1; k < pyramids_.levels(); ++k) {
-    const int w = pyramids_.width(k);
-    const float *red = pyramids_.level(tile, 0, k), *green = pyramids_.level(tile, 1, k),
-                *blue = pyramids_.level(tile, 2, k);
-    for (int y = 0; y < w; ++y, red += w, green += w, blue += w)
-      interleave_row(red, green, blue, w,
-                     &map.base(k).texel(r.face, r.x0 >> k, (r.y0 >> k) + y).x);
-  }
-  if (seen == 0) return;
-  const float* variance[3] = {&state_.variance[0][start], &state_.variance[1][start],
-                              &state_.variance[2][start]};
-  relative_variance(value, variance, r.texels(), &snapshot.variance[start]);
-  std::copy_n(&state_.last_seen[start], std::size_t(r.texels()), &snapshot.last_seen[start]);
+  const auto write = [&](int level, const float* const(&channels)[3]) {
+    CubeLevel& to = map.base(level);
+    interleave(channels, r.width() >> level, r.height() >> level, 3 * to.row_stride(),
+               &to.texel(r.face, r.x0 >> level, r.y0 >> level).x);
+  };
+  const bool seen = sums_[std::size_t(tile)].count > 0;
+  if (seen)
+    write(0, {&state_.value[0][start], &state_.value[1][start], &state_.value[2][start]});
+  else
+    for (int y = r.y0; y < r.y1; ++y) {
+      glm::vec3* row = &map.base(0).texel(r.face, r.x0, y);
+      if (y == r.y0)
+        std::fill_n(row, r.width(), filled_[std::size_t(tile)]);
+      else
+        std::memcpy(row, &map.base(0).texel(r.face, r.x0, r.y0),
+                    sizeof *row * std::size_t(r.width()));
+    }
+  for (int k = 1; k < pyramids_.levels(); ++k)
+    write(k,
+          {pyramids_.level(tile, 0, k), pyramids_.level(tile, 1, k), pyramids_.level(tile, 2, k)});
+  if (!seen) return;
+  std::copy_n(&state_.relative[start], grid_.stride(), &snapshot.variance[start]);
+  snapshot.last_seen.copy(tile, state_.last_seen);
 }
 
 }  // namespace fastibl

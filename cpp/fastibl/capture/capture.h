@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fastibl/capture/frame_levels.h"
+#include "fastibl/capture/quiet_tiles.h"
 #include "fastibl/capture/texel_state.h"
 #include "fastibl/capture/texel_view.h"
 #include "fastibl/capture/tile_pyramids.h"
@@ -40,6 +41,9 @@ struct CaptureOptions {
 // sensor and of quantisation, grown with time, decide how much a new sample counts; a sample that
 // contradicts the value replaces it. A clipped sample is a lower bound: it raises a value below it,
 // agrees with one above it and never lowers it.
+//
+// A tile that a picture could hardly improve, and that agrees with it, is left out for up to three
+// pictures: see QuietTiles. Its texels then count as last seen when they were last taken.
 class Capture {
  public:
   explicit Capture(
@@ -53,8 +57,8 @@ class Capture {
            double exposure, double time, ImageView<const std::uint8_t> mask = {});
 
   // The map at the time of the last picture, without holes: unseen texels take a mean of what
-  // was seen near them on their side of the horizon, at confidence 0. Only what changed since an
-  // earlier map that nobody holds any more is made anew in its place.
+  // was seen near them on their side of the horizon, at confidence 0 and up to a second late. Only
+  // what changed since an earlier map that nobody holds any more is made anew in its place.
   std::shared_ptr<const Environment> environment();
 
   int size() const { return options_.size; }
@@ -72,7 +76,16 @@ class Capture {
   };
   struct View;  // of one picture
   const KnownCamera& known(const Camera& camera);
+  void look(const View& view, int count, Sightings& sightings, Samples& samples) const;
+  // Removes from tiles_ what the picture need not give.
+  void leave_out_quiet_tiles(const View& view, const TexelView& halved);
+  void compare_probes(const View& view, const TexelView& halved, const int* tiles, int count);
+  // Of what was looked at from `first` on.
+  TileSighting sighting(const View& view, int tile, const Sightings& sightings,
+                        const Samples& samples, int first, int count) const;
   bool add_tile(const View& view, int tile);
+  void make_levels(int tile);
+  int refills_after(double time, std::ptrdiff_t camera) const;
   bool refill(int tile);
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
@@ -88,13 +101,19 @@ class Capture {
   std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
   std::vector<TileSums> sums_;               // by tile
   UnseenTiles unseen_;
+  std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map
+  std::vector<std::uint8_t> stale_fill_;  // where it is no longer that of unseen_
+  int next_refill_ = 0, pictures_ = 0;
+  std::vector<int> new_sums_;  // tiles that unseen_ does not know yet
   TilePyramids pyramids_;
+  QuietTiles quiet_;
   std::vector<std::uint64_t> versions_;  // by tile, as the map's
   std::vector<KnownCamera> cameras_;
+  std::ptrdiff_t last_camera_ = -1;
   FrameLevels levels_;
   std::vector<float> most_pixels_;
   std::vector<int> tiles_;  // that the picture may see
-  std::vector<std::uint8_t> changed_;
+  std::vector<std::uint8_t> changed_, left_out_;
   std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, latest first
 };
 

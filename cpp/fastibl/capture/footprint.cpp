@@ -92,34 +92,45 @@ FASTIBL_CLONES bool split_channels(const float* __restrict rgba, int lanes,
 }
 
 // Adds each footprint's share of clipped pixels by channel, where it has any.
-FASTIBL_CLONES void add_clipped(const float* pixels, const std::uint32_t* clipped, int stride,
-                                const float* rgba, const float* weights, const int* index,
-                                const float* fx, const float* fy, int count, float unit,
-                                float* __restrict share) {
-  using Int4 [[gnu::vector_size(16)]] = int;
-  const Int4 shift = {0, kCountBits, 2 * kCountBits, 3 * kCountBits};
-  const Int4 mask = {(1 << kCountBits) - 1, (1 << kCountBits) - 1, (1 << kCountBits) - 1, 0};
-  for (int i = 0; i < count; ++i) {
-    if (!(weights[i] > 0 && rgba[4 * i + 3] > 0)) continue;
-    const int corners[4] = {index[i], index[i] + 1, index[i] + stride, index[i] + stride + 1};
-    const float x = fx[i], y = fy[i];
-    const float parts[4] = {(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y};
-    Float4 sum = {};
-    for (int c = 0; c < 4; ++c) {
-      const bool any = pixels[4 * std::size_t(corners[c]) + 3] > 0;
-      const int packed = any ? int(clipped[corners[c]]) : 0;
-      const Int4 counts = (Int4{packed, packed, packed, packed} >> shift) & mask;
-      sum += parts[c] * __builtin_convertvector(counts, Float4);
+FASTIBL_CLONES void add_clipped(const float* __restrict pixels,
+                                const std::uint32_t* __restrict clipped, int stride,
+                                const float* __restrict rgba, const float* __restrict weights,
+                                const int* __restrict index, const float* __restrict fx,
+                                const float* __restrict fy, int lanes, float unit,
+                                float (*__restrict share)[kLanes]) {
+  constexpr int kTogether = 16;
+  constexpr std::uint32_t mask = (1u << kCountBits) - 1;
+  const int n = lanes & ~(kTogether - 1);
+  for (int first = 0; first < n; first += kTogether) {
+    float any = 0;
+    for (int i = first; i < first + kTogether; ++i) any += rgba[4 * i + 3];
+    if (!(any > 0)) continue;
+    alignas(64) std::uint32_t packed[4][kTogether];
+    for (int i = 0; i < kTogether; ++i) {
+      const int a = index[first + i], c = a + stride;
+      packed[0][i] = pixels[4 * a + 3] > 0 ? clipped[a] : 0;
+      packed[1][i] = pixels[4 * a + 7] > 0 ? clipped[a + 1] : 0;
+      packed[2][i] = pixels[4 * c + 3] > 0 ? clipped[c] : 0;
+      packed[3][i] = pixels[4 * c + 7] > 0 ? clipped[c + 1] : 0;
     }
-    *reinterpret_cast<Float4*>(share + 4 * i) += (weights[i] * unit) * sum;
+    for (int c = 0; c < 3; ++c)
+      for (int i = 0; i < kTogether; ++i) {
+        const float x = fx[first + i], y = fy[first + i];
+        const auto count = [&](int corner) {
+          return float(int(packed[corner][i] >> c * kCountBits & mask));
+        };
+        const float upper = count(0) + x * (count(1) - count(0));
+        const float lower = count(2) + x * (count(3) - count(2));
+        share[c][first + i] += weights[first + i] * unit * (upper + y * (lower - upper));
+      }
   }
 }
 
-FASTIBL_CLONES void split_clipped(const float* __restrict share, int lanes,
+FASTIBL_CLONES void split_clipped(const float (*__restrict share)[kLanes], int lanes,
                                   int (*__restrict clipped)[kLanes]) {
   const int n = lanes & ~15;
-  for (int i = 0; i < n; ++i)
-    for (int c = 0; c < 3; ++c) clipped[c][i] = share[4 * i + c] > kClippedShare;
+  for (int c = 0; c < 3; ++c)
+    for (int i = 0; i < n; ++i) clipped[c][i] = share[c][i] > kClippedShare;
 }
 
 }  // namespace
@@ -170,11 +181,11 @@ void sample_footprints(const FrameLevels& levels, const Sightings& s, int count,
   });
   out.any_clipped = split_channels(rgba, lanes, out.linear);
   if (!out.any_clipped) return;
-  alignas(64) float share[4 * kLanes];
-  std::memset(share, 0, 4 * sizeof(float) * std::size_t(lanes));
+  alignas(64) float share[3][kLanes];
+  for (auto& channel : share) std::fill_n(channel, lanes, 0.0f);
   const auto add = [&](int k, const FrameLevels::Level& level) {
     add_clipped(level.pixels.data(), level.clipped.data(), level.width + 1, rgba, weights, index,
-                fx, fy, count, 1.0f / float(4 << 2 * k), share);
+                fx, fy, lanes, 1.0f / float(4 << 2 * k), share);
   };
   if (range[0] == range[1] && range[0] == std::floor(range[0]))
     add(int(range[0]), levels.level(int(range[0])));  // places and weights are still those

@@ -9,10 +9,23 @@
 namespace fastibl {
 namespace {
 
-// Means of 2 × 2 pixels of four floats.
-FASTIBL_CLONES void halve_row(const float* a, const float* b, int count, float* out) {
-  for (int x = 0; x < count; ++x, a += 8, b += 8, out += 4)
-    for (int c = 0; c < 4; ++c) out[c] = 0.25f * ((a[c] + a[c + 4]) + (b[c] + b[c + 4]));
+// Means of 2 × 2 pixels of four floats. False if the fourth is 0 everywhere.
+FASTIBL_CLONES bool halve_row(const float* a, const float* b, int count, float* out) {
+  const auto at = [](const float* p) -> const Float8& {
+    return *reinterpret_cast<const Float8*>(p);
+  };
+  Float4 most = {};
+  for (int x = 0; x < count; ++x, a += 8, b += 8, out += 4) {
+    const Float8 &upper = at(a), &lower = at(b);
+    const Float4 left = __builtin_shufflevector(upper, upper, 0, 1, 2, 3);
+    const Float4 right = __builtin_shufflevector(upper, upper, 4, 5, 6, 7);
+    const Float4 left_below = __builtin_shufflevector(lower, lower, 0, 1, 2, 3);
+    const Float4 right_below = __builtin_shufflevector(lower, lower, 4, 5, 6, 7);
+    const Float4 mean = 0.25f * ((left + right) + (left_below + right_below));
+    *reinterpret_cast<Float4*>(out) = mean;
+    most += mean;
+  }
+  return most[3] > 0;
 }
 
 std::uint32_t packed(const std::array<std::uint32_t, 3>& counts) {
@@ -56,15 +69,25 @@ void FrameLevels::resize(int k, int width, int height) {
 
 void FrameLevels::make(const Picture& picture, const Response& response, int levels) {
   resize(0, (picture.width + 1) / 2, (picture.height + 1) / 2);
-  make_first(picture, response);
   count_ = 1;
   while (count_ < std::min(levels, kMost)) {
     const Level& last = level(count_ - 1);
     if (std::min(last.width, last.height) <= 1) break;
     resize(count_, (last.width + 1) / 2, (last.height + 1) / 2);
-    halve(count_);
     ++count_;
   }
+  make_first(picture, response);
+}
+
+// Rows of coarser levels are made while those that they are made of are at hand.
+void FrameLevels::made_row(int k, int y) {
+  Level& level = levels_[std::size_t(k)];
+  repeat_last_column(level, y);
+  const bool last = y == level.height - 1;
+  if (last) repeat_last_row(level);
+  if (k + 1 == count_ || !(last || y % 2 == 1)) return;
+  halve(k + 1, y / 2);
+  made_row(k + 1, y / 2);
 }
 
 void FrameLevels::make_first(const Picture& picture, const Response& response) {
@@ -86,7 +109,7 @@ void FrameLevels::make_first(const Picture& picture, const Response& response) {
           last[0][c] = a[6 * pairs + c % 3], last[1][c] = b[6 * pairs + c % 3];
         decode_pairs(*table_, last[0], last[1], 1, sums_.data(), out + 4 * pairs, clipped + pairs);
       }
-      repeat_last_column(level, y);
+      made_row(0, y);
     }
   } else {
     const Image<float> linear = linear_from(picture, response);
@@ -108,33 +131,33 @@ void FrameLevels::make_first(const Picture& picture, const Response& response) {
             }
         level.clipped[level.index(x, y)] = packed(counts);
       }
-      repeat_last_column(level, y);
+      made_row(0, y);
     }
   }
-  repeat_last_row(level);
 }
 
 // Means of 2 × 2; an odd last row or column is repeated.
-void FrameLevels::halve(int k) {
+void FrameLevels::halve(int k, int y) {
   const Level& fine = levels_[std::size_t(k) - 1];
   Level& coarse = levels_[std::size_t(k)];
-  for (int y = 0; y < coarse.height; ++y) {
-    // The row and column after an odd last one repeat it.
-    const float *a = fine.pixel(0, 2 * y), *b = fine.pixel(0, 2 * y + 1);
-    float* out = coarse.pixel(0, y);
-    halve_row(a, b, coarse.width, out);
-    for (int x = 0; x < coarse.width; ++x) {
-      if (!(out[4 * x + 3] > 0)) continue;
-      std::uint32_t counts[4] = {};
-      for (int i = 0; i < 4; ++i) {
-        const int u = 2 * x + (i & 1), v = 2 * y + (i >> 1);
-        if (fine.pixel(u, v)[3] > 0) counts[i] = fine.clipped[fine.index(u, v)];
-      }
-      coarse.clipped[coarse.index(x, y)] = added(counts, k);
+  // The row and column after an odd last one repeat it.
+  float* out = coarse.pixel(0, y);
+  if (!halve_row(fine.pixel(0, 2 * y), fine.pixel(0, 2 * y + 1), coarse.width, out)) return;
+  for (int x = 0; x < coarse.width; ++x) {
+    const float share = out[4 * x + 3];
+    if (!(share > 0)) continue;
+    if (share == 1 && k < kMost - 1) {  // most: all four have counts
+      const std::uint32_t *a = &fine.clipped[fine.index(2 * x, 2 * y)], *b = a + fine.width + 1;
+      coarse.clipped[coarse.index(x, y)] = a[0] + a[1] + b[0] + b[1];
+      continue;
     }
-    repeat_last_column(coarse, y);
+    std::uint32_t counts[4] = {};
+    for (int i = 0; i < 4; ++i) {
+      const int u = 2 * x + (i & 1), v = 2 * y + (i >> 1);
+      if (fine.pixel(u, v)[3] > 0) counts[i] = fine.clipped[fine.index(u, v)];
+    }
+    coarse.clipped[coarse.index(x, y)] = added(counts, k);
   }
-  repeat_last_row(coarse);
 }
 
 }  // namespace fastibl

@@ -39,7 +39,8 @@ class FrameLevels {
  private:
   void resize(int k, int width, int height);
   void make_first(const Picture& picture, const Response& response);
-  void halve(int k);
+  void halve(int k, int y);  // a row from level k − 1
+  void made_row(int k, int y);
   std::vector<Level> levels_;
   int count_ = 0;
   std::optional<CodeTable> table_;

@@ -1,6 +1,7 @@
 #include "fastibl/capture/texel_state.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "fastibl/core/simd.h"
@@ -8,27 +9,24 @@
 namespace fastibl {
 namespace {
 
-// Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
-constexpr float kModelNoise = 0.03f;
 // A sample further than this many standard deviations from the value is a change of the place.
 constexpr float kChange = 4.0f;
 constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
+alignas(64) constexpr int kNoneClipped[kLanes] = {};
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
 
 // Seconds since each texel was last seen, and whether it is seen for the first time.
-FASTIBL_CLONES int read_times(double* __restrict last_seen, const int* __restrict seen, double time,
-                              int lanes, float* __restrict elapsed, int* __restrict first) {
+FASTIBL_CLONES void read_times(double* __restrict last_seen, const int* __restrict seen,
+                               double time, int lanes, float* __restrict elapsed,
+                               int* __restrict first) {
   const int n = lanes & ~15;
   for (int i = 0; i < n; ++i) elapsed[i] = float(time - last_seen[i]);
-  int any = 0;
   for (int i = 0; i < n; ++i) {
     const int never = elapsed[i] > 1e30f;  // infinite
     first[i] = never;
     elapsed[i] = never ? 0.0f : elapsed[i];
-    any |= never & seen[i];
   }
   for (int i = 0; i < n; ++i) last_seen[i] = seen[i] ? time : last_seen[i];
-  return any;
 }
 
 FASTIBL_CLONES void invert_counts(const float* __restrict pixels, int lanes,
@@ -63,7 +61,8 @@ struct ChannelInput {
 // A Kalman filter per texel. A bound is no measurement, and what contradicts the value is a change
 // of the place: both are replaced. A clipped sample raises a value below it and does no more.
 FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict values,
-                                  float* __restrict variances, int* __restrict bounds) {
+                                  float* __restrict variances, int* __restrict bounds,
+                                  float* __restrict unsure) {
   const int n = in.lanes & ~15;
   const int* __restrict seen = in.seen;
   const int* __restrict firsts = in.first;
@@ -87,12 +86,52 @@ FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict valu
     const float measured = replace ? sample : value + gain * difference;
     const float left = replace ? sample_variance : grown * (1 - gain);
     const float raised = raise ? sample : value;
-    const float unsure = raise ? kBoundNoise * kBoundNoise * sample * sample : variances[i];
-    const float next = clips[i] ? raised : measured, next_variance = clips[i] ? unsure : left;
+    const float guessed = raise ? kBoundNoise * kBoundNoise * sample * sample : variances[i];
+    const float next = clips[i] ? raised : measured, next_variance = clips[i] ? guessed : left;
     const int next_bound = clips[i] ? (bounds[i] | raise) : (bounds[i] & (1 - replace));
     values[i] = seen[i] ? next : value;
     variances[i] = seen[i] ? next_variance : variances[i];
     bounds[i] = seen[i] ? next_bound : bounds[i];
+    const float ratio = replace ? 1.0f : gain, counted = clips[i] ? 0.0f : ratio;
+    const float most = counted > unsure[i] ? counted : unsure[i];
+    unsure[i] = seen[i] ? most : unsure[i];
+  }
+}
+
+// What is left of variances where samples were clipped, in those of a sample that is not.
+FASTIBL_CLONES void compare_clipped(const ChannelInput& in, const float* __restrict values,
+                                    const float* __restrict variances, const int* __restrict bounds,
+                                    float* __restrict unsure) {
+  const int n = in.lanes & ~15;
+  const int* __restrict seen = in.seen;
+  const int* __restrict clips = in.clipped;
+  const float* __restrict scale = in.scale;
+  const float* __restrict sensor = in.sensor;
+  for (int i = 0; i < n; ++i) {
+    const float model = kModelNoise * values[i];
+    const float noise = sensor[i] * scale[i] * scale[i] + model * model;
+    const float ratio =
+        seen[i] & clips[i] & !bounds[i] ? variances[i] / (noise > 1e-30f ? noise : 1e-30f) : 0.0f;
+    unsure[i] = ratio > unsure[i] ? ratio : unsure[i];
+  }
+}
+
+FASTIBL_CLONES void add_deviance(const ChannelInput& in, const float* __restrict value,
+                                 const float* __restrict rough, float* __restrict deviance) {
+  const int n = in.lanes & ~15;
+  const int* __restrict seen = in.seen;
+  const int* __restrict clips = in.clipped;
+  const float* __restrict linear = in.linear;
+  const float* __restrict scale = in.scale;
+  const float* __restrict sensor = in.sensor;
+  for (int i = 0; i < n; ++i) {
+    const float scaled = linear[i] * scale[i];
+    const float sample = scaled < kRadianceCap ? scaled : kRadianceCap;
+    const float model = kModelNoise * (sample > value[i] ? sample : value[i]);
+    const float noise = sensor[i] * scale[i] * scale[i] + model * model + rough[i];
+    const float difference = sample - value[i];
+    const float counted = clips[i] & (difference < 0) ? 0.0f : difference;  // a bound agrees
+    deviance[i] += seen[i] ? counted * counted / (noise > 1e-30f ? noise : 1e-30f) : 0.0f;
   }
 }
 
@@ -112,6 +151,18 @@ FASTIBL_CLONES void join_bounds(const int (*__restrict bounds)[kLanes], int lane
   const int n = lanes & ~15;
   for (int i = 0; i < n; ++i)
     bits[i] = std::uint8_t(bounds[0][i] | bounds[1][i] << 1 | bounds[2][i] << 2);
+}
+
+// Variance of a texel over RGB, relative to the square of its value.
+FASTIBL_CLONES void relative_variance(const float* const value[3], const float* const variance[3],
+                                      int count, std::uint16_t* __restrict out) {
+  const float *r = value[0], *g = value[1], *b = value[2];
+  const float *vr = variance[0], *vg = variance[1], *vb = variance[2];
+  for (int i = 0; i < count; ++i) {
+    const float square = r[i] * r[i] + g[i] * g[i] + b[i] * b[i];
+    const float relative = (vr[i] + vg[i] + vb[i]) / (square > 1e-20f ? square : 1e-20f);
+    out[i] = std::uint16_t(std::bit_cast<std::uint32_t>(relative) >> 16);
+  }
 }
 
 constexpr int kPartial = 16;  // sums side by side, in the same order on every processor
@@ -142,7 +193,10 @@ FASTIBL_CLONES void sum_group(const Arrays& in, int count, float* __restrict sum
   const float* __restrict angles = in.angles;
   const float* __restrict projected = in.projected;
   const std::uint8_t* __restrict bound = in.bound;
-  for (int i = 0; i < n; ++i) seen[i] = (i < count) & (last_seen[i] > -1e300) ? 1.0f : 0.0f;
+  if (last_seen)
+    for (int i = 0; i < n; ++i) seen[i] = (i < count) & (last_seen[i] > -1e300) ? 1.0f : 0.0f;
+  else
+    for (int i = 0; i < n; ++i) seen[i] = i < count ? 1.0f : 0.0f;
   const auto at = [](const float* p) -> const Float16& {
     return *reinterpret_cast<const Float16*>(p);
   };
@@ -188,34 +242,70 @@ FASTIBL_CLONES void join_sums(float* __restrict sums, float* __restrict total) {
 
 }  // namespace
 
-bool merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
-                   const Samples& samples, const SensorNoise& noise, double time) {
+void merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
+                   const Samples& samples, const SensorNoise& noise, double time, double* last_seen,
+                   double common, float* unsure) {
   const int lanes = lanes_of(count);
   alignas(64) float elapsed[kLanes], sensor[kLanes], inverse_count[kLanes];
   alignas(64) int firsts[kLanes], bounds[3][kLanes];
-  alignas(64) static constexpr int none[kLanes] = {};
-  const int any = read_times(&state.last_seen[first], sightings.seen, time, lanes, elapsed, firsts);
+  for (int i = 0; i < lanes; ++i) unsure[i] = sightings.seen[i] ? 0.0f : -1.0f;
+  if (last_seen) {
+    read_times(last_seen, sightings.seen, time, lanes, elapsed, firsts);
+  } else {
+    const bool never = common == kNever;
+    std::fill_n(elapsed, lanes, never ? 0.0f : float(time - common));
+    std::fill_n(firsts, lanes, int(never));
+  }
   const int bounded = split_bounds(&state.bound[first], lanes, bounds);
   invert_counts(sightings.pixels, lanes, inverse_count);
   for (int c = 0; c < 3; ++c) {
     sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), lanes, sensor);
-    merge_channel({sightings.seen, firsts, elapsed, samples.linear[c], samples.radiance_per_linear,
-                   sensor, samples.any_clipped ? samples.clipped[c] : none, lanes},
-                  &state.value[c][first], &state.variance[c][first], bounds[c]);
+    const ChannelInput in{sightings.seen,
+                          firsts,
+                          elapsed,
+                          samples.linear[c],
+                          samples.radiance_per_linear,
+                          sensor,
+                          samples.any_clipped ? samples.clipped[c] : kNoneClipped,
+                          lanes};
+    merge_channel(in, &state.value[c][first], &state.variance[c][first], bounds[c], unsure);
+    if (samples.any_clipped)
+      compare_clipped(in, &state.value[c][first], &state.variance[c][first], bounds[c], unsure);
   }
   if (bounded || samples.any_clipped) join_bounds(bounds, lanes, &state.bound[first]);
-  return any;
 }
 
-TileSums sum_tile(const TexelState& state, std::size_t first, int count, const float* angles,
-                  const float* projected) {
+void relate_variances(TexelState& state, std::size_t first, int count) {
+  const float* value[3] = {&state.value[0][first], &state.value[1][first], &state.value[2][first]};
+  const float* variance[3] = {&state.variance[0][first], &state.variance[1][first],
+                              &state.variance[2][first]};
+  relative_variance(value, variance, count, &state.relative[first]);
+}
+
+void compare_samples(const float* const value[3], const float* const rough[3], int count,
+                     const Sightings& sightings, const Samples& samples, const SensorNoise& noise,
+                     float* deviance) {
+  const int lanes = lanes_of(count);
+  alignas(64) float sensor[kLanes], inverse_count[kLanes];
+  invert_counts(sightings.pixels, lanes, inverse_count);
+  std::fill_n(deviance, lanes, 0.0f);
+  for (int c = 0; c < 3; ++c) {
+    sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), lanes, sensor);
+    add_deviance({sightings.seen, nullptr, nullptr, samples.linear[c], samples.radiance_per_linear,
+                  sensor, samples.any_clipped ? samples.clipped[c] : kNoneClipped, lanes},
+                 value[c], rough[c], deviance);
+  }
+}
+
+TileSums sum_tile(const TexelState& state, std::size_t first, int count, const double* last_seen,
+                  const float* angles, const float* projected) {
   alignas(64) float sums[kSums * kPartial] = {};
   for (int group = 0; group < count; group += kLanes) {
     const std::size_t at = first + std::size_t(group);
     const Arrays in{{&state.value[0][at], &state.value[1][at], &state.value[2][at]},
                     angles + group,
                     projected + group,
-                    &state.last_seen[at],
+                    last_seen ? last_seen + group : nullptr,
                     &state.bound[at]};
     sum_group(in, count - group, sums);
   }

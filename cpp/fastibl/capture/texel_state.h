@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "fastibl/capture/sensor_noise.h"
@@ -12,19 +11,18 @@
 
 namespace fastibl {
 
-inline constexpr double kNever = -std::numeric_limits<double>::infinity();
-
 // Arrays by tile: texel k of tile t at t · stride + k.
 struct TexelState {
-  explicit TexelState(TileGrid grid) {
+  explicit TexelState(TileGrid grid) : last_seen(grid) {
     const std::size_t count = std::size_t(grid.count()) * std::size_t(grid.stride());
     for (int c = 0; c < 3; ++c) value[c].assign(count, 0.0f), variance[c].assign(count, 0.0f);
     bound.assign(count, 0);
-    last_seen.assign(count, kNever);
+    relative.assign(count, 0);
   }
   std::vector<float> value[3], variance[3];
-  std::vector<std::uint8_t> bound;  // bit c: channel c is only a lower bound
-  std::vector<double> last_seen;    // seconds; −∞ if never
+  std::vector<std::uint8_t> bound;      // bit c: channel c is only a lower bound
+  std::vector<std::uint16_t> relative;  // variance as an Environment has it
+  TexelTimes last_seen;                 // seconds; −∞ if never
 };
 
 // What a group of texels was seen as.
@@ -35,10 +33,24 @@ struct Samples {
   bool any_clipped = false;
 };
 
+// Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
+inline constexpr float kModelNoise = 0.03f;
+
 // Takes samples of the texels [first, first + count) that were seen at `time` into their
-// estimates. True if a texel was seen for the first time.
-bool merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
-                   const Samples& samples, const SensorNoise& noise, double time);
+// estimates. unsure: for each the variance that is left, in variances of such a sample, of the
+// channel where it is largest, over those that are more than bounds; −1 where none was seen.
+// last_seen: of these texels, to be set; null if all were last seen at `common`.
+void merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
+                   const Samples& samples, const SensorNoise& noise, double time, double* last_seen,
+                   double common, float* unsure);
+// Renews `relative`.
+void relate_variances(TexelState& state, std::size_t first, int count);
+
+// For each texel the sum over channels of the squared difference of its sample from `value`, in
+// variances of the sample and of `rough`; 0 where it was not seen.
+void compare_samples(const float* const value[3], const float* const rough[3], int count,
+                     const Sightings& sightings, const Samples& samples, const SensorNoise& noise,
+                     float* deviance);
 
 // Sums over the seen texels of a tile, weighted by solid angle.
 struct TileSums {
@@ -50,7 +62,8 @@ struct TileSums {
 };
 
 // angles, projected: solid angle of each texel of the tile, and that times |z| of its direction.
-TileSums sum_tile(const TexelState& state, std::size_t first, int count, const float* angles,
-                  const float* projected);
+// last_seen: null if all were seen.
+TileSums sum_tile(const TexelState& state, std::size_t first, int count, const double* last_seen,
+                  const float* angles, const float* projected);
 
 }  // namespace fastibl

@@ -255,14 +255,17 @@ void TexelView::find_tiles(const TileOutlines& outlines, std::vector<float>& mos
                   count, most_pixels.data());
 }
 
-bool TexelView::see(const TexelGroup& group, Sightings& s) const {
+bool TexelView::see(const TexelGroup& group, bool above, Sightings& s) const {
+  if (!above && !sees_plane_) return false;
   alignas(64) float tx[kLanes], ty[kLanes], tz[kLanes];
   const int lanes = lanes_of(group.count);
-  const auto run = [&](const Projection& p) {
-    turn_texels(p, on_face(p, group.face), group, tx, ty, tz, s.pixels, s.seen);
-    project_texels(p, tx, ty, tz, lanes, s.x, s.y, s.pixels, s.seen);
-    return count_seen(s.seen, lanes) > 0;
-  };
+  const Projection& p = above ? above_ : below_;
+  turn_texels(p, on_face(p, group.face), group, tx, ty, tz, s.pixels, s.seen);
+  project_texels(p, tx, ty, tz, lanes, s.x, s.y, s.pixels, s.seen);
+  return count_seen(s.seen, lanes) > 0;
+}
+
+bool TexelView::see(const TexelGroup& group, Sightings& s) const {
   const FaceAxes axes = face_axes(group.face);
   float lowest = 1e30f, highest = -1e30f;
   for (const float row : {group.rows[0], group.rows[group.count - 1]})
@@ -272,13 +275,13 @@ bool TexelView::see(const TexelGroup& group, Sightings& s) const {
       const float z = axes.centre.z + a * axes.s.z + b * axes.t.z;
       lowest = std::min(lowest, z), highest = std::max(highest, z);
     }
-  if (lowest >= 0) return run(above_);
-  if (highest < 0) return sees_plane_ && run(below_);
-  const bool any = run(above_);
+  if (lowest >= 0) return see(group, true, s);
+  if (highest < 0) return see(group, false, s);
+  const bool any = see(group, true, s);
   if (!sees_plane_) return any;
   const Sightings other = s;
-  const bool more = run(below_);
-  for (int i = 0; i < lanes; ++i)
+  const bool more = see(group, false, s);
+  for (int i = 0; i < lanes_of(group.count); ++i)
     if (other.seen[i]) {
       s.x[i] = other.x[i], s.y[i] = other.y[i], s.pixels[i] = other.pixels[i];
       s.seen[i] = 1;

@@ -54,11 +54,15 @@ FASTIBL_CLONES void make_levels(const float* fine, const float* weights, int wid
 
 }  // namespace
 
+int TilePyramids::width_of(TileGrid grid) {
+  const bool halves =
+      grid.per_edge() == TileGrid::kMost && std::has_single_bit(unsigned(grid.size));
+  return halves ? grid.widest() : 0;
+}
+
 TilePyramids::TilePyramids(TileGrid grid) : grid_(grid), starts_(1, 0) {
-  const int width = grid.widest();
-  if (grid.per_edge() * width != grid.size || !std::has_single_bit(unsigned(width)) ||
-      grid.per_edge() != TileGrid::kMost)
-    return;
+  const int width = width_of(grid);
+  if (width == 0) return;
   const auto rounded = [](std::size_t n) { return (n + 15) / 16 * 16; };
   for (int w = width; w > 1; w /= 2, ++levels_) {
     starts_.push_back(stride_);

@@ -14,6 +14,8 @@ namespace fastibl {
 class TilePyramids {
  public:
   explicit TilePyramids(TileGrid grid);
+  // Of the grid's tiles; 0 if they are not of 2^k texels.
+  static int width_of(TileGrid grid);
 
   int levels() const { return levels_; }  // with the map's own; 1: tiles of another size
   int width(int level) const { return grid_.widest() >> level; }
@@ -30,7 +32,7 @@ class TilePyramids {
   int levels_ = 1;
   std::size_t stride_ = 0, weight_stride_ = 0;
   std::vector<std::size_t> starts_;  // by level, of a tile's values
-  std::vector<float> weights_;       // by tile of one face, of the texels of all levels but the last
+  std::vector<float> weights_;  // by tile of one face, of the texels of all levels but the last
   std::vector<float> values_[3], constant_;
 };
 

@@ -24,9 +24,11 @@ Pass pass_of(PassId id, const Scene& scene) {
       return {id, radiance, 0, irradiance};
     case PassId::shadow:
       return {id, radiance | irradiance | placement, 0, shadow};
+    case PassId::self_shadow:
+      return {id, radiance | irradiance | placement, 0, self_shadow};
     case PassId::shade: {
       Products reads = pose | placement | material;
-      if (scene.material.reads_irradiance()) reads |= irradiance;
+      if (scene.material.reads_irradiance()) reads |= irradiance | self_shadow;
       if (scene.material.reads_radiance()) reads |= radiance;
       return {id, reads, 0, object};
     }
@@ -35,11 +37,22 @@ Pass pass_of(PassId id, const Scene& scene) {
   }
 }
 
+// Why the self-shadow is not worked out from the light; empty where it is.
+std::string no_transfer(const Scene& scene, const Methods& methods) {
+  if (methods.self_shadow == SelfShadowMethod::none) return "no self-shadow was asked for";
+  if (methods.self_shadow == SelfShadowMethod::ambient)
+    return "P_V of the mesh stands for it, whatever the light";
+  if (!scene.directions) return "what the object hides was not worked out";
+  if (scene.directions->blocks_nothing()) return "the object hides nothing of itself";
+  if (!scene.material.reads_irradiance()) return "k_L = 0: nothing reads it";
+  return "";
+}
+
 }  // namespace
 
 std::string_view name(PassId id) {
-  constexpr std::array names = {"track",  "capture", "mips",     "irradiance",
-                                "shadow", "shade",   "composite"};
+  constexpr std::array names = {"track",  "capture",     "mips",  "irradiance",
+                                "shadow", "self_shadow", "shade", "composite"};
   return names[std::size_t(id)];
 }
 
@@ -105,6 +118,11 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
           leave_out("no shadow was asked for");
         else if (scene.spheres.empty())
           leave_out("the object has no spheres");
+        break;
+      case PassId::self_shadow:
+        line.method = name(SelfShadowMethod::transfer);
+        if (const std::string reason = no_transfer(scene, options.methods); !reason.empty())
+          leave_out(reason);
         break;
       case PassId::shade: {
         const Material& m = scene.material;

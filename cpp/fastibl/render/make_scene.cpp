@@ -4,6 +4,7 @@
 #include <map>
 
 #include "fastibl/shading/ambient_occlusion.h"
+#include "fastibl/shading/bake_visibility.h"
 #include "fastibl/shadow/fit_spheres.h"
 
 namespace fastibl {
@@ -50,6 +51,11 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
     occlusion.rays = options.visibility_rays;
     scene.visibility = ambient_occlusion(mesh, occlusion);
     if (!mesh.uvs.empty()) share_at_seams(mesh, scene.normals, scene.visibility);
+    const int cells = options.direction_cells >= 0   ? options.direction_cells
+                      : mesh.vertices.size() > 10000 ? 32
+                                                     : 64;
+    if (cells > 0)
+      scene.directions = std::make_shared<const VertexVisibility>(mesh_visibility(mesh, {cells}));
   }
   if (options.sphere_count > 0) {
     FitSpheresOptions spheres;

@@ -7,7 +7,10 @@ namespace fastibl {
 
 struct SceneOptions {
   int sphere_count = 50;     // at most; 0: no shadow
-  int visibility_rays = 64;  // for P_V; 0: nothing hides anything
+  int visibility_rays = 96;  // for P_V; 0: nothing hides anything
+  // Cells along an edge of the directions that the object blocks, see VisibilityOptions; 0: none;
+  // −1: 64, or 32 where there are more than 10 000 vertices.
+  int direction_cells = -1;
 };
 
 // Throws what validate() throws, or for textures on a mesh without uvs.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string_view>
 
 #include "fastibl/plan/plan.h"
@@ -25,6 +26,9 @@ struct RenderInput {
   const Pose& camera_from_marker;
   const Picture& back;  // empty: the object on transparent
   double exposure;
+  // What the object lets through of its own light at each vertex: of the irradiance (RGB), and of
+  // the glossy term. Empty: P_V of the scene, and all of it.
+  std::span<const glm::vec4> light_shares = {};
 };
 
 class Renderer {

@@ -52,6 +52,7 @@ void Session::replan() {
       renderer_->clear(p.pass.id);
     if (p.pass.id != PassId::track && p.pass.id != PassId::capture) stale_ |= p.pass.writes;
   }
+  clear_shares();
   if (!plan_.includes(PassId::irradiance)) lighting_.reset();  // it may be another method's
 }
 
@@ -103,6 +104,34 @@ std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) 
   result.tracked = track(detector_, grey.view(), *board_, rig_.back, options);
   if (!result.tracked) return std::nullopt;
   return result.tracked->camera_from_marker;
+}
+
+// The paper's P_V is read from the scene, so there is nothing to keep for it.
+void Session::clear_shares() {
+  light_shares_.clear();
+  const SelfShadowMethod method = options_.methods.self_shadow;
+  const bool paper = method == SelfShadowMethod::ambient || !scene_.directions;
+  if (method == SelfShadowMethod::none || !paper)
+    light_shares_.assign(scene_.mesh.vertices.size(), glm::vec4(1));
+}
+
+void Session::find_diffuse_shares() {
+  const glm::mat3 marker_from_object(scene_.marker_from_object.rotation);
+  cell_light_.update(*lighting_->radiance, glm::transpose(marker_from_object),
+                     scene_.directions->size);
+  diffuse_shares(*scene_.directions, cell_light_, lighting_->irradiance, scene_.normals,
+                 marker_from_object, light_shares_);
+}
+
+// Of every view anew.
+void Session::find_glossy_shares(const Pose& camera_from_marker) {
+  const bool transfer = options_.methods.self_shadow == SelfShadowMethod::transfer ||
+                        options_.methods.self_shadow == SelfShadowMethod::automatic;
+  const std::optional<float> exponent = scene_.material.lobe_exponent();
+  if (!transfer || !exponent || !scene_.directions || scene_.directions->blocks_nothing()) return;
+  const Pose object_from_camera = (camera_from_marker * scene_.marker_from_object).inverse();
+  glossy_shares(*scene_.directions, scene_.mesh.vertices, scene_.normals,
+                glm::vec3(object_from_camera.translation), blinn_width(*exponent), light_shares_);
 }
 
 bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose) const {
@@ -181,6 +210,12 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       lighting_ = std::make_shared<const Lighting>(
           fit_lighting(radiance(), lighting_options(), lighting_.get()));
       return true;
+    case PassId::self_shadow:
+      find_diffuse_shares();
+      return true;
+    case PassId::shade:
+      find_glossy_shares(*pose);
+      break;
     default:
       break;
   }
@@ -200,7 +235,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
   renderer_->run(id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back,
-                      frame.back_exposure});
+                      frame.back_exposure, light_shares_});
   return true;
 }
 

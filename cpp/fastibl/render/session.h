@@ -17,6 +17,7 @@
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/scene.h"
+#include "fastibl/shading/self_shadow.h"
 #include "fastibl/tracking/detector.h"
 #include "fastibl/tracking/tracker.h"
 
@@ -85,6 +86,9 @@ class Session {
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
   void capture_frame(const Frame& frame, const std::optional<Pose>& pose);
+  void clear_shares();  // to what the method is without a map
+  void find_diffuse_shares();
+  void find_glossy_shares(const Pose& camera_from_marker);
 
   Scene scene_;
   Rig rig_;
@@ -96,6 +100,8 @@ class Session {
   SessionOptions options_;
   std::optional<Capture> capture_;
   std::shared_ptr<const Lighting> lighting_;
+  CellLight cell_light_;
+  std::vector<glm::vec4> light_shares_;  // of RenderInput
   Plan plan_;
   Products stale_ = product::all & ~product::inputs;
   std::optional<Pose> last_pose_;

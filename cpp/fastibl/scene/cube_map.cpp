@@ -39,12 +39,9 @@ EdgeNeighbour find_neighbour(int face, CubeEdge edge) {
                       std::clamp(int(p.t * n), 0, n - 1)};
   };
   const auto first = across(0), second = across(1);
-  EdgeNeighbour found{first[0],
-                      first[1] / (n - 1),
-                      first[2] / (n - 1),
-                      second[1] - first[1],
-                      second[2] - first[2],
-                      top};
+  EdgeNeighbour found{
+      first[0], first[1] / (n - 1), first[2] / (n - 1), second[1] - first[1], second[2] - first[2],
+      top};
   if (found.step_x == 0)
     found.edge = found.start_x == 0 ? left : right;
   else

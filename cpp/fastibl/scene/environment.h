@@ -1,14 +1,59 @@
 // What is known of the light of a place: radiance around the marker, and how well it is known.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/cube_tiles.h"
 
 namespace fastibl {
 
 // Relative standard deviation by which a captured value becomes unsure within a second.
 inline constexpr float kUnsureRate = 0.1f;
+
+inline constexpr double kNever = -std::numeric_limits<double>::infinity();
+
+// Times by texel, kept once for a tile where they are all the same. Texel k of tile t of a map at
+// t · stride + k.
+class TexelTimes {
+ public:
+  TexelTimes() = default;
+  explicit TexelTimes(TileGrid grid)  // never
+      : stride_(std::size_t(grid.stride())),
+        times_(std::size_t(grid.count()) * stride_, kNever),
+        common_(std::size_t(grid.count()), kNever),
+        same_(std::size_t(grid.count()), 1) {}
+
+  bool empty() const { return times_.empty(); }
+  bool same(int tile) const { return same_[std::size_t(tile)] != 0; }
+  double at(int tile, int texel) const {
+    return same(tile) ? common_[std::size_t(tile)]
+                      : times_[std::size_t(tile) * stride_ + std::size_t(texel)];
+  }
+  void set(int tile, double time) {
+    common_[std::size_t(tile)] = time, same_[std::size_t(tile)] = 1;
+  }
+  // Of a tile whose texels are to have times of their own.
+  double* texels(int tile) {
+    double* times = &times_[std::size_t(tile) * stride_];
+    if (same(tile)) std::fill_n(times, stride_, common_[std::size_t(tile)]);
+    same_[std::size_t(tile)] = 0;
+    return times;
+  }
+  void copy(int tile, const TexelTimes& from) {
+    const std::size_t t = std::size_t(tile);
+    same_[t] = from.same_[t], common_[t] = from.common_[t];
+    if (!same_[t]) std::copy_n(&from.times_[t * stride_], stride_, &times_[t * stride_]);
+  }
+
+ private:
+  std::size_t stride_ = 0;
+  std::vector<double> times_, common_;
+  std::vector<std::uint8_t> same_;  // 0: as in times_
+};
 
 struct Environment {
   CubeMap radiance;            // every texel has a value; unseen ones that of what was seen nearest
@@ -17,10 +62,10 @@ struct Environment {
   double predicted_error = 1;  // expected relative error of the irradiance
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its
-  // value's square. Texel k of tile t of the radiance at t · stride + k. Empty: known everywhere.
+  // value's square: the upper half of a float, at t · stride + k. Empty: known everywhere.
   double time = 0;
-  std::vector<double> last_seen;
-  std::vector<float> variance;
+  TexelTimes last_seen;
+  std::vector<std::uint16_t> variance;
 
   // 6 n², packed as the faces.
   std::vector<float> confidence() const;  // 0 (never seen) to 1

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/ggx.h"
@@ -47,6 +48,9 @@ struct Material {
   bool textured() const { return pbr && pbr->textured(); }
   bool reads_irradiance() const;  // does it reflect light diffusely; s = 0 is Lambert's law
   bool reads_radiance() const;    // does it need the chain that lobes are read from
+  // Half-vector exponent whose lobe is about as wide as that of its glossy light, where it has any;
+  // of textures their mean.
+  std::optional<float> lobe_exponent() const;
   bool operator==(const Material& other) const;
 };
 

@@ -47,8 +47,22 @@ std::string_view name(ShadowMethod method) {
       return "cap-sum";
     case ShadowMethod::cap_product:
       return "cap-product";
+    case ShadowMethod::mesh:
+      return "mesh";
     default:
       return "directions";
+  }
+}
+std::string_view name(SelfShadowMethod method) {
+  switch (method) {
+    case SelfShadowMethod::automatic:
+      return "auto";
+    case SelfShadowMethod::none:
+      return "none";
+    case SelfShadowMethod::ambient:
+      return "ambient-occlusion";
+    default:
+      return "transfer";
   }
 }
 std::string_view name(TrackingMethod method) {
@@ -72,6 +86,10 @@ Normalization normalization(std::string_view text) {
 ShadowMethod shadow_method(std::string_view text) {
   if (text == "auto") return ShadowMethod::automatic;
   return method_named(text, kShadowMethods, "shadow");
+}
+SelfShadowMethod self_shadow_method(std::string_view text) {
+  if (text == "auto") return SelfShadowMethod::automatic;
+  return method_named(text, kSelfShadowMethods, "self_shadow");
 }
 TrackingMethod tracking_method(std::string_view text) {
   return method_named(text, kTrackingMethods, "tracking");

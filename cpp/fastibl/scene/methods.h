@@ -38,6 +38,13 @@ enum class ShadowMethod {
   cap_sum,      // obstruction of all spheres added, and clamped
   cap_product,  // the product of what each sphere lets through
   directions,   // the union of all spheres, for directions of equal energy
+  mesh,         // of a rigid object's triangles, baked: Scene::baked_shadow
+};
+enum class SelfShadowMethod {
+  automatic,
+  none,
+  ambient,   // P_V of Eq. 8: the share of directions that are free, whatever the light
+  transfer,  // the light of the directions that are free, by vertex and channel
 };
 enum class TrackingMethod {
   frame_marker,  // the corners of one tag, as the paper's
@@ -59,7 +66,9 @@ inline constexpr std::array kGlossyMethods = {GlossyMethod::mip, GlossyMethod::c
 inline constexpr std::array kNormalizations = {Normalization::energy, Normalization::paper,
                                                Normalization::exact};
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product,
-                                              ShadowMethod::directions};
+                                              ShadowMethod::directions, ShadowMethod::mesh};
+inline constexpr std::array kSelfShadowMethods = {SelfShadowMethod::none, SelfShadowMethod::ambient,
+                                                  SelfShadowMethod::transfer};
 inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,
                                                 TrackingMethod::board};
 inline constexpr std::array kCaptureMethods = {CaptureMethod::single, CaptureMethod::continuous};
@@ -69,12 +78,14 @@ std::string_view name(DiffuseMethod method);
 std::string_view name(GlossyMethod method);
 std::string_view name(Normalization normalization);
 std::string_view name(ShadowMethod method);
+std::string_view name(SelfShadowMethod method);
 std::string_view name(TrackingMethod method);
 std::string_view name(CaptureMethod method);
 DiffuseMethod diffuse_method(std::string_view name);
 GlossyMethod glossy_method(std::string_view name);
 Normalization normalization(std::string_view name);
 ShadowMethod shadow_method(std::string_view name);
+SelfShadowMethod self_shadow_method(std::string_view name);
 TrackingMethod tracking_method(std::string_view name);
 CaptureMethod capture_method(std::string_view name);
 
@@ -119,6 +130,7 @@ struct Methods {
   Normalization normalization = Normalization::energy;
   ShadowMethod shadow = ShadowMethod::automatic;
   ShadowSettings shadow_settings;
+  SelfShadowMethod self_shadow = SelfShadowMethod::automatic;
 
   static Methods paper() {
     Methods methods;
@@ -128,6 +140,7 @@ struct Methods {
     methods.glossy = GlossyMethod::mip;
     methods.normalization = Normalization::paper;
     methods.shadow = ShadowMethod::cap_product;
+    methods.self_shadow = SelfShadowMethod::ambient;
     return methods;
   }
   bool operator==(const Methods&) const = default;

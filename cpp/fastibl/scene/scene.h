@@ -1,14 +1,18 @@
 // The virtual object: what is shaded, and what casts the shadow.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/material.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/shadow_map.h"
+#include "fastibl/scene/vertex_visibility.h"
 
 namespace fastibl {
+
+class MeshShadow;
 
 struct Scene {
   Mesh mesh;  // marker frame, moved by marker_from_object
@@ -17,7 +21,11 @@ struct Scene {
   std::vector<glm::vec3> normals;   // one a vertex, unit
   std::vector<glm::vec4> tangents;  // one a vertex, see vertex_tangents
   std::vector<float> visibility;    // P_V of Eq. 8, one a vertex in [0, 1]
-  SphereSet spheres;                // proxies of the mesh, in its frame
+  // Directions that the object blocks; null: none that is known.
+  std::shared_ptr<const VertexVisibility> directions;
+  SphereSet spheres;  // proxies of the mesh, in its frame
+  // What the mesh hides of the sky, for the `mesh` method, see shadow/mesh_shadow.h; may be null.
+  std::shared_ptr<const MeshShadow> baked_shadow = nullptr;
 
   // The spheres where the object stands.
   SphereSet placed_spheres() const {

@@ -4,16 +4,23 @@
 #include <vector>
 
 #include "fastibl/scene/mesh.h"
+#include "fastibl/scene/shadow_map.h"
 
 namespace fastibl {
 
 struct AmbientOcclusionOptions {
-  int rays = 64;  // a vertex; the standard error is about 0.3 / √rays or less
+  int rays = 96;  // a vertex; the standard error is 0.010 at 96 rays, about as 1 / rays^0.75
 };
 
 // Cosine-weighted share of the hemisphere around each vertex normal that the mesh leaves free, in
 // [0, 1]; 1 on a convex mesh. Triangles hide from both sides; the marker plane is not included.
 // Rays start off the surface, by 1e-4 of the mesh's radius along the normal. Deterministic.
 std::vector<float> ambient_occlusion(const Mesh& mesh, const AmbientOcclusionOptions& options = {});
+
+// The same with spheres (mesh frame) in place of the triangles, for meshes that deform: spheres
+// that contain a vertex do not hide anything from it. Spheres that are not finite, or have a radius
+// of 0 or less, are ignored. RMS error with 50 fitted spheres about 0.02 on closed meshes.
+std::vector<float> sphere_ambient_occlusion(const Mesh& mesh, const SphereSet& spheres,
+                                            const AmbientOcclusionOptions& options = {});
 
 }  // namespace fastibl

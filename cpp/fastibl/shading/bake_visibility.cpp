@@ -96,28 +96,46 @@ VertexVisibility baked(std::size_t count, std::span<const glm::vec3> normals, in
   return result;
 }
 
+// Asks rays about some cells, and marks those that are blocked. Cells in order are neighbours, so
+// that packets of rays stay together.
+void trace(const Bvh& bvh, glm::vec3 origin, const std::vector<glm::vec3>& directions,
+           const std::vector<int>& asked, Cells& blocked) {
+  if (asked.empty()) return;
+  DirectionSet set(int(asked.size()));
+  for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), directions[std::size_t(asked[i])]);
+  Cells hidden(asked.size());
+  bvh.occluded(origin, set, 0, hidden);
+  for (std::size_t i = 0; i < asked.size(); ++i) blocked[std::size_t(asked[i])] = hidden[i];
+}
+
 // Rays towards the coarsest cells, then towards the four parts of those that differ from a
 // neighbour, which the silhouette of what blocks passes near; the other parts are as the whole.
-Cells trace(const Bvh& bvh, glm::vec3 origin, glm::vec3 normal, int size) {
-  const auto meets = [&](glm::vec3 d) {
-    return std::uint8_t(glm::dot(normal, d) > 0 && bvh.occluded({origin, d}));
-  };
-  Cells cells(kFirstSize * kFirstSize), finer;
+Cells blocked_cells(const Bvh& bvh, glm::vec3 origin, glm::vec3 normal, int size) {
   const std::vector<glm::vec3>& first = octahedral_grid(kFirstSize).directions();
-  for (std::size_t k = 0; k < cells.size(); ++k) cells[k] = meets(first[k]);
+  std::vector<int> asked;
+  for (std::size_t k = 0; k < first.size(); ++k)
+    if (glm::dot(normal, first[k]) > 0) asked.push_back(int(k));
+  Cells cells(first.size(), 0), finer;
+  trace(bvh, origin, first, asked, cells);
   for (int n = kFirstSize; n < size; n *= 2) {
     const OctahedralGrid &grid = octahedral_grid(n), &fine = octahedral_grid(2 * n);
-    finer.resize(cells.size() * 4);
+    finer.assign(cells.size() * 4, 0);
+    asked.clear();
     for (int k = 0; k < grid.count(); ++k) {
       const std::uint8_t blocked = cells[std::size_t(k)];
       bool mixed = glm::dot(normal, grid.directions()[std::size_t(k)]) <= 0;
       const std::uint16_t* around = grid.neighbours(k);
       for (int i = 0; i < 8; ++i) mixed |= cells[around[i]] != blocked;
-      for (std::size_t part = std::size_t(k) * 4; part < std::size_t(k) * 4 + 4; ++part) {
-        const glm::vec3 d = fine.directions()[part];
-        finer[part] = mixed ? meets(d) : std::uint8_t(blocked && glm::dot(normal, d) > 0);
+      if (!mixed && !blocked) continue;
+      for (int part = 4 * k; part < 4 * k + 4; ++part) {
+        if (!(glm::dot(normal, fine.directions()[std::size_t(part)]) > 0)) continue;
+        if (mixed)
+          asked.push_back(part);
+        else
+          finer[std::size_t(part)] = 1;
       }
     }
+    trace(bvh, origin, fine.directions(), asked, finer);
     cells.swap(finer);
   }
   return cells;
@@ -153,7 +171,7 @@ VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& opti
   const std::vector<glm::vec3> normals = vertex_normals(mesh);
   const float offset = kOffset * bounds(mesh.vertices).radius();
   return baked(mesh.vertices.size(), normals, options.size, [&](std::size_t i, glm::vec3 normal) {
-    return trace(bvh, mesh.vertices[i] + offset * normal, normal, options.size);
+    return blocked_cells(bvh, mesh.vertices[i] + offset * normal, normal, options.size);
   });
 }
 

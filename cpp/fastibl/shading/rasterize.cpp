@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 
 namespace fastibl {
@@ -49,7 +50,14 @@ struct Cell {
 }  // namespace
 
 std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
-                                const Pose& camera_from_marker) {
+                                const Pose& camera_from_marker,
+                                std::span<const glm::vec4> light_shares) {
+  check(light_shares.empty() || light_shares.size() == scene.mesh.vertices.size(),
+        "there must be a share of the light for each vertex, ", scene.mesh.vertices.size(),
+        ", got ", light_shares.size());
+  const auto share_of = [&](std::size_t i) {
+    return light_shares.empty() ? glm::vec4(glm::vec3(scene.visibility[i]), 1) : light_shares[i];
+  };
   const Pose camera_from_object = camera_from_marker * scene.marker_from_object;
   const Lens lens(camera);
   const Mesh& mesh = scene.mesh;
@@ -166,14 +174,14 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
             if (edge(a, b, c.x, c.y) > 0) normal = -normal;
             normal = glm::mat3(marker_from_object) * normal;
             const float length = glm::length(normal);
-            const float visibility = w.x * scene.visibility[i[0]] + w.y * scene.visibility[i[1]] +
-                                     w.z * scene.visibility[i[2]];
+            const glm::vec4 share =
+                w.x * share_of(i[0]) + w.y * share_of(i[1]) + w.z * share_of(i[2]);
             Fragment fragment{x,
                               y,
                               float(count) / kSamples,
                               glm::vec3(scene.marker_from_object * glm::dvec3(position)),
                               length > 0 ? normal / length : glm::vec3(0, 0, 1),
-                              visibility};
+                              share};
             if (!scene.tangents.empty() && scene.material.pbr) {
               const auto tangent = w.x * scene.tangents[i[0]] + w.y * scene.tangents[i[1]] +
                                    w.z * scene.tangents[i[2]];

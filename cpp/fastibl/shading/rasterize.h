@@ -1,6 +1,7 @@
 // Which surface a camera sees in each pixel: a z-buffer with four samples a pixel.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "fastibl/core/pose.h"
@@ -15,7 +16,7 @@ struct Fragment {
   float coverage;      // in quarters
   glm::vec3 position;  // marker frame, metres
   glm::vec3 normal;    // marker frame, unit, facing the camera's side of the triangle
-  float visibility;    // P_V
+  glm::vec4 share;     // of its irradiance (RGB) and its glossy light that reaches it
   // Of a textured or anisotropic material only:
   glm::vec4 tangent{0};                 // marker frame; w: the side of n × t on which v grows
   glm::vec2 uv{0}, uv_dx{0}, uv_dy{0};  // and its steps to the pixels to the right and below
@@ -23,8 +24,9 @@ struct Fragment {
 
 // Fragments in order of rows, then columns. Vertices go through the full lens model; edges between
 // them are straight. Triangles with a vertex behind the camera or beyond the lens model are left
-// out.
+// out. light_shares: of each vertex; empty: P_V of the scene, and all of the glossy light.
 std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
-                                const Pose& camera_from_marker);
+                                const Pose& camera_from_marker,
+                                std::span<const glm::vec4> light_shares = {});
 
 }  // namespace fastibl

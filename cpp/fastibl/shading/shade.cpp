@@ -161,10 +161,10 @@ glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting&
   const glm::vec3 diffuse = shared::pbr_diffuse(p.base_color, p.metallic, albedo);
   glm::vec3 colour = p.emission;
   if (diffuse != glm::vec3(0))
-    colour += diffuse * (f.visibility / kPi) * evaluate(lighting.irradiance, p.frame.normal);
-  return colour + reflectance * evaluate_ggx(lighting, p.frame, view,
-                                             ggx_alpha(p.roughness, m.anisotropy),
-                                             GgxOptions::for_shading(m.anisotropy));
+    colour += diffuse * (glm::vec3(f.share) / kPi) * evaluate(lighting.irradiance, p.frame.normal);
+  return colour + f.share.w * reflectance *
+                      evaluate_ggx(lighting, p.frame, view, ggx_alpha(p.roughness, m.anisotropy),
+                                   GgxOptions::for_shading(m.anisotropy));
 }
 
 float exposure_at(const Camera& camera, double exposure, int x, int y) {
@@ -177,9 +177,10 @@ glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lig
   if (material.pbr) return shade_pbr(f, material, lighting, eye);
   glm::vec3 colour = material.emission;
   if (material.diffuse != glm::vec3(0))
-    colour += material.diffuse * (f.visibility / kPi) * evaluate(lighting.irradiance, f.normal);
+    colour +=
+        material.diffuse * (glm::vec3(f.share) / kPi) * evaluate(lighting.irradiance, f.normal);
   if (material.glossy != glm::vec3(0))
-    colour += material.glossy * glossy(f.normal, glm::normalize(eye - f.position));
+    colour += f.share.w * material.glossy * glossy(f.normal, glm::normalize(eye - f.position));
   return colour;
 }
 

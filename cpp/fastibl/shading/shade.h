@@ -14,8 +14,9 @@
 
 namespace fastibl {
 
-// L = emission + k_L · P_V · E/π + k_G · glossy, towards `eye` (marker frame); of a pbr material
-// emission + diffuse · P_V · E/π + reflectance · (average over the GGX lobe).
+// L = emission + k_L · share · E/π + k_G · share · glossy, towards `eye` (marker frame), with the
+// shares of the fragment (P_V and 1 in the paper); of a pbr material emission + diffuse · share ·
+// E/π + reflectance · share · (average over the GGX lobe).
 glm::vec3 shade(const Fragment& fragment, const Material& material, const Lighting& lighting,
                 glm::vec3 eye);
 ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,

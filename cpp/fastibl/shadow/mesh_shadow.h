@@ -1,8 +1,5 @@
-// Shadow of a rigid object on the marker plane, from its triangles. What it hides of each cell of
-// the sky is worked out once; then the shadow under any light is a sum of products.
-//
-// Root mean square error of the ratio against rays over ten lights and three meshes: about 0.001,
-// see bench/shadows/rigid.py.
+// What a rigid object hides of the sky from the marker plane, worked out once from its triangles;
+// its shadow under any light is then a sum of products, see shadow/mesh_shadow_light.h.
 #pragma once
 
 #include <functional>
@@ -11,35 +8,45 @@
 #include <vector>
 
 #include "fastibl/core/pose.h"
-#include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/mesh.h"
-#include "fastibl/scene/shadow_map.h"
+#include "fastibl/shadow/plane_bits.h"
 #include "fastibl/shadow/sky_cells.h"
-#include "fastibl/shadow/sky_split.h"
 #include "fastibl/shadow/sparse_cover.h"
 #include "fastibl/shadow/triangle_bits.h"
 
 namespace fastibl {
 
 struct MeshShadowOptions {
-  int resolution = 128;  // texels along an edge of the map
+  int resolution = 128;  // texels along an edge of the map, and of a coarse one around it
   float extent = 0;      // half the map's edge in metres; 0: 1.5 times the object's largest extent
   int rings = 12;        // of cells of the sky: 4 rings² cells
   int samples = 16;      // directions a cell, 1 to 63
+  bool operator==(const MeshShadowOptions&) const = default;
 };
 
-// What lasts from one light to the next: the directions of the dominant lights and their shadows.
-class MeshShadowLight;
-
-// Where the object stands on the plane, in the marker frame.
+// Where an object stands on the plane, in the marker frame.
 struct PlanePlace {
   glm::vec2 offset{0};
   glm::vec2 cos_sin{1, 0};  // of its turn about z
+  bool turned() const { return cos_sin != glm::vec2(1, 0); }
+  glm::vec2 operator*(glm::vec2 p) const {
+    return {cos_sin.x * p.x - cos_sin.y * p.y + offset.x,
+            cos_sin.y * p.x + cos_sin.x * p.y + offset.y};
+  }
   bool operator==(const PlanePlace&) const = default;
 };
 
 class MeshShadow {
  public:
+  // × extent: half the edge of the coarse map. A sun 6° above the horizon casts a shadow of that
+  // length; it fades over the outer tenth.
+  static constexpr float kOuter = 6;
+
+  // The covers of the cells on both maps.
+  struct Tables {
+    SparseCover inner, outer;
+    bool operator==(const Tables&) const = default;
+  };
   // Called from the calling thread with the part that is done, 0 to 1; false ends the work.
   using Progress = std::function<bool(float)>;
 
@@ -47,52 +54,30 @@ class MeshShadow {
   // the work. Throws std::invalid_argument as Mesh::validate, and for options out of range.
   static std::optional<MeshShadow> bake(const Mesh& mesh, const MeshShadowOptions& options = {},
                                         const Progress& progress = {});
-  // From the table of an earlier bake of the same mesh with the same options; throws
-  // std::invalid_argument for another.
-  MeshShadow(const Mesh& mesh, const MeshShadowOptions& options, SparseCover table);
+  // From the tables of an earlier bake of the same mesh with the same options; throws
+  // std::invalid_argument for tables of another size.
+  MeshShadow(const Mesh& mesh, const MeshShadowOptions& options, Tables tables);
 
   const MeshShadowOptions& options() const { return options_; }
-  const PlaneGrid& grid() const { return grid_; }  // in the object's frame
+  const PlaneGrid& inner() const { return inner_; }  // in the object's frame
+  const PlaneGrid& outer() const { return outer_; }  // the same, kOuter times as large
   const SkyCells& cells() const { return cells_; }
-  const SparseCover& table() const { return table_; }
+  const Tables& tables() const { return tables_; }
   const ShadowTriangles& triangles() const { return triangles_; }
-  std::size_t bytes() const { return table_.bytes(); }
+  std::size_t bytes() const { return tables_.inner.bytes() + tables_.outer.bytes(); }
 
-  // Whether an object that was moved so stands as it was baked, only shifted and turned about z: to
-  // 1e-3 of its size.
+  // Where an object stands that was moved so; nothing unless it was only shifted on the plane and
+  // turned about z, to 1e-3 of its size: then another bake is needed.
   std::optional<PlanePlace> place(const Pose& marker_from_object) const;
-
-  // The shadow under a light. light: kept by the caller from one call to the next, of this object
-  // alone; then the directions of lights stay as they are while they suit, so that nothing
-  // flickers, and only what changed is worked out. Throws std::invalid_argument for a pose that
-  // place() refuses.
-  ShadowMap cast(const CubeMap& radiance, const Pose& marker_from_object,
-                 MeshShadowLight& light) const;
 
  private:
   MeshShadow(const Mesh& mesh, const MeshShadowOptions& options);
   MeshShadowOptions options_;
-  PlaneGrid grid_;
+  PlaneGrid inner_, outer_;
   SkyCells cells_;
   ShadowTriangles triangles_;
-  SparseCover table_;
+  Tables tables_;
   float size_ = 0;  // largest extent
-};
-
-class MeshShadowLight {
- public:
-  explicit MeshShadowLight(SkySplitOptions options = {}) : options_(options) {}
-  int directions() const { return int(split_.directions().size()); }
-  int splits() const { return splits_; }  // how often directions were chosen
-
- private:
-  friend class MeshShadow;
-  SkySplitOptions options_;
-  SkySplit split_;
-  SparseCover cover_;  // of the directions, where the object stands
-  CellSums sums_;
-  std::optional<PlanePlace> place_;
-  int splits_ = 0;
 };
 
 }  // namespace fastibl

@@ -49,6 +49,15 @@ void SkySplit::collect(const CubeMap& map, const glm::dvec3& scale, const SkySpl
   const int first = level_of_size(map, kSearchSize), rest = level_of_size(map, kRestSize);
   const CubeLevel& level = map.level(first);
   const int n = level.size(), rest_size = map.level(rest).size();
+  // Exact ones, as the means of the levels are weighted by: what is taken from a texel of the rest
+  // is then what was there.
+  std::vector<std::vector<double>> angles(std::size_t(map.level_count()));
+  const auto solid_angle = [&](int at, int x, int y) {
+    const int size = map.level(at).size();
+    std::vector<double>& of_level = angles[std::size_t(at)];
+    if (of_level.empty()) of_level = texel_solid_angles(size);
+    return of_level[std::size_t(y) * size + x];
+  };
   // Where a piece lies, its corner and edge in texels of level `at`.
   struct Square {
     int at;
@@ -90,11 +99,12 @@ void SkySplit::collect(const CubeMap& map, const glm::dvec3& scale, const SkySpl
                        middle_y = (q.y + 0.5 * q.edge) / size;
           const int rx = std::min(int(middle_x * rest_size), rest_size - 1),
                     ry = std::min(int(middle_y * rest_size), rest_size - 1);
-          const double across = q.edge * rest_size / size;
+          const double angle = q.edge * q.edge * solid_angle(q.at, tx, ty);
           elements.push_back(
               {{std::uint8_t(q.at), std::uint8_t(face), std::uint16_t(tx), std::uint16_t(ty), 0,
-                std::int32_t((face * rest_size + ry) * rest_size + rx), float(part * texel.cosine),
-                float(part * across * across)},
+                std::int32_t((face * rest_size + ry) * rest_size + rx),
+                float(part * angle * texel.direction.z),
+                float(part * angle / solid_angle(rest, rx, ry))},
                texel.direction,
                energy});
         }
@@ -252,14 +262,16 @@ SkySplit::Weights SkySplit::weigh(const CubeMap& map) const {
   return out;
 }
 
-bool SkySplit::suits(const Weights& weights) const {
+float SkySplit::misfit(const Weights& weights) const {
   const glm::vec3 scale = brightness_scale(weights.irradiance);
   constexpr float kGrown = 4, kLeast = 0.02f;
+  float share =
+      std::max(share_above(weights.rest, rest_cosines_, scale, 2 * threshold_) - bright_, 0.0f);
   for (std::size_t k = 0; k < shares_.size(); ++k) {
-    const float share = glm::dot(glm::vec3(weights.directions[k]), scale) / kPi;
-    if (share > std::max(kGrown * shares_[k], kLeast)) return false;
+    const float now = glm::dot(glm::vec3(weights.directions[k]), scale) / kPi;
+    if (now > kGrown * shares_[k]) share += now - shares_[k];
   }
-  return share_above(weights.rest, rest_cosines_, scale, 2 * threshold_) < bright_ + kLeast;
+  return share > kLeast ? share : 0;
 }
 
 CellSums::CellSums(const SkyCells& cells, int size, float turn)

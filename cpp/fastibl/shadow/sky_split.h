@@ -16,9 +16,9 @@ struct SkySplitOptions {
   // Leaves the directions out where they would hold less than this share of the irradiance: then
   // no ratio changes by more than what the cells err on this share.
   float least_share = 0.02f;
-  // A direction is split in two while its share times the root of its angular radius is above this;
-  // about half of the error of the ratio that it may leave.
-  float tolerance = 1e-3f;
+  // A direction is split in two while its share times the root of its angular radius is above this:
+  // from 1e-3 the worst point of ten lights went from 0.056 to 0.026.
+  float tolerance = 5e-4f;
   int most_directions = 128;
 };
 
@@ -41,9 +41,9 @@ class SkySplit {
   // radiance: a map of size().
   Weights weigh(const CubeMap& radiance) const;
   int size() const { return size_; }
-  // Whether this split still suits a light: no direction holds four times what it held, and the
-  // rest holds no new light.
-  bool suits(const Weights& weights) const;
+  // Share of the irradiance for which this split is not made: of directions that hold more than
+  // four times what they held, and of new light in the rest. 0 below 2 %.
+  float misfit(const Weights& weights) const;
 
  private:
   // Part of the radiance of a texel, which belongs to a direction.

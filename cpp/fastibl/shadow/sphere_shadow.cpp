@@ -198,6 +198,7 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
                       const ShadowOptions& options) {
   check_options(options);
   const ShadowMethod method = resolved(options.method);
+  check(method != ShadowMethod::mesh, "the mesh method needs a baked mesh, got spheres");
   if (method == ShadowMethod::directions) {
     DirectionShadow caster(options.settings.directions);
     caster.cast(radiance, spheres, options);

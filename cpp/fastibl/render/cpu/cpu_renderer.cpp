@@ -2,7 +2,7 @@
 
 #include "fastibl/render/renderer.h"
 #include "fastibl/shading/shade.h"
-#include "fastibl/shadow/sphere_shadow.h"
+#include "fastibl/shadow/scene_shadow.h"
 
 namespace fastibl {
 namespace {
@@ -17,13 +17,13 @@ class CpuRenderer final : public Renderer {
         ShadowOptions options;
         options.method = in.methods.shadow;
         options.settings = in.methods.shadow_settings;
-        shadow_ = caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance,
-                               in.scene.placed_spheres(), options);
+        shadow_ =
+            caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance, in.scene, options);
         return;
       }
       case PassId::shade: {
         const glm::vec3 eye(in.camera_from_marker.inverse().translation);
-        object_ = shade(rasterize(in.scene, in.camera, in.camera_from_marker), in.scene.material,
+        object_ = shade(rasterize(in.scene, in.camera, in.camera_from_marker, in.light_shares), in.scene.material,
                         in.lighting, eye);
         return;
       }
@@ -49,7 +49,7 @@ class CpuRenderer final : public Renderer {
   Image<std::uint8_t> image() override { return image_; }
 
  private:
-  ShadowCaster caster_;
+  SceneShadow caster_;
   ShadowMap shadow_;
   ObjectLayer object_;
   Image<std::uint8_t> image_;

@@ -13,7 +13,7 @@ namespace {
 // Which texture unit a sampler reads; no program has two of the same unit.
 constexpr std::pair<const char*, int> kUnits[] = {{"radiance", 0},      {"visible", 1},
                                                   {"triangles", 2},     {"vertices", 3},
-                                                  {"normals", 4},       {"albedo_table", 5},
+                                                  {"shares", 4},        {"albedo_table", 5},
                                                   {"spheres", 1},       {"response", 0},
                                                   {"guess", 1},         {"back", 2},
                                                   {"object", 3},        {"ratio_map", 4},

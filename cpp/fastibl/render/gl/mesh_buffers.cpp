@@ -49,15 +49,15 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
   }
   if (same_bytes(scene.mesh.vertices, mesh_.vertices) &&
       same_bytes(scene.mesh.triangles, mesh_.triangles) && same_bytes(scene.normals, normal_) &&
-      same_bytes(scene.mesh.uvs, mesh_.uvs) && same_bytes(scene.visibility, visibility_))
+      same_bytes(scene.mesh.uvs, mesh_.uvs))
     return;
   const Mesh& mesh = scene.mesh;
   mesh_ = {};  // until all is uploaded: a failure must not pass for a mesh that is there
-  std::vector<glm::vec4> positions, normals, tangents;
+  std::vector<glm::vec4> vertices, tangents;  // position, normal, the next position …
   std::vector<glm::vec2> uvs;
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
-    positions.emplace_back(mesh.vertices[i], scene.visibility[i]);
-    normals.emplace_back(scene.normals[i], 0);
+    vertices.emplace_back(mesh.vertices[i], 0);
+    vertices.emplace_back(scene.normals[i], 0);
     tangents.push_back(scene.tangents.empty() ? glm::vec4(0) : scene.tangents[i]);
     uvs.push_back(mesh.uvs.empty() ? glm::vec2(0) : mesh.uvs[i]);
   }
@@ -68,20 +68,30 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
     for (int k = 0; k < 3; ++k)
       corners.push_back({mesh.vertices[std::size_t(t[k])], GLuint(triangles.size())});
   }
-  upload_rows(gpu, vertices_, GL_RGBA32F, GL_RGBA, GL_FLOAT, positions);
-  upload_rows(gpu, normals_, GL_RGBA32F, GL_RGBA, GL_FLOAT, normals);
+  upload_rows(gpu, vertices_, GL_RGBA32F, GL_RGBA, GL_FLOAT, vertices);
   upload_rows(gpu, tangents_, GL_RGBA32F, GL_RGBA, GL_FLOAT, tangents);
   upload_rows(gpu, uvs_, GL_RG32F, GL_RG, GL_FLOAT, uvs);
   upload_rows(gpu, triangles_, GL_RGBA32I, GL_RGBA_INTEGER, GL_INT, triangles);
   fill(buffers_[0], corners, GL_STATIC_DRAW);
   corner_count_ = int(corners.size());
-  mesh_ = mesh, normal_ = scene.normals, visibility_ = scene.visibility;
+  mesh_ = mesh, normal_ = scene.normals;
+}
+
+void MeshBuffers::upload_shares(Gpu& gpu, const Scene& scene, std::span<const glm::vec4> shares) {
+  std::vector<glm::vec4> now(shares.begin(), shares.end());
+  if (shares.empty())
+    for (const float visibility : scene.visibility) now.emplace_back(glm::vec3(visibility), 1);
+  if (same_bytes(now, share_)) return;
+  share_.clear();  // until it is uploaded
+  std::vector<glm::vec4> rows = now;
+  upload_rows(gpu, shares_, GL_RGBA32F, GL_RGBA, GL_FLOAT, rows);
+  share_ = std::move(now);
 }
 
 void MeshBuffers::bind(Gpu& gpu) const {
   gpu.bind("triangles", triangles_);
   gpu.bind("vertices", vertices_);
-  gpu.bind("normals", normals_);
+  gpu.bind("shares", shares_);
 }
 
 void MeshBuffers::bind_uvs(Gpu& gpu) const {

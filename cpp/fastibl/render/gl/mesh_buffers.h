@@ -2,6 +2,7 @@
 // render/gl.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "fastibl/core/pose.h"
@@ -15,6 +16,8 @@ namespace fastibl {
 class MeshBuffers {
  public:
   void upload(Gpu& gpu, const Scene& scene);
+  // What the object lets through of its light; empty: P_V of the scene.
+  void upload_shares(Gpu& gpu, const Scene& scene, std::span<const glm::vec4> shares);
   const Mesh& mesh() const { return mesh_; }
   void bind(Gpu& gpu) const;      // the tables,
   void bind_uvs(Gpu& gpu) const;  // and those that pbr materials read besides
@@ -25,11 +28,11 @@ class MeshBuffers {
   int use_visible_part(const Camera& camera, const Pose& camera_from_object) const;
 
  private:
-  Texture triangles_, vertices_, normals_, tangents_, uvs_;
+  Texture triangles_, vertices_, tangents_, uvs_, shares_;
   GLuint buffers_[2] = {}, vertex_arrays_[2] = {};  // of the whole mesh, and of a part
   Mesh mesh_;                                       // that is in the buffers
   std::vector<glm::vec3> normal_;
-  std::vector<float> visibility_;
+  std::vector<glm::vec4> share_;  // that are in their texture
   int corner_count_ = 0;
 };
 

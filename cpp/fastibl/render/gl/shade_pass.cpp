@@ -69,6 +69,7 @@ void set_projection(const Program& p, const RenderInput& in) {
 
 void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   mesh_.upload(gpu, in.scene);
+  mesh_.upload_shares(gpu, in.scene, in.light_shares);
   const Outline outline = outline_of(mesh_.mesh(), in.camera, camera_from_object(in));
   area_ = outline.area;
   if (area_.empty()) return;

@@ -5,7 +5,7 @@
 #include "fastibl/render/gl/light_textures.h"
 #include "fastibl/render/renderer.h"
 #include "fastibl/scene/shadow_map.h"
-#include "fastibl/shadow/sphere_shadow.h"
+#include "fastibl/shadow/scene_shadow.h"
 
 namespace fastibl {
 
@@ -21,7 +21,7 @@ class ShadowPass {
 
  private:
   Texture ratio_, outer_, spheres_;
-  ShadowCaster caster_;
+  SceneShadow caster_;
   ShadowMap shadow_;  // its ratio is read back on request
   bool read_ = true;
 };

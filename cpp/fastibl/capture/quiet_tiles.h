@@ -1,0 +1,84 @@
+// Which tiles of the map a picture need not give.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+#include "fastibl/capture/tile_pyramids.h"
+#include "fastibl/scene/cube_tiles.h"
+
+namespace fastibl {
+
+// How a picture shows a tile.
+struct TileSighting {
+  double time;                    // seconds
+  float least_scale, most_scale;  // radiance per linear value
+  float pixels;                   // that a texel covers
+};
+inline TileSighting joined(const TileSighting& a, const TileSighting& b) {
+  return {a.time, std::min(a.least_scale, b.least_scale), std::max(a.most_scale, b.most_scale),
+          std::max(a.pixels, b.pixels)};
+}
+
+// A tile is made of 4 × 4 blocks. A picture leaves it out where
+// - no more than kMostLeftOut pictures in a row did;
+// - no texel's variance, with the drift of the place since, is more than kMostUnsure variances of
+//   a sample of this picture;
+// - no texel is a lower bound that this exposure could lift;
+// - the picture agrees with the map at a probe in each block: on average the squared differences
+//   are at most kMostDeviance of their variances.
+// So what is left out is known to 1.5 standard deviations of one sample; light that changes by more
+// than 2 % over a tile, or much in a block, comes through at once, and any other change
+// kMostLeftOut pictures later. Blocks count by the texels that were taken last: where the border of
+// the picture cuts through a block, its other texels may come kMostLeftOut pictures later too.
+class QuietTiles {
+ public:
+  static constexpr int kProbes = 16;
+  static constexpr int kMostLeftOut = 3;
+  static constexpr float kMostUnsure = 2.25f;
+  static constexpr float kMostDeviance = 0.25f;
+
+  explicit QuietTiles(TileGrid grid);
+
+  // False if it cannot be left out, whatever the probes show.
+  bool may_leave_out(int tile, double time) const;
+  // By probe: whether it is seen, and its deviance summed over three channels. Counts what is left
+  // out.
+  bool leave_out(int tile, const TileSighting& sighting, const int* seen, const float* deviance);
+  // A picture was taken into the tile. unsure: by block, see merge_samples. whole, bounded: whether
+  // it showed all texels, and whether some are now only lower bounds.
+  void took(int tile, const TileSighting& sighting, const float (&unsure)[kProbes], bool whole,
+            bool bounded);
+  // To be called then, when the tile's level of half the width is made.
+  void place_probes(int tile, const TilePyramids& texels);
+  // Largest values of blocks, of `count` texels of a tile from `first` on.
+  void add_blocks(int first, int count, const float* texels, float (&blocks)[kProbes]) const;
+
+  // Texel that a probe stands for, of the level of half the width.
+  int probe_column(int tile, int probe) const;
+  int probe_row(int tile, int probe) const;
+  // Of the tile's probes: value in the map, and a variance for misregistration where it is not
+  // smooth.
+  const float* value(int tile, int channel) const { return values(tile) + channel * kProbes; }
+  const float* rough(int tile, int channel) const { return values(tile) + (3 + channel) * kProbes; }
+
+ private:
+  struct Tile {
+    double taken[kProbes];  // by block: when last; −∞ if never
+    float unsure[kProbes];  // then
+    float most_scale = 0, pixels = 0;
+    float bound_scale = std::numeric_limits<float>::infinity();  // up to this no bound is lifted
+    int left_out = 0;
+    int turn = 0;  // where its probes are
+  };
+  const float* values(int tile) const { return &values_[std::size_t(tile) * 6 * kProbes]; }
+
+  TileGrid grid_;
+  int width_;  // of a tile at half the width; 0: tiles are too small or not of 2^k texels
+  std::vector<Tile> tiles_;
+  std::vector<float> values_;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,48 @@
+// Diffuse light from an object to the plane that it stands on, and back: one bounce.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "fastibl/core/image.h"
+#include "fastibl/scene/mesh.h"
+#include "fastibl/scene/vertex_visibility.h"
+
+namespace fastibl {
+
+// Form factors between vertices and square cells of the plane z = 0, in the frame of the mesh. One
+// table serves both ways: what a vertex sees of a cell, times its area, is what the cell sees of
+// the vertex, times its own (Goral et al. 1984, Modeling the Interaction of Light Between Diffuse
+// Surfaces).
+class PlaneExchange {
+ public:
+  PlaneExchange() = default;
+  // mesh: as it stands on the plane; what is below neither gives nor takes. visibility: of its
+  // vertices, see mesh_visibility(). cells: along an edge. Throws std::invalid_argument where they
+  // do not fit together.
+  PlaneExchange(const Mesh& mesh, const VertexVisibility& visibility, int cells = 32);
+
+  bool empty() const { return shares_.empty(); }  // the object sees nothing of the plane
+  int cells() const { return cells_; }
+  // Middle of the cells and half the edge of all together, metres. Light beyond is left out.
+  glm::vec2 centre() const { return centre_; }
+  float extent() const { return extent_; }
+
+  // Irradiance of the cells, (cells, cells, 3), row 0 is y min, by vertices that send out
+  // `exitance`: π times the radiance of a diffuse surface.
+  Image<float> onto_plane(std::span<const glm::vec3> exitance) const;
+  // Irradiance of the vertices by cells that send out `exitance`; may be negative, as a change.
+  std::vector<glm::vec3> onto_object(const Image<float>& exitance) const;
+
+ private:
+  int cells_ = 0;
+  glm::vec2 centre_{0};
+  float extent_ = 0;
+  std::vector<float> areas_;          // of the vertices, by that of a cell
+  std::vector<std::uint32_t> first_;  // of each vertex, in what follows, and one more at the end
+  std::vector<std::uint16_t> cell_;
+  std::vector<float> shares_;  // cosine-weighted, of what is above the vertex
+};
+
+}  // namespace fastibl

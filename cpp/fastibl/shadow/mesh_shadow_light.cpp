@@ -1,0 +1,188 @@
+#include "fastibl/shadow/mesh_shadow_light.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/core/check.h"
+#include "fastibl/core/parallel.h"
+#include "fastibl/scene/shared_formulas.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kBlock = SparseCover::kBlock, kTexels = kBlock * kBlock;
+// What rounding leaves of a ratio of 0: sums of up to a thousand terms in float err by less.
+constexpr float kNothing = 2e-5f;
+constexpr float kSuddenly = 0.25f;  // share of the light that moved: new directions at once
+
+SparseCover draw_all(const ShadowTriangles& triangles, std::span<const glm::vec3> directions,
+                     const PlaneGrid& grid) {
+  std::vector<SparseCover::Source> sources(directions.size());
+  parallel_for(int(directions.size()), 4, [&](int begin, int end) {
+    ShadowTriangles::Scratch scratch;
+    PlaneBits image(grid.size);
+    for (int i = begin; i < end; ++i) {
+      image.clear();
+      triangles.draw(directions[std::size_t(i)], grid, image, scratch);
+      sources[std::size_t(i)] = SparseCover::source({&image, 1});
+    }
+  });
+  return SparseCover(grid.size, sources);
+}
+
+// From blocks, as SparseCover has them, to rows of pixels.
+Image<float> unblocked(std::span<const float> lost, int size) {
+  Image<float> image(size, size, 3);
+  const int across = (size + kBlock - 1) / kBlock;
+  for (int y = 0; y < size; ++y) {
+    const float* block =
+        &lost[std::size_t(y / kBlock * across) * 3 * kTexels + std::size_t(y % kBlock * kBlock)];
+    float* out = image.row(y);
+    for (int left = 0; left < size; left += kBlock, block += 3 * kTexels, out += 3 * kBlock)
+      for (int x = 0; x < std::min(kBlock, size - left); ++x)
+        for (int c = 0; c < 3; ++c) out[3 * x + c] = block[kTexels * c + x];
+  }
+  return image;
+}
+
+std::vector<float> no_loss(const SparseCover& table) {
+  return std::vector<float>(std::size_t(table.blocks()) * 3 * kTexels, 0.0f);
+}
+
+void to_ratio(Image<float>& lost) {
+  for (float& r : lost.data) {
+    r = 1 - r;
+    r = r < kNothing ? 0 : r;
+  }
+}
+
+// Adds what the object's own maps, which lie along its axes, have where the texels of `image` are.
+void add_turned(const ShadowMap& soft, const PlaneGrid& grid, glm::vec2 cos_sin,
+                Image<float>& image) {
+  const int n = grid.size;
+  for (int y = 0; y < n; ++y)
+    for (int x = 0; x < n; ++x) {
+      const glm::vec2 p = grid.extent * glm::vec2(shared::plane_offset(x, float(n)),
+                                                  shared::plane_offset(y, float(n)));
+      const glm::vec2 own(cos_sin.x * p.x + cos_sin.y * p.y, cos_sin.x * p.y - cos_sin.y * p.x);
+      const glm::vec3 ratio = soft.sample(own);
+      for (int c = 0; c < 3; ++c) image.pixel(x, y)[c] += 1 - ratio[c];
+    }
+}
+
+}  // namespace
+
+void MeshShadowLight::update(const CubeMap& radiance) {
+  bool stale = splits_ == 0 || now_.split.size() != radiance.size();
+  float moved = 1;
+  if (!stale) {
+    now_.weights = now_.split.weigh(radiance);
+    moved = now_.split.misfit(now_.weights);
+    stale = moved > 0;
+  }
+  if (before_) {
+    fade_ += step_;
+    if (fade_ >= 1 || before_->split.size() != radiance.size())
+      before_.reset();
+    else
+      before_->weights = before_->split.weigh(radiance);
+  }
+  if (!stale) return;
+  if (moved < kSuddenly) {
+    step_ = std::max(1.0f / kFadeCasts, moved / kSuddenly);
+    fade_ = step_;
+    before_ = std::move(now_);
+  } else {
+    before_.reset();
+  }
+  now_ = Set{};
+  now_.split = SkySplit(radiance, options_);
+  now_.weights = now_.split.weigh(radiance);
+  ++splits_;
+}
+
+void MeshShadowLight::draw(const MeshShadow& shadow, Set& set) const {
+  // Drawn where the object is turned, not where it is shifted: grid and object shift together.
+  const PlanePlace turn{{0, 0}, place_.cos_sin};
+  PlaneGrid inner = shadow.inner(), outer = shadow.outer();
+  inner.centre = outer.centre = turn * inner.centre;
+  const ShadowTriangles moved =
+      turn.turned() ? shadow.triangles().moved(turn.cos_sin, {0, 0}) : ShadowTriangles();
+  const ShadowTriangles& triangles = turn.turned() ? moved : shadow.triangles();
+  set.inner = draw_all(triangles, set.split.directions(), inner);
+  set.outer = draw_all(triangles, set.split.directions(), outer);
+  set.drawn = true;
+}
+
+std::vector<glm::vec4> MeshShadowLight::share_out(const MeshShadow& shadow, bool& no_light) {
+  std::vector<glm::vec4> cells(std::size_t(shadow.cells().count()), glm::vec4(0));
+  const auto add = [&](Set& set, float part) {
+    std::vector<glm::vec4> own = sums_.sum(set.weights.rest);
+    glm::dvec3 total(0);
+    for (const glm::vec4& w : set.weights.directions) total += glm::dvec3(w);
+    for (const glm::vec4& w : own) total += glm::dvec3(w);
+    glm::vec4 scale(0);
+    for (int k = 0; k < 3; ++k) scale[k] = total[k] > 0 ? float(part / total[k]) : 0;
+    for (glm::vec4& w : set.weights.directions) w *= scale;
+    for (std::size_t i = 0; i < own.size(); ++i) cells[i] += own[i] * scale;
+    no_light = total == glm::dvec3(0);
+  };
+  if (before_) add(*before_, 1 - fade_);
+  add(now_, before_ ? fade_ : 1);
+  return cells;
+}
+
+ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radiance,
+                                const Pose& marker_from_object) {
+  const std::optional<PlanePlace> place = shadow.place(marker_from_object);
+  check(place.has_value(), "expected an object that stands as its shadow was baked, got one tilted",
+        " or lifted off the plane");
+  check(radiance.size() > 0, "the radiance map is empty");
+  update(radiance);
+  const bool turned = place->cos_sin != place_.cos_sin;
+  place_ = *place;
+  for (Set* set : {&now_, before_ ? &*before_ : nullptr})
+    if (set && (turned || !set->drawn)) draw(shadow, *set);
+  const float turn = std::atan2(place_.cos_sin.y, place_.cos_sin.x);
+  if (sums_.size() != now_.weights.rest_size || sums_.turn() != turn)
+    sums_ = CellSums(shadow.cells(), now_.weights.rest_size, turn);
+
+  ShadowMap map;
+  map.centre = place_ * shadow.inner().centre;
+  map.extent = shadow.inner().extent, map.outer_extent = shadow.outer().extent;
+  const std::vector<glm::vec4> cells = share_out(shadow, map.no_light);
+  ShadowMap soft;  // what the cells leave, where the object is turned
+  const auto add_lights = [&](std::vector<float>& lost, SparseCover Set::*cover) {
+    (now_.*cover).add(now_.weights.directions, lost);
+    if (before_) ((*before_).*cover).add(before_->weights.directions, lost);
+  };
+  const auto make = [&](const SparseCover& table, SparseCover Set::*cover, Image<float>& own) {
+    std::vector<float> lost = no_loss(table);
+    table.add(cells, lost);
+    if (place_.turned()) {
+      own = unblocked(lost, table.size());
+      to_ratio(own);
+      std::fill(lost.begin(), lost.end(), 0.0f);
+    }
+    add_lights(lost, cover);
+    return unblocked(lost, table.size());
+  };
+  map.ratio = make(shadow.tables().inner, &Set::inner, soft.ratio);
+  map.outer = make(shadow.tables().outer, &Set::outer, soft.outer);
+  if (place_.turned()) {
+    soft.extent = map.extent, soft.outer_extent = map.outer_extent;
+    add_turned(soft, shadow.inner(), place_.cos_sin, map.ratio);
+    add_turned(soft, shadow.outer(), place_.cos_sin, map.outer);
+  }
+  const int n = shadow.outer().size;
+  for (int y = 0; y < n; ++y)
+    for (int x = 0; x < n; ++x) {
+      const float keep = shared::shadow_keep(
+          {shared::plane_offset(x, float(n)), shared::plane_offset(y, float(n))}, float(n));
+      for (int c = 0; c < 3; ++c) map.outer.pixel(x, y)[c] *= keep;
+    }
+  to_ratio(map.ratio), to_ratio(map.outer);
+  return map;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,56 @@
+// The shadow of a baked object under a light: the smooth part of the sky by the object's table, the
+// brightest parts by shadows of their own.
+//
+// Root mean square error of the ratio against rays over ten lights and three meshes: about 0.0013,
+// 0.25 ms for a change of the light at 128²; see bench/shadows/rigid.py.
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/shadow_map.h"
+#include "fastibl/shadow/mesh_shadow.h"
+#include "fastibl/shadow/sky_split.h"
+
+namespace fastibl {
+
+// Kept from one light to the next, of one object: where its directions are, and what they hide.
+class MeshShadowLight {
+ public:
+  explicit MeshShadowLight(const SkySplitOptions& options = {}) : options_(options) {}
+
+  // The shadow of the object where it stands. The directions stay while they suit the light, so
+  // that nothing flickers; new ones are faded in over kFadeCasts casts, faster the more light the
+  // old ones miss. Throws std::invalid_argument for a pose that MeshShadow::place refuses.
+  // The map's outer image is faded to 1 at its border, so that no edge is seen there.
+  ShadowMap cast(const MeshShadow& shadow, const CubeMap& radiance,
+                 const Pose& marker_from_object = {});
+
+  int directions() const { return int(now_.split.directions().size()); }
+  int splits() const { return splits_; }  // how often directions were chosen
+  static constexpr int kFadeCasts = 16;
+
+ private:
+  struct Set {
+    SkySplit split;
+    SparseCover inner, outer;  // of the split's directions
+    bool drawn = false;        // for place_
+    SkySplit::Weights weights;
+  };
+  void update(const CubeMap& radiance);
+  void draw(const MeshShadow& shadow, Set& set) const;
+  // Weights of the cells, and of the directions in place.
+  std::vector<glm::vec4> share_out(const MeshShadow& shadow, bool& no_light);
+
+  SkySplitOptions options_;
+  Set now_;
+  std::optional<Set> before_;  // while the directions are faded
+  float fade_ = 1;             // of now_
+  float step_ = 1;
+  CellSums sums_;
+  PlanePlace place_;
+  int splits_ = 0;
+};
+
+}  // namespace fastibl

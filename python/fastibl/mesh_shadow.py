@@ -1,0 +1,238 @@
+"""Shadow of a rigid object on the marker plane, from its triangles; what is baked is kept on disk."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import time
+import warnings
+import zipfile
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._fastibl import BakedShadow, CubeMap, Environment, Mesh, MeshShadowLight, Pose, ShadowMap
+
+_FORMAT = 1  # of the files, and of how a table is baked: another number makes older files stale
+_PATIENCE = 0.5  # seconds before a progress bar appears
+_ARRAYS = ("begin", "cells", "cover", "outer_begin", "outer_cells", "outer_cover")
+_MOST_BYTES = 256 << 20  # of all files together; the ones that were used longest ago go first
+
+
+def cache_folder() -> Path | None:
+    """Where baked shadows are kept: $XDG_CACHE_HOME/fastibl or ~/.cache/fastibl; None where FASTIBL_CACHE is 0.
+
+    FASTIBL_CACHE may also name another folder.
+    """
+    chosen = os.environ.get("FASTIBL_CACHE", "")
+    if chosen == "0":
+        return None
+    if chosen:
+        return Path(chosen)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fastibl"
+
+
+class MeshShadow:
+    """Shadow of a rigid object on the marker plane, for any light.
+
+    What the object hides of each cell of the sky is worked out once, and kept in `cache_folder()` by the content of
+    the mesh; a light is then a sum of products, with the shadows of up to `directions` of its brightest parts drawn
+    from the triangles themselves.
+
+    mesh: as it stands on the plane z = 0, metres; what is below casts no shadow, triangles hide from both sides.
+    resolution: texels along an edge of the map, 8 to 1024. extent: half the map's edge in metres, by default 1.5
+    times the object's largest extent; a coarse map of the same texels, 6 times as large, lies around it. rings,
+    samples: 4 rings^2 cells of the sky, and directions that each is made of (1 to 63). directions: for lights, 0 for
+    none. progress: a bar on stderr if that is a terminal and the work lasts; or a function that is given the part
+    done, and ends the work with KeyboardInterrupt by returning False. cache: whether to keep the work on disk and to
+    take it from there.
+
+    Raises ValueError for a mesh without triangles or with values that are not finite, and for options out of range.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        resolution: int = 128,
+        *,
+        extent: float | None = None,
+        rings: int = 12,
+        samples: int = 16,
+        directions: int = 128,
+        cache: bool = True,
+        progress: bool | Callable[[float], bool] = True,
+    ) -> None:
+        if not isinstance(mesh, Mesh):
+            raise TypeError(f"mesh must be a fastibl.Mesh, got {type(mesh).__name__}")
+        if extent is not None and not 0 < extent < np.inf:
+            raise ValueError(f"extent must be above 0 metres, got {extent}")
+        options = (int(resolution), float(extent or 0), int(rings), int(samples))
+        self._options = options
+        self._directions = int(directions)
+        self._light = MeshShadowLight(self._directions)
+        path = _path(mesh, options) if cache else None
+        baked = _read(path, mesh, options) if path else None
+        if baked is None:
+            baked = _baked(mesh, options, progress)
+            if path:
+                _write(path, baked)
+        self._baked = baked
+
+    @property
+    def baked(self) -> BakedShadow:
+        """What was baked; for Scene.baked_shadow."""
+        return self._baked
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the tables."""
+        return self._baked.bytes
+
+    @property
+    def extent(self) -> float:
+        """Half the map's edge in metres."""
+        return self._baked.extent
+
+    def fits(self, marker_from_object: Pose | ArrayLike) -> bool:
+        """Whether an object that was moved so still stands as it was baked: shifted on the plane, turned about z."""
+        return self._baked.fits(marker_from_object)
+
+    def cast(
+        self,
+        cube: CubeMap | Environment,
+        marker_from_object: Pose | ArrayLike | None = None,
+        *,
+        follow: bool = False,
+    ) -> ShadowMap:
+        """The shadow under this light.
+
+        follow: keep the directions of lights of the last call with `follow` while they suit: steady from frame to
+        frame, and 20 to 100 times faster than to choose them anew. Raises ValueError for a pose that `fits` refuses.
+        """
+        light = self._light if follow else MeshShadowLight(self._directions)
+        return self._baked.cast(_cube(cube), marker_from_object, light)
+
+    def ratio(self, cube: CubeMap | Environment, points: ArrayLike) -> NDArray[np.float32]:
+        """Ratio (..., 3) of the light at plane points (..., 2) in metres, with and without the object.
+
+        In [0, 1]; bilinear between the texels of the map, 1 outside of both and in a channel without light.
+        """
+        return self.cast(cube).sample(points)
+
+    def __repr__(self) -> str:
+        texels = self._options[0]
+        return f"<fastibl.MeshShadow of {texels} x {texels}, extent {self.extent:.3g} m, {self.bytes >> 10} KiB>"
+
+
+def _cube(light: CubeMap | Environment) -> CubeMap:
+    return light.radiance if isinstance(light, Environment) else light
+
+
+def _baked(mesh: Mesh, options: tuple, progress: bool | Callable[[float], bool]) -> Any:
+    bar = _Bar() if progress is True and sys.stderr is not None and sys.stderr.isatty() else None
+    report = progress if callable(progress) else bar
+    try:
+        baked = BakedShadow.bake(mesh, *options, report)
+    finally:
+        if bar:
+            bar.close()
+    if baked is None:
+        raise KeyboardInterrupt("baking a shadow was ended")
+    return baked
+
+
+class _Bar:
+    """Progress on stderr, for work that lasts."""
+
+    def __init__(self) -> None:
+        self._begin, self._bar, self._done = time.monotonic(), None, 0.0
+
+    def __call__(self, done: float) -> bool:
+        if self._bar is None and time.monotonic() - self._begin > _PATIENCE and done < 1:
+            from tqdm import tqdm
+
+            self._bar = tqdm(total=100, desc="bake shadow", unit="%", leave=False)
+        if self._bar is not None:
+            self._bar.update(round(100 * done) - self._bar.n)
+        return True
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+# Files: the arrays of both tables, compressed
+
+
+def _path(mesh: Mesh, options: tuple) -> Path | None:
+    folder = cache_folder()
+    if folder is None:
+        return None
+    key = hashlib.sha256(f"mesh shadow {_FORMAT} {options!r} {len(mesh.vertices)}".encode())
+    key.update(np.ascontiguousarray(mesh.vertices, np.float32).tobytes())
+    key.update(np.ascontiguousarray(mesh.triangles, np.int32).tobytes())
+    return folder / f"shadow-{key.hexdigest()[:32]}.npz"
+
+
+def _read(path: Path, mesh: Mesh, options: tuple) -> Any:
+    """The tables of a file, or None where there is none; a file that cannot be read is warned of."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            tables = [file[name] for name in _ARRAYS]
+            if int(file["checksum"]) != _checksum(tables):
+                raise ValueError("its checksum is another")
+        baked = BakedShadow.from_tables(mesh, *options, tables)
+    except (OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        warnings.warn(f"{path} is broken and will be made anew: {error}", RuntimeWarning, stacklevel=4)
+        return None
+    with suppress(OSError):
+        path.touch()
+    return baked
+
+
+def _checksum(tables: list[NDArray]) -> int:
+    total = 0
+    for array in tables:
+        total = zlib.crc32(np.ascontiguousarray(array).tobytes(), total)
+    return total
+
+
+def _write(path: Path, baked: Any) -> None:
+    """Under another name first: who reads sees the whole file or none. A disk that is full or closed is no error."""
+    tables = baked.tables
+    part = path.with_suffix(f".{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with part.open("wb") as file:
+            np.savez_compressed(file, checksum=np.int64(_checksum(tables)), **dict(zip(_ARRAYS, tables, strict=True)))
+        part.replace(path)
+        _forget(path.parent)
+    except OSError as error:
+        warnings.warn(f"the shadow could not be kept in {path.parent}: {error}", RuntimeWarning, stacklevel=4)
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def _forget(folder: Path) -> None:
+    """Removes the files that were used longest ago while all together are too large."""
+    files = []
+    for path in folder.glob("shadow-*.npz"):
+        with suppress(OSError):
+            status = path.stat()
+            files.append((status.st_mtime, status.st_size, path))
+    total = sum(size for _, size, _ in files)
+    for _, size, path in sorted(files)[:-1]:
+        if total <= _MOST_BYTES:
+            break
+        with suppress(OSError):
+            path.unlink()
+        total -= size
