@@ -410,6 +410,8 @@ class Bvh:
     def occluded(self, origins: typing.Any, directions: typing.Any, t_min: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> numpy.typing.NDArray[numpy.bool]:
         """
         Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.
+
+        origins may be one point (3,) for all directions, which is several times faster.
         """
 class Environment:
     """
@@ -1076,7 +1078,7 @@ class Scene:
     mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
     frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0 for none.
     """
-    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 64) -> None:
+    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -1252,12 +1254,14 @@ def _track_with(detector: typing.Any, grey: typing.Annotated[numpy.typing.ArrayL
     """
     One frame as a Session runs it: detector(grey, board, camera) -> (tags, start), refinement, pose.
     """
-def ambient_occlusion(mesh: Mesh, rays: typing.SupportsInt | typing.SupportsIndex = 64) -> numpy.typing.NDArray[numpy.float32]:
+def ambient_occlusion(mesh: Mesh, rays: typing.SupportsInt | typing.SupportsIndex = 96, spheres: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
     """
     P_V of Eq. 8: cosine-weighted share of each vertex's hemisphere that the mesh itself leaves free.
 
     rays: number a vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included;
-    triangles hide from both sides. Raises ValueError for rays < 1.
+    triangles hide from both sides. spheres: (m, 4), x y z radius in the mesh's frame, which hide instead of the
+    triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster, RMS error 0.02.
+    Raises ValueError for rays < 1.
     """
 def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, directions: typing.SupportsInt | typing.SupportsIndex = 256, outer: bool = True) -> ShadowMap:
     """
