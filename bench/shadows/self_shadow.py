@@ -261,7 +261,7 @@ def times() -> Iterator[Goal]:
                 f"{name}, {count} vertices, {default} cells: {what}",
                 f"{found[0]:.3f} yardsticks ({1e3 * found[0] * second:.2f} ms)",
                 f"{UPDATE_YARDSTICKS:.3g} yardsticks" if name == "spot" else "(no goal of its own)",
-                found[0] <= UPDATE_YARDSTICKS if name == "spot" else None,
+                bool(found[0] <= UPDATE_YARDSTICKS) if name == "spot" else None,
                 (
                     f"glossy shares of another view: {1e3 * found[1] * second:.2f} ms",
                     f"directions from {len(spheres)} spheres, 16 cells: {1e3 * found[2] * second:.1f} ms",

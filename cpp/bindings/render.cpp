@@ -37,7 +37,8 @@ void bind_render(py::module_& module) {
   py::class_<Scene>(module, "Scene", R"(An object ready to be rendered.
 
 mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
-frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0 for none.)")
+frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
+for no self-shadow at all.)")
       .def(py::init([](const Mesh& mesh, const std::optional<Material>& material,
                        const py::object& marker_from_object, int spheres, int rays) {
              const Pose pose = marker_from_object.is_none()

@@ -1076,7 +1076,8 @@ class Scene:
     An object ready to be rendered.
 
     mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
-    frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0 for none.
+    frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
+    for no self-shadow at all.
     """
     def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96) -> None:
         ...
