@@ -57,7 +57,7 @@ class Capture {
            double exposure, double time, ImageView<const std::uint8_t> mask = {});
 
   // The map at the time of the last picture, without holes: unseen texels take a mean of what
-  // was seen near them on their side of the horizon, at confidence 0 and up to half a second late.
+  // was seen near them on their side of the horizon, at confidence 0 and up to a second late.
   // Only what changed since an earlier map that nobody holds any more is made anew in its place.
   std::shared_ptr<const Environment> environment();
 
