@@ -1,11 +1,16 @@
 """Shared places and helpers. Real maps and meshes lie beside the project; what needs them skips without."""
 
+import os
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fastibl
+
+# What tests bake they keep to themselves.
+os.environ.setdefault("FASTIBL_CACHE", tempfile.mkdtemp(prefix="fastibl-tests-"))
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 MAPS = sorted((SHARED / "hdri").glob("*.hdr"))

@@ -8,6 +8,7 @@ from typing import Any
 from ._fastibl import Board as _CoreBoard
 from ._fastibl import CubeMap, Environment, FrameResult, Plan, Rig, Scene, _make_plan, _Session, with_gl
 from .lighting import Lighting, Method, resolve_methods
+from .mesh_shadow import MeshShadow
 from .recording import Frame
 from .tracking import detect
 
@@ -56,7 +57,9 @@ class Session(_Session):
     methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
     function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
     distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.
-    Raises ValueError for unknown names, RuntimeError where the GL back end cannot start.
+    A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
+    baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
+    cannot start.
     """
 
     def __init__(
@@ -77,6 +80,10 @@ class Session(_Session):
     ):
         if isinstance(environment, CubeMap):
             environment = Environment(environment)
+        resolved = resolve_methods(methods)
+        bakes = resolved.shadow == "mesh" or (resolved.shadow == "auto" and len(scene.spheres))
+        if cast_shadow and bakes and scene.baked_shadow is None:
+            scene.baked_shadow = MeshShadow(scene.mesh)
         super().__init__(
             scene,
             rig,
@@ -84,7 +91,7 @@ class Session(_Session):
             environment,
             detector if board is not None else None,
             "cpu" if backend == "auto" else backend,
-            resolve_methods(methods),
+            resolved,
             float(error or 0),
             float(milliseconds or 0),
             size,

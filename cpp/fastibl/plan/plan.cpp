@@ -108,15 +108,16 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
           line.error = l->irradiance_error;
         }
         const bool lit = scene.material.reads_irradiance();
-        const bool shadowed = options.cast_shadow && !scene.spheres.empty();
+        const bool shadowed = options.cast_shadow && scene.casts_shadow();
         if (!lit && !shadowed) leave_out("k_L = 0 and no shadow: nothing reads it");
         break;
       }
       case PassId::shadow:
-        line.method = described(options.methods.shadow, options.methods.shadow_settings);
+        line.method =
+            described(scene.shadow_method(options.methods.shadow), options.methods.shadow_settings);
         if (!options.cast_shadow)
           leave_out("no shadow was asked for");
-        else if (scene.spheres.empty())
+        else if (!scene.casts_shadow())
           leave_out("the object has no spheres");
         break;
       case PassId::self_shadow:

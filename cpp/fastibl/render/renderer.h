@@ -37,7 +37,8 @@ class Renderer {
   virtual std::string_view backend() const = 0;
   // Runs one of kRenderPasses; throws std::invalid_argument for another.
   virtual void run(PassId pass, const RenderInput& input) = 0;
-  // Forgets a product: the ratio is 1, or nothing covers the picture.
+  // Forgets a product, and what its next run would follow: the ratio is 1, or nothing covers the
+  // picture.
   virtual void clear(PassId pass) = 0;
 
   // Products of the last run of each pass; a GPU back end reads them back.

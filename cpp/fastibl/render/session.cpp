@@ -87,7 +87,9 @@ void Session::set_cast_shadow(bool cast) {
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
   fixed_environment_ = environment != nullptr;
   environment_ = std::move(environment);
-  lighting_.reset();  // the light did not move there, it is another one
+  // The light did not move there, it is another one: nothing is to fade.
+  lighting_.reset();
+  renderer_->clear(PassId::shadow);
   replan();
 }
 void Session::set_renderer(std::unique_ptr<Renderer> renderer) {

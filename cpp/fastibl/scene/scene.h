@@ -7,6 +7,7 @@
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/material.h"
 #include "fastibl/scene/mesh.h"
+#include "fastibl/scene/methods.h"
 #include "fastibl/scene/shadow_map.h"
 #include "fastibl/scene/vertex_visibility.h"
 
@@ -24,8 +25,15 @@ struct Scene {
   // Directions that the object blocks; null: none that is known.
   std::shared_ptr<const VertexVisibility> directions;
   SphereSet spheres;  // proxies of the mesh, in its frame
-  // What the mesh hides of the sky, for the `mesh` method, see shadow/mesh_shadow.h; may be null.
+  // What the mesh hides of the sky, for the `mesh` shadow, see shadow/mesh_shadow.h; may be null.
   std::shared_ptr<const MeshShadow> baked_shadow = nullptr;
+
+  // What `automatic` stands for: `mesh` where the object was baked, else `directions`.
+  ShadowMethod shadow_method(ShadowMethod asked) const {
+    if (asked != ShadowMethod::automatic) return asked;
+    return baked_shadow ? ShadowMethod::mesh : ShadowMethod::directions;
+  }
+  bool casts_shadow() const { return !spheres.empty() || baked_shadow; }
 
   // The spheres where the object stands.
   SphereSet placed_spheres() const {

@@ -7,7 +7,7 @@ namespace fastibl {
 ShadowMap SceneShadow::cast(const CubeMap& radiance, glm::vec3 plane_irradiance, const Scene& scene,
                             const ShadowOptions& options) {
   ShadowOptions by_spheres = options;
-  if (options.method == ShadowMethod::mesh) {
+  if (scene.shadow_method(options.method) == ShadowMethod::mesh) {
     check(scene.baked_shadow != nullptr,
           "the mesh method needs a baked shadow of the scene's object, got a scene without one");
     if (baked_ != scene.baked_shadow) baked_ = scene.baked_shadow, light_ = MeshShadowLight();

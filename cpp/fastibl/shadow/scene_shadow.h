@@ -10,9 +10,10 @@ namespace fastibl {
 // Kept from frame to frame, for one object at a time: what is still right of the last map is kept.
 class SceneShadow {
  public:
-  // By the `mesh` method the baked shadow; an object that no longer stands as it was baked gets the
-  // shadow of its spheres, by the `directions` method. Throws std::invalid_argument for `mesh`
-  // where nothing is baked. options: place and size are the baked map's own.
+  // By the `mesh` method, which `automatic` takes where there is one, the baked shadow; an object
+  // that no longer stands as it was baked gets the shadow of its spheres, by the `directions`
+  // method. Throws std::invalid_argument for `mesh` where nothing is baked. options: place and size
+  // are the baked map's own.
   ShadowMap cast(const CubeMap& radiance, glm::vec3 plane_irradiance, const Scene& scene,
                  const ShadowOptions& options = {});
 

@@ -40,7 +40,7 @@ class CpuRenderer final : public Renderer {
   }
 
   void clear(PassId pass) override {
-    if (pass == PassId::shadow) shadow_ = {};
+    if (pass == PassId::shadow) shadow_ = {}, caster_ = {};
     if (pass == PassId::shade) object_ = {};
   }
 

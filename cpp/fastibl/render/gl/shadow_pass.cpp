@@ -25,7 +25,7 @@ void upload(Gpu& gpu, const Image<float>& image, Texture& texture) {
 
 void ShadowPass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   ShadowOptions options;
-  options.method = resolved(in.methods.shadow);
+  options.method = in.scene.shadow_method(in.methods.shadow);
   options.settings = in.methods.shadow_settings;
   const SphereSet spheres = in.scene.placed_spheres();
   const bool caps =

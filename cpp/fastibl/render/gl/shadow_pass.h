@@ -12,7 +12,7 @@ namespace fastibl {
 class ShadowPass {
  public:
   void run(Gpu& gpu, LightTextures& light, const RenderInput& in);
-  void clear() { shadow_ = {}, read_ = true; }
+  void clear() { shadow_ = {}, caster_ = {}, read_ = true; }
 
   const ShadowMap& place() const { return shadow_; }  // without its ratio, which may be old
   const Texture& ratio() const { return ratio_; }
