@@ -77,7 +77,7 @@ def rows() -> list[Row]:
         out += _rows(s.method, str(s), _BY_MESH, ratios, by_mesh, time)
         if s.count == 50:
             out += _rows(s.method, str(s), _BY_SPHERES, ratios, by_spheres, time)
-    for lights_ in (0, 64, 256) if hasattr(fastibl, "MeshShadow") else ():
+    for lights_ in (0, 64, 256):
         baked = {
             name: fastibl.MeshShadow(mesh, extent=truth.EXTENT, directions=lights_) for name, mesh in objects.items()
         }

@@ -107,18 +107,16 @@ Method = Callable[[fastibl.CubeMap, NDArray], NDArray]  # light and points to th
 
 def methods(mesh: fastibl.Mesh, spheres: NDArray) -> dict[str, Method]:
     """What is shown beside the truth, by its caption."""
-    found: dict[str, Method] = {
+    baked = fastibl.MeshShadow(mesh, 256, extent=2.2, directions=256)
+    return {
         "cap-product (paper)": lambda cube, p: fastibl.cast_shadow(
             cube, spheres, "cap-product", resolution=256, extent=2.2
         ).sample(p),
         "directions, 50 spheres": lambda cube, p: fastibl.cast_shadow(
             cube, spheres, "directions", resolution=256
         ).sample(p),
+        "mesh, rigid object": lambda cube, p: baked.cast(cube).sample(p),
     }
-    if hasattr(fastibl, "MeshShadow"):
-        baked = fastibl.MeshShadow(mesh, 256, extent=2.2, directions=256)
-        found["mesh, rigid object"] = lambda cube, p: baked.cast(cube).sample(p)
-    return found
 
 
 def sheet(name: str) -> tuple[NDArray[np.uint8], dict[str, dict[str, truth.Errors]]]:
