@@ -331,3 +331,25 @@ def test_what_is_refused():
         )
     assert fastibl.Method("directions", directions=64).settings == {"directions": 64}
     assert fastibl.Method("directions") in fastibl.methods("shadow")
+
+
+def test_results_go_where_the_caller_wants_them():
+    shadow = fastibl.cast_shadow(fastibl.CubeMap(np.ones((6, 16, 16, 3))), np.array([[0, 0, 0.5, 0.5]]))
+    points = np.random.default_rng(0).uniform(-3, 3, (40, 30, 2)).astype(np.float32)
+    out = np.empty((40, 30, 3), np.float32)
+    assert shadow.sample(points, out) is out
+    np.testing.assert_array_equal(out, shadow.sample(points))
+    with pytest.raises(ValueError, match="one RGB for each point"):
+        shadow.sample(points, np.empty((40, 30, 2), np.float32))
+    for bad in (np.empty((40, 30, 3)), out[:, ::2], [1.0]):
+        with pytest.raises(TypeError, match="float32"):
+            shadow.sample(points, bad)
+
+
+def test_a_map_in_use_stays_as_it_is():
+    caster, cube = fastibl.DirectionShadow(64), fastibl.CubeMap(np.ones((6, 16, 16, 3)))
+    first = caster.cast(cube, np.array([[0, 0, 0.5, 0.5]]))
+    image = np.array(first.image)
+    second = caster.cast(cube, np.array([[0.3, 0, 0.5, 0.4]]))
+    np.testing.assert_array_equal(first.image, image)
+    assert not np.array_equal(second.image, image)

@@ -66,6 +66,16 @@ ShadowOptions require_options(const std::string& method, int directions, int res
   return options;
 }
 
+// An array that the caller wants results in: itself, not a copy.
+Floats require_results(const py::object& given, const std::vector<py::ssize_t>& shape) {
+  if (!py::isinstance<Floats>(given) || !py::cast<py::array>(given).writeable())
+    throw py::type_error("out must be a writeable C-contiguous float32 array");
+  Floats out = py::reinterpret_borrow<Floats>(given);
+  if (shape_vector(out) != shape)
+    throw py::value_error("out must have one RGB for each point, got shape " + shape_of(out));
+  return out;
+}
+
 // A read-only view of a map's image.
 py::object image_view(const py::object& owner, const Image<float>& image) {
   const py::ssize_t n = image.width, s = sizeof(float);
@@ -108,8 +118,9 @@ resolution: voxels along the longest edge. seed: another gives another set, abou
 bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
 [8, 128].)");
 
-  py::class_<ShadowMap>(module, "ShadowMap",
-                        R"(Ratio of the light on the marker plane with and without the object.
+  py::class_<ShadowMap, std::shared_ptr<ShadowMap>>(
+      module, "ShadowMap",
+      R"(Ratio of the light on the marker plane with and without the object.
 
 A fine map around the object and, by most methods, a coarse one around that; both have the same centre, and the fine
 one passes into the coarse one at its border. Beyond both the ratio is 1.)")
@@ -140,19 +151,22 @@ one passes into the coarse one at its border. Beyond both the ratio is 1.)")
                     "True when nothing lights the plane: the ratio is 1 everywhere.")
       .def(
           "sample",
-          [](const ShadowMap& map, const py::object& points) {
+          [](const ShadowMap& map, const py::object& points, const py::object& given) {
             const Floats in = require_points(points);
             std::vector<py::ssize_t> shape = shape_vector(in);
             shape.back() = 3;
-            Floats out(shape);
+            Floats out = given.is_none() ? Floats(shape) : require_results(given, shape);
             {
               const py::gil_scoped_release release;
               map.sample(as_points(in), {vectors(out), std::size_t(in.size() / 2)});
             }
             return out;
           },
-          py::arg("points"),
-          "Ratio (..., 3) float32 at plane points (..., 2) in metres, bilinear; 1 outside.")
+          py::arg("points"), py::arg("out") = py::none(),
+          R"(Ratio (..., 3) float32 at plane points (..., 2) in metres, bilinear; 1 outside.
+
+out: C-contiguous float32 array for the result, which is returned; a new one is made without. Raises ValueError for
+another shape, TypeError for another kind of array.)")
       .def(py::self == py::self)
       .def("__repr__", [](const ShadowMap& map) {
         std::ostringstream text;
@@ -227,7 +241,7 @@ last map is returned. directions: how many stand for all light, 8 to 4096.)")
                 require_options("directions", 256, resolution, extent, centre, outer);
             const SphereSet set = require_spheres(spheres);
             const py::gil_scoped_release release;
-            return self.cast(cube, set, options);
+            return std::const_pointer_cast<ShadowMap>(self.cast(cube, set, options));
           },
           py::arg("cube"), py::arg("spheres"), py::arg("resolution") = 0,
           py::arg("extent") = py::none(), py::arg("centre") = py::none(), py::arg("outer") = true,

@@ -692,9 +692,12 @@ class ShadowMap:
         ...
     def __repr__(self) -> str:
         ...
-    def sample(self, points: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
+    def sample(self, points: typing.Any, out: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
         """
         Ratio (..., 3) float32 at plane points (..., 2) in metres, bilinear; 1 outside.
+
+        out: C-contiguous float32 array for the result, which is returned; a new one is made without. Raises ValueError for
+        another shape, TypeError for another kind of array.
         """
     @property
     def centre(self) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <bit>
 #include <cmath>
 #include <functional>
@@ -259,8 +260,8 @@ float outer_extent(std::span<const LightDirection> light, const SphereSet& spher
 void DirectionShadow::place(const SphereSet& spheres, const ShadowOptions& options) {
   spheres_ = spheres;
   options_ = options;
-  place_map(spheres, options, map_);
-  inner_ = {options.resolution > 0 ? options.resolution : kResolution, map_.centre, map_.extent};
+  place_map(spheres, options, *map_);
+  inner_ = {options.resolution > 0 ? options.resolution : kResolution, map_->centre, map_->extent};
 }
 
 void DirectionShadow::make_bits() {
@@ -268,7 +269,7 @@ void DirectionShadow::make_bits() {
   outer_ = {std::max(inner_.size / 2, std::min(inner_.size, kLeastOuter)), inner_.centre, 0};
   if (options_.outer) outer_.extent = outer_extent(light, spheres_, inner_);
   const PlaneSpheres inner(spheres_, inner_);
-  map_.ignored_spheres = inner.ignored();
+  map_->ignored_spheres = inner.ignored();
   inner_bits_.resize(light.size());
   outer_bits_.resize(outer_.extent > 0 ? light.size() : 0);
   std::optional<PlaneSpheres> outer;
@@ -284,34 +285,48 @@ void DirectionShadow::make_bits() {
 
 void DirectionShadow::make_ratio() {
   const std::vector<glm::ivec4> shares = whole_shares(light_.directions());
-  sum_shares(inner_bits_, shares, map_.ratio);
+  sum_shares(inner_bits_, shares, map_->ratio);
   if (outer_.extent > 0) {
-    sum_shares(outer_bits_, shares, map_.outer);
-    map_.outer_extent = outer_.extent;
-    fade_border(map_.outer);
+    sum_shares(outer_bits_, shares, map_->outer);
+    map_->outer_extent = outer_.extent;
+    fade_border(map_->outer);
   } else {
-    map_.outer = {};
-    map_.outer_extent = 0;
+    map_->outer = {};
+    map_->outer_extent = 0;
   }
   if (options_.outer)
-    join_border(map_);
+    join_border(*map_);
   else
-    fade_border(map_.ratio);
+    fade_border(map_->ratio);
 }
 
-const ShadowMap& DirectionShadow::cast(const CubeMap& radiance, const SphereSet& spheres,
-                                       const ShadowOptions& options) {
+// A map that somebody still holds stays as it is.
+void DirectionShadow::own_map() {
+  if (map_.use_count() == 1) {
+    std::atomic_thread_fence(std::memory_order_acquire);
+    return;
+  }
+  auto fresh = std::make_shared<ShadowMap>();
+  fresh->centre = map_->centre, fresh->extent = map_->extent;
+  fresh->ignored_spheres = map_->ignored_spheres;
+  map_ = std::move(fresh);
+}
+
+std::shared_ptr<const ShadowMap> DirectionShadow::cast(const CubeMap& radiance,
+                                                       const SphereSet& spheres,
+                                                       const ShadowOptions& options) {
   check_options(options);
   const SteadyLight::Change change = light_.update(radiance);
-  const bool moved = map_.ratio.empty() || spheres != spheres_ || options != options_;
+  const bool moved = map_->ratio.empty() || spheres != spheres_ || options != options_;
   if (change == SteadyLight::Change::none && !moved) return map_;
+  own_map();
   if (moved) place(spheres, options);
-  map_.no_light = light_.no_light();
-  if (map_.no_light) {
-    map_.ratio = Image<float>(inner_.size, inner_.size, 3, 1.0f);
-    map_.outer = {};
-    map_.outer_extent = 0;
-    map_.ignored_spheres = PlaneSpheres(spheres, inner_).ignored();
+  map_->no_light = light_.no_light();
+  if (map_->no_light) {
+    map_->ratio = Image<float>(inner_.size, inner_.size, 3, 1.0f);
+    map_->outer = {};
+    map_->outer_extent = 0;
+    map_->ignored_spheres = PlaneSpheres(spheres, inner_).ignored();
     inner_bits_.clear();
     return map_;
   }

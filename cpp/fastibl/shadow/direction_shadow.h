@@ -5,6 +5,7 @@
 // 0.009 (64/K)^0.71; see bench/shadows.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <utility>
 #include <vector>
@@ -35,22 +36,23 @@ class DirectionShadow {
  public:
   explicit DirectionShadow(int directions = 256) : light_(directions) {}
 
-  const ShadowMap& cast(const CubeMap& radiance, const SphereSet& spheres,
-                        const ShadowOptions& options = {});
-  ShadowMap take() && { return std::move(map_); }  // the last one
+  // The map that nobody else holds any more is made anew in its place.
+  std::shared_ptr<const ShadowMap> cast(const CubeMap& radiance, const SphereSet& spheres,
+                                        const ShadowOptions& options = {});
   const SteadyLight& light() const { return light_; }
 
  private:
   void place(const SphereSet& spheres, const ShadowOptions& options);
   void make_bits();
   void make_ratio();
+  void own_map();
 
   SteadyLight light_;
   SphereSet spheres_;
   ShadowOptions options_;
   PlaneGrid inner_, outer_;
   std::vector<PlaneBits> inner_bits_, outer_bits_;  // of the directions; outer ones may be empty
-  ShadowMap map_;
+  std::shared_ptr<ShadowMap> map_ = std::make_shared<ShadowMap>();
 };
 
 }  // namespace fastibl

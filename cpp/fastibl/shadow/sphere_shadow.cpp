@@ -199,11 +199,8 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
   check_options(options);
   const ShadowMethod method = resolved(options.method);
   check(method != ShadowMethod::mesh, "the mesh method needs a baked mesh, got spheres");
-  if (method == ShadowMethod::directions) {
-    DirectionShadow caster(options.settings.directions);
-    caster.cast(radiance, spheres, options);
-    return std::move(caster).take();
-  }
+  if (method == ShadowMethod::directions)
+    return *DirectionShadow(options.settings.directions).cast(radiance, spheres, options);
   const int n = options.resolution > 0 ? options.resolution : kResolution;
   const Obstruction obstruction(radiance, plane_irradiance, spheres, method);
   ShadowMap map;
@@ -239,7 +236,7 @@ ShadowMap ShadowCaster::cast(const CubeMap& radiance, glm::vec3 plane_irradiance
     return cast_shadow(radiance, plane_irradiance, spheres, options);
   const int count = options.settings.directions;
   if (!directions_ || directions_->light().count() != count) directions_.emplace(count);
-  return directions_->cast(radiance, spheres, options);
+  return *directions_->cast(radiance, spheres, options);
 }
 
 }  // namespace fastibl
