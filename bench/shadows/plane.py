@@ -136,7 +136,7 @@ def against_cones() -> Iterator[Goal]:
             (
                 f"{len(spheres)} spheres that move, ten lights in turn: {1e3 * ours:.2f} ms, of which the map "
                 f"{1e3 * alone:.2f} ms; a map with choosing directions {1e3 * chosen:.2f} ms; cone sum "
-                f"{1e3 * theirs:.1f} ms, {cones[0].width} pixels a register; yardstick {1e3 * yard:.2f} ms; CPU medians",
+                f"{1e3 * theirs:.1f} ms, {cones[0].width} pixels a register; yardstick {1e3 * yard:.2f} ms CPU",
                 f"by default, with the coarse map around it: {1e3 * default:.2f} ms",
             ),
         )
