@@ -8,7 +8,7 @@
 
 namespace fastibl {
 
-inline constexpr int kTextureUnits = 10;  // that passes bind to
+inline constexpr int kTextureUnits = 16;  // that passes may bind to: as many as ES 3.0 promises
 
 class SavedState {
  public:

@@ -1,5 +1,6 @@
 #include "fastibl/render/gl/gpu.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <stdexcept>
@@ -24,6 +25,8 @@ constexpr std::pair<const char*, int> kUnits[] = {{"radiance", 0},      {"visibl
                                                   {"tangents", 11},     {"base_color_map", 12},
                                                   {"metallic_map", 13}, {"roughness_map", 14},
                                                   {"emission_map", 15}, {"ggx_albedo", 5}};
+static_assert(std::ranges::all_of(kUnits, [](const auto& u) { return u.second < kTextureUnits; }),
+              "a unit whose state is not given back");
 
 std::string text_of(GLenum what) {
   const GLubyte* text = glGetString(what);
