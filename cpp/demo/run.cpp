@@ -51,7 +51,10 @@ std::unique_ptr<Renderer> make_renderer(const std::string& backend) {
 
 Session make_session(const Args& args, const FrameSource& source) {
   Mesh mesh = args.object.empty() ? knot() : read_obj(args.object, args.z_up);
-  Scene scene = make_scene(stand(std::move(mesh), args.height), args.material);
+  SceneOptions scene_options;
+  scene_options.bake_shadow = !args.paper;
+  Scene scene =
+      make_scene(stand(std::move(mesh), args.height), args.material, Pose(), scene_options);
   SessionOptions options;
   options.methods = methods_preset(args.paper);
   options.cast_shadow = args.cast_shadow;

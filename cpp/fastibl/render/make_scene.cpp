@@ -6,6 +6,7 @@
 #include "fastibl/shading/ambient_occlusion.h"
 #include "fastibl/shading/bake_visibility.h"
 #include "fastibl/shadow/fit_spheres.h"
+#include "fastibl/shadow/mesh_shadow.h"
 
 namespace fastibl {
 namespace {
@@ -62,6 +63,8 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
     spheres.count = options.sphere_count;
     scene.spheres = fit_spheres(mesh, spheres);
   }
+  if (options.bake_shadow)
+    scene.baked_shadow = std::make_shared<const MeshShadow>(*MeshShadow::bake(mesh));
   scene.mesh = std::move(mesh);
   scene.material = material;
   scene.marker_from_object = marker_from_object;

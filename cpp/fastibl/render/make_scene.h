@@ -11,6 +11,7 @@ struct SceneOptions {
   // Cells along an edge of the directions that the object blocks, see VisibilityOptions; 0: none;
   // −1: 64, or 32 where there are more than 10 000 vertices.
   int direction_cells = -1;
+  bool bake_shadow = false;  // for the `mesh` shadow, which `automatic` then takes: see MeshShadow
 };
 
 // Throws what validate() throws, or for textures on a mesh without uvs.
