@@ -1,7 +1,7 @@
 // Eight floats at once, for kernels that the compiler does not vectorise by itself. A kernel is a
-// file that is included once in namespace `portable` and once in namespace `avx2`, where
-// FASTIBL_TARGET stands before each of its functions (see lighting/sum_kernel.inl); has_avx2() then
-// picks. Results can differ in the last bits between the two, never between threads.
+// file, named by FASTIBL_KERNEL, that core/kernel.inl compiles twice: FASTIBL_TARGET stands before
+// each of its functions, and FASTIBL_PICK(function) gives the one for this processor. Results can
+// differ in the last bits between the two, never between threads.
 #pragma once
 
 #include <cstring>
@@ -18,8 +18,10 @@ inline bool has_avx2() {
   static const bool yes = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
   return yes;
 }
+#define FASTIBL_PICK(function) \
+  const auto function = has_avx2() ? avx2::function : portable::function
 #else
-inline bool has_avx2() { return false; }
+#define FASTIBL_PICK(function) const auto function = portable::function
 #endif
 
 }  // namespace fastibl

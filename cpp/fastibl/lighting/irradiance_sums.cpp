@@ -28,23 +28,9 @@ struct Source {
 
 constexpr int kRows = 13;  // 4 patterns × 3 channels, and the weights
 
-namespace portable {
-#define FASTIBL_TARGET
-#include "fastibl/lighting/sum_kernel.inl"
-#undef FASTIBL_TARGET
-}  // namespace portable
-#ifdef FASTIBL_WITH_AVX2
-namespace avx2 {
-#define FASTIBL_IN_AVX2
-#define FASTIBL_TARGET __attribute__((target("avx2,fma")))
-#include "fastibl/lighting/sum_kernel.inl"
-#undef FASTIBL_TARGET
-#undef FASTIBL_IN_AVX2
-}  // namespace avx2
-const auto sum_sources = has_avx2() ? avx2::sum_sources : portable::sum_sources;
-#else
-const auto sum_sources = portable::sum_sources;
-#endif
+#define FASTIBL_KERNEL "fastibl/lighting/sum_kernel.inl"
+#include "fastibl/core/kernel.inl"
+FASTIBL_PICK(sum_sources);
 
 std::vector<Source> sources_of(const FoldedMap& map) {
   const OctantGrid& g = *map.grid;

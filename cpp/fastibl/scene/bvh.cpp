@@ -23,23 +23,9 @@ constexpr int kBins = 16;
 constexpr int kBvhDepth = 64;     // of the stacks
 constexpr int kBinnedDepth = 30;  // deeper, triangles are halved by rank: 2^31 of them fit below
 
-namespace portable {
-#define FASTIBL_TARGET
-#include "fastibl/scene/bvh_kernel.inl"
-#undef FASTIBL_TARGET
-}  // namespace portable
-#ifdef FASTIBL_WITH_AVX2
-namespace avx2 {
-#define FASTIBL_IN_AVX2
-#define FASTIBL_TARGET __attribute__((target("avx2,fma")))
-#include "fastibl/scene/bvh_kernel.inl"
-#undef FASTIBL_TARGET
-#undef FASTIBL_IN_AVX2
-}  // namespace avx2
-const auto meets_any = has_avx2() ? avx2::meets_any : portable::meets_any;
-#else
-const auto meets_any = portable::meets_any;
-#endif
+#define FASTIBL_KERNEL "fastibl/scene/bvh_kernel.inl"
+#include "fastibl/core/kernel.inl"
+FASTIBL_PICK(meets_any);
 
 struct Box {
   glm::vec3 lower{kInfinity}, upper{-kInfinity};

@@ -22,27 +22,11 @@ struct LobesKernel {
   float colours[2][3];
 };
 
-namespace portable {
-#define FASTIBL_TARGET
-#include "fastibl/scene/irradiance_kernel.inl"
-#undef FASTIBL_TARGET
-}  // namespace portable
-#ifdef FASTIBL_WITH_AVX2
-namespace avx2 {
-#define FASTIBL_IN_AVX2
-#define FASTIBL_TARGET __attribute__((target("avx2,fma")))
-#include "fastibl/scene/irradiance_kernel.inl"
-#undef FASTIBL_TARGET
-#undef FASTIBL_IN_AVX2
-}  // namespace avx2
-const auto six_face_block = has_avx2() ? avx2::six_face_block : portable::six_face_block;
-const auto lobes_of = has_avx2() ? avx2::lobes_of : portable::lobes_of;
-const auto cube_block = has_avx2() ? avx2::cube_block : portable::cube_block;
-#else
-const auto six_face_block = portable::six_face_block;
-const auto lobes_of = portable::lobes_of;
-const auto cube_block = portable::cube_block;
-#endif
+#define FASTIBL_KERNEL "fastibl/scene/irradiance_kernel.inl"
+#include "fastibl/core/kernel.inl"
+FASTIBL_PICK(six_face_block);
+FASTIBL_PICK(lobes_of);
+FASTIBL_PICK(cube_block);
 
 LobesKernel lobes_kernel(const Irradiance& e) {
   LobesKernel k{};

@@ -26,23 +26,9 @@ constexpr auto kSpread = [] {
   return table;
 }();
 
-namespace portable {
-#define FASTIBL_TARGET
-#include "fastibl/shadow/cover_kernel.inl"
-#undef FASTIBL_TARGET
-}  // namespace portable
-#ifdef FASTIBL_WITH_AVX2
-namespace avx2 {
-#define FASTIBL_IN_AVX2
-#define FASTIBL_TARGET __attribute__((target("avx2,fma")))
-#include "fastibl/shadow/cover_kernel.inl"
-#undef FASTIBL_TARGET
-#undef FASTIBL_IN_AVX2
-}  // namespace avx2
-const auto add_block = has_avx2() ? avx2::add_block : portable::add_block;
-#else
-const auto add_block = portable::add_block;
-#endif
+#define FASTIBL_KERNEL "fastibl/shadow/cover_kernel.inl"
+#include "fastibl/core/kernel.inl"
+FASTIBL_PICK(add_block);
 
 }  // namespace
 

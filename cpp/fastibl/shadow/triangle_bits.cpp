@@ -123,25 +123,11 @@ void draw_triangle(glm::vec2 a, glm::vec2 b, glm::vec2 c, int size, std::ptrdiff
   }
 }
 
-namespace portable {
-#define FASTIBL_TARGET
-#include "fastibl/shadow/triangle_kernel.inl"
-#undef FASTIBL_TARGET
-}  // namespace portable
-#ifdef FASTIBL_WITH_AVX2
-namespace avx2 {
-#define FASTIBL_IN_AVX2
-#define FASTIBL_TARGET __attribute__((target("avx2,fma")))
-#include "fastibl/shadow/triangle_kernel.inl"
-#undef FASTIBL_TARGET
-#undef FASTIBL_IN_AVX2
-}  // namespace avx2
-const auto project = has_avx2() ? avx2::project : portable::project;
-const auto count_rows = has_avx2() ? avx2::count_rows : portable::count_rows;
-const auto draw_low = has_avx2() ? avx2::draw_low : portable::draw_low;
-#else
-using portable::count_rows, portable::draw_low, portable::project;
-#endif
+#define FASTIBL_KERNEL "fastibl/shadow/triangle_kernel.inl"
+#include "fastibl/core/kernel.inl"
+FASTIBL_PICK(project);
+FASTIBL_PICK(count_rows);
+FASTIBL_PICK(draw_low);
 
 }  // namespace
 
