@@ -1,7 +1,6 @@
 #include "fastibl/render/gl/shadow_pass.h"
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "fastibl/shadow/scene_shadow.h"
@@ -44,9 +43,8 @@ void ShadowPass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   std::vector<glm::vec4> rows[2];
   const double scale = 1.0 / shadow_.extent;
   for (const glm::vec4& s : spheres) {
-    const bool usable = std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.z) &&
-                        std::isfinite(s.w) && s.w > 0 && s.z + s.w > 0;
-    if (!usable || rows[0].size() == std::size_t(gpu.largest())) continue;
+    const bool casts = is_sphere(s) && s.z + s.w > 0;
+    if (!casts || rows[0].size() == std::size_t(gpu.largest())) continue;
     const double z = s.z * scale, r = s.w * scale;
     rows[0].emplace_back((double(s.x) - shadow_.centre.x) * scale,
                          (double(s.y) - shadow_.centre.y) * scale, z, r * r);
