@@ -14,6 +14,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/shared_formulas.h"
+#include "fastibl/shadow/map_border.h"
 
 namespace fastibl {
 namespace {
@@ -145,45 +146,6 @@ void cast_bits(const PlaneSpheres& spheres, glm::vec3 direction, int size, Plane
   else
     bits = PlaneBits(size);
   spheres.add_shadow(direction, bits);
-}
-
-// How much of a map is kept along its border; shared::shadow_keep() is that of the nearer border.
-std::vector<float> border_keep(int n) {
-  std::vector<float> keep;
-  for (int i = 0; i < n; ++i)
-    keep.push_back(shared::shadow_keep({shared::plane_offset(i, float(n)), 0}, float(n)));
-  return keep;
-}
-
-FASTIBL_CLONES
-void fade_texels(float* ratio, const float* keep, float most, int count) {
-  for (int x = 0; x < count; ++x) {
-    const float k = keep[x] < most ? keep[x] : most;
-    for (int c = 0; c < 3; ++c) ratio[3 * x + c] = 1 + k * (ratio[3 * x + c] - 1);
-  }
-}
-
-// Calls visit(begin, end, row) for the runs of texels where not all is kept.
-template <typename Visit>
-void for_border(std::span<const float> keep, const Visit& visit) {
-  const int n = int(keep.size());
-  int width = 0;
-  while (width < n && keep[std::size_t(width)] < 1) ++width;
-  for (int y = 0; y < n; ++y) {
-    if (y < width || y >= n - width || 2 * width >= n)
-      visit(0, n, y);
-    else
-      visit(0, width, y), visit(n - width, n, y);
-  }
-}
-
-// To exactly 1 at the border texels.
-void fade_border(Image<float>& ratio) {
-  const std::vector<float> keep = border_keep(ratio.width);
-  for_border(keep, [&](int begin, int end, int y) {
-    fade_texels(ratio.pixel(begin, y), &keep[std::size_t(begin)], keep[std::size_t(y)],
-                end - begin);
-  });
 }
 
 // To the outer map, so that no seam is seen between the two.

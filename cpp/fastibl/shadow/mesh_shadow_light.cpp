@@ -6,6 +6,7 @@
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/shared_formulas.h"
+#include "fastibl/shadow/map_border.h"
 
 namespace fastibl {
 namespace {
@@ -174,14 +175,8 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
     add_turned(soft, shadow.inner(), place_.cos_sin, map.ratio);
     add_turned(soft, shadow.outer(), place_.cos_sin, map.outer);
   }
-  const int n = shadow.outer().size;
-  for (int y = 0; y < n; ++y)
-    for (int x = 0; x < n; ++x) {
-      const float keep = shared::shadow_keep(
-          {shared::plane_offset(x, float(n)), shared::plane_offset(y, float(n))}, float(n));
-      for (int c = 0; c < 3; ++c) map.outer.pixel(x, y)[c] *= keep;
-    }
   to_ratio(map.ratio), to_ratio(map.outer);
+  fade_border(map.outer);
   return map;
 }
 
