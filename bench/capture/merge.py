@@ -1,0 +1,1 @@
+"""Merging of exposures alone: still cameras, known poses, no lens blur and no glare."""
