@@ -16,7 +16,7 @@ from ..goals import Goal, percent, row, skipped
 from .recordings import sweeps
 
 _BRIGHT, _SHARE = 8.0, 0.1  # times the mean; of the irradiance on a plane that faces the region
-_REACH = np.cos(np.radians(6.0))  # a light within this of a region's texel is of it
+_REACH = np.cos(np.radians(10.0))  # a light further than this from a region is another
 
 
 @dataclass(frozen=True)
@@ -78,28 +78,20 @@ class Found:
     energy: float  # relative error of the irradiance, mean over RGB
 
 
-def match(lights: list, truth: list[Region], plane: NDArray) -> tuple[list[Found | None], int]:
-    """What was found of each region, and the number of lights that are none but claim a tenth of `plane`."""
-    d = np.array([light.direction for light in lights]).reshape(-1, 3)
-    e = np.array([light.irradiance for light in lights]).reshape(-1, 3)
-    owner = np.full(len(d), -1)
-    for i, light in enumerate(d):
-        best = max(((float((r.directions @ light).max()), k) for k, r in enumerate(truth)), default=(-1.0, -1))
-        if best[0] > _REACH:
-            owner[i] = best[1]
+def match(lights: list, truth: list[Region]) -> tuple[list[Found | None], int]:
+    """What was found of each region: the light nearest to it, of which no two have the same; and how many are left."""
+    left = list(lights)
     out: list[Found | None] = []
-    for k, region in enumerate(truth):
-        mine = owner == k
-        if not mine.any():
+    for region in truth:
+        nearest = max(left, key=lambda light: np.dot(light.direction, region.direction), default=None)
+        if nearest is None or np.dot(nearest.direction, region.direction) < _REACH:
             out.append(None)
             continue
-        sums = (e[mine] * np.maximum(d[mine] @ region.direction, 0)[:, None]).sum(axis=0)
-        centre = (d[mine] * e[mine].sum(axis=1)[:, None]).sum(axis=0)
-        cosine = np.clip(centre @ region.direction / np.linalg.norm(centre), -1, 1)
-        error = abs(sums.sum() / region.irradiance.sum() - 1)
+        left.remove(nearest)
+        cosine = np.clip(np.dot(nearest.direction, region.direction), -1, 1)
+        error = abs(np.sum(nearest.irradiance) / region.irradiance.sum() - 1)
         out.append(Found(float(np.degrees(np.arccos(cosine))), float(error)))
-    invented = int(((owner < 0) & (e.sum(axis=1) >= _SHARE * plane)).sum())
-    return out, invented
+    return out, len(left)
 
 
 @row("capture", "main lights")
@@ -111,9 +103,8 @@ def main_lights() -> Iterator[Goal]:
     angles, energies, notes, missed, invented, count = [], [], [], 0, 0, 0
     for name, swept in sweeps():
         truth = regions(swept.true)
-        lights = list(swept.lighting.lights)
-        facing = [float(np.sum(swept.lighting.irradiance(np.array(light.direction)))) for light in lights]
-        found, extra = match(lights, truth, np.array(facing) if facing else np.zeros(0))
+        lights = fastibl.main_lights(swept.environment)
+        found, extra = match(lights, truth)
         count, missed, invented = count + len(truth), missed + found.count(None), invented + extra
         angles += [f.angle for f in found if f]
         energies += [f.energy for f in found if f]
