@@ -13,6 +13,7 @@ from fastibl.comparison import irradiance_error
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
+from ..light.speed import looking
 
 FULL_WELL, READ_NOISE = 4000.0, 6.0  # electrons
 _EXPOSED = 0.4  # the mean of the darker nine tenths, of white
@@ -22,18 +23,34 @@ _SIZE, _WIDTH = 64, 256  # of the map, of the square pictures of 100 degrees
 
 def views() -> list[fastibl.Pose]:
     """camera_from_marker of cameras at (0, 0, 0.05) that see the upper hemisphere."""
-    out = []
-    for up, count in ((20, 6), (60, 4)):
-        for k in range(count):
-            a, u = 2 * np.pi * (k + 0.25) / count, np.radians(up)
-            forward = np.array([np.cos(a) * np.cos(u), np.sin(a) * np.cos(u), np.sin(u)])
-            right = np.cross(forward, [0, 0, 1])
-            right /= np.linalg.norm(right)
-            matrix = np.eye(4)
-            matrix[:3, :3] = right, np.cross(forward, right), forward
-            matrix[:3, 3] = -matrix[:3, :3] @ [0, 0, 0.05]
-            out.append(fastibl.Pose(matrix))
-    return out
+    rings = ((20, 6), (60, 4))  # degrees above the horizon, number around
+    turns = [(2 * np.pi * (k + 0.25) / count, np.radians(up)) for up, count in rings for k in range(count)]
+    return [
+        looking(np.array([np.cos(a) * np.cos(u), np.sin(a) * np.cos(u), np.sin(u)]), np.array([0, 0, 0.05]))
+        for a, u in turns
+    ]
+
+
+def fine_rays(camera: fastibl.Camera) -> NDArray:
+    """Unit rays (2 h, 2 w, 3) of four points in each pixel."""
+    x, y = np.meshgrid((np.arange(2 * camera.width) + 0.5) / 2, (np.arange(2 * camera.height) + 0.5) / 2)
+    rays = camera.unproject(np.stack([x, y], axis=-1))
+    return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+
+def picture(light: NDArray, camera: fastibl.Camera, exposure: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """8 bit, with shot and read noise."""
+    y = light * exposure
+    noise = rng.normal(size=y.shape) * np.sqrt(np.maximum(y, 0) / FULL_WELL + (READ_NOISE / FULL_WELL) ** 2)
+    codes = 255 * camera.response.encode(np.clip(y + noise, 0, 1).astype(np.float32))
+    return np.round(codes).astype(np.uint8)
+
+
+def without_horizon(cube: fastibl.CubeMap) -> fastibl.CubeMap:
+    """The lower half mirrors the upper one, so that no edge lies along the horizon: that is not what is measured."""
+    d = fastibl.texel_directions(cube.size)
+    above = np.concatenate([d[..., :2], np.abs(d[..., 2:])], axis=-1)
+    return fastibl.CubeMap(cube.sample(above))
 
 
 def glare(light: NDArray, share: float) -> NDArray:
@@ -55,19 +72,14 @@ def captured(truth: fastibl.CubeMap, steps: list[float], veil: float = 0.0) -> f
     rng = np.random.default_rng(0)
     f = _WIDTH / 2 / np.tan(np.radians(50))
     camera = fastibl.Camera(_WIDTH, _WIDTH, f, f, _WIDTH / 2, _WIDTH / 2)
-    x, y = np.meshgrid((np.arange(2 * _WIDTH) + 0.5) / 2, (np.arange(2 * _WIDTH) + 0.5) / 2)
-    rays = camera.unproject(np.stack([x, y], axis=-1))
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    rays = fine_rays(camera)
     capture = fastibl.Capture(size=_SIZE)
     time = 0.0
     for pose in views():
         light = truth.sample(rays @ pose.rotation).astype(np.float64)
         light = glare(cv2.resize(light, (_WIDTH, _WIDTH), interpolation=cv2.INTER_AREA), veil)
         for exposure in steps:
-            y = light * exposure
-            noise = rng.normal(size=y.shape) * np.sqrt(np.maximum(y, 0) / FULL_WELL + (READ_NOISE / FULL_WELL) ** 2)
-            codes = np.round(255 * camera.response.encode(np.clip(y + noise, 0, 1).astype(np.float32)))
-            capture.add(codes.astype(np.uint8), camera, pose, exposure=exposure, time=time)
+            capture.add(picture(light, camera, exposure, rng), camera, pose, exposure=exposure, time=time)
             time += 0.03
     return capture.environment()
 
@@ -88,8 +100,9 @@ def merge() -> Iterator[Goal]:
         return
     for veil, judged in ((0.0, True), (0.01, False)):
         errors, notes = [], []
-        for name, truth in inputs.real_maps().items():
-            steps = exposures(truth)
+        for name, cube in inputs.real_maps().items():
+            truth = without_horizon(cube)
+            steps = exposures(cube)
             env = captured(truth, steps, veil)
             errors.append(error(truth, env))
             notes.append(f"{name} {percent(errors[-1], 2)} ({len(steps)} exposures, {percent(env.clipped, 2)} clipped)")
