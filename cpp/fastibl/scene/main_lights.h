@@ -9,6 +9,13 @@
 
 namespace fastibl {
 
+// Where a light is in the room, as triangulated from several places.
+struct LightPosition {
+  glm::dvec3 position{0};      // metres, marker frame
+  glm::dmat3 covariance{0.0};  // m²
+  double angular_radius = 0;   // radians, seen from the map's centre
+};
+
 struct MainLight {
   glm::vec3 direction{0, 0, 1};  // towards the middle of its light, unit length
   float solid_angle = 0;         // steradians
