@@ -9,10 +9,10 @@ namespace fastibl {
 namespace {
 
 constexpr int kColumns = 80;  // about as many blocks a row: window bars of a degree part nothing
-constexpr int kSamples = 3;   // pixels read of a block along each edge
+constexpr int kSamples = 2;   // pixels read of a block along each edge
 constexpr int kLeastBlocks = 3;
 // Of white: thresholds between these can be told from noise, and from a block that is half white.
-constexpr double kLeastLinear = 0.003, kMostLinear = 0.3;
+constexpr double kLeastLinear = 0.003, kMostLinear = 0.4;
 
 // Pixels in linear light.
 class Reader {

@@ -20,6 +20,8 @@ constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 4;
 constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
+constexpr double kBright = 8;           // times the map's mean: a light, as MainLightOptions has it
+constexpr double kRimOfLight = 0.25;    // of that: at the rim of one
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 
 // Texels that were not seen take `fill`.
@@ -41,13 +43,14 @@ struct Capture::View {
   const TexelView& texels;
   ImageView<const std::uint8_t> mask;
   double scale;  // radiance of a linear value, without vignetting
+  float light;   // linear value
 };
 
 Capture::KnownCamera::KnownCamera(const Camera& given)
     : camera(given), lens(given), bounds(picture_bounds(given, lens)), noise(given.response) {}
 
-const Capture::KnownCamera& Capture::known(const Camera& camera) {
-  for (const KnownCamera& k : cameras_)
+Capture::KnownCamera& Capture::known(const Camera& camera) {
+  for (KnownCamera& k : cameras_)
     if (k.camera == camera) return k;
   camera.validate();
   if (cameras_.size() == kCameras) cameras_.erase(cameras_.begin());
@@ -119,12 +122,13 @@ Capture::Capture(CaptureOptions options)
   }
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
+  at_rim_.assign(tiles, 0);
   for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
 
 void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
                   double exposure, double time, ImageView<const std::uint8_t> mask) {
-  const KnownCamera& k = known(camera);
+  KnownCamera& k = known(camera);
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
@@ -140,6 +144,7 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   const bool all_refills = refills == grid_.count();
   time_ = time, last_camera_ = index;
 
+  bright_ = kBright * mean_radiance();
   if (options_.locate_lights) locate_lights(picture, k, camera_from_marker, exposure);
   find_hidden(k, camera_from_marker);
   Viewpoint viewpoint{options_.centre, surroundings_};
@@ -159,7 +164,8 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   // Probes are four times as large as texels.
   levels_.make(picture, camera.response, levels_for(4 * most));
 
-  const View view{k, texels, mask, std::min(1 / (exposure * camera.gain), kLargestScale)};
+  const double scale = std::min(1 / (exposure * camera.gain), kLargestScale);
+  const View view{k, texels, mask, scale, float(kRimOfLight * bright_ / scale)};
   leave_out_quiet_tiles(
       view, TexelView(camera, k.lens, k.bounds, camera_from_marker, viewpoint, grid_.size / 2));
   changed_.assign(tiles_.size(), 0);
@@ -235,7 +241,7 @@ bool Capture::refill(int tile) {
 }
 
 // Reads the picture where it shows texels.
-void Capture::look(const View& view, const Depth& depth, int count, Sightings& sightings,
+bool Capture::look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
                    Samples& samples) const {
   const Camera& camera = view.known.camera;
   if (!view.mask.empty())
@@ -248,7 +254,7 @@ void Capture::look(const View& view, const Depth& depth, int count, Sightings& s
         const float x = sightings.x[i] - disc.x, y = sightings.y[i] - disc.y;
         sightings.seen[i] &= !(x * x + y * y < disc.squared_radius);
       }
-  sample_footprints(levels_, sightings, count, samples);
+  const bool rim = sample_footprints(levels_, sightings, count, view.light, fine, samples);
   if (camera.vignetting.empty())
     std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
   else
@@ -256,6 +262,7 @@ void Capture::look(const View& view, const Depth& depth, int count, Sightings& s
       samples.radiance_per_linear[i] =
           sightings.seen[i] ? float(view.scale / camera.vignette({sightings.x[i], sightings.y[i]}))
                             : 1.0f;
+  return rim;
 }
 
 TileSighting Capture::sighting(const View& view, int tile, const Sightings& sightings,
@@ -322,7 +329,7 @@ void Capture::compare_probes(const View& view, const TexelView& halved, const in
   Sightings sightings;
   if (!halved.see(group, unseen_.above(tiles[0]), sightings)) return;
   Samples samples;
-  look(view, group.depth, lanes, sightings, samples);
+  look(view, group.depth, lanes, false, sightings, samples);
   alignas(64) float deviance[kLanes];
   const float* const value[3] = {values[0], values[1], values[2]};
   const float* const variance[3] = {rough[0], rough[1], rough[2]};
@@ -357,7 +364,7 @@ bool Capture::add_tile(const View& view, int tile) {
   Sightings sightings;
   Samples samples;
   bool any = false;
-  bool whole = true;
+  bool whole = true, rim = false;
   float unsure[QuietTiles::kProbes];
   std::fill_n(unsure, QuietTiles::kProbes, -1.0f);
   TileSighting shown{};
@@ -376,7 +383,7 @@ bool Capture::add_tile(const View& view, int tile) {
       whole = false;
       continue;
     }
-    look(view, group.depth, count, sightings, samples);
+    rim |= look(view, group.depth, count, at_rim_[std::size_t(tile)] != 0, sightings, samples);
     const TileSighting part = sighting(view, tile, sightings, samples, 0, count);
     shown = any ? joined(shown, part) : part;
     any = true;
@@ -390,6 +397,7 @@ bool Capture::add_tile(const View& view, int tile) {
     quiet_.add_blocks(k, count, left, unsure);
   }
   if (!any) return false;
+  if (view.light < 1) at_rim_[std::size_t(tile)] = rim;  // else white is no light
   TileSums& sums = sums_[std::size_t(tile)];
   if (whole) state_.last_seen.set(tile, time_);
   relate_variances(state_, start, r.texels());

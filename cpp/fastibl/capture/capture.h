@@ -78,18 +78,21 @@ class Capture {
     Lens lens;
     PictureBounds bounds;
     SensorNoise noise;
+    glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
+    double looked_at = kNever;  // and when, seconds
   };
   struct View;  // of one picture
-  const KnownCamera& known(const Camera& camera);
-  void look(const View& view, const Depth& depth, int count, Sightings& sightings,
+  KnownCamera& known(const Camera& camera);
+  // True if it shows the rim of a light.
+  bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
   // In locate_lights.cpp.
-  void locate_lights(const Picture& picture, const KnownCamera& camera,
-                     const Pose& camera_from_marker, double exposure);
+  void locate_lights(const Picture& picture, KnownCamera& camera, const Pose& camera_from_marker,
+                     double exposure);
   double mean_radiance() const;
   void find_hidden(const KnownCamera& camera, const Pose& camera_from_marker);
-  void forget_light(const LightPosition& light, const std::vector<int>& moved, double radiance);
-  bool forget_bright(int tile, double radiance);
+  void forget_light(const LightPosition& light, const std::vector<int>& moved);
+  bool forget_bright(int tile);
   // Removes from tiles_ what the picture need not give.
   void leave_out_quiet_tiles(const View& view, const TexelView& halved);
   void compare_probes(const View& view, const TexelView& halved, const int* tiles, int count);
@@ -116,6 +119,7 @@ class Capture {
   struct Disc {
     float x, y, squared_radius;  // pixels
   };
+  double bright_ = 0;         // radiance of what is a light, see locate_lights.cpp
   std::vector<Disc> hidden_;  // parts of the picture that show lights
   TexelState state_;
   std::vector<float> angles_;     // by tile of one face: solid angle
@@ -137,6 +141,7 @@ class Capture {
   std::vector<float> most_pixels_;
   std::vector<int> tiles_;  // that the picture may see
   std::vector<std::uint8_t> changed_, left_out_;
+  std::vector<std::uint8_t> at_rim_;  // tiles that show the rim of a light: read more finely
   std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, latest first
 };
 

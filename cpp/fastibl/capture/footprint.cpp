@@ -9,6 +9,7 @@
 namespace fastibl {
 namespace {
 
+constexpr float kContrast = 2;  // of the brightest texel of a group to their mean, at its rim
 constexpr float kClippedShare = 0.01f;  // of a footprint: more makes the sample a lower bound
 // A bilinear look-up on a level of pixels as large as c averages over about 1.5 c: level 0 of c = 2
 // is for footprints of 2√2 pixels along an edge. Between two levels both are read and blended in
@@ -130,6 +131,65 @@ FASTIBL_CLONES void split_clipped(const float (*__restrict share)[kLanes], int l
     for (int i = 0; i < n; ++i) clipped[c][i] = share[c][i] > kClippedShare;
 }
 
+// Whether a group shows the rim of a lamp.
+FASTIBL_CLONES bool shows_light(const float (*__restrict linear)[kLanes],
+                                const int* __restrict seen, int lanes, float light) {
+  const int n = lanes & ~15;
+  float values[16] = {}, counts[16] = {}, highest[16] = {};
+  for (int i = 0; i < n; i += 16)
+    for (int k = 0; k < 16; ++k) {
+      const float all = linear[0][i + k] + linear[1][i + k] + linear[2][i + k];
+      const float value = seen[i + k] ? all : 0.0f;
+      values[k] += value, counts[k] += seen[i + k] ? 1.0f : 0.0f;
+      highest[k] = value > highest[k] ? value : highest[k];
+    }
+  float sum = 0, count = 0, most = 0;
+  for (int k = 0; k < 16; ++k) {
+    sum += values[k], count += counts[k];
+    most = highest[k] > most ? highest[k] : most;
+  }
+  return most > 3 * light && most * count > kContrast * sum;
+}
+
+// A quarter of each footprint, on the picture's axes.
+FASTIBL_CLONES void quarter(const Sightings& s, float right, float down, int lanes,
+                            Sightings& part) {
+  const int n = lanes & ~15;
+  for (int i = 0; i < n; ++i) {
+    const float edge = std::sqrt(s.pixels[i] > 0 ? s.pixels[i] : 0.0f);
+    part.x[i] = s.x[i] + right * edge, part.y[i] = s.y[i] + down * edge;
+    part.pixels[i] = 0.5f * s.pixels[i];  // so that look-ups overlap and leave no gap
+    part.seen[i] = s.seen[i];
+  }
+}
+
+void sample_whole(const FrameLevels& levels, const Sightings& s, int count, Samples& out);
+
+// As the mean of four quarters: footprints of neighbours then fit together, and what lies between
+// the middles of two of them is not lost. Of a lamp of 6 pixels the captured energy scatters by 4 %
+// instead of 19.
+void sample_quarters(const FrameLevels& levels, const Sightings& s, int count, Samples& out) {
+  const int lanes = lanes_of(count);
+  Samples part, sum{};
+  Sightings of;
+  for (const float down : {-0.25f, 0.25f})
+    for (const float right : {-0.25f, 0.25f}) {
+      quarter(s, right, down, lanes, of);
+      sample_whole(levels, of, count, part);
+      for (int c = 0; c < 3; ++c)
+        for (int i = 0; i < lanes; ++i) {
+          sum.linear[c][i] += 0.25f * part.linear[c][i];
+          if (part.any_clipped) sum.clipped[c][i] |= part.clipped[c][i];
+        }
+      sum.any_clipped |= part.any_clipped;
+    }
+  for (int c = 0; c < 3; ++c) {
+    std::copy_n(sum.linear[c], lanes, out.linear[c]);
+    std::copy_n(sum.clipped[c], lanes, out.clipped[c]);
+  }
+  out.any_clipped = sum.any_clipped;
+}
+
 }  // namespace
 
 int levels_for(float most_pixels) {
@@ -139,7 +199,17 @@ int levels_for(float most_pixels) {
   return levels;
 }
 
-void sample_footprints(const FrameLevels& levels, const Sightings& s, int count, Samples& out) {
+bool sample_footprints(const FrameLevels& levels, const Sightings& s, int count, float light,
+                       bool fine, Samples& out) {
+  sample_whole(levels, s, count, out);
+  const bool rim = shows_light(out.linear, s.seen, lanes_of(count), light);
+  if (rim || fine) sample_quarters(levels, s, count, out);
+  return rim;
+}
+
+namespace {
+
+void sample_whole(const FrameLevels& levels, const Sightings& s, int count, Samples& out) {
   const int lanes = lanes_of(count);
   alignas(64) float rgba[4 * kLanes];
   std::memset(rgba, 0, 4 * sizeof(float) * std::size_t(lanes));
@@ -191,4 +261,5 @@ void sample_footprints(const FrameLevels& levels, const Sightings& s, int count,
   split_clipped(share, lanes, out.clipped);
 }
 
+}  // namespace
 }  // namespace fastibl

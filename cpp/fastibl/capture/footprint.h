@@ -9,8 +9,10 @@ namespace fastibl {
 
 // Levels that footprints of up to this many pixels read.
 int levels_for(float most_pixels);
-// Fills `linear`, `clipped` and `any_clipped` of `samples` where texels were seen.
-void sample_footprints(const FrameLevels& levels, const Sightings& sightings, int count,
-                       Samples& samples);
+// Fills `linear`, `clipped` and `any_clipped` of `samples` where texels were seen. light: linear
+// value. A group of texels at the rim of what is brighter is read more finely, and so is one of
+// which an other exposure told that: footprints of one shape agree. True if this picture tells it.
+bool sample_footprints(const FrameLevels& levels, const Sightings& sightings, int count,
+                       float light, bool fine, Samples& samples);
 
 }  // namespace fastibl

@@ -9,32 +9,35 @@
 namespace fastibl {
 namespace {
 
-constexpr double kBright = 8;     // times the map's mean, as MainLightOptions has it
-constexpr double kInside = 0.9;   // of a picture's half width and height: what lies within is whole
-constexpr double kBlur = 0.03;    // radians around a light that it lights in the map
+constexpr double kInside = 0.9;  // of a picture's half width and height: what lies within is whole
+constexpr double kStep = 0.02, kPause = 0.2;  // metres, seconds: sooner there is nothing new to see
+constexpr double kBlur = 0.03;                // radians around a light that it lights in the map
 constexpr double kOutline = 1.5;  // of a light's radius: a disc that holds it though it is no disc
 constexpr double kPixelBlur = 2;
 
 }  // namespace
 
 double Capture::mean_radiance() const {
-  double flux = 0;
+  double flux = 0, angle = 0;
   for (std::size_t i = 0; i < sums_.size(); ++i) {
     const glm::dvec3 fill(filled_[i]), seen = sums_[i].flux;
+    angle += sums_[i].angle;
     flux +=
         seen.x + seen.y + seen.z + (tile_angle_[i] - sums_[i].angle) * (fill.x + fill.y + fill.z);
   }
-  return flux / (3 * 4 * std::numbers::pi);
+  return angle > 0 ? flux / (3 * 4 * std::numbers::pi) : 0;  // not what is thought of the unseen
 }
 
-void Capture::locate_lights(const Picture& picture, const KnownCamera& known,
+void Capture::locate_lights(const Picture& picture, KnownCamera& known,
                             const Pose& camera_from_marker, double exposure) {
-  const double radiance = kBright * mean_radiance();
+  const glm::dvec3 eye = camera_from_marker.inverse().translation;
+  if (glm::length(eye - known.looked_from) < kStep && time_ - known.looked_at < kPause) return;
   const Camera& camera = known.camera;
   const std::optional<std::vector<BrightSpot>> spots =
-      find_bright_spots(picture, camera, known.lens, camera_from_marker, exposure, radiance);
+      find_bright_spots(picture, camera, known.lens, camera_from_marker, exposure, bright_);
   if (!spots) return;
-  tracks_.add(camera_from_marker.inverse().translation, *spots, [&](const glm::dvec3& direction) {
+  known.looked_from = eye, known.looked_at = time_;
+  tracks_.add(eye, *spots, [&](const glm::dvec3& direction) {
     const auto pixel = known.lens.project(camera_from_marker.rotation * direction);
     return pixel && std::abs(2 * pixel->x / camera.width - 1) < kInside &&
            std::abs(2 * pixel->y / camera.height - 1) < kInside;
@@ -42,7 +45,7 @@ void Capture::locate_lights(const Picture& picture, const KnownCamera& known,
   const std::vector<LightPosition> lights = tracks_.positions();
   const std::vector<int> moved = surroundings_.place(outlines_, lights);
   if (moved.empty()) return;
-  for (const LightPosition& light : lights) forget_light(light, moved, radiance);
+  for (const LightPosition& light : lights) forget_light(light, moved);
 }
 
 // A light that is near hides what is far behind it, which is shown by other tiles than its own.
@@ -62,8 +65,7 @@ void Capture::find_hidden(const KnownCamera& known, const Pose& camera_from_mark
 
 // Where the light was recorded while its place was not known, or wrong, the map shows it beside
 // itself: that is to be seen anew. Only what the picture shows is: it is seen anew at once.
-void Capture::forget_light(const LightPosition& light, const std::vector<int>& moved,
-                           double radiance) {
+void Capture::forget_light(const LightPosition& light, const std::vector<int>& moved) {
   const std::vector<LightTracks::Sight> sights = tracks_.sights(light);
   if (sights.empty()) return;
   std::vector<glm::dvec3> ghosts;
@@ -86,12 +88,12 @@ void Capture::forget_light(const LightPosition& light, const std::vector<int>& m
         return glm::dot(ghost, middle) > std::cos(reach);
       });
     }
-    if (shows && forget_bright(tile, radiance)) versions_[i] = version;
+    if (shows && forget_bright(tile)) versions_[i] = version;
   }
 }
 
-// Makes texels brighter than that unseen; true if there are any.
-bool Capture::forget_bright(int tile, double radiance) {
+// Makes the tile's bright texels unseen; true if there are any.
+bool Capture::forget_bright(int tile) {
   const FaceRect r = tile_rect(grid_, tile);
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
   double* last_seen = nullptr;
@@ -99,7 +101,7 @@ bool Capture::forget_bright(int tile, double radiance) {
     const std::size_t at = start + std::size_t(k);
     const double sum =
         double(state_.value[0][at]) + double(state_.value[1][at]) + double(state_.value[2][at]);
-    if (!(sum > 3 * radiance) || !(state_.last_seen.at(tile, k) > kNever)) continue;
+    if (!(sum > 3 * bright_) || !(state_.last_seen.at(tile, k) > kNever)) continue;
     if (!last_seen) last_seen = state_.last_seen.texels(tile);
     last_seen[k] = kNever;
     state_.bound[at] = 0;

@@ -12,7 +12,7 @@ namespace {
 // Standard deviations of a light's distance: within, it is where everything is thought to be, which
 // was told by somebody who may know better.
 constexpr double kAgreed = 2;
-constexpr double kChange = 0.1;  // of an inverse distance: what is moved for less is the same
+constexpr double kChange = 0.03;  // of an inverse distance: what is moved for less is the same
 
 }  // namespace
 

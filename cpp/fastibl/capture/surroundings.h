@@ -32,8 +32,7 @@ class Surroundings {
                const std::optional<RoomBox>& box);
 
   // Takes the tiles that show a light to be as far as it is, unless that is as far as they were
-  // thought to be anyway; the others as before. Returns the tiles whose depth changed by more than
-  // a tenth.
+  // thought to be anyway; the others as before. Returns the tiles whose depth changed.
   std::vector<int> place(const TileOutlines& outlines, std::span<const LightPosition> lights);
 
   // Direction of the map in which a line of sight is recorded where no light is placed: that from

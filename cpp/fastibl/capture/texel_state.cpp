@@ -11,6 +11,9 @@ namespace {
 
 // A sample further than this many standard deviations from the value is a change of the place.
 constexpr float kChange = 4.0f;
+// Relative difference of samples of a lamp's rim: clipped and unclipped pictures of it are read
+// with footprints of other shapes.
+constexpr float kRim = 0.3f;
 constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
 alignas(64) constexpr int kNoneClipped[kLanes] = {};
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
@@ -80,15 +83,18 @@ FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict valu
     const float grown = variances[i] + kUnsureRate * kUnsureRate * value * value * elapsed[i];
     const float difference = sample - value, total = grown + sample_variance;
     const float gain = grown / (total > 1e-30f ? total : 1e-30f);
+    // A clipped sample says nothing of the rim of a lamp that is seen otherwise without clipping.
+    const float rim = clips[i] ? kRim * value : 0.0f;
     const int replace =
-        firsts[i] | bounds[i] | (difference * difference > kChange * kChange * total);
+        firsts[i] | bounds[i] | (difference * difference > kChange * kChange * total + rim * rim);
     const int raise = firsts[i] | (value < sample);
     const float measured = replace ? sample : value + gain * difference;
     const float left = replace ? sample_variance : grown * (1 - gain);
     const float raised = raise ? sample : value;
-    const float guessed = raise ? kBoundNoise * kBoundNoise * sample * sample : variances[i];
+    const int doubt = replace ? raise : 0;  // an "and" would not be vectorised
+    const float guessed = doubt ? kBoundNoise * kBoundNoise * sample * sample : variances[i];
     const float next = clips[i] ? raised : measured, next_variance = clips[i] ? guessed : left;
-    const int next_bound = clips[i] ? (bounds[i] | raise) : (bounds[i] & (1 - replace));
+    const int next_bound = clips[i] ? (bounds[i] | doubt) : (bounds[i] & (1 - replace));
     values[i] = seen[i] ? next : value;
     variances[i] = seen[i] ? next_variance : variances[i];
     bounds[i] = seen[i] ? next_bound : bounds[i];
