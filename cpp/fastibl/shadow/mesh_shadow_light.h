@@ -21,15 +21,15 @@ class MeshShadowLight {
   explicit MeshShadowLight(const SkySplitOptions& options = {}) : options_(options) {}
 
   // The shadow of the object where it stands. The directions stay while they suit the light, so
-  // that nothing flickers; new ones are faded in over kFadeCasts casts, faster the more light the
-  // old ones miss. Throws std::invalid_argument for a pose that MeshShadow::place refuses.
+  // that nothing flickers; new ones are faded in over kFadeCasts casts, faster while much of the
+  // light moves. Throws std::invalid_argument for a pose that MeshShadow::place refuses.
   // The map's outer image is faded to 1 at its border, so that no edge is seen there.
   ShadowMap cast(const MeshShadow& shadow, const CubeMap& radiance,
                  const Pose& marker_from_object = {});
 
   int directions() const { return int(now_.split.directions().size()); }
   int splits() const { return splits_; }  // how often directions were chosen
-  static constexpr int kFadeCasts = 16;
+  static constexpr int kFadeCasts = 32;
 
  private:
   struct Set {
@@ -37,6 +37,7 @@ class MeshShadowLight {
     SparseCover inner, outer;  // of the split's directions
     bool drawn = false;        // for place_
     SkySplit::Weights weights;
+    std::vector<glm::vec4> lights;  // weights of the directions, as shares of what is shown
   };
   void update(const CubeMap& radiance);
   void draw(const MeshShadow& shadow, Set& set) const;
@@ -47,7 +48,6 @@ class MeshShadowLight {
   Set now_;
   std::optional<Set> before_;  // while the directions are faded
   float fade_ = 1;             // of now_
-  float step_ = 1;
   CellSums sums_;
   PlanePlace place_;
   int splits_ = 0;

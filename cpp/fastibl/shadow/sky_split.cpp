@@ -274,6 +274,21 @@ float SkySplit::misfit(const Weights& weights) const {
   return share > kLeast ? share : 0;
 }
 
+float SkySplit::moved(const Weights& before, const Weights& after) const {
+  // Of shares, so that light which changes as a whole moves nowhere.
+  glm::vec3 scale[2];
+  const Weights* weights[2] = {&before, &after};
+  for (int k = 0; k < 2; ++k) scale[k] = brightness_scale(weights[k]->irradiance) / kPi;
+  float sum = 0;
+  for (std::size_t i = 0; i < after.directions.size(); ++i)
+    sum += std::fabs(glm::dot(glm::vec3(after.directions[i]), scale[1]) -
+                     glm::dot(glm::vec3(before.directions[i]), scale[0]));
+  for (std::size_t i = 0; i < after.rest.size(); ++i)
+    sum += std::fabs(glm::dot(after.rest[i], scale[1]) - glm::dot(before.rest[i], scale[0])) *
+           rest_cosines_[i];
+  return 0.5f * sum;
+}
+
 CellSums::CellSums(const SkyCells& cells, int size, float turn)
     : size_(size), cells_(cells.count()), turn_(turn) {
   // Pieces of texels, so that cells get their parts of those that lie across their edges.
