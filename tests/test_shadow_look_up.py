@@ -75,3 +75,21 @@ def test_full_light_and_full_shadow_are_exact():
     assert (cover.sample(inside) == 0).all()
     empty = fastibl.cast_shadow(sky(3), np.empty((0, 4), np.float32), extent=1, resolution=32)
     assert (empty.sample(inside) == 1).all()
+
+
+def test_map_of_any_size_is_exact_at_its_texels_after_any_other():
+    """Sums of edges reuse their memory: shadows that end at or beyond the last texel must leave nothing behind."""
+    rng = np.random.default_rng(4)
+    spheres = np.c_[rng.uniform(-1, 1, (30, 2)), rng.uniform(0.1, 0.6, 30), rng.uniform(0.05, 0.3, 30)]
+    spheres = spheres.astype(np.float32)
+    where = {"extent": 0.7, "centre": (0.0, 0.0), "outer": False, "directions": 32}
+    for n in [100, 64, 63, 65, 130, 127, 7, 260, 100]:
+        shadow = fastibl.cast_shadow(sky(4), spheres, resolution=n, **where)
+        inner = slice(n // 10 + 2, n - n // 10 - 2)  # the rest fades towards the border
+        x = ((np.arange(n) + 0.5) / n * 2 - 1)[inner] * 0.7
+        points = np.stack(np.meshgrid(x, x), axis=-1).astype(np.float32)
+        exact = fastibl.shadow_ratio(sky(4), spheres, points, directions=32)
+        off = np.abs(shadow.image[inner, inner] - exact).max(axis=-1)
+        assert not off.size or np.mean(off > 1e-6) < 0.01  # texels that an edge passes to 1e-5
+        again = fastibl.cast_shadow(sky(4), spheres, resolution=n, **where)
+        np.testing.assert_array_equal(shadow.image, again.image)

@@ -6,11 +6,12 @@
 namespace fastibl {
 namespace {
 
+// keep: one for each channel of a texel.
 FASTIBL_CLONES
-void fade_texels(float* ratio, const float* keep, float most, int count) {
-  for (int x = 0; x < count; ++x) {
-    const float k = keep[x] < most ? keep[x] : most;
-    for (int c = 0; c < 3; ++c) ratio[3 * x + c] = 1 + k * (ratio[3 * x + c] - 1);
+void fade_channels(float* ratio, const float* keep, float most, int count) {
+  for (int i = 0; i < count; ++i) {
+    const float k = keep[i] < most ? keep[i] : most;
+    ratio[i] = 1 + k * (ratio[i] - 1);
   }
 }
 
@@ -25,9 +26,11 @@ std::vector<float> border_keep(int n) {
 
 void fade_border(Image<float>& ratio) {
   const std::vector<float> keep = border_keep(ratio.width);
+  std::vector<float> channels;
+  for (const float k : keep) channels.insert(channels.end(), 3, k);
   for_border(keep, [&](int begin, int end, int y) {
-    fade_texels(ratio.pixel(begin, y), &keep[std::size_t(begin)], keep[std::size_t(y)],
-                end - begin);
+    fade_channels(ratio.pixel(begin, y), &channels[3 * std::size_t(begin)], keep[std::size_t(y)],
+                  3 * (end - begin));
   });
 }
 
