@@ -82,6 +82,7 @@ void sample_block(std::span<const ShadowLookUp::Level> levels, const float* poin
 
 ShadowLookUp::ShadowLookUp(const ShadowMap& map) {
   if (map.no_light || map.ratio.empty()) return;
+  if (!map.fine.empty()) levels_.push_back(level_of(map.fine, map.fine_centre, map.fine_extent));
   levels_.push_back(level_of(map.ratio, map.centre, map.extent));
   if (!map.outer.empty()) levels_.push_back(level_of(map.outer, map.centre, map.outer_extent));
 }
