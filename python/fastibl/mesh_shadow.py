@@ -50,9 +50,9 @@ class MeshShadow:
     times the object's largest extent; a coarse map of the same texels, 6 times as large, lies around it. rings,
     samples: 4 rings^2 cells of the sky, and directions that each is made of (1 to 63). directions: for lights, 0 for
     none. fine: texels along an edge of one more map where a compact light, a sun or lamp of a few degrees with a tenth
-    of the irradiance, casts its shadow; 0 for none. progress: a bar on stderr if that is a terminal and the work lasts; or a function that is given the part
-    done, and ends the work with KeyboardInterrupt by returning False. cache: whether to keep the work on disk and to
-    take it from there.
+    of the irradiance, casts its shadow; 0 for none. progress: a bar on stderr if that is a terminal and the work lasts;
+    or a function that is given the part done, and ends the work with KeyboardInterrupt by returning False. cache:
+    whether to keep the work on disk and to take it from there.
 
     Raises ValueError for a mesh without triangles or with values that are not finite, and for options out of range.
     """

@@ -127,7 +127,7 @@ void sum_row(glm::ivec4* differences, const Changed& changed, int size, float* r
 }
 
 void sum_rows(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares, int begin,
-              int end, Image<float>& ratio) {
+              int end, const BorderFade* fade, Image<float>& ratio) {
   const int size = ratio.width, columns = (size + 63) / 64;
   const std::ptrdiff_t row_stride = 64 * columns;
   struct alignas(64) Row {
@@ -146,8 +146,10 @@ void sum_rows(std::span<const PlaneBits> bits, std::span<const glm::ivec4> share
                 std::min(box.last_column + 1, columns - 1), shares[k], differences, row_stride,
                 changed.data());
     }
-    for (int y = first; y < std::min(first + kRows, end); ++y)
+    for (int y = first; y < std::min(first + kRows, end); ++y) {
       sum_row(differences + (y - first) * row_stride, changed, size, ratio.row(y));
+      if (fade) fade->row(y, ratio.row(y));
+    }
   }
 }
 
@@ -218,14 +220,17 @@ void join_border(ShadowMap& map) {
 }  // namespace
 
 void sum_shares(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares,
-                Image<float>& ratio) {
+                Image<float>& ratio, bool fading) {
   check(!bits.empty() && bits.size() == shares.size(), "there must be as many shares as bits");
   const int size = bits[0].size();
   for (const PlaneBits& b : bits) check(b.size() == size, "the bits must be of one size");
   if (ratio.width != size || ratio.height != size || ratio.channels != 3)
     ratio = Image<float>(size, size, 3);
-  parallel_for(size, kStrip,
-               [&](int begin, int end) { sum_rows(bits, shares, begin, end, ratio); });
+  std::optional<BorderFade> fade;
+  if (fading) fade.emplace(size);
+  parallel_for(size, kStrip, [&](int begin, int end) {
+    sum_rows(bits, shares, begin, end, fade ? &*fade : nullptr, ratio);
+  });
 }
 
 Image<float> ratio_of(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares) {
@@ -291,19 +296,15 @@ void DirectionShadow::make_bits() {
 
 void DirectionShadow::make_ratio() {
   const std::vector<glm::ivec4> shares = whole_shares(light_.directions());
-  sum_shares(inner_bits_, shares, map_->ratio);
+  sum_shares(inner_bits_, shares, map_->ratio, !options_.outer);
   if (outer_.extent > 0) {
-    sum_shares(outer_bits_, shares, map_->outer);
+    sum_shares(outer_bits_, shares, map_->outer, true);
     map_->outer_extent = outer_.extent;
-    fade_border(map_->outer);
   } else {
     map_->outer = {};
     map_->outer_extent = 0;
   }
-  if (options_.outer)
-    join_border(*map_);
-  else
-    fade_border(map_->ratio);
+  if (options_.outer) join_border(*map_);
 }
 
 // A map that somebody still holds stays as it is.
