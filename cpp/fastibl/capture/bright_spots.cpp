@@ -8,12 +8,13 @@
 namespace fastibl {
 namespace {
 
-constexpr int kColumns = 160;  // about as many pixels of a row are read
-constexpr int kLeastPixels = 4;
-// Of white: thresholds between these can be told from white and from noise.
-constexpr double kLeastLinear = 0.003, kMostLinear = 0.9;
+constexpr int kColumns = 80;  // about as many blocks a row: window bars of a degree part nothing
+constexpr int kSamples = 3;   // pixels read of a block along each edge
+constexpr int kLeastBlocks = 3;
+// Of white: thresholds between these can be told from noise, and from a block that is half white.
+constexpr double kLeastLinear = 0.003, kMostLinear = 0.3;
 
-// Every `step`th pixel of every `step`th row, in linear light.
+// Pixels in linear light.
 class Reader {
  public:
   Reader(const Picture& picture, const Response& response)
@@ -50,34 +51,42 @@ class Reader {
 struct Spot {
   glm::dvec3 sum{0};  // of directions in the camera frame, by solid angle
   double solid_angle = 0;
-  int pixels = 0;
+  int blocks = 0;
   bool cut = false;  // by the picture's border
 };
 
 }  // namespace
 
-std::vector<BrightSpot> find_bright_spots(const Picture& picture, const Camera& camera,
-                                          const Lens& lens, const Pose& camera_from_marker,
-                                          double exposure, double radiance) {
+std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
+                                                         const Camera& camera, const Lens& lens,
+                                                         const Pose& camera_from_marker,
+                                                         double exposure, double radiance) {
   const double threshold = radiance * exposure * camera.gain;
-  if (!(threshold >= kLeastLinear && threshold <= kMostLinear)) return {};
+  if (!(threshold >= kLeastLinear && threshold <= kMostLinear)) return std::nullopt;
   const int step = std::max(1, (camera.width + kColumns / 2) / kColumns);
   const int width = camera.width / step, height = camera.height / step;
-  if (width < 3 || height < 3) return {};
+  if (width < 3 || height < 3) return std::nullopt;
   const Reader reader(picture, camera.response);
-  const auto pixel = [&](int i) { return i * step + step / 2; };
+  const auto middle = [&](int i) { return (i + 0.5) * step; };
+  const auto block = [&](int x, int y) {
+    double sum = 0;
+    for (int v = 0; v < kSamples; ++v)
+      for (int u = 0; u < kSamples; ++u)
+        sum += reader.brightness(x * step + (2 * u + 1) * step / (2 * kSamples),
+                                 y * step + (2 * v + 1) * step / (2 * kSamples));
+    return sum / (kSamples * kSamples);
+  };
 
   // Rows of runs would do; so few pixels are bright that a flood fill costs nothing.
   std::vector<std::uint8_t> bright(std::size_t(width * height));
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
       double limit = threshold;
-      if (!camera.vignetting.empty())
-        limit *= camera.vignette({double(pixel(x)) + 0.5, double(pixel(y)) + 0.5});
-      bright[std::size_t(y * width + x)] = reader.brightness(pixel(x), pixel(y)) > limit;
+      if (!camera.vignetting.empty()) limit *= camera.vignette({middle(x), middle(y)});
+      bright[std::size_t(y * width + x)] = block(x, y) > limit;
     }
 
-  const double pixel_area = double(step * step) / (camera.fx * camera.fy);
+  const double block_area = double(step * step) / (camera.fx * camera.fy);
   const glm::dmat3 marker_from_camera = glm::transpose(camera_from_marker.rotation);
   std::vector<BrightSpot> spots;
   std::vector<int> open;
@@ -90,11 +99,11 @@ std::vector<BrightSpot> find_bright_spots(const Picture& picture, const Camera& 
       const int x = open.back() % width, y = open.back() / width;
       open.pop_back();
       spot.cut |= x == 0 || y == 0 || x == width - 1 || y == height - 1;
-      if (const auto ray = lens.unproject({double(pixel(x)) + 0.5, double(pixel(y)) + 0.5})) {
-        const double length = glm::length(*ray), angle = pixel_area / (length * length * length);
+      if (const auto ray = lens.unproject({middle(x), middle(y)})) {
+        const double length = glm::length(*ray), angle = block_area / (length * length * length);
         spot.sum += *ray * (angle / length);
         spot.solid_angle += angle;
-        ++spot.pixels;
+        ++spot.blocks;
       } else {
         spot.cut = true;
       }
@@ -105,7 +114,7 @@ std::vector<BrightSpot> find_bright_spots(const Picture& picture, const Camera& 
             open.push_back(v * width + u);
           }
     }
-    if (!spot.cut && spot.pixels >= kLeastPixels)
+    if (!spot.cut && spot.blocks >= kLeastBlocks)
       spots.push_back({marker_from_camera * glm::normalize(spot.sum), spot.solid_angle});
   }
   return spots;

@@ -1,6 +1,7 @@
 // Lights as a single picture shows them.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "fastibl/core/pose.h"
@@ -15,10 +16,11 @@ struct BrightSpot {
   double solid_angle;    // steradians
 };
 
-// Parts brighter than `radiance` (mean over RGB), read from about 160 × 120 pixels. Empty where the
-// exposure cannot tell: white is darker than that, or that is hardly above black.
-std::vector<BrightSpot> find_bright_spots(const Picture& picture, const Camera& camera,
-                                          const Lens& lens, const Pose& camera_from_marker,
-                                          double exposure, double radiance);
+// Parts brighter than `radiance` (mean over RGB), as means over about 80 × 60 blocks. Nothing where
+// the exposure cannot tell: white is darker than that, or that is hardly above black.
+std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
+                                                         const Camera& camera, const Lens& lens,
+                                                         const Pose& camera_from_marker,
+                                                         double exposure, double radiance);
 
 }  // namespace fastibl

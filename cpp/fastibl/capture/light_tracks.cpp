@@ -16,7 +16,7 @@ constexpr double kNearest = 5;                  // 1 / m
 constexpr double kGate = 16;  // squared standard deviations of a sighting from its track
 constexpr double kSizes = 4;  // ratio of solid angles of a sighting to the last one
 constexpr int kMissed = 6;    // pictures in a row that should show a light and do not
-constexpr std::size_t kLeastSightings = 5;
+constexpr std::size_t kLeastSightings = 4;
 constexpr double kKnown = 0.2;  // relative standard deviation of a distance that is known
 constexpr double kHuber = 2;    // standard deviations
 constexpr int kRounds = 4;
@@ -74,7 +74,7 @@ void LightTracks::fit(Track& track) const {
     squares = 0;
     const glm::dvec3 towards =
         track.frame[2] + parameters.x * track.frame[0] + parameters.y * track.frame[1];
-    for (const Sighting& s : track.sightings) {
+    for (const Sight& s : track.sightings) {
       const Misfit m = misfit(s.direction, track.frame, towards, s.eye - centre_, parameters.z);
       const double error = glm::length(m.residual) / noise;
       const double weight = (error > kHuber ? kHuber / error : 1.0) / (noise * noise);
@@ -126,7 +126,7 @@ void LightTracks::follow(const glm::dvec3& eye, std::span<const BrightSpot> spot
     Track& track = tracks_[pair.track];
     if (track.matched || taken[pair.spot]) continue;
     track.matched = true, taken[pair.spot] = true, track.missed = 0;
-    const Sighting sighting{eye, spots[pair.spot].direction};
+    const Sight sighting{eye, spots[pair.spot].direction};
     if (glm::length(eye - track.sightings.back().eye) < kSamePlace)
       track.sightings.back() = sighting;
     else
@@ -159,10 +159,18 @@ std::vector<LightPosition> LightTracks::positions() const {
     if (track.sightings.size() < kLeastSightings || !(deviation < kKnown * rho)) continue;
     // P = c + v / ρ: along the axes of the frame, and back along v for ρ.
     const glm::dmat3 by{track.frame[0] / rho, track.frame[1] / rho, -track.v / (rho * rho)};
-    out.push_back({centre_ + track.v / rho, by * track.covariance * glm::transpose(by),
-                   angular_radius(track.solid_angle)});
+    const glm::dvec3 position = centre_ + track.v / rho;
+    out.push_back({track.v, position, by * track.covariance * glm::transpose(by),
+                   glm::length(position - track.sightings.back().eye) *
+                       std::sin(std::min(angular_radius(track.solid_angle), 1.5))});
   }
   return out;
+}
+
+std::vector<LightTracks::Sight> LightTracks::sights(const LightPosition& light) const {
+  for (const Track& track : tracks_)
+    if (track.matched && track.v == light.direction) return track.sightings;
+  return {};
 }
 
 }  // namespace fastibl

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "fastibl/capture/bright_spots.h"
-#include "fastibl/scene/main_lights.h"
+#include "fastibl/scene/light_position.h"
 
 namespace fastibl {
 
@@ -30,13 +30,15 @@ class LightTracks {
 
   // Those whose distance is known to a fifth or better.
   std::vector<LightPosition> positions() const;
-
- private:
-  struct Sighting {
+  // Lines of sight along which a light was seen, of those that the last picture shows.
+  struct Sight {
     glm::dvec3 eye, direction;
   };
+  std::vector<Sight> sights(const LightPosition& light) const;
+
+ private:
   struct Track {
-    std::vector<Sighting> sightings;
+    std::vector<Sight> sightings;
     double solid_angle = 0;  // as last seen
     glm::dvec3 v{0, 0, 1};
     double inverse_distance = 0;  // ρ, 1 / m

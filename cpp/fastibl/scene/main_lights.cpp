@@ -10,7 +10,10 @@
 namespace fastibl {
 namespace {
 
-constexpr int kSumsSize = 32;  // of the level that the whole irradiance is summed over
+// Faces of the level that is searched: window bars of a degree part nothing. Of the one that the
+// whole irradiance is summed over.
+constexpr int kWorkSize = 64, kSumsSize = 32;
+constexpr double kSamePlace = 0.05;  // radians between a light and where it was triangulated
 
 double brightness(glm::vec3 v) { return (double(v.x) + v.y + v.z) / 3; }
 
@@ -98,7 +101,7 @@ std::vector<MainLight> main_lights(const CubeMap& map, const MainLightOptions& o
   check(options.least_share > 0 && std::isfinite(options.least_share),
         "the least share of a main light must be positive and finite, got ", options.least_share);
   if (map.level_count() == 0) return {};
-  const CubeLevel& level = map.level(0);
+  const CubeLevel& level = map.level_at_most(kWorkSize);
   const glm::dvec3 mean = map.mean();
   const Texels texels(level, options.brightness * (mean.x + mean.y + mean.z) / 3);
   if (texels.at.empty()) return {};
@@ -138,11 +141,33 @@ std::vector<MainLight> main_lights(const CubeMap& map, const MainLightOptions& o
     if (!(share >= options.least_share)) continue;
     const double cosine = std::max(-1.0, 1 - region.solid_angle / (2 * std::numbers::pi));
     lights.push_back({direction, float(region.solid_angle), float(std::acos(cosine)), irradiance,
-                      float(std::min(share, 1.0))});
+                      float(std::min(share, 1.0)), std::nullopt});
   }
   std::stable_sort(lights.begin(), lights.end(), [](const MainLight& a, const MainLight& b) {
     return brightness(a.irradiance) > brightness(b.irradiance);
   });
+  return lights;
+}
+
+std::vector<MainLight> main_lights(const Environment& environment,
+                                   const MainLightOptions& options) {
+  std::vector<MainLight> lights = main_lights(environment.radiance, options);
+  for (const LightPosition& place : environment.light_positions) {
+    const auto angle = [&](const MainLight& light) {
+      return std::acos(
+          std::clamp(glm::dot(glm::dvec3(light.direction), place.direction), -1.0, 1.0));
+    };
+    const auto nearest = std::min_element(
+        lights.begin(), lights.end(),
+        [&](const MainLight& a, const MainLight& b) { return angle(a) < angle(b); });
+    if (nearest == lights.end()) continue;
+    const double gap = angle(*nearest);
+    if (gap < std::max(kSamePlace, double(nearest->angular_radius)) &&
+        (!nearest->place || gap < std::acos(std::clamp(glm::dot(glm::dvec3(nearest->direction),
+                                                                nearest->place->direction),
+                                                       -1.0, 1.0))))
+      nearest->place = place;
+  }
   return lights;
 }
 

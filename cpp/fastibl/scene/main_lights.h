@@ -5,23 +5,17 @@
 #include <vector>
 
 #include "fastibl/core/vector.h"
-#include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/environment.h"
 
 namespace fastibl {
 
-// Where a light is in the room, as triangulated from several places.
-struct LightPosition {
-  glm::dvec3 position{0};      // metres, marker frame
-  glm::dmat3 covariance{0.0};  // m²
-  double angular_radius = 0;   // radians, seen from the map's centre
-};
-
 struct MainLight {
-  glm::vec3 direction{0, 0, 1};  // towards the middle of its light, unit length
-  float solid_angle = 0;         // steradians
-  float angular_radius = 0;      // radians, of a disc as large
-  glm::vec3 irradiance{0};       // on a plane that faces it, by it alone
-  float share = 0;               // of the irradiance of that plane, mean over RGB
+  glm::vec3 direction{0, 0, 1};        // towards the middle of its light, unit length
+  float solid_angle = 0;               // steradians
+  float angular_radius = 0;            // radians, of a disc as large
+  glm::vec3 irradiance{0};             // on a plane that faces it, by it alone
+  float share = 0;                     // of the irradiance of that plane, mean over RGB
+  std::optional<LightPosition> place;  // where that was triangulated
 };
 
 struct MainLightOptions {
@@ -33,5 +27,9 @@ struct MainLightOptions {
 // the map: to shade with, see Lighting's own lights. Throws std::invalid_argument for options that
 // are not positive and finite.
 std::vector<MainLight> main_lights(const CubeMap& map, const MainLightOptions& options = {});
+
+// With the places that the capture found.
+std::vector<MainLight> main_lights(const Environment& environment,
+                                   const MainLightOptions& options = {});
 
 }  // namespace fastibl
