@@ -29,6 +29,8 @@ uniform float vignetting[VIGNETTING];
 #if SHADOW
 uniform sampler2D ratio_map;
 uniform sampler2D outer_map;  // coarser, around it
+uniform sampler2D fine_map;   // finer, of where a compact light casts its shadow
+uniform vec3 fine_place;   // centre, extent or 0
 uniform vec4 ratio_place;  // centre, extent, that of the outer map or 0
 uniform vec3 eye;          // marker frame
 uniform mat3 marker_from_camera;
@@ -53,6 +55,12 @@ vec3 bilinear(sampler2D map, vec2 p, int n) {
 }
 
 vec3 ratio_at(vec2 point) {
+  if (fine_place.z > 0.0) {
+    int m = textureSize(fine_map, 0).x;
+    float edge = float(m);
+    vec2 q = (point - fine_place.xy) * (0.5 * edge / fine_place.z) + 0.5 * edge - 0.5;
+    if (inside(q, edge)) return bilinear(fine_map, q, m);
+  }
   int n = textureSize(ratio_map, 0).x;
   float size = float(n);
   vec2 p = (point - ratio_place.xy) * (0.5 * size / ratio_place.z) + 0.5 * size - 0.5;

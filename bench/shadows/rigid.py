@@ -97,6 +97,46 @@ def error() -> Iterator[Goal]:
         )
 
 
+@row("shadow", "rigid mesh: a map of its own for a sun")
+def fine_map() -> Iterator[Goal]:
+    """Between texels, under the lights that are compact; the others have no such map and stay as they are."""
+    if _missing():
+        yield skipped("a map of its own for a sun", _missing())
+        return
+    names = ("dawn and sun", "studio_small_03")
+    found: dict[int, list[truth.Errors]] = {}
+    times: dict[int, float] = {}
+    for fine in (0, 256, 512):
+        for mesh in truth.JUDGED:
+            shadow = fastibl.MeshShadow(truth.meshes()[mesh], extent=truth.EXTENT, fine=fine, progress=False)
+            for name in names:
+                cube = truth.lights()[name].cube
+                off = truth.errors(shadow.cast(cube).sample(truth.grid()), truth.mesh_truth(mesh, name))
+                found.setdefault(fine, []).append(off)
+                cubes = [cube, fastibl.CubeMap(cube.faces * np.float32(1.01))]
+                turn = iter(range(1 << 30))
+                shadow.cast(cube, follow=True)
+                with measure.one_core():
+                    time_, yard = np.median(
+                        cpu_times([lambda s=shadow, c=cubes, t=turn: s.cast(c[next(t) % 2], follow=True)], 7), axis=0
+                    )
+                times[fine] = max(times.get(fine, 0), 4 * time_ / yard)
+    rms = {fine: max(e.rms for e in some) for fine, some in found.items()}
+    yield Goal(
+        "rigid path, 128^2, bilinear, sun and studio: largest RMS with a fine map of 512^2 where their shadow falls",
+        f"{rms[512]:.4f}",
+        "for information",
+        None,
+        tuple(
+            f"fine map of {fine}^2: " * (fine > 0)
+            + "none: " * (fine == 0)
+            + f"largest RMS {rms[fine]:.4f}, largest {max(e.worst for e in found[fine]):.3f}; a change of the light "
+            f"{times[fine]:.2f} ms of a 4.0 ms yardstick"
+            for fine in found
+        ),
+    )
+
+
 @row("shadow", "rigid mesh: error where a shadow is seen")
 def seen() -> Iterator[Goal]:
     if _missing():

@@ -58,16 +58,18 @@ void bind_mesh_shadow(py::module_& module) {
   py::class_<MeshShadowLight>(
       module, "MeshShadowLight",
       R"(What lasts from one light to the next: directions of dominant lights, and their shadows.)")
-      .def(py::init([](int directions, float tolerance) {
+      .def(py::init([](int directions, float tolerance, int fine) {
              if (directions < 0 || directions > 4096)
                throw py::value_error("directions must be 0 to 4096, got " +
                                      std::to_string(directions));
+             if (fine != 0 && (fine < 8 || fine > 4096))
+               throw py::value_error("fine must be 0 or 8 to 4096, got " + std::to_string(fine));
              SkySplitOptions options;
              options.most_directions = directions, options.tolerance = tolerance;
-             return MeshShadowLight(options);
+             return MeshShadowLight(options, fine);
            }),
            py::arg("directions") = SkySplitOptions{}.most_directions,
-           py::arg("tolerance") = SkySplitOptions{}.tolerance)
+           py::arg("tolerance") = SkySplitOptions{}.tolerance, py::arg("fine") = 0)
       .def_property_readonly("directions", &MeshShadowLight::directions,
                              "Number of directions of the last light.")
       .def_property_readonly("splits", &MeshShadowLight::splits,

@@ -140,6 +140,20 @@ one passes into the coarse one at its border. Beyond both the ratio is 1.)")
           "The coarse map (m, m, 3) float32, a read-only view; None where there is none.")
       .def_readonly("outer_extent", &ShadowMap::outer_extent,
                     "Half the edge of `outer` in metres; 0 where there is none.")
+      .def_property_readonly(
+          "fine",
+          [](const py::object& self) {
+            const Image<float>& fine = self.cast<const ShadowMap&>().fine;
+            return fine.empty() ? py::object(py::none()) : image_view(self, fine);
+          },
+          "The map of a compact light's shadow (k, k, 3) float32, with all light; None where there "
+          "is none.")
+      .def_readonly("fine_extent", &ShadowMap::fine_extent,
+                    "Half the edge of `fine` in metres; 0 where there is none.")
+      .def_property_readonly(
+          "fine_centre",
+          [](const ShadowMap& map) { return py::make_tuple(map.fine_centre.x, map.fine_centre.y); },
+          "(x, y) of the middle of `fine`, metres, marker frame.")
       .def_property_readonly("reach", &ShadowMap::reach,
                              "Half the edge in metres of all; outside the ratio is 1.")
       .def_property_readonly(

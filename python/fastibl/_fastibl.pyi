@@ -754,6 +754,21 @@ class ShadowMap:
         Half the edge of `image` in metres.
         """
     @property
+    def fine(self) -> typing.Any:
+        """
+        The map of a compact light's shadow (k, k, 3) float32, with all light; None where there is none.
+        """
+    @property
+    def fine_centre(self) -> tuple[float, float]:
+        """
+        (x, y) of the middle of `fine`, metres, marker frame.
+        """
+    @property
+    def fine_extent(self) -> float:
+        """
+        Half the edge of `fine` in metres; 0 where there is none.
+        """
+    @property
     def ignored_spheres(self) -> int:
         """
         Number of spheres that were not finite or had a radius of 0 or less.
@@ -806,7 +821,7 @@ class MeshShadowLight:
     """
     What lasts from one light to the next: directions of dominant lights, and their shadows.
     """
-    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0005000000237487257) -> None:
+    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0005000000237487257, fine: typing.SupportsInt | typing.SupportsIndex = 0) -> None:
         ...
     @property
     def directions(self) -> int:

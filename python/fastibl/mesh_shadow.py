@@ -49,9 +49,10 @@ class MeshShadow:
     resolution: texels along an edge of the map, 8 to 1024. extent: half the map's edge in metres, by default 1.5
     times the object's largest extent; a coarse map of the same texels, 6 times as large, lies around it. rings,
     samples: 4 rings^2 cells of the sky, and directions that each is made of (1 to 63). directions: for lights, 0 for
-    none. progress: a bar on stderr if that is a terminal and the work lasts; or a function that is given the part
-    done, and ends the work with KeyboardInterrupt by returning False. cache: whether to keep the work on disk and to
-    take it from there.
+    none. fine: texels along an edge of one more map where a compact light, a sun or lamp of a few degrees with a tenth
+    of the irradiance, casts its shadow; 0 for none. progress: a bar on stderr if that is a terminal and the work lasts;
+    or a function that is given the part done, and ends the work with KeyboardInterrupt by returning False. cache:
+    whether to keep the work on disk and to take it from there.
 
     Raises ValueError for a mesh without triangles or with values that are not finite, and for options out of range.
     """
@@ -62,9 +63,10 @@ class MeshShadow:
         resolution: int = 128,
         *,
         extent: float | None = None,
-        rings: int = 12,
-        samples: int = 16,
+        rings: int = 16,
+        samples: int = 9,
         directions: int = 128,
+        fine: int = 0,
         cache: bool = True,
         progress: bool | Callable[[float], bool] = True,
     ) -> None:
@@ -74,8 +76,8 @@ class MeshShadow:
             raise ValueError(f"extent must be above 0 metres, got {extent}")
         options = (int(resolution), float(extent or 0), int(rings), int(samples))
         self._options = options
-        self._directions = int(directions)
-        self._light = MeshShadowLight(self._directions)
+        self._settings = {"directions": int(directions), "fine": int(fine)}
+        self._light = MeshShadowLight(**self._settings)
         path = _path(mesh, options) if cache else None
         baked = _read(path, mesh, options) if path else None
         if baked is None:
@@ -115,7 +117,7 @@ class MeshShadow:
         follow: keep the directions of lights of the last call with `follow` while they suit: steady from frame to
         frame, and 20 to 100 times faster than to choose them anew. Raises ValueError for a pose that `fits` refuses.
         """
-        light = self._light if follow else MeshShadowLight(self._directions)
+        light = self._light if follow else MeshShadowLight(**self._settings)
         return self._baked.cast(_cube(cube), marker_from_object, light)
 
     def ratio(self, cube: CubeMap | Environment, points: ArrayLike) -> NDArray[np.float32]:

@@ -1,7 +1,8 @@
 // Eight floats at once, for kernels that the compiler does not vectorise by itself. A kernel is a
 // file, named by FASTIBL_KERNEL, that core/kernel.inl compiles twice: FASTIBL_TARGET stands before
 // each of its functions, and FASTIBL_PICK(function) gives the one for this processor. Results can
-// differ in the last bits between the two, never between threads.
+// differ in the last bits between the two, never between threads. With FASTIBL_KERNEL_AVX512
+// defined it is compiled a third time, and FASTIBL_PICK_AVX512 chooses among three.
 #pragma once
 
 #include <cstring>
@@ -18,10 +19,19 @@ inline bool has_avx2() {
   static const bool yes = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
   return yes;
 }
+inline bool has_avx512() {
+  static const bool yes = has_avx2() && __builtin_cpu_supports("avx512bw") &&
+                          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+  return yes;
+}
 #define FASTIBL_PICK(function) \
   const auto function = has_avx2() ? avx2::function : portable::function
+#define FASTIBL_PICK_AVX512(function) \
+  const auto function =               \
+      has_avx512() ? avx512::function : (has_avx2() ? avx2::function : portable::function)
 #else
 #define FASTIBL_PICK(function) const auto function = portable::function
+#define FASTIBL_PICK_AVX512(function) FASTIBL_PICK(function)
 #endif
 
 }  // namespace fastibl

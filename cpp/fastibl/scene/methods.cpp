@@ -117,6 +117,7 @@ std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
   return {};
 }
 std::vector<Setting<ShadowSettings>> settings_of(ShadowMethod method) {
+  if (method == ShadowMethod::mesh) return {{"fine", &ShadowSettings::fine, 0, 2048, {512}}};
   if (method != ShadowMethod::directions) return {};
   return {{"directions",
            &ShadowSettings::directions,

@@ -103,6 +103,7 @@ struct GlossySettings {
 };
 struct ShadowSettings {
   int directions = 256;  // that stand for all light
+  int fine = 0;  // texels along an edge of a map of its own for a compact light, 0: none
   bool operator==(const ShadowSettings&) const = default;
 };
 inline constexpr int kLeastDirections = 8, kMostDirections = 4096;

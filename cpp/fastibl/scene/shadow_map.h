@@ -23,26 +23,23 @@ struct ShadowMap {
   // Of the plane around it, coarser, with the same centre: shadows end by its border. May be empty.
   Image<float> outer;
   float outer_extent = 0;
+  // Of where a compact light casts its shadow, finer, within the others; all light is in it. May be
+  // empty.
+  Image<float> fine;
+  glm::vec2 fine_centre{0};
+  float fine_extent = 0;
   int ignored_spheres = 0;
   bool no_light = false;  // nothing lights the plane: the ratio is 1 everywhere
 
   float reach() const { return outer.empty() ? extent : outer_extent; }  // outside the ratio is 1
 
-  glm::vec3 sample(glm::vec2 point) const;  // bilinear, in the finer map that has the point
+  // Bilinear within 2e-5, in the finest map that has the point; 1 for NaN.
+  glm::vec3 sample(glm::vec2 point) const;
+  // The same at many points; for parts of one picture see ShadowLookUp.
   void sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;
-  // The same at a position in texels of `ratio`, the centre of texel (i, j) at (i, j); 1 for NaN.
-  glm::vec3 sample_texels(float x, float y) const;
-  // The same at many positions.
-  void sample_texels(const float* x, const float* y, int count, glm::vec3* ratios) const;
   // In `outer`, whatever the finer map has there.
   void sample_outer(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;
   bool operator==(const ShadowMap&) const = default;
-
- private:
-  // From texels of `ratio` to those of `outer`.
-  float outer_scale() const;
-  float outer_shift(float scale) const;
-  glm::vec2 outer_texels(float x, float y) const;
 };
 
 }  // namespace fastibl

@@ -7,6 +7,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/glossy.h"
+#include "fastibl/scene/shadow_look_up.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -46,18 +47,16 @@ Rectangle shadowed_pixels(const Camera& camera, const Pose& camera_from_marker,
       clamp(std::ceil(upper.x) + 1, camera.width), clamp(std::ceil(upper.y) + 1, camera.height)};
 }
 
-// Positions u, v in the shadow map of the plane points that `count` rays (x, y, 1) meet; NaN for
-// rays that do not descend. m: rotation from camera to marker, row by row, eye, texels a metre, and
-// the position of the marker frame's origin.
+// The plane points x, y that `count` rays (x, y, 1) meet; NaN for rays that do not descend. m:
+// rotation from camera to marker, row by row, and eye.
 FASTIBL_CLONES
-void meet_plane(const float* x, const float* y, int count, const float (&m)[15], float* u,
-                float* v) {
+void meet_plane(const float* x, const float* y, int count, const float (&m)[12], float* points) {
   for (int i = 0; i < count; ++i) {
     const float dx = m[0] * x[i] + m[1] * y[i] + m[2], dy = m[3] * x[i] + m[4] * y[i] + m[5];
     const float dz = m[6] * x[i] + m[7] * y[i] + m[8];
     const float t = dz < 0 ? -m[11] / dz : std::numeric_limits<float>::quiet_NaN();
-    u[i] = (m[9] + t * dx) * m[12] + m[13];
-    v[i] = (m[10] + t * dy) * m[12] + m[14];
+    points[2 * i] = m[9] + t * dx;
+    points[2 * i + 1] = m[10] + t * dy;
   }
 }
 
@@ -67,17 +66,13 @@ class PlaneShadow {
  public:
   PlaneShadow(const RayTable& table, const Pose& camera_from_marker, const ShadowMap& shadow)
       : table_(table),
-        shadow_(shadow),
+        look_up_(shadow),
         area_(shadowed_pixels(table.camera, camera_from_marker, shadow)) {
     const Pose marker_from_camera = camera_from_marker.inverse();
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) transform_[3 * r + c] = float(marker_from_camera.rotation[c][r]);
       transform_[9 + r] = float(marker_from_camera.translation[r]);
     }
-    const float n = float(shadow.ratio.width);
-    transform_[12] = 0.5f * n / shadow.extent;
-    for (int c = 0; c < 2; ++c)
-      transform_[13 + c] = 0.5f * n - 0.5f - shadow.centre[c] * transform_[12];
     if (!(marker_from_camera.translation.z > 0)) area_ = {};
   }
   const Rectangle& area() const { return area_; }
@@ -88,17 +83,17 @@ class PlaneShadow {
     const int begin = std::max(x0, area_.x0),
               count = std::min(x0 + int(ratios.size()), area_.x1) - begin;
     if (y < area_.y0 || y >= area_.y1 || count <= 0) return;
-    std::vector<float> u(static_cast<std::size_t>(count)), v(u.size());
+    std::vector<glm::vec2> points(static_cast<std::size_t>(count));
     const std::size_t first = std::size_t(y) * table_.camera.width + std::size_t(begin);
-    meet_plane(&table_.x[first], &table_.y[first], count, transform_, u.data(), v.data());
-    shadow_.sample_texels(u.data(), v.data(), count, &ratios[std::size_t(begin - x0)]);
+    meet_plane(&table_.x[first], &table_.y[first], count, transform_, &points[0].x);
+    look_up_.sample(points, std::span(ratios).subspan(std::size_t(begin - x0), points.size()));
   }
 
  private:
   const RayTable& table_;
-  const ShadowMap& shadow_;
+  ShadowLookUp look_up_;
   Rectangle area_;
-  float transform_[15];
+  float transform_[12];
 };
 
 Rectangle around(const Rectangle& a, const ObjectLayer& object) {

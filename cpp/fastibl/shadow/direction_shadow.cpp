@@ -32,17 +32,16 @@ constexpr int kStrip = 16;  // rows of a thread
 using Share [[gnu::vector_size(16), gnu::may_alias]] = std::int32_t;
 using Words [[gnu::vector_size(64), gnu::may_alias]] = std::uint64_t;
 
-// Differences along eight rows: of which columns of 64 texels some are not 0.
-struct Strip {
-  int first = 1 << 20, last = -1;
-};
+// Words of 64 columns, a bit each, in which some difference along eight rows is not 0. Maps have at
+// most 8192 texels.
+using Changed = std::array<std::uint64_t, 2>;
 
 // Adds a share where the bits of eight rows begin to be set, and takes it off where they end. The
 // cost is that of the edges: of an object a few in a row, whatever its size.
 FASTIBL_CLONES
 void add_edges(const std::uint64_t* words, std::ptrdiff_t column_stride, int first_column,
                int last_column, const glm::ivec4& whole, glm::ivec4* differences,
-               std::ptrdiff_t row_stride, Strip& strip) {
+               std::ptrdiff_t row_stride, std::uint64_t* changed) {
   const Share share = *reinterpret_cast<const Share*>(&whole);
   Words carry{};
   for (int c = first_column; c <= last_column; ++c) {
@@ -51,7 +50,7 @@ void add_edges(const std::uint64_t* words, std::ptrdiff_t column_stride, int fir
     std::uint64_t any = 0;
     for (int r = 0; r < kRows; ++r) any |= changes[r];
     if (any != 0) {
-      strip.first = std::min(strip.first, c), strip.last = std::max(strip.last, c);
+      changed[c / 64] |= std::uint64_t{1} << (c % 64);
       for (int r = 0; r < kRows; ++r) {
         Share step = carry[r] ? -share : share;
         auto* row = reinterpret_cast<Share*>(differences + r * row_stride + 64 * c);
@@ -65,45 +64,92 @@ void add_edges(const std::uint64_t* words, std::ptrdiff_t column_stride, int fir
   }
 }
 
-// Sums the differences of a row up to what is lost there, in texels [begin, end), and clears them;
-// what is lost at the end stays lost.
+constexpr float kShareUnit = 1.0f / kWholeShare;
+
+// Writes a colour to `count` texels.
 FASTIBL_CLONES
-void sum_row(glm::ivec4* differences, int begin, int end, int size, float* ratio) {
-  using Colour [[gnu::vector_size(16), gnu::aligned(4), gnu::may_alias]] = float;
-  constexpr float kScale = 1.0f / kWholeShare;
-  for (int i = 0; i < 3 * begin; ++i) ratio[i] = 1;
-  Share lost{};
-  Colour left = {1, 1, 1, 1};
-  // Four floats are written for three; the next texel, or the rest of the row, overwrites the last.
-  for (int x = begin; x < end; ++x) {
-    Share& difference = reinterpret_cast<Share*>(differences)[x];
-    lost += difference;
-    difference = Share{};
-    left = 1 - __builtin_convertvector(lost, Colour) * kScale;
-    if (x + 1 < size) *reinterpret_cast<Colour*>(ratio + 3 * x) = left;
+void fill_texels(const float* colour, int count, float* ratio) {
+  Float16 pattern[3];
+  for (int i = 0; i < 48; ++i) pattern[i / 16][i % 16] = colour[i % 3];
+  int i = 0;
+  for (; i + 16 <= count; i += 16, ratio += 48)
+    for (int k = 0; k < 3; ++k) *reinterpret_cast<Float16*>(ratio + 16 * k) = pattern[k];
+  for (int k = 0; k < 3 * (count - i); ++k) ratio[k] = colour[k % 3];
+}
+
+// Sums the differences of `count` texels to what is lost there, and clears them; four at a time, of
+// which the sums reach to all before. Four floats beyond the last texel are written.
+FASTIBL_CLONES
+void sum_texels(glm::ivec4* differences, int count, glm::ivec4& lost_before, float* ratio) {
+  using Four [[gnu::vector_size(64), gnu::may_alias]] = std::int32_t;
+  using Colours [[gnu::vector_size(64)]] = float;
+  using Stored [[gnu::vector_size(64), gnu::aligned(4), gnu::may_alias]] = float;
+  const Share before = *reinterpret_cast<const Share*>(&lost_before);
+  Four lost =
+      __builtin_shufflevector(before, before, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+  const Four none{};
+  for (int x = 0; x < count; x += 4, ratio += 12) {
+    Four& difference = *reinterpret_cast<Four*>(differences + x);
+    Four sum = difference;
+    difference = none;
+    sum += __builtin_shufflevector(none, sum, 0, 1, 2, 3, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25,
+                                   26, 27);
+    sum +=
+        __builtin_shufflevector(none, sum, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23);
+    sum += lost;
+    lost = __builtin_shufflevector(sum, sum, 12, 13, 14, 15, 12, 13, 14, 15, 12, 13, 14, 15, 12, 13,
+                                   14, 15);
+    const Colours left = 1 - __builtin_convertvector(sum, Colours) * kShareUnit;
+    *reinterpret_cast<Stored*>(ratio) =
+        __builtin_shufflevector(left, left, 0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, 12, 13, 14, 15);
   }
-  for (int x = std::min(end, size - 1); x < size; ++x)
-    for (int c = 0; c < 3; ++c) ratio[3 * x + c] = left[c];
+  const Share last = __builtin_shufflevector(lost, lost, 0, 1, 2, 3);
+  *reinterpret_cast<Share*>(&lost_before) = last;
+}
+
+// Ratios of a row: words without a change are of one colour.
+void sum_row(glm::ivec4* differences, const Changed& changed, int size, float* ratio) {
+  glm::ivec4 lost(0);
+  for (int begin = 0, word = 0; begin < size; ++word, begin += 64) {
+    const int count = std::min(64, size - begin);
+    float* out = ratio + 3 * begin;
+    if (!(changed[std::size_t(word) / 64] >> (word % 64) & 1)) {
+      const glm::vec3 colour = 1.0f - glm::vec3(lost) * kShareUnit;
+      fill_texels(&colour.x, count, out);
+    } else if (begin + 64 < size) {
+      sum_texels(differences + begin, 64, lost, out);  // what is written beyond is overwritten
+    } else {
+      float last[3 * 64 + 4];  // and a shadow may end beyond the last texel
+      sum_texels(differences + begin, 64, lost, last);
+      std::copy_n(last, 3 * count, out);
+    }
+  }
 }
 
 void sum_rows(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares, int begin,
-              int end, Image<float>& ratio) {
+              int end, const BorderFade* fade, Image<float>& ratio) {
   const int size = ratio.width, columns = (size + 63) / 64;
   const std::ptrdiff_t row_stride = 64 * columns;
-  std::vector<glm::ivec4> differences(std::size_t(row_stride) * kRows, glm::ivec4(0));
+  struct alignas(64) Row {
+    glm::ivec4 texel[64];
+  };
+  // Kept, as it is left cleared.
+  thread_local std::vector<Row> kept;
+  if (kept.size() < std::size_t(columns) * kRows) kept.assign(std::size_t(columns) * kRows, Row{});
+  glm::ivec4* differences = kept[0].texel;
   for (int first = begin; first < end; first += kRows) {
-    Strip strip;
+    Changed changed{};
     for (std::size_t k = 0; k < bits.size(); ++k) {
       const PlaneBits::Box& box = bits[k].box();
       if (first + kRows <= box.first_row || first > box.last_row) continue;
       add_edges(bits[k].column(0) + first, bits[k].padded_rows(), box.first_column,
-                std::min(box.last_column + 1, columns - 1), shares[k], differences.data(),
-                row_stride, strip);
+                std::min(box.last_column + 1, columns - 1), shares[k], differences, row_stride,
+                changed.data());
     }
-    const int from = std::min(64 * strip.first, size), to = std::min(64 * (strip.last + 1), size);
-    for (int y = first; y < std::min(first + kRows, end); ++y)
-      sum_row(differences.data() + (y - first) * row_stride, std::min(from, to), to, size,
-              ratio.row(y));
+    for (int y = first; y < std::min(first + kRows, end); ++y) {
+      sum_row(differences + (y - first) * row_stride, changed, size, ratio.row(y));
+      if (fade) fade->row(y, ratio.row(y));
+    }
   }
 }
 
@@ -174,14 +220,17 @@ void join_border(ShadowMap& map) {
 }  // namespace
 
 void sum_shares(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares,
-                Image<float>& ratio) {
+                Image<float>& ratio, bool fading) {
   check(!bits.empty() && bits.size() == shares.size(), "there must be as many shares as bits");
   const int size = bits[0].size();
   for (const PlaneBits& b : bits) check(b.size() == size, "the bits must be of one size");
   if (ratio.width != size || ratio.height != size || ratio.channels != 3)
     ratio = Image<float>(size, size, 3);
-  parallel_for(size, kStrip,
-               [&](int begin, int end) { sum_rows(bits, shares, begin, end, ratio); });
+  std::optional<BorderFade> fade;
+  if (fading) fade.emplace(size);
+  parallel_for(size, kStrip, [&](int begin, int end) {
+    sum_rows(bits, shares, begin, end, fade ? &*fade : nullptr, ratio);
+  });
 }
 
 Image<float> ratio_of(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares) {
@@ -247,19 +296,15 @@ void DirectionShadow::make_bits() {
 
 void DirectionShadow::make_ratio() {
   const std::vector<glm::ivec4> shares = whole_shares(light_.directions());
-  sum_shares(inner_bits_, shares, map_->ratio);
+  sum_shares(inner_bits_, shares, map_->ratio, !options_.outer);
   if (outer_.extent > 0) {
-    sum_shares(outer_bits_, shares, map_->outer);
+    sum_shares(outer_bits_, shares, map_->outer, true);
     map_->outer_extent = outer_.extent;
-    fade_border(map_->outer);
   } else {
     map_->outer = {};
     map_->outer_extent = 0;
   }
-  if (options_.outer)
-    join_border(*map_);
-  else
-    fade_border(map_->ratio);
+  if (options_.outer) join_border(*map_);
 }
 
 // A map that somebody still holds stays as it is.

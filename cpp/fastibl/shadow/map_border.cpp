@@ -6,11 +6,12 @@
 namespace fastibl {
 namespace {
 
+// keep: one for each channel of a texel.
 FASTIBL_CLONES
-void fade_texels(float* ratio, const float* keep, float most, int count) {
-  for (int x = 0; x < count; ++x) {
-    const float k = keep[x] < most ? keep[x] : most;
-    for (int c = 0; c < 3; ++c) ratio[3 * x + c] = 1 + k * (ratio[3 * x + c] - 1);
+void fade_channels(float* ratio, const float* keep, float most, int count) {
+  for (int i = 0; i < count; ++i) {
+    const float k = keep[i] < most ? keep[i] : most;
+    ratio[i] = 1 + k * (ratio[i] - 1);
   }
 }
 
@@ -23,12 +24,26 @@ std::vector<float> border_keep(int n) {
   return keep;
 }
 
+BorderFade::BorderFade(int n) : keep_(border_keep(n)) {
+  for (const float k : keep_) channels_.insert(channels_.end(), 3, k);
+  while (width_ < n && keep_[std::size_t(width_)] < 1) ++width_;
+}
+
+void BorderFade::row(int y, float* ratio) const {
+  const int n = int(keep_.size());
+  const float most = keep_[std::size_t(y)];
+  const auto fade = [&](int begin, int end) {
+    fade_channels(ratio + 3 * begin, &channels_[3 * std::size_t(begin)], most, 3 * (end - begin));
+  };
+  if (most < 1 || 2 * width_ >= n)
+    fade(0, n);
+  else if (width_ > 0)
+    fade(0, width_), fade(n - width_, n);
+}
+
 void fade_border(Image<float>& ratio) {
-  const std::vector<float> keep = border_keep(ratio.width);
-  for_border(keep, [&](int begin, int end, int y) {
-    fade_texels(ratio.pixel(begin, y), &keep[std::size_t(begin)], keep[std::size_t(y)],
-                end - begin);
-  });
+  const BorderFade fade(ratio.width);
+  for (int y = 0; y < ratio.height; ++y) fade.row(y, ratio.row(y));
 }
 
 }  // namespace fastibl

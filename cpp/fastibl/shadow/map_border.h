@@ -26,6 +26,17 @@ void for_border(std::span<const float> keep, const Visit& visit) {
   }
 }
 
+// fade_border() row by row, for whoever has just written a row.
+class BorderFade {
+ public:
+  explicit BorderFade(int n);
+  void row(int y, float* ratio) const;
+
+ private:
+  std::vector<float> keep_, channels_;  // of texels, and of their three channels
+  int width_ = 0;                       // texels of the border
+};
+
 // The ratio fades over the outer tenth of the map, to exactly 1 at the border texels.
 void fade_border(Image<float>& ratio);
 

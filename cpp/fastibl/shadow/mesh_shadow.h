@@ -19,8 +19,8 @@ namespace fastibl {
 struct MeshShadowOptions {
   int resolution = 128;  // texels along an edge of the map, and of a coarse one around it
   float extent = 0;      // half the map's edge in metres; 0: 1.5 times the object's largest extent
-  int rings = 12;        // of cells of the sky: 4 rings² cells
-  int samples = 16;      // directions a cell, 1 to 63
+  int rings = 16;        // of cells of the sky: 4 rings² cells
+  int samples = 9;       // directions a cell, 1 to 63
   bool operator==(const MeshShadowOptions&) const = default;
 };
 

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/scene/shadow_look_up.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shadow/map_border.h"
 
@@ -15,6 +17,10 @@ constexpr int kBlock = SparseCover::kBlock, kTexels = kBlock * kBlock;
 // What rounding leaves of a ratio of 0: sums of up to a thousand terms in float err by less.
 constexpr float kNothing = 2e-5f;
 constexpr float kSuddenly = 0.25f;  // share of the light that moved: new directions at once
+// Part of a fade by the share of the light that moves meanwhile: two sets of directions differ by
+// up to 0.04 in a ratio, and so the fade by less than the light itself.
+constexpr float kPace = 4;
+constexpr float kUnfaded = 0.85f;  // of the outer map
 
 SparseCover draw_all(const ShadowTriangles& triangles, std::span<const glm::vec3> directions,
                      const PlaneGrid& grid) {
@@ -46,8 +52,9 @@ Image<float> unblocked(std::span<const float> lost, int size) {
   return image;
 }
 
-std::vector<float> no_loss(const SparseCover& table) {
-  return std::vector<float>(std::size_t(table.blocks()) * 3 * kTexels, 0.0f);
+std::vector<float> no_loss(int size) {
+  const std::size_t across = std::size_t((size + kBlock - 1) / kBlock);
+  return std::vector<float>(across * across * 3 * kTexels, 0.0f);
 }
 
 void to_ratio(Image<float>& lost) {
@@ -75,23 +82,25 @@ void add_turned(const ShadowMap& soft, const PlaneGrid& grid, glm::vec2 cos_sin,
 
 void MeshShadowLight::update(const CubeMap& radiance) {
   bool stale = splits_ == 0 || now_.split.size() != radiance.size();
-  float moved = 1;
+  float missed = 1, step = 1;
   if (!stale) {
-    now_.weights = now_.split.weigh(radiance);
-    moved = now_.split.misfit(now_.weights);
-    stale = moved > 0;
+    SkySplit::Weights weights = now_.split.weigh(radiance);
+    step = std::max(1.0f / kFadeCasts, kPace * now_.split.moved(now_.weights, weights));
+    now_.weights = std::move(weights);
+    missed = now_.split.misfit(now_.weights);
+    stale = missed > 0;
   }
   if (before_) {
-    fade_ += step_;
+    fade_ += step;
     if (fade_ >= 1 || before_->split.size() != radiance.size())
       before_.reset();
     else
       before_->weights = before_->split.weigh(radiance);
   }
-  if (!stale) return;
-  if (moved < kSuddenly) {
-    step_ = std::max(1.0f / kFadeCasts, moved / kSuddenly);
-    fade_ = step_;
+  // A fade that has not ended goes on first: its sets differ, and nothing may jump.
+  if (!stale || (before_ && missed < kSuddenly)) return;
+  if (missed < kSuddenly) {
+    fade_ = step;
     before_ = std::move(now_);
   } else {
     before_.reset();
@@ -99,10 +108,40 @@ void MeshShadowLight::update(const CubeMap& radiance) {
   now_ = Set{};
   now_.split = SkySplit(radiance, options_);
   now_.weights = now_.split.weigh(radiance);
+  now_.compact = fine_ > 0 ? now_.split.compact(kCompactShare) : std::vector<int>();
   ++splits_;
 }
 
-void MeshShadowLight::draw(const MeshShadow& shadow, Set& set) const {
+// Around the shadows that the compact lights of both sets cast; of extent 0 where it would be
+// hardly finer than the map, or reach beyond all.
+PlaneGrid MeshShadowLight::fine_grid(const MeshShadow& shadow, const ShadowTriangles& triangles) {
+  const ShadowTriangles::Box box = triangles.box();
+  glm::vec2 lower(std::numeric_limits<float>::infinity()), upper(-lower);
+  for (Set* set : {&now_, before_ ? &*before_ : nullptr})
+    for (std::size_t k = 0; set && fine_ > 0 && k < set->compact.size(); ++k) {
+      const glm::vec3 d = set->split.directions()[std::size_t(set->compact[k])];
+      for (const float z : {0.0f, box.upper.z}) {
+        const glm::vec2 shift = -z / d.z * glm::vec2(d);
+        lower = glm::min(lower, glm::vec2(box.lower) + shift);
+        upper = glm::max(upper, glm::vec2(box.upper) + shift);
+      }
+    }
+  if (!(lower.x < upper.x)) return {fine_, {0, 0}, 0};
+  const glm::vec2 half = 0.5f * (upper - lower), centre = 0.5f * (upper + lower);
+  const PlanePlace turn{{0, 0}, place_.cos_sin};
+  const glm::vec2 off = glm::abs(centre - turn * shadow.inner().centre);
+  const auto reach = [&](float extent) { return std::max(off.x, off.y) + extent; };
+  // The other maps spread the shadow by a texel.
+  const float most = std::max(half.x, half.y);
+  const bool within = reach(most) < shadow.inner().extent;
+  const double texel = (within ? shadow.inner() : shadow.outer()).texel();
+  const PlaneGrid grid{fine_, centre, most + float(texel)};
+  const bool finer = grid.texel() < 0.5 * shadow.inner().texel();
+  if (finer && reach(grid.extent) < kUnfaded * shadow.outer().extent) return grid;
+  return {fine_, centre, 0};
+}
+
+void MeshShadowLight::draw(const MeshShadow& shadow) {
   // Drawn where the object is turned, not where it is shifted: grid and object shift together.
   const PlanePlace turn{{0, 0}, place_.cos_sin};
   PlaneGrid inner = shadow.inner(), outer = shadow.outer();
@@ -110,9 +149,51 @@ void MeshShadowLight::draw(const MeshShadow& shadow, Set& set) const {
   const ShadowTriangles moved =
       turn.turned() ? shadow.triangles().moved(turn.cos_sin, {0, 0}) : ShadowTriangles();
   const ShadowTriangles& triangles = turn.turned() ? moved : shadow.triangles();
-  set.inner = draw_all(triangles, set.split.directions(), inner);
-  set.outer = draw_all(triangles, set.split.directions(), outer);
-  set.drawn = true;
+  fine_map_ = fine_grid(shadow, triangles);
+  for (Set* set : {&now_, before_ ? &*before_ : nullptr}) {
+    if (!set) continue;
+    const std::vector<glm::vec3>& directions = set->split.directions();
+    if (!set->drawn) {
+      set->inner = draw_all(triangles, directions, inner);
+      set->outer = draw_all(triangles, directions, outer);
+      set->drawn = true;
+    }
+    std::vector<glm::vec3> compact;
+    for (const int k : set->compact) compact.push_back(directions[std::size_t(k)]);
+    set->fine = fine_map_.extent > 0 ? draw_all(triangles, compact, fine_map_) : SparseCover();
+  }
+}
+
+// From what is left by all other light, between the texels of its maps, and what the compact lights
+// leave at the fine map's own.
+void MeshShadowLight::add_fine(const ShadowMap& rest, ShadowMap& map) const {
+  const int n = fine_map_.size;
+  std::vector<float> lost = no_loss(n);
+  for (const Set* set : {&now_, before_ ? &*before_ : nullptr}) {
+    if (!set || set->compact.empty()) continue;
+    std::vector<glm::vec4> lights;
+    for (const int k : set->compact) lights.push_back(set->lights[std::size_t(k)]);
+    set->fine.add(lights, lost);
+  }
+  map.fine = unblocked(lost, n);
+  map.fine_centre = fine_map_.centre + place_.offset, map.fine_extent = fine_map_.extent;
+  const ShadowLookUp look_up(rest);
+  parallel_for(n, 16, [&](int begin, int end) {
+    std::vector<glm::vec2> points(static_cast<std::size_t>(n));
+    std::vector<glm::vec3> ratios(points.size());
+    for (int y = begin; y < end; ++y) {
+      for (int x = 0; x < n; ++x)
+        points[std::size_t(x)] =
+            map.fine_centre + map.fine_extent * glm::vec2(shared::plane_offset(x, float(n)),
+                                                          shared::plane_offset(y, float(n)));
+      look_up.sample(points, ratios);
+      float* row = map.fine.row(y);
+      for (int i = 0; i < 3 * n; ++i) {
+        const float left = (&ratios[0].x)[i] - row[i];
+        row[i] = left < 2 * kNothing ? 0 : left;  // the look-up errs by as much again
+      }
+    }
+  });
 }
 
 std::vector<glm::vec4> MeshShadowLight::share_out(const MeshShadow& shadow, bool& no_light) {
@@ -124,7 +205,8 @@ std::vector<glm::vec4> MeshShadowLight::share_out(const MeshShadow& shadow, bool
     for (const glm::vec4& w : own) total += glm::dvec3(w);
     glm::vec4 scale(0);
     for (int k = 0; k < 3; ++k) scale[k] = total[k] > 0 ? float(part / total[k]) : 0;
-    for (glm::vec4& w : set.weights.directions) w *= scale;
+    set.lights = set.weights.directions;
+    for (glm::vec4& w : set.lights) w *= scale;
     for (std::size_t i = 0; i < own.size(); ++i) cells[i] += own[i] * scale;
     no_light = total == glm::dvec3(0);
   };
@@ -142,8 +224,9 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
   update(radiance);
   const bool turned = place->cos_sin != place_.cos_sin;
   place_ = *place;
-  for (Set* set : {&now_, before_ ? &*before_ : nullptr})
-    if (set && (turned || !set->drawn)) draw(shadow, *set);
+  if (turned) now_.drawn = false;
+  if (turned && before_) before_->drawn = false;
+  if (!now_.drawn || (before_ && !before_->drawn)) draw(shadow);
   const float turn = std::atan2(place_.cos_sin.y, place_.cos_sin.x);
   if (sums_.size() != now_.weights.rest_size || sums_.turn() != turn)
     sums_ = CellSums(shadow.cells(), now_.weights.rest_size, turn);
@@ -153,30 +236,51 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
   map.extent = shadow.inner().extent, map.outer_extent = shadow.outer().extent;
   const std::vector<glm::vec4> cells = share_out(shadow, map.no_light);
   ShadowMap soft;  // what the cells leave, where the object is turned
-  const auto add_lights = [&](std::vector<float>& lost, SparseCover Set::*cover) {
-    (now_.*cover).add(now_.weights.directions, lost);
-    if (before_) ((*before_).*cover).add(before_->weights.directions, lost);
+  const bool fine = fine_map_.extent > 0;
+  const auto add_lights = [&](std::vector<float>& lost, SparseCover Set::*cover, bool rest) {
+    for (const Set* set : {&now_, before_ ? &*before_ : nullptr}) {
+      if (!set) continue;
+      std::vector<glm::vec4> lights = set->lights;
+      for (const int k : set->compact)
+        if (rest) lights[std::size_t(k)] = glm::vec4(0);
+      (set->*cover).add(lights, lost);
+    }
   };
-  const auto make = [&](const SparseCover& table, SparseCover Set::*cover, Image<float>& own) {
-    std::vector<float> lost = no_loss(table);
+  ShadowMap rest;  // without the compact lights that the fine map is of
+  const auto make = [&](const SparseCover& table, SparseCover Set::*cover, Image<float>& own,
+                        Image<float>& of_rest) {
+    std::vector<float> lost = no_loss(table.size());
     table.add(cells, lost);
     if (place_.turned()) {
       own = unblocked(lost, table.size());
       to_ratio(own);
       std::fill(lost.begin(), lost.end(), 0.0f);
     }
-    add_lights(lost, cover);
+    if (fine) {
+      std::vector<float> of_others = lost;
+      add_lights(of_others, cover, true);
+      of_rest = unblocked(of_others, table.size());
+    }
+    add_lights(lost, cover, false);
     return unblocked(lost, table.size());
   };
-  map.ratio = make(shadow.tables().inner, &Set::inner, soft.ratio);
-  map.outer = make(shadow.tables().outer, &Set::outer, soft.outer);
-  if (place_.turned()) {
-    soft.extent = map.extent, soft.outer_extent = map.outer_extent;
-    add_turned(soft, shadow.inner(), place_.cos_sin, map.ratio);
-    add_turned(soft, shadow.outer(), place_.cos_sin, map.outer);
+  map.ratio = make(shadow.tables().inner, &Set::inner, soft.ratio, rest.ratio);
+  map.outer = make(shadow.tables().outer, &Set::outer, soft.outer, rest.outer);
+  soft.extent = map.extent, soft.outer_extent = map.outer_extent;
+  const auto finish = [&](ShadowMap& whole) {
+    if (place_.turned()) {
+      add_turned(soft, shadow.inner(), place_.cos_sin, whole.ratio);
+      add_turned(soft, shadow.outer(), place_.cos_sin, whole.outer);
+    }
+    to_ratio(whole.ratio), to_ratio(whole.outer);
+    fade_border(whole.outer);
+  };
+  finish(map);
+  if (fine && !map.no_light) {
+    rest.centre = map.centre, rest.extent = map.extent, rest.outer_extent = map.outer_extent;
+    finish(rest);
+    add_fine(rest, map);
   }
-  to_ratio(map.ratio), to_ratio(map.outer);
-  fade_border(map.outer);
   return map;
 }
 

@@ -18,28 +18,39 @@ namespace fastibl {
 // Kept from one light to the next, of one object: where its directions are, and what they hide.
 class MeshShadowLight {
  public:
-  explicit MeshShadowLight(const SkySplitOptions& options = {}) : options_(options) {}
+  // fine: texels along an edge of a map of its own for a compact light, a sun or lamp of a few
+  // degrees with at least kCompactShare of the irradiance; 0 for none.
+  explicit MeshShadowLight(const SkySplitOptions& options = {}, int fine = 0)
+      : options_(options), fine_(fine) {}
 
   // The shadow of the object where it stands. The directions stay while they suit the light, so
-  // that nothing flickers; new ones are faded in over kFadeCasts casts, faster the more light the
-  // old ones miss. Throws std::invalid_argument for a pose that MeshShadow::place refuses.
+  // that nothing flickers; new ones are faded in over kFadeCasts casts, faster while much of the
+  // light moves. Throws std::invalid_argument for a pose that MeshShadow::place refuses.
   // The map's outer image is faded to 1 at its border, so that no edge is seen there.
   ShadowMap cast(const MeshShadow& shadow, const CubeMap& radiance,
                  const Pose& marker_from_object = {});
 
+  static constexpr float kCompactShare = 0.1f;
+
+  int fine() const { return fine_; }
   int directions() const { return int(now_.split.directions().size()); }
   int splits() const { return splits_; }  // how often directions were chosen
-  static constexpr int kFadeCasts = 16;
+  static constexpr int kFadeCasts = 32;
 
  private:
   struct Set {
     SkySplit split;
     SparseCover inner, outer;  // of the split's directions
     bool drawn = false;        // for place_
+    std::vector<int> compact;  // directions that the fine map is of
+    SparseCover fine;
     SkySplit::Weights weights;
+    std::vector<glm::vec4> lights;  // weights of the directions, as shares of what is shown
   };
   void update(const CubeMap& radiance);
-  void draw(const MeshShadow& shadow, Set& set) const;
+  void draw(const MeshShadow& shadow);
+  PlaneGrid fine_grid(const MeshShadow& shadow, const ShadowTriangles& triangles);
+  void add_fine(const ShadowMap& rest, ShadowMap& map) const;
   // Weights of the cells, and of the directions in place.
   std::vector<glm::vec4> share_out(const MeshShadow& shadow, bool& no_light);
 
@@ -47,9 +58,10 @@ class MeshShadowLight {
   Set now_;
   std::optional<Set> before_;  // while the directions are faded
   float fade_ = 1;             // of now_
-  float step_ = 1;
   CellSums sums_;
   PlanePlace place_;
+  int fine_ = 0;
+  PlaneGrid fine_map_;  // of extent 0 if there is none
   int splits_ = 0;
 };
 

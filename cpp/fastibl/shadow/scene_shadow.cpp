@@ -10,7 +10,8 @@ ShadowMap SceneShadow::cast(const CubeMap& radiance, glm::vec3 plane_irradiance,
   if (scene.shadow_method(options.method) == ShadowMethod::mesh) {
     check(scene.baked_shadow != nullptr,
           "the mesh method needs a baked shadow of the scene's object, got a scene without one");
-    if (baked_ != scene.baked_shadow) baked_ = scene.baked_shadow, light_ = MeshShadowLight();
+    if (baked_ != scene.baked_shadow || light_.fine() != options.settings.fine)
+      baked_ = scene.baked_shadow, light_ = MeshShadowLight({}, options.settings.fine);
     if (baked_->place(scene.marker_from_object))
       return light_.cast(*baked_, radiance, scene.marker_from_object);
     by_spheres.method = ShadowMethod::directions;

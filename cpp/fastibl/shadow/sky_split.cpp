@@ -274,6 +274,41 @@ float SkySplit::misfit(const Weights& weights) const {
   return share > kLeast ? share : 0;
 }
 
+std::vector<int> SkySplit::compact(float least_share) const {
+  std::vector<int> found;
+  if (shares_.empty()) return found;
+  // The strongest by what lies around it: a sun's disc may be many directions.
+  const float least_cosine = std::cos(kCompact);
+  const auto around = [&](std::size_t k, std::size_t i) {
+    return glm::dot(directions_[k], directions_[i]) >= least_cosine;
+  };
+  float most = 0;
+  std::size_t strongest = 0;
+  for (std::size_t k = 0; k < shares_.size(); ++k) {
+    float sum = 0;
+    for (std::size_t i = 0; i < shares_.size(); ++i) sum += around(k, i) ? shares_[i] : 0;
+    if (sum > most) most = sum, strongest = k;
+  }
+  for (std::size_t i = 0; most >= least_share && i < shares_.size(); ++i)
+    if (around(strongest, i)) found.push_back(int(i));
+  return found;
+}
+
+float SkySplit::moved(const Weights& before, const Weights& after) const {
+  // Of shares, so that light which changes as a whole moves nowhere.
+  glm::vec3 scale[2];
+  const Weights* weights[2] = {&before, &after};
+  for (int k = 0; k < 2; ++k) scale[k] = brightness_scale(weights[k]->irradiance) / kPi;
+  float sum = 0;
+  for (std::size_t i = 0; i < after.directions.size(); ++i)
+    sum += std::fabs(glm::dot(glm::vec3(after.directions[i]), scale[1]) -
+                     glm::dot(glm::vec3(before.directions[i]), scale[0]));
+  for (std::size_t i = 0; i < after.rest.size(); ++i)
+    sum += std::fabs(glm::dot(after.rest[i], scale[1]) - glm::dot(before.rest[i], scale[0])) *
+           rest_cosines_[i];
+  return 0.5f * sum;
+}
+
 CellSums::CellSums(const SkyCells& cells, int size, float turn)
     : size_(size), cells_(cells.count()), turn_(turn) {
   // Pieces of texels, so that cells get their parts of those that lie across their edges.

@@ -44,6 +44,12 @@ class SkySplit {
   // Share of the irradiance for which this split is not made: of directions that hold more than
   // four times what they held, and of new light in the rest. 0 below 2 %.
   float misfit(const Weights& weights) const;
+  // The directions within kCompact of the strongest of them, if these hold at least that share of
+  // the irradiance when it was split; otherwise none.
+  std::vector<int> compact(float least_share) const;
+  static constexpr float kCompact = 0.05f;  // radians: three degrees
+  // Share of the irradiance that is elsewhere, by its own directions and rests.
+  float moved(const Weights& before, const Weights& after) const;
 
  private:
   // Part of the radiance of a texel, which belongs to a direction.

@@ -161,6 +161,14 @@ ShadowTriangles::ShadowTriangles(const Mesh& mesh) {
   }
 }
 
+ShadowTriangles::Box ShadowTriangles::box() const {
+  if (x_.empty()) return {};
+  const auto [x0, x1] = std::minmax_element(x_.begin(), x_.end());
+  const auto [y0, y1] = std::minmax_element(y_.begin(), y_.end());
+  const auto [z0, z1] = std::minmax_element(z_.begin(), z_.end());
+  return {{*x0, *y0, *z0}, {*x1, *y1, *z1}};
+}
+
 ShadowTriangles ShadowTriangles::moved(glm::vec2 cos_sin, glm::vec2 offset) const {
   ShadowTriangles out = *this;
   for (std::size_t i = 0; i < x_.size(); ++i) {

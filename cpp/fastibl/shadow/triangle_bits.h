@@ -20,6 +20,10 @@ class ShadowTriangles {
 
   bool empty() const { return a_.empty(); }
   int count() const { return int(a_.size()); }
+  struct Box {
+    glm::vec3 lower{0}, upper{0};
+  };
+  Box box() const;  // of all vertices
   // The same triangles, turned about z by the angle whose cosine and sine these are, then moved.
   ShadowTriangles moved(glm::vec2 cos_sin, glm::vec2 offset) const;
 

@@ -59,6 +59,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
               object_area.y1);
   glUniform4f(p.uniform("ratio_place"), place.centre.x, place.centre.y, place.extent,
               place.outer.empty() ? 0 : place.outer_extent);
+  set(p, "fine_place", glm::vec3(place.fine_centre, place.fine.empty() ? 0 : place.fine_extent));
   set(p, "eye", eye);
   set(p, "marker_from_camera", glm::mat3(marker_from_camera.rotation));
   if (!camera.vignetting.empty()) {
@@ -71,6 +72,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   if (!shadowed.empty()) {
     gpu.bind("ratio_map", shadow.ratio());
     gpu.bind("outer_map", shadow.outer());
+    gpu.bind("fine_map", shadow.fine());
   }
   if (rays) camera_.bind_rays(gpu);
   gpu.target(0, picture_);

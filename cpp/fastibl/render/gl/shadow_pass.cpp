@@ -37,6 +37,7 @@ void ShadowPass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   if (!caps) {
     upload(gpu, shadow_.ratio, ratio_);
     upload(gpu, shadow_.outer, outer_);
+    upload(gpu, shadow_.fine, fine_);
     return;
   }
   light.upload_radiance(gpu, in.lighting.radiance);

@@ -17,10 +17,11 @@ class ShadowPass {
   const ShadowMap& place() const { return shadow_; }  // without its ratio, which may be old
   const Texture& ratio() const { return ratio_; }
   const Texture& outer() const { return shadow_.outer.empty() ? ratio_ : outer_; }
+  const Texture& fine() const { return shadow_.fine.empty() ? ratio_ : fine_; }
   const ShadowMap& shadow_map(Gpu& gpu);  // reads back; outside a scope
 
  private:
-  Texture ratio_, outer_, spheres_;
+  Texture ratio_, outer_, fine_, spheres_;
   SceneShadow caster_;
   ShadowMap shadow_;  // its ratio is read back on request
   bool read_ = true;
