@@ -1,5 +1,5 @@
 #version 300 es
-// Back picture times shadow ratio, the object over it, encoded with the camera's response. Variants:
+// Back picture times the gain of the plane, the object over it, encoded with the camera's response. Variants:
 //   MATTE       1: no back picture; straight alpha, a shadow is black
 //   OBJECT      1: there is an object
 //   SHADOW      1: there is a shadow map and a camera above the plane
@@ -120,7 +120,8 @@ void main() {
 #endif
   vec3 ratio = o.a < 1.0 ? ratio_of_pixel(pixel) : vec3(1.0);
 #if MATTE
-  float alpha = o.a + (1.0 - o.a) * (1.0 - (ratio.r + ratio.g + ratio.b) / 3.0);
+  // Straight alpha can only darken what is behind: what the object adds to the plane is left out.
+  float alpha = o.a + (1.0 - o.a) * max(1.0 - (ratio.r + ratio.g + ratio.b) / 3.0, 0.0);
   picture = alpha > 0.0
                 ? vec4(encode(exposure_at(pixel) * o.rgb / alpha), floor(255.0 * alpha + 0.5) / 255.0)
                 : vec4(0.0);

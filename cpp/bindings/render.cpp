@@ -24,6 +24,11 @@ std::unique_ptr<Renderer> renderer_named(const std::string& backend) {
   throw py::value_error("backend must be \"cpu\" or \"gl\", got \"" + backend + "\"");
 }
 
+void set_look(Scene& scene, const ShadowLook& look) {
+  look.validate();
+  scene.shadow_look = look;
+}
+
 // What Python sees of a processed frame; arrays are made when asked for.
 struct Result {
   FrameResult frame;
@@ -79,6 +84,20 @@ for no self-shadow at all.)")
 
 Without it that method raises ValueError; where the object is tilted or lifted off the plane, its spheres cast the
 shadow.)")
+      .def_property(
+          "shadow_strength", [](const Scene& s) { return s.shadow_look.strength; },
+          [](Scene& s, double strength) {
+            set_look(s, {float(strength), s.shadow_look.color});
+          },
+          "How much of the shadow is drawn, from 0 (none) to 1 (as it falls, the default).")
+      .def_property(
+          "shadow_color", [](const Scene& s) { return colour_tuple(s.shadow_look.color); },
+          [](Scene& s, const py::object& color) {
+            set_look(s, {s.shadow_look.strength, require_colour(color, "shadow_color")});
+          },
+          "Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black "
+          "by "
+          "default.")
       .def("__repr__", [](const Scene& s) {
         return "<fastibl.Scene of " + std::to_string(s.mesh.triangles.size()) + " triangles, " +
                std::to_string(s.spheres.size()) + " spheres>";
@@ -165,6 +184,21 @@ shadow.)")
       .def_property_readonly("scene", &Session::scene)
       .def_property_readonly("shadow_map", &Session::shadow_map,
                              "ShadowMap of the last frame: .image, .extent.")
+      .def_property_readonly(
+          "plane_gain", &Session::plane_gain,
+          R"(ShadowMap of what the plane's picture was multiplied by in the last frame.
+
+Its ratio is the shadow's as strength and colour have it, and the light that the object sends to the plane by what the
+plane gets without the object: it may exceed 1.)")
+      .def(
+          "set_shadow_look",
+          [](Session& s, double strength, const py::object& color) {
+            s.set_shadow_look({float(strength), require_colour(color, "color")});
+          },
+          py::arg("strength") = 1.0, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
+          "Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. "
+          "Raises "
+          "ValueError for values outside [0, 1].")
       .def_property_readonly("object", &Session::object, "ObjectLayer of the last frame.")
       .def_property_readonly("capture", &Session::capture,
                              py::return_value_policy::reference_internal)

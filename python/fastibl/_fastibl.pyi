@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -847,6 +847,28 @@ class PlaneExchange:
         """
         Half the edge of all cells together, metres.
         """
+class Bounce:
+    """
+    One bounce of diffuse light between a scene's object and the plane, for other renderers.
+
+    scene: Scene, where it stands. Raises ValueError for one without visibility_rays.
+    """
+    def __init__(self, scene: ...) -> None:
+        ...
+    def update(self, lighting: _Lighting, shadow: ShadowMap) -> None:
+        """
+        Work it out for a Lighting and the ShadowMap of the object under it.
+        """
+    @property
+    def plane_gain(self) -> ShadowMap:
+        """
+        ShadowMap that the picture of the plane is multiplied by; it may exceed 1.
+        """
+    @property
+    def shares(self) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Of the irradiance by the map that reaches each vertex (v, 3): without what the object hides and what its shadow takes from the plane below.
+        """
 class SelfShadow:
     """
     The light that an object keeps from itself, by vertex.
@@ -975,9 +997,12 @@ class _Methods:
         ...
     def __eq__(self, arg0: _Methods) -> bool:
         ...
-    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], self_shadow: str = 'auto') -> None:
+    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], self_shadow: str = 'auto', bounce: str = 'auto') -> None:
         ...
     def __repr__(self) -> str:
+        ...
+    @property
+    def bounce(self) -> str:
         ...
     @property
     def capture(self) -> str:
@@ -1107,6 +1132,22 @@ class Scene:
     def mesh(self) -> Mesh:
         ...
     @property
+    def shadow_color(self) -> tuple:
+        """
+        Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black by default.
+        """
+    @shadow_color.setter
+    def shadow_color(self, arg1: typing.Any) -> None:
+        ...
+    @property
+    def shadow_strength(self) -> float:
+        """
+        How much of the shadow is drawn, from 0 (none) to 1 (as it falls, the default).
+        """
+    @shadow_strength.setter
+    def shadow_strength(self, arg1: typing.SupportsFloat | typing.SupportsIndex) -> None:
+        ...
+    @property
     def spheres(self) -> numpy.typing.NDArray[numpy.float32]:
         """
         (m, 4) float32: centre and radius, mesh frame.
@@ -1207,6 +1248,10 @@ class _Session:
         """
         Use another material from the next frame on.
         """
+    def set_shadow_look(self, strength: typing.SupportsFloat | typing.SupportsIndex = 1.0, color: typing.Any = (0.0, 0.0, 0.0)) -> None:
+        """
+        Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. Raises ValueError for values outside [0, 1].
+        """
     @property
     def backend(self) -> str:
         ...
@@ -1221,6 +1266,14 @@ class _Session:
     @property
     def plan(self) -> Plan:
         ...
+    @property
+    def plane_gain(self) -> ShadowMap:
+        """
+        ShadowMap of what the plane's picture was multiplied by in the last frame.
+
+        Its ratio is the shadow's as strength and colour have it, and the light that the object sends to the plane by what the
+        plane gets without the object: it may exceed 1.
+        """
     @property
     def scene(self) -> Scene:
         ...

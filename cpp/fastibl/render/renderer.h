@@ -29,6 +29,9 @@ struct RenderInput {
   // What the object lets through of its own light at each vertex: of the irradiance (RGB), and of
   // the glossy term. Empty: P_V of the scene, and all of it.
   std::span<const glm::vec4> light_shares = {};
+  // What the plane's picture is multiplied by, where that is not the ratio of the shadow pass:
+  // another object for another map.
+  std::shared_ptr<const ShadowMap> plane_gain = nullptr;
 };
 
 class Renderer {

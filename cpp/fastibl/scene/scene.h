@@ -8,6 +8,7 @@
 #include "fastibl/scene/material.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/methods.h"
+#include "fastibl/scene/shadow_look.h"
 #include "fastibl/scene/shadow_map.h"
 #include "fastibl/scene/vertex_visibility.h"
 
@@ -27,6 +28,7 @@ struct Scene {
   SphereSet spheres;  // proxies of the mesh, in its frame
   // What the mesh hides of the sky, for the `mesh` shadow, see shadow/mesh_shadow.h; may be null.
   std::shared_ptr<const MeshShadow> baked_shadow = nullptr;
+  ShadowLook shadow_look;
 
   // What `automatic` stands for: `mesh` where the object was baked, else `directions`.
   ShadowMethod shadow_method(ShadowMethod asked) const {

@@ -272,7 +272,8 @@ Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& ca
     for (int x = area.x0; x < area.x1; ++x) {
       const glm::vec4 o = object_at(object, x, y);
       const glm::vec3 ratio = ratios[std::size_t(x - area.x0)];
-      const float darkness = 1 - (ratio.x + ratio.y + ratio.z) / 3;
+      // Straight alpha can only darken what is behind.
+      const float darkness = std::max(1 - (ratio.x + ratio.y + ratio.z) / 3, 0.0f);
       const float alpha = o.w + (1 - o.w) * darkness;
       if (alpha <= 0) continue;
       std::uint8_t* p = out.pixel(x, y);

@@ -30,15 +30,16 @@ struct RayTable {
   explicit RayTable(const Camera& c);
 };
 
-// Back picture × shadow ratio, the object over it, in linear light, encoded with the camera's
-// response. Pixels without object whose ratio is 1 keep their bytes. An empty picture gives black
-// there.
+// Back picture × shadow ratio (or the gain of the plane, which may exceed 1), the object over it,
+// in linear light, encoded with the camera's response. Pixels without object whose ratio is 1 keep
+// their bytes. An empty picture gives black there.
 Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
                               const ShadowMap& shadow);
 
 // Object and shadow without a picture behind: straight (not premultiplied) encoded RGB and alpha,
-// where a shadow is black with alpha 1 − ratio (mean over RGB).
+// where a shadow is black with alpha 1 − ratio (mean over RGB; 0 where that
+// is negative).
 Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& camera_from_marker,
                           const ObjectLayer& object, const ShadowMap& shadow);
 

@@ -27,13 +27,14 @@ class CpuRenderer final : public Renderer {
                         in.scene.material, in.lighting, eye);
         return;
       }
-      case PassId::composite:
+      case PassId::composite: {
+        const ShadowMap& plane = in.plane_gain ? *in.plane_gain : shadow_;
         if (!rays_ || rays_->camera != in.camera) rays_.emplace(in.camera);
-        image_ =
-            in.back.empty()
-                ? matte(in.exposure, *rays_, in.camera_from_marker, object_, shadow_)
-                : composite(in.back, in.exposure, *rays_, in.camera_from_marker, object_, shadow_);
+        image_ = in.back.empty() ? matte(in.exposure, *rays_, in.camera_from_marker, object_, plane)
+                                 : composite(in.back, in.exposure, *rays_, in.camera_from_marker,
+                                             object_, plane);
         return;
+      }
       default:
         check(false, "the CPU back end has no pass ", name(pass));
     }

@@ -16,10 +16,20 @@ void fill(Gpu& gpu, Texture& t, int width, int height, const std::uint8_t* data)
 
 }  // namespace
 
+void CompositePass::upload_gain(Gpu& gpu, const std::shared_ptr<const ShadowMap>& gain) {
+  if (gain == gain_map_) return;
+  gain_map_ = nullptr;  // until it is uploaded
+  if (!gain) return;
+  upload(gpu, gain->ratio, gain_);
+  upload(gpu, gain->outer, outer_gain_);
+  gain_map_ = gain;
+}
+
 void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade,
                         const RenderInput& in) {
   const Camera& camera = in.camera;
-  const ShadowMap& place = shadow.place();
+  upload_gain(gpu, in.plane_gain);
+  const ShadowMap& place = gain_map_ ? *gain_map_ : shadow.place();
   const Area& object_area = shade.area();
   const bool matte = in.back.empty();
   bytes_ = matte ? Image<std::uint8_t>(camera.width, camera.height, 4)
@@ -69,8 +79,8 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   if (!matte) gpu.bind("back", back_);
   if (!object_area.empty()) gpu.bind("object", shade.object());
   if (!shadowed.empty()) {
-    gpu.bind("ratio_map", shadow.ratio());
-    gpu.bind("outer_map", shadow.outer());
+    gpu.bind("ratio_map", gain_map_ ? gain_ : shadow.ratio());
+    gpu.bind("outer_map", !gain_map_ ? shadow.outer() : place.outer.empty() ? gain_ : outer_gain_);
   }
   if (rays) camera_.bind_rays(gpu);
   gpu.target(0, picture_);

@@ -1,0 +1,254 @@
+"""The object in its place: one bounce to and from the plane, the look of the shadow, real objects as holdouts."""
+
+import itertools
+
+import numpy as np
+import pytest
+from test_gl import look_at, marked_map, needs_gl, torus
+
+import fastibl
+from conftest import same_error
+from fastibl.truth import TrueRenderer
+from views import camera_of
+
+BACKENDS = ["cpu", pytest.param("gl", marks=needs_gl)]
+CAMERA = camera_of(160, 120, 40.0)
+VIEW = fastibl.Pose(look_at((0.12, -0.3, 0.2)))
+GREY = np.full((120, 160, 3), 120, np.uint8)
+EXPOSURE = 0.3
+
+
+def ball(radius=0.03, height=0.031, around=32, centre=(0.0, 0.0)):
+    u = np.arange(around) * 2 * np.pi / around
+    v = (np.arange(around // 2 + 1)) * np.pi / (around // 2)
+    x = np.stack(
+        [np.outer(np.sin(v), np.cos(u)), np.outer(np.sin(v), np.sin(u)), np.outer(np.cos(v), np.ones(around))], -1
+    )
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(around // 2), np.arange(around), indexing="ij"))
+    a, b = i * around + j, i * around + (j + 1) % around
+    triangles = np.concatenate([np.stack([a, a + around, b], -1), np.stack([b, a + around, b + around], -1)])
+    return fastibl.Mesh(x.reshape(-1, 3) * radius + [*centre, height], triangles)
+
+
+def scene_of(mesh=None, material=None, **options):
+    return fastibl.Scene(mesh or torus(), material or fastibl.Material(diffuse=(0.8, 0.5, 0.2)), spheres=20, **options)
+
+
+def session_of(scene, source, backend="cpu", methods=None, **options):
+    return fastibl.Session(
+        scene, fastibl.Rig(CAMERA), environment=source, backend=backend, methods=methods or "auto", **options
+    )
+
+
+def shown(session, time=0.0, back=GREY, exposure=EXPOSURE, pose=VIEW):
+    return session.process(fastibl.Frame(time, back=back, back_exposure=exposure, back_from_marker=pose))
+
+
+def uniform(radiance=1.0):
+    return fastibl.CubeMap(np.full((6, 32, 32, 3), radiance, np.float32))
+
+
+# --- one bounce
+
+
+@pytest.mark.parametrize("light", ["marked", "uniform"])
+def test_the_bounce_against_brute_force(light):
+    source = marked_map() if light == "marked" else uniform()
+    scene = scene_of()
+    true = TrueRenderer(scene, extent=0.15)
+    session = session_of(scene, source)
+    shown(session)
+    points, outside = true.plane_points, true.outside_footprint
+    added = session.plane_gain.sample(points) - session.shadow_map.sample(points)
+    true_added = true.plane_gain(source) - true.plane_ratio(source)
+    off = np.sqrt(((added - true_added)[outside] ** 2).mean())
+    size = np.sqrt((true_added[outside] ** 2).mean())
+    print(f"{light}: light from the object to the plane off by {off:.4f} RMS, {off / size:.1%} of {size:.4f}")
+    assert size > 0.003 and off < 0.1 * size
+    # What the vertices lose, in the picture: much nearer to the truth that has it.
+    ours, without = (shown(session_of(scene, source, methods=m)).image for m in ("auto", {"bounce": "none"}))
+    truth = true.render(GREY, EXPOSURE, CAMERA, VIEW, source).image.astype(int)
+    errors = [np.sqrt(((image - truth)[truth.max(axis=-1) != 120] ** 2).mean()) for image in (ours, without)]
+    print(f"{light}: picture off by {errors[0]:.2f} codes with the bounce, {errors[1]:.2f} without")
+    assert errors[0] < 0.75 * errors[1]
+
+
+def test_a_white_ball_near_the_plane_under_a_uniform_sky():
+    """Under the ball the plane is dark and the ball's underside with it; beside a glowing ball the plane is brighter
+    than without: the gain exceeds 1 and the ratio does not."""
+    mesh = ball(around=64)
+    below = np.array([[0.0, 0.0]])
+    glow = session_of(scene_of(mesh, fastibl.Material(diffuse=(0, 0, 0), emission=(5, 5, 5))), uniform())
+    shown(glow)
+    gain, ratio = glow.plane_gain, glow.shadow_map
+    # A sphere of radiance L, radius r, centred h above: form factor of its disc, r^2/h^2 at the point below.
+    expected = 5 * (0.03 / 0.031) ** 2
+    print(f"below a glowing ball: gain {gain.sample(below)[0, 0]:.3f}, expected about {expected:.3f}")
+    assert gain.sample(below)[0, 0] == pytest.approx(expected, rel=0.1)
+    assert gain.image.max() > 1 and ratio.image.max() <= 1 and ratio.image.min() >= 0
+    far = np.array([[0.08, 0.0]])
+    d2 = 0.08**2 + 0.031**2
+    expected = 5 * 0.03**2 * 0.031 / d2**1.5  # a sphere wholly above the horizon: (r/d)^2 cos
+    added = (gain.sample(far) - ratio.sample(far))[0, 0]
+    print(f"5 cm beside it: {added:.4f}, expected {expected:.4f}")
+    assert added == pytest.approx(expected, rel=0.05)
+    # Nothing glows and nothing reflects: no bounce, and the gain is the ratio.
+    black = session_of(scene_of(mesh, fastibl.Material(diffuse=(0, 0, 0), glossy=(0.5, 0.5, 0.5))), uniform())
+    assert "bounce" not in shown(black).passes
+    assert black.plane_gain == black.shadow_map
+
+
+def test_the_underside_darkens_towards_contact():
+    source = uniform()
+    scene = scene_of(ball(), fastibl.Material(diffuse=(0.8, 0.8, 0.8)))
+    view = fastibl.Pose(look_at((0.0, -0.3, 0.03), (0, 0, 0.03)))
+    dark = {}
+    for bounce in ("none", "one-bounce"):
+        session = session_of(scene, source, methods={"bounce": bounce})
+        shown(session, pose=view)
+        layer = session.object
+        full = layer.rgba[..., 3] == 1
+        column = layer.rgba[:, layer.rgba.shape[1] // 2, 0][full[:, layer.rgba.shape[1] // 2]]
+        dark[bounce] = column
+    assert np.ptp(dark["none"]) < 0.02  # a uniform world, above and below
+    lit = dark["one-bounce"]
+    print(f"bottom {lit[-1]:.3f}, top {lit[0]:.3f} of {dark['none'][0]:.3f}")
+    assert lit[-1] < 0.4 * lit[0] and lit[0] == pytest.approx(dark["none"][0], rel=0.02)
+    assert (np.diff(lit) < 0.01).all()  # ever darker downwards
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_bounce_runs_when_light_place_or_material_change_and_not_else(backend):
+    session = session_of(scene_of(), marked_map(), backend)
+    assert {"bounce", "plane"} <= set(shown(session).passes)
+    assert not {"bounce", "plane"} & set(shown(session, 0.1, pose=fastibl.Pose(look_at((0.2, -0.2, 0.2)))).passes)
+    session.set_material(fastibl.Material(diffuse=(0.1, 0.5, 0.9)))
+    assert {"bounce", "plane"} <= set(shown(session, 0.2).passes)
+    session.move(fastibl.Pose.from_rotation_vector(np.array([0, 0, 0.5]), np.array([0.02, 0.01, 0.0])))
+    assert {"bounce", "plane"} <= set(shown(session, 0.3).passes)
+    session.set_environment(fastibl.Environment(uniform()))
+    assert {"bounce", "plane"} <= set(shown(session, 0.4).passes)
+    fresh = scene_of(material=fastibl.Material(diffuse=(0.1, 0.5, 0.9)))
+    again = session_of(fresh, uniform(), backend)
+    again.move(session.scene.marker_from_object)
+    assert np.array_equal(shown(session, 0.5).image, shown(again).image)
+
+
+def test_a_turned_object_takes_its_bounce_along_and_a_tilted_one_gets_another():
+    mesh, source = torus(), uniform()
+    plain = session_of(scene_of(mesh), source)
+    shown(plain)
+    points = np.stack(np.meshgrid(np.linspace(-0.1, 0.1, 21), np.linspace(-0.1, 0.1, 21)), -1).reshape(-1, 2)
+
+    def added(session, at):
+        return session.plane_gain.sample(at) - session.shadow_map.sample(at)
+
+    turn, shift = 0.7, np.array([0.05, -0.03])
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    moved = session_of(scene_of(mesh), source)
+    moved.move(fastibl.Pose.from_rotation_vector(np.array([0, 0, turn]), np.array([*shift, 0.0])))
+    shown(moved)
+    off = np.abs(added(moved, points @ rotation.T + shift) - added(plain, points)).max()
+    print(f"turned and moved: off by {off:.4f} of at most {added(plain, points).max():.4f}")
+    assert off < 0.15 * added(plain, points).max()
+    # Lifted by 3 cm: as a mesh that was made there.
+    lifted = session_of(scene_of(mesh), source)
+    lifted.move(fastibl.Pose.from_rotation_vector(np.array([0.4, 0, 0]), np.array([0, 0, 0.03])))
+    shown(lifted)
+    tilt = fastibl.Pose.from_rotation_vector(np.array([0.4, 0, 0]), np.array([0, 0, 0.03]))
+    made = fastibl.Mesh(tilt @ mesh.vertices, mesh.triangles)
+    there = session_of(scene_of(made), source, methods={"shadow": "directions"})
+    shown(there)
+    off = np.abs(added(lifted, points) - added(there, points)).max()
+    print(f"tilted: off by {off:.4f} of {added(there, points).max():.4f}")
+    assert off < 0.1 * added(there, points).max()
+
+
+@pytest.mark.parametrize(
+    "source", [fastibl.CubeMap(np.zeros((6, 8, 8, 3))), uniform(1e-12), uniform(1e5), "one texel", "below"]
+)
+def test_extreme_light_gives_finite_gain(source):
+    if isinstance(source, str):
+        faces = np.zeros((6, 16, 16, 3))
+        faces[4 if source == "one texel" else 5, 3, 4] = 1e5
+        source = fastibl.CubeMap(faces)
+    session = session_of(scene_of(), source)
+    image = shown(session).image
+    gain = session.plane_gain
+    assert np.isfinite(gain.image).all() and (gain.image >= 0).all() and np.isfinite(session.object.rgba).all()
+    assert (session.object.rgba >= 0).all() and image.shape == (120, 160, 3)
+
+
+@needs_gl
+@pytest.mark.parametrize("shadow", ["mesh", "directions", "cap-product"])
+@pytest.mark.parametrize("with_back", [True, False])
+def test_the_back_ends_agree_on_the_bounce(shadow, with_back):
+    made = []
+    for backend in ("cpu", "gl"):
+        scene = scene_of()
+        scene.shadow_strength, scene.shadow_color = 0.8, (0.1, 0.0, 0.3)
+        session = session_of(scene, marked_map(), backend, {"shadow": shadow})
+        made.append(shown(session, back=GREY if with_back else None).image.astype(int))
+    changed = (made[0] != (120 if with_back else 0)).any(axis=-1)
+    off = np.abs(made[0] - made[1]).max(axis=-1)[changed]
+    print(f"{shadow}: {(off <= 2).mean():.2%} of {changed.sum()} pixels within 2/255, worst {off.max()}")
+    assert changed.sum() > 2000 and (off <= 2).mean() >= 0.999
+
+
+# --- the look of the shadow
+
+
+def test_the_default_look_changes_no_byte():
+    source = marked_map()
+    for methods in ("paper", {"bounce": "none"}, "auto"):
+        one = session_of(scene_of(), source, methods=methods)
+        scene = scene_of()
+        scene.shadow_strength, scene.shadow_color = 1.0, (0, 0, 0)
+        other = session_of(scene, source, methods=methods)
+        assert np.array_equal(shown(one).image, shown(other).image)
+        if methods != "auto":
+            assert "plane" not in one.process(fastibl.Frame(0.1, back=GREY, back_from_marker=VIEW)).passes
+            assert one.plane_gain == one.shadow_map
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_strength_and_colour(backend):
+    source, none = marked_map(), {"bounce": "none"}
+    plain = session_of(scene_of(), source, backend, none)
+    dark = shown(plain).image
+    for strength, color in itertools.product((0.0, 0.4, 1.0), ((0, 0, 0), (0.5, 0, 0.25), (1, 1, 1))):
+        scene = scene_of()
+        scene.shadow_strength, scene.shadow_color = strength, color
+        assert scene.shadow_strength == pytest.approx(strength) and scene.shadow_color == pytest.approx(color)
+        session = session_of(scene, source, backend, none)
+        image = shown(session).image
+        ratio, drawn = plain.shadow_map.image, session.plane_gain.image
+        np.testing.assert_allclose(session.shadow_map.image, ratio)  # what is measured stays
+        np.testing.assert_allclose(drawn, 1 - strength * (1 - ratio) * (1 - np.array(color)), atol=1e-6)
+        assert drawn.min() >= 0 and drawn.max() <= 1
+        beside = np.ones(image.shape[:2], bool)
+        layer = session.object
+        h, w = layer.rgba.shape[:2]
+        beside[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba[..., 3] == 0
+        assert (image[beside].astype(int) >= dark[beside].astype(int) - 1).all()
+        if strength == 0 or color == (1, 1, 1):
+            assert (image[beside] == 120).all()
+    # Changed while it runs.
+    plain.set_shadow_look(0.4, (0.5, 0, 0.25))
+    scene = scene_of()
+    scene.shadow_strength, scene.shadow_color = 0.4, (0.5, 0, 0.25)
+    assert np.array_equal(shown(plain, 0.1).image, shown(session_of(scene, source, backend, none)).image)
+    plain.set_shadow_look()
+    assert np.array_equal(shown(plain, 0.2).image, dark)
+
+
+def test_a_look_that_is_none():
+    scene = scene_of()
+    session = session_of(scene, uniform())
+    for bad in (-0.1, 1.1, float("nan"), float("inf")):
+        same_error(lambda bad=bad: setattr(scene, "shadow_strength", bad), ValueError, "strength", "0 to 1")
+        same_error(lambda bad=bad: setattr(scene, "shadow_color", (0, bad, 0)), ValueError)
+        same_error(lambda bad=bad: session.set_shadow_look(bad), ValueError, "strength", "0 to 1")
+        same_error(lambda bad=bad: session.set_shadow_look(1, (0, 0, bad)), ValueError)
+    same_error(lambda: setattr(scene, "shadow_color", (0, 1)), ValueError)
+    assert scene.shadow_strength == 1 and scene.shadow_color == (0, 0, 0)
