@@ -5,6 +5,7 @@
 //   SHADOW      1: there is a shadow map and a camera above the plane
 //   DISTORTION  1: rays come from a table
 //   VIGNETTING  number of coefficients
+//   HOLDOUT     1: real objects are seen beside the object
 //   STEEP       1: several codes may end within one of 4096 equal steps of linear values
 #include "shared/precision.glsl"
 #include "shared/plane.glsl"
@@ -22,6 +23,9 @@ uniform sampler2D back;
 #if OBJECT
 uniform sampler2D object;
 uniform ivec4 object_area;  // first pixel, and one beyond the last
+#if HOLDOUT
+uniform sampler2D holdout;  // what is left of their light times coverage, and coverage
+#endif
 #endif
 #if VIGNETTING
 uniform float vignetting[VIGNETTING];
@@ -119,6 +123,12 @@ void main() {
     o = texelFetch(object, pixel - object_area.xy, 0);
 #endif
   vec3 ratio = o.a < 1.0 ? ratio_of_pixel(pixel) : vec3(1.0);
+#if HOLDOUT
+  if (o.a < 1.0 && all(greaterThanEqual(pixel, object_area.xy)) && all(lessThan(pixel, object_area.zw))) {
+    vec4 h = texelFetch(holdout, pixel - object_area.xy, 0);
+    if (h.a > 0.0) ratio = (h.rgb + max(1.0 - o.a - h.a, 0.0) * ratio) / (1.0 - o.a);
+  }
+#endif
 #if MATTE
   // Straight alpha can only darken what is behind: what the object adds to the plane is left out.
   float alpha = o.a + (1.0 - o.a) * max(1.0 - (ratio.r + ratio.g + ratio.b) / 3.0, 0.0);

@@ -8,6 +8,7 @@ from test_gl import look_at, marked_map, needs_gl, torus
 
 import fastibl
 from conftest import same_error
+from fastibl import reference
 from fastibl.truth import TrueRenderer
 from views import camera_of
 
@@ -252,3 +253,186 @@ def test_a_look_that_is_none():
         same_error(lambda bad=bad: session.set_shadow_look(1, (0, 0, bad)), ValueError)
     same_error(lambda: setattr(scene, "shadow_color", (0, 1)), ValueError)
     assert scene.shadow_strength == 1 and scene.shadow_color == (0, 0, 0)
+
+
+# --- real objects
+
+
+def box(lower, upper):
+    lower, upper = np.array(lower, float), np.array(upper, float)
+    x = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) * (upper - lower) + lower
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return fastibl.Mesh(x, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]))
+
+
+BEFORE, BEHIND = box((0.0, -0.1, 0), (0.05, -0.07, 0.05)), box((-0.05, 0.07, 0), (0.08, 0.09, 0.07))
+
+
+def with_holdouts(*holdouts, **options):
+    scene = scene_of(**options)
+    scene.holdouts = list(holdouts)
+    return scene
+
+
+def layer_picture(layer):
+    """(h, w, 4) over the whole picture."""
+    out = np.zeros((120, 160, 4))
+    h, w = layer.rgba.shape[:2]
+    out[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
+    return out
+
+
+def rays():
+    """Directions (120, 160, 3) in the marker frame, and the eye."""
+    x, y = np.meshgrid(np.arange(160) + 0.5, np.arange(120) + 0.5)
+    marker = VIEW.inverse()
+    return CAMERA.unproject(np.stack([x, y], -1)) @ marker.rotation.T, marker.translation
+
+
+def true_ratio(source, object_mesh, holdouts, points, normals):
+    """By rays to the texels: the light of both by that of the real objects alone, (n, 3)."""
+    d, angle, radiance = reference.samples(source)
+    both = [fastibl.Bvh(mesh) for mesh in (object_mesh, *holdouts)]
+    out = np.empty((len(points), 3))
+    for i, (point, n) in enumerate(zip(points, normals, strict=True)):
+        up = np.flatnonzero(d @ n > 0)
+        starts = np.broadcast_to(point + 1e-5 * n, (len(up), 3)).astype(np.float32)
+        hidden = [bvh.occluded(starts, d[up].astype(np.float32)) for bvh in both]
+        flux = radiance[up] * (angle[up] * (d[up] @ n))[:, None]
+        real = ~np.any(hidden[1:], axis=0)
+        out[i] = (flux * (real & ~hidden[0])[:, None]).sum(axis=0) / (flux * real[:, None]).sum(axis=0)
+    return out
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_is_nearer_hides_what_is_farther(backend):
+    source = uniform()
+    alone = session_of(scene_of(), source, backend)
+    shown(alone)
+    object_alone = layer_picture(alone.object)
+    session = session_of(with_holdouts(BEFORE, BEHIND), source, backend)
+    image = shown(session).image.astype(int)
+    object_, real = layer_picture(session.object), layer_picture(session.holdout)
+    d, eye = rays()
+    origins = np.broadcast_to(eye.astype(np.float32), d.shape).copy()
+
+    def reach(mesh):
+        triangle, t, _ = fastibl.Bvh(mesh).nearest(origins, d.astype(np.float32))
+        return np.where(triangle >= 0, t, np.inf)
+
+    virtual, before, behind = reach(torus()), reach(BEFORE), reach(BEHIND)
+    inner = np.ones((120, 160), bool)  # not beside an edge of anything
+    nearest = np.argmin([virtual, before, behind], axis=0) + 10 * np.isinf([virtual, before, behind]).all(axis=0)
+    for dy, dx in itertools.product((-1, 0, 1), (-1, 0, 1)):
+        inner &= np.roll(nearest, (dy, dx), (0, 1)) == nearest
+    hides = inner & (before < virtual) & np.isfinite(virtual)
+    hidden = inner & (virtual < behind) & np.isfinite(behind)
+    assert hides.sum() > 50 and hidden.sum() > 50
+    assert (object_[hides] == 0).all() and (real[hides][:, 3] == 1).all()
+    np.testing.assert_array_equal(object_[hidden], object_alone[hidden])
+    assert (real[hidden] == 0).all()
+    beside = inner & np.isfinite(virtual) & (virtual < before)
+    np.testing.assert_array_equal(object_[beside], object_alone[beside])
+    # The real object before the virtual one keeps its picture, darkened by its own ratio alone.
+    linear = CAMERA.response.decode(np.float32([120 / 255]))[0]
+    ratio = real[hides][:, :3]
+    expected = np.round(CAMERA.response.encode((ratio * linear).astype(np.float32)) * 255)
+    assert np.abs(image[hides] - expected).max() <= 1
+    # It is lit from the front: nothing of the virtual object's shadow shows there.
+    front = hides & (np.abs(eye[1] + before * d[..., 1] + 0.1) < 1e-4)
+    assert front.sum() > 20 and (image[front] == 120).all()
+    np.testing.assert_allclose((object_ + real)[..., 3].max(), 1)
+
+
+@pytest.mark.parametrize("light", ["marked", "uniform"])
+def test_the_shadow_on_a_real_object_against_rays(light):
+    source = marked_map(32) if light == "marked" else uniform()
+    session = session_of(with_holdouts(BEHIND, BEFORE), source)
+    shown(session)
+    real = layer_picture(session.holdout)
+    d, eye = rays()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (0.07 - eye[1]) / d[..., 1]  # the face of the farther box that looks at the camera
+    at = eye + t[..., None] * d
+    inside = (at[..., 0] > -0.048) & (at[..., 0] < 0.078) & (at[..., 2] > 0.002) & (at[..., 2] < 0.068)
+    seen = np.argwhere(inside & (real[..., 3] == 1) & np.isclose(at[..., 1], 0.07))[::7]
+    assert len(seen) > 100
+    points = at[seen[:, 0], seen[:, 1]]
+    normals = np.broadcast_to([0.0, -1.0, 0.0], points.shape)
+    true = true_ratio(source, torus(), [BEHIND, BEFORE], points, normals)
+    off = real[seen[:, 0], seen[:, 1], :3] - true
+    rms = np.sqrt((off**2).mean())
+    worst = np.abs(off).max()
+    print(f"{light}: ratio from {true.min():.3f} to {true.max():.3f}, off by {rms:.4f} RMS, {worst:.4f} at most")
+    assert true.min() < 0.85 and rms < 0.02 and np.abs(off).max() < 0.08
+    assert (real[..., :3] <= real[..., 3:] + 1e-6).all() and (real >= 0).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_no_real_objects_change_no_byte(backend):
+    source = marked_map()
+    plain, empty = (session_of(scene, source, backend) for scene in (scene_of(), with_holdouts()))
+    a, b = shown(plain), shown(empty)
+    assert np.array_equal(a.image, b.image) and a.passes == b.passes
+    assert empty.holdout.rgba.size == 0 and empty.scene.holdouts == []
+    # Nor does one that the camera does not see.
+    away = session_of(with_holdouts(box((5, 5, 5), (5.1, 5.1, 5.1))), source, backend)
+    assert np.array_equal(shown(away).image, a.image)
+
+
+@needs_gl
+@pytest.mark.parametrize("with_back", [True, False])
+@pytest.mark.parametrize("distortion", [(), (-0.2, 0.05, 0.0, 0.0)])
+def test_the_back_ends_agree_on_real_objects(with_back, distortion):
+    made, layers = [], []
+    camera = camera_of(160, 120, 40.0, distortion=distortion)
+    for backend in ("cpu", "gl"):
+        scene = with_holdouts(BEFORE, BEHIND)
+        scene.shadow_strength = 0.9
+        session = fastibl.Session(scene, fastibl.Rig(camera), environment=marked_map(), backend=backend)
+        made.append(shown(session, back=GREY if with_back else None).image.astype(int))
+        layers.append(layer_picture(session.holdout))
+    changed = (made[0] != (120 if with_back else 0)).any(axis=-1)
+    off = np.abs(made[0] - made[1]).max(axis=-1)[changed]
+    same = np.abs(layers[0] - layers[1]).max(axis=-1) < 1e-3
+    print(
+        f"{(off <= 2).mean():.2%} of {changed.sum()} pixels within 2/255, worst {off.max()}; layers {same.mean():.3%}"
+    )
+    assert changed.sum() > 2000 and (off <= 2).mean() >= 0.999 and same.mean() >= 0.999
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_real_objects_follow_what_changes(backend):
+    session = session_of(with_holdouts(BEHIND), uniform(), backend)
+    first = shown(session)
+    assert "holdout" in first.passes and "holdout" not in shown(session, 0.1).passes
+    place = fastibl.Pose.from_rotation_vector(np.array([0.3, 0, 0.5]), np.array([0.02, 0.02, 0.01]))
+    session.move(place)
+    moved = shown(session, 0.2)
+    assert "holdout" in moved.passes
+    fresh = session_of(with_holdouts(BEHIND), uniform(), backend)
+    fresh.move(place)
+    assert np.array_equal(shown(fresh).image, moved.image)
+    session.set_cast_shadow(False)
+    bare = shown(session, 0.3)
+    assert "holdout" not in bare.passes
+    layer = layer_picture(session.holdout)
+    np.testing.assert_allclose(layer[..., 0], layer[..., 3], atol=1e-6)  # it hides, and nothing darkens it
+    session.set_cast_shadow(True)
+    assert np.array_equal(shown(session, 0.4).image, moved.image)
+
+
+def test_real_objects_that_are_none():
+    scene = scene_of()
+    bad = BEHIND.vertices.copy()
+    bad[0, 0] = np.nan
+    same_error(lambda: setattr(scene, "holdouts", [fastibl.Mesh(bad, BEHIND.triangles)]), ValueError, "finite")
+    with pytest.raises(TypeError):
+        scene.holdouts = [1.0]
+    assert scene.holdouts == []
+    scene.holdouts = [BEHIND]
+    assert len(scene.holdouts) == 1 and np.array_equal(scene.holdouts[0].vertices, BEHIND.vertices)
+    # A wall of metres is cut no finer than its size allows; one around everything is drawn as it is seen.
+    huge = with_holdouts(box((-50, 0.2, -1), (50, 0.3, 40)), box((-1, -1, -1), (1, 1, 1)))
+    image = shown(session_of(huge, uniform())).image
+    assert image.shape == (120, 160, 3)

@@ -8,8 +8,8 @@ from conftest import same_error
 from views import camera_of, looking
 
 LIGHT_PASSES = ["track", "capture", "mips", "irradiance", "shadow", "self_shadow"]
-PASSES = [*LIGHT_PASSES, "bounce", "plane", "shade", "composite"]
-ROUND = {"self_shadow", "bounce", "plane"}  # of what is known to hide light of itself
+PASSES = [*LIGHT_PASSES, "bounce", "plane", "holdout", "shade", "composite"]
+ROUND = {"self_shadow", "bounce", "plane", "holdout"}  # of what is known to hide light, and of real objects
 CONVEX = [p for p in PASSES if p not in ROUND]
 INPUTS = {"back_picture", "light_pictures", "placement", "material"}
 MATTE = fastibl.Material()
@@ -70,6 +70,7 @@ def test_what_a_scene_does_not_need_is_left_out(scenes, marked):
         out = left_out(plan)
         assert ("self_shadow" not in out) == (name == "hollow" and "methods" not in options)
         assert ("bounce" not in out) == ("plane" not in out) == (name == "hollow" and "methods" not in options)
+        assert out["holdout"] == "no real objects were given"
         return {name: reason for name, reason in out.items() if name not in ROUND}
 
     assert out("matte") == out("shiny") == out("both") == {}
@@ -199,8 +200,8 @@ def test_due_passes_of_usual_frames(scenes, marked):
     assert due(fixed, {"radiance"}) == ["irradiance", "shadow", "shade", "composite"]
     assert due(fixed, {"light_pictures"}) == []
     hollow = fastibl.make_plan(scenes["hollow"])
-    assert due(hollow, everything | ROUND | INPUTS) == PASSES
-    assert due(hollow, {"placement"}) == PASSES[4:]
+    assert due(hollow, everything | ROUND | INPUTS) == [p for p in PASSES if p != "holdout"]
+    assert due(hollow, {"placement"}) == [p for p in PASSES[4:] if p != "holdout"]
     assert due(hollow, {"back_picture"}) == ["track", "shade", "composite"]
     assert due(hollow, {"material"}) == ["bounce", "plane", "shade", "composite"]
 
@@ -208,13 +209,13 @@ def test_due_passes_of_usual_frames(scenes, marked):
 def test_a_shadow_switched_off_while_the_light_moved_is_old_when_it_comes_back(scenes):
     on, off = (fastibl.make_plan(scenes["hollow"], cast_shadow=cast) for cast in (True, False))
     _, stale = fastibl.due_passes(on, {"image"}, {"light_pictures"})
-    assert stale == set()
+    assert stale == {"holdout"}  # nobody makes it
     due, stale = fastibl.due_passes(off, {"image"}, stale | {"image"})
     assert due == ["composite"]
     due, stale = fastibl.due_passes(off, {"image"}, stale | {"light_pictures"})
-    assert "shadow" not in due and stale == {"shadow", "bounce"}
+    assert "shadow" not in due and stale == {"shadow", "bounce", "holdout"}
     assert fastibl.due_passes(off, {"image"}, stale) == ([], stale)  # nothing changed: nothing runs
-    assert fastibl.due_passes(on, {"image"}, stale) == (["shadow", "bounce", "plane", "shade", "composite"], set())
+    assert fastibl.due_passes(on, {"image"}, stale) == (["shadow", "bounce", "plane", "shade", "composite"], {"holdout"})
 
 
 class Model:

@@ -236,3 +236,85 @@ def times() -> Iterator[Goal]:
                 None,
                 (f"form factors, where the object is new, tilted or lifted: {1e3 * found[2] * second:.0f} ms",),
             )
+
+
+# Real objects
+
+_FACE = (-0.55, 0.35, 1.0, 0.62)  # of a wall behind the object: x from, x to, height, y; the object's extent is 1
+RATIO, RATIO_WORST = 0.02, 0.06
+
+
+def _wall() -> fastibl.Mesh:
+    x0, x1, z, y = _FACE
+    return fastibl.Mesh(np.array([(x0, y, 0), (x1, y, 0), (x1, y, z), (x0, y, z)]), np.array([(0, 1, 2), (0, 2, 3)]))
+
+
+def _wall_points() -> NDArray:
+    x0, x1, z, _ = _FACE
+    a = (np.arange(24) + 0.5) / 24
+    x, height = np.meshgrid(x0 + (x1 - x0) * a, z * a)
+    return np.stack([x, np.full_like(x, _FACE[3]), height], axis=-1).reshape(-1, 3)
+
+
+def _true_on_wall(name: str, levels: list[NDArray]) -> NDArray:
+    """(points, lights, 3) by rays to every texel of a level of the maps."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    mesh = truth.meshes()[name]
+    scene = EmbreeScene()
+    TriangleMesh(scene, np.ascontiguousarray(mesh.vertices[mesh.triangles], np.float32))
+    d, angle = reference.samples(np.zeros((6, 64, 64, 3)))[:2]
+    towards = np.flatnonzero(d[:, 1] < 0)
+    d, weight = d[towards].astype(np.float32), -(d[:, 1] * angle)[towards]
+    flux = np.stack([np.asarray(level, np.float64).reshape(-1, 3)[towards] for level in levels], axis=1)
+    flux *= weight[:, None, None]
+    out = []
+    for point in _wall_points() - (0, ABOVE, 0):
+        met = scene.run(np.broadcast_to(np.float32(point), d.shape).copy(), d, query="OCCLUDED") >= 0
+        out.append(1 - flux[met].sum(axis=0) / np.maximum(flux.sum(axis=0), 1e-300))
+    return np.array(out)
+
+
+def wall_ratios(name: str, cube: fastibl.CubeMap) -> NDArray:
+    """(points, 3): what the session draws there."""
+    scene = fastibl.Scene(truth.meshes()[name])
+    scene.holdouts = [_wall()]
+    x0, x1, z, y = _FACE
+    # Straight at the wall from before it, so near that the object is behind the camera.
+    camera = fastibl.Camera(240, 240, 240 / (x1 - x0) * 0.05, 240 / z * 0.05, 120, 120)
+    eye = np.array([(x0 + x1) / 2, y - 0.05, z / 2])
+    pose = np.eye(4)
+    pose[:3, :3] = (1, 0, 0), (0, 0, -1), (0, 1, 0)
+    pose[:3, 3] = -pose[:3, :3] @ eye
+    session = fastibl.Session(scene, fastibl.Rig(camera), environment=cube)
+    session.process(fastibl.Frame(0.0, back_from_marker=fastibl.Pose(pose)))
+    layer = session.holdout
+    pixel = np.floor(camera.project((_wall_points() - eye) @ pose[:3, :3].T)).astype(int)
+    return layer.rgba[pixel[:, 1] - layer.y, pixel[:, 0] - layer.x, :3]
+
+
+@row("shadow", "place: shadow on a real object against rays")
+def on_a_wall() -> Iterator[Goal]:
+    if missing := _missing():
+        yield skipped("shadow on a real object against rays", missing)
+        return
+    lights = truth.lights()
+    levels = [level_at_most(light.cube, 64) for light in lights.values()]
+    for name in truth.JUDGED:
+        mesh = truth.meshes()[name]
+        key = ["wall", mesh.vertices, mesh.triangles, np.array(_FACE), *levels, Path(__file__)]
+        true = stored(key, lambda name=name: _true_on_wall(name, levels))
+        found = {
+            light: truth.errors(wall_ratios(name, given.cube), true[:, k])
+            for k, (light, given) in enumerate(lights.items())
+        }
+        soft = [found[light].rms for light in found if lights[light].soft]
+        worst = max(found, key=lambda light: found[light].rms)
+        yield Goal(
+            f"{name}: ratio on a wall behind it, RMS, mean of the soft lights; worst of all",
+            f"{np.mean(soft):.4f}; {found[worst].rms:.4f}, {worst}",
+            f"{RATIO}; {RATIO_WORST}",
+            bool(np.mean(soft) <= RATIO and found[worst].rms <= RATIO_WORST),
+            ("by light: " + ", ".join(f"{light} {e.rms:.4f} ({e.worst:.2f})" for light, e in found.items()),),
+        )

@@ -27,6 +27,7 @@ constexpr std::pair<const char*, Products> kProducts[] = {
     {"self_shadow", product::self_shadow},
     {"bounce", product::bounce},
     {"plane", product::plane},
+    {"holdout", product::holdout},
     {"object", product::object},
     {"image", product::image}};
 

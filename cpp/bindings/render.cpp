@@ -5,6 +5,7 @@
 #include "bindings/numpy.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/session.h"
+#include "fastibl/shading/holdout.h"
 #include "fastibl/shadow/mesh_shadow.h"
 #ifdef FASTIBL_WITH_GL
 #include "fastibl/render/gl/gl_renderer.h"
@@ -23,6 +24,9 @@ std::unique_ptr<Renderer> renderer_named(const std::string& backend) {
 #endif
   throw py::value_error("backend must be \"cpu\" or \"gl\", got \"" + backend + "\"");
 }
+
+// Longest edge of a holdout's triangle by the radius of the object, to hold its shadow by vertex.
+constexpr float kHoldoutDetail = 0.15f;
 
 void set_look(Scene& scene, const ShadowLook& look) {
   look.validate();
@@ -98,6 +102,20 @@ shadow.)")
           "Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black "
           "by "
           "default.")
+      .def_property(
+          "holdouts",
+          [](const Scene& s) { return s.holdouts ? s.holdouts->meshes : std::vector<Mesh>{}; },
+          [](Scene& s, const std::vector<Mesh>& meshes) {
+            const py::gil_scoped_release release;
+            const Bounds box = bounds(s.mesh.vertices);
+            s.holdouts = std::make_shared<const Holdouts>(
+                make_holdouts(meshes, kHoldoutDetail * box.radius()));
+          },
+          R"(Real objects as meshes, marker frame: list of Mesh, empty by default.
+
+Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
+leaves of the light on that surface. Set it before a Session is made. They keep no light from the virtual object, nor
+its shadow from the plane behind them.)")
       .def("__repr__", [](const Scene& s) {
         return "<fastibl.Scene of " + std::to_string(s.mesh.triangles.size()) + " triangles, " +
                std::to_string(s.spheres.size()) + " spheres>";
@@ -200,6 +218,10 @@ plane gets without the object: it may exceed 1.)")
           "Raises "
           "ValueError for values outside [0, 1].")
       .def_property_readonly("object", &Session::object, "ObjectLayer of the last frame.")
+      .def_property_readonly(
+          "holdout", &Session::holdout,
+          "ObjectLayer of the real objects before the virtual one in the last frame: what is left "
+          "of their light times coverage, and coverage.")
       .def_property_readonly("capture", &Session::capture,
                              py::return_value_policy::reference_internal)
       .def_property_readonly("backend",

@@ -1123,6 +1123,18 @@ class Scene:
     def baked_shadow(self, arg1: typing.Any) -> None:
         ...
     @property
+    def holdouts(self) -> list[Mesh]:
+        """
+        Real objects as meshes, marker frame: list of Mesh, empty by default.
+
+        Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
+        leaves of the light on that surface. Set it before a Session is made. They keep no light from the virtual object, nor
+        its shadow from the plane behind them.
+        """
+    @holdouts.setter
+    def holdouts(self, arg1: collections.abc.Sequence[Mesh]) -> None:
+        ...
+    @property
     def marker_from_object(self) -> Pose:
         ...
     @property
@@ -1258,6 +1270,11 @@ class _Session:
     @property
     def capture(self) -> Capture:
         ...
+    @property
+    def holdout(self) -> ObjectLayer:
+        """
+        ObjectLayer of the real objects before the virtual one in the last frame: what is left of their light times coverage, and coverage.
+        """
     @property
     def object(self) -> ObjectLayer:
         """

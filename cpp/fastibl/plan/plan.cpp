@@ -32,8 +32,10 @@ Pass pass_of(PassId id, const Scene& scene) {
               bounce};
     case PassId::plane:
       return {id, shadow | bounce, 0, plane};
+    case PassId::holdout:
+      return {id, radiance | irradiance | placement, 0, holdout};
     case PassId::shade: {
-      Products reads = pose | placement | material;
+      Products reads = holdout | pose | placement | material;
       if (scene.material.reads_irradiance()) reads |= irradiance | self_shadow | bounce;
       if (scene.material.reads_radiance()) reads |= radiance;
       return {id, reads, 0, object};
@@ -93,8 +95,9 @@ std::string no_bounce(const Scene& scene, const PlanOptions& options, double& bo
 }  // namespace
 
 std::string_view name(PassId id) {
-  constexpr std::array names = {"track",       "capture", "mips",  "irradiance", "shadow",
-                                "self_shadow", "bounce",  "plane", "shade",      "composite"};
+  constexpr std::array names = {"track",   "capture",     "mips",     "irradiance",
+                                "shadow",  "self_shadow", "bounce",   "plane",
+                                "holdout", "shade",       "composite"};
   return names[std::size_t(id)];
 }
 
@@ -150,7 +153,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
           line.error = l->irradiance_error;
         }
         const bool lit = scene.material.reads_irradiance();
-        const bool shadowed = options.cast_shadow && scene.casts_shadow();
+        const bool shadowed = options.cast_shadow && (scene.casts_shadow() || scene.has_holdouts());
         if (!lit && !shadowed) leave_out("k_L = 0 and no shadow: nothing reads it");
         break;
       }
@@ -182,6 +185,13 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
           leave_out("the shadow is drawn as it is");
         break;
       }
+      case PassId::holdout:
+        line.method = "rays";
+        if (!scene.has_holdouts())
+          leave_out("no real objects were given");
+        else if (!options.cast_shadow)
+          leave_out("no shadow was asked for");
+        break;
       case PassId::shade: {
         const Material& m = scene.material;
         if (m.pbr) {

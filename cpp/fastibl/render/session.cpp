@@ -56,6 +56,7 @@ void Session::replan() {
   }
   clear_shares();
   bounce_ = {}, plane_gain_ = nullptr;
+  holdout_ratios_.clear();
   if (plan_.includes(PassId::bounce)) place_exchange();        // now rather than in the first frame
   if (!plan_.includes(PassId::irradiance)) lighting_.reset();  // it may be another method's
 }
@@ -162,6 +163,17 @@ void Session::find_bounce() {
       fastibl::find_bounce(*exchange_, scene_, *lighting_, renderer_->shadow_map(), light_shares_);
 }
 
+void Session::find_holdout_ratios() {
+  if (hidden_from_ != scene_.marker_from_object) {
+    hidden_ = hidden_by_object(scene_);
+    hidden_from_ = scene_.marker_from_object;
+  }
+  holdout_ratios_ = fastibl::holdout_ratios(scene_, hidden_, *lighting_, holdout_light_);
+  if (!scene_.shadow_look.changes()) return;
+  for (glm::vec4& ratio : holdout_ratios_)
+    ratio = glm::vec4(scene_.shadow_look.apply(glm::vec3(ratio)), 1);
+}
+
 bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose) const {
   if (fixed_environment_) return false;
   const bool front_usable =
@@ -248,6 +260,9 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       plane_gain_ = std::make_shared<const ShadowMap>(
           fastibl::plane_gain(renderer_->shadow_map(), scene_.shadow_look, bounce_));
       return true;
+    case PassId::holdout:
+      find_holdout_ratios();
+      return true;
     case PassId::shade:
       find_glossy_shares(*pose);
       if (bounce_.empty()) break;
@@ -276,7 +291,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
   }
   renderer_->run(
       id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back, frame.back_exposure,
-           bounce_.empty() ? light_shares_ : bounced_shares_, plane_gain_});
+           bounce_.empty() ? light_shares_ : bounced_shares_, plane_gain_, holdout_ratios_});
   return true;
 }
 

@@ -18,6 +18,7 @@
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/scene.h"
 #include "fastibl/shading/bounce.h"
+#include "fastibl/shading/holdout.h"
 #include "fastibl/shading/plane_exchange.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/tracking/detector.h"
@@ -71,6 +72,7 @@ class Session {
   // object; it may exceed 1.
   ShadowMap plane_gain() { return plane_gain_ ? *plane_gain_ : renderer_->shadow_map(); }
   ObjectLayer object() { return renderer_->object(); }
+  ObjectLayer holdout() { return renderer_->holdout(); }  // see holdout_layer()
   const Capture& capture() const { return *capture_; }
   Renderer& renderer() { return *renderer_; }
 
@@ -97,6 +99,7 @@ class Session {
   void find_glossy_shares(const Pose& camera_from_marker);
   void place_exchange();
   void find_bounce();
+  void find_holdout_ratios();
 
   Scene scene_;
   Rig rig_;
@@ -114,6 +117,10 @@ class Session {
   std::optional<PlaneExchange> exchange_;  // of the object as it stood last
   Bounce bounce_;
   std::shared_ptr<const ShadowMap> plane_gain_;
+  std::optional<Pose> hidden_from_;  // where the object stood
+  VertexVisibility hidden_;          // for the holdouts by the object
+  CellLight holdout_light_;
+  std::vector<glm::vec4> holdout_ratios_;  // of RenderInput
   Plan plan_;
   Products stale_ = product::all & ~product::inputs;
   std::optional<Pose> last_pose_;

@@ -56,12 +56,13 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
     fill(gpu, back_, width, height, part.data());
   }
   fill(gpu, picture_, width, height, nullptr);
+  const bool holdout = shade.has_holdout() && !object_area.empty();
   const Program& p =
       gpu.use("composite",
               {matte ? "MATTE 1" : "MATTE 0", object_area.empty() ? "OBJECT 0" : "OBJECT 1",
                shadowed.empty() ? "SHADOW 0" : "SHADOW 1", rays ? "DISTORTION 1" : "DISTORTION 0",
                "VIGNETTING " + std::to_string(camera.vignetting.size()),
-               camera_.steep() ? "STEEP 1" : "STEEP 0"});
+               camera_.steep() ? "STEEP 1" : "STEEP 0", holdout ? "HOLDOUT 1" : "HOLDOUT 0"});
   set_camera(p, camera);
   glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   glUniform1f(p.uniform("exposure"), float(in.exposure * camera.gain));
@@ -78,6 +79,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   camera_.bind_response(gpu);
   if (!matte) gpu.bind("back", back_);
   if (!object_area.empty()) gpu.bind("object", shade.object());
+  if (holdout) gpu.bind("holdout", shade.holdout());
   if (!shadowed.empty()) {
     gpu.bind("ratio_map", gain_map_ ? gain_ : shadow.ratio());
     gpu.bind("outer_map", !gain_map_ ? shadow.outer() : place.outer.empty() ? gain_ : outer_gain_);
