@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -452,6 +452,37 @@ class Environment:
     def radiance(self) -> CubeMap:
         """
         CubeMap; unseen texels hold the mean of what was seen nearest.
+        """
+class MainLight:
+    """
+    A window, a lamp or the sun, as a region of a map.
+    """
+    def __repr__(self) -> str:
+        ...
+    @property
+    def angular_radius(self) -> float:
+        """
+        Radians, of a disc as large.
+        """
+    @property
+    def direction(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
+        """
+        Towards the middle of its light, unit length, marker frame.
+        """
+    @property
+    def irradiance(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
+        """
+        RGB, on a plane that faces it, by it alone.
+        """
+    @property
+    def share(self) -> float:
+        """
+        Of the irradiance of that plane, mean over RGB; 0 to 1.
+        """
+    @property
+    def solid_angle(self) -> float:
+        """
+        Steradians.
         """
 class Material:
     """
@@ -1399,6 +1430,15 @@ def light_directions(cube: CubeMap, count: typing.SupportsInt | typing.SupportsI
     Directions that stand for all light on the plane z = 0: unit vectors (count, 3) towards it, marker frame, and their
     shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. float32; none, (0, 3), without
     light. Raises ValueError for a count outside [8, 4096].
+    """
+def main_lights(map: typing.Any, brightness: typing.SupportsFloat | typing.SupportsIndex = 8.0, least_share: typing.SupportsFloat | typing.SupportsIndex = 0.1) -> list[MainLight]:
+    """
+    The lights of a place as a person would count them, that with the largest irradiance first.
+
+    map: CubeMap or Environment. A light is a connected region of texels brighter than `brightness` times the map's mean
+    radiance that gives a plane facing it at least `least_share` of its irradiance. They stay in the map: the lights that
+    shading takes out of it are Lighting.lights. Raises TypeError for what is no map, ValueError for options that are not
+    positive and finite.
     """
 def set_threads(count: typing.SupportsInt | typing.SupportsIndex) -> None:
     """

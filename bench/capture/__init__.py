@@ -1,0 +1,3 @@
+"""Goals of capture and tracking: table "capture". One file a subject; each adds its rows when it is imported."""
+
+from . import change, lights, merge, sweep  # noqa: F401
