@@ -276,10 +276,16 @@ def _true_on_wall(name: str, levels: list[NDArray]) -> NDArray:
     return np.array(out)
 
 
-def wall_ratios(name: str, cube: fastibl.CubeMap) -> NDArray:
-    """(points, 3): what the session draws there."""
+@cache
+def _behind(name: str) -> fastibl.Scene:
     scene = fastibl.Scene(truth.meshes()[name])
     scene.holdouts = [_wall()]
+    return scene
+
+
+def wall_ratios(name: str, cube: fastibl.CubeMap) -> NDArray:
+    """(points, 3): what the session draws there."""
+    scene = _behind(name)
     x0, x1, z, y = _FACE
     # Straight at the wall from before it, so near that the object is behind the camera.
     camera = fastibl.Camera(240, 240, 240 / (x1 - x0) * 0.05, 240 / z * 0.05, 120, 120)

@@ -27,7 +27,7 @@ HEIGHT_OF_OBJECT = 0.12
 ALBEDO = 0.5  # of the table
 _TABLE = 0.25  # linear light of the table in the picture
 _GAIN = 5  # of the differences
-_CAMERA = fastibl.Camera(232, 174, 430.0, 430.0, 116.0, 87.0)
+_CAMERA = fastibl.Camera(232, 174, 330.0, 330.0, 116.0, 87.0)
 _COLOURS = {"spot": (0.75, 0.35, 0.2), "teapot": (0.8, 0.8, 0.75)}
 _REAL = (0.25, 0.35, 0.5)  # albedo of the real boxes
 
