@@ -436,3 +436,18 @@ def test_real_objects_that_are_none():
     huge = with_holdouts(box((-50, 0.2, -1), (50, 0.3, 40)), box((-1, -1, -1), (1, 1, 1)))
     image = shown(session_of(huge, uniform())).image
     assert image.shape == (120, 160, 3)
+
+
+def test_methods_of_the_bounce():
+    assert [str(m) for m in fastibl.methods("bounce")] == ["none", "one-bounce"]
+    same_error(lambda: session_of(scene_of(), uniform(), methods={"bounce": "two"}), ValueError, "two", "one-bounce")
+
+
+def test_a_new_look_casts_no_shadow_anew():
+    session = session_of(with_holdouts(BEHIND), marked_map())
+    shown(session)
+    session.set_shadow_look(0.5)
+    assert shown(session, 0.1).passes == ["plane", "holdout", "shade", "composite"]
+    scene = with_holdouts(BEHIND)
+    scene.shadow_strength = 0.5
+    assert np.array_equal(shown(session, 0.2).image, shown(session_of(scene, marked_map())).image)

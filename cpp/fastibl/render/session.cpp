@@ -97,7 +97,9 @@ void Session::set_cast_shadow(bool cast) {
 void Session::set_shadow_look(const ShadowLook& look) {
   look.validate();
   scene_.shadow_look = look;
-  replan();
+  update_plan();
+  plane_gain_ = nullptr;
+  stale_ |= product::plane | product::holdout | product::image;
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
   fixed_environment_ = environment != nullptr;

@@ -77,9 +77,12 @@ void add_gain(Image<float>& ratio, glm::vec2 centre, float extent, const ShadowL
         float* r = ratio.pixel(x, y);
         const glm::vec2 p(shared::plane_offset(x, float(ratio.width)),
                           shared::plane_offset(y, float(ratio.width)));
+        const glm::vec3 gain =
+            bounce.empty() ? glm::vec3(0) : gain_at(bounce, back * (centre + extent * p));
+        if (gain == glm::vec3(0) && !look.changes()) continue;
         glm::vec3 value(r[0], r[1], r[2]);
         if (look.changes()) value = look.apply(value);
-        if (!bounce.empty()) value += keep(p) * gain_at(bounce, back * (centre + extent * p));
+        if (gain != glm::vec3(0)) value += keep(p) * gain;
         for (int c = 0; c < 3; ++c) r[c] = value[c];
       }
   });
