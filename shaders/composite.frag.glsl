@@ -1,10 +1,11 @@
 #version 300 es
-// Back picture times shadow ratio, the object over it, encoded with the camera's response. Variants:
+// Back picture times the gain of the plane, the object over it, encoded with the camera's response. Variants:
 //   MATTE       1: no back picture; straight alpha, a shadow is black
 //   OBJECT      1: there is an object
 //   SHADOW      1: there is a shadow map and a camera above the plane
 //   DISTORTION  1: rays come from a table
 //   VIGNETTING  number of coefficients
+//   HOLDOUT     1: real objects are seen beside the object
 //   STEEP       1: several codes may end within one of 4096 equal steps of linear values
 #include "shared/precision.glsl"
 #include "shared/plane.glsl"
@@ -22,6 +23,9 @@ uniform sampler2D back;
 #if OBJECT
 uniform sampler2D object;
 uniform ivec4 object_area;  // first pixel, and one beyond the last
+#if HOLDOUT
+uniform sampler2D holdout;  // what is left of their light times coverage, and coverage
+#endif
 #endif
 #if VIGNETTING
 uniform float vignetting[VIGNETTING];
@@ -127,8 +131,15 @@ void main() {
     o = texelFetch(object, pixel - object_area.xy, 0);
 #endif
   vec3 ratio = o.a < 1.0 ? ratio_of_pixel(pixel) : vec3(1.0);
+#if HOLDOUT
+  if (o.a < 1.0 && all(greaterThanEqual(pixel, object_area.xy)) && all(lessThan(pixel, object_area.zw))) {
+    vec4 h = texelFetch(holdout, pixel - object_area.xy, 0);
+    if (h.a > 0.0) ratio = (h.rgb + max(1.0 - o.a - h.a, 0.0) * ratio) / (1.0 - o.a);
+  }
+#endif
 #if MATTE
-  float alpha = o.a + (1.0 - o.a) * (1.0 - (ratio.r + ratio.g + ratio.b) / 3.0);
+  // Straight alpha can only darken what is behind: what the object adds to the plane is left out.
+  float alpha = o.a + (1.0 - o.a) * max(1.0 - (ratio.r + ratio.g + ratio.b) / 3.0, 0.0);
   picture = alpha > 0.0
                 ? vec4(encode(exposure_at(pixel) * o.rgb / alpha), floor(255.0 * alpha + 0.5) / 255.0)
                 : vec4(0.0);

@@ -8,6 +8,7 @@
 //                MIP chain, 7 from the chain of round lobes
 //   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
 //   DISTORTION   1: the camera has a lens model
+//   HOLDOUT      1: what is left of the light of real objects, instead
 #include "shared/precision.glsl"
 #include "shared/lighting.glsl"
 #include "shared/projection.glsl"
@@ -160,6 +161,13 @@ void main() {
                       texelFetch(visible, local + ivec2(quarter.x, 0), 0).r,
                       texelFetch(visible, local + ivec2(0, quarter.y), 0).r,
                       texelFetch(visible, local + quarter, 0).r);
+  // From 2^31 on they number the triangles of real objects.
+  uvec4 real = shown >> 31u;
+#if HOLDOUT
+  shown = (shown & 0x7fffffffu) * real;
+#else
+  shown *= 1u - real;
+#endif
   bvec4 left = notEqual(shown, uvec4(0u));
   layer = vec4(0.0);
   // Once a triangle, at the middle of the samples that it covers.
@@ -181,6 +189,9 @@ void main() {
     vec3 at = w.x * a + w.y * b + w.z * c;
     vec4 share = w.x * texelFetch(shares, texel(index.x), 0) + w.y * texelFetch(shares, texel(index.y), 0) +
                  w.z * texelFetch(shares, texel(index.z), 0);
+#if HOLDOUT
+    vec3 colour = share.rgb;
+#else
     vec3 n = w.x * texelFetch(vertices, texel(2 * index.x + 1), 0).xyz +
              w.y * texelFetch(vertices, texel(2 * index.y + 1), 0).xyz +
              w.z * texelFetch(vertices, texel(2 * index.z + 1), 0).xyz;
@@ -201,6 +212,7 @@ void main() {
     vec3 colour = shade(position, share, surface_point(n, t, here, dx, dy));
 #else
     vec3 colour = shade(position, n, share);
+#endif
 #endif
     layer += count * 0.25 * vec4(colour, 1.0);
     left = bvec4(left.x && !same.x, left.y && !same.y, left.z && !same.z, left.w && !same.w);

@@ -10,6 +10,7 @@ layout(location = 1) in uint triangle;
 uniform vec4 area;       // of the picture that is drawn: first pixel, width and height
 uniform vec2 shift;      // from the sample to the pixel's centre
 uniform vec2 depth;      // depth = x + y / z, -1 in front of the object and 1 behind it
+uniform uint first;      // added to the number: 0, or 2^31 of what hides the object
 flat out uint shown;
 
 void main() {
@@ -18,5 +19,5 @@ void main() {
   vec2 clip = (p.xy - area.xy + shift) * 2.0 / area.zw - 1.0;
   float w = p.z;
   gl_Position = vec4(clip * w, clamp(depth.x * w + depth.y, -w, w), w);
-  shown = triangle;
+  shown = triangle + first;
 }

@@ -576,7 +576,7 @@ def test_another_context_stays_current():
 PBR = ("BASE_COLOR_MAP", "METALLIC_MAP", "ROUGHNESS_MAP", "EMISSION_MAP", "NORMAL_MAP", "ANISOTROPIC")
 VARIANTS = {
     "visibility": {"DISTORTION": (0, 1)},
-    "shade": {"DIFFUSE": range(7), "GLOSSY": range(8), "PAPER": (0, 1), "DISTORTION": (0, 1)}
+    "shade": {"DIFFUSE": range(7), "GLOSSY": range(8), "PAPER": (0, 1), "DISTORTION": (0, 1), "HOLDOUT": (0, 1)}
     | dict.fromkeys(PBR, (0, 1)),
     "shadow": {"PRODUCT": (0, 1)},
     "composite": {
@@ -586,6 +586,7 @@ VARIANTS = {
         "DISTORTION": (0, 1),
         "VIGNETTING": (0, 1, 3),
         "STEEP": (0, 1),
+        "HOLDOUT": (0, 1),
     },
 }
 
@@ -604,6 +605,10 @@ def sources():
             defines = dict(zip(options, values, strict=True))
             if defines.get("GLOSSY") in (2, 4) and not defines["DIFFUSE"]:
                 continue  # exponent 0 reads the irradiance
+            if defines.get("HOLDOUT") and not defines.get("OBJECT", 1):
+                continue  # they are seen beside an object
+            if defines.get("HOLDOUT") and any(defines.get(name) for name in ("DIFFUSE", "GLOSSY", "PAPER", *PBR)):
+                continue  # they have no colour
             maps = sum(defines.get(name, 0) for name in PBR)
             if defines.get("GLOSSY", 0) >= 6 and (defines["PAPER"] or maps not in (0, 1, len(PBR))):
                 continue  # alone and all together

@@ -7,8 +7,10 @@ import fastibl
 from conftest import same_error
 from views import camera_of, looking
 
-PASSES = ["track", "capture", "mips", "irradiance", "shadow", "self_shadow", "shade", "composite"]
-CONVEX = [p for p in PASSES if p != "self_shadow"]  # of an object that hides nothing of itself
+LIGHT_PASSES = ["track", "capture", "mips", "irradiance", "shadow", "self_shadow"]
+PASSES = [*LIGHT_PASSES, "bounce", "plane", "holdout", "shade", "composite"]
+ROUND = {"self_shadow", "bounce", "plane", "holdout"}  # of what is known to hide light, and of real objects
+CONVEX = [p for p in PASSES if p not in ROUND]
 INPUTS = {"back_picture", "light_pictures", "placement", "material"}
 MATTE = fastibl.Material()
 SHINY = fastibl.Material(diffuse=(0, 0, 0), glossy=(0.9, 0.8, 0.7), exponent=32.0)
@@ -67,7 +69,9 @@ def test_what_a_scene_does_not_need_is_left_out(scenes, marked):
         assert plan.omission_bound == 0
         out = left_out(plan)
         assert ("self_shadow" not in out) == (name == "hollow" and "methods" not in options)
-        return {name: reason for name, reason in out.items() if name != "self_shadow"}
+        assert ("bounce" not in out) == ("plane" not in out) == (name == "hollow" and "methods" not in options)
+        assert out["holdout"] == "no real objects were given"
+        return {name: reason for name, reason in out.items() if name not in ROUND}
 
     assert out("matte") == out("shiny") == out("both") == {}
     assert out("hollow") == out("shiny hollow") == {}
@@ -100,18 +104,42 @@ def test_an_object_that_hides_nothing_of_itself_needs_no_self_shadow(scenes):
     assert "hides nothing of itself" in reason(fastibl.Scene(cube_mesh(), MATTE, spheres=0))
 
 
+def test_a_bounce_that_cannot_matter_is_left_out(scenes, marked):
+    def line(scene, environment=None, name="bounce", **options):
+        plan = fastibl.make_plan(scene, environment, **options)
+        return next(p for p in plan.passes if p.name == name)
+
+    hollow = scenes["hollow"]
+    assert line(hollow).included and line(hollow, marked, error=0.02).method == "one-bounce"
+    assert "no bounce was asked for" in line(hollow, methods="paper").reason
+    assert "no bounce was asked for" in line(hollow, methods={"bounce": "none"}).reason
+    assert "no shadow" in line(hollow, cast_shadow=False).reason
+    assert "not worked out" in line(scenes["matte"]).reason
+    mirror = line(scenes["shiny hollow"], marked)
+    assert "no diffuse light" in mirror.reason and mirror.bound == 0
+    dark = fastibl.Scene(hollow_mesh(), fastibl.Material(diffuse=(0.0001, 0.0001, 0)), spheres=8)
+    assert line(dark).included and line(dark, marked).included  # nothing is known of the light, or no error allowed
+    assert line(dark, marked, error=0.0005).included
+    out = line(dark, marked, error=0.02)
+    assert "too dark" in out.reason and 0.0001 <= out.bound <= 0.002
+    assert "drawn as it is" in line(dark, marked, "plane", error=0.02).reason
+    strong = line(dark, marked, error=1.0).bound
+    assert strong == pytest.approx(out.bound)
+
+
 def test_shading_reads_what_its_material_needs(scenes):
     def reads(name):
         return {p.name: p.reads for p in fastibl.make_plan(scenes[name]).passes}["shade"] & {
             "irradiance",
             "radiance",
             "self_shadow",
+            "bounce",
         }
 
-    assert reads("matte") == {"irradiance", "self_shadow"}
+    assert reads("matte") == {"irradiance", "self_shadow", "bounce"}
     assert reads("shiny") == {"radiance"}
-    assert reads("both") == {"irradiance", "radiance", "self_shadow"}
-    assert reads("blunt") == {"irradiance", "self_shadow"}
+    assert reads("both") == {"irradiance", "radiance", "self_shadow", "bounce"}
+    assert reads("blunt") == {"irradiance", "self_shadow", "bounce"}
     assert reads("glowing") == set()
 
 
@@ -172,22 +200,23 @@ def test_due_passes_of_usual_frames(scenes, marked):
     assert due(fixed, {"radiance"}) == ["irradiance", "shadow", "shade", "composite"]
     assert due(fixed, {"light_pictures"}) == []
     hollow = fastibl.make_plan(scenes["hollow"])
-    assert due(hollow, everything | {"self_shadow"} | INPUTS) == PASSES
-    assert due(hollow, {"placement"}) == ["shadow", "self_shadow", "shade", "composite"]
+    assert due(hollow, everything | ROUND | INPUTS) == [p for p in PASSES if p != "holdout"]
+    assert due(hollow, {"placement"}) == [p for p in PASSES[4:] if p != "holdout"]
     assert due(hollow, {"back_picture"}) == ["track", "shade", "composite"]
-    assert due(hollow, {"material"}) == ["shade", "composite"]
+    assert due(hollow, {"material"}) == ["bounce", "plane", "shade", "composite"]
 
 
 def test_a_shadow_switched_off_while_the_light_moved_is_old_when_it_comes_back(scenes):
     on, off = (fastibl.make_plan(scenes["hollow"], cast_shadow=cast) for cast in (True, False))
     _, stale = fastibl.due_passes(on, {"image"}, {"light_pictures"})
-    assert stale == set()
+    assert stale == {"holdout"}  # nobody makes it
     due, stale = fastibl.due_passes(off, {"image"}, stale | {"image"})
     assert due == ["composite"]
     due, stale = fastibl.due_passes(off, {"image"}, stale | {"light_pictures"})
-    assert "shadow" not in due and stale == {"shadow"}
-    assert fastibl.due_passes(off, {"image"}, stale) == ([], {"shadow"})  # nothing changed: nothing runs
-    assert fastibl.due_passes(on, {"image"}, stale) == (["shadow", "composite"], set())
+    assert "shadow" not in due and stale == {"shadow", "bounce", "holdout"}
+    assert fastibl.due_passes(off, {"image"}, stale) == ([], stale)  # nothing changed: nothing runs
+    back = ["shadow", "bounce", "plane", "shade", "composite"]
+    assert fastibl.due_passes(on, {"image"}, stale) == (back, {"holdout"})
 
 
 class Model:
@@ -198,7 +227,7 @@ class Model:
     def __init__(self, plan):
         self.plan, self.version, self.products = plan, dict.fromkeys(INPUTS, 0), {}
         self.given = dict.fromkeys(self.GIVEN.values(), 0)
-        self.stale = {"pose", "texels", "radiance", "irradiance", "shadow", "self_shadow", "object", "image"}
+        self.stale = {"pose", "texels", "radiance", "irradiance", "shadow", *ROUND, "object", "image"}
         self.runs = 0
 
     def value(self, product, plan=None):
@@ -265,7 +294,7 @@ def test_nothing_is_ever_old_nor_made_twice(scenes, marked, seed):
                     changed |= new.writes
             model.stale |= changed
             # A change of where a product comes from makes everything after it old.
-            model.forced |= changed | {"texels", "radiance", "irradiance", "shadow", "self_shadow", "object", "image"}
+            model.forced |= changed | {"texels", "radiance", "irradiance", "shadow", *ROUND, "object", "image"}
         kept += not model.stale
         model.step(wants[rng.integers(len(wants))])
     print(f"{model.runs} runs of passes in 150 steps; {150 * len(PASSES)} without a plan")

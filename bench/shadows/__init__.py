@@ -1,3 +1,3 @@
 """Goals of shadow: table "shadow". One file a subject; each adds its rows when it is imported."""
 
-from . import plane, proxies, rigid, self_shadow, steady  # noqa: F401
+from . import place, plane, proxies, rigid, self_shadow, steady  # noqa: F401

@@ -1,6 +1,7 @@
 """Pictures of the shadow under each light: the truth by rays, the paper's method, ours, and ten times what ours is off.
 
-    ./dev bench shadow-pictures     writes docs/images/shadow-<mesh>.jpg, and the table of docs/shadow.md
+    ./dev bench shadow-pictures     writes docs/images/shadow-<mesh>.jpg, place-bounce.jpg and place-holdout.jpg, and
+                                    the table of docs/shadow.md
 
 What a camera above a grey table sees, white-balanced on it. The truth is evaluated at every pixel; the methods as they
 are used, by shadow maps. The object is shaded alike in all pictures: here only its shadow is compared.
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 import fastibl
 
 from ..measure import ROOT
-from . import truth
+from . import place_pictures, truth
 from .plane import encoded
 
 IMAGES = ROOT / "docs" / "images"
@@ -189,4 +190,4 @@ def main() -> list[Path]:
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
     PAGE.write_text(f"{before}{BEGIN}\n\n{error_table(errors)}\n\n{END}{after}", encoding="utf-8")
-    return [*written, PAGE]
+    return [*written, *place_pictures.draw(), PAGE]

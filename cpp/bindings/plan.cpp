@@ -25,6 +25,9 @@ constexpr std::pair<const char*, Products> kProducts[] = {
     {"irradiance", product::irradiance},
     {"shadow", product::shadow},
     {"self_shadow", product::self_shadow},
+    {"bounce", product::bounce},
+    {"plane", product::plane},
+    {"holdout", product::holdout},
     {"object", product::object},
     {"image", product::image}};
 
@@ -84,7 +87,8 @@ void bind_plan(py::module_& module) {
                        const std::string& diffuse, const Settings& diffuse_settings,
                        const std::string& glossy, const Settings& glossy_settings,
                        const std::string& normalization_name, const std::string& shadow,
-                       const Settings& shadow_settings, const std::string& self_shadow) {
+                       const Settings& shadow_settings, const std::string& self_shadow,
+                       const std::string& bounce) {
              Methods methods;
              methods.tracking = tracking_method(tracking);
              methods.capture = capture_method(capture);
@@ -99,12 +103,13 @@ void bind_plan(py::module_& module) {
              methods.shadow_settings =
                  settings_with<ShadowSettings>(methods.shadow, shadow_settings);
              methods.self_shadow = self_shadow_method(self_shadow);
+             methods.bounce = bounce_method(bounce);
              return methods;
            }),
            py::kw_only(), py::arg("tracking"), py::arg("capture"), py::arg("diffuse"),
            py::arg("diffuse_settings"), py::arg("glossy"), py::arg("glossy_settings"),
            py::arg("normalization"), py::arg("shadow"), py::arg("shadow_settings"),
-           py::arg("self_shadow") = "auto")
+           py::arg("self_shadow") = "auto", py::arg("bounce") = "auto")
       .def_static("_auto", [] { return Methods{}; })
       .def_static("_paper", &Methods::paper)
       .def_property_readonly("tracking",
@@ -128,6 +133,7 @@ void bind_plan(py::module_& module) {
           [](const Methods& m) { return settings_map(m.shadow, m.shadow_settings); })
       .def_property_readonly("self_shadow",
                              [](const Methods& m) { return std::string(name(m.self_shadow)); })
+      .def_property_readonly("bounce", [](const Methods& m) { return std::string(name(m.bounce)); })
       .def(py::self == py::self)
       .def("__repr__", [](const Methods& m) {
         return "Methods(tracking='" + std::string(name(m.tracking)) + "', capture='" +
@@ -136,7 +142,8 @@ void bind_plan(py::module_& module) {
                described(m.glossy, m.glossy_settings) + "', normalization='" +
                std::string(name(m.normalization)) + "', shadow='" +
                described(m.shadow, m.shadow_settings) + "', self_shadow='" +
-               std::string(name(m.self_shadow)) + "')";
+               std::string(name(m.self_shadow)) + "', bounce='" + std::string(name(m.bounce)) +
+               "')";
       });
   module.def(
       "_method_names",
@@ -157,6 +164,8 @@ void bind_plan(py::module_& module) {
           all(kShadowMethods);
         else if (step == "self_shadow")
           all(kSelfShadowMethods);
+        else if (step == "bounce")
+          all(kBounceMethods);
         return names;
       },
       py::arg("step"));

@@ -1,7 +1,10 @@
 #include "fastibl/shading/plane_exchange.h"
 
 #include "bindings/numpy.h"
+#include "fastibl/core/check.h"
 #include "fastibl/shading/bake_visibility.h"
+#include "fastibl/shading/bounce.h"
+#include "fastibl/shading/self_shadow.h"
 
 namespace fastibl::bindings {
 namespace {
@@ -23,6 +26,31 @@ Image<float> require_cells(const py::object& object, const PlaneExchange& exchan
   std::copy_n(array.data(), array.size(), image.data.begin());
   return image;
 }
+
+// What one light makes of the exchange of a scene's object with the plane.
+struct SceneBounce {
+  Scene scene;
+  PlaneExchange exchange;
+  CellLight light;
+  std::vector<glm::vec4> shares;
+  ShadowMap gain;
+
+  explicit SceneBounce(const Scene& given) : scene(given) {
+    check(scene.directions != nullptr, "a bounce needs a scene with its visibility_rays");
+    exchange = PlaneExchange(scene.mesh, *scene.directions, 32, scene.marker_from_object);
+  }
+  void update(const Lighting& lighting, const ShadowMap& shadow) {
+    check(lighting.radiance != nullptr, "a bounce needs a lighting with its map");
+    const glm::mat3 marker_from_object(scene.marker_from_object.rotation);
+    shares.assign(scene.mesh.vertices.size(), glm::vec4(1));
+    light.update(*lighting.radiance, glm::transpose(marker_from_object), scene.directions->size);
+    diffuse_shares(*scene.directions, light, lighting.irradiance, scene.normals, marker_from_object,
+                   shares);
+    const Bounce bounce = find_bounce(exchange, scene, lighting, shadow, shares);
+    add_shares(bounce, shares);
+    gain = plane_gain(shadow, scene.shadow_look, bounce);
+  }
+};
 
 }  // namespace
 
@@ -66,6 +94,29 @@ Linear, and so good for changes as well: what a shadow on the plane takes from t
           "centre",
           [](const PlaneExchange& e) { return py::make_tuple(e.centre().x, e.centre().y); },
           "Middle of the cells (x, y), metres, the mesh's frame.");
+  py::class_<SceneBounce>(
+      module, "Bounce",
+      R"(One bounce of diffuse light between a scene's object and the plane, for other renderers.
+
+scene: Scene, where it stands. Raises ValueError for one without visibility_rays.)")
+      .def(py::init<const Scene&>(), py::arg("scene"), py::call_guard<py::gil_scoped_release>())
+      .def("update", &SceneBounce::update, py::arg("lighting"), py::arg("shadow"),
+           py::call_guard<py::gil_scoped_release>(),
+           "Work it out for a Lighting and the ShadowMap of the object under it.")
+      .def_property_readonly(
+          "shares",
+          [](const SceneBounce& b) {
+            Floats out({py::ssize_t(b.shares.size()), py::ssize_t{3}});
+            for (std::size_t i = 0; i < b.shares.size(); ++i)
+              vectors(out)[i] = glm::vec3(b.shares[i]);
+            return out;
+          },
+          "Of the irradiance by the map that reaches each vertex (v, 3): without what the object "
+          "hides "
+          "and what its shadow takes from the plane below.")
+      .def_property_readonly(
+          "plane_gain", [](const SceneBounce& b) { return b.gain; },
+          "ShadowMap that the picture of the plane is multiplied by; it may exceed 1.");
 }
 
 }  // namespace fastibl::bindings

@@ -5,6 +5,7 @@
 #include "bindings/numpy.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/session.h"
+#include "fastibl/shading/holdout.h"
 #include "fastibl/shadow/mesh_shadow.h"
 #ifdef FASTIBL_WITH_GL
 #include "fastibl/render/gl/gl_renderer.h"
@@ -22,6 +23,14 @@ std::unique_ptr<Renderer> renderer_named(const std::string& backend) {
     throw std::runtime_error("this fastibl was built without its GL back end (FASTIBL_GL=ON)");
 #endif
   throw py::value_error("backend must be \"cpu\" or \"gl\", got \"" + backend + "\"");
+}
+
+// Longest edge of a holdout's triangle by the radius of the object, to hold its shadow by vertex.
+constexpr float kHoldoutDetail = 0.15f;
+
+void set_look(Scene& scene, const ShadowLook& look) {
+  look.validate();
+  scene.shadow_look = look;
 }
 
 // What Python sees of a processed frame; arrays are made when asked for.
@@ -79,6 +88,34 @@ for no self-shadow at all.)")
 
 Without it that method raises ValueError; where the object is tilted or lifted off the plane, its spheres cast the
 shadow.)")
+      .def_property(
+          "shadow_strength", [](const Scene& s) { return s.shadow_look.strength; },
+          [](Scene& s, double strength) {
+            set_look(s, {float(strength), s.shadow_look.color});
+          },
+          "How much of the shadow is drawn, from 0 (none) to 1 (as it falls, the default).")
+      .def_property(
+          "shadow_color", [](const Scene& s) { return colour_tuple(s.shadow_look.color); },
+          [](Scene& s, const py::object& color) {
+            set_look(s, {s.shadow_look.strength, require_colour(color, "shadow_color")});
+          },
+          "Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black "
+          "by "
+          "default.")
+      .def_property(
+          "holdouts",
+          [](const Scene& s) { return s.holdouts ? s.holdouts->meshes : std::vector<Mesh>{}; },
+          [](Scene& s, const std::vector<Mesh>& meshes) {
+            const py::gil_scoped_release release;
+            const Bounds box = bounds(s.mesh.vertices);
+            s.holdouts = std::make_shared<const Holdouts>(
+                make_holdouts(meshes, kHoldoutDetail * box.radius()));
+          },
+          R"(Real objects as meshes, marker frame: list of Mesh, empty by default.
+
+Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
+leaves of the light on that surface. Set it before a Session is made. They keep no light from the virtual object, nor
+its shadow from the plane behind them.)")
       .def("__repr__", [](const Scene& s) {
         return "<fastibl.Scene of " + std::to_string(s.mesh.triangles.size()) + " triangles, " +
                std::to_string(s.spheres.size()) + " spheres>";
@@ -165,7 +202,26 @@ shadow.)")
       .def_property_readonly("scene", &Session::scene)
       .def_property_readonly("shadow_map", &Session::shadow_map,
                              "ShadowMap of the last frame: .image, .extent.")
+      .def_property_readonly(
+          "plane_gain", &Session::plane_gain,
+          R"(ShadowMap of what the plane's picture was multiplied by in the last frame.
+
+Its ratio is the shadow's as strength and colour have it, and the light that the object sends to the plane by what the
+plane gets without the object: it may exceed 1.)")
+      .def(
+          "set_shadow_look",
+          [](Session& s, double strength, const py::object& color) {
+            s.set_shadow_look({float(strength), require_colour(color, "color")});
+          },
+          py::arg("strength") = 1.0, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
+          "Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. "
+          "Raises "
+          "ValueError for values outside [0, 1].")
       .def_property_readonly("object", &Session::object, "ObjectLayer of the last frame.")
+      .def_property_readonly(
+          "holdout", &Session::holdout,
+          "ObjectLayer of the real objects before the virtual one in the last frame: what is left "
+          "of their light times coverage, and coverage.")
       .def_property_readonly("capture", &Session::capture,
                              py::return_value_policy::reference_internal)
       .def_property_readonly("backend",

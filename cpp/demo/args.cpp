@@ -92,6 +92,13 @@ std::optional<Args> parse_args(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag_callback(
       "--no-shadow", [&] { args.cast_shadow = false; }, "cast no shadow");
+  std::vector<float> shadow_color{0, 0, 0};
+  app.add_option("--shadow-strength", args.shadow_look.strength, "0: none, 1: as it falls")
+      ->check(kNotNegative)
+      ->capture_default_str();
+  app.add_option("--shadow-color", shadow_color, "linear colour r,g,b that a full shadow leaves")
+      ->expected(3)
+      ->delimiter(',');
   app.add_option("--threads", args.threads, "0: one a core")->check(kNotNegative);
   app.add_option("--frames", args.frames, "stop after so many pictures")->check(kPositive);
   app.add_flag("--headless", args.headless, "no window");
@@ -116,6 +123,8 @@ std::optional<Args> parse_args(int argc, char** argv) {
   args.paper = methods == "paper";
   args.material.diffuse = colour(diffuse), args.material.glossy = colour(glossy);
   args.material.validate();
+  args.shadow_look.color = colour(shadow_color);
+  args.shadow_look.validate();
   check_together(args);
   return args;
 }

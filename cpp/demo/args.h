@@ -6,6 +6,7 @@
 #include <string>
 
 #include "fastibl/scene/material.h"
+#include "fastibl/scene/shadow_look.h"
 
 namespace fastibl::demo {
 
@@ -23,6 +24,7 @@ struct Args {
   bool paper = false;
   std::string backend = "cpu";
   bool cast_shadow = true;
+  ShadowLook shadow_look;
   int threads = 0;  // 0: all cores
   int frames = 0;   // 0: to the end
 

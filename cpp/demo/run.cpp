@@ -57,6 +57,7 @@ Session make_session(const Args& args, const FrameSource& source) {
       make_scene(stand(std::move(mesh), args.height), args.material, Pose(), scene_options);
   SessionOptions options;
   options.methods = methods_preset(args.paper);
+  scene.shadow_look = args.shadow_look;
   options.cast_shadow = args.cast_shadow;
   return Session(std::move(scene), source.rig(), board_for(args, source), nullptr,
                  opencv_detector(), make_renderer(args.backend), options);

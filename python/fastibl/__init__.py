@@ -5,6 +5,7 @@ Frames, units and pixel conventions are stated once, in docs/conventions.md.
 
 from . import reference, shapes
 from ._fastibl import (
+    Bounce,
     Bvh,
     Camera,
     Capture,
@@ -58,6 +59,7 @@ from .tracking import Tracker
 
 __all__ = [
     "Board",
+    "Bounce",
     "Bvh",
     "Camera",
     "Capture",

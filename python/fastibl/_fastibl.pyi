@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -906,6 +906,28 @@ class PlaneExchange:
         """
         Half the edge of all cells together, metres.
         """
+class Bounce:
+    """
+    One bounce of diffuse light between a scene's object and the plane, for other renderers.
+
+    scene: Scene, where it stands. Raises ValueError for one without visibility_rays.
+    """
+    def __init__(self, scene: ...) -> None:
+        ...
+    def update(self, lighting: _Lighting, shadow: ShadowMap) -> None:
+        """
+        Work it out for a Lighting and the ShadowMap of the object under it.
+        """
+    @property
+    def plane_gain(self) -> ShadowMap:
+        """
+        ShadowMap that the picture of the plane is multiplied by; it may exceed 1.
+        """
+    @property
+    def shares(self) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        Of the irradiance by the map that reaches each vertex (v, 3): without what the object hides and what its shadow takes from the plane below.
+        """
 class SelfShadow:
     """
     The light that an object keeps from itself, by vertex.
@@ -1034,9 +1056,12 @@ class _Methods:
         ...
     def __eq__(self, arg0: _Methods) -> bool:
         ...
-    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], self_shadow: str = 'auto') -> None:
+    def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], self_shadow: str = 'auto', bounce: str = 'auto') -> None:
         ...
     def __repr__(self) -> str:
+        ...
+    @property
+    def bounce(self) -> str:
         ...
     @property
     def capture(self) -> str:
@@ -1157,6 +1182,18 @@ class Scene:
     def baked_shadow(self, arg1: typing.Any) -> None:
         ...
     @property
+    def holdouts(self) -> list[Mesh]:
+        """
+        Real objects as meshes, marker frame: list of Mesh, empty by default.
+
+        Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
+        leaves of the light on that surface. Set it before a Session is made. They keep no light from the virtual object, nor
+        its shadow from the plane behind them.
+        """
+    @holdouts.setter
+    def holdouts(self, arg1: collections.abc.Sequence[Mesh]) -> None:
+        ...
+    @property
     def marker_from_object(self) -> Pose:
         ...
     @property
@@ -1164,6 +1201,22 @@ class Scene:
         ...
     @property
     def mesh(self) -> Mesh:
+        ...
+    @property
+    def shadow_color(self) -> tuple:
+        """
+        Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black by default.
+        """
+    @shadow_color.setter
+    def shadow_color(self, arg1: typing.Any) -> None:
+        ...
+    @property
+    def shadow_strength(self) -> float:
+        """
+        How much of the shadow is drawn, from 0 (none) to 1 (as it falls, the default).
+        """
+    @shadow_strength.setter
+    def shadow_strength(self, arg1: typing.SupportsFloat | typing.SupportsIndex) -> None:
         ...
     @property
     def spheres(self) -> numpy.typing.NDArray[numpy.float32]:
@@ -1266,12 +1319,21 @@ class _Session:
         """
         Use another material from the next frame on.
         """
+    def set_shadow_look(self, strength: typing.SupportsFloat | typing.SupportsIndex = 1.0, color: typing.Any = (0.0, 0.0, 0.0)) -> None:
+        """
+        Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. Raises ValueError for values outside [0, 1].
+        """
     @property
     def backend(self) -> str:
         ...
     @property
     def capture(self) -> Capture:
         ...
+    @property
+    def holdout(self) -> ObjectLayer:
+        """
+        ObjectLayer of the real objects before the virtual one in the last frame: what is left of their light times coverage, and coverage.
+        """
     @property
     def object(self) -> ObjectLayer:
         """
@@ -1280,6 +1342,14 @@ class _Session:
     @property
     def plan(self) -> Plan:
         ...
+    @property
+    def plane_gain(self) -> ShadowMap:
+        """
+        ShadowMap of what the plane's picture was multiplied by in the last frame.
+
+        Its ratio is the shadow's as strength and colour have it, and the light that the object sends to the plane by what the
+        plane gets without the object: it may exceed 1.
+        """
     @property
     def scene(self) -> Scene:
         ...

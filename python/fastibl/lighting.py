@@ -16,7 +16,7 @@ from ._fastibl import (
     _prefilter,
 )
 
-STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow", "self_shadow")
+STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow", "self_shadow", "bounce")
 AUTO, PAPER = _Methods._auto(), _Methods._paper()
 
 
@@ -85,7 +85,8 @@ def _check_known(name: str, settings: Mapping[str, float]) -> None:
 def methods(step: str) -> list[Method]:
     """Every method of a step, and every setting of it that is worth comparing.
 
-    step: "tracking", "capture", "diffuse", "glossy", "shadow" or "self_shadow". Raises ValueError for another.
+    step: "tracking", "capture", "diffuse", "glossy", "shadow", "self_shadow" or "bounce". Raises ValueError
+    for another.
     """
     names = _method_names(step)
     if not names:

@@ -34,12 +34,14 @@ _SPLIT = 2  # rays a pixel and axis
 @dataclass
 class TruePicture:
     """image: (h, w, 3) uint8. linear: (h, w, 3) radiance times exposure before encoding. coverage: (h, w) of the
-    object. ratio: (h, w, 3) true shadow ratio where no object is."""
+    object. ratio: (h, w, 3) true shadow ratio where no object is, and gain: (h, w, 3) with the light that the object
+    sends to the plane."""
 
     image: NDArray[np.uint8]
     linear: NDArray[np.float64]
     coverage: NDArray[np.float64]
     ratio: NDArray[np.float64]
+    gain: NDArray[np.float64]
 
 
 def picture_error(picture: NDArray[np.uint8], true: TruePicture, back: NDArray[np.uint8], response: Response) -> float:
@@ -122,11 +124,15 @@ def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: ND
 class TrueRenderer:
     """Brute force for one object on the plane; visibility is worked out once and used for every map.
 
+    One bounce is in it: the plane sends out what the map has below the horizon, times the true ratio where a ray meets
+    it, and gets what the object sends out diffusely. Light between parts of the object, light that goes to and fro more
+    than once, and glossy light that the object sends to the plane are not. bounce=False leaves it out.
+
     extent: half the edge in metres of the plane grid that shadows are worked out on; grid: its points along an edge.
     """
 
-    def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 64):
-        self.scene = scene
+    def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 64, bounce: bool = True):
+        self.scene, self.bounce = scene, bounce
         self.bvh = Bvh(scene.mesh)
         self.extent, self.grid = extent, grid
         directions, _, _ = reference.samples(np.zeros((6, _DIRECTIONS, _DIRECTIONS, 3)))
@@ -141,6 +147,7 @@ class TrueRenderer:
         self.hidden_at_plane = self._hidden(points, up)
         self.plane_points = np.stack([x, y], axis=-1)
         self.outside_footprint = ~self.bvh.occluded(points, up.copy()).reshape(grid, grid)
+        self._points, self._seen = points.astype(np.float32), None
 
     def _hidden(self, points: NDArray, normals: NDArray) -> NDArray[np.uint8]:
         """Whether the object hides each direction from each point: packed bits (points, directions / 8).
@@ -165,7 +172,71 @@ class TrueRenderer:
         for i in range(0, len(normals), 512):
             hidden = np.unpackbits(self.hidden_at_vertex[i : i + 512], axis=1)
             out[i : i + 512] = (np.maximum(normals[i : i + 512] @ d.T, 0) * (1 - hidden)) @ flux
+        return out - self._lost_below(source) if self.bounce else out
+
+    def _lost_below(self, source: CubeMap | Environment) -> NDArray:
+        """Irradiance (v, 3) that the shadow on the plane keeps from the vertices."""
+        import cv2
+
+        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
+        down = np.flatnonzero(d[:, 2] < 0)
+        d, flux = d[down], (radiance * angle[:, None])[down].astype(np.float32)
+        normals, vertices = self.scene.mesh.normals.astype(np.float64), self.scene.mesh.vertices.astype(np.float64)
+        lost, out = (1 - self.plane_ratio(source)).astype(np.float32), np.empty((len(normals), 3))
+        for i in range(0, len(normals), 512):
+            part = slice(i, i + 512)
+            hidden = np.unpackbits(self.hidden_at_vertex[part], axis=1)[:, down]
+            point = vertices[part, None, :2] - vertices[part, None, 2:] / d[:, 2:] * d[:, :2]
+            at = np.clip((point / self.extent + 1) / 2 * self.grid - 0.5, -10, self.grid + 10).astype(np.float32)
+            at_point = cv2.remap(lost, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+            weight = np.maximum(normals[part] @ d.T, 0) * (1 - hidden)
+            out[part] = np.einsum("vd,vdc,dc->vc", weight.astype(np.float32), at_point, flux)
         return out
+
+    def _seen_from_plane(self) -> tuple[NDArray, NDArray, NDArray]:
+        """What plane points see of the object: point (k,), vertices (k, 3) and their parts of the form factor."""
+        if self._seen is not None:
+            return self._seen
+        _, angle, _ = reference.samples(np.zeros((6, _DIRECTIONS, _DIRECTIONS, 3)))
+        mesh, found = self.scene.mesh, []
+        for i in range(0, len(self._points), 512):
+            row, column = np.nonzero(np.unpackbits(self.hidden_at_plane[i : i + 512], axis=1))
+            towards = self.directions[column]
+            triangle, _, uv = self.bvh.nearest(self._points[i : i + 512][row], towards)
+            corner = mesh.triangles[triangle]
+            a, b, c = (mesh.vertices[corner[:, k]] for k in range(3))
+            front = (triangle >= 0) & ((np.cross(b - a, c - a) * towards).sum(axis=1) < 0)
+            weights = np.stack([1 - uv.sum(axis=1), uv[:, 0], uv[:, 1]], axis=1)
+            weights = weights * (towards[:, 2] * angle[column] / np.pi)[:, None]
+            found.append((row[front] + i, corner[front], weights[front]))
+        self._seen = tuple(np.concatenate(part) for part in zip(*found, strict=True))
+        return self._seen
+
+    def exitance(self, source: CubeMap | Environment) -> NDArray:
+        """Light (v, 3) that the vertices send out diffusely: of radiance exitance / pi."""
+        material, mesh = self.scene.material, self.scene.mesh
+        if material.model == "pbr":
+            p = pbr_surface(material, mesh.normals, mesh.tangents, mesh.uvs)
+            reflectance, emission = (1 - p.metallic[:, None]) * p.base_color, p.emission
+        else:
+            reflectance, emission = np.asarray(material.diffuse, np.float64), np.asarray(material.emission)
+            if material.exponent == 0:
+                reflectance = reflectance + np.asarray(material.glossy)
+        return reflectance * self.vertex_irradiance(source) + np.pi * emission
+
+    def plane_gain(self, source: CubeMap | Environment) -> NDArray:
+        """The true ratio and what the object adds to the plane's light, by that without it (grid, grid, 3)."""
+        ratio = self.plane_ratio(source)
+        if not self.bounce:
+            return ratio
+        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
+        plane = np.maximum((radiance * (angle * np.maximum(d[:, 2], 0))[:, None]).sum(axis=0), 1e-12)
+        point, vertex, weights = self._seen_from_plane()
+        sent, added = self.exitance(source), np.empty((len(self._points), 3))
+        for c in range(3):
+            light = (sent[vertex, c] * weights).sum(axis=1)
+            added[:, c] = np.bincount(point, light, len(self._points)) / plane[c]
+        return ratio + added.reshape(ratio.shape)
 
     def plane_ratio(self, source: CubeMap | Environment) -> NDArray:
         """True shadow ratio (grid, grid, 3) on the plane; row 0 is y min."""
@@ -294,16 +365,19 @@ class TrueRenderer:
         at = (point / self.extent + 1) / 2 * self.grid - 0.5
         at[~(ray[..., 2] < 0)] = -10
         at = at.astype(np.float32)
-        ratio = cv2.remap(
-            self.plane_ratio(source), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_CONSTANT, borderValue=(1, 1, 1),
+        ratio, gain = (
+            cv2.remap(
+                on_plane, at[..., 0], at[..., 1], cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_CONSTANT, borderValue=(1, 1, 1),
+            )
+            for on_plane in (self.plane_ratio(source), self.plane_gain(source))
         )  # fmt: skip
         radius = np.hypot(x[::s, ::s] + 0.5 / s - camera.cx, y[::s, ::s] + 0.5 / s - camera.cy) / camera.fx
         vignette = 1 + sum(v * radius ** (2 * k + 2) for k, v in enumerate(camera.vignetting))
-        under = camera.response.decode(back / 255.0).astype(np.float64) * ratio
+        under = camera.response.decode(back / 255.0).astype(np.float64) * gain
         over = layer[..., :3] * (exposure * camera.gain * np.asarray(vignette))[..., None]
         linear = over + (1 - layer[..., 3:]) * under
         image = np.round(camera.response.encode(np.clip(linear, 0, 1)) * 255).astype(np.uint8)
-        untouched = (layer[..., 3] == 0) & (ratio == 1).all(axis=-1)
+        untouched = (layer[..., 3] == 0) & (gain == 1).all(axis=-1)
         image[untouched] = back[untouched]
-        return TruePicture(image, linear, layer[..., 3], ratio)
+        return TruePicture(image, linear, layer[..., 3], ratio, gain)

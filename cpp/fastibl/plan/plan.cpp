@@ -1,5 +1,6 @@
 #include "fastibl/plan/plan.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "fastibl/core/check.h"
@@ -26,14 +27,21 @@ Pass pass_of(PassId id, const Scene& scene) {
       return {id, radiance | irradiance | placement, 0, shadow};
     case PassId::self_shadow:
       return {id, radiance | irradiance | placement, 0, self_shadow};
+    case PassId::bounce:
+      return {id, radiance | irradiance | placement | material | shadow | product::self_shadow, 0,
+              bounce};
+    case PassId::plane:
+      return {id, shadow | bounce, 0, plane};
+    case PassId::holdout:
+      return {id, radiance | irradiance | placement, 0, holdout};
     case PassId::shade: {
-      Products reads = pose | placement | material;
-      if (scene.material.reads_irradiance()) reads |= irradiance | self_shadow;
+      Products reads = holdout | pose | placement | material;
+      if (scene.material.reads_irradiance()) reads |= irradiance | self_shadow | bounce;
       if (scene.material.reads_radiance()) reads |= radiance;
       return {id, reads, 0, object};
     }
     default:
-      return {id, back_picture | pose | object | shadow, 0, image};
+      return {id, back_picture | pose | object | shadow | plane, 0, image};
   }
 }
 
@@ -48,11 +56,48 @@ std::string no_transfer(const Scene& scene, const Methods& methods) {
   return "";
 }
 
+// What leaving out the bounce does to the plane's picture and the object's, by the light of the
+// plane: an object that reflects ρ of its light, at most 4π times the map's mean, sends the plane
+// at most all of it; a plane of the radiance that it is seen with lights the object by at most π
+// times that. Nothing where the light is not known.
+std::optional<double> bounce_bound(const Scene& scene, const Lighting* lighting) {
+  const Material& m = scene.material;
+  const glm::vec3 sent = !m.pbr ? m.diffuse + (m.exponent == 0 ? m.glossy : glm::vec3(0))
+                         : m.pbr->metallic < 1 || m.pbr->metallic_map ? m.pbr->base_color
+                                                                      : glm::vec3(0);
+  const glm::vec3 emission = m.pbr ? m.pbr->emission : m.emission;
+  if (sent == glm::vec3(0) && emission == glm::vec3(0)) return 0.0;
+  if (!lighting || !lighting->radiance) return std::nullopt;
+  const glm::dvec3 mean = lighting->radiance->mean();
+  double bound = 0;
+  for (int c = 0; c < 3; ++c) {
+    const double plane = lighting->plane_irradiance[c];
+    const double received = 4 * double(kPi) * (sent[c] * mean[c]) + double(kPi) * emission[c];
+    if (received > 0 && !(plane > 0)) return std::nullopt;
+    if (plane > 0) bound = std::max({bound, double(sent[c]), received / plane});
+  }
+  return bound;
+}
+
+// A share of the error budget that leaving the bounce out may take.
+constexpr double kBounceBudget = 0.1;
+
+std::string no_bounce(const Scene& scene, const PlanOptions& options, double& bound) {
+  if (options.methods.bounce == BounceMethod::none) return "no bounce was asked for";
+  if (!options.cast_shadow || !scene.casts_shadow()) return "there is no shadow to go with it";
+  if (!scene.directions) return "what the object hides was not worked out";
+  const std::optional<double> most = bounce_bound(scene, options.lighting);
+  if (!most || *most > kBounceBudget * options.error) return "";
+  bound = *most;
+  return bound == 0 ? "the object sends out no diffuse light" : "the object is too dark to matter";
+}
+
 }  // namespace
 
 std::string_view name(PassId id) {
-  constexpr std::array names = {"track",  "capture",     "mips",  "irradiance",
-                                "shadow", "self_shadow", "shade", "composite"};
+  constexpr std::array names = {"track",   "capture",     "mips",     "irradiance",
+                                "shadow",  "self_shadow", "bounce",   "plane",
+                                "holdout", "shade",       "composite"};
   return names[std::size_t(id)];
 }
 
@@ -108,7 +153,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
           line.error = l->irradiance_error;
         }
         const bool lit = scene.material.reads_irradiance();
-        const bool shadowed = options.cast_shadow && scene.casts_shadow();
+        const bool shadowed = options.cast_shadow && (scene.casts_shadow() || scene.has_holdouts());
         if (!lit && !shadowed) leave_out("k_L = 0 and no shadow: nothing reads it");
         break;
       }
@@ -124,6 +169,28 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         line.method = name(SelfShadowMethod::transfer);
         if (const std::string reason = no_transfer(scene, options.methods); !reason.empty())
           leave_out(reason);
+        break;
+      case PassId::bounce:
+        line.method = name(BounceMethod::one);
+        if (const std::string reason = no_bounce(scene, options, line.bound); !reason.empty())
+          leave_out(reason);
+        break;
+      case PassId::plane: {
+        const bool bounced = plan.includes(PassId::bounce), look = scene.shadow_look.changes();
+        line.method =
+            bounced ? look ? "bounce, strength and colour" : "bounce" : "strength and colour";
+        if (!options.cast_shadow || !scene.casts_shadow())
+          leave_out("there is no shadow");
+        else if (!bounced && !look)
+          leave_out("the shadow is drawn as it is");
+        break;
+      }
+      case PassId::holdout:
+        line.method = "rays";
+        if (!scene.has_holdouts())
+          leave_out("no real objects were given");
+        else if (!options.cast_shadow)
+          leave_out("no shadow was asked for");
         break;
       case PassId::shade: {
         const Material& m = scene.material;

@@ -20,13 +20,27 @@ using Products = std::uint32_t;
 namespace product {
 inline constexpr Products back_picture = 1, light_pictures = 2, placement = 4, material = 8;
 inline constexpr Products pose = 16, texels = 32, radiance = 64, irradiance = 128, shadow = 256,
-                          object = 512, image = 1024, self_shadow = 2048;
-inline constexpr Products inputs = 15, all = 4095;
+                          object = 512, image = 1024, self_shadow = 2048, bounce = 4096,
+                          plane = 8192, holdout = 16384;
+inline constexpr Products inputs = 15, all = 32767;
 }  // namespace product
 
-enum class PassId { track, capture, mips, irradiance, shadow, self_shadow, shade, composite };
+enum class PassId {
+  track,
+  capture,
+  mips,
+  irradiance,
+  shadow,
+  self_shadow,
+  bounce,
+  plane,    // what the plane's picture is multiplied by, where that is not the shadow as it is
+  holdout,  // the shadow on real objects
+  shade,
+  composite
+};
 inline constexpr std::array kPasses = {PassId::track,      PassId::capture,  PassId::mips,
                                        PassId::irradiance, PassId::shadow,   PassId::self_shadow,
+                                       PassId::bounce,     PassId::plane,    PassId::holdout,
                                        PassId::shade,      PassId::composite};
 std::string_view name(PassId id);
 

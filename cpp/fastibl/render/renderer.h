@@ -29,6 +29,11 @@ struct RenderInput {
   // What the object lets through of its own light at each vertex: of the irradiance (RGB), and of
   // the glossy term. Empty: P_V of the scene, and all of it.
   std::span<const glm::vec4> light_shares = {};
+  // What the plane's picture is multiplied by, where that is not the ratio of the shadow pass:
+  // another object for another map.
+  std::shared_ptr<const ShadowMap> plane_gain = nullptr;
+  // What is left of the light of each vertex of the scene's holdouts, and 1. Empty: all of it.
+  std::span<const glm::vec4> holdout_ratios = {};
 };
 
 class Renderer {
@@ -44,6 +49,7 @@ class Renderer {
   // Products of the last run of each pass; a GPU back end reads them back.
   virtual ShadowMap shadow_map() = 0;
   virtual ObjectLayer object() = 0;
+  virtual ObjectLayer holdout() = 0;  // see holdout_layer()
   virtual Image<std::uint8_t>
   image() = 0;  // 3 channels, or 4 (straight alpha) without a back picture
 };

@@ -11,6 +11,7 @@ namespace {
 constexpr double kPoseLifetime =
     0.1 + 1e-6;  // seconds that a front picture may use an earlier pose, and times' rounding
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
+constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
     0.01;  // metres: an object's centre for capture, however flat it is
 
@@ -41,6 +42,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   capture.centre = scene_.marker_from_object * glm::dvec3(box.centre());
   capture.centre.z = std::max(capture.centre.z, kSmallestHeight);
   capture_.emplace(std::move(capture));
+  scene_.shadow_look.validate();
   replan();
 }
 
@@ -53,6 +55,9 @@ void Session::replan() {
     if (p.pass.id != PassId::track && p.pass.id != PassId::capture) stale_ |= p.pass.writes;
   }
   clear_shares();
+  bounce_ = {}, plane_gain_ = nullptr;
+  holdout_ratios_.clear();
+  if (plan_.includes(PassId::bounce)) place_exchange();        // now rather than in the first frame
   if (!plan_.includes(PassId::irradiance)) lighting_.reset();  // it may be another method's
 }
 
@@ -64,7 +69,12 @@ void Session::update_plan() {
   options.cast_shadow = options_.cast_shadow;
   options.error = options_.error, options.milliseconds = options_.milliseconds;
   options.lighting = lighting_.get();
+  const bool bounced = plan_.includes(PassId::bounce);
   plan_ = make_plan(scene_, environment_.get(), options);
+  if (plan_.includes(PassId::bounce) == bounced) return;
+  // The light came to matter, or no longer does.
+  bounce_ = {}, plane_gain_ = nullptr;
+  stale_ |= product::bounce | product::plane | product::object | product::image;
 }
 
 void Session::set_material(const Material& material) {
@@ -83,6 +93,13 @@ void Session::set_methods(const Methods& methods) {
 void Session::set_cast_shadow(bool cast) {
   options_.cast_shadow = cast;
   replan();
+}
+void Session::set_shadow_look(const ShadowLook& look) {
+  look.validate();
+  scene_.shadow_look = look;
+  update_plan();
+  plane_gain_ = nullptr;
+  stale_ |= product::plane | product::holdout | product::image;
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
   fixed_environment_ = environment != nullptr;
@@ -134,6 +151,29 @@ void Session::find_glossy_shares(const Pose& camera_from_marker) {
   const Pose object_from_camera = (camera_from_marker * scene_.marker_from_object).inverse();
   glossy_shares(*scene_.directions, scene_.mesh.vertices, scene_.normals,
                 glm::vec3(object_from_camera.translation), blinn_width(*exponent), light_shares_);
+}
+
+// Form factors hold until the object is tilted or lifted.
+void Session::place_exchange() {
+  if (!exchange_ || !exchange_->motion(scene_.marker_from_object))
+    exchange_.emplace(scene_.mesh, *scene_.directions, kBounceCells, scene_.marker_from_object);
+}
+
+void Session::find_bounce() {
+  place_exchange();
+  bounce_ =
+      fastibl::find_bounce(*exchange_, scene_, *lighting_, renderer_->shadow_map(), light_shares_);
+}
+
+void Session::find_holdout_ratios() {
+  if (hidden_from_ != scene_.marker_from_object) {
+    hidden_ = hidden_by_object(scene_);
+    hidden_from_ = scene_.marker_from_object;
+  }
+  holdout_ratios_ = fastibl::holdout_ratios(scene_, hidden_, *lighting_, holdout_light_);
+  if (!scene_.shadow_look.changes()) return;
+  for (glm::vec4& ratio : holdout_ratios_)
+    ratio = glm::vec4(scene_.shadow_look.apply(glm::vec3(ratio)), 1);
 }
 
 bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose) const {
@@ -215,8 +255,23 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     case PassId::self_shadow:
       find_diffuse_shares();
       return true;
+    case PassId::bounce:
+      find_bounce();
+      return true;
+    case PassId::plane:
+      plane_gain_ = std::make_shared<const ShadowMap>(
+          fastibl::plane_gain(renderer_->shadow_map(), scene_.shadow_look, bounce_));
+      return true;
+    case PassId::holdout:
+      find_holdout_ratios();
+      return true;
     case PassId::shade:
       find_glossy_shares(*pose);
+      if (bounce_.empty()) break;
+      bounced_shares_ = light_shares_;
+      if (light_shares_.empty())
+        for (const float v : scene_.visibility) bounced_shares_.emplace_back(glm::vec3(v), 1);
+      add_shares(bounce_, bounced_shares_);
       break;
     default:
       break;
@@ -236,8 +291,9 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
-  renderer_->run(id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back,
-                      frame.back_exposure, light_shares_});
+  renderer_->run(
+      id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back, frame.back_exposure,
+           bounce_.empty() ? light_shares_ : bounced_shares_, plane_gain_, holdout_ratios_});
   return true;
 }
 

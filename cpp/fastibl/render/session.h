@@ -17,6 +17,9 @@
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/scene.h"
+#include "fastibl/shading/bounce.h"
+#include "fastibl/shading/holdout.h"
+#include "fastibl/shading/plane_exchange.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/tracking/detector.h"
 #include "fastibl/tracking/tracker.h"
@@ -65,7 +68,11 @@ class Session {
 
   const Plan& plan() const { return plan_; }
   ShadowMap shadow_map() { return renderer_->shadow_map(); }
+  // What the plane's picture was multiplied by: the ratio as it is drawn, and the light of the
+  // object; it may exceed 1.
+  ShadowMap plane_gain() { return plane_gain_ ? *plane_gain_ : renderer_->shadow_map(); }
   ObjectLayer object() { return renderer_->object(); }
+  ObjectLayer holdout() { return renderer_->holdout(); }  // see holdout_layer()
   const Capture& capture() const { return *capture_; }
   Renderer& renderer() { return *renderer_; }
 
@@ -74,6 +81,7 @@ class Session {
   void move(const Pose& marker_from_object);
   void set_methods(const Methods& methods);
   void set_cast_shadow(bool cast);
+  void set_shadow_look(const ShadowLook& look);
   void set_environment(std::shared_ptr<const Environment> environment);  // null: capture
   void set_renderer(std::unique_ptr<Renderer> renderer);
 
@@ -89,6 +97,9 @@ class Session {
   void clear_shares();  // to what the method is without a map
   void find_diffuse_shares();
   void find_glossy_shares(const Pose& camera_from_marker);
+  void place_exchange();
+  void find_bounce();
+  void find_holdout_ratios();
 
   Scene scene_;
   Rig rig_;
@@ -101,7 +112,15 @@ class Session {
   std::optional<Capture> capture_;
   std::shared_ptr<const Lighting> lighting_;
   CellLight cell_light_;
-  std::vector<glm::vec4> light_shares_;  // of RenderInput
+  std::vector<glm::vec4> light_shares_;    // of RenderInput, without
+  std::vector<glm::vec4> bounced_shares_;  // and with the bounce
+  std::optional<PlaneExchange> exchange_;  // of the object as it stood last
+  Bounce bounce_;
+  std::shared_ptr<const ShadowMap> plane_gain_;
+  std::optional<Pose> hidden_from_;  // where the object stood
+  VertexVisibility hidden_;          // for the holdouts by the object
+  CellLight holdout_light_;
+  std::vector<glm::vec4> holdout_ratios_;  // of RenderInput
   Plan plan_;
   Products stale_ = product::all & ~product::inputs;
   std::optional<Pose> last_pose_;

@@ -65,6 +65,11 @@ std::string_view name(SelfShadowMethod method) {
       return "transfer";
   }
 }
+std::string_view name(BounceMethod method) {
+  return method == BounceMethod::automatic ? "auto"
+         : method == BounceMethod::none    ? "none"
+                                           : "one-bounce";
+}
 std::string_view name(TrackingMethod method) {
   return method == TrackingMethod::board ? "board" : "frame-marker";
 }
@@ -90,6 +95,10 @@ ShadowMethod shadow_method(std::string_view text) {
 SelfShadowMethod self_shadow_method(std::string_view text) {
   if (text == "auto") return SelfShadowMethod::automatic;
   return method_named(text, kSelfShadowMethods, "self_shadow");
+}
+BounceMethod bounce_method(std::string_view text) {
+  if (text == "auto") return BounceMethod::automatic;
+  return method_named(text, kBounceMethods, "bounce");
 }
 TrackingMethod tracking_method(std::string_view text) {
   return method_named(text, kTrackingMethods, "tracking");

@@ -46,6 +46,11 @@ enum class SelfShadowMethod {
   ambient,   // P_V of Eq. 8: the share of directions that are free, whatever the light
   transfer,  // the light of the directions that are free, by vertex and channel
 };
+enum class BounceMethod {
+  automatic,
+  none,
+  one,  // diffuse light from the object to the plane, and what its shadow takes from the object
+};
 enum class TrackingMethod {
   frame_marker,  // the corners of one tag, as the paper's
   board,         // robust refinement over all tags of the board
@@ -69,6 +74,7 @@ inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMetho
                                               ShadowMethod::directions, ShadowMethod::mesh};
 inline constexpr std::array kSelfShadowMethods = {SelfShadowMethod::none, SelfShadowMethod::ambient,
                                                   SelfShadowMethod::transfer};
+inline constexpr std::array kBounceMethods = {BounceMethod::none, BounceMethod::one};
 inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,
                                                 TrackingMethod::board};
 inline constexpr std::array kCaptureMethods = {CaptureMethod::single, CaptureMethod::continuous};
@@ -79,6 +85,7 @@ std::string_view name(GlossyMethod method);
 std::string_view name(Normalization normalization);
 std::string_view name(ShadowMethod method);
 std::string_view name(SelfShadowMethod method);
+std::string_view name(BounceMethod method);
 std::string_view name(TrackingMethod method);
 std::string_view name(CaptureMethod method);
 DiffuseMethod diffuse_method(std::string_view name);
@@ -86,6 +93,7 @@ GlossyMethod glossy_method(std::string_view name);
 Normalization normalization(std::string_view name);
 ShadowMethod shadow_method(std::string_view name);
 SelfShadowMethod self_shadow_method(std::string_view name);
+BounceMethod bounce_method(std::string_view name);
 TrackingMethod tracking_method(std::string_view name);
 CaptureMethod capture_method(std::string_view name);
 
@@ -132,6 +140,7 @@ struct Methods {
   ShadowMethod shadow = ShadowMethod::automatic;
   ShadowSettings shadow_settings;
   SelfShadowMethod self_shadow = SelfShadowMethod::automatic;
+  BounceMethod bounce = BounceMethod::automatic;
 
   static Methods paper() {
     Methods methods;
@@ -142,6 +151,7 @@ struct Methods {
     methods.normalization = Normalization::paper;
     methods.shadow = ShadowMethod::cap_product;
     methods.self_shadow = SelfShadowMethod::ambient;
+    methods.bounce = BounceMethod::none;
     return methods;
   }
   bool operator==(const Methods&) const = default;

@@ -5,9 +5,11 @@
 #include <vector>
 
 #include "fastibl/core/pose.h"
+#include "fastibl/scene/holdouts.h"
 #include "fastibl/scene/material.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/methods.h"
+#include "fastibl/scene/shadow_look.h"
 #include "fastibl/scene/shadow_map.h"
 #include "fastibl/scene/vertex_visibility.h"
 
@@ -27,12 +29,16 @@ struct Scene {
   SphereSet spheres;  // proxies of the mesh, in its frame
   // What the mesh hides of the sky, for the `mesh` shadow, see shadow/mesh_shadow.h; may be null.
   std::shared_ptr<const MeshShadow> baked_shadow = nullptr;
+  ShadowLook shadow_look;
+  // Real objects that hide this one and receive its shadow, see make_holdouts(); null: none.
+  std::shared_ptr<const Holdouts> holdouts = nullptr;
 
   // What `automatic` stands for: `mesh` where the object was baked, else `directions`.
   ShadowMethod shadow_method(ShadowMethod asked) const {
     if (asked != ShadowMethod::automatic) return asked;
     return baked_shadow ? ShadowMethod::mesh : ShadowMethod::directions;
   }
+  bool has_holdouts() const { return holdouts && !holdouts->mesh.triangles.empty(); }
   bool casts_shadow() const { return !spheres.empty() || baked_shadow; }
 
   // The spheres where the object stands.

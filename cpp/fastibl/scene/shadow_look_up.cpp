@@ -33,16 +33,17 @@ FASTIBL_PICK(interleave);
 FASTIBL_PICK_AVX512(find_texels);
 FASTIBL_PICK_AVX512(blend);
 
-ShadowLookUp::Level level_of(const Image<float>& image, glm::vec2 centre, float extent) {
+ShadowLookUp::Level level_of(const Image<float>& image, glm::vec2 centre, float extent,
+                             float range) {
   const int n = image.width;
-  ShadowLookUp::Level level{{n, centre, extent}, {}};
+  ShadowLookUp::Level level{{n, centre, extent, range}, {}};
   level.columns.resize(std::size_t(n) * std::size_t(n + 1));
   // Two rows in turn, each with a code beyond its end.
   std::vector<std::int16_t> rows(2 * std::size_t(3 * n + 1));
   const auto row = [&](int y) { return rows.data() + std::size_t(y % 2) * std::size_t(3 * n + 1); };
-  encode(image.row(0), 3 * n, row(0));
+  encode(image.row(0), 3 * n, range, row(0));
   for (int y = 0; y < n; ++y) {
-    if (y + 1 < n) encode(image.row(y + 1), 3 * n, row(y + 1));
+    if (y + 1 < n) encode(image.row(y + 1), 3 * n, range, row(y + 1));
     ShadowLookUp::Column* out = &level.columns[std::size_t(y) * std::size_t(n + 1)];
     interleave(row(y), row(y + 1 < n ? y + 1 : y), n, out);
     out[n] = out[n - 1];
@@ -59,7 +60,7 @@ void sample_block(std::span<const ShadowLookUp::Level> levels, const float* poin
   for (const ShadowLookUp::Level& level : levels) {
     const int found = find_texels(level.place, points, count, places);
     if (first) {
-      if (found > 0) blend(level.columns.data(), places, count, out);
+      if (found > 0) blend(level.columns.data(), places, count, level.place.range, out);
       if (found == count) return;
       for (int k = 0; k < count / 16; ++k) left[k] = std::uint16_t(~places.inside[k]);
       first = false;
@@ -67,7 +68,7 @@ void sample_block(std::span<const ShadowLookUp::Level> levels, const float* poin
     }
     if (found == 0) continue;
     float here[3 * kBlock + 4];
-    blend(level.columns.data(), places, count, here);
+    blend(level.columns.data(), places, count, level.place.range, here);
     for (int i = 0; i < count; ++i)
       if ((left[i / 16] & places.inside[i / 16]) >> (i % 16) & 1)
         for (int c = 0; c < 3; ++c) out[3 * i + c] = here[3 * i + c];
@@ -82,9 +83,11 @@ void sample_block(std::span<const ShadowLookUp::Level> levels, const float* poin
 
 ShadowLookUp::ShadowLookUp(const ShadowMap& map) {
   if (map.no_light || map.ratio.empty()) return;
-  if (!map.fine.empty()) levels_.push_back(level_of(map.fine, map.fine_centre, map.fine_extent));
-  levels_.push_back(level_of(map.ratio, map.centre, map.extent));
-  if (!map.outer.empty()) levels_.push_back(level_of(map.outer, map.centre, map.outer_extent));
+  if (!map.fine.empty())
+    levels_.push_back(level_of(map.fine, map.fine_centre, map.fine_extent, map.range));
+  levels_.push_back(level_of(map.ratio, map.centre, map.extent, map.range));
+  if (!map.outer.empty())
+    levels_.push_back(level_of(map.outer, map.centre, map.outer_extent, map.range));
 }
 
 void ShadowLookUp::sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const {

@@ -6,20 +6,22 @@
 
 #ifndef FASTIBL_IN_AVX512
 // Codes of `count` ratios.
-FASTIBL_TARGET void encode(const float* ratios, int count, std::int16_t* codes) {
+FASTIBL_TARGET void encode(const float* ratios, int count, float range, std::int16_t* codes) {
+  const float share = 1 / range;
   int i = 0;
 #ifdef FASTIBL_WITH_256
-  const __m256 half = _mm256_set1_ps(0.5f), steps = _mm256_set1_ps(float(kRatioSteps));
+  const __m256 all = _mm256_set1_ps(share), half = _mm256_set1_ps(0.5f),
+               steps = _mm256_set1_ps(float(kRatioSteps));
   const __m128i most = _mm_set1_epi16(kRatioSteps / 2), least = _mm_set1_epi16(-kRatioSteps / 2);
   for (; i + 8 <= count; i += 8) {
     const __m256i code =
-        _mm256_cvtps_epi32(_mm256_mul_ps(_mm256_sub_ps(_mm256_loadu_ps(ratios + i), half), steps));
+        _mm256_cvtps_epi32(_mm256_mul_ps(_mm256_sub_ps(_mm256_mul_ps(_mm256_loadu_ps(ratios + i), all), half), steps));
     const __m128i packed =
         _mm_packs_epi32(_mm256_castsi256_si128(code), _mm256_extracti128_si256(code, 1));
     _mm_storeu_si128((__m128i*)(codes + i), _mm_max_epi16(least, _mm_min_epi16(packed, most)));
   }
 #endif
-  for (; i < count; ++i) codes[i] = ratio_code(ratios[i]);
+  for (; i < count; ++i) codes[i] = ratio_code(ratios[i] * share);
 }
 
 // Columns of `size` texels of a row and the one below it, RGB; one more code is read, and ignored.
@@ -133,10 +135,10 @@ FASTIBL_TARGET int find_texels(const ShadowPlace& place, const float* points, in
 
 // Ratios at `count` places, a multiple of 4. Up to four floats more are written.
 FASTIBL_TARGET void blend(const ShadowLookUp::Column* columns, const Places& places, int count,
-                          float* out) {
+                          float range, float* out) {
 #if defined(FASTIBL_IN_AVX512)
   // Four points: two of them in a register, each with its left column and its right one.
-  const __m512 unit = _mm512_set1_ps(kRatioUnit), half = _mm512_set1_ps(0.5f);
+  const __m512 unit = _mm512_set1_ps(kRatioUnit * range), half = _mm512_set1_ps(0.5f * range);
   const __m512i of_first = _mm512_setr_epi32(0, 0, 0, 0, 4, 4, 4, 4, 1, 1, 1, 1, 5, 5, 5, 5),
                 of_last = _mm512_setr_epi32(2, 2, 2, 2, 6, 6, 6, 6, 3, 3, 3, 3, 7, 7, 7, 7);
   const __m512i lefts =
@@ -160,7 +162,7 @@ FASTIBL_TARGET void blend(const ShadowLookUp::Column* columns, const Places& pla
     _mm512_storeu_ps(out, _mm512_fmadd_ps(_mm512_cvtepi32_ps(sums), unit, half));
   }
 #elif defined(FASTIBL_IN_AVX2)
-  const __m128 unit = _mm_set1_ps(kRatioUnit), half = _mm_set1_ps(0.5f);
+  const __m128 unit = _mm_set1_ps(kRatioUnit * range), half = _mm_set1_ps(0.5f * range);
   for (int i = 0; i < count; ++i, out += 3) {
     const auto* at = (const __m128i*)(columns + places.at[i]);
     const __m128i sums = _mm_add_epi32(_mm_madd_epi16(at[0], _mm_set1_epi32(places.left[i])),
@@ -173,7 +175,7 @@ FASTIBL_TARGET void blend(const ShadowLookUp::Column* columns, const Places& pla
     const auto low = [](std::int32_t v) { return std::int32_t(std::int16_t(v & 0xffff)); };
     const std::int32_t l = places.left[i], r = places.right[i];
     for (int c = 0; c < 3; ++c)
-      out[c] = ratio_of_sum(low(l) * at[0].code[c][0] + (l >> 16) * at[0].code[c][1] +
+      out[c] = range * ratio_of_sum(low(l) * at[0].code[c][0] + (l >> 16) * at[0].code[c][1] +
                             low(r) * at[1].code[c][0] + (r >> 16) * at[1].code[c][1]);
   }
 #endif

@@ -14,10 +14,10 @@ bool is_sphere(const glm::vec4& s) {
 
 glm::vec3 ShadowMap::sample(glm::vec2 point) const {
   glm::vec3 out(1);
-  if (no_light || sample_shadow(fine, {fine.width, fine_centre, fine_extent}, point, out) ||
-      sample_shadow(ratio, {ratio.width, centre, extent}, point, out))
+  if (no_light || sample_shadow(fine, {fine.width, fine_centre, fine_extent, range}, point, out) ||
+      sample_shadow(ratio, {ratio.width, centre, extent, range}, point, out))
     return out;
-  sample_shadow(outer, {outer.width, centre, outer_extent}, point, out);
+  sample_shadow(outer, {outer.width, centre, outer_extent, range}, point, out);
   return out;
 }
 

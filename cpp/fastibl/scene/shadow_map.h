@@ -28,12 +28,13 @@ struct ShadowMap {
   Image<float> fine;
   glm::vec2 fine_centre{0};
   float fine_extent = 0;
+  float range = 1;  // texels hold 0 … range; a power of two
   int ignored_spheres = 0;
   bool no_light = false;  // nothing lights the plane: the ratio is 1 everywhere
 
   float reach() const { return outer.empty() ? extent : outer_extent; }  // outside the ratio is 1
 
-  // Bilinear within 2e-5, in the finest map that has the point; 1 for NaN.
+  // Bilinear within 2e-5 of the range, in the finest map that has the point; 1 for NaN.
   glm::vec3 sample(glm::vec2 point) const;
   // The same at many points; for parts of one picture see ShadowLookUp.
   void sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;

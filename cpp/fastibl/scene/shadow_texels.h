@@ -11,12 +11,12 @@
 
 namespace fastibl {
 
-// A ratio of 0 … 1 is kept as −2^14 … 2^14, within 1.6e-5; weights sum to 2^14. Then a blend of
-// equal texels is exact, 0 and 1 too, and no sum exceeds 2^28.
+// A ratio of 0 … 1, or a share of another range, is kept as −2^14 … 2^14, within 1.6e-5; weights
+// sum to 2^14. Then a blend of equal texels is exact, 0 and 1 too, and no sum exceeds 2^28.
 inline constexpr int kRatioSteps = 1 << 15, kWeightBits = 14, kWeightSteps = 1 << kWeightBits;
 
-inline std::int16_t ratio_code(float ratio) {
-  const float code = (ratio - 0.5f) * float(kRatioSteps);
+inline std::int16_t ratio_code(float share_of_range) {
+  const float code = (share_of_range - 0.5f) * float(kRatioSteps);
   constexpr float kMost = kRatioSteps / 2;
   return std::int16_t(std::lrint(std::max(-kMost, std::min(code, kMost))));
 }
@@ -27,11 +27,12 @@ inline float ratio_of_sum(std::int32_t sum) { return float(sum) * kRatioUnit + 0
 // One image of a shadow map on the plane. A point p is at p · scale + shift in 2^-14 of a texel,
 // the centre of texel (i, j) at (i, j).
 struct ShadowPlace {
-  int size = 0;  // texels along an edge, up to 2^13
+  int size = 0;     // texels along an edge, up to 2^13
+  float range = 1;  // of the map: ratios are kept as shares of it
   float scale = 0, shift_x = 0, shift_y = 0;
 
   ShadowPlace() = default;
-  ShadowPlace(int n, glm::vec2 centre, float extent) : size(n) {
+  ShadowPlace(int n, glm::vec2 centre, float extent, float full = 1) : size(n), range(full) {
     const double texels = 0.5 * n / double(extent), middle = 0.5 * n - 0.5;
     scale = float(texels * kWeightSteps);
     shift_x = float((middle - double(centre.x) * texels) * kWeightSteps);
@@ -79,8 +80,9 @@ inline bool sample_shadow(const Image<float>& image, const ShadowPlace& place, g
     for (int j = 0; j < 2; ++j)
       for (int i = 0; i < 2; ++i)
         sum += t.weight[j][i] *
-               ratio_code(image.pixel(std::min(t.x + i, last), std::min(t.y + j, last))[c]);
-    out[c] = ratio_of_sum(sum);
+               ratio_code(image.pixel(std::min(t.x + i, last), std::min(t.y + j, last))[c] /
+                          place.range);
+    out[c] = ratio_of_sum(sum) * place.range;
   }
   return true;
 }

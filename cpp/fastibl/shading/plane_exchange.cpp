@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/parallel.h"
 #include "fastibl/scene/octahedral.h"
 
 namespace fastibl {
@@ -12,6 +13,8 @@ namespace {
 constexpr float kExtent =
     1.5f;  // times the object's largest extent: as far as shadows are looked at
 constexpr int kMostCells = 128;
+constexpr int kBlock = 64;       // vertices that one thread works out at a time
+constexpr double kSlack = 1e-3;  // of the object's size; radians
 
 // A third of each triangle's area.
 std::vector<float> vertex_areas(const Mesh& mesh) {
@@ -25,55 +28,105 @@ std::vector<float> vertex_areas(const Mesh& mesh) {
   return areas;
 }
 
+// Cells that a vertex sees, and its share of each.
+struct Seen {
+  std::vector<std::uint32_t> counts;  // by vertex
+  std::vector<std::uint16_t> cells;
+  std::vector<float> shares;
+};
+
+// Directions of a grid that may meet the plane, in order of the grid's curve.
+struct Downward {
+  std::vector<int> cells;
+  std::vector<glm::vec3> directions;  // marker frame
+  std::vector<glm::vec2> steps;       // along the plane for each metre above it
+
+  Downward(const OctahedralGrid& grid, const glm::mat3& marker_from_object) {
+    for (int k = 0; k < grid.count(); ++k) {
+      const glm::vec3 d = marker_from_object * grid.directions()[std::size_t(k)];
+      if (!(d.z < 0)) continue;
+      cells.push_back(k), directions.push_back(d);
+      steps.push_back(glm::vec2(d) / -d.z);
+    }
+  }
+};
+
 }  // namespace
 
-PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibility, int cells)
-    : cells_(cells) {
+PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibility, int cells,
+                             const Pose& standing)
+    : cells_(cells), standing_(standing) {
   mesh.validate();
   check(cells >= 1 && cells <= kMostCells, "cells along an edge must be 1 to ", kMostCells,
         ", got ", cells);
   check(visibility.vertex_count() == mesh.vertices.size(), "the visibility must be of the mesh's ",
         mesh.vertices.size(), " vertices, got ", visibility.vertex_count());
-  const Bounds box = bounds(mesh.vertices);
+  std::vector<glm::vec3> vertices;
+  for (const glm::vec3& v : mesh.vertices) vertices.emplace_back(standing * glm::dvec3(v));
+  const Bounds box = bounds(vertices);
   const glm::vec3 size = box.upper - box.lower;
+  size_ = std::max({size.x, size.y, size.z});
   centre_ = 0.5f * glm::vec2(box.lower + box.upper);
-  extent_ = kExtent * std::max({size.x, size.y, size.z});
+  extent_ = kExtent * size_;
   areas_ = vertex_areas(mesh);
   const float cell_area = 4 * extent_ * extent_ / float(cells * cells);
   for (float& area : areas_) area /= cell_area;
 
+  const glm::mat3 marker_from_object(standing.rotation);
   const std::vector<glm::vec3> normals = vertex_normals(mesh);
-  const std::vector<glm::vec3>& directions = octahedral_grid(visibility.size).directions();
-  const float share = 4.0f / float(directions.size());  // solid angle of a cell of the sphere, by π
+  const OctahedralGrid& grid = octahedral_grid(visibility.size);
+  const Downward down(grid, marker_from_object);
+  const float share = 4.0f / float(grid.count());  // solid angle of a cell of the sphere, by π
   const float scale = 0.5f * float(cells) / extent_;
-  std::vector<float> sums(std::size_t(cells) * std::size_t(cells), 0.0f);
-  std::vector<std::uint16_t> met;
+  std::vector<Seen> blocks((vertices.size() + kBlock - 1) / kBlock);
+  parallel_for(int(blocks.size()), 1, [&](int begin, int end) {
+    std::vector<float> sums(std::size_t(cells) * std::size_t(cells), 0.0f);
+    std::vector<std::uint16_t> met;
+    for (std::size_t v = std::size_t(begin) * kBlock;
+         v < std::min(vertices.size(), std::size_t(end) * kBlock); ++v) {
+      Seen& seen = blocks[v / kBlock];
+      const glm::vec3 from = vertices[v], n = marker_from_object * normals[v];
+      const glm::vec2 start = glm::vec2(from) - centre_ + extent_;
+      std::uint32_t edge = visibility.first[v];
+      const std::uint32_t last = visibility.first[v + 1];
+      for (std::size_t i = 0; i < down.cells.size() && from.z >= 0; ++i) {
+        const std::uint32_t k = std::uint32_t(down.cells[i]);
+        const float cosine = glm::dot(n, down.directions[i]);
+        if (!(cosine > 0)) continue;
+        while (edge < last && visibility.edges[edge + 1] <= k) edge += 2;
+        if (edge < last && visibility.edges[edge] <= k) continue;  // blocked
+        const glm::vec2 p = (start + from.z * down.steps[i]) * scale;
+        if (!(p.x >= 0 && p.y >= 0 && p.x < float(cells) && p.y < float(cells))) continue;
+        const std::size_t cell = std::size_t(p.y) * std::size_t(cells) + std::size_t(p.x);
+        if (sums[cell] == 0) met.push_back(std::uint16_t(cell));
+        sums[cell] += cosine * share;
+      }
+      std::sort(met.begin(), met.end());
+      for (const std::uint16_t cell : met) {
+        seen.cells.push_back(cell), seen.shares.push_back(sums[cell]);
+        sums[cell] = 0;
+      }
+      seen.counts.push_back(std::uint32_t(met.size()));
+      met.clear();
+    }
+  });
   first_.push_back(0);
-  for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
-    const glm::vec3 from = mesh.vertices[v], n = normals[v];
-    std::uint32_t edge = visibility.first[v];
-    const std::uint32_t last = visibility.first[v + 1];
-    for (std::size_t k = 0; k < directions.size() && from.z >= 0; ++k) {
-      while (edge < last && visibility.edges[edge + 1] <= k) edge += 2;
-      const bool blocked = edge < last && visibility.edges[edge] <= k;
-      const glm::vec3 d = directions[k];
-      const float cosine = glm::dot(n, d);
-      if (blocked || !(d.z < 0 && cosine > 0)) continue;
-      const glm::vec2 p =
-          (glm::vec2(from) - from.z / d.z * glm::vec2(d) - centre_ + extent_) * scale;
-      if (!(p.x >= 0 && p.y >= 0 && p.x < float(cells) && p.y < float(cells))) continue;
-      const std::size_t cell = std::size_t(p.y) * std::size_t(cells) + std::size_t(p.x);
-      if (sums[cell] == 0) met.push_back(std::uint16_t(cell));
-      sums[cell] += cosine * share;
-    }
-    std::sort(met.begin(), met.end());
-    for (const std::uint16_t cell : met) {
-      cell_.push_back(cell), shares_.push_back(sums[cell]);
-      sums[cell] = 0;
-    }
-    met.clear();
-    first_.push_back(std::uint32_t(shares_.size()));
+  for (const Seen& seen : blocks) {
+    for (const std::uint32_t n : seen.counts) first_.push_back(first_.back() + n);
+    cell_.insert(cell_.end(), seen.cells.begin(), seen.cells.end());
+    shares_.insert(shares_.end(), seen.shares.begin(), seen.shares.end());
   }
+}
+
+std::optional<PlaneMotion> PlaneExchange::motion(const Pose& marker_from_object) const {
+  const Pose motion = marker_from_object * standing_.inverse();
+  const glm::dvec3 up = motion.rotation[2], shift = motion.translation;
+  if (!(std::hypot(up.x, up.y) <= kSlack && up.z > 0)) return std::nullopt;
+  // A turn by the slack lifts what is far from the origin.
+  const double lift = shift.z + up.x * centre_.x + up.y * centre_.y;
+  if (!(std::fabs(lift) <= kSlack * size_)) return std::nullopt;
+  const glm::dvec2 along(motion.rotation[0]);
+  return PlaneMotion{glm::vec2(shift), glm::vec2(along / glm::length(along))};
 }
 
 Image<float> PlaneExchange::onto_plane(std::span<const glm::vec3> exitance) const {
@@ -95,11 +148,13 @@ std::vector<glm::vec3> PlaneExchange::onto_object(const Image<float>& exitance) 
         "the plane's exitance must be ", cells_, " × ", cells_, " RGB, got ", exitance.width, " × ",
         exitance.height);
   std::vector<glm::vec3> out(areas_.size(), glm::vec3(0));
-  for (std::size_t v = 0; v < areas_.size(); ++v)
-    for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) {
-      const float* from = &exitance.data[3 * std::size_t(cell_[i])];
-      out[v] += shares_[i] * glm::vec3(from[0], from[1], from[2]);
-    }
+  parallel_for(int(areas_.size()), 1024, [&](int begin, int end) {
+    for (std::size_t v = std::size_t(begin); v < std::size_t(end); ++v)
+      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) {
+        const float* from = &exitance.data[3 * std::size_t(cell_[i])];
+        out[v] += shares_[i] * glm::vec3(from[0], from[1], from[2]);
+      }
+  });
   return out;
 }
 

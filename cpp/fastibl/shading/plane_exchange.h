@@ -2,28 +2,50 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "fastibl/core/image.h"
+#include "fastibl/core/pose.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/vertex_visibility.h"
 
 namespace fastibl {
 
-// Form factors between vertices and square cells of the plane z = 0, in the frame of the mesh. One
+// A turn around z and a shift along the plane.
+struct PlaneMotion {
+  glm::vec2 shift{0}, cos_sin{1, 0};
+
+  glm::vec2 operator*(glm::vec2 p) const {
+    return shift + glm::vec2(cos_sin.x * p.x - cos_sin.y * p.y, cos_sin.y * p.x + cos_sin.x * p.y);
+  }
+  PlaneMotion inverse() const {
+    PlaneMotion back{{0, 0}, {cos_sin.x, -cos_sin.y}};
+    back.shift = -(back * shift);
+    return back;
+  }
+};
+
+// Form factors between vertices and square cells of the plane z = 0, where the object stands. One
 // table serves both ways: what a vertex sees of a cell, times its area, is what the cell sees of
 // the vertex, times its own (Goral et al. 1984, Modeling the Interaction of Light Between Diffuse
 // Surfaces).
 class PlaneExchange {
  public:
   PlaneExchange() = default;
-  // mesh: as it stands on the plane; what is below neither gives nor takes. visibility: of its
-  // vertices, see mesh_visibility(). cells: along an edge. Throws std::invalid_argument where they
-  // do not fit together.
-  PlaneExchange(const Mesh& mesh, const VertexVisibility& visibility, int cells = 32);
+  // standing: where the object was placed; what is below the plane neither gives nor takes.
+  // visibility: of its vertices, see mesh_visibility(). cells: along an edge. Throws
+  // std::invalid_argument where they do not fit together.
+  PlaneExchange(const Mesh& mesh, const VertexVisibility& visibility, int cells = 32,
+                const Pose& standing = {});
+
+  // Where the cells lie for the object at `pose`; nothing where it is tilted or lifted against
+  // where it stood: then other form factors hold.
+  std::optional<PlaneMotion> motion(const Pose& marker_from_object) const;
 
   bool empty() const { return shares_.empty(); }  // the object sees nothing of the plane
+  std::size_t vertex_count() const { return areas_.size(); }
   int cells() const { return cells_; }
   // Middle of the cells and half the edge of all together, metres. Light beyond is left out.
   glm::vec2 centre() const { return centre_; }
@@ -38,7 +60,8 @@ class PlaneExchange {
  private:
   int cells_ = 0;
   glm::vec2 centre_{0};
-  float extent_ = 0;
+  float extent_ = 0, size_ = 0;
+  Pose standing_;
   std::vector<float> areas_;          // of the vertices, by that of a cell
   std::vector<std::uint32_t> first_;  // of each vertex, in what follows, and one more at the end
   std::vector<std::uint16_t> cell_;

@@ -49,9 +49,9 @@ struct Cell {
 
 }  // namespace
 
-std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
-                                const Pose& camera_from_marker,
-                                std::span<const glm::vec4> light_shares) {
+Fragments rasterize(const Scene& scene, const Camera& camera, const Pose& camera_from_marker,
+                    std::span<const glm::vec4> light_shares,
+                    std::span<const glm::vec4> holdout_ratios) {
   check(light_shares.empty() || light_shares.size() == scene.mesh.vertices.size(),
         "there must be a share of the light for each vertex, ", scene.mesh.vertices.size(),
         ", got ", light_shares.size());
@@ -61,10 +61,21 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
   const Pose camera_from_object = camera_from_marker * scene.marker_from_object;
   const Lens lens(camera);
   const Mesh& mesh = scene.mesh;
-  std::vector<Corner> corners(mesh.vertices.size());
+  static const Mesh kNone;
+  const Mesh& holdout = scene.has_holdouts() ? scene.holdouts->mesh : kNone;
+  check(holdout_ratios.empty() || holdout_ratios.size() == holdout.vertices.size(),
+        "there must be a ratio for each vertex of the holdouts, ", holdout.vertices.size(),
+        ", got ", holdout_ratios.size());
+  // Those of the holdouts follow the object's, and so do their triangles.
+  const std::size_t own = mesh.vertices.size(), own_triangles = mesh.triangles.size();
+  const auto corners_of = [&](std::size_t t) {
+    return t < own_triangles ? mesh.triangles[t] : holdout.triangles[t - own_triangles] + int(own);
+  };
+  std::vector<Corner> corners(own + holdout.vertices.size());
   int left = camera.width, right = -1, top = camera.height, bottom = -1;
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    const glm::dvec3 p = camera_from_object * glm::dvec3(mesh.vertices[i]);
+    const glm::dvec3 p = i < own ? camera_from_object * glm::dvec3(mesh.vertices[i])
+                                 : camera_from_marker * glm::dvec3(holdout.vertices[i - own]);
     const auto pixel = lens.project(p);
     corners[i].valid = pixel && std::abs(pixel->x) < kFarthest && std::abs(pixel->y) < kFarthest;
     if (!corners[i].valid) continue;
@@ -82,10 +93,10 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
 
   const int width = right - left + 1, rows = bottom - top + 1, bands = (rows + kBand - 1) / kBand;
   std::vector<std::vector<int>> triangles_of(static_cast<std::size_t>(bands));
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    const Corner &a = corners[std::size_t(mesh.triangles[i][0])],
-                 &b = corners[std::size_t(mesh.triangles[i][1])],
-                 &c = corners[std::size_t(mesh.triangles[i][2])];
+  for (std::size_t i = 0; i < own_triangles + holdout.triangles.size(); ++i) {
+    const glm::ivec3 index = corners_of(i);
+    const Corner &a = corners[std::size_t(index[0])], &b = corners[std::size_t(index[1])],
+                 &c = corners[std::size_t(index[2])];
     if (!a.valid || !b.valid || !c.valid) continue;
     const int y0 = std::max(int(std::min({a.y, b.y, c.y}) / kSubpixel) - top, 0) / kBand;
     const int y1 = std::min(int(std::max({a.y, b.y, c.y}) / kSubpixel) - top, rows - 1);
@@ -94,14 +105,14 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
   }
 
   const glm::dmat3 marker_from_object = scene.marker_from_object.rotation;
-  std::vector<std::vector<Fragment>> found(static_cast<std::size_t>(bands));
+  std::vector<Fragments> found(static_cast<std::size_t>(bands));
   parallel_for(bands, 1, [&](int begin, int end) {
     std::vector<Cell> cells;
     for (int band = begin; band < end; ++band) {
       const int y_begin = top + band * kBand, y_end = std::min(y_begin + kBand, bottom + 1);
       cells.assign(std::size_t(width) * kBand, Cell{});
       for (const int t : triangles_of[std::size_t(band)]) {
-        const glm::ivec3& index = mesh.triangles[std::size_t(t)];
+        const glm::ivec3 index = corners_of(std::size_t(t));
         const Corner* v[3] = {&corners[std::size_t(index[0])], &corners[std::size_t(index[1])],
                               &corners[std::size_t(index[2])]};
         std::int64_t area = edge(*v[0], *v[1], v[2]->x, v[2]->y);
@@ -160,11 +171,20 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
             if (before) continue;
             px = std::int64_t{x} * kSubpixel + px / count,
             py = std::int64_t{y} * kSubpixel + py / count;
-            const glm::ivec3& index = mesh.triangles[std::size_t(t)];
+            const glm::ivec3 index = corners_of(std::size_t(t));
             const std::size_t i[3] = {std::size_t(index[0]), std::size_t(index[1]),
                                       std::size_t(index[2])};
             const Corner &a = corners[i[0]], &b = corners[i[1]], &c = corners[i[2]];
             const glm::vec3 w = corner_weights(a, b, c, px, py);
+            if (std::size_t(t) >= own_triangles) {
+              glm::vec3 ratio(1);
+              if (!holdout_ratios.empty())
+                ratio =
+                    glm::vec3(w.x * holdout_ratios[i[0] - own] + w.y * holdout_ratios[i[1] - own] +
+                              w.z * holdout_ratios[i[2] - own]);
+              found[std::size_t(band)].holdouts.push_back({x, y, float(count) / kSamples, ratio});
+              continue;
+            }
             const glm::vec3 position =
                 w.x * mesh.vertices[i[0]] + w.y * mesh.vertices[i[1]] + w.z * mesh.vertices[i[2]];
             glm::vec3 normal =
@@ -196,15 +216,17 @@ std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
               fragment.uv_dx = uv_at(corner_weights(a, b, c, px + kSubpixel, py)) - fragment.uv;
               fragment.uv_dy = uv_at(corner_weights(a, b, c, px, py + kSubpixel)) - fragment.uv;
             }
-            found[std::size_t(band)].push_back(fragment);
+            found[std::size_t(band)].object.push_back(fragment);
           }
         }
     }
   });
-  std::vector<Fragment> fragments;
-  for (const std::vector<Fragment>& band : found)
-    fragments.insert(fragments.end(), band.begin(), band.end());
-  return fragments;
+  Fragments all;
+  for (const Fragments& band : found) {
+    all.object.insert(all.object.end(), band.object.begin(), band.object.end());
+    all.holdouts.insert(all.holdouts.end(), band.holdouts.begin(), band.holdouts.end());
+  }
+  return all;
 }
 
 }  // namespace fastibl

@@ -22,11 +22,24 @@ struct Fragment {
   glm::vec2 uv{0}, uv_dx{0}, uv_dy{0};  // and its steps to the pixels to the right and below
 };
 
+// The part of a pixel that a real object covers in front of the virtual one.
+struct HoldoutFragment {
+  int x, y;
+  float coverage;   // in quarters
+  glm::vec3 ratio;  // of its light that is left
+};
+
+struct Fragments {
+  std::vector<Fragment> object;
+  std::vector<HoldoutFragment> holdouts;
+};
+
 // Fragments in order of rows, then columns. Vertices go through the full lens model; edges between
 // them are straight. Triangles with a vertex behind the camera or beyond the lens model are left
 // out. light_shares: of each vertex; empty: P_V of the scene, and all of the glossy light.
-std::vector<Fragment> rasterize(const Scene& scene, const Camera& camera,
-                                const Pose& camera_from_marker,
-                                std::span<const glm::vec4> light_shares = {});
+// holdout_ratios: of each vertex of the holdouts; empty: 1.
+Fragments rasterize(const Scene& scene, const Camera& camera, const Pose& camera_from_marker,
+                    std::span<const glm::vec4> light_shares = {},
+                    std::span<const glm::vec4> holdout_ratios = {});
 
 }  // namespace fastibl

@@ -104,11 +104,18 @@ Rectangle around(const Rectangle& a, const ObjectLayer& object) {
   return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
 }
 
-glm::vec4 object_at(const ObjectLayer& object, int x, int y) {
+glm::vec4 layer_at(const ObjectLayer& object, int x, int y) {
   const int ox = x - object.x, oy = y - object.y;
   if (ox < 0 || oy < 0 || ox >= object.rgba.width || oy >= object.rgba.height) return glm::vec4(0);
   const float* p = object.rgba.pixel(ox, oy);
   return {p[0], p[1], p[2], p[3]};
+}
+
+// Ratio of what is seen beside the object, of which a real object h covers a part with its own.
+glm::vec3 with_holdout(glm::vec3 plane, float object, glm::vec4 h) {
+  const float free = 1 - object;
+  if (h.w == 0 || !(free > 0)) return plane;
+  return (glm::vec3(h) + std::max(free - h.w, 0.0f) * plane) / free;
 }
 
 // What a pbr material is at one point.
@@ -186,29 +193,46 @@ glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lig
   return shade(f, material, lighting, GlossyShading(lighting, material.exponent), eye);
 }
 
-ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
-                  const Lighting& lighting, glm::vec3 eye) {
-  ObjectLayer layer;
-  if (fragments.empty()) return layer;
+namespace {
+
+// An empty layer that holds all fragments.
+template <typename F>
+ObjectLayer layer_around(std::span<const F> fragments) {
   int x0 = fragments[0].x, x1 = x0, y0 = fragments[0].y, y1 = y0;
-  for (const Fragment& f : fragments) {
+  for (const F& f : fragments) {
     x0 = std::min(x0, f.x), x1 = std::max(x1, f.x);
     y0 = std::min(y0, f.y), y1 = std::max(y1, f.y);
   }
-  layer.x = x0, layer.y = y0;
-  layer.rgba = Image<float>(x1 - x0 + 1, y1 - y0 + 1, 4);
+  return {x0, y0, Image<float>(x1 - x0 + 1, y1 - y0 + 1, 4)};
+}
+
+template <typename F>
+void add(const F& f, glm::vec3 value, ObjectLayer& layer) {
+  float* p = layer.rgba.pixel(f.x - layer.x, f.y - layer.y);
+  for (int c = 0; c < 3; ++c) p[c] += f.coverage * value[c];
+  p[3] += f.coverage;
+}
+
+}  // namespace
+
+ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
+                  const Lighting& lighting, glm::vec3 eye) {
+  if (fragments.empty()) return {};
+  ObjectLayer layer = layer_around(fragments);
   std::vector<glm::vec3> colours(fragments.size());
   const GlossyShading glossy(lighting, material.exponent);
   parallel_for(int(fragments.size()), 2048, [&](int begin, int end) {
     for (int i = begin; i < end; ++i)
       colours[std::size_t(i)] = shade(fragments[std::size_t(i)], material, lighting, glossy, eye);
   });
-  for (std::size_t i = 0; i < fragments.size(); ++i) {
-    const Fragment& f = fragments[i];
-    float* p = layer.rgba.pixel(f.x - x0, f.y - y0);
-    for (int c = 0; c < 3; ++c) p[c] += f.coverage * colours[i][c];
-    p[3] += f.coverage;
-  }
+  for (std::size_t i = 0; i < fragments.size(); ++i) add(fragments[i], colours[i], layer);
+  return layer;
+}
+
+ObjectLayer holdout_layer(std::span<const HoldoutFragment> fragments) {
+  if (fragments.empty()) return {};
+  ObjectLayer layer = layer_around(fragments);
+  for (const HoldoutFragment& f : fragments) add(f, f.ratio, layer);
   return layer;
 }
 
@@ -228,21 +252,22 @@ RayTable::RayTable(const Camera& c)
 
 Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
-                              const ShadowMap& shadow) {
+                              const ShadowMap& shadow, const ObjectLayer& holdout) {
   const Camera& camera = table.camera;
   const ByteResponse response(camera.response);
   // 16-bit and float pictures are darkened in their rounded codes too: their output has 8 bits.
   Image<std::uint8_t> out = back.empty() ? Image<std::uint8_t>(camera.width, camera.height, 3)
                                          : bytes_from(back, camera.response);
   const PlaneShadow plane(table, camera_from_marker, shadow);
-  const Rectangle area = around(plane.area(), object);
+  const Rectangle area = around(around(plane.area(), object), holdout);
   parallel_for(area.y1 - area.y0, 16, [&](int begin, int end) {
     std::vector<glm::vec3> ratios(std::size_t(area.x1 - area.x0));
     for (int y = area.y0 + begin; y < area.y0 + end; ++y) {
       plane.row(y, area.x0, ratios);
       for (int x = area.x0; x < area.x1; ++x) {
-        const glm::vec4 o = object_at(object, x, y);
-        const glm::vec3 ratio = ratios[std::size_t(x - area.x0)];
+        const glm::vec4 o = layer_at(object, x, y);
+        const glm::vec3 ratio =
+            with_holdout(ratios[std::size_t(x - area.x0)], o.w, layer_at(holdout, x, y));
         if (o.w == 0 && ratio == glm::vec3(1)) continue;
         std::uint8_t* p = out.pixel(x, y);
         const float scale = o.w > 0 ? exposure_at(camera, exposure, x, y) : 0.0f;
@@ -255,19 +280,22 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTab
 }
 
 Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& camera_from_marker,
-                          const ObjectLayer& object, const ShadowMap& shadow) {
+                          const ObjectLayer& object, const ShadowMap& shadow,
+                          const ObjectLayer& holdout) {
   const Camera& camera = table.camera;
   const ByteResponse response(camera.response);
   Image<std::uint8_t> out(camera.width, camera.height, 4);
   const PlaneShadow plane(table, camera_from_marker, shadow);
-  const Rectangle area = around(plane.area(), object);
+  const Rectangle area = around(around(plane.area(), object), holdout);
   std::vector<glm::vec3> ratios(std::size_t(area.x1 - area.x0));
   for (int y = area.y0; y < area.y1; ++y) {
     plane.row(y, area.x0, ratios);
     for (int x = area.x0; x < area.x1; ++x) {
-      const glm::vec4 o = object_at(object, x, y);
-      const glm::vec3 ratio = ratios[std::size_t(x - area.x0)];
-      const float darkness = 1 - (ratio.x + ratio.y + ratio.z) / 3;
+      const glm::vec4 o = layer_at(object, x, y);
+      const glm::vec3 ratio =
+          with_holdout(ratios[std::size_t(x - area.x0)], o.w, layer_at(holdout, x, y));
+      // Straight alpha can only darken what is behind.
+      const float darkness = std::max(1 - (ratio.x + ratio.y + ratio.z) / 3, 0.0f);
       const float alpha = o.w + (1 - o.w) * darkness;
       if (alpha <= 0) continue;
       std::uint8_t* p = out.pixel(x, y);

@@ -22,6 +22,10 @@ glm::vec3 shade(const Fragment& fragment, const Material& material, const Lighti
 ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
                   const Lighting& lighting, glm::vec3 eye);
 
+// Real objects before the virtual one, as a layer: what is left of their light times coverage, and
+// coverage.
+ObjectLayer holdout_layer(std::span<const HoldoutFragment> fragments);
+
 // Directions (x, y, 1) through the pixels of a camera, camera frame, worked out once; NaN beyond
 // the lens model.
 struct RayTable {
@@ -30,16 +34,19 @@ struct RayTable {
   explicit RayTable(const Camera& c);
 };
 
-// Back picture × shadow ratio, the object over it, in linear light, encoded with the camera's
-// response. Pixels without object whose ratio is 1 keep their bytes. An empty picture gives black
-// there.
+// Back picture × shadow ratio (or the gain of the plane, which may exceed 1), the object over it,
+// in linear light, encoded with the camera's response. Pixels without object whose ratio is 1 keep
+// their bytes. An empty picture gives black there. holdout: real objects, whose picture is
+// multiplied by their own ratio, not the plane's.
 Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
-                              const ShadowMap& shadow);
+                              const ShadowMap& shadow, const ObjectLayer& holdout = {});
 
 // Object and shadow without a picture behind: straight (not premultiplied) encoded RGB and alpha,
-// where a shadow is black with alpha 1 − ratio (mean over RGB).
+// where a shadow is black with alpha 1 − ratio (mean over RGB; 0 where that
+// is negative).
 Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& camera_from_marker,
-                          const ObjectLayer& object, const ShadowMap& shadow);
+                          const ObjectLayer& object, const ShadowMap& shadow,
+                          const ObjectLayer& holdout = {});
 
 }  // namespace fastibl

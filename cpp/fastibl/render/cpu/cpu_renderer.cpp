@@ -23,17 +23,21 @@ class CpuRenderer final : public Renderer {
       }
       case PassId::shade: {
         const glm::vec3 eye(in.camera_from_marker.inverse().translation);
-        object_ = shade(rasterize(in.scene, in.camera, in.camera_from_marker, in.light_shares),
-                        in.scene.material, in.lighting, eye);
+        const Fragments seen = rasterize(in.scene, in.camera, in.camera_from_marker,
+                                         in.light_shares, in.holdout_ratios);
+        object_ = shade(seen.object, in.scene.material, in.lighting, eye);
+        holdout_ = holdout_layer(seen.holdouts);
         return;
       }
-      case PassId::composite:
+      case PassId::composite: {
+        const ShadowMap& plane = in.plane_gain ? *in.plane_gain : shadow_;
         if (!rays_ || rays_->camera != in.camera) rays_.emplace(in.camera);
-        image_ =
-            in.back.empty()
-                ? matte(in.exposure, *rays_, in.camera_from_marker, object_, shadow_)
-                : composite(in.back, in.exposure, *rays_, in.camera_from_marker, object_, shadow_);
+        image_ = in.back.empty()
+                     ? matte(in.exposure, *rays_, in.camera_from_marker, object_, plane, holdout_)
+                     : composite(in.back, in.exposure, *rays_, in.camera_from_marker, object_,
+                                 plane, holdout_);
         return;
+      }
       default:
         check(false, "the CPU back end has no pass ", name(pass));
     }
@@ -41,17 +45,18 @@ class CpuRenderer final : public Renderer {
 
   void clear(PassId pass) override {
     if (pass == PassId::shadow) shadow_ = {}, caster_ = {};
-    if (pass == PassId::shade) object_ = {};
+    if (pass == PassId::shade) object_ = {}, holdout_ = {};
   }
 
   ShadowMap shadow_map() override { return shadow_; }
   ObjectLayer object() override { return object_; }
+  ObjectLayer holdout() override { return holdout_; }
   Image<std::uint8_t> image() override { return image_; }
 
  private:
   SceneShadow caster_;
   ShadowMap shadow_;
-  ObjectLayer object_;
+  ObjectLayer object_, holdout_;
   Image<std::uint8_t> image_;
   std::optional<RayTable> rays_;
 };

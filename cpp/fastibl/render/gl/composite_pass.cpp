@@ -16,10 +16,21 @@ void fill(Gpu& gpu, Texture& t, int width, int height, const std::uint8_t* data)
 
 }  // namespace
 
+void CompositePass::upload_gain(Gpu& gpu, const std::shared_ptr<const ShadowMap>& gain) {
+  if (gain == gain_map_) return;
+  gain_map_ = nullptr;  // until it is uploaded
+  if (!gain) return;
+  upload(gpu, gain->ratio, gain_);
+  upload(gpu, gain->outer, outer_gain_);
+  upload(gpu, gain->fine, fine_gain_);
+  gain_map_ = gain;
+}
+
 void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade,
                         const RenderInput& in) {
   const Camera& camera = in.camera;
-  const ShadowMap& place = shadow.place();
+  upload_gain(gpu, in.plane_gain);
+  const ShadowMap& place = gain_map_ ? *gain_map_ : shadow.place();
   const Area& object_area = shade.area();
   const bool matte = in.back.empty();
   bytes_ = matte ? Image<std::uint8_t>(camera.width, camera.height, 4)
@@ -46,12 +57,13 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
     fill(gpu, back_, width, height, part.data());
   }
   fill(gpu, picture_, width, height, nullptr);
+  const bool holdout = shade.has_holdout() && !object_area.empty();
   const Program& p =
       gpu.use("composite",
               {matte ? "MATTE 1" : "MATTE 0", object_area.empty() ? "OBJECT 0" : "OBJECT 1",
                shadowed.empty() ? "SHADOW 0" : "SHADOW 1", rays ? "DISTORTION 1" : "DISTORTION 0",
                "VIGNETTING " + std::to_string(camera.vignetting.size()),
-               camera_.steep() ? "STEEP 1" : "STEEP 0"});
+               camera_.steep() ? "STEEP 1" : "STEEP 0", holdout ? "HOLDOUT 1" : "HOLDOUT 0"});
   set_camera(p, camera);
   glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   glUniform1f(p.uniform("exposure"), float(in.exposure * camera.gain));
@@ -69,10 +81,11 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   camera_.bind_response(gpu);
   if (!matte) gpu.bind("back", back_);
   if (!object_area.empty()) gpu.bind("object", shade.object());
+  if (holdout) gpu.bind("holdout", shade.holdout());
   if (!shadowed.empty()) {
-    gpu.bind("ratio_map", shadow.ratio());
-    gpu.bind("outer_map", shadow.outer());
-    gpu.bind("fine_map", shadow.fine());
+    gpu.bind("ratio_map", gain_map_ ? gain_ : shadow.ratio());
+    gpu.bind("outer_map", !gain_map_ ? shadow.outer() : place.outer.empty() ? gain_ : outer_gain_);
+    gpu.bind("fine_map", !gain_map_ ? shadow.fine() : place.fine.empty() ? gain_ : fine_gain_);
   }
   if (rays) camera_.bind_rays(gpu);
   gpu.target(0, picture_);

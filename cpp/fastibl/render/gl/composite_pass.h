@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
 #include "fastibl/core/image.h"
 #include "fastibl/render/gl/camera_textures.h"
@@ -21,10 +22,14 @@ class CompositePass {
   void present(Gpu& gpu, GLuint framebuffer, int width, int height);
 
  private:
+  void upload_gain(Gpu& gpu, const std::shared_ptr<const ShadowMap>& gain);
+
   CameraTextures camera_;
   Texture back_, picture_, screen_;
-  Area area_;                  // drawn
-  Image<std::uint8_t> bytes_;  // the image outside `area_`
+  Texture gain_, outer_gain_, fine_gain_;
+  std::shared_ptr<const ShadowMap> gain_map_;  // that is in them
+  Area area_;                                  // drawn
+  Image<std::uint8_t> bytes_;                  // the image outside `area_`
 };
 
 }  // namespace fastibl

@@ -52,6 +52,7 @@ class Gl final : public GlRenderer {
 
   ShadowMap shadow_map() override { return shadow_.shadow_map(gpu_); }
   ObjectLayer object() override { return shade_.layer(gpu_); }
+  ObjectLayer holdout() override { return shade_.holdout_layer(gpu_); }
   Image<std::uint8_t> image() override { return composite_.image(gpu_); }
 
   void present(unsigned framebuffer, int width, int height) override {

@@ -13,15 +13,13 @@ namespace {
 
 // Which texture unit a sampler reads; no program has two of the same unit.
 constexpr std::pair<const char*, int> kUnits[] = {
-    {"radiance", 0},       {"visible", 1},         {"triangles", 2},
-    {"vertices", 3},       {"shares", 4},          {"albedo_table", 5},
-    {"spheres", 1},        {"response", 0},        {"guess", 1},
-    {"back", 2},           {"object", 3},          {"ratio_map", 4},
-    {"outer_map", 6},      {"fine_map", 7},        {"rays", 5},
-    {"baked", 6},          {"chain", 7},           {"first_lobe", 8},
-    {"lobe_table", 9},     {"normal_map", 9},      {"uvs", 10},
-    {"tangents", 11},      {"base_color_map", 12}, {"metallic_map", 13},
-    {"roughness_map", 14}, {"emission_map", 15},   {"ggx_albedo", 5}};
+    {"radiance", 0},      {"visible", 1},        {"triangles", 2},     {"vertices", 3},
+    {"shares", 4},        {"albedo_table", 5},   {"spheres", 1},       {"response", 0},
+    {"guess", 1},         {"back", 2},           {"object", 3},        {"ratio_map", 4},
+    {"outer_map", 6},     {"fine_map", 7},       {"rays", 5},          {"baked", 6},
+    {"chain", 7},         {"first_lobe", 8},     {"holdout", 8},       {"lobe_table", 9},
+    {"normal_map", 9},    {"uvs", 10},           {"tangents", 11},     {"base_color_map", 12},
+    {"metallic_map", 13}, {"roughness_map", 14}, {"emission_map", 15}, {"ggx_albedo", 5}};
 static_assert(std::ranges::all_of(kUnits, [](const auto& u) { return u.second < kTextureUnits; }),
               "a unit whose state is not given back");
 

@@ -12,7 +12,8 @@
 namespace fastibl {
 namespace {
 
-constexpr int kBaked = 5, kLobes = 6;  // variants that read a cube map, and lobes
+constexpr unsigned kFirstHoldout = 0x80000000u;  // as in shade.frag.glsl
+constexpr int kBaked = 5, kLobes = 6;            // variants that read a cube map, and lobes
 // The four samples of a pixel in 1/256, where GPUs and the CPU's rasteriser put them.
 constexpr int kSampleX[4] = {96, 224, 32, 160}, kSampleY[4] = {32, 96, 160, 224};
 
@@ -50,6 +51,15 @@ GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
   return material.exponent < 1 ? GlossyVariant::nearly_matte : GlossyVariant::chain;
 }
 
+// What MeshBuffers reads of a scene.
+Scene holdout_scene(const Scene& scene) {
+  Scene real;
+  real.mesh = scene.holdouts->mesh;
+  real.normals = scene.holdouts->normals;
+  real.visibility.assign(real.normals.size(), 1.0f);
+  return real;
+}
+
 Pose camera_from_object(const RenderInput& in) {
   return in.camera_from_marker * in.scene.marker_from_object;
 }
@@ -58,8 +68,7 @@ std::string distortion(const Camera& camera) {
   return Lens(camera).trivial() ? "DISTORTION 0" : "DISTORTION 1";
 }
 
-void set_projection(const Program& p, const RenderInput& in) {
-  const Pose pose = camera_from_object(in);
+void set_projection(const Program& p, const RenderInput& in, const Pose& pose) {
   set(p, "camera_from_object", glm::mat3(pose.rotation));
   set(p, "camera_from_object_shift", glm::vec3(pose.translation));
   set_camera(p, in.camera);
@@ -72,8 +81,24 @@ void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   mesh_.upload_shares(gpu, in.scene, in.light_shares);
   const Outline outline = outline_of(mesh_.mesh(), in.camera, camera_from_object(in));
   area_ = outline.area;
+  has_holdout_ = in.scene.has_holdouts();
+  Outline around = outline, holdout;
+  if (has_holdout_) {
+    const Scene real = holdout_scene(in.scene);
+    holdout_mesh_.upload(gpu, real);
+    holdout_mesh_.upload_shares(gpu, real, in.holdout_ratios);
+    holdout = outline_of(holdout_mesh_.mesh(), in.camera, in.camera_from_marker);
+    has_holdout_ = !holdout.area.empty();
+  }
+  if (has_holdout_) {
+    area_ = area_.united(holdout.area);
+    const bool alone = outline.area.empty();
+    around.nearest = alone ? holdout.nearest : std::min(outline.nearest, holdout.nearest);
+    around.farthest = alone ? holdout.farthest : std::max(outline.farthest, holdout.farthest);
+  }
   if (area_.empty()) return;
-  draw_visible(gpu, in, outline);
+  draw_visible(gpu, in, outline, holdout, around);
+  if (has_holdout_) draw_holdout(gpu, in);
   gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
   if (in.scene.material.pbr)
     draw_pbr(gpu, light, in);
@@ -82,7 +107,8 @@ void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
 }
 
 // Which triangle each sample sees, one quarter of the target a sample.
-void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline) {
+void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline,
+                             const Outline& holdout, const Outline& around) {
   const int width = area_.width(), height = area_.height();
   // Grown in steps, so that a moving object does not make new textures in every frame.
   const auto step = [](int n) { return (n + 63) / 64 * 64; };
@@ -92,27 +118,36 @@ void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& out
     gpu.allocate_depth(2 * quarter_width, 2 * quarter_height);
   gpu.allocate(visible_, GL_R32UI, 2 * quarter_width, 2 * quarter_height, GL_RED_INTEGER,
                GL_UNSIGNED_INT);
-  const int count =
-      outline.whole ? mesh_.use_whole() : mesh_.use_visible_part(in.camera, camera_from_object(in));
   const Program& p = gpu.use("visibility", {distortion(in.camera)});
-  set_projection(p, in);
+  set_projection(p, in, camera_from_object(in));
   glUniform4f(p.uniform("area"), float(area_.x0), float(area_.y0), float(width), float(height));
-  const double n = outline.nearest, f = outline.farthest;
+  const double n = around.nearest, f = around.farthest;
   glUniform2f(p.uniform("depth"), float((f + n) / (f - n)), float(-2 * f * n / (f - n)));
   gpu.target(0, visible_, true);
   glEnable(GL_DEPTH_TEST);
   glEnable(GL_SCISSOR_TEST);
   const GLuint nothing[4] = {};
   const GLfloat behind = 1;
-  for (int s = 0; s < 4; ++s) {
-    const int x = s % 2 * quarter_width, y = s / 2 * quarter_height;
-    glViewport(x, y, width, height);
-    glScissor(x, y, width, height);
-    glClearBufferuiv(GL_COLOR, 0, nothing);
-    glClearBufferfv(GL_DEPTH, 0, &behind);
-    glUniform2f(p.uniform("shift"), 0.5f - float(kSampleX[s]) / 256,
-                0.5f - float(kSampleY[s]) / 256);
-    glDrawArrays(GL_TRIANGLES, 0, count);
+  const auto draw = [&](bool clear, int count) {
+    for (int s = 0; s < 4; ++s) {
+      const int x = s % 2 * quarter_width, y = s / 2 * quarter_height;
+      glViewport(x, y, width, height);
+      glScissor(x, y, width, height);
+      if (clear) glClearBufferuiv(GL_COLOR, 0, nothing), glClearBufferfv(GL_DEPTH, 0, &behind);
+      glUniform2f(p.uniform("shift"), 0.5f - float(kSampleX[s]) / 256,
+                  0.5f - float(kSampleY[s]) / 256);
+      if (count > 0) glDrawArrays(GL_TRIANGLES, 0, count);
+    }
+  };
+  glUniform1ui(p.uniform("first"), 0);
+  draw(true, outline.area.empty() ? 0
+             : outline.whole      ? mesh_.use_whole()
+                                  : mesh_.use_visible_part(in.camera, camera_from_object(in)));
+  if (has_holdout_) {
+    set_projection(p, in, in.camera_from_marker);
+    glUniform1ui(p.uniform("first"), kFirstHoldout);
+    draw(false, holdout.whole ? holdout_mesh_.use_whole()
+                              : holdout_mesh_.use_visible_part(in.camera, in.camera_from_marker));
   }
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_SCISSOR_TEST);
@@ -129,7 +164,7 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
       lit(m.diffuse) || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
   const Program& p = gpu.use(
       "shade", {"DIFFUSE " + std::to_string(variant), "GLOSSY " + std::to_string(int(glossy)),
-                paper ? "PAPER 1" : "PAPER 0", distortion(in.camera)});
+                paper ? "PAPER 1" : "PAPER 0", "HOLDOUT 0", distortion(in.camera)});
   set(p, "emission", m.emission);
   set(p, "diffuse_albedo", m.diffuse);
   set(p, "glossy_albedo", m.glossy);
@@ -194,7 +229,7 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   material_.upload(gpu, in.scene.material);
   const Program& p =
       gpu.use("shade", {"DIFFUSE " + std::to_string(variant), chain ? "GLOSSY 7" : "GLOSSY 6",
-                        "PAPER 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
+                        "PAPER 0", "HOLDOUT 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
                         has("METALLIC_MAP", m.metallic_map != nullptr),
                         has("ROUGHNESS_MAP", m.roughness_map != nullptr),
                         has("EMISSION_MAP", m.emission_map != nullptr),
@@ -237,8 +272,22 @@ void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p,
   }
 }
 
+// Their ratios, where they are seen.
+void ShadePass::draw_holdout(Gpu& gpu, const RenderInput& in) {
+  gpu.allocate(holdout_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
+  const Program& p =
+      gpu.use("shade", {"HOLDOUT 1", "DIFFUSE 0", "GLOSSY 0", "PAPER 0", distortion(in.camera)});
+  set_projection(p, in, in.camera_from_marker);
+  gpu.bind("visible", visible_);
+  holdout_mesh_.bind(gpu);
+  glUniform2i(p.uniform("quarter"), visible_.width / 2, visible_.height / 2);
+  glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
+  gpu.target(0, holdout_);
+  gpu.draw_full_screen(area_.width(), area_.height());
+}
+
 void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
-  set_projection(p, in);
+  set_projection(p, in, camera_from_object(in));
   set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
   set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
   gpu.bind("visible", visible_);
@@ -249,13 +298,18 @@ void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
   gpu.draw_full_screen(area_.width(), area_.height());
 }
 
-ObjectLayer ShadePass::layer(Gpu& gpu) const {
+ObjectLayer ShadePass::layer(Gpu& gpu) const { return read(gpu, object_); }
+ObjectLayer ShadePass::holdout_layer(Gpu& gpu) const {
+  return has_holdout_ ? read(gpu, holdout_) : ObjectLayer{};
+}
+
+ObjectLayer ShadePass::read(Gpu& gpu, const Texture& texture) const {
   ObjectLayer layer;
   if (area_.empty()) return layer;
   Image<float> pixels;
   {
     const Gpu::Scope scope(gpu);
-    pixels = gpu.read(object_, area_.width(), area_.height());
+    pixels = gpu.read(texture, area_.width(), area_.height());
   }
   int x0 = pixels.width, y0 = pixels.height, x1 = -1, y1 = -1;  // of what is covered
   for (int y = 0; y < pixels.height; ++y)

@@ -14,23 +14,30 @@ namespace fastibl {
 class ShadePass {
  public:
   void run(Gpu& gpu, LightTextures& light, const RenderInput& in);
-  void clear() { area_ = {}; }
+  void clear() { area_ = {}, has_holdout_ = false; }
 
   const Area& area() const { return area_; }  // of the image, that object() holds
   const Texture& object() const { return object_; }
-  ObjectLayer layer(Gpu& gpu) const;  // reads back; outside a scope
+  bool has_holdout() const { return has_holdout_; }
+  const Texture& holdout() const { return holdout_; }  // of the same area
+  ObjectLayer layer(Gpu& gpu) const;                   // read back; outside a scope
+  ObjectLayer holdout_layer(Gpu& gpu) const;
 
  private:
-  void draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline);
+  void draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline, const Outline& holdout,
+                    const Outline& around);
+  void draw_holdout(Gpu& gpu, const RenderInput& in);
+  ObjectLayer read(Gpu& gpu, const Texture& texture) const;
   void draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& in);
   void draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in);
   void set_irradiance(Gpu& gpu, LightTextures& light, const Program& p, int variant,
                       const Irradiance& irradiance);
   void draw_layer(Gpu& gpu, const Program& p, const RenderInput& in);
 
-  MeshBuffers mesh_;
+  MeshBuffers mesh_, holdout_mesh_;
+  bool has_holdout_ = false;
   MaterialTextures material_;
-  Texture visible_, object_, albedo_;
+  Texture visible_, object_, holdout_, albedo_;
   Area area_;
 };
 

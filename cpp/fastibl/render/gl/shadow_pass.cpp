@@ -10,6 +10,8 @@ namespace {
 
 constexpr int kResolution = 64;  // of the shadow map
 
+}  // namespace
+
 void upload(Gpu& gpu, const Image<float>& image, Texture& texture) {
   if (image.empty()) return;
   std::vector<float> rgba;
@@ -19,8 +21,6 @@ void upload(Gpu& gpu, const Image<float>& image, Texture& texture) {
   }
   gpu.allocate(texture, GL_RGBA32F, image.width, image.height, GL_RGBA, GL_FLOAT, rgba.data());
 }
-
-}  // namespace
 
 void ShadowPass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   ShadowOptions options;

@@ -9,6 +9,9 @@
 
 namespace fastibl {
 
+// An RGB map of the plane; nothing for an empty one.
+void upload(Gpu& gpu, const Image<float>& image, Texture& texture);
+
 class ShadowPass {
  public:
   void run(Gpu& gpu, LightTextures& light, const RenderInput& in);

@@ -1,0 +1,204 @@
+#include "fastibl/shading/holdout.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "fastibl/core/check.h"
+#include "fastibl/core/parallel.h"
+#include "fastibl/scene/bvh.h"
+#include "fastibl/scene/octahedral.h"
+#include "fastibl/shading/bake_visibility.h"
+
+namespace fastibl {
+namespace {
+
+constexpr float kMostTriangles = 16000;  // about, after cutting
+constexpr float kCrease = 0.77f;         // cosine of 40°: beyond, an edge of the mesh is one
+constexpr float kOffset = 1e-4f;         // of the holdouts' radius, as in bake_visibility.cpp
+constexpr int kSize = 64;                // cells of the sphere along an edge
+constexpr int kGrain = 64;               // vertices
+
+glm::vec3 triangle_normal(const Mesh& mesh, const glm::ivec3& t) {
+  const glm::vec3 a = mesh.vertices[std::size_t(t[0])], b = mesh.vertices[std::size_t(t[1])],
+                  c = mesh.vertices[std::size_t(t[2])];
+  return glm::cross(b - a, c - a);
+}
+
+// Adds a mesh, with vertices of their own where a triangle's normal is far from that of its corner.
+void append(const Mesh& part, Mesh& all) {
+  const std::vector<glm::vec3> normals = vertex_normals(part);
+  const int first = int(all.vertices.size());
+  all.vertices.insert(all.vertices.end(), part.vertices.begin(), part.vertices.end());
+  all.normals.insert(all.normals.end(), normals.begin(), normals.end());
+  for (const glm::ivec3& t : part.triangles) {
+    const glm::vec3 area = triangle_normal(part, t);
+    const float length = glm::length(area);
+    glm::ivec3 out = t + first;
+    for (int k = 0; k < 3 && part.normals.empty() && length > 0; ++k) {
+      if (glm::dot(area, normals[std::size_t(t[k])]) >= kCrease * length) continue;
+      out[k] = int(all.vertices.size());
+      all.vertices.push_back(part.vertices[std::size_t(t[k])]);
+      all.normals.push_back(area / length);
+    }
+    all.triangles.push_back(out);
+  }
+}
+
+// Cuts every edge that is longer in half, until none is: by its length alone, so that triangles
+// beside each other cut the edge that they share alike.
+void cut(Mesh& mesh, float longest) {
+  for (bool more = true; more;) {
+    more = false;
+    std::map<std::pair<int, int>, int> middles;
+    const auto middle = [&](int i, int j) {
+      const glm::vec3 a = mesh.vertices[std::size_t(i)], b = mesh.vertices[std::size_t(j)];
+      if (!(glm::length(b - a) > longest)) return -1;
+      const auto [found, added] = middles.try_emplace(std::minmax(i, j), int(mesh.vertices.size()));
+      if (added) {
+        mesh.vertices.push_back(0.5f * (a + b));
+        const glm::vec3 n = mesh.normals[std::size_t(i)] + mesh.normals[std::size_t(j)];
+        const float length = glm::length(n);
+        mesh.normals.push_back(length > 0 ? n / length : mesh.normals[std::size_t(i)]);
+      }
+      return found->second;
+    };
+    std::vector<glm::ivec3> triangles;
+    for (glm::ivec3 t : mesh.triangles) {
+      glm::ivec3 m(middle(t[0], t[1]), middle(t[1], t[2]), middle(t[2], t[0]));
+      const int count = (m[0] >= 0) + (m[1] >= 0) + (m[2] >= 0);
+      more |= count > 0;
+      if (count == 3) {
+        triangles.insert(triangles.end(),
+                         {{t[0], m[0], m[2]}, {m[0], t[1], m[1]}, {m[2], m[1], t[2]}, m});
+        continue;
+      }
+      // Turned so that the first edge is cut, and with two cut ones the second, too.
+      while (count > 0 && (m[0] < 0 || (count == 2 && m[1] < 0)))
+        t = {t[1], t[2], t[0]}, m = {m[1], m[2], m[0]};
+      if (count == 0)
+        triangles.push_back(t);
+      else if (count == 1)
+        triangles.insert(triangles.end(), {{t[0], m[0], t[2]}, {m[0], t[1], t[2]}});
+      else
+        triangles.insert(triangles.end(),
+                         {{t[0], m[0], t[2]}, {m[0], t[1], m[1]}, {m[0], m[1], t[2]}});
+    }
+    mesh.triangles = std::move(triangles);
+  }
+}
+
+// Runs of the marked cells.
+void append_runs(const std::vector<std::uint8_t>& marked, std::vector<std::uint16_t>& edges) {
+  std::uint8_t before = 0;
+  for (std::size_t k = 0; k < marked.size(); ++k)
+    if (marked[k] != before) edges.push_back(std::uint16_t(k)), before = marked[k];
+  if (before) edges.push_back(std::uint16_t(marked.size()));
+}
+
+}  // namespace
+
+Holdouts make_holdouts(std::vector<Mesh> meshes, float detail) {
+  check(detail > 0 && std::isfinite(detail), "the detail of holdouts must be above 0, got ",
+        detail);
+  Holdouts holdouts;
+  float area = 0;
+  for (const Mesh& mesh : meshes) {
+    mesh.validate();
+    append(mesh, holdouts.mesh);
+  }
+  for (const glm::ivec3& t : holdouts.mesh.triangles)
+    area += 0.5f * glm::length(triangle_normal(holdouts.mesh, t));
+  if (!meshes.empty()) {
+    // Right-angled triangles with this for their longest edge have a quarter of its square, and
+    // halving edges makes them half as long again.
+    cut(holdouts.mesh, std::max(detail, std::sqrt(8 * area / kMostTriangles)));
+    holdouts.own = mesh_visibility(holdouts.mesh, {kSize});
+  }
+  holdouts.normals = holdouts.mesh.normals;
+  holdouts.meshes = std::move(meshes);
+  return holdouts;
+}
+
+VertexVisibility hidden_by_object(const Scene& scene) {
+  const Holdouts& holdouts = *scene.holdouts;
+  Mesh object;
+  object.triangles = scene.mesh.triangles;
+  for (const glm::vec3& v : scene.mesh.vertices)
+    object.vertices.emplace_back(scene.marker_from_object * glm::dvec3(v));
+  const Bvh bvh(object);
+  const Bounds box = bounds(object.vertices);
+  const glm::vec3 centre = box.centre();
+  // A cell reaches about 2/n of a radian around its middle, at most twice that.
+  const float radius = box.radius(), cell = 4.0f / kSize;
+  const std::vector<glm::vec3>& directions = octahedral_grid(kSize).directions();
+  const std::vector<glm::vec3>& vertices = holdouts.mesh.vertices;
+  const float offset = kOffset * bounds(vertices).radius();
+  const int blocks = (int(vertices.size()) + kGrain - 1) / kGrain;
+  std::vector<VertexVisibility> parts(static_cast<std::size_t>(blocks));
+  parallel_for(blocks, 1, [&](int begin, int end) {
+    std::vector<std::uint8_t> marked, met;
+    std::vector<int> asked;
+    for (std::size_t i = std::size_t(begin) * kGrain;
+         i < std::min(vertices.size(), std::size_t(end) * kGrain); ++i) {
+      VertexVisibility& part = parts[i / kGrain];
+      const glm::vec3 n = holdouts.normals[i], from = vertices[i] + offset * n, to = centre - from;
+      const float distance = glm::length(to);
+      const float angle = distance > radius ? std::asin(radius / distance) + cell : kPi;
+      const float least = angle < kPi ? std::cos(angle) * distance : -distance;
+      marked.assign(directions.size(), 0);
+      asked.clear();
+      std::uint32_t run = holdouts.own.first[i];
+      const std::uint32_t last = holdouts.own.first[i + 1];
+      for (std::size_t k = 0; k < directions.size(); ++k) {
+        while (run < last && holdouts.own.edges[run + 1] <= k) run += 2;
+        const bool own = run < last && holdouts.own.edges[run] <= k;
+        if (!own && glm::dot(directions[k], to) >= least && glm::dot(directions[k], n) > 0)
+          asked.push_back(int(k));
+      }
+      if (!asked.empty()) {
+        DirectionSet set(int(asked.size()));
+        for (std::size_t k = 0; k < asked.size(); ++k)
+          set.set(int(k), directions[std::size_t(asked[k])]);
+        met.assign(asked.size(), 0);
+        bvh.occluded(from, set, 0, met);
+        for (std::size_t k = 0; k < asked.size(); ++k) marked[std::size_t(asked[k])] = met[k];
+      }
+      append_runs(marked, part.edges);
+      part.first.push_back(std::uint32_t(part.edges.size()));
+    }
+  });
+  VertexVisibility hidden;
+  hidden.size = kSize;
+  hidden.first.push_back(0);
+  for (const VertexVisibility& part : parts) {
+    const std::uint32_t begin = std::uint32_t(hidden.edges.size());
+    for (const std::uint32_t end : part.first) hidden.first.push_back(begin + end);
+    hidden.edges.insert(hidden.edges.end(), part.edges.begin(), part.edges.end());
+  }
+  return hidden;
+}
+
+std::vector<glm::vec4> holdout_ratios(const Scene& scene, const VertexVisibility& hidden,
+                                      const Lighting& lighting, CellLight& light) {
+  const Holdouts& holdouts = *scene.holdouts;
+  const std::size_t count = holdouts.normals.size();
+  check(hidden.vertex_count() == count, "what is hidden must be of the holdouts' ", count,
+        " vertices, got ", hidden.vertex_count());
+  std::vector<glm::vec4> ratios(count, glm::vec4(1));
+  if (count == 0 || !lighting.radiance) return ratios;
+  light.update(*lighting.radiance, glm::mat3(1), kSize);
+  std::vector<glm::vec3> all(count), own(count), lost(count);
+  evaluate(lighting.irradiance, holdouts.normals, all);
+  blocked_irradiance(holdouts.own, light, holdouts.normals, own);
+  blocked_irradiance(hidden, light, holdouts.normals, lost);
+  for (std::size_t i = 0; i < count; ++i)
+    for (int c = 0; c < 3; ++c) {
+      const float free = std::max(all[i][c] - own[i][c], lost[i][c]);
+      if (free > 0) ratios[i][c] = std::clamp(1 - lost[i][c] / free, 0.0f, 1.0f);
+    }
+  return ratios;
+}
+
+}  // namespace fastibl

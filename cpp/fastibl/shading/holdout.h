@@ -1,0 +1,29 @@
+// The shadow of the virtual object on real ones.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "fastibl/scene/holdouts.h"
+#include "fastibl/scene/lighting.h"
+#include "fastibl/scene/scene.h"
+#include "fastibl/shading/self_shadow.h"
+
+namespace fastibl {
+
+// detail: longest edge of a triangle, metres; larger where the meshes have too much surface for
+// that. Throws what validate() of the meshes throws.
+Holdouts make_holdouts(std::vector<Mesh> meshes, float detail);
+
+// Directions of the marker frame that the scene's object hides from each vertex of its holdouts,
+// and nothing else of them does. Rays towards all 64² cells that the object's bounding sphere
+// touches.
+VertexVisibility hidden_by_object(const Scene& scene);
+
+// Share of the light of each vertex of the holdouts that is left beside the object, RGB in [0, 1],
+// and 1: L over what both leave free by L over what the holdouts leave free. 1 where there is no
+// light.
+std::vector<glm::vec4> holdout_ratios(const Scene& scene, const VertexVisibility& hidden,
+                                      const Lighting& lighting, CellLight& light);
+
+}  // namespace fastibl
