@@ -19,6 +19,7 @@
 #include "fastibl/scene/scene.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/tracking/detector.h"
+#include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/tracker.h"
 
 namespace fastibl {
@@ -96,6 +97,7 @@ class Session {
   std::shared_ptr<const Environment> environment_;
   bool fixed_environment_;
   Detector detector_;
+  std::optional<EdgeTracker> edge_tracker_;
   std::unique_ptr<Renderer> renderer_;
   SessionOptions options_;
   std::optional<Capture> capture_;

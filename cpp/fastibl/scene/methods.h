@@ -47,8 +47,10 @@ enum class SelfShadowMethod {
   transfer,  // the light of the directions that are free, by vertex and channel
 };
 enum class TrackingMethod {
+  automatic,
   frame_marker,  // the corners of one tag, as the paper's
-  board,         // robust refinement over all tags of the board
+  board,         // robust refinement over all tags of the board, every frame by itself
+  edges,         // from frame to frame by the tags' edges, detecting to start and to recover
 };
 // Which camera pictures feed the map.
 enum class CaptureMethod {
@@ -69,8 +71,8 @@ inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMetho
                                               ShadowMethod::directions, ShadowMethod::mesh};
 inline constexpr std::array kSelfShadowMethods = {SelfShadowMethod::none, SelfShadowMethod::ambient,
                                                   SelfShadowMethod::transfer};
-inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,
-                                                TrackingMethod::board};
+inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker, TrackingMethod::board,
+                                                TrackingMethod::edges};
 inline constexpr std::array kCaptureMethods = {CaptureMethod::single, CaptureMethod::continuous};
 
 // The public names ("six-face-exact", "auto"), and back: throws std::invalid_argument, naming all.
@@ -121,7 +123,7 @@ std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method);
 std::vector<Setting<ShadowSettings>> settings_of(ShadowMethod method);
 
 struct Methods {
-  TrackingMethod tracking = TrackingMethod::board;
+  TrackingMethod tracking = TrackingMethod::automatic;
   CaptureMethod capture = CaptureMethod::continuous;
   DiffuseMethod diffuse = DiffuseMethod::automatic;
   DiffuseSettings diffuse_settings;

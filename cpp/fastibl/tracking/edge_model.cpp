@@ -1,0 +1,208 @@
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/fit.h"
+#include "fastibl/tracking/fit_edges.h"
+
+namespace fastibl {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kCodeSeen = 0.6;     // code_match() of a tag that is itself; others reach 0.39
+constexpr double kCodeHidden = 0.25;  // below, a tag is hidden or another one
+constexpr double kReadable = 1.6;     // px of a module, to hold its colour
+constexpr double kClose = 0.55;       // mean match from which no shift is looked for
+constexpr double kLeastShare = 0.15;  // of the tags that could be read must be, and of the edges
+constexpr std::size_t kFarEdges = 320;
+constexpr double kSettled = 0.03;         // px of motion in the last round
+constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
+constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
+constexpr double kSystematic = 0.25;      // of the surplus that counts: errors are not independent
+
+struct Codes {
+  std::vector<ProjectedTag> shown;  // tags that are not known to be hidden
+  std::size_t readable = 0, seen = 0;
+  double mean = 0;  // of the better half of the readable ones
+};
+
+// Sorts out tags that are hidden, or are not where they were expected.
+Codes read_codes(const LightReader& light, const BoardPattern& pattern,
+                 std::vector<ProjectedTag> tags) {
+  Codes codes;
+  std::vector<double> matches;
+  for (ProjectedTag& tag : tags) {
+    const bool readable = tag.module >= kReadable;
+    const double match = code_match(light, pattern, tag);
+    if (readable) matches.push_back(match);
+    codes.readable += readable, codes.seen += match > kCodeSeen;
+    if (match > kCodeHidden || !readable) codes.shown.push_back(std::move(tag));
+  }
+  std::sort(matches.rbegin(), matches.rend());
+  const std::size_t half = (matches.size() + 1) / 2;
+  for (std::size_t k = 0; k < half; ++k) codes.mean += matches[k] / double(half);
+  return codes;
+}
+
+bool enough(const Codes& codes) {
+  return codes.seen > 0 && double(codes.seen) >= kLeastShare * double(codes.readable);
+}
+
+// Sideways at the board's distance: what a shift of the picture is, for a start.
+Pose shifted(const Pose& pose, const glm::dvec2& shift, const Camera& camera) {
+  Pose out = pose;
+  const double z = pose.translation.z;
+  out.translation += glm::dvec3(shift.x * z / camera.fx, shift.y * z / camera.fy, 0);
+  return out;
+}
+
+double prior_cost(const PosePrior& prior, const Pose& pose) {
+  double cost = 0;
+  if (prior.rotation) {
+    const double off = rotation_angle(*prior.rotation, pose.rotation) / prior.deviation;
+    cost += off * off;
+  }
+  if (prior.gravity && glm::length(prior.gravity_in_marker) > 0) {
+    const glm::dvec3 down = pose.rotation * glm::normalize(prior.gravity_in_marker);
+    const double off =
+        std::acos(std::clamp(glm::dot(down, *prior.gravity), -1.0, 1.0)) / (3 * kDegree);
+    cost += off * off;
+  }
+  return cost;
+}
+
+struct Choice {
+  Pose pose;
+  double ambiguity = 0;
+  bool other = false;  // the mirrored pose won
+};
+
+// Both planar minima, refined with the edges; by likelihood and by what was expected before.
+Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
+              const PosePrior& prior) {
+  Choice choice{fit.camera_from_marker, 0, false};
+  glm::dvec2 low(1e9), high(-1e9);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (fit.used[i]) low = glm::min(low, points[i].point), high = glm::max(high, points[i].point);
+  const glm::dvec2 centre = 0.5 * (low + high);
+  // The four corners of what is seen tell cheaply where the other minimum is, and how bad.
+  std::vector<Match> corners;
+  for (const glm::dvec2& p : {low, glm::dvec2(high.x, low.y), high, glm::dvec2(low.x, high.y)})
+    if (const auto pixel = lens.project(choice.pose * glm::dvec3(p, 0)))
+      corners.push_back({p, *pixel, 1});
+  const auto start =
+      fit_pose(corners, lens, mirrored_pose(choice.pose, centre), {Loss::Kind::huber, 1e6});
+  if (!start) return choice;
+  const auto differs = [&](const Pose& pose) {
+    return rotation_angle(pose.rotation, choice.pose.rotation) > 0.5 * kDegree &&
+           pose.inverse().translation.z > 0;
+  };
+  if (!differs(start->camera_from_marker)) return choice;
+  const double apart = std::sqrt(start->cost / 4),
+               used = double(std::count(fit.used.begin(), fit.used.end(), true));
+  if (apart > 1.0 && apart * std::sqrt(used) > 30 * std::max(fit.residual, 0.02)) {
+    choice.ambiguity = 1e-3;  // hundreds of deviations apart
+    return choice;
+  }
+  const auto other = refit_edges(points, fit.used, lens, start->camera_from_marker, fit.noise);
+  if (!other || !differs(*other)) return choice;
+  const double cost = edge_cost(points, fit.used, lens, choice.pose, fit.noise),
+               other_cost = edge_cost(points, fit.used, lens, *other, fit.noise);
+  const double surplus = kSystematic * (other_cost - cost);
+  choice.ambiguity = kSurplus / (kSurplus + std::abs(surplus));
+  if (surplus + prior_cost(prior, *other) - prior_cost(prior, choice.pose) < 0)
+    choice.pose = *other, choice.other = true;
+  return choice;
+}
+
+bool covariance_of(const EdgeFit& fit, std::array<double, 36>& covariance) {
+  for (std::size_t c = 0; c < 6; ++c) {
+    std::array<double, 6> unit{}, x{};
+    unit[c] = fit.noise * fit.noise;
+    if (!solve6(fit.information, unit, x)) return false;
+    for (std::size_t r = 0; r < 6; ++r) covariance[6 * r + c] = x[r];
+  }
+  return true;
+}
+
+// Half the width of edges, px, from how steep they are.
+double spread_of(std::span<const EdgePoint> points) {
+  std::vector<double> slopes;
+  for (const EdgePoint& p : points) slopes.push_back(p.steepness);
+  const auto middle = slopes.begin() + std::ptrdiff_t(slopes.size() / 2);
+  std::nth_element(slopes.begin(), middle, slopes.end());
+  return 0.5 / std::max(*middle, 0.05);
+}
+
+}  // namespace
+
+EdgeModel::EdgeModel(const Board& board, const Camera& camera)
+    : pattern_(pattern_of(board)),
+      camera_(camera),
+      lens_(camera_),
+      grey_(camera.response, 1),
+      colour_(camera.response, 3) {}
+
+std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, const Pose& start,
+                                        const PosePrior& prior,
+                                        const EdgeTrackingOptions& options) const {
+  const LightReader light(picture, picture.channels == 1 ? grey_ : colour_);
+  const auto project = [&](const Pose& at) { return project_tags(pattern_, camera_, lens_, at); };
+  Pose pose = start;
+  Codes codes = read_codes(light, pattern_, project(pose));
+  if (codes.mean < kClose && options.search_px > 0) {
+    const std::vector<ProjectedTag> tags = project(pose);
+    const glm::dvec2 shift = find_shift(light, pattern_, tags, options.search_px);
+    pose = shifted(pose, shift, camera_);
+    codes = read_codes(light, pattern_, project(pose));
+  }
+  if (codes.seen == 0 || codes.shown.empty()) return std::nullopt;
+
+  for (int round = 0; round < 2; ++round) {  // from pixels away
+    const FoundEdges far = find_edges(light, pattern_, codes.shown, {true, kFarEdges});
+    const auto fit = fit_edges(far.points, lens_, pose);
+    if (!fit) break;
+    pose = fit->camera_from_marker;
+    codes = read_codes(light, pattern_, project(pose));
+    if (fit->motion < 0.5) break;
+  }
+  if (!enough(codes)) return std::nullopt;
+
+  EdgeSearch search{false, options.most_edges};
+  std::optional<EdgeFit> fit;
+  FoundEdges near;
+  Choice choice;
+  for (int round = 0; round < options.most_rounds; ++round) {
+    if (round > 0)
+      codes.shown = project(pose), codes = read_codes(light, pattern_, std::move(codes.shown));
+    near = find_edges(light, pattern_, codes.shown, search);
+    fit = fit_edges(near.points, lens_, pose);
+    if (!fit) return std::nullopt;
+    pose = fit->camera_from_marker;
+    search.spread = spread_of(near.points);
+    if (fit->motion > kSettled && round + 1 < options.most_rounds) continue;
+    choice = choose(near.points, *fit, lens_, prior);
+    if (!choice.other) break;
+    pose = choice.pose;
+  }
+
+  const auto used = std::size_t(std::count(fit->used.begin(), fit->used.end(), true));
+  if (!enough(codes) || double(used) < kLeastShare * double(near.expected)) return std::nullopt;
+  if (!(fit->residual < kLargestResidual)) return std::nullopt;
+  Tracked tracked;
+  tracked.camera_from_marker = pose;
+  tracked.edges = int(used);
+  tracked.residual_px = fit->residual;
+  tracked.ambiguity = choice.ambiguity, tracked.ambiguous = choice.ambiguity > 0.5;
+  if (!covariance_of(*fit, tracked.covariance)) return std::nullopt;
+  const auto& c = tracked.covariance;
+  if (!(std::sqrt(c[0] + c[7] + c[14]) < options.largest_error * kDegree)) return std::nullopt;
+  const auto n = std::size_t(pattern_.modules), stride = n + 1;
+  for (const ProjectedTag& tag : codes.shown)
+    tracked.tags.push_back(
+        {pattern_.tags[tag.index].id,
+         {tag.nodes[0], tag.nodes[n], tag.nodes[n * stride + n], tag.nodes[n * stride]}});
+  return tracked;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,117 @@
+#include "fastibl/tracking/edge_profile.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fastibl {
+namespace {
+
+constexpr int kMostReach = 6;            // pixels along a scan line to either side
+constexpr double kLeastContrast = 0.25;  // of white; shadows, glare and ink leave smaller steps
+constexpr double kLeastStep = 2e-3;      // of full white
+constexpr double kGone = 1.5;            // px; the half-way point is not sought further
+
+// Mean of the scan lines that cross a stretch of edge, at whole pixels from it, smoothed across by
+// a cubic B-spline: its samples on the pixel grid add up to 1 wherever the edge lies, and its
+// spectrum is nil at the grid's frequency, so that the position between pixels leaves no trace.
+struct Profile {
+  std::array<float, 2 * kMostReach + 1> value{};  // black first; the edge at `reach`
+  int reach = 0, lines = 0;
+  double scale = 1;  // px across the edge by px along a scan line
+};
+
+template <int Channels>
+bool read_profile(const LightReader& light, const ExpectedEdge& e, int reach, Profile& profile) {
+  const glm::dvec2 d = e.b - e.a;
+  const bool steep = std::abs(d.y) >= std::abs(d.x);  // scan lines are rows
+  const int along = steep ? 1 : 0, across = 1 - along;
+  const double length = glm::length(d);
+  if (!(length > 0)) return false;
+  const double from = std::min(e.a[along], e.b[along]), to = std::max(e.a[along], e.b[along]);
+  const int first = int(std::ceil(from - 0.5)), last = int(std::ceil(to - 0.5));
+  const double slope = d[across] / d[along];
+  const int size = steep ? light.width() : light.height(),
+            lines = steep ? light.height() : light.width();
+  if (first < 0 || last > lines) return false;
+  profile.reach = reach, profile.lines = 0;
+  const int n = 2 * reach + 1;
+  float sum[2 * kMostReach + 1] = {}, line[2 * kMostReach + 4];
+  for (int k = first; k < last; ++k) {
+    const double at = e.a[across] + (k + 0.5 - e.a[along]) * slope - 0.5;
+    const int i = int(std::floor(at)), begin = i - reach - 1;
+    if (begin < 0 || begin + n + 3 > size) return false;
+    const float f = float(at - i), g = 1 - f;
+    const float b0 = g * g * g / 6, b3 = f * f * f / 6, b1 = (4 - 6 * f * f + 3 * f * f * f) / 6,
+                b2 = 1 - b0 - b1 - b3;
+    light.read<Channels>(steep ? begin : k, steep ? k : begin, !steep, n + 3, line);
+    for (int j = 0; j < n; ++j)
+      sum[j] += b0 * line[j] + b1 * line[j + 1] + b2 * line[j + 2] + b3 * line[j + 3];
+    ++profile.lines;
+  }
+  if (profile.lines == 0) return false;
+  // White on the left of (dx, dy): towards (dy, −dx).
+  const bool rising = steep ? d.y > 0 : d.x < 0;
+  for (int j = 0; j < n; ++j)
+    profile.value[std::size_t(j)] = sum[rising ? j : n - 1 - j] / float(profile.lines);
+  profile.scale = std::abs(d[along]) / length;
+  return true;
+}
+
+bool read_profile(const LightReader& light, const ExpectedEdge& e, int reach, Profile& profile) {
+  return light.channels() == 1 ? read_profile<1>(light, e, reach, profile)
+                               : read_profile<3>(light, e, reach, profile);
+}
+
+double room_on_scan_line(const ExpectedEdge& e) {
+  const glm::dvec2 d = e.b - e.a;
+  return e.room * glm::length(d) / std::max(std::abs(d.x), std::abs(d.y));
+}
+
+bool clear(double black, double white) {
+  return white - black > kLeastContrast * white && white - black > kLeastStep;
+}
+
+// Shot noise grows with the light, and there is some without any.
+double noise_variance(double black, double white) { return 0.5 * (black + white) + 0.02; }
+
+}  // namespace
+
+std::optional<FoundEdge> find_far_edge(const LightReader& light, const ExpectedEdge& expected) {
+  const int reach = std::clamp(int(room_on_scan_line(expected)), 2, kMostReach);
+  Profile p;
+  if (!read_profile(light, expected, reach, p)) return std::nullopt;
+  const int n = 2 * reach + 1, level = reach >= 4 ? 2 : 1;
+  double black = 0, white = 0, area = 0;
+  for (int k = 0; k < level; ++k)
+    black += p.value[std::size_t(k)], white += p.value[std::size_t(n - 1 - k)];
+  black /= level, white /= level;
+  if (!clear(black, white)) return std::nullopt;
+  for (int k = 0; k < n; ++k)  // trapezium
+    area += (k == 0 || k == n - 1 ? 0.5 : 1.0) * p.value[std::size_t(k)];
+  const double offset = reach - (area - (n - 1) * black) / (white - black);
+  if (std::abs(offset) > 0.8 * reach) return std::nullopt;
+  const double step = white - black;
+  return FoundEdge{offset * p.scale,
+                   noise_variance(black, white) * p.scale * p.scale / (step * step * p.lines), 0};
+}
+
+std::optional<FoundEdge> find_near_edge(const LightReader& light, const ExpectedEdge& expected) {
+  const int levels = std::clamp(int(room_on_scan_line(expected) - expected.spread + 0.2), 1, 4);
+  Profile p;
+  if (!read_profile(light, expected, levels, p)) return std::nullopt;
+  const auto at = [&](int k) { return double(p.value[std::size_t(levels + k)]); };
+  double black = 0, white = 0;
+  const int nearest = std::min(levels, 2);
+  for (int k = nearest; k <= levels; ++k) black += at(-k), white += at(k);
+  black /= levels - nearest + 1, white /= levels - nearest + 1;
+  if (!clear(black, white)) return std::nullopt;
+  const double step = white - black, slope = 0.5 * (at(1) - at(-1));
+  if (!(slope > 0.08 * step)) return std::nullopt;
+  const double offset = (0.5 * (black + white) - at(0)) / slope;
+  if (std::abs(offset) > kGone) return std::nullopt;
+  return FoundEdge{offset * p.scale,
+                   noise_variance(black, white) * p.scale * p.scale / (slope * slope * p.lines),
+                   slope / (step * p.scale)};
+}
+
+}  // namespace fastibl

@@ -1,0 +1,31 @@
+// Where a short straight edge lies in a picture.
+#pragma once
+
+#include <optional>
+
+#include "fastibl/core/vector.h"
+#include "fastibl/tracking/light_reader.h"
+
+namespace fastibl {
+
+// A stretch of edge as a pose predicts it, in pixels; white on the left of a → b (y down).
+struct ExpectedEdge {
+  glm::dvec2 a, b;
+  double room = 4;      // px of plain black and of plain white beside it, the smaller
+  double spread = 1.1;  // px from an edge that its blur reaches
+};
+
+struct FoundEdge {
+  double offset = 0;    // px from the expected edge to the seen one, towards white
+  double variance = 0;  // px², of the offset for noise of one unit at white, up to a common factor
+  double steepness = 0;  // of the profile's slope to its step, per px
+};
+
+// Edge position from the area under the profile between black and white, over as much as there is
+// room for: from far off, by pixels.
+std::optional<FoundEdge> find_far_edge(const LightReader& light, const ExpectedEdge& expected);
+// Within about a pixel: where the profile, smoothed by a cubic B-spline, is half-way between black
+// and white. Both are moved by no symmetric blur.
+std::optional<FoundEdge> find_near_edge(const LightReader& light, const ExpectedEdge& expected);
+
+}  // namespace fastibl

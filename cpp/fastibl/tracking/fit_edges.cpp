@@ -1,0 +1,190 @@
+#include "fastibl/tracking/fit_edges.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/tracking/fit.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kWeightings = 4;
+constexpr std::size_t kLeastPoints = 8;
+constexpr double kTukey = 4.685;      // 95 % efficient for normal errors
+constexpr double kLeastNoise = 2e-3;  // px: exact pictures must not divide by zero
+constexpr double kFarCost = 25;       // of a point: no nearer than five times its noise
+
+using Row = std::array<double, 6>;
+
+// How a point moves across its edge with (w, d).
+std::optional<Row> row_of(const EdgePoint& p, const Lens& lens, const Pose& pose,
+                          glm::dvec2* pixel = nullptr) {
+  const glm::dvec3 turned = pose.rotation * glm::dvec3(p.point, 0);
+  glm::dmat2x3 d;
+  const auto at = lens.project(turned + pose.translation, &d);
+  if (!at) return std::nullopt;
+  if (pixel) *pixel = *at;
+  const glm::dvec3 g = p.normal.x * d[0] + p.normal.y * d[1], r = glm::cross(turned, g);
+  return Row{r.x, r.y, r.z, g.x, g.y, g.z};
+}
+
+struct Normal {
+  std::array<double, 36> a{};
+  Row b{};
+  void add(const Row& j, double weight, double value) {
+    for (std::size_t i = 0; i < 6; ++i) {
+      const double w = weight * j[i];
+      b[i] += w * value;
+      for (std::size_t k = 0; k <= i; ++k) a[6 * i + k] += w * j[k];
+    }
+  }
+  void mirror() {
+    for (std::size_t i = 0; i < 6; ++i)
+      for (std::size_t k = 0; k < i; ++k) a[6 * k + i] = a[6 * i + k];
+  }
+};
+
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double dot(const Row& a, const Row& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5];
+}
+
+Pose moved(const Pose& pose, const Row& x) {
+  Pose next{rotation_from_vector({x[0], x[1], x[2]}) * pose.rotation,
+            pose.translation + glm::dvec3(x[3], x[4], x[5])};
+  // Rounding of many small turns is taken out.
+  glm::dmat3& r = next.rotation;
+  r[0] = glm::normalize(r[0]);
+  r[1] = glm::normalize(r[1] - glm::dot(r[0], r[1]) * r[0]);
+  r[2] = glm::cross(r[0], r[1]);
+  return next;
+}
+
+bool finite(const Row& x) {
+  double sum = 0;
+  for (const double v : x) sum += std::abs(v);
+  return std::isfinite(sum);
+}
+
+}  // namespace
+
+std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
+                                 const Pose& pose) {
+  if (points.size() < kLeastPoints) return std::nullopt;
+  std::vector<Row> rows;
+  std::vector<double> residual(points.size()), size(points.size());
+  rows.reserve(points.size());
+  for (const EdgePoint& p : points) {
+    const auto row = row_of(p, lens, pose);
+    if (!row) return std::nullopt;
+    rows.push_back(*row);
+  }
+  // The points' noise in pixels sets the floor of their scatter.
+  for (std::size_t i = 0; i < points.size(); ++i) size[i] = points[i].noise;
+  const double floor = kLeastNoise / median(size);
+  EdgeFit fit;
+  Row x{};
+  for (int round = 0; round < kWeightings; ++round) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      residual[i] = (points[i].offset - dot(rows[i], x)) / points[i].noise;
+      size[i] = std::abs(residual[i]);
+    }
+    fit.noise = std::max(1.4826 * median(size), floor);
+    Normal n;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const double q = residual[i] / (kTukey * fit.noise);
+      if (!(std::abs(q) < 1)) continue;
+      const double weight = (1 - q * q) * (1 - q * q) / (points[i].noise * points[i].noise);
+      n.add(rows[i], weight, points[i].offset);
+    }
+    n.mirror();
+    if (!solve6(n.a, n.b, x) || !finite(x)) return std::nullopt;
+  }
+  fit.used.resize(points.size());
+  Normal information;
+  double squares = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double step = dot(rows[i], x), error = points[i].offset - step;
+    squares += step * step;
+    size[i] = std::abs(error);
+    fit.used[i] = size[i] < kTukey * fit.noise * points[i].noise;
+    if (fit.used[i]) information.add(rows[i], 1 / (points[i].noise * points[i].noise), 0);
+  }
+  information.mirror();
+  fit.information = information.a;
+  fit.residual = median(size);
+  fit.motion = std::sqrt(squares / double(points.size()));
+  fit.camera_from_marker = moved(pose, x);
+  return fit;
+}
+
+namespace {
+
+// Distance of a found edge from where the pose puts it, in units of noise.
+double distance(const EdgePoint& p, const glm::dvec2& pixel, double noise) {
+  return (p.offset - glm::dot(p.normal, pixel - p.pixel)) / (p.noise * noise);
+}
+
+}  // namespace
+
+double edge_cost(std::span<const EdgePoint> points, const std::vector<bool>& used, const Lens& lens,
+                 const Pose& pose, double noise) {
+  double cost = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!used[i]) continue;
+    const auto pixel = lens.project(pose * glm::dvec3(points[i].point, 0));
+    const double e = pixel ? distance(points[i], *pixel, noise) : 1e9;
+    cost += std::min(e * e, kFarCost);
+  }
+  return cost;
+}
+
+std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const std::vector<bool>& used,
+                                const Lens& lens, const Pose& start, double noise) {
+  Pose pose = start;
+  const auto cost_of = [&](const Pose& at) {  // not truncated: the start is far
+    double cost = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (!used[i]) continue;
+      const auto pixel = lens.project(at * glm::dvec3(points[i].point, 0));
+      if (!pixel) return std::numeric_limits<double>::infinity();
+      const double e = distance(points[i], *pixel, noise);
+      cost += e * e;
+    }
+    return cost;
+  };
+  double cost = cost_of(pose), damping = 1e-4;
+  if (!std::isfinite(cost)) return std::nullopt;
+  for (int step = 0; step < 12 && damping < 1e6; ++step) {
+    Normal n;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (!used[i]) continue;
+      glm::dvec2 pixel;
+      Row row = *row_of(points[i], lens, pose, &pixel);
+      const double scale = points[i].noise * noise;
+      for (double& v : row) v /= scale;
+      n.add(row, 1, distance(points[i], pixel, noise));
+    }
+    n.mirror();
+    for (std::size_t i = 0; i < 6; ++i) n.a[7 * i] *= 1 + damping;
+    Row x{};
+    if (!solve6(n.a, n.b, x) || !finite(x)) return std::nullopt;
+    const Pose next = moved(pose, x);
+    const double value = cost_of(next);
+    if (value < cost) {
+      const bool small = cost - value < 1e-3 * cost;
+      pose = next, cost = value, damping *= 0.1;
+      if (small) break;
+    } else {
+      damping *= 10;
+    }
+  }
+  return pose;
+}
+
+}  // namespace fastibl
