@@ -3,6 +3,7 @@
 
 #include "bindings/detector.h"
 #include "bindings/numpy.h"
+#include "fastibl/tracking/edge_points.h"
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/tracker.h"
 
@@ -129,6 +130,28 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
       }));
 
   bind_edge_tracker(module);
+  module.def(
+      "_edge_points",
+      [](const py::array_t<std::uint8_t>& grey, const Board& board, const Camera& camera,
+         const Pose& pose, bool far, double spread) {
+        const BoardPattern pattern = pattern_of(board);
+        const LightTable table(camera.response, 1);
+        const LightReader light(require_grey(grey), table);
+        const auto tags = project_tags(pattern, camera, Lens(camera), pose);
+        const FoundEdges found = find_edges(light, pattern, tags, {far, 0, spread});
+        Doubles out({py::ssize_t(found.points.size()), py::ssize_t{9}});
+        for (std::size_t i = 0; i < found.points.size(); ++i) {
+          const EdgePoint& p = found.points[i];
+          const double row[9] = {p.point.x,  p.point.y, p.pixel.x, p.pixel.y,  p.normal.x,
+                                 p.normal.y, p.offset,  p.noise,   p.steepness};
+          std::copy(row, row + 9, out.mutable_data(py::ssize_t(i)));
+        }
+        return out;
+      },
+      py::arg("grey"), py::arg("board"), py::arg("camera"), py::arg("pose"), py::arg("far") = false,
+      py::arg("spread") = 1.1,
+      "Edges measured against where a pose puts them: (n, 9) point, pixel, normal, offset, noise, "
+      "steepness.");
   module.def(
       "_track",
       [](const py::object& tags, const py::object& start, const Board& board, const Camera& camera,

@@ -6,9 +6,12 @@
 namespace fastibl {
 namespace {
 
-constexpr double kMargin = 4;        // px from the picture's border: profiles must lie inside
-constexpr double kCornerSpread = 1;  // px left out where an edge ends: its corner is round
-constexpr double kLeastRoom = 1.5, kLeastFarRoom = 2.5, kLeastLength = 1;  // px
+constexpr double kMargin = 4;       // px from the picture's border: profiles must lie inside
+constexpr double kLeastLength = 1;  // px
+// By `spread`: how far from an edge its blur, with that of the scan lines' smoothing, is 2 % and
+// 12 %.
+constexpr double kTail = 1.85, kCorner = 1.0;
+constexpr int kMostNear = 4;  // px to either side, from close by
 
 double cross(const glm::dvec2& a, const glm::dvec2& b) { return a.x * b.y - a.y * b.x; }
 
@@ -21,6 +24,28 @@ double height_px(const ProjectedTag& tag, const TagEdge& edge, const glm::dvec2&
   const bool last = level ? edge.from + stride >= count : edge.from % stride == stride - 1;
   const std::size_t other = std::size_t(edge.from + (last ? -step : step));
   return std::abs(cross(direction, tag.nodes[other] - tag.nodes[edge.from]));
+}
+
+// The part of an edge whose scan lines meet nothing but this edge. Away from the edge they also run
+// along it, the more the more aslant it is.
+std::optional<ExpectedEdge> clear_part(const glm::dvec2& a, const glm::dvec2& t, double length,
+                                       const TagEdge& edge, double room, const EdgeSearch& search) {
+  const double across = std::max(std::abs(t.x), std::abs(t.y)),
+               along = std::min(std::abs(t.x), std::abs(t.y));
+  const double space = room / across;  // on a scan line
+  int reach = search.far ? std::min(int(space), kMostReach)
+                         : std::min(int(space - kTail * search.spread), kMostNear);
+  const auto part = [&]() -> std::optional<ExpectedEdge> {
+    const double cut = kCorner * search.spread + along * reach;
+    const double left = length - cut * (edge.from_ends + edge.to_ends);
+    if (!(left >= kLeastLength)) return std::nullopt;
+    const double from = edge.from_ends ? cut : 0;
+    return ExpectedEdge{a + from * t, a + (from + left) * t, reach};
+  };
+  if (reach < (search.far ? 2 : 1)) return std::nullopt;
+  for (; reach >= 2; --reach)
+    if (auto found = part(); found || search.far) return found;
+  return part();
 }
 
 }  // namespace
@@ -46,18 +71,17 @@ FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
             middle.y < light.height() - kMargin))
         continue;
       const double length = glm::length(b - a);
-      const double left = length - kCornerSpread * (edge.from_ends + edge.to_ends);
-      if (!(left >= kLeastLength) || length > light.width()) continue;
+      if (!(length >= kLeastLength && length < light.width())) continue;
       const glm::dvec2 t = (b - a) / length;
       const double room =
           height_px(tag, edge, t, pattern.nodes()) * std::min(edge.black, edge.white);
-      if (!(room >= (search.far ? kLeastFarRoom : kLeastRoom))) continue;
+      const auto expected = clear_part(a, t, length, edge, room, search);
+      if (!expected) continue;
       ++found.expected;
-      ExpectedEdge expected{a + t * (edge.from_ends ? kCornerSpread : 0),
-                            b - t * (edge.to_ends ? kCornerSpread : 0), room, search.spread};
-      const auto at = search.far ? find_far_edge(light, expected) : find_near_edge(light, expected);
+      const auto at =
+          search.far ? find_far_edge(light, *expected) : find_near_edge(light, *expected);
       if (!at) continue;
-      const glm::dvec2 centre = 0.5 * (expected.a + expected.b);
+      const glm::dvec2 centre = 0.5 * (expected->a + expected->b);
       const double along = glm::length(centre - a) / length;
       found.points.push_back(
           {(1 - along) * printed.nodes[edge.from] + along * printed.nodes[edge.to], centre,

@@ -21,7 +21,7 @@ struct Profile {
 };
 
 template <int Channels>
-bool read_profile(const LightReader& light, const ExpectedEdge& e, int reach, Profile& profile) {
+bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& profile) {
   const glm::dvec2 d = e.b - e.a;
   const bool steep = std::abs(d.y) >= std::abs(d.x);  // scan lines are rows
   const int along = steep ? 1 : 0, across = 1 - along;
@@ -33,6 +33,7 @@ bool read_profile(const LightReader& light, const ExpectedEdge& e, int reach, Pr
   const int size = steep ? light.width() : light.height(),
             lines = steep ? light.height() : light.width();
   if (first < 0 || last > lines) return false;
+  const int reach = std::clamp(e.reach, 1, kMostReach);
   profile.reach = reach, profile.lines = 0;
   const int n = 2 * reach + 1;
   float sum[2 * kMostReach + 1] = {}, line[2 * kMostReach + 4];
@@ -57,14 +58,9 @@ bool read_profile(const LightReader& light, const ExpectedEdge& e, int reach, Pr
   return true;
 }
 
-bool read_profile(const LightReader& light, const ExpectedEdge& e, int reach, Profile& profile) {
-  return light.channels() == 1 ? read_profile<1>(light, e, reach, profile)
-                               : read_profile<3>(light, e, reach, profile);
-}
-
-double room_on_scan_line(const ExpectedEdge& e) {
-  const glm::dvec2 d = e.b - e.a;
-  return e.room * glm::length(d) / std::max(std::abs(d.x), std::abs(d.y));
+bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& profile) {
+  return light.channels() == 1 ? read_profile<1>(light, e, profile)
+                               : read_profile<3>(light, e, profile);
 }
 
 bool clear(double black, double white) {
@@ -77,10 +73,9 @@ double noise_variance(double black, double white) { return 0.5 * (black + white)
 }  // namespace
 
 std::optional<FoundEdge> find_far_edge(const LightReader& light, const ExpectedEdge& expected) {
-  const int reach = std::clamp(int(room_on_scan_line(expected)), 2, kMostReach);
   Profile p;
-  if (!read_profile(light, expected, reach, p)) return std::nullopt;
-  const int n = 2 * reach + 1, level = reach >= 4 ? 2 : 1;
+  if (!read_profile(light, expected, p)) return std::nullopt;
+  const int reach = p.reach, n = 2 * reach + 1, level = reach >= 4 ? 2 : 1;
   double black = 0, white = 0, area = 0;
   for (int k = 0; k < level; ++k)
     black += p.value[std::size_t(k)], white += p.value[std::size_t(n - 1 - k)];
@@ -96,9 +91,9 @@ std::optional<FoundEdge> find_far_edge(const LightReader& light, const ExpectedE
 }
 
 std::optional<FoundEdge> find_near_edge(const LightReader& light, const ExpectedEdge& expected) {
-  const int levels = std::clamp(int(room_on_scan_line(expected) - expected.spread + 0.2), 1, 4);
   Profile p;
-  if (!read_profile(light, expected, levels, p)) return std::nullopt;
+  if (!read_profile(light, expected, p)) return std::nullopt;
+  const int levels = p.reach;
   const auto at = [&](int k) { return double(p.value[std::size_t(levels + k)]); };
   double black = 0, white = 0;
   const int nearest = std::min(levels, 2);

@@ -8,11 +8,13 @@
 
 namespace fastibl {
 
-// A stretch of edge as a pose predicts it, in pixels; white on the left of a → b (y down).
+inline constexpr int kMostReach = 6;
+
+// A stretch of edge as a pose predicts it, in pixels; white on the left of a → b (y down). Scan
+// lines cross it along rows or columns, whichever is nearer to a right angle.
 struct ExpectedEdge {
   glm::dvec2 a, b;
-  double room = 4;      // px of plain black and of plain white beside it, the smaller
-  double spread = 1.1;  // px from an edge that its blur reaches
+  int reach = 2;  // pixels along a scan line with plain black and plain white; at most kMostReach
 };
 
 struct FoundEdge {
