@@ -131,6 +131,19 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
 
   bind_edge_tracker(module);
   module.def(
+      "_track_edges",
+      [](const py::object& image, const Board& board, const Camera& camera, const Pose& start) {
+        py::array keep;
+        const Picture picture = require_picture(image, "image", keep);
+        if (picture.type != PixelType::uint8) throw py::type_error("image must be uint8");
+        const EdgeModel model(board, camera);
+        const py::gil_scoped_release release;
+        return model.track({picture.row(0), picture.width, picture.height, 3, picture.row_bytes},
+                           start, {}, {});
+      },
+      py::arg("image"), py::arg("board"), py::arg("camera"), py::arg("start"),
+      "The pose near `start` that the edges agree with, or None.");
+  module.def(
       "_edge_points",
       [](const py::array_t<std::uint8_t>& grey, const Board& board, const Camera& camera,
          const Pose& pose, bool far, double spread) {

@@ -168,7 +168,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   }
   if (!enough(codes)) return std::nullopt;
 
-  EdgeSearch search{false, options.most_edges};
+  EdgeSearch search{false, options.most_edges / 3};  // all of them once they are near
   std::optional<EdgeFit> fit;
   FoundEdges near;
   Choice choice;
@@ -180,7 +180,9 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     if (!fit) return std::nullopt;
     pose = fit->camera_from_marker;
     search.spread = spread_of(near.points);
-    if (fit->motion > kSettled && round + 1 < options.most_rounds) continue;
+    const bool all = search.most == options.most_edges;
+    search.most = options.most_edges;
+    if ((fit->motion > kSettled || !all) && round + 1 < options.most_rounds) continue;
     choice = choose(near.points, *fit, lens_, prior);
     if (!choice.other) break;
     pose = choice.pose;

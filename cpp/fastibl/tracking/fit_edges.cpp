@@ -8,7 +8,7 @@
 namespace fastibl {
 namespace {
 
-constexpr int kWeightings = 4;
+constexpr int kWeightings = 3;
 constexpr std::size_t kLeastPoints = 8;
 constexpr double kTukey = 4.685;      // 95 % efficient for normal errors
 constexpr double kLeastNoise = 2e-3;  // px: exact pictures must not divide by zero
@@ -44,7 +44,7 @@ struct Normal {
   }
 };
 
-double median(std::vector<double>& values) {
+double median(std::vector<float>& values) {
   const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -77,7 +77,7 @@ std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& 
                                  const Pose& pose) {
   if (points.size() < kLeastPoints) return std::nullopt;
   std::vector<Row> rows;
-  std::vector<double> residual(points.size()), size(points.size());
+  std::vector<float> residual(points.size()), size(points.size());
   rows.reserve(points.size());
   for (const EdgePoint& p : points) {
     const auto row = row_of(p, lens, pose);
@@ -85,13 +85,13 @@ std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& 
     rows.push_back(*row);
   }
   // The points' noise in pixels sets the floor of their scatter.
-  for (std::size_t i = 0; i < points.size(); ++i) size[i] = points[i].noise;
+  for (std::size_t i = 0; i < points.size(); ++i) size[i] = float(points[i].noise);
   const double floor = kLeastNoise / median(size);
   EdgeFit fit;
   Row x{};
   for (int round = 0; round < kWeightings; ++round) {
     for (std::size_t i = 0; i < points.size(); ++i) {
-      residual[i] = (points[i].offset - dot(rows[i], x)) / points[i].noise;
+      residual[i] = float((points[i].offset - dot(rows[i], x)) / points[i].noise);
       size[i] = std::abs(residual[i]);
     }
     fit.noise = std::max(1.4826 * median(size), floor);
@@ -111,7 +111,7 @@ std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& 
   for (std::size_t i = 0; i < points.size(); ++i) {
     const double step = dot(rows[i], x), error = points[i].offset - step;
     squares += step * step;
-    size[i] = std::abs(error);
+    size[i] = float(std::abs(error));
     fit.used[i] = size[i] < kTukey * fit.noise * points[i].noise;
     if (fit.used[i]) information.add(rows[i], 1 / (points[i].noise * points[i].noise), 0);
   }
