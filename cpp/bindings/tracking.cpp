@@ -3,6 +3,7 @@
 
 #include "bindings/detector.h"
 #include "bindings/numpy.h"
+#include "fastibl/scene/tag_codes.h"
 #include "fastibl/tracking/edge_points.h"
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/tracker.h"
@@ -143,6 +144,9 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
       },
       py::arg("image"), py::arg("board"), py::arg("camera"), py::arg("start"),
       "The pose near `start` that the edges agree with, or None.");
+  module.def(
+      "_tag_black", [](int id, int row, int column) { return tag_module_black(id, row, column); },
+      py::arg("id"), py::arg("row"), py::arg("column"), "Whether a data module of 36h11 is black.");
   module.def(
       "_edge_points",
       [](const py::array_t<std::uint8_t>& grey, const Board& board, const Camera& camera,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -82,7 +84,7 @@ class Tracker:
     ):
         self.board, self.camera, self.refine = board, camera, bool(refine)
         self.method = method_name("tracking", method)
-        self._edges = None
+        self._edges, self._lock = None, threading.Lock()
         if self.method in ("auto", "edges"):
             gravity = np.asarray(gravity_in_marker, np.float64)
             self._edges = _EdgeTracker(board, camera, smoothing=float(smoothing), gravity_in_marker=gravity)
@@ -104,7 +106,8 @@ class Tracker:
         shape or for time that runs backwards, TypeError for another dtype.
         """
         if self._edges is not None:
-            return self._edges.track(image, time, detect, turn, gravity)
+            with self._lock:  # one picture after the other, whatever the threads
+                return self._edges.track(image, time, detect, turn, gravity)
         grey = _grey(image, self.camera)
         tags, start = detect(grey, self.board, self.camera)
         return _track(tags, start, self.board, self.camera, self.method, grey if self.refine else None)

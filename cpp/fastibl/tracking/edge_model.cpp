@@ -15,10 +15,15 @@ constexpr double kReadable = 1.6;     // px of a module, to hold its colour
 constexpr double kClose = 0.55;       // mean match from which no shift is looked for
 constexpr double kLeastShare = 0.15;  // of the tags that could be read must be, and of the edges
 constexpr std::size_t kFarEdges = 320;
-constexpr double kSettled = 0.03;         // px of motion in the last round
+constexpr std::size_t kWideEdges =
+    240;                           // from so many on, narrow ones, which err more, are left out
+constexpr double kSettled = 0.03;  // px of motion in the last round
 constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
 constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
 constexpr double kSystematic = 0.25;      // of the surplus that counts: errors are not independent
+
+constexpr double kSharp = 1.1, kShared = 0.01;  // px: `spread` of a sharp picture, error there
+constexpr double kSides = 8;                    // errors of a tag that are independent, about
 
 struct Codes {
   std::vector<ProjectedTag> shown;  // tags that are not known to be hidden
@@ -104,10 +109,10 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
     choice.ambiguity = 1e-3;  // hundreds of deviations apart
     return choice;
   }
-  const auto other = refit_edges(points, fit.used, lens, start->camera_from_marker, fit.noise);
+  const auto other = refit_edges(points, fit, lens, start->camera_from_marker);
   if (!other || !differs(*other)) return choice;
-  const double cost = edge_cost(points, fit.used, lens, choice.pose, fit.noise),
-               other_cost = edge_cost(points, fit.used, lens, *other, fit.noise);
+  const double cost = edge_cost(points, fit, lens, choice.pose),
+               other_cost = edge_cost(points, fit, lens, *other);
   const double surplus = kSystematic * (other_cost - cost);
   choice.ambiguity = kSurplus / (kSurplus + std::abs(surplus));
   if (surplus + prior_cost(prior, *other) - prior_cost(prior, choice.pose) < 0)
@@ -115,10 +120,19 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
   return choice;
 }
 
-bool covariance_of(const EdgeFit& fit, std::array<double, 36>& covariance) {
+// Of the points' scatter, and of what they share: blur from neighbouring edges, ink and paper move
+// the edges of a side together.
+bool covariance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::size_t tags,
+                   double spread, std::array<double, 36>& covariance) {
+  double used = 0, weights = 0;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (fit.used[i]) ++used, weights += 1 / (fit.deviation[i] * fit.deviation[i]);
+  const double shared = kShared * (spread / kSharp) * (spread / kSharp);
+  const double together = used / (kSides * double(std::max<std::size_t>(tags, 1)));
+  const double variance = 1 + shared * shared * std::max(1.0, together) * weights / used;
   for (std::size_t c = 0; c < 6; ++c) {
     std::array<double, 6> unit{}, x{};
-    unit[c] = fit.noise * fit.noise;
+    unit[c] = variance;
     if (!solve6(fit.information, unit, x)) return false;
     for (std::size_t r = 0; r < 6; ++r) covariance[6 * r + c] = x[r];
   }
@@ -132,6 +146,12 @@ double spread_of(std::span<const EdgePoint> points) {
   const auto middle = slopes.begin() + std::ptrdiff_t(slopes.size() / 2);
   std::nth_element(slopes.begin(), middle, slopes.end());
   return 0.5 / std::max(*middle, 0.05);
+}
+
+// Those with room for two pixels on either side.
+std::size_t wide_edges(std::span<const EdgePoint> points) {
+  return std::size_t(
+      std::count_if(points.begin(), points.end(), [](const EdgePoint& p) { return p.kind >= 2; }));
 }
 
 }  // namespace
@@ -158,17 +178,18 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   }
   if (codes.seen == 0 || codes.shown.empty()) return std::nullopt;
 
-  for (int round = 0; round < 2; ++round) {  // from pixels away
+  EdgeSearch search{false, options.most_edges / 3};  // all of them once they are near
+  for (int round = 0; round < 2; ++round) {          // from pixels away
     const FoundEdges far = find_edges(light, pattern_, codes.shown, {true, kFarEdges});
     const auto fit = fit_edges(far.points, lens_, pose);
     if (!fit) break;
     pose = fit->camera_from_marker;
     codes = read_codes(light, pattern_, project(pose));
+    search.spread = spread_of(far.points);
     if (fit->motion < 0.5) break;
   }
   if (!enough(codes)) return std::nullopt;
 
-  EdgeSearch search{false, options.most_edges / 3};  // all of them once they are near
   std::optional<EdgeFit> fit;
   FoundEdges near;
   Choice choice;
@@ -179,8 +200,8 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     fit = fit_edges(near.points, lens_, pose);
     if (!fit) return std::nullopt;
     pose = fit->camera_from_marker;
-    search.spread = spread_of(near.points);
     const bool all = search.most == options.most_edges;
+    if (!all && 3 * wide_edges(near.points) >= kWideEdges) search.least_reach = 2;
     search.most = options.most_edges;
     if ((fit->motion > kSettled || !all) && round + 1 < options.most_rounds) continue;
     choice = choose(near.points, *fit, lens_, prior);
@@ -196,7 +217,8 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   tracked.edges = int(used);
   tracked.residual_px = fit->residual;
   tracked.ambiguity = choice.ambiguity, tracked.ambiguous = choice.ambiguity > 0.5;
-  if (!covariance_of(*fit, tracked.covariance)) return std::nullopt;
+  if (!covariance_of(*fit, near.points, codes.shown.size(), search.spread, tracked.covariance))
+    return std::nullopt;
   const auto& c = tracked.covariance;
   if (!(std::sqrt(c[0] + c[7] + c[14]) < options.largest_error * kDegree)) return std::nullopt;
   const auto n = std::size_t(pattern_.modules), stride = n + 1;

@@ -10,8 +10,10 @@ constexpr double kMargin = 4;       // px from the picture's border: profiles mu
 constexpr double kLeastLength = 1;  // px
 // By `spread`: how far from an edge its blur, with that of the scan lines' smoothing, is 2 % and
 // 12 %.
-constexpr double kTail = 1.85, kCorner = 1.0;
-constexpr int kMostNear = 4;  // px to either side, from close by
+constexpr double kTail = 1.2, kCorner = 1.0;
+constexpr int kMostNear = 4;         // px to either side, from close by
+constexpr double kGone = 1.5;        // px; from close by, an edge is not sought further
+constexpr double kLeastGain = 0.04;  // of the step, by px: flatter ones are no edges
 
 double cross(const glm::dvec2& a, const glm::dvec2& b) { return a.x * b.y - a.y * b.x; }
 
@@ -42,24 +44,22 @@ std::optional<ExpectedEdge> clear_part(const glm::dvec2& a, const glm::dvec2& t,
     const double from = edge.from_ends ? cut : 0;
     return ExpectedEdge{a + from * t, a + (from + left) * t, reach};
   };
-  if (reach < (search.far ? 2 : 1)) return std::nullopt;
+  if (reach < (search.far ? 2 : search.least_reach)) return std::nullopt;
   for (; reach >= 2; --reach)
     if (auto found = part(); found || search.far) return found;
-  return part();
+  return search.least_reach > 1 ? std::nullopt : part();
 }
 
-}  // namespace
-
-FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
-                      std::span<const ProjectedTag> tags, const EdgeSearch& search) {
-  FoundEdges found;
-  std::size_t total = 0;
+// Edges that a search looks at, in turn: calls visit(tag, edge, t, part) with the clear part.
+template <typename Visit>
+std::size_t visit_edges(const LightReader& light, const BoardPattern& pattern,
+                        std::span<const ProjectedTag> tags, const EdgeSearch& search,
+                        Visit&& visit) {
   const auto sides = std::size_t(4 * pattern.modules);
+  std::size_t total = 0, turn = 0, visited = 0;
   for (const ProjectedTag& tag : tags)
     total += search.far ? sides : pattern.tags[tag.index].edges.size();
   const std::size_t step = search.most > 0 ? std::max<std::size_t>(1, total / search.most) : 1;
-  found.points.reserve(total / step + 1);
-  std::size_t turn = 0;
   for (const ProjectedTag& tag : tags) {
     const TagPattern& printed = pattern.tags[tag.index];
     const std::size_t count = search.far ? sides : printed.edges.size();
@@ -75,19 +75,72 @@ FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
       const glm::dvec2 t = (b - a) / length;
       const double room =
           height_px(tag, edge, t, pattern.nodes()) * std::min(edge.black, edge.white);
-      const auto expected = clear_part(a, t, length, edge, room, search);
-      if (!expected) continue;
-      ++found.expected;
-      const auto at =
-          search.far ? find_far_edge(light, *expected) : find_near_edge(light, *expected);
-      if (!at) continue;
-      const glm::dvec2 centre = 0.5 * (expected->a + expected->b);
+      const auto part = clear_part(a, t, length, edge, room, search);
+      if (!part) continue;
+      ++visited;
+      const glm::dvec2 centre = 0.5 * (part->a + part->b);
       const double along = glm::length(centre - a) / length;
-      found.points.push_back(
-          {(1 - along) * printed.nodes[edge.from] + along * printed.nodes[edge.to], centre,
-           glm::dvec2(t.y, -t.x), at->offset, at->steepness, std::sqrt(at->variance)});
+      EdgePoint point;
+      point.point = (1 - along) * printed.nodes[edge.from] + along * printed.nodes[edge.to];
+      point.pixel = centre, point.normal = {t.y, -t.x};
+      visit(*part, point);
     }
   }
+  return visited;
+}
+
+struct Near {
+  NearEdge edge;
+  int reach;
+};
+
+// Offsets of near edges: their excess by the gain, which is nearly the same for all of one reach;
+// a single one's own is too noisy to divide by.
+void set_offsets(std::span<const Near> near, std::vector<EdgePoint>& points) {
+  std::array<std::vector<float>, kMostNear + 1> gains;
+  for (const Near& n : near) gains[std::size_t(n.reach)].push_back(float(n.edge.gain));
+  std::array<double, kMostNear + 1> usual{};
+  for (std::size_t k = 0; k < gains.size(); ++k) {
+    if (gains[k].empty()) continue;
+    const auto middle = gains[k].begin() + std::ptrdiff_t(gains[k].size() / 2);
+    std::nth_element(gains[k].begin(), middle, gains[k].end());
+    usual[k] = *middle;
+  }
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < near.size(); ++i) {
+    const double middle = usual[std::size_t(near[i].reach)];
+    if (!(middle > kLeastGain)) continue;
+    // Blur by motion makes it differ by direction.
+    const double gain = std::clamp(near[i].edge.gain, 0.5 * middle, 1.5 * middle);
+    EdgePoint point = points[i];
+    point.offset = near[i].edge.excess / gain, point.noise = near[i].edge.noise / middle,
+    point.kind = near[i].reach;
+    if (std::abs(point.offset) < kGone) points[kept++] = point;
+  }
+  points.resize(kept);
+}
+
+}  // namespace
+
+FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
+                      std::span<const ProjectedTag> tags, const EdgeSearch& search) {
+  FoundEdges found;
+  std::vector<Near> near;
+  found.expected = visit_edges(light, pattern, tags, search,
+                               [&](const ExpectedEdge& expected, EdgePoint& point) {
+                                 if (search.far) {
+                                   const auto edge = find_far_edge(light, expected);
+                                   if (!edge) return;
+                                   point.offset = edge->offset, point.noise = edge->noise;
+                                   point.steepness = edge->steepness;
+                                 } else {
+                                   const auto edge = find_near_edge(light, expected);
+                                   if (!edge) return;
+                                   near.push_back({*edge, expected.reach});
+                                 }
+                                 found.points.push_back(point);
+                               });
+  if (!search.far) set_offsets(near, found.points);
   return found;
 }
 

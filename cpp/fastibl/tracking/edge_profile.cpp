@@ -6,10 +6,8 @@
 namespace fastibl {
 namespace {
 
-constexpr int kMostReach = 6;            // pixels along a scan line to either side
 constexpr double kLeastContrast = 0.25;  // of white; shadows, glare and ink leave smaller steps
 constexpr double kLeastStep = 2e-3;      // of full white
-constexpr double kGone = 1.5;            // px; the half-way point is not sought further
 
 // Mean of the scan lines that cross a stretch of edge, at whole pixels from it, smoothed across by
 // a cubic B-spline: its samples on the pixel grid add up to 1 wherever the edge lies, and its
@@ -72,7 +70,7 @@ double noise_variance(double black, double white) { return 0.5 * (black + white)
 
 }  // namespace
 
-std::optional<FoundEdge> find_far_edge(const LightReader& light, const ExpectedEdge& expected) {
+std::optional<FarEdge> find_far_edge(const LightReader& light, const ExpectedEdge& expected) {
   Profile p;
   if (!read_profile(light, expected, p)) return std::nullopt;
   const int reach = p.reach, n = 2 * reach + 1, level = reach >= 4 ? 2 : 1;
@@ -86,27 +84,32 @@ std::optional<FoundEdge> find_far_edge(const LightReader& light, const ExpectedE
   const double offset = reach - (area - (n - 1) * black) / (white - black);
   if (std::abs(offset) > 0.8 * reach) return std::nullopt;
   const double step = white - black;
-  return FoundEdge{offset * p.scale,
-                   noise_variance(black, white) * p.scale * p.scale / (step * step * p.lines), 0};
+  const int middle = std::clamp(reach + int(std::lround(offset)), 1, n - 2);
+  const double slope = 0.5 * (p.value[std::size_t(middle + 1)] - p.value[std::size_t(middle - 1)]);
+  return FarEdge{offset * p.scale,
+                 std::sqrt(noise_variance(black, white) / p.lines) * p.scale / step,
+                 slope / (step * p.scale)};
 }
 
-std::optional<FoundEdge> find_near_edge(const LightReader& light, const ExpectedEdge& expected) {
+std::optional<NearEdge> find_near_edge(const LightReader& light, const ExpectedEdge& expected) {
+  const int levels = std::min(expected.reach, kMostReach - 1), nearest = std::min(levels, 2);
   Profile p;
-  if (!read_profile(light, expected, p)) return std::nullopt;
-  const int levels = p.reach;
-  const auto at = [&](int k) { return double(p.value[std::size_t(levels + k)]); };
-  double black = 0, white = 0;
-  const int nearest = std::min(levels, 2);
-  for (int k = nearest; k <= levels; ++k) black += at(-k), white += at(k);
-  black /= levels - nearest + 1, white /= levels - nearest + 1;
+  if (!read_profile(light, {expected.a, expected.b, levels + 1}, p)) return std::nullopt;
+  const auto at = [&](int k) { return double(p.value[std::size_t(p.reach + k)]); };
+  const auto slope = [&](int k) { return 0.5 * (at(k + 1) - at(k - 1)); };
+  // Half-way between levels that may themselves lie on the edge, where it is wide: they move with
+  // it, and what is left of the slope is how fast the profile crosses the middle between them.
+  double black = 0, white = 0, gain = 0;
+  for (int k = nearest; k <= levels; ++k) {
+    black += at(-k), white += at(k);
+    gain += 0.5 * (slope(k) + slope(-k));
+  }
+  const int count = levels - nearest + 1;
+  black /= count, white /= count, gain = slope(0) - gain / count;
   if (!clear(black, white)) return std::nullopt;
-  const double step = white - black, slope = 0.5 * (at(1) - at(-1));
-  if (!(slope > 0.08 * step)) return std::nullopt;
-  const double offset = (0.5 * (black + white) - at(0)) / slope;
-  if (std::abs(offset) > kGone) return std::nullopt;
-  return FoundEdge{offset * p.scale,
-                   noise_variance(black, white) * p.scale * p.scale / (slope * slope * p.lines),
-                   slope / (step * p.scale)};
+  const double step = white - black;
+  return NearEdge{(0.5 * (black + white) - at(0)) / step, gain / (step * p.scale),
+                  std::sqrt(noise_variance(black, white) / p.lines) / step};
 }
 
 }  // namespace fastibl

@@ -17,17 +17,23 @@ struct ExpectedEdge {
   int reach = 2;  // pixels along a scan line with plain black and plain white; at most kMostReach
 };
 
-struct FoundEdge {
-  double offset = 0;    // px from the expected edge to the seen one, towards white
-  double variance = 0;  // px², of the offset for noise of one unit at white, up to a common factor
-  double steepness = 0;  // of the profile's slope to its step, per px
+struct FarEdge {
+  double offset = 0;     // px from the expected edge to the seen one, towards white
+  double noise = 1;      // standard deviation of it against other edges
+  double steepness = 0;  // of the profile: slope by step, 1 / px
+};
+
+struct NearEdge {
+  double excess = 0;  // of the middle between black and white over the expected edge, by the step
+  double gain = 0;    // by how much that grows for a px of offset, as this profile has it: rough
+  double noise = 1;   // standard deviation of the excess against other edges
 };
 
 // Edge position from the area under the profile between black and white, over as much as there is
 // room for: from far off, by pixels.
-std::optional<FoundEdge> find_far_edge(const LightReader& light, const ExpectedEdge& expected);
+std::optional<FarEdge> find_far_edge(const LightReader& light, const ExpectedEdge& expected);
 // Within about a pixel: where the profile, smoothed by a cubic B-spline, is half-way between black
 // and white. Both are moved by no symmetric blur.
-std::optional<FoundEdge> find_near_edge(const LightReader& light, const ExpectedEdge& expected);
+std::optional<NearEdge> find_near_edge(const LightReader& light, const ExpectedEdge& expected);
 
 }  // namespace fastibl

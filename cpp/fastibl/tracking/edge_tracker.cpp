@@ -71,9 +71,9 @@ void EdgeTracker::smooth(Tracked& tracked, double time) {
 
 std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<double> given,
                                           const Detector& detector, const MotionHint& hint) {
-  check(picture.width == camera_.width && picture.height == camera_.height,
-        "the picture must be the camera's ", camera_.width, " × ", camera_.height, ", got ",
-        picture.width, " × ", picture.height);
+  check(picture.width == camera_.width && picture.height == camera_.height, "the picture is ",
+        picture.width, " x ", picture.height, ", but the camera is ", camera_.width, " x ",
+        camera_.height);
   const double time = given.value_or(last_ ? last_->time + kFrame : 0);
   check(std::isfinite(time) && (!last_ || time >= last_->time),
         "time must not run backwards: ", time, " s after ", last_ ? last_->time : 0, " s");

@@ -9,9 +9,10 @@ namespace fastibl {
 namespace {
 
 constexpr int kWeightings = 3;
-constexpr std::size_t kLeastPoints = 8;
+constexpr std::size_t kLeastPoints = 8, kLeastOfKind = 24;
+constexpr int kKinds = 8;
 constexpr double kTukey = 4.685;      // 95 % efficient for normal errors
-constexpr double kLeastNoise = 2e-3;  // px: exact pictures must not divide by zero
+constexpr float kLeastNoise = 2e-3f;  // px: exact pictures must not divide by zero
 constexpr double kFarCost = 25;       // of a point: no nearer than five times its noise
 
 using Row = std::array<double, 6>;
@@ -44,7 +45,7 @@ struct Normal {
   }
 };
 
-double median(std::vector<float>& values) {
+float median(std::vector<float>& values) {
   const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -71,89 +72,110 @@ bool finite(const Row& x) {
   return std::isfinite(sum);
 }
 
+// Deviation of a point by its noise, for each kind: 1.4826 medians; of all where a kind is rare.
+std::array<float, kKinds> scales_of(std::span<const EdgePoint> points,
+                                    const std::vector<float>& residual, float floor,
+                                    std::vector<float>& sizes) {
+  std::array<float, kKinds> scales{};
+  const auto scale = [&](int kind) {
+    sizes.clear();
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (kind < 0 || points[i].kind == kind) sizes.push_back(std::abs(residual[i]));
+    return sizes.size() < (kind < 0 ? 1 : kLeastOfKind) ? 0.0f : 1.4826f * median(sizes);
+  };
+  const float all = std::max(scale(-1), floor);
+  for (int kind = 0; kind < kKinds; ++kind) {
+    const float own = scale(kind);
+    scales[std::size_t(kind)] = own > 0 ? std::max(own, 0.3f * all) : all;
+  }
+  return scales;
+}
+
 }  // namespace
 
 std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
                                  const Pose& pose) {
-  if (points.size() < kLeastPoints) return std::nullopt;
+  const std::size_t count = points.size();
+  if (count < kLeastPoints) return std::nullopt;
   std::vector<Row> rows;
-  std::vector<float> residual(points.size()), size(points.size());
-  rows.reserve(points.size());
+  std::vector<float> residual(count), sizes(count);
+  rows.reserve(count);
   for (const EdgePoint& p : points) {
     const auto row = row_of(p, lens, pose);
     if (!row) return std::nullopt;
     rows.push_back(*row);
   }
   // The points' noise in pixels sets the floor of their scatter.
-  for (std::size_t i = 0; i < points.size(); ++i) size[i] = float(points[i].noise);
-  const double floor = kLeastNoise / median(size);
+  for (std::size_t i = 0; i < count; ++i) sizes[i] = float(points[i].noise);
+  const float floor = kLeastNoise / median(sizes);
   EdgeFit fit;
+  fit.deviation.resize(count), fit.used.resize(count);
   Row x{};
   for (int round = 0; round < kWeightings; ++round) {
-    for (std::size_t i = 0; i < points.size(); ++i) {
+    for (std::size_t i = 0; i < count; ++i)
       residual[i] = float((points[i].offset - dot(rows[i], x)) / points[i].noise);
-      size[i] = std::abs(residual[i]);
-    }
-    fit.noise = std::max(1.4826 * median(size), floor);
+    const auto scales = scales_of(points, residual, floor, sizes);
     Normal n;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const double q = residual[i] / (kTukey * fit.noise);
-      if (!(std::abs(q) < 1)) continue;
-      const double weight = (1 - q * q) * (1 - q * q) / (points[i].noise * points[i].noise);
+    for (std::size_t i = 0; i < count; ++i) {
+      const float scale = scales[std::size_t(points[i].kind)];
+      fit.deviation[i] = scale * float(points[i].noise);
+      const double q = residual[i] / (kTukey * scale);
+      fit.used[i] = std::abs(q) < 1;
+      if (!fit.used[i]) continue;
+      const double weight = (1 - q * q) * (1 - q * q) / (fit.deviation[i] * fit.deviation[i]);
       n.add(rows[i], weight, points[i].offset);
     }
     n.mirror();
     if (!solve6(n.a, n.b, x) || !finite(x)) return std::nullopt;
   }
-  fit.used.resize(points.size());
   Normal information;
   double squares = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const double step = dot(rows[i], x), error = points[i].offset - step;
+  sizes.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double step = dot(rows[i], x);
     squares += step * step;
-    size[i] = float(std::abs(error));
-    fit.used[i] = size[i] < kTukey * fit.noise * points[i].noise;
-    if (fit.used[i]) information.add(rows[i], 1 / (points[i].noise * points[i].noise), 0);
+    sizes[i] = float(std::abs(points[i].offset - step));
+    if (fit.used[i]) information.add(rows[i], 1 / (fit.deviation[i] * fit.deviation[i]), 0);
   }
   information.mirror();
   fit.information = information.a;
-  fit.residual = median(size);
-  fit.motion = std::sqrt(squares / double(points.size()));
+  fit.residual = median(sizes);
+  fit.motion = std::sqrt(squares / double(count));
   fit.camera_from_marker = moved(pose, x);
   return fit;
 }
 
 namespace {
 
-// Distance of a found edge from where the pose puts it, in units of noise.
-double distance(const EdgePoint& p, const glm::dvec2& pixel, double noise) {
-  return (p.offset - glm::dot(p.normal, pixel - p.pixel)) / (p.noise * noise);
+// Distance of a found edge from where the pose puts it, in units of its deviation.
+double distance(const EdgePoint& p, const glm::dvec2& pixel, double deviation) {
+  return (p.offset - glm::dot(p.normal, pixel - p.pixel)) / deviation;
 }
 
 }  // namespace
 
-double edge_cost(std::span<const EdgePoint> points, const std::vector<bool>& used, const Lens& lens,
-                 const Pose& pose, double noise) {
+double edge_cost(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
+                 const Pose& pose) {
   double cost = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (!used[i]) continue;
+    if (!fit.used[i]) continue;
     const auto pixel = lens.project(pose * glm::dvec3(points[i].point, 0));
-    const double e = pixel ? distance(points[i], *pixel, noise) : 1e9;
+    const double e = pixel ? distance(points[i], *pixel, fit.deviation[i]) : 1e9;
     cost += std::min(e * e, kFarCost);
   }
   return cost;
 }
 
-std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const std::vector<bool>& used,
-                                const Lens& lens, const Pose& start, double noise) {
+std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const EdgeFit& fit,
+                                const Lens& lens, const Pose& start) {
   Pose pose = start;
   const auto cost_of = [&](const Pose& at) {  // not truncated: the start is far
     double cost = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
-      if (!used[i]) continue;
+      if (!fit.used[i]) continue;
       const auto pixel = lens.project(at * glm::dvec3(points[i].point, 0));
       if (!pixel) return std::numeric_limits<double>::infinity();
-      const double e = distance(points[i], *pixel, noise);
+      const double e = distance(points[i], *pixel, fit.deviation[i]);
       cost += e * e;
     }
     return cost;
@@ -163,12 +185,12 @@ std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const std::ve
   for (int step = 0; step < 12 && damping < 1e6; ++step) {
     Normal n;
     for (std::size_t i = 0; i < points.size(); ++i) {
-      if (!used[i]) continue;
+      if (!fit.used[i]) continue;
       glm::dvec2 pixel;
       Row row = *row_of(points[i], lens, pose, &pixel);
-      const double scale = points[i].noise * noise;
+      const double scale = fit.deviation[i];
       for (double& v : row) v /= scale;
-      n.add(row, 1, distance(points[i], pixel, noise));
+      n.add(row, 1, distance(points[i], pixel, fit.deviation[i]));
     }
     n.mirror();
     for (std::size_t i = 0; i < 6; ++i) n.a[7 * i] *= 1 + damping;

@@ -13,11 +13,11 @@ namespace fastibl {
 
 struct EdgeFit {
   Pose camera_from_marker;
-  std::array<double, 36> information{};  // of (w, d) as Tracked::covariance, in units of 1 / noise²
-  double noise = 1;        // found: standard deviation of a point with noise 1, robustly
-  double residual = 0;     // px: median distance of the points from the fitted edges
-  double motion = 0;       // px: by how much the fit moved the points, root mean square
-  std::vector<bool> used;  // points that agree
+  std::array<double, 36> information{};  // of (w, d) as Tracked::covariance; its inverse is that
+  double residual = 0;                   // px: median distance of the points from the fitted edges
+  double motion = 0;             // px: by how much the fit moved the points, root mean square
+  std::vector<float> deviation;  // px: of each point, from the scatter of its kind
+  std::vector<bool> used;        // points that agree
 };
 
 // Moves `pose`, by which the points were measured, so that the edges lie where they were found:
@@ -27,13 +27,13 @@ struct EdgeFit {
 std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
                                  const Pose& pose);
 
-// Sum of squared distances of the found edges from where a pose puts them, each at most as far as
-// counts, in units of the points' noise. `used`: the points that take part.
-double edge_cost(std::span<const EdgePoint> points, const std::vector<bool>& used, const Lens& lens,
-                 const Pose& pose, double noise);
+// Sum of squared distances of the found edges from where a pose puts them, by their deviations,
+// each at most as far as counts; of the points that the fit used.
+double edge_cost(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
+                 const Pose& pose);
 
 // Levenberg–Marquardt on the same distances from a pose far from where they were measured.
-std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const std::vector<bool>& used,
-                                const Lens& lens, const Pose& start, double noise);
+std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const EdgeFit& fit,
+                                const Lens& lens, const Pose& start);
 
 }  // namespace fastibl
