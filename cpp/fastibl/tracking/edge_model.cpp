@@ -14,7 +14,7 @@ constexpr double kCodeHidden = 0.25;  // below, a tag is hidden or another one
 constexpr double kReadable = 1.6;     // px of a module, to hold its colour
 constexpr double kClose = 0.55;       // mean match from which no shift is looked for
 constexpr double kLeastShare = 0.15;  // of the tags that could be read must be, and of the edges
-constexpr std::size_t kFarEdges = 320;
+constexpr std::size_t kFarEdges = 200;
 constexpr std::size_t kWideEdges =
     240;                           // from so many on, narrow ones, which err more, are left out
 constexpr double kSettled = 0.03;  // px of motion in the last round
@@ -178,7 +178,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   }
   if (codes.seen == 0 || codes.shown.empty()) return std::nullopt;
 
-  EdgeSearch search{false, options.most_edges / 3};  // all of them once they are near
+  EdgeSearch search{false, options.most_edges / 4};  // all of them once they are near
   for (int round = 0; round < 2; ++round) {          // from pixels away
     const FoundEdges far = find_edges(light, pattern_, codes.shown, {true, kFarEdges});
     const auto fit = fit_edges(far.points, lens_, pose);
@@ -197,12 +197,14 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     if (round > 0)
       codes.shown = project(pose), codes = read_codes(light, pattern_, std::move(codes.shown));
     near = find_edges(light, pattern_, codes.shown, search);
+
     fit = fit_edges(near.points, lens_, pose);
     if (!fit) return std::nullopt;
     pose = fit->camera_from_marker;
     const bool all = search.most == options.most_edges;
-    if (!all && 3 * wide_edges(near.points) >= kWideEdges) search.least_reach = 2;
+    if (!all && 4 * wide_edges(near.points) >= kWideEdges) search.least_reach = 2;
     search.most = options.most_edges;
+
     if ((fit->motion > kSettled || !all) && round + 1 < options.most_rounds) continue;
     choice = choose(near.points, *fit, lens_, prior);
     if (!choice.other) break;

@@ -11,9 +11,10 @@ constexpr double kLeastLength = 1;  // px
 // By `spread`: how far from an edge its blur, with that of the scan lines' smoothing, is 2 % and
 // 12 %.
 constexpr double kTail = 1.2, kCorner = 1.0;
-constexpr int kMostNear = 4;         // px to either side, from close by
-constexpr double kGone = 1.5;        // px; from close by, an edge is not sought further
-constexpr double kLeastGain = 0.04;  // of the step, by px: flatter ones are no edges
+constexpr int kMostNear = 3;             // px to either side, from close by
+constexpr std::size_t kGainEdges = 300;  // are enough to tell the usual gain
+constexpr double kGone = 1.5;            // px; from close by, an edge is not sought further
+constexpr double kLeastGain = 0.04;      // of the step, by px: flatter ones are no edges
 
 double cross(const glm::dvec2& a, const glm::dvec2& b) { return a.x * b.y - a.y * b.x; }
 
@@ -98,7 +99,9 @@ struct Near {
 // a single one's own is too noisy to divide by.
 void set_offsets(std::span<const Near> near, std::vector<EdgePoint>& points) {
   std::array<std::vector<float>, kMostNear + 1> gains;
-  for (const Near& n : near) gains[std::size_t(n.reach)].push_back(float(n.edge.gain));
+  const std::size_t step = std::max<std::size_t>(1, near.size() / kGainEdges);
+  for (std::size_t i = 0; i < near.size(); i += step)
+    gains[std::size_t(near[i].reach)].push_back(float(near[i].edge.gain));
   std::array<double, kMostNear + 1> usual{};
   for (std::size_t k = 0; k < gains.size(); ++k) {
     if (gains[k].empty()) continue;

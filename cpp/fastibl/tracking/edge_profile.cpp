@@ -18,7 +18,8 @@ struct Profile {
   double scale = 1;  // px across the edge by px along a scan line
 };
 
-template <int Channels>
+// With the numbers of channels and pixels known, its loops are unrolled.
+template <int Channels, int Reach>
 bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& profile) {
   const glm::dvec2 d = e.b - e.a;
   const bool steep = std::abs(d.y) >= std::abs(d.x);  // scan lines are rows
@@ -31,18 +32,17 @@ bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& prof
   const int size = steep ? light.width() : light.height(),
             lines = steep ? light.height() : light.width();
   if (first < 0 || last > lines) return false;
-  const int reach = std::clamp(e.reach, 1, kMostReach);
-  profile.reach = reach, profile.lines = 0;
-  const int n = 2 * reach + 1;
-  float sum[2 * kMostReach + 1] = {}, line[2 * kMostReach + 4];
+  profile.reach = Reach, profile.lines = 0;
+  constexpr int n = 2 * Reach + 1;
+  float sum[n] = {}, line[n + 3];
   for (int k = first; k < last; ++k) {
     const double at = e.a[across] + (k + 0.5 - e.a[along]) * slope - 0.5;
-    const int i = int(std::floor(at)), begin = i - reach - 1;
+    const int i = int(std::floor(at)), begin = i - Reach - 1;
     if (begin < 0 || begin + n + 3 > size) return false;
     const float f = float(at - i), g = 1 - f;
     const float b0 = g * g * g / 6, b3 = f * f * f / 6, b1 = (4 - 6 * f * f + 3 * f * f * f) / 6,
                 b2 = 1 - b0 - b1 - b3;
-    light.read<Channels>(steep ? begin : k, steep ? k : begin, !steep, n + 3, line);
+    light.read<Channels, n + 3>(steep ? begin : k, steep ? k : begin, !steep, line);
     for (int j = 0; j < n; ++j)
       sum[j] += b0 * line[j] + b1 * line[j + 1] + b2 * line[j + 2] + b3 * line[j + 3];
     ++profile.lines;
@@ -56,9 +56,27 @@ bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& prof
   return true;
 }
 
+template <int Channels>
+bool read_profile_of(const LightReader& light, const ExpectedEdge& e, Profile& profile) {
+  switch (std::clamp(e.reach, 1, kMostReach)) {
+    case 1:
+      return read_profile<Channels, 1>(light, e, profile);
+    case 2:
+      return read_profile<Channels, 2>(light, e, profile);
+    case 3:
+      return read_profile<Channels, 3>(light, e, profile);
+    case 4:
+      return read_profile<Channels, 4>(light, e, profile);
+    case 5:
+      return read_profile<Channels, 5>(light, e, profile);
+    default:
+      return read_profile<Channels, kMostReach>(light, e, profile);
+  }
+}
+
 bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& profile) {
-  return light.channels() == 1 ? read_profile<1>(light, e, profile)
-                               : read_profile<3>(light, e, profile);
+  return light.channels() == 1 ? read_profile_of<1>(light, e, profile)
+                               : read_profile_of<3>(light, e, profile);
 }
 
 bool clear(double black, double white) {

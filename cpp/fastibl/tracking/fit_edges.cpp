@@ -9,8 +9,8 @@ namespace fastibl {
 namespace {
 
 constexpr int kWeightings = 3;
-constexpr std::size_t kLeastPoints = 8, kLeastOfKind = 24;
-constexpr int kKinds = 8;
+constexpr std::size_t kLeastPoints = 8, kLeastOfKind = 24, kScalePoints = 400;
+constexpr std::size_t kKinds = 8;
 constexpr double kTukey = 4.685;      // 95 % efficient for normal errors
 constexpr float kLeastNoise = 2e-3f;  // px: exact pictures must not divide by zero
 constexpr double kFarCost = 25;       // of a point: no nearer than five times its noise
@@ -72,22 +72,23 @@ bool finite(const Row& x) {
   return std::isfinite(sum);
 }
 
-// Deviation of a point by its noise, for each kind: 1.4826 medians; of all where a kind is rare.
+// Deviation of a point by its noise, for each kind: 1.4826 medians, of all where a kind is rare; of
+// a share of the points, which is precise enough.
 std::array<float, kKinds> scales_of(std::span<const EdgePoint> points,
-                                    const std::vector<float>& residual, float floor,
-                                    std::vector<float>& sizes) {
-  std::array<float, kKinds> scales{};
-  const auto scale = [&](int kind) {
-    sizes.clear();
-    for (std::size_t i = 0; i < points.size(); ++i)
-      if (kind < 0 || points[i].kind == kind) sizes.push_back(std::abs(residual[i]));
-    return sizes.size() < (kind < 0 ? 1 : kLeastOfKind) ? 0.0f : 1.4826f * median(sizes);
-  };
-  const float all = std::max(scale(-1), floor);
-  for (int kind = 0; kind < kKinds; ++kind) {
-    const float own = scale(kind);
-    scales[std::size_t(kind)] = own > 0 ? std::max(own, 0.3f * all) : all;
+                                    const std::vector<float>& residual, float floor) {
+  std::array<std::vector<float>, kKinds> sizes;
+  std::vector<float> together;
+  const std::size_t step = std::max<std::size_t>(1, points.size() / kScalePoints);
+  together.reserve(points.size() / step + 1);
+  for (std::size_t i = 0; i < points.size(); i += step) {
+    sizes[std::size_t(points[i].kind)].push_back(std::abs(residual[i]));
+    together.push_back(std::abs(residual[i]));
   }
+  const float all = std::max(1.4826f * median(together), floor);
+  std::array<float, kKinds> scales{};
+  for (std::size_t k = 0; k < kKinds; ++k)
+    scales[k] =
+        sizes[k].size() < kLeastOfKind ? all : std::max(1.4826f * median(sizes[k]), 0.3f * all);
   return scales;
 }
 
@@ -106,15 +107,16 @@ std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& 
     rows.push_back(*row);
   }
   // The points' noise in pixels sets the floor of their scatter.
-  for (std::size_t i = 0; i < count; ++i) sizes[i] = float(points[i].noise);
-  const float floor = kLeastNoise / median(sizes);
+  double noise = 0;
+  for (const EdgePoint& p : points) noise += p.noise;
+  const float floor = float(kLeastNoise * double(count) / noise);
   EdgeFit fit;
   fit.deviation.resize(count), fit.used.resize(count);
   Row x{};
   for (int round = 0; round < kWeightings; ++round) {
     for (std::size_t i = 0; i < count; ++i)
       residual[i] = float((points[i].offset - dot(rows[i], x)) / points[i].noise);
-    const auto scales = scales_of(points, residual, floor, sizes);
+    const auto scales = scales_of(points, residual, floor);
     Normal n;
     for (std::size_t i = 0; i < count; ++i) {
       const float scale = scales[std::size_t(points[i].kind)];

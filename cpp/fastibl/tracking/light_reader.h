@@ -26,12 +26,12 @@ class LightReader {
   int height() const { return picture_.height; }
   int channels() const { return picture_.channels; }
 
-  // `count` pixels from (x, y) on, to the right or downwards.
-  template <int Channels>
-  void read(int x, int y, bool down, int count, float* out) const {
+  // `Count` pixels from (x, y) on, to the right or downwards.
+  template <int Channels, int Count>
+  void read(int x, int y, bool down, float* out) const {
     const std::uint8_t* p = picture_.row(y) + std::ptrdiff_t{x} * Channels;
     const std::ptrdiff_t step = down ? picture_.row_stride : Channels;
-    for (int k = 0; k < count; ++k, p += step)
+    for (int k = 0; k < Count; ++k, p += step)
       out[k] = Channels == 1 ? table_[p[0]] : table_[p[0]] + table_[p[1]] + table_[p[2]];
   }
   // As it is stored; green of colour pictures.
