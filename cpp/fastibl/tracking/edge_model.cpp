@@ -16,8 +16,9 @@ constexpr double kClose = 0.55;       // mean match from which no shift is looke
 constexpr double kLeastShare = 0.15;  // of the tags that could be read must be, and of the edges
 constexpr std::size_t kFarEdges = 200;
 constexpr std::size_t kWideEdges =
-    240;                           // from so many on, narrow ones, which err more, are left out
-constexpr double kSettled = 0.03;  // px of motion in the last round
+    240;                            // from so many on, narrow ones, which err more, are left out
+constexpr double kSettled = 0.03;   // px of motion in the last round
+constexpr double kDoubtful = 0.15;  // px, median: both minima are looked at at once
 constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
 constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
 constexpr double kSystematic = 0.25;      // of the surplus that counts: errors are not independent
@@ -103,9 +104,9 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
            pose.inverse().translation.z > 0;
   };
   if (!differs(start->camera_from_marker)) return choice;
-  const double apart = std::sqrt(start->cost / 4),
-               used = double(std::count(fit.used.begin(), fit.used.end(), true));
-  if (apart > 1.0 && apart * std::sqrt(used) > 30 * std::max(fit.residual, 0.02)) {
+  // At the right one of two minima that lie far apart, edges fit far better than by that much.
+  const double apart = std::sqrt(start->cost / 4);
+  if (apart > 1 && fit.residual < 0.04 * apart) {
     choice.ambiguity = 1e-3;  // hundreds of deviations apart
     return choice;
   }
@@ -193,22 +194,26 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   std::optional<EdgeFit> fit;
   FoundEdges near;
   Choice choice;
-  for (int round = 0; round < options.most_rounds; ++round) {
-    if (round > 0)
-      codes.shown = project(pose), codes = read_codes(light, pattern_, std::move(codes.shown));
+  int rounds = options.most_rounds;
+  bool switched = false;
+  for (int round = 0; round < rounds; ++round) {
+    if (round > 0) codes = read_codes(light, pattern_, project(pose));
     near = find_edges(light, pattern_, codes.shown, search);
-
     fit = fit_edges(near.points, lens_, pose);
     if (!fit) return std::nullopt;
     pose = fit->camera_from_marker;
     const bool all = search.most == options.most_edges;
     if (!all && 4 * wide_edges(near.points) >= kWideEdges) search.least_reach = 2;
     search.most = options.most_edges;
-
-    if ((fit->motion > kSettled || !all) && round + 1 < options.most_rounds) continue;
+    // In the wrong minimum a fit creeps and does not fit.
+    const bool doubtful = !switched && round > 0 && fit->residual > kDoubtful;
+    const bool settled = (fit->motion <= kSettled && all) || round + 1 == rounds;
+    if (!settled && !doubtful) continue;
     choice = choose(near.points, *fit, lens_, prior);
-    if (!choice.other) break;
-    pose = choice.pose;
+    if (settled && (!choice.other || switched)) break;
+    if (!choice.other) continue;
+    pose = choice.pose, switched = true;
+    rounds = round + 1 + options.most_rounds;
   }
 
   const auto used = std::size_t(std::count(fit->used.begin(), fit->used.end(), true));
