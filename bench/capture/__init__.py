@@ -1,3 +1,3 @@
-"""Goals of capture: table "capture". One file a subject; each adds its rows when it is imported."""
+"""Goals of capture and tracking: table "capture". One file a subject; each adds its rows when it is imported."""
 
-from . import tracking  # noqa: F401
+from . import change, lights, merge, sweep, tracking  # noqa: F401

@@ -6,6 +6,7 @@ PYBIND11_MODULE(_fastibl, module) {
   module.attr("__version__") = FASTIBL_VERSION;
   bind_core(module);
   bind_scene(module);
+  bind_environment(module);
   bind_material(module);
   bind_lighting(module);
   bind_ggx(module);

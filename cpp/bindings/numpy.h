@@ -174,6 +174,7 @@ inline py::tuple colour_tuple(const glm::vec3& c) { return py::make_tuple(c.x, c
 void bind_core(py::module_& module);
 void bind_material(py::module_& module);
 void bind_scene(py::module_& module);
+void bind_environment(py::module_& module);
 void bind_tracking(py::module_& module);
 void bind_capture(py::module_& module);
 void bind_lighting(py::module_& module);

@@ -8,7 +8,6 @@
 #include "fastibl/scene/board.h"
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/camera.h"
-#include "fastibl/scene/environment.h"
 #include "fastibl/scene/equirect.h"
 #include "fastibl/scene/mesh.h"
 
@@ -709,39 +708,6 @@ origins may be one point (3,) for all directions, which is several times faster.
           "of its second and third vertex.");
 }
 
-void bind_environment(py::module_& module) {
-  const auto faces = [](const std::vector<float>& values, int n) {
-    py::array_t<float> out({6, n, n});
-    std::copy(values.begin(), values.end(), out.mutable_data());
-    return out;
-  };
-  py::class_<Environment, std::shared_ptr<Environment>>(
-      module, "Environment",
-      "What is known of the light of a place: radiance, and how well it is known.")
-      .def(py::init(&environment_from), py::arg("radiance"), "A map that is known everywhere.")
-      .def_property_readonly(
-          "radiance", [](const Environment& e) -> const CubeMap& { return e.radiance; },
-          py::return_value_policy::reference_internal,
-          "CubeMap; unseen texels hold the mean of what was seen nearest.")
-      .def_property_readonly(
-          "confidence",
-          [faces](const Environment& e) { return faces(e.confidence(), e.radiance.size()); },
-          "(6, n, n) float32 in [0, 1]; 0 where never seen.")
-      .def_property_readonly(
-          "age", [faces](const Environment& e) { return faces(e.age(), e.radiance.size()); },
-          "(6, n, n) float32 seconds since last seen; infinite if never.")
-      .def_readonly("coverage", &Environment::coverage,
-                    "Share of the sphere's solid angle that was ever seen.")
-      .def_readonly("clipped", &Environment::clipped,
-                    "Share of the seen solid angle whose value is only a lower bound.")
-      .def_readonly("predicted_error", &Environment::predicted_error,
-                    "Expected relative error of the irradiance.")
-      .def("__repr__", [](const Environment& e) {
-        return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
-               std::to_string(e.coverage) + ">";
-      });
-}
-
 }  // namespace
 
 void bind_scene(py::module_& module) {
@@ -749,7 +715,6 @@ void bind_scene(py::module_& module) {
   bind_camera(module);
   bind_board(module);
   bind_mesh(module);
-  bind_environment(module);
 }
 
 }  // namespace fastibl::bindings

@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -453,6 +453,47 @@ class Environment:
         """
         CubeMap; unseen texels hold the mean of what was seen nearest.
         """
+class MainLight:
+    """
+    A window, a lamp or the sun, as a region of a map.
+    """
+    def __repr__(self) -> str:
+        ...
+    @property
+    def angular_radius(self) -> float:
+        """
+        Radians, of a disc as large.
+        """
+    @property
+    def covariance(self) -> typing.Annotated[list[typing.Annotated[list[float], "FixedSize(3)"]], "FixedSize(3)"] | None:
+        """
+        (3, 3) of `position`, square metres; None without it.
+        """
+    @property
+    def direction(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
+        """
+        Towards the middle of its light, unit length, marker frame.
+        """
+    @property
+    def irradiance(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
+        """
+        RGB, on a plane that faces it, by it alone.
+        """
+    @property
+    def position(self) -> typing.Annotated[list[float], "FixedSize(3)"] | None:
+        """
+        Metres, marker frame, where it was triangulated; None where it is far, or was not seen from several places.
+        """
+    @property
+    def share(self) -> float:
+        """
+        Of the irradiance of that plane, mean over RGB; 0 to 1.
+        """
+    @property
+    def solid_angle(self) -> float:
+        """
+        Steradians.
+        """
 class Material:
     """
     Reflectance of Eq. 3, Croubois et al. 2014; see Material.pbr for glTF's model. Colours are linear RGB.
@@ -656,10 +697,13 @@ class Capture:
 
     size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
     (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
-    distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant.
+    distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
+    it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
+    Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
+    sees them, whatever `distance` and `box` say.
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ...) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -1359,6 +1403,15 @@ def light_directions(cube: CubeMap, count: typing.SupportsInt | typing.SupportsI
     Directions that stand for all light on the plane z = 0: unit vectors (count, 3) towards it, marker frame, and their
     shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. float32; none, (0, 3), without
     light. Raises ValueError for a count outside [8, 4096].
+    """
+def main_lights(map: typing.Any, brightness: typing.SupportsFloat | typing.SupportsIndex = 8.0, least_share: typing.SupportsFloat | typing.SupportsIndex = 0.1) -> list[MainLight]:
+    """
+    The lights of a place as a person would count them, that with the largest irradiance first.
+
+    map: CubeMap or Environment. A light is a connected region of texels brighter than `brightness` times the map's mean
+    radiance that gives a plane facing it at least `least_share` of its irradiance. They stay in the map: the lights that
+    shading takes out of it are Lighting.lights. Raises TypeError for what is no map, ValueError for options that are not
+    positive and finite.
     """
 def set_threads(count: typing.SupportsInt | typing.SupportsIndex) -> None:
     """

@@ -167,34 +167,58 @@ class HandPath:
 
     def __init__(self, rng: np.random.Generator, seconds: float):
         self._start = rng.uniform(0, 2 * np.pi)
+        self._seconds = max(seconds, 1e-9)
         # Twice around, so that each half of the time sees the whole place; no faster than a hand.
         turn = min(4.2 * np.pi, np.radians(65) * seconds)
-        self._speed = rng.choice([-1, 1]) * turn / max(seconds, 1e-9)
+        self._speed = rng.choice([-1, 1]) * turn / self._seconds
         self._slow = rng.uniform(0, 2 * np.pi, (5, 2))
         self._tremor = rng.uniform(0, 2 * np.pi, (6, 3)), rng.uniform(2.5, 8, (6, 3))
 
     def back_from_marker(self, time: float) -> Pose:
-        def slow(k: int, first: float, second: float) -> float:  # about -1 to 1; waves in Hz
-            a, b = self._slow[k]
-            return 0.65 * np.sin(2 * np.pi * first * time + a) + 0.35 * np.sin(2 * np.pi * second * time + b)
-
         phases, waves = self._tremor
         tremor = (np.sin(2 * np.pi * waves * time + phases) / (waves / 2.5)).sum(axis=1) / 3
-        azimuth = self._start + self._speed * time + 0.06 * slow(0, 0.31, 0.53)
-        tilt = np.radians(43 + 18 * slow(1, 0.27, 0.61))
-        distance = 0.525 + 0.07 * slow(2, 0.19, 0.43)
+        azimuth, tilt = self._around(time)
+        distance = 0.525 + 0.07 * self._wave(2, time, 0.19, 0.43)
         away = np.array([np.sin(tilt) * np.sin(azimuth), -np.sin(tilt) * np.cos(azimuth), np.cos(tilt)])
         eye = distance * away + 0.0012 * tremor[:3]
-        aim = np.array([0.018 * slow(3, 0.23, 0.47), 0.018 * slow(4, 0.29, 0.57), 0.0])
+        aim = np.array([0.018 * self._wave(3, time, 0.23, 0.47), 0.018 * self._wave(4, time, 0.29, 0.57), 0.0])
         forward = (aim - eye) / np.linalg.norm(aim - eye)
         right = np.cross(forward, [0.0, 0.0, 1.0])
         right /= np.linalg.norm(right)
         look = np.eye(4)
         look[:3, :3] = right, np.cross(forward, right), forward
         look[:3, 3] = -look[:3, :3] @ eye
-        roll = 0.05 * slow(3, 0.37, 0.71)
+        roll = 0.05 * self._wave(3, time, 0.37, 0.71)
         shake = Pose.from_rotation_vector(np.array([0, 0, roll]) + 0.0022 * tremor[3:], np.zeros(3))
         return shake @ Pose(look)
+
+    def _wave(self, k: int, time: float, first: float, second: float) -> float:  # about -1 to 1; waves in Hz
+        a, b = self._slow[k]
+        return 0.65 * np.sin(2 * np.pi * first * time + a) + 0.35 * np.sin(2 * np.pi * second * time + b)
+
+    def _around(self, time: float) -> tuple[float, float]:
+        """Azimuth of the camera and its tilt from the board's normal, radians."""
+        azimuth = self._start + self._speed * time + 0.06 * self._wave(0, time, 0.31, 0.53)
+        return azimuth, np.radians(43 + 18 * self._wave(1, time, 0.27, 0.61))
+
+
+class SweepPath(HandPath):
+    """The same hand when it looks for light: once around with the front camera on the horizon, and once above it."""
+
+    _LOW, _HIGH = np.radians(63), np.radians(24)  # tilt; the front camera looks 90 degrees minus this above the horizon
+    _LOW_SHARE = 0.6  # of the time
+
+    def _around(self, time: float) -> tuple[float, float]:
+        turns = time / self._seconds
+        low = min(turns / self._LOW_SHARE, 1.0)
+        high = np.clip((turns - self._LOW_SHARE) / (1 - self._LOW_SHARE), 0, 1)
+        share = 0.5 - 0.5 * np.cos(np.pi * np.clip((turns - self._LOW_SHARE) / 0.1 + 0.5, 0, 1))
+        tilt = self._LOW + (self._HIGH - self._LOW) * share + np.radians(1.5) * self._wave(1, time, 0.27, 0.61)
+        around = 2.1 * np.pi * (low + high) * np.sign(self._speed)
+        return self._start + around + 0.02 * self._wave(0, time, 0.31, 0.53), tilt
+
+
+PATHS = {"hand": HandPath, "sweep": SweepPath}
 
 
 class _Eye:
@@ -333,6 +357,7 @@ def simulate(
     hand: bool = True,
     position: ArrayLike = OBJECT,
     rig: Rig | None = None,
+    path: str = "hand",
     video: bool = False,
     truth_size: int = 128,
     progress: bool = False,
@@ -347,7 +372,8 @@ def simulate(
     along a face of the true maps.
 
     The back camera circles the board as if held by a hand, at constant exposure; the front camera, which
-    looks the other way, takes each third picture 16 and each third 256 times darker. lamp: in the room, a
+    looks the other way, takes each third picture 16 and each third 256 times darker. path: "hand" wanders, "sweep"
+    looks all around once with the front camera at the horizon, and once above. lamp: in the room, a
     lamp is switched on at half-time. hand: a hand covers the front camera for one second after 30 % of the
     time. `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and when
     both happened.
@@ -362,8 +388,10 @@ def simulate(
     place, has_lamp = _place_of(environment, albedo)
     rig = default_rig(tuple(size)) if rig is None else rig
     board = Board.default() if board is None else (board or None)
+    if path not in PATHS:
+        raise ValueError(f"path must be one of {', '.join(PATHS)}, got {path!r}")
     path_rng, noise = (np.random.default_rng([seed, k]) for k in (0, 1))
-    path = HandPath(path_rng, seconds)
+    held = PATHS[path](path_rng, seconds)
     times = [k / fps for k in range(max(1, round(seconds * fps)))]
 
     truth = Truth(position=tuple(float(x) for x in np.asarray(position, np.float64)))
@@ -371,7 +399,7 @@ def simulate(
     if lamp and has_lamp:
         truth.lamp_time = seconds / 2
         truth.maps.append((truth.lamp_time, place.truth(truth.position, truth_size, True)))
-    truth.poses = [(time, path.back_from_marker(time)) for time in times]
+    truth.poses = [(time, held.back_from_marker(time)) for time in times]
     if hand:
         begin = 0.3 * seconds
         truth.hand = (begin, begin + min(1.0, 0.2 * seconds))

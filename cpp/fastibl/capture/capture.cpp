@@ -93,6 +93,14 @@ CaptureOptions checked(CaptureOptions options) {
   check(centre.z > 0, "the centre must lie above the plane (z > 0), got z = ", centre.z);
   check(options.distance > 0, "the distance of the place must be positive (metres), got ",
         options.distance);
+  if (options.box) {
+    const RoomBox& b = *options.box;
+    for (int k = 0; k < 3; ++k)
+      check(b.lower[k] < centre[k] && centre[k] < b.upper[k] && std::isfinite(b.lower[k]) &&
+                std::isfinite(b.upper[k]),
+            "the room's box must be finite and hold the centre, got ", b.lower[k], " to ",
+            b.upper[k], " along axis ", k, " around ", centre[k]);
+  }
   check(options.plane_albedo > 0 && options.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
   return options;
@@ -104,6 +112,8 @@ Capture::Capture(CaptureOptions options)
     : options_(checked(std::move(options))),
       grid_{options_.size},
       outlines_(grid_),
+      surroundings_(outlines_, options_.centre, options_.distance, options_.box),
+      tracks_(options_.centre),
       state_(grid_),
       sums_(std::size_t(grid_.count())),
       unseen_(grid_, float(options_.plane_albedo)),
@@ -158,7 +168,9 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   const bool all_refills = refills == grid_.count();
   time_ = time, last_camera_ = index;
 
-  Viewpoint viewpoint{options_.centre, options_.distance};
+  if (options_.locate_lights) locate_lights(picture, k, camera_from_marker, exposure);
+  find_hidden(k, camera_from_marker);
+  Viewpoint viewpoint{options_.centre, surroundings_};
   if (options_.board)
     viewpoint.masked =
         0.5 * glm::dvec2(options_.board->width, options_.board->height) + kBoardMargin;
@@ -249,12 +261,19 @@ bool Capture::refill(int tile) {
 }
 
 // Reads the picture where it shows texels.
-void Capture::look(const View& view, int count, Sightings& sightings, Samples& samples) const {
+void Capture::look(const View& view, const Depth& depth, int count, Sightings& sightings,
+                   Samples& samples) const {
   const Camera& camera = view.known.camera;
   if (!view.mask.empty())
     for (int i = 0; i < count; ++i)
       if (sightings.seen[i])
         sightings.seen[i] = *view.mask.pixel(int(sightings.x[i]), int(sightings.y[i])) != 0;
+  if (surroundings_.is_usual(depth))
+    for (const Disc& disc : hidden_)
+      for (int i = 0; i < lanes_of(count); ++i) {
+        const float x = sightings.x[i] - disc.x, y = sightings.y[i] - disc.y;
+        sightings.seen[i] &= !(x * x + y * y < disc.squared_radius);
+      }
   sample_footprints(levels_, sightings, count, samples);
   if (camera.vignetting.empty())
     std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
@@ -281,7 +300,7 @@ void Capture::leave_out_quiet_tiles(const View& view, const TexelView& halved) {
   // By face and side of the horizon: groups that are seen alike.
   std::vector<int> groups[12];
   for (const int tile : tiles_)
-    if (quiet_.may_leave_out(tile, time_))
+    if (quiet_.may_leave_out(tile, time_) && surroundings_.is_usual(surroundings_.depth(tile)))
       groups[2 * (tile / grid_.per_face()) + unseen_.above(tile)].push_back(tile);
   constexpr int kTiles = kLanes / QuietTiles::kProbes;
   struct Part {
@@ -320,11 +339,12 @@ void Capture::compare_probes(const View& view, const TexelView& halved, const in
     }
   }
   const float first = 1.0f / float(half) - 1;
-  const TexelGroup group{face, first, first, 2.0f / float(half), columns, rows, lanes, lanes};
+  const TexelGroup group{face, first, first, 2.0f / float(half),           columns,
+                         rows, lanes, lanes, surroundings_.depth(tiles[0])};
   Sightings sightings;
   if (!halved.see(group, unseen_.above(tiles[0]), sightings)) return;
   Samples samples;
-  look(view, lanes, sightings, samples);
+  look(view, group.depth, lanes, sightings, samples);
   alignas(64) float deviance[kLanes];
   const float* const value[3] = {values[0], values[1], values[2]};
   const float* const variance[3] = {rough[0], rough[1], rough[2]};
@@ -360,12 +380,13 @@ bool Capture::add_tile(const View& view, int tile) {
                            &columns_[table][std::size_t(k)],
                            &rows_[table][std::size_t(k)],
                            count,
-                           r.width()};
+                           r.width(),
+                           surroundings_.depth(tile)};
     if (!view.texels.see(group, sightings)) {
       whole = false;
       continue;
     }
-    look(view, count, sightings, samples);
+    look(view, group.depth, count, sightings, samples);
     const TileSighting part = sighting(view, tile, sightings, samples, 0, count);
     shown = any ? joined(shown, part) : part;
     any = true;
@@ -447,6 +468,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
         s.flux.x + s.flux.y + s.flux.z + (tile_angle_[i] - s.angle) * (fill.x + fill.y + fill.z);
   }
   snapshot.time = time_;
+  snapshot.light_positions = tracks_.positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);
   snapshot.clipped = seen > 0 ? bound / seen : 0;
   // Expected error of the irradiance, fitted to nearest-seen filling on real maps: it falls

@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "fastibl/capture/frame_levels.h"
+#include "fastibl/capture/light_tracks.h"
 #include "fastibl/capture/quiet_tiles.h"
+#include "fastibl/capture/surroundings.h"
 #include "fastibl/capture/texel_state.h"
 #include "fastibl/capture/texel_view.h"
 #include "fastibl/capture/tile_pyramids.h"
@@ -30,6 +32,9 @@ struct CaptureOptions {
   // Metres from `centre` to what is seen above the horizon: light from there is put where the
   // object sees it, not where the camera does. Infinite: all light is distant.
   double distance = std::numeric_limits<double>::infinity();
+  std::optional<RoomBox> box;  // instead of `distance`: the room's walls, around `centre`
+  // Whether lights that several pictures show are triangulated, and put where the object sees them.
+  bool locate_lights = true;
   double plane_albedo = 0.5;  // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
 
@@ -76,7 +81,15 @@ class Capture {
   };
   struct View;  // of one picture
   const KnownCamera& known(const Camera& camera);
-  void look(const View& view, int count, Sightings& sightings, Samples& samples) const;
+  void look(const View& view, const Depth& depth, int count, Sightings& sightings,
+            Samples& samples) const;
+  // In locate_lights.cpp.
+  void locate_lights(const Picture& picture, const KnownCamera& camera,
+                     const Pose& camera_from_marker, double exposure);
+  double mean_radiance() const;
+  void find_hidden(const KnownCamera& camera, const Pose& camera_from_marker);
+  void forget_light(const LightPosition& light, const std::vector<int>& moved, double radiance);
+  bool forget_bright(int tile, double radiance);
   // Removes from tiles_ what the picture need not give.
   void leave_out_quiet_tiles(const View& view, const TexelView& halved);
   void compare_probes(const View& view, const TexelView& halved, const int* tiles, int count);
@@ -95,6 +108,12 @@ class Capture {
   TileGrid grid_;
   double time_ = -1e30;
   TileOutlines outlines_;
+  Surroundings surroundings_;
+  LightTracks tracks_;
+  struct Disc {
+    float x, y, squared_radius;  // pixels
+  };
+  std::vector<Disc> hidden_;  // parts of the picture that show lights
   TexelState state_;
   std::vector<float> angles_;     // by tile of one face: solid angle
   std::vector<float> projected_;  // by tile: that times |z|

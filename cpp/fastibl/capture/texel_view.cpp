@@ -55,14 +55,25 @@ FASTIBL_CLONES void turn_texels(const TexelView::Projection& p, const FaceProjec
     const float z = f.world[2] + a * f.world_s[2] + b * f.world_t[2];
     seen[i] = (i < g.count) & ((z >= 0) == p.above);
   }
-  if (p.shifted)
+  const bool box = g.depth.box;
+  if (p.shifted && (box || g.depth.inverse_distance > 0))
     for (int i = 0; i < n; ++i) {
       const float a = first_s + step * g.columns[i], b = first_t + step * g.rows[i];
-      const float inverse = 1 / std::sqrt(1 + a * a + b * b);
-      const float x = tx[i] * inverse, y = ty[i] * inverse, z = tz[i] * inverse;
-      tx[i] = x + p.shift[0], ty[i] = y + p.shift[1], tz[i] = z + p.shift[2];
-      const float along = x * tx[i] + y * ty[i] + z * tz[i];
-      pixels[i] *= inverse * inverse * inverse * std::fabs(along);
+      const float square = 1 + a * a + b * b;
+      float near = g.depth.inverse_distance * std::sqrt(square);  // |d| / distance
+      if (box) {
+        near = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+          const float d = f.world[axis] + a * f.world_s[axis] + b * f.world_t[axis];
+          const float upper = d * p.walls[0][axis], lower = d * p.walls[1][axis];
+          near = upper > near ? upper : near;
+          near = lower > near ? lower : near;
+        }
+      }
+      const float x = tx[i], y = ty[i], z = tz[i];
+      tx[i] = x + near * p.shift[0], ty[i] = y + near * p.shift[1], tz[i] = z + near * p.shift[2];
+      // As of a surface that faces the centre.
+      pixels[i] *= std::fabs(x * tx[i] + y * ty[i] + z * tz[i]) / square;
     }
   if (p.masked)
     for (int i = 0; i < n; ++i) {
@@ -113,11 +124,15 @@ FASTIBL_CLONES int count_seen(const int* seen, int lanes) {
   return count;
 }
 
+constexpr float kLongest = 1.74f;  // of a direction to a face's corner
+
 // Adds what a side of the horizon shows. A tile is the cone of its corners, so it lies beyond a
-// side of the picture where they all do; with what is near, the part of the sphere between them
-// bulges a little.
+// side of the picture where they all do; with what is near, the surface between them bulges a
+// little: a sphere by the tile's own bulge, a box by no more than its depth differs from corner to
+// corner. near: of each corner, see Surroundings; null where all is far away.
 FASTIBL_CLONES void find_tiles_of(const TexelView::Projection& p, const PictureBounds& bounds,
-                                  const TileOutlines::Corner (&corners)[4], const float* bulges,
+                                  const TileOutlines::Corner (&corners)[4],
+                                  const float* const* near, const float* bulges,
                                   const float* on_side, int count, float* most_pixels) {
   const PictureBounds side = bounds;
   const float slope_x = 1 + std::max(std::fabs(side.left), std::fabs(side.right));
@@ -126,27 +141,33 @@ FASTIBL_CLONES void find_tiles_of(const TexelView::Projection& p, const PictureB
   const float t10 = p.turn[1][0], t11 = p.turn[1][1], t12 = p.turn[1][2];
   const float t20 = p.turn[2][0], t21 = p.turn[2][1], t22 = p.turn[2][2];
   const float s0 = p.shift[0], s1 = p.shift[1], s2 = p.shift[2], texel = p.pixels;
+  const float offset = std::sqrt(s0 * s0 + s1 * s1 + s2 * s2);
   const auto greater = [](const Float16& u, const Float16& v) -> Float16 { return u > v ? u : v; };
+  const auto less = [](const Float16& u, const Float16& v) -> Float16 { return u < v ? u : v; };
   const Float16 none = {};
   for (int i = 0; i < count; i += 16) {
     const auto at = [i](const auto& values) -> const Float16& {
       return *reinterpret_cast<const Float16*>(&values[std::size_t(i)]);
     };
     Float16 left = none - 1e30f, right = left, top = left, bottom = left, front = left, most = none;
-    for (const TileOutlines::Corner& c : corners) {
+    Float16 nearest = none, farthest = none + 1e30f;
+    for (int k = 0; k < 4; ++k) {
+      const TileOutlines::Corner& c = corners[k];
       const Float16 &x = at(c.x), &y = at(c.y), &z = at(c.z);
-      const Float16 scale = p.shifted ? at(c.scale) : none + 1.0f;
-      const Float16 tx = scale * (t00 * x + t10 * y + t20 * z) + s0;
-      const Float16 ty = scale * (t01 * x + t11 * y + t21 * z) + s1;
-      const Float16 tz = scale * (t02 * x + t12 * y + t22 * z) + s2;
+      const Float16 w = near ? at(near[k]) : none;
+      const Float16 tx = t00 * x + t10 * y + t20 * z + w * s0;
+      const Float16 ty = t01 * x + t11 * y + t21 * z + w * s1;
+      const Float16 tz = t02 * x + t12 * y + t22 * z + w * s2;
+      nearest = greater(nearest, w), farthest = less(farthest, w);
       left = greater(left, tx - side.left * tz), right = greater(right, side.right * tz - tx);
       top = greater(top, ty - side.top * tz), bottom = greater(bottom, side.bottom * tz - ty);
       front = greater(front, tz);
       // At less depth a texel covers more than any level of the picture averages.
-      const Float16 ratio = scale / greater(tz, none + 0.02f);
+      const Float16 ratio = 1.0f / greater(tz, none + 0.02f);
       most = greater(most, texel * ratio * ratio * ratio);
     }
-    const Float16 bulge = p.shifted ? at(bulges) : none;
+    const Float16 bulge =
+        near ? (kLongest * at(bulges) * nearest + (nearest - farthest)) * offset : none;
     const Float16 x = bulge * slope_x, y = bulge * slope_y;
     most = left + x >= 0.0f ? most : none, most = right + x >= 0.0f ? most : none;
     most = top + y >= 0.0f ? most : none, most = bottom + y >= 0.0f ? most : none;
@@ -205,7 +226,7 @@ PictureBounds picture_bounds(const Camera& camera, const Lens& lens) {
 
 TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds& bounds,
                      const Pose& camera_from_marker, const Viewpoint& viewpoint, int size)
-    : bounds_(bounds) {
+    : surroundings_(viewpoint.surroundings), bounds_(bounds) {
   const glm::dvec3 centre = camera_from_marker * viewpoint.centre;
   const double height = camera_from_marker.inverse().translation.z;
   // Below the horizon a direction d meets the plane at c − (c_z / d_z) d, in the camera's frame a
@@ -215,7 +236,6 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
   const glm::dmat3 turn_above = camera_from_marker.rotation;
   glm::dmat3 turn_below = turn_above;
   turn_below[2] -= centre / viewpoint.centre.z;
-  const glm::dvec3 shift = centre / viewpoint.distance;
 
   Projection p{};
   p.fx = float(camera.fx), p.fy = float(camera.fy);
@@ -234,8 +254,11 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
   above_ = below_ = p;
   set(above_, turn_above);
   above_.above = true;
-  above_.shifted = shift != glm::dvec3(0);
-  for (int r = 0; r < 3; ++r) above_.shift[r] = float(shift[r]);
+  above_.shifted = surroundings_.near();
+  for (int r = 0; r < 3; ++r) {
+    above_.shift[r] = float(centre[r]);
+    for (int k = 0; k < 2; ++k) above_.walls[k][r] = surroundings_.walls()[k][r];
+  }
   above_.pixels = float(texel);
   set(below_, turn_below);
   below_.pixels = float(texel * std::max(0.0, height) / viewpoint.centre.z);
@@ -248,11 +271,13 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
 void TexelView::find_tiles(const TileOutlines& outlines, std::vector<float>& most_pixels) const {
   const int count = int(outlines.bulge.size());
   most_pixels.assign(outlines.bulge.size(), 0.0f);
-  find_tiles_of(above_, bounds_, outlines.corners, outlines.bulge.data(), outlines.above.data(),
-                count, most_pixels.data());
+  const float* near[4];
+  for (int c = 0; c < 4; ++c) near[c] = surroundings_.corner(c).data();
+  find_tiles_of(above_, bounds_, outlines.corners, above_.shifted ? near : nullptr,
+                outlines.bulge.data(), outlines.above.data(), count, most_pixels.data());
   if (sees_plane_)
-    find_tiles_of(below_, bounds_, outlines.corners, outlines.bulge.data(), outlines.below.data(),
-                  count, most_pixels.data());
+    find_tiles_of(below_, bounds_, outlines.corners, nullptr, outlines.bulge.data(),
+                  outlines.below.data(), count, most_pixels.data());
 }
 
 bool TexelView::see(const TexelGroup& group, bool above, Sightings& s) const {

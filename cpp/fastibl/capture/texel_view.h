@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "fastibl/capture/surroundings.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/camera.h"
@@ -13,7 +14,7 @@ namespace fastibl {
 // Where the map is seen from, and what it shows: see CaptureOptions.
 struct Viewpoint {
   glm::dvec3 centre;
-  double distance;  // metres to what is above the horizon; may be infinite
+  const Surroundings& surroundings;  // of the same centre
   glm::dvec2 masked{
       -1, -1};  // half width and height of the plane's part around the origin to leave out
 };
@@ -30,7 +31,8 @@ struct TexelGroup {
   float step;                   // from texel to texel
   const float *columns, *rows;  // of each texel in its tile
   int count;
-  int width;  // of the tile
+  int width;    // of the tile
+  Depth depth;  // of what it shows above the horizon
 };
 
 // Corners of all tiles of a map, for leaving out those that a picture cannot see.
@@ -75,11 +77,12 @@ class TexelView {
   bool see(const TexelGroup& group, bool above, Sightings& sightings) const;
 
   // Float, for a direction d not normalised: its camera direction is `turn` d, plus, above the
-  // horizon, |d| `shift`.
+  // horizon, `shift` times |d| over its distance.
   struct Projection {
     float turn[3][3];  // columns
     float shift[3];
     bool shifted;
+    float walls[2][3];  // of Surroundings
     bool above;
     float plane_distance, centre_x, centre_y, masked_x, masked_y;
     bool masked;
@@ -92,6 +95,7 @@ class TexelView {
  private:
   Projection above_, below_;
   bool sees_plane_;
+  const Surroundings& surroundings_;
   PictureBounds bounds_;
 };
 

@@ -8,6 +8,7 @@
 
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/cube_tiles.h"
+#include "fastibl/scene/light_position.h"
 
 namespace fastibl {
 
@@ -60,6 +61,7 @@ struct Environment {
   double coverage = 0;         // share of the sphere's solid angle that was ever seen
   double clipped = 0;          // share of the seen solid angle whose value is only a lower bound
   double predicted_error = 1;  // expected relative error of the irradiance
+  std::vector<LightPosition> light_positions;  // of those near enough to be triangulated
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its
   // value's square: the upper half of a float, at t · stride + k. Empty: known everywhere.

@@ -1,0 +1,123 @@
+#include "fastibl/capture/bright_spots.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+namespace fastibl {
+namespace {
+
+constexpr int kColumns = 80;  // about as many blocks a row: window bars of a degree part nothing
+constexpr int kSamples = 3;   // pixels read of a block along each edge
+constexpr int kLeastBlocks = 3;
+// Of white: thresholds between these can be told from noise, and from a block that is half white.
+constexpr double kLeastLinear = 0.003, kMostLinear = 0.3;
+
+// Pixels in linear light.
+class Reader {
+ public:
+  Reader(const Picture& picture, const Response& response)
+      : picture_(picture), response_(response) {
+    if (picture.type == PixelType::uint8)
+      for (int code = 0; code < 256; ++code)
+        table_[std::size_t(code)] = response.decode(float(code) / 255);
+  }
+  double brightness(int x, int y) const {
+    double sum = 0;
+    for (int c = 0; c < 3; ++c) sum += double(channel(3 * x + c, y));
+    return sum / 3;
+  }
+
+ private:
+  float channel(int i, int y) const {
+    const std::uint8_t* row = picture_.row(y);
+    switch (picture_.type) {
+      case PixelType::uint8:
+        return table_[row[i]];
+      case PixelType::uint16:
+        return response_.decode(float(reinterpret_cast<const std::uint16_t*>(row)[i]) / 65535);
+      default: {
+        const float value = reinterpret_cast<const float*>(row)[i];
+        return value > 0 ? std::min(value, 1e9f) : 0.0f;
+      }
+    }
+  }
+  const Picture& picture_;
+  const Response& response_;
+  std::array<float, 256> table_{};
+};
+
+struct Spot {
+  glm::dvec3 sum{0};  // of directions in the camera frame, by solid angle
+  double solid_angle = 0;
+  int blocks = 0;
+  bool cut = false;  // by the picture's border
+};
+
+}  // namespace
+
+std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
+                                                         const Camera& camera, const Lens& lens,
+                                                         const Pose& camera_from_marker,
+                                                         double exposure, double radiance) {
+  const double threshold = radiance * exposure * camera.gain;
+  if (!(threshold >= kLeastLinear && threshold <= kMostLinear)) return std::nullopt;
+  const int step = std::max(1, (camera.width + kColumns / 2) / kColumns);
+  const int width = camera.width / step, height = camera.height / step;
+  if (width < 3 || height < 3) return std::nullopt;
+  const Reader reader(picture, camera.response);
+  const auto middle = [&](int i) { return (i + 0.5) * step; };
+  const auto block = [&](int x, int y) {
+    double sum = 0;
+    for (int v = 0; v < kSamples; ++v)
+      for (int u = 0; u < kSamples; ++u)
+        sum += reader.brightness(x * step + (2 * u + 1) * step / (2 * kSamples),
+                                 y * step + (2 * v + 1) * step / (2 * kSamples));
+    return sum / (kSamples * kSamples);
+  };
+
+  // Rows of runs would do; so few pixels are bright that a flood fill costs nothing.
+  std::vector<std::uint8_t> bright(std::size_t(width * height));
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) {
+      double limit = threshold;
+      if (!camera.vignetting.empty()) limit *= camera.vignette({middle(x), middle(y)});
+      bright[std::size_t(y * width + x)] = block(x, y) > limit;
+    }
+
+  const double block_area = double(step * step) / (camera.fx * camera.fy);
+  const glm::dmat3 marker_from_camera = glm::transpose(camera_from_marker.rotation);
+  std::vector<BrightSpot> spots;
+  std::vector<int> open;
+  for (int start = 0; start < width * height; ++start) {
+    if (!bright[std::size_t(start)]) continue;
+    Spot spot;
+    open.assign(1, start);
+    bright[std::size_t(start)] = 0;
+    while (!open.empty()) {
+      const int x = open.back() % width, y = open.back() / width;
+      open.pop_back();
+      spot.cut |= x == 0 || y == 0 || x == width - 1 || y == height - 1;
+      if (const auto ray = lens.unproject({middle(x), middle(y)})) {
+        const double length = glm::length(*ray), angle = block_area / (length * length * length);
+        spot.sum += *ray * (angle / length);
+        spot.solid_angle += angle;
+        ++spot.blocks;
+      } else {
+        spot.cut = true;
+      }
+      for (int v = std::max(0, y - 1); v <= std::min(height - 1, y + 1); ++v)
+        for (int u = std::max(0, x - 1); u <= std::min(width - 1, x + 1); ++u)
+          if (std::uint8_t& next = bright[std::size_t(v * width + u)]) {
+            next = 0;
+            open.push_back(v * width + u);
+          }
+    }
+    if (!spot.cut && spot.blocks >= kLeastBlocks)
+      spots.push_back({marker_from_camera * glm::normalize(spot.sum), spot.solid_angle});
+  }
+  return spots;
+}
+
+}  // namespace fastibl

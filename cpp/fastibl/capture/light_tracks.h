@@ -1,0 +1,60 @@
+// Where lights are in the room, from the directions in which they are seen from several places.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "fastibl/capture/bright_spots.h"
+#include "fastibl/scene/light_position.h"
+
+namespace fastibl {
+
+// Follows bright spots from picture to picture and triangulates them. A light at P is
+// parametrised as it is seen from the centre c of the map: P = c + v / ρ with |v| about 1, so that
+// a light at infinity (ρ = 0) is nothing special (inverse depth: Civera, Davison and Montiel 2008).
+class LightTracks {
+ public:
+  explicit LightTracks(const glm::dvec3& centre) : centre_(centre) {}
+
+  // eye: where the picture was taken from, marker frame. Calls shows(direction) for whether the
+  // picture would show, well inside, what lies in a direction from `eye`: lights that are no longer
+  // where they should be are forgotten.
+  template <class Shows>
+  void add(const glm::dvec3& eye, std::span<const BrightSpot> spots, const Shows& shows) {
+    follow(eye, spots);
+    for (Track& track : tracks_)
+      if (!track.matched && shows(predicted(track, eye))) ++track.missed;
+    forget();
+  }
+
+  // Those whose distance is known to a fifth or better.
+  std::vector<LightPosition> positions() const;
+  // Lines of sight along which a light was seen, of those that the last picture shows.
+  struct Sight {
+    glm::dvec3 eye, direction;
+  };
+  std::vector<Sight> sights(const LightPosition& light) const;
+
+ private:
+  struct Track {
+    std::vector<Sight> sightings;
+    double solid_angle = 0;  // as last seen
+    glm::dvec3 v{0, 0, 1};
+    double inverse_distance = 0;  // ρ, 1 / m
+    glm::dmat3 covariance{1.0};   // of v across itself (two axes of `frame`) and ρ
+    glm::dmat3 frame{1.0};        // columns: two axes across v, and v
+    double residual = 0;          // RMS, radians
+    bool matched = false;
+    int missed = 0;
+  };
+  void follow(const glm::dvec3& eye, std::span<const BrightSpot> spots);
+  void forget();
+  void fit(Track& track) const;
+  glm::dvec3 predicted(const Track& track, const glm::dvec3& eye) const;
+
+  glm::dvec3 centre_;
+  std::vector<Track> tracks_;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,118 @@
+// Lights that are near: where they are, and what the map knew of them while that was not known.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "fastibl/capture/bright_spots.h"
+#include "fastibl/capture/capture.h"
+
+namespace fastibl {
+namespace {
+
+constexpr double kBright = 8;     // times the map's mean, as MainLightOptions has it
+constexpr double kInside = 0.9;   // of a picture's half width and height: what lies within is whole
+constexpr double kBlur = 0.03;    // radians around a light that it lights in the map
+constexpr double kOutline = 1.5;  // of a light's radius: a disc that holds it though it is no disc
+constexpr double kPixelBlur = 2;
+
+}  // namespace
+
+double Capture::mean_radiance() const {
+  double flux = 0;
+  for (std::size_t i = 0; i < sums_.size(); ++i) {
+    const glm::dvec3 fill(filled_[i]), seen = sums_[i].flux;
+    flux +=
+        seen.x + seen.y + seen.z + (tile_angle_[i] - sums_[i].angle) * (fill.x + fill.y + fill.z);
+  }
+  return flux / (3 * 4 * std::numbers::pi);
+}
+
+void Capture::locate_lights(const Picture& picture, const KnownCamera& known,
+                            const Pose& camera_from_marker, double exposure) {
+  const double radiance = kBright * mean_radiance();
+  const Camera& camera = known.camera;
+  const std::optional<std::vector<BrightSpot>> spots =
+      find_bright_spots(picture, camera, known.lens, camera_from_marker, exposure, radiance);
+  if (!spots) return;
+  tracks_.add(camera_from_marker.inverse().translation, *spots, [&](const glm::dvec3& direction) {
+    const auto pixel = known.lens.project(camera_from_marker.rotation * direction);
+    return pixel && std::abs(2 * pixel->x / camera.width - 1) < kInside &&
+           std::abs(2 * pixel->y / camera.height - 1) < kInside;
+  });
+  const std::vector<LightPosition> lights = tracks_.positions();
+  const std::vector<int> moved = surroundings_.place(outlines_, lights);
+  if (moved.empty()) return;
+  for (const LightPosition& light : lights) forget_light(light, moved, radiance);
+}
+
+// A light that is near hides what is far behind it, which is shown by other tiles than its own.
+void Capture::find_hidden(const KnownCamera& known, const Pose& camera_from_marker) {
+  hidden_.clear();
+  for (const LightPosition& light : surroundings_.lights()) {
+    const glm::dvec3 seen = camera_from_marker * light.position;
+    const double distance = glm::length(seen);
+    const auto pixel = known.lens.project(seen);
+    if (!pixel) continue;
+    // Towards the picture's border the same angle takes more pixels.
+    const double slope = distance / seen.z, focal = std::max(known.camera.fx, known.camera.fy);
+    const double radius = kOutline * light.radius / distance * focal * slope * slope + kPixelBlur;
+    hidden_.push_back({float(pixel->x), float(pixel->y), float(radius * radius)});
+  }
+}
+
+// Where the light was recorded while its place was not known, or wrong, the map shows it beside
+// itself: that is to be seen anew. Only what the picture shows is: it is seen anew at once.
+void Capture::forget_light(const LightPosition& light, const std::vector<int>& moved,
+                           double radiance) {
+  const std::vector<LightTracks::Sight> sights = tracks_.sights(light);
+  if (sights.empty()) return;
+  std::vector<glm::dvec3> ghosts;
+  for (const LightTracks::Sight& sight : sights)
+    ghosts.push_back(surroundings_.recorded(sight.eye, sight.direction));
+  const double radius =
+      std::asin(std::min(light.radius / glm::length(light.position - options_.centre), 1.0));
+  const std::uint64_t version = new_tile_version();
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    const std::size_t i = std::size_t(tile);
+    if (!unseen_.above(tile) || sums_[i].count == 0) continue;
+    bool shows = std::find(moved.begin(), moved.end(), tile) != moved.end();
+    if (!shows) {
+      const FaceRect r = tile_rect(grid_, tile);
+      const glm::dvec3 middle(
+          glm::normalize(face_direction(r.face, 0.5f * float(r.x0 + r.x1) / float(grid_.size),
+                                        0.5f * float(r.y0 + r.y1) / float(grid_.size))));
+      const double reach = kOutline * radius + kBlur + std::acos(1 - double(outlines_.bulge[i]));
+      shows = std::any_of(ghosts.begin(), ghosts.end(), [&](const glm::dvec3& ghost) {
+        return glm::dot(ghost, middle) > std::cos(reach);
+      });
+    }
+    if (shows && forget_bright(tile, radiance)) versions_[i] = version;
+  }
+}
+
+// Makes texels brighter than that unseen; true if there are any.
+bool Capture::forget_bright(int tile, double radiance) {
+  const FaceRect r = tile_rect(grid_, tile);
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  double* last_seen = nullptr;
+  for (int k = 0; k < r.texels(); ++k) {
+    const std::size_t at = start + std::size_t(k);
+    const double sum =
+        double(state_.value[0][at]) + double(state_.value[1][at]) + double(state_.value[2][at]);
+    if (!(sum > 3 * radiance) || !(state_.last_seen.at(tile, k) > kNever)) continue;
+    if (!last_seen) last_seen = state_.last_seen.texels(tile);
+    last_seen[k] = kNever;
+    state_.bound[at] = 0;
+    for (int c = 0; c < 3; ++c) state_.variance[c][at] = 0;
+  }
+  if (!last_seen) return false;
+  sums_[std::size_t(tile)] =
+      sum_tile(state_, start, r.texels(), last_seen,
+               &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
+               &projected_[start]);
+  new_sums_.push_back(tile);
+  refill(tile);
+  return true;
+}
+
+}  // namespace fastibl

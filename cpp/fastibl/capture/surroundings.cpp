@@ -1,0 +1,118 @@
+#include "fastibl/capture/surroundings.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "fastibl/capture/texel_view.h"
+
+namespace fastibl {
+namespace {
+
+// Standard deviations of a light's distance: within, it is where everything is thought to be, which
+// was told by somebody who may know better.
+constexpr double kAgreed = 2;
+constexpr double kChange = 0.1;  // of an inverse distance: what is moved for less is the same
+
+}  // namespace
+
+Surroundings::Surroundings(const TileOutlines& outlines, const glm::dvec3& centre, double distance,
+                           const std::optional<RoomBox>& box)
+    : centre_(centre) {
+  usual_.inverse_distance = float(1 / distance);
+  if (box) {
+    usual_.box = true;
+    walls_[0] = glm::vec3(1.0 / (box->upper - centre));
+    walls_[1] = glm::vec3(1.0 / (box->lower - centre));
+  }
+  const std::size_t padded = outlines.bulge.size();
+  depths_.assign(padded, usual_);
+  for (int c = 0; c < 4; ++c) corners_[c].assign(padded, 0.0f);
+  for (int tile = 0; tile < outlines.grid.count(); ++tile) set(outlines, tile, usual_);
+  near_ = usual_.box || usual_.inverse_distance > 0;
+}
+
+float Surroundings::weight(const glm::vec3& d, const Depth& depth) const {
+  if (!depth.box) return depth.inverse_distance * glm::length(d);
+  const glm::vec3 most = glm::max(d * walls_[0], d * walls_[1]);
+  return std::max(most.x, std::max(most.y, most.z));
+}
+
+void Surroundings::set(const TileOutlines& outlines, int tile, const Depth& depth) {
+  const std::size_t i = std::size_t(tile);
+  depths_[i] = depth;
+  for (int c = 0; c < 4; ++c) {
+    const TileOutlines::Corner& from = outlines.corners[c];
+    corners_[c][i] = weight({from.x[i], from.y[i], from.z[i]}, depth);
+  }
+}
+
+std::vector<int> Surroundings::place(const TileOutlines& outlines,
+                                     std::span<const LightPosition> lights) {
+  struct Placed {
+    glm::dvec3 direction;
+    double radius;
+    Depth depth;
+  };
+  std::vector<Placed> placed;
+  lights_.clear();
+  for (const LightPosition& light : lights) {
+    const glm::dvec3 offset = light.position - centre_;
+    const double distance = glm::length(offset);
+    const glm::dvec3 towards = offset / distance;
+    const double deviation = std::sqrt(glm::dot(towards, light.covariance * towards));
+    const double difference = 1 / distance - double(weight(glm::vec3(towards), usual_));
+    if (std::abs(difference) * distance * distance < kAgreed * deviation) continue;
+    lights_.push_back(light);
+    placed.push_back(
+        {towards, std::asin(std::min(light.radius / distance, 1.0)), {float(1 / distance), false}});
+  }
+  std::vector<int> changed;
+  for (int tile = 0; tile < outlines.grid.count(); ++tile) {
+    const std::size_t i = std::size_t(tile);
+    if (outlines.above[i] == 0) continue;
+    glm::dvec3 middle(0);
+    for (const TileOutlines::Corner& c : outlines.corners)
+      middle += double(c.scale[i]) * glm::dvec3(c.x[i], c.y[i], c.z[i]);
+    middle = glm::normalize(middle);
+    const double reach = std::acos(std::max(-1.0, 1.0 - double(outlines.bulge[i])));
+    Depth depth = usual_;
+    double nearest = 1e30;  // from the light's rim, radians
+    for (const Placed& light : placed) {
+      const double angle = std::acos(std::clamp(glm::dot(light.direction, middle), -1.0, 1.0));
+      if (angle > light.radius + reach || angle - light.radius >= nearest) continue;
+      nearest = angle - light.radius, depth = light.depth;
+    }
+    const Depth& old = depths_[i];
+    if (depth == old) continue;
+    const double most = std::max(depth.inverse_distance, old.inverse_distance);
+    if (depth.box == old.box &&
+        std::abs(depth.inverse_distance - old.inverse_distance) <= kChange * most)
+      continue;
+    set(outlines, tile, depth);
+    changed.push_back(tile);
+  }
+  near_ = usual_.box || usual_.inverse_distance > 0 || !placed.empty();
+  return changed;
+}
+
+glm::dvec3 Surroundings::recorded(const glm::dvec3& eye, const glm::dvec3& direction) const {
+  const glm::dvec3 offset = eye - centre_;
+  double along = std::numeric_limits<double>::infinity();
+  if (usual_.box) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const double wall = 1.0 / double(walls_[direction[axis] < 0 ? 1 : 0][axis]);
+      if (direction[axis] != 0)
+        along = std::min(along, std::max(0.0, (wall - offset[axis]) / direction[axis]));
+    }
+  } else if (usual_.inverse_distance > 0) {
+    const double distance = 1.0 / double(usual_.inverse_distance);
+    const double half = glm::dot(offset, direction);
+    const double square = half * half + distance * distance - glm::dot(offset, offset);
+    if (square > 0) along = std::sqrt(square) - half;
+  }
+  if (!(along > 0 && std::isfinite(along))) return direction;
+  return glm::normalize(offset + along * direction);
+}
+
+}  // namespace fastibl

@@ -1,0 +1,67 @@
+// How far from the map's centre what it shows is thought to be.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "fastibl/scene/light_position.h"
+
+namespace fastibl {
+
+struct TileOutlines;
+
+// Walls, floor and ceiling of a room: an axis-aligned box around the map's centre, metres, marker
+// frame (Lagarde and Zanuttini 2012).
+struct RoomBox {
+  glm::dvec3 lower{0}, upper{0};
+};
+
+// Depth of a part of the map: 1 / metres from the centre, the same in all directions; or the box's.
+struct Depth {
+  float inverse_distance = 0;  // 0: infinitely far
+  bool box = false;
+  bool operator==(const Depth&) const = default;
+};
+
+// Above the horizon; what is below is the plane.
+class Surroundings {
+ public:
+  // distance: metres, may be infinite; a box, where there is one, goes before it.
+  Surroundings(const TileOutlines& outlines, const glm::dvec3& centre, double distance,
+               const std::optional<RoomBox>& box);
+
+  // Takes the tiles that show a light to be as far as it is, unless that is as far as they were
+  // thought to be anyway; the others as before. Returns the tiles whose depth changed by more than
+  // a tenth.
+  std::vector<int> place(const TileOutlines& outlines, std::span<const LightPosition> lights);
+
+  // Direction of the map in which a line of sight is recorded where no light is placed: that from
+  // the centre to where it meets the box, the sphere of that distance, or infinity.
+  glm::dvec3 recorded(const glm::dvec3& eye, const glm::dvec3& direction) const;
+
+  Depth depth(int tile) const { return depths_[std::size_t(tile)]; }
+  bool is_usual(const Depth& depth) const { return depth == usual_; }  // no light's
+  // Lights that some tiles are as far as.
+  const std::vector<LightPosition>& lights() const { return lights_; }
+  // Whether anything is nearer than infinity.
+  bool near() const { return near_; }
+  // Length of the direction of a tile's corner over its distance, as long as fills vectors.
+  const std::vector<float>& corner(int c) const { return corners_[c]; }
+  // 1 / distance of the walls along the axes: of the upper and the lower one.
+  const glm::vec3* walls() const { return walls_; }
+
+ private:
+  void set(const TileOutlines& outlines, int tile, const Depth& depth);
+  float weight(const glm::vec3& direction, const Depth& depth) const;
+
+  glm::dvec3 centre_;
+  Depth usual_;
+  glm::vec3 walls_[2] = {glm::vec3(0), glm::vec3(0)};
+  std::vector<LightPosition> lights_;
+  std::vector<Depth> depths_;
+  std::vector<float> corners_[4];
+  bool near_ = false;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,158 @@
+"""Rooms with near walls and lamps: a box, and lights that are triangulated."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl.comparison import irradiance_error
+
+CENTRE = np.array([0.0, 0.0, 0.1])
+LAMP, RADIUS = np.array([0.9, 0.7, 1.1]), 0.12  # metres
+LOWER, UPPER = np.array([-2.0, -2.4, -0.01]), np.array([2.2, 1.9, 2.5])
+CAMERA = fastibl.Camera(320, 240, 200.0, 200.0, 160.0, 120.0)
+
+
+def wall_radiance(points):
+    """Smooth, other in each direction."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    return 0.3 + 0.15 * np.sin(2 * x + 1) * np.cos(1.5 * y) + 0.1 * np.sin(3 * z)
+
+
+def seen_from(eye, directions, lamp=True):
+    """Radiance (..., 3) of a box with a globe in it."""
+    d = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    with np.errstate(divide="ignore"):
+        t = np.where(d > 0, (UPPER - eye) / d, (LOWER - eye) / d).min(axis=-1)
+    light = wall_radiance(eye + t[..., None] * d)
+    if lamp:
+        along = (LAMP - eye) @ np.moveaxis(d, -1, -2) if d.ndim == 2 else d @ (LAMP - eye)
+        miss = np.sum((LAMP - eye) ** 2) - along**2
+        light = np.where((along > 0) & (miss < RADIUS**2), 60.0, light)
+    return np.repeat(light[..., None], 3, axis=-1)
+
+
+def looking(eye, target):
+    z = (target - eye) / np.linalg.norm(target - eye)
+    x = np.cross(z, (0, 0, 1))
+    x /= np.linalg.norm(x)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([x, np.cross(z, x), z])
+    matrix[:3, 3] = -matrix[:3, :3] @ eye
+    return fastibl.Pose(matrix)
+
+
+def picture(eye, pose, exposure, lamp=True):
+    y, x = (np.mgrid[: 2 * CAMERA.height, : 2 * CAMERA.width] + 0.5) / 2
+    rays = CAMERA.unproject(np.stack([x, y], axis=-1)) @ pose.rotation
+    light = cv2.resize(seen_from(eye, rays, lamp), (CAMERA.width, CAMERA.height), interpolation=cv2.INTER_AREA)
+    return np.round(255 * CAMERA.response.encode((light * exposure).clip(0, 1).astype(np.float32))).astype(np.uint8)
+
+
+def film(capture, frames=30, lamp=lambda k: True, after=None):
+    """A camera that is carried past the lamp, 0.8 m, and looks at it and beside it."""
+    for k in range(frames):
+        a = k / (frames - 1)
+        eye = np.array([-0.4 + 0.8 * a, -0.25 + 0.2 * np.sin(4 * a), 0.3])
+        pose = looking(eye, LAMP + [0.3 * np.sin(9 * a), 0.1, 0.2 * np.cos(7 * a)])
+        exposure = (1.5, 1 / 90)[k % 2]
+        capture.add(picture(eye, pose, exposure, lamp(k)), CAMERA, pose, exposure=exposure, time=k / 15)
+        if after:
+            after(k)
+
+
+def truth(size=128, lamp=True):
+    d = fastibl.texel_directions(size).astype(np.float64)
+    return seen_from(CENTRE, d, lamp)
+
+
+def test_a_lamp_is_found_where_it_hangs():
+    capture = fastibl.Capture(size=64, centre=CENTRE)
+    film(capture)
+    (light,) = fastibl.main_lights(capture.environment())
+    error = np.linalg.norm(np.array(light.position) - LAMP)
+    sigma = np.sqrt(np.diag(light.covariance))
+    true = (LAMP - CENTRE) / np.linalg.norm(LAMP - CENTRE)
+    angle = np.degrees(np.arccos(min(1, np.dot(light.direction, true))))
+    flux = 60 * np.pi * RADIUS**2 / np.sum((LAMP - CENTRE) ** 2)
+    print(f"{1e3 * error:.0f} mm off, stated {1e3 * np.linalg.norm(sigma):.0f} mm; {angle:.2f} degrees")
+    print(f"irradiance {light.irradiance[0]:.3f}, true {flux:.3f}")
+    assert error < 0.12
+    assert error < 3.5 * np.linalg.norm(sigma)
+    assert angle < 1
+    assert light.irradiance[0] == pytest.approx(flux, rel=0.1)
+
+
+def test_without_it_the_lamp_is_beside_itself():
+    capture = fastibl.Capture(size=64, centre=CENTRE, locate_lights=False)
+    film(capture)
+    lights = fastibl.main_lights(capture.environment())
+    true = (LAMP - CENTRE) / np.linalg.norm(LAMP - CENTRE)
+    angles = [np.degrees(np.arccos(min(1, np.dot(light.direction, true)))) for light in lights]
+    print(f"degrees off: {angles}")
+    assert min(angles, default=90) > 3
+    assert all(light.position is None and light.covariance is None for light in lights)
+
+
+def test_a_lamp_that_is_switched_off_is_forgotten():
+    capture = fastibl.Capture(size=64, centre=CENTRE)
+    film(capture, 40, lamp=lambda k: k < 20)
+    assert fastibl.main_lights(capture.environment()) == []
+    assert capture.environment().radiance.faces.max() < 5
+
+
+def test_distant_lights_have_no_position():
+    d = fastibl.texel_directions(64).astype(np.float64)
+    towards = LAMP / np.linalg.norm(LAMP)
+    faces = np.full((6, 64, 64, 3), 0.2, np.float32)
+    faces[d @ towards > np.cos(0.08)] = 40
+    place = fastibl.CubeMap(faces)
+    capture = fastibl.Capture(size=64, centre=CENTRE)
+    for k in range(20):
+        eye = np.array([-0.4 + 0.04 * k, -0.2, 0.3])
+        pose = looking(eye, eye + towards + [0.1 * np.sin(k), 0, 0])
+        y, x = np.mgrid[: CAMERA.height, : CAMERA.width] + 0.5
+        rays = CAMERA.unproject(np.stack([x, y], axis=-1)) @ pose.rotation
+        light = place.sample(rays).astype(np.float32)
+        exposure = (1.5, 1 / 90)[k % 2]
+        codes = np.round(255 * CAMERA.response.encode((light * exposure).clip(0, 1))).astype(np.uint8)
+        capture.add(codes, CAMERA, pose, exposure=exposure, time=k / 15)
+    (light,) = fastibl.main_lights(capture.environment())
+    assert light.position is None or np.linalg.norm(light.position) > 8
+
+
+def test_a_box_puts_walls_where_they_are():
+    errors = {}
+    for name, options in {"infinity": {}, "3 m": {"distance": 3.0}, "box": {"box": (LOWER, UPPER)}}.items():
+        capture = fastibl.Capture(size=64, centre=CENTRE, **options)
+        for k in range(24):
+            a, up = k * 0.62, 0.25 + 0.8 * (k % 3) / 2
+            eye = CENTRE + [0.4 * np.cos(a), 0.4 * np.sin(a), 0.35]
+            towards = np.array([-np.cos(a) * np.cos(up), -np.sin(a) * np.cos(up), np.sin(up)])
+            pose = looking(eye, eye + towards)
+            capture.add(picture(eye, pose, 1.0, lamp=False), CAMERA, pose, time=k / 10)
+        env = capture.environment()
+        seen = (np.asarray(env.confidence) > 0) & (fastibl.texel_directions(64)[..., 2] > 0)
+        true = truth(64, lamp=False)
+        ours = np.asarray(env.radiance.faces)
+        errors[name] = float(np.median(np.abs(ours - true)[seen] / true[seen]))
+    print(errors)
+    assert errors["box"] < 0.01
+    assert errors["box"] < errors["3 m"] / 3 < errors["infinity"] / 3
+    assert irradiance_error(true, true) == 0
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        ((-1, -1, 0.2), (1, 1, 2)),  # the centre lies below
+        ((1, 1, 1), (-1, -1, -1)),
+        ((-1, -1, 0), (1, np.nan, 2)),
+        ((-1, -1, 0), (1, np.inf, 2)),
+    ],
+)
+def test_bad_boxes_are_refused(box):
+    with pytest.raises(ValueError, match="box must be finite and hold the centre"):
+        fastibl.Capture(size=16, centre=CENTRE, box=box)
