@@ -21,9 +21,10 @@ constexpr double kSettled = 0.03;   // px of motion in the last round
 constexpr double kDoubtful = 0.15;  // px, median: both minima are looked at at once
 constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
 constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
-constexpr double kSystematic = 0.25;      // of the surplus that counts: errors are not independent
+constexpr double kSystematic = 0.08;      // of the surplus that counts: errors are not independent
 
 constexpr double kSharp = 1.1, kShared = 0.01;  // px: `spread` of a sharp picture, error there
+constexpr double kNarrow = 3;                   // times as much of edges with room for one pixel
 constexpr double kSides = 8;                    // errors of a tag that are independent, about
 
 struct Codes {
@@ -125,10 +126,14 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
 // the edges of a side together.
 bool covariance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::size_t tags,
                    double spread, std::array<double, 36>& covariance) {
-  double used = 0, weights = 0;
+  double used = 0, weights = 0, narrow = 0;
   for (std::size_t i = 0; i < points.size(); ++i)
-    if (fit.used[i]) ++used, weights += 1 / (fit.deviation[i] * fit.deviation[i]);
-  const double shared = kShared * (spread / kSharp) * (spread / kSharp);
+    if (fit.used[i]) {
+      const double weight = 1 / (fit.deviation[i] * fit.deviation[i]);
+      ++used, weights += weight, narrow += points[i].kind < 2 ? weight : 0;
+    }
+  const double shared =
+      kShared * (spread / kSharp) * (spread / kSharp) * (1 + kNarrow * narrow / weights);
   const double together = used / (kSides * double(std::max<std::size_t>(tags, 1)));
   const double variance = 1 + shared * shared * std::max(1.0, together) * weights / used;
   for (std::size_t c = 0; c < 6; ++c) {
