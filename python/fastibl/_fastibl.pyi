@@ -1331,6 +1331,10 @@ def _seconds_to_sum_cube(cube: CubeMap, size: typing.SupportsInt | typing.Suppor
     """
     For benchmarks: times of building an irradiance cube in C++.
     """
+def _tag_black(id: typing.SupportsInt | typing.SupportsIndex, row: typing.SupportsInt | typing.SupportsIndex, column: typing.SupportsInt | typing.SupportsIndex) -> bool:
+    """
+    Whether a data module of 36h11 is black.
+    """
 def _track(tags: typing.Any, start: typing.Any, board: Board, camera: Camera, method: str = 'board', grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8] | None = None) -> Tracked | None:
     """
     Pose from tags [(id, corners (4, 2))]; with a grey picture, their corners are refined first.
