@@ -11,10 +11,11 @@ constexpr double kLeastLength = 1;  // px
 // By `spread`: how far from an edge its blur, with that of the scan lines' smoothing, is 2 % and
 // 12 %.
 constexpr double kTail = 1.2, kCorner = 1.0;
-constexpr int kMostNear = 3;             // px to either side, from close by
-constexpr std::size_t kGainEdges = 300;  // are enough to tell the usual gain
-constexpr double kGone = 1.5;            // px; from close by, an edge is not sought further
-constexpr double kLeastGain = 0.04;      // of the step, by px: flatter ones are no edges
+constexpr int kMostNear = 3;                                 // px to either side, from close by
+constexpr std::size_t kGainEdges = 300;                      // are enough to tell the usual gain
+constexpr double kLargestAliased = 0.15, kLeastPhases = 15;  // of the step; edges
+constexpr double kGone = 1.5;        // px; from close by, an edge is not sought further
+constexpr double kLeastGain = 0.04;  // of the step, by px: flatter ones are no edges
 
 double cross(const glm::dvec2& a, const glm::dvec2& b) { return a.x * b.y - a.y * b.x; }
 
@@ -95,6 +96,17 @@ struct Near {
   int reach;
 };
 
+// What the pixel grid adds to the excess of edges of one reach, by their phase: sharp pictures hold
+// more than pixels can. Least squares; the edges' own offsets know nothing of the grid.
+double aliasing(std::span<const Near> near, int reach) {
+  double products = 0, squares = 0;
+  for (const Near& n : near) {
+    if (n.reach != reach || !(std::abs(n.edge.excess) < kLargestAliased)) continue;
+    products += n.edge.phase * n.edge.excess, squares += n.edge.phase * n.edge.phase;
+  }
+  return squares > kLeastPhases ? products / squares : 0;
+}
+
 // Offsets of near edges: their excess by the gain, which is nearly the same for all of one reach;
 // a single one's own is too noisy to divide by.
 void set_offsets(std::span<const Near> near, std::vector<EdgePoint>& points) {
@@ -109,6 +121,8 @@ void set_offsets(std::span<const Near> near, std::vector<EdgePoint>& points) {
     std::nth_element(gains[k].begin(), middle, gains[k].end());
     usual[k] = *middle;
   }
+  std::array<double, kMostNear + 1> grid{};
+  for (int k = 1; k <= kMostNear; ++k) grid[std::size_t(k)] = aliasing(near, k);
   std::size_t kept = 0;
   for (std::size_t i = 0; i < near.size(); ++i) {
     const double middle = usual[std::size_t(near[i].reach)];
@@ -116,7 +130,9 @@ void set_offsets(std::span<const Near> near, std::vector<EdgePoint>& points) {
     // Blur by motion makes it differ by direction.
     const double gain = std::clamp(near[i].edge.gain, 0.5 * middle, 1.5 * middle);
     EdgePoint point = points[i];
-    point.offset = near[i].edge.excess / gain, point.noise = near[i].edge.noise / middle,
+    const double excess =
+        near[i].edge.excess - grid[std::size_t(near[i].reach)] * near[i].edge.phase;
+    point.offset = excess / gain, point.noise = near[i].edge.noise / middle,
     point.kind = near[i].reach;
     if (std::abs(point.offset) < kGone) points[kept++] = point;
   }

@@ -15,6 +15,7 @@ constexpr double kLeastStep = 2e-3;      // of full white
 struct Profile {
   std::array<float, 2 * kMostReach + 1> value{};  // black first; the edge at `reach`
   int reach = 0, lines = 0;
+  float phase = 0;   // as NearEdge
   double scale = 1;  // px across the edge by px along a scan line
 };
 
@@ -32,7 +33,7 @@ bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& prof
   const int size = steep ? light.width() : light.height(),
             lines = steep ? light.height() : light.width();
   if (first < 0 || last > lines) return false;
-  profile.reach = Reach, profile.lines = 0;
+  profile.reach = Reach, profile.lines = 0, profile.phase = 0;
   constexpr int n = 2 * Reach + 1;
   float sum[n] = {}, line[n + 3];
   for (int k = first; k < last; ++k) {
@@ -45,6 +46,7 @@ bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& prof
     light.read<Channels, n + 3>(steep ? begin : k, steep ? k : begin, !steep, line);
     for (int j = 0; j < n; ++j)
       sum[j] += b0 * line[j] + b1 * line[j + 1] + b2 * line[j + 2] + b3 * line[j + 3];
+    profile.phase += 16 * (0.5f - f) * (0.5f - std::abs(0.5f - f));  // sin 2πf, within 6 %
     ++profile.lines;
   }
   if (profile.lines == 0) return false;
@@ -52,6 +54,7 @@ bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& prof
   const bool rising = steep ? d.y > 0 : d.x < 0;
   for (int j = 0; j < n; ++j)
     profile.value[std::size_t(j)] = sum[rising ? j : n - 1 - j] / float(profile.lines);
+  profile.phase *= (rising ? 1.0f : -1.0f) / float(profile.lines);
   profile.scale = std::abs(d[along]) / length;
   return true;
 }
@@ -127,7 +130,7 @@ std::optional<NearEdge> find_near_edge(const LightReader& light, const ExpectedE
   if (!clear(black, white)) return std::nullopt;
   const double step = white - black;
   return NearEdge{(0.5 * (black + white) - at(0)) / step, gain / (step * p.scale),
-                  std::sqrt(noise_variance(black, white) / p.lines) / step};
+                  std::sqrt(noise_variance(black, white) / p.lines) / step, p.phase};
 }
 
 }  // namespace fastibl

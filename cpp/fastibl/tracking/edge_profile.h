@@ -27,6 +27,8 @@ struct NearEdge {
   double excess = 0;  // of the middle between black and white over the expected edge, by the step
   double gain = 0;    // by how much that grows for a px of offset, as this profile has it: rough
   double noise = 1;   // standard deviation of the excess against other edges
+  // Where the edge lies between pixel centres: mean of sin 2πx along scan lines, towards white.
+  double phase = 0;
 };
 
 // Edge position from the area under the profile between black and white, over as much as there is
