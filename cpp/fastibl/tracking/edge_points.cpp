@@ -10,7 +10,7 @@ constexpr double kMargin = 4;       // px from the picture's border: profiles mu
 constexpr double kLeastLength = 1;  // px
 // By `spread`: how far from an edge its blur, with that of the scan lines' smoothing, is 2 % and
 // 12 %.
-constexpr double kTail = 1.2, kCorner = 1.0;
+constexpr double kTail = 0.8, kCorner = 1.0;
 constexpr int kMostNear = 3;                                 // px to either side, from close by
 constexpr std::size_t kGainEdges = 300;                      // are enough to tell the usual gain
 constexpr double kLargestAliased = 0.15, kLeastPhases = 15;  // of the step; edges
