@@ -17,7 +17,8 @@ constexpr double kLeastShare = 0.15;  // of the tags that could be read must be,
 constexpr std::size_t kFarEdges = 200;
 constexpr std::size_t kWideEdges =
     240;                            // from so many on, narrow ones, which err more, are left out
-constexpr double kSettled = 0.03;   // px of motion in the last round
+constexpr double kNear = 0.5;       // px of motion that edges are followed over from close by
+constexpr double kSettled = 0.02;   // px of motion in the last round
 constexpr double kDoubtful = 0.15;  // px, median: both minima are looked at at once
 constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
 constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
@@ -189,10 +190,10 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     const FoundEdges far = find_edges(light, pattern_, codes.shown, {true, kFarEdges});
     const auto fit = fit_edges(far.points, lens_, pose);
     if (!fit) break;
+    search.spread = spread_of(far.points);
+    if (fit->motion < kNear) break;  // from there, close by is more exact
     pose = fit->camera_from_marker;
     codes = read_codes(light, pattern_, project(pose));
-    search.spread = spread_of(far.points);
-    if (fit->motion < 0.5) break;
   }
   if (!enough(codes)) return std::nullopt;
 
@@ -212,7 +213,9 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     search.most = options.most_edges;
     // In the wrong minimum a fit creeps and does not fit.
     const bool doubtful = !switched && round > 0 && fit->residual > kDoubtful;
-    const bool settled = (fit->motion <= kSettled && all) || round + 1 == rounds;
+    // Fewer edges tell less, and another round of them costs little.
+    const double still = kSettled * double(near.points.size()) / double(options.most_edges);
+    const bool settled = (fit->motion <= still && all) || round + 1 == rounds;
     if (!settled && !doubtful) continue;
     choice = choose(near.points, *fit, lens_, prior);
     if (settled && (!choice.other || switched)) break;
