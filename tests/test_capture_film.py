@@ -7,6 +7,7 @@ import fastibl
 from views import camera_of, exposed, looking, picture_of, rays_of
 
 SIZE, RATE = 128, 30
+MOST_LEFT_OUT = 5  # pictures in a row that may leave out a tile
 TOWARDS = (0.3, 1.0, 0.9)
 
 
@@ -73,11 +74,12 @@ def test_most_tiles_are_left_out_but_none_for_long():
     taken = np.array([c[tiles] for c in film.changed])
     shares = taken.mean(axis=1)
     print(f"{tiles.sum()} tiles, shares taken: {np.round(shares, 2)}")
-    assert taken[0].all() and np.median(shares[8:]) < 0.45
-    assert all(taken[k : k + 4].any(axis=0).all() for k in range(len(taken) - 3))
+    assert taken[0].all() and np.median(shares[8:]) < 0.3
+    turn = MOST_LEFT_OUT + 1
+    assert all(taken[k : k + turn].any(axis=0).all() for k in range(len(taken) - turn + 1))
     env = film.capture.environment()
     inside = inner(film, 15)
-    assert env.age[inside].max() <= 3.01 / RATE
+    assert env.age[inside].max() <= (MOST_LEFT_OUT + 0.01) / RATE
     error = relative(film.faces[inside], place(fastibl.texel_directions(SIZE))[inside])
     print(f"error: median {100 * np.median(error):.2f} %, worst {100 * error.max():.1f} %")
     assert np.median(error) < 0.01 and error.max() < 0.06
@@ -112,10 +114,10 @@ def test_a_hand_and_a_lamp_come_through_at_once(level):
         assert (values < 0.02).all() if level == 0 else (values > 0.9).all()
 
 
-def test_a_small_change_is_three_pictures_late_at_most():
+def test_a_small_change_is_five_pictures_late_at_most():
     film = Film().film(16)
-    film.film(4, light=1.01 * film.light)
-    assert np.any(film.changed[-4:], axis=0)[film.tiles].all()
+    film.film(MOST_LEFT_OUT + 1, light=1.01 * film.light)
+    assert np.any(film.changed[-MOST_LEFT_OUT - 1 :], axis=0)[film.tiles].all()
 
 
 def test_bounds_are_lifted_at_once():

@@ -15,6 +15,7 @@ from ..goals import Goal, percent, row
 
 SIZE = 256
 FRAMES = 320
+PASSES = 3
 
 
 def cpu_times(calls: list[Callable[[], object]], repetitions: int) -> NDArray[np.float64]:
@@ -52,12 +53,12 @@ def full_rebuild() -> Iterator[Goal]:
         )
     (chain, sh9, auto, whole), yard = in_yardsticks(times)
     yield Goal(
-        "full rebuild at 6 x 256^2: all MIP levels and borders, then sh9, E(z) and the measured error",
+        "full rebuild at 6 x 256^2: all MIP levels and borders, then sh9 and E(z)",
         f"{chain + sh9:.3f} yardsticks",
         "<= 0.075 yardsticks (0.3 ms of 4.0)",
         chain + sh9 <= 0.075,
         (
-            f"levels {chain:.3f}, sh9 with its error {sh9:.3f}, the automatic method {auto:.3f} yardsticks of "
+            f"levels {chain:.3f}, sh9 {sh9:.3f}, the automatic method {auto:.3f} yardsticks of "
             f"{1e3 * yard:.2f} ms CPU; from clean linear float faces in the map's own storage",
             f"a new map from an array, with cleaning and fresh memory: {whole:.3f} yardsticks",
         ),
@@ -101,8 +102,10 @@ def lens(degrees: float, distorted: bool) -> fastibl.Camera:
     return fastibl.Camera(640, 480, f, f, 320, 240, distortion=(-0.15, 0.02, 0, 0) if distorted else ())
 
 
-def follow(camera: fastibl.Camera, radiance: Callable, lowest: float, highest: float) -> tuple[NDArray, NDArray, float]:
-    """CPU seconds (frames, 3) of add, environment and irradiance; the yardsticks beside them; the last coverage."""
+def film(
+    camera: fastibl.Camera, radiance: Callable, lowest: float, highest: float
+) -> list[tuple[NDArray, fastibl.Pose]]:
+    """Pictures of a camera that turns, and its poses."""
     rng = np.random.default_rng(0)
     x, y = np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5)
     rays = camera.unproject(np.stack([x, y], axis=-1))
@@ -117,6 +120,11 @@ def follow(camera: fastibl.Camera, radiance: Callable, lowest: float, highest: f
         light = np.clip(radiance((rays @ pose.rotation).astype(np.float32)), 0, 1)
         codes = 255 * camera.response.encode(light) + rng.normal(size=(480, 640, 1))
         pictures.append((np.clip(codes, 0, 255).round().astype(np.uint8), pose))
+    return pictures
+
+
+def follow(camera: fastibl.Camera, pictures: list[tuple[NDArray, fastibl.Pose]]) -> tuple[NDArray, NDArray, float]:
+    """CPU seconds (frames, 3) of add, environment and irradiance; the yardsticks beside them; the last coverage."""
     capture, times, yards, env = fastibl.Capture(size=SIZE), [], [], None
     for k, (image, pose) in enumerate(pictures):
         begin = time.process_time()
@@ -143,7 +151,12 @@ def frames() -> Iterator[Goal]:
     )
     for what, camera, lowest, highest, judged in cases:
         with measure.one_core():
-            times, yards, coverage = follow(camera, radiance, lowest, highest)
+            # Every pass does the same work. Its least time is its own; what is more, others on the machine took.
+            pictures = film(camera, radiance, lowest, highest)
+            passes = [follow(camera, pictures) for _ in range(PASSES)]
+        times = np.min([times for times, _, _ in passes], axis=0)
+        yards = np.min([yards for _, yards, _ in passes], axis=0)
+        coverage = passes[0][2]
         yard = float(np.median(yards))
         total = times.sum(axis=1) / yard
         parts = np.median(times, axis=0) / yard
@@ -154,8 +167,9 @@ def frames() -> Iterator[Goal]:
             "<= 0.125, <= 0.25 yardsticks" if judged else "(no goal of its own)",
             (middle <= 0.125 and high <= 0.25) if judged else None,
             (
-                f"medians: splat {parts[0]:.3f}, map with dirty levels {parts[1]:.3f}, sh9 with its error "
-                f"{parts[2]:.3f} yardsticks of {1e3 * yard:.2f} ms; CPU time over {len(total)} frames",
+                f"medians: splat {parts[0]:.3f}, map with dirty levels {parts[1]:.3f}, sh9 {parts[2]:.3f} "
+                f"yardsticks of {1e3 * yard:.2f} ms; CPU time of {len(total)} frames, the least of {PASSES} passes "
+                "each, as of the yardsticks beside them",
                 f"{name or 'a made-up place'}, 2 degrees a frame; coverage at the end {percent(coverage)}; worst frame "
                 f"{total.max():.2f}",
             ),

@@ -7,6 +7,7 @@
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/lighting/harmonic_sums.h"
 #include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/scene/glossy.h"
 
@@ -99,6 +100,7 @@ void bind_lighting(py::module_& module) {
                  settings_with<DiffuseSettings>(options.diffuse, diffuse_given);
              options.glossy = glossy_method(glossy);
              options.glossy_settings = settings_with<GlossySettings>(options.glossy, glossy_given);
+             options.measure_error = false;
              return fit_lighting(shared_cube(cube), options, previous);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
@@ -221,7 +223,7 @@ sizes outside 1 to 256.)")
           [](const Lighting& l) { return settings_map(l.glossy, l.glossy_settings); })
       .def_property_readonly("_glossy",
                              [](const Lighting& l) { return std::string(name(l.glossy)); })
-      .def_readonly("_irradiance_error", &Lighting::irradiance_error);
+      .def_property_readonly("_irradiance_error", &irradiance_error);
   module.def(
       "_seconds_to_fit",
       [](const CubeMap& cube, const Lighting& like, bool measure_error, int repetitions) {

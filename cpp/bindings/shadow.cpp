@@ -6,7 +6,7 @@
 
 #include "bindings/numpy.h"
 #include "bindings/spheres.h"
-#include "fastibl/lighting/irradiance_sums.h"
+#include "fastibl/lighting/harmonic_sums.h"
 #include "fastibl/shadow/fit_spheres.h"
 #include "fastibl/shadow/ratio_at.h"
 #include "fastibl/shadow/sphere_shadow.h"
@@ -42,7 +42,7 @@ ShadowMethod require_method(const std::string& text) {
 }
 
 glm::vec3 plane_irradiance(const CubeMap& cube) {
-  return glm::vec3(sum_irradiance(fold(cube, 32), {0, 0, 1}));
+  return glm::vec3(plane_irradiance(fold(cube, 32)));
 }
 
 ShadowOptions require_options(const std::string& method, int directions, int resolution,

@@ -1,13 +1,12 @@
 #include "fastibl/capture/capture.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <cstring>
 
 #include "fastibl/capture/footprint.h"
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/core/prefetch.h"
 #include "fastibl/core/simd.h"
 
 namespace fastibl {
@@ -15,7 +14,6 @@ namespace {
 
 constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
 constexpr std::size_t kCameras = 4;    // whose tables are kept
-constexpr std::size_t kSnapshots = 3;  // kept to be updated: in use by renderer, caller and us
 // Seconds over which new values of unseen tiles are spread, and the least share that a picture
 // makes: what is not seen is a guess, and follows when there is time.
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
@@ -23,32 +21,6 @@ constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLa
 constexpr int kSmallLater = 4;
 constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
-
-// Rows of `width` texels as the map has them, its rows `stride` floats apart.
-FASTIBL_CLONES void interleave(const float* const channels[3], int width, int height,
-                               std::ptrdiff_t stride, float* __restrict map) {
-  const float *r = channels[0], *g = channels[1], *b = channels[2];
-  const auto at = [](const float* p) -> const Float8& {
-    return *reinterpret_cast<const Float8*>(p);
-  };
-  for (int row = 0; row < height; ++row, map += stride) {
-    float* out = map;
-    int i = 0;
-    for (; i + 8 <= width; i += 8, out += 24) {
-      const Float8 &x = at(r + i), &y = at(g + i), &z = at(b + i);
-      const Float8 p = __builtin_shufflevector(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
-      const Float8 q = __builtin_shufflevector(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
-      const Float8 s = __builtin_shufflevector(x, y, 13, 0, 6, 14, 0, 7, 15, 0);
-      *reinterpret_cast<Float8*>(out) = __builtin_shufflevector(p, z, 0, 1, 8, 3, 4, 9, 6, 7);
-      *reinterpret_cast<Float8*>(out + 8) =
-          __builtin_shufflevector(q, z, 10, 1, 2, 11, 4, 5, 12, 7);
-      *reinterpret_cast<Float8*>(out + 16) =
-          __builtin_shufflevector(s, z, 0, 13, 2, 3, 14, 5, 6, 15);
-    }
-    for (; i < width; ++i, out += 3) out[0] = r[i], out[1] = g[i], out[2] = b[i];
-    r += width, g += width, b += width;
-  }
-}
 
 // Texels that were not seen take `fill`.
 FASTIBL_CLONES void fill_unseen(const double* __restrict last_seen, const float* __restrict fill,
@@ -192,8 +164,10 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       view, TexelView(camera, k.lens, k.bounds, camera_from_marker, viewpoint, grid_.size / 2));
   changed_.assign(tiles_.size(), 0);
   parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {
-    for (int i = begin; i < end; ++i)
+    for (int i = begin; i < end; ++i) {
+      if (i + 1 < end) prefetch_tile(tiles_[std::size_t(i) + 1]);
       changed_[std::size_t(i)] = add_tile(view, tiles_[std::size_t(i)]);
+    }
   });
   std::vector<int> changed, refilled;
   for (std::size_t i = 0; i < tiles_.size(); ++i)
@@ -300,8 +274,10 @@ void Capture::leave_out_quiet_tiles(const View& view, const TexelView& halved) {
   // By face and side of the horizon: groups that are seen alike.
   std::vector<int> groups[12];
   for (const int tile : tiles_)
-    if (quiet_.may_leave_out(tile, time_) && surroundings_.is_usual(surroundings_.depth(tile)))
+    if (quiet_.may_leave_out(tile, time_) && surroundings_.is_usual(surroundings_.depth(tile))) {
       groups[2 * (tile / grid_.per_face()) + unseen_.above(tile)].push_back(tile);
+      prefetch_items(quiet_.value(tile, 0), 6 * QuietTiles::kProbes);
+    }
   constexpr int kTiles = kLanes / QuietTiles::kProbes;
   struct Part {
     const int* tiles;
@@ -329,9 +305,11 @@ void Capture::compare_probes(const View& view, const TexelView& halved, const in
   alignas(64) float columns[kLanes], rows[kLanes], values[3][kLanes], rough[3][kLanes];
   for (int t = 0; t < count; ++t) {
     const FaceRect r = tile_rect(grid_, tiles[t]);
+    QuietTiles::Place probes[kProbes];
+    quiet_.places(tiles[t], probes);
     for (int p = 0; p < kProbes; ++p) {
-      columns[t * kProbes + p] = float(r.x0 / 2 + quiet_.probe_column(tiles[t], p));
-      rows[t * kProbes + p] = float(r.y0 / 2 + quiet_.probe_row(tiles[t], p));
+      columns[t * kProbes + p] = float(r.x0 / 2 + probes[p].x);
+      rows[t * kProbes + p] = float(r.y0 / 2 + probes[p].y);
     }
     for (int c = 0; c < 3; ++c) {
       std::copy_n(quiet_.value(tiles[t], c), kProbes, &values[c][t * kProbes]);
@@ -355,6 +333,18 @@ void Capture::compare_probes(const View& view, const TexelView& halved, const in
         quiet_.leave_out(tile, sighting(view, tile, sightings, samples, at, kProbes),
                          &sightings.seen[at], &deviance[at]);
   }
+}
+
+void Capture::prefetch_tile(int tile) const {
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride()),
+                    count = std::size_t(grid_.stride());
+  for (int c = 0; c < 3; ++c) {
+    prefetch_items(&state_.value[c][start], count);
+    prefetch_items(&state_.variance[c][start], count);
+  }
+  prefetch_items(&state_.bound[start], count);
+  prefetch_items(&state_.relative[start], count);
+  prefetch_items(&projected_[start], count);
 }
 
 // Takes what the picture shows of a tile; true if it shows any of its texels.
@@ -424,87 +414,6 @@ std::vector<double> Capture::last_seen() const {
             state_.last_seen.at(tile, from++);
   }
   return out;
-}
-
-std::shared_ptr<const Environment> Capture::environment() {
-  // A map that only this list still holds can be changed: nobody can get hold of it meanwhile.
-  std::shared_ptr<Environment> snapshot;
-  for (std::size_t i = 0; i < snapshots_.size() && !snapshot; ++i)
-    if (snapshots_[i].use_count() == 1) {
-      std::atomic_thread_fence(std::memory_order_acquire);
-      snapshot = std::move(snapshots_[i]);
-      snapshots_.erase(snapshots_.begin() + std::ptrdiff_t(i));
-    }
-  if (!snapshot) {
-    snapshot = std::make_shared<Environment>();
-    snapshot->radiance = CubeMap(grid_.size);
-    snapshot->last_seen = TexelTimes(grid_);
-    snapshot->variance.assign(state_.relative.size(), 0);
-  }
-  update_snapshot(*snapshot);
-  snapshots_.insert(snapshots_.begin(), snapshot);
-  if (snapshots_.size() > kSnapshots) snapshots_.pop_back();
-  return snapshot;
-}
-
-void Capture::update_snapshot(Environment& snapshot) const {
-  CubeMap& map = snapshot.radiance;
-  std::vector<int> stale;
-  for (int tile = 0; tile < grid_.count(); ++tile)
-    if (map.tile_version(tile) != versions_[std::size_t(tile)]) stale.push_back(tile);
-  for (const int tile : stale) write_tile(tile, snapshot);
-  map.update(stale, pyramids_.levels());
-  for (const int tile : stale) map.set_tile_version(tile, versions_[std::size_t(tile)]);
-
-  double up = 0, up_seen = 0, seen = 0, bound = 0, bound_flux = 0, flux = 0;
-  for (int tile = 0; tile < grid_.count(); ++tile) {
-    const std::size_t i = std::size_t(tile);
-    const TileSums& s = sums_[i];
-    seen += s.angle, bound += s.bound_angle;
-    if (!unseen_.above(tile)) continue;
-    const glm::dvec3 fill(filled_[i]);
-    up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux;
-    flux +=
-        s.flux.x + s.flux.y + s.flux.z + (tile_angle_[i] - s.angle) * (fill.x + fill.y + fill.z);
-  }
-  snapshot.time = time_;
-  snapshot.light_positions = tracks_.positions();
-  snapshot.coverage = seen / (4 * std::numbers::pi);
-  snapshot.clipped = seen > 0 ? bound / seen : 0;
-  // Expected error of the irradiance, fitted to nearest-seen filling on real maps: it falls
-  // faster than what is unseen above the horizon. Light known only as a lower bound may be twice
-  // as strong.
-  snapshot.predicted_error = 0.02 + 0.85 * std::pow(std::max(0.0, 1 - up_seen / up), 1.5) +
-                             (flux > 0 ? 0.5 * bound_flux / flux : 0);
-}
-
-void Capture::write_tile(int tile, Environment& snapshot) const {
-  const FaceRect r = tile_rect(grid_, tile);
-  CubeMap& map = snapshot.radiance;
-  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  const auto write = [&](int level, const float* const(&channels)[3]) {
-    CubeLevel& to = map.base(level);
-    interleave(channels, r.width() >> level, r.height() >> level, 3 * to.row_stride(),
-               &to.texel(r.face, r.x0 >> level, r.y0 >> level).x);
-  };
-  const bool seen = sums_[std::size_t(tile)].count > 0;
-  if (seen)
-    write(0, {&state_.value[0][start], &state_.value[1][start], &state_.value[2][start]});
-  else
-    for (int y = r.y0; y < r.y1; ++y) {
-      glm::vec3* row = &map.base(0).texel(r.face, r.x0, y);
-      if (y == r.y0)
-        std::fill_n(row, r.width(), filled_[std::size_t(tile)]);
-      else
-        std::memcpy(row, &map.base(0).texel(r.face, r.x0, r.y0),
-                    sizeof *row * std::size_t(r.width()));
-    }
-  for (int k = 1; k < pyramids_.levels(); ++k)
-    write(k,
-          {pyramids_.level(tile, 0, k), pyramids_.level(tile, 1, k), pyramids_.level(tile, 2, k)});
-  if (!seen) return;
-  std::copy_n(&state_.relative[start], grid_.stride(), &snapshot.variance[start]);
-  snapshot.last_seen.copy(tile, state_.last_seen);
 }
 
 }  // namespace fastibl

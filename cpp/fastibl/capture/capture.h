@@ -47,7 +47,7 @@ struct CaptureOptions {
 // contradicts the value replaces it. A clipped sample is a lower bound: it raises a value below it,
 // agrees with one above it and never lowers it.
 //
-// A tile that a picture could hardly improve, and that agrees with it, is left out for up to three
+// A tile that a picture could hardly improve, and that agrees with it, is left out for up to five
 // pictures: see QuietTiles. Its texels then count as last seen when they were last taken.
 class Capture {
  public:
@@ -97,6 +97,9 @@ class Capture {
   TileSighting sighting(const View& view, int tile, const Sightings& sightings,
                         const Samples& samples, int first, int count) const;
   bool add_tile(const View& view, int tile);
+  // Asks for memory that is soon worked on.
+  void prefetch_tile(int tile) const;
+  void prefetch_rows(int tile, const CubeMap& map) const;
   void make_levels(int tile);
   int refills_after(double time, std::ptrdiff_t camera) const;
   bool is_small_refill(int tile) const;

@@ -43,11 +43,9 @@ FASTIBL_CLONES bool to_pixels(const std::uint32_t* sums, int pairs, float* pixel
 #ifdef FASTIBL_BYTE_SHUFFLES
 // The table of 256 codes as three planes of bytes in registers: four shuffles look up 64 codes.
 // Four outputs at a time; returns how many were made, or −1 if a pixel is clipped.
-__attribute__((target("avx512f,avx512bw,avx512vbmi"))) int shuffle_codes(const std::uint8_t* planes,
-                                                                         const std::uint8_t* a,
-                                                                         const std::uint8_t* b,
-                                                                         int pairs, float* pixels,
-                                                                         std::uint32_t* clipped) {
+__attribute__((target("avx512f,avx512bw,avx512vbmi,avx512vnni"))) int shuffle_codes(
+    const std::uint8_t* planes, const std::uint8_t* a, const std::uint8_t* b, int pairs,
+    float* pixels, std::uint32_t* clipped) {
   alignas(64) std::uint8_t order[64];  // the four codes of each sum side by side; b's follow a's 64
   for (int x = 0; x < 4; ++x)
     for (int c = 0; c < 4; ++c) {
@@ -57,7 +55,7 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi"))) int shuffle_codes(const s
       to[2] = std::uint8_t(at + 64), to[3] = std::uint8_t(at + 67);
     }
   const __m512i gather = _mm512_load_si512(order);
-  const __m512i one8 = _mm512_set1_epi8(1), one16 = _mm512_set1_epi16(1);
+  const __m512i one8 = _mm512_set1_epi8(1);
   const __m512i limit = _mm512_set1_epi8(char(CodeTable::kClippedCode));
   __m512i t[3][4];
   for (int p = 0; p < 3; ++p)
@@ -66,44 +64,51 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi"))) int shuffle_codes(const s
   const __m512i fields = _mm512_set4_epi32(0, 2 * kCountBits, kCountBits, 0);
   // A camera's picture lies in memory that no core has read: rows to come are asked for early.
   const std::uint8_t* ahead = a + kRowsAhead * (b - a);
-  int x = 0;
-  // 64 bytes are read for 24 that are used.
-  for (; 6 * x + 64 <= 6 * pairs; x += 4, a += 24, b += 24, pixels += 16, clipped += 4) {
-    const __m512i codes =
-        _mm512_permutex2var_epi8(_mm512_loadu_si512(a), gather, _mm512_loadu_si512(b));
-    __builtin_prefetch(ahead + 12 * x);
-    const __mmask64 over = _mm512_cmpge_epu8_mask(codes, limit);
-    const __mmask64 upper = _mm512_movepi8_mask(codes);
-    __m512i sum[3];
-    for (int p = 0; p < 3; ++p) {
-      const __m512i low = _mm512_permutex2var_epi8(t[p][0], codes, t[p][1]);
-      const __m512i high = _mm512_permutex2var_epi8(t[p][2], codes, t[p][3]);
-      sum[p] = _mm512_madd_epi16(_mm512_maddubs_epi16(_mm512_mask_mov_epi8(low, upper, high), one8),
-                                 one16);
+  constexpr __mmask64 used = (1u << 24) - 1;  // bytes of a row, for four outputs
+  constexpr int kTogether = 64;
+  const int groups = pairs / 4;
+  for (int first = 0; first < groups; first += kTogether) {
+    const int count = std::min(groups - first, kTogether);
+    __mmask64 over[kTogether], any = 0;  // looked at later: branches wait for no look-up
+    for (int i = 0; i < count; ++i, a += 24, b += 24, ahead += 48, pixels += 16) {
+      const __m512i codes = _mm512_permutex2var_epi8(_mm512_maskz_loadu_epi8(used, a), gather,
+                                                     _mm512_maskz_loadu_epi8(used, b));
+      __builtin_prefetch(ahead);
+      over[i] = _mm512_cmpge_epu8_mask(codes, limit);
+      any |= over[i];
+      const __mmask64 upper = _mm512_movepi8_mask(codes);
+      __m512i value = _mm512_setzero_si512();  // four codes' bytes at once, the highest first
+      for (int p = 2; p >= 0; --p) {
+        const __m512i low = _mm512_permutex2var_epi8(t[p][0], codes, t[p][1]);
+        const __m512i high = _mm512_permutex2var_epi8(t[p][2], codes, t[p][3]);
+        value = _mm512_dpbusd_epi32(_mm512_slli_epi32(value, 8),
+                                    _mm512_mask_mov_epi8(low, upper, high), one8);
+      }
+      _mm512_storeu_ps(pixels, _mm512_maskz_mul_ps(0x7777, _mm512_cvtepi32_ps(value), scale));
     }
-    const __m512i value = _mm512_add_epi32(
-        sum[0], _mm512_add_epi32(_mm512_slli_epi32(sum[1], 8), _mm512_slli_epi32(sum[2], 16)));
-    __m512 out = _mm512_maskz_mul_ps(0x7777, _mm512_cvtepi32_ps(value), scale);
-    __m128i numbers = _mm_setzero_si128();
-    if (over) {  // counts of the three channels side by side in one number
+    std::fill_n(clipped, 4 * count, 0u);
+    for (int i = 0; any && i < count; ++i) {
+      if (!over[i]) continue;
+      // Counts of the three channels side by side in one number.
       const __m512i counts =
-          _mm512_madd_epi16(_mm512_maddubs_epi16(_mm512_maskz_mov_epi8(over, one8), one8), one16);
+          _mm512_dpbusd_epi32(_mm512_setzero_si512(), _mm512_maskz_mov_epi8(over[i], one8), one8);
       __m512i packed = _mm512_maskz_sllv_epi32(0x7777, counts, fields);
       packed = _mm512_or_si512(packed, _mm512_shuffle_epi32(packed, _MM_PERM_BADC));
       packed = _mm512_or_si512(packed, _mm512_shuffle_epi32(packed, _MM_PERM_CDAB));
-      const __mmask16 any = _mm512_test_epi32_mask(packed, packed);
-      out = _mm512_mask_mov_ps(out, __mmask16(any & 0x8888), _mm512_set1_ps(1));
-      numbers = _mm512_castsi512_si128(_mm512_maskz_compress_epi32(0x1111, packed));
+      const __mmask16 some = _mm512_test_epi32_mask(packed, packed);
+      _mm512_mask_storeu_ps(pixels + 16 * (i - count), __mmask16(some & 0x8888), _mm512_set1_ps(1));
+      _mm_storeu_si128(reinterpret_cast<__m128i*>(clipped + 4 * i),
+                       _mm512_castsi512_si128(_mm512_maskz_compress_epi32(0x1111, packed)));
     }
-    _mm_storeu_si128(reinterpret_cast<__m128i*>(clipped), numbers);
-    _mm512_storeu_ps(pixels, out);
+    clipped += 4 * count;
   }
-  return x;
+  return 4 * groups;
 }
 
 bool has_byte_shuffles() {
-  static const bool has =
-      __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vbmi");
+  static const bool has = __builtin_cpu_supports("avx512bw") &&
+                          __builtin_cpu_supports("avx512vbmi") &&
+                          __builtin_cpu_supports("avx512vnni");
   return has;
 }
 #endif

@@ -101,24 +101,23 @@ void QuietTiles::add_blocks(int first, int count, const float* texels,
   if (width_ > 0) largest_of_blocks(first, count, 2 * width_, texels, blocks);
 }
 
-int QuietTiles::probe_column(int tile, int probe) const {
-  const int step = width_ / kProbesPerEdge;
-  return probe % kProbesPerEdge * step + tiles_[std::size_t(tile)].turn % step;
-}
-
-int QuietTiles::probe_row(int tile, int probe) const {
-  const int step = width_ / kProbesPerEdge;
-  return probe / kProbesPerEdge * step + tiles_[std::size_t(tile)].turn / step % step;
+void QuietTiles::places(int tile, Place (&probes)[kProbes]) const {
+  const int step = width_ / kProbesPerEdge, turn = tiles_[std::size_t(tile)].turn;
+  const int x = turn % step, y = turn / step % step;
+  for (int p = 0; p < kProbes; ++p)
+    probes[p] = {p % kProbesPerEdge * step + x, p / kProbesPerEdge * step + y};
 }
 
 void QuietTiles::place_probes(int tile, const TilePyramids& texels) {
   if (width_ == 0) return;
   const int w = width_;
   float* out = &values_[std::size_t(tile) * 6 * kProbes];
+  Place probes[kProbes];
+  places(tile, probes);
   for (int c = 0; c < 3; ++c) {
     const float* level = texels.level(tile, c, 1);
     for (int p = 0; p < kProbes; ++p) {
-      const int x = probe_column(tile, p), y = probe_row(tile, p);
+      const auto [x, y] = probes[p];
       const float* at = level + y * w + x;
       const float left = std::fabs(at[x > 0 ? -1 : 0] - *at),
                   right = std::fabs(at[x + 1 < w ? 1 : 0] - *at),

@@ -29,15 +29,15 @@ inline TileSighting joined(const TileSighting& a, const TileSighting& b) {
 // - no texel is a lower bound that this exposure could lift;
 // - the picture agrees with the map at a probe in each block: on average the squared differences
 //   are at most kMostDeviance of their variances.
-// So what is left out is known to 1.5 standard deviations of one sample; light that changes by more
+// So what is left out is known to 2 standard deviations of one sample; light that changes by more
 // than 2 % over a tile, or much in a block, comes through at once, and any other change
 // kMostLeftOut pictures later. Blocks count by the texels that were taken last: where the border of
 // the picture cuts through a block, its other texels may come kMostLeftOut pictures later too.
 class QuietTiles {
  public:
   static constexpr int kProbes = 16;
-  static constexpr int kMostLeftOut = 3;
-  static constexpr float kMostUnsure = 2.25f;
+  static constexpr int kMostLeftOut = 5;
+  static constexpr float kMostUnsure = 4.0f;
   static constexpr float kMostDeviance = 0.25f;
 
   explicit QuietTiles(TileGrid grid);
@@ -56,9 +56,11 @@ class QuietTiles {
   // Largest values of blocks, of `count` texels of a tile from `first` on.
   void add_blocks(int first, int count, const float* texels, float (&blocks)[kProbes]) const;
 
-  // Texel that a probe stands for, of the level of half the width.
-  int probe_column(int tile, int probe) const;
-  int probe_row(int tile, int probe) const;
+  // Texel of the tile that a probe stands for, of the level of half the width.
+  struct Place {
+    int x, y;
+  };
+  void places(int tile, Place (&probes)[kProbes]) const;
   // Of the tile's probes: value in the map, and a variance for misregistration where it is not
   // smooth.
   const float* value(int tile, int channel) const { return values(tile) + channel * kProbes; }

@@ -146,6 +146,9 @@ FASTIBL_CLONES void find_tiles_of(const TexelView::Projection& p, const PictureB
   const auto less = [](const Float16& u, const Float16& v) -> Float16 { return u < v ? u : v; };
   const Float16 none = {};
   for (int i = 0; i < count; i += 16) {
+    float any = 0;
+    for (int k = i; k < i + 16; ++k) any += on_side[k];
+    if (any == 0) continue;
     const auto at = [i](const auto& values) -> const Float16& {
       return *reinterpret_cast<const Float16*>(&values[std::size_t(i)]);
     };

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "fastibl/lighting/fit_lobes.h"
+#include "fastibl/lighting/harmonic_sums.h"
 #include "fastibl/lighting/irradiance_sums.h"
 
 namespace fastibl {

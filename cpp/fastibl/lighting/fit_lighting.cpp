@@ -4,7 +4,7 @@
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_prefiltered_chain.h"
-#include "fastibl/lighting/irradiance_sums.h"
+#include "fastibl/lighting/harmonic_sums.h"
 
 namespace fastibl {
 namespace {
@@ -45,6 +45,13 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
   lighting.chain = std::move(chain);
 }
 
+double irradiance_error(Lighting& lighting) {
+  if (!lighting.irradiance_error && lighting.radiance)
+    lighting.irradiance_error =
+        measure_error(lighting.irradiance, fold(*lighting.radiance, kSumSize));
+  return lighting.irradiance_error.value_or(0);
+}
+
 void ensure_chain(Lighting& lighting) {
   if (lighting.radiance && !lighting.chain && reads_chain(lighting.glossy)) fit_chain(lighting);
 }
@@ -65,8 +72,10 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
         *radiance, map,
         {options.diffuse, options.diffuse_settings, options.evaluations, options.follows},
         moved ? &previous->irradiance : nullptr);
-    lighting.plane_irradiance = glm::vec3(sum_irradiance(map, {0, 0, 1}));
+    lighting.plane_irradiance = glm::vec3(plane_irradiance(map));
     if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);
+  } else {
+    lighting.irradiance_error = 0;
   }
   lighting.radiance = std::move(radiance);
   if (options.chain && reads_chain(lighting.glossy))

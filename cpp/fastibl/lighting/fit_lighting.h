@@ -15,9 +15,10 @@ struct LightingOptions {
   Normalization normalization = Normalization::energy;
   bool irradiance = true;     // false: only what glossy surfaces read
   bool chain = true;          // false: nothing glossy will be shaded
-  bool measure_error = true;  // also compare the irradiance with a sum over the 32² level (0.05 ms)
-  int evaluations = 0;        // how many normals follow; 0: many. `automatic` goes by it
-  bool follows = false;       // this map is one of many in a row: `automatic` takes what is steady
+  bool measure_error = true;  // also compare the irradiance with a sum over the 32² level (0.05
+                              // ms); false: only when irradiance_error() asks for it
+  int evaluations = 0;   // how many normals follow; 0: many. `automatic` goes by it
+  bool follows = false;  // this map is one of many in a row: `automatic` takes what is steady
 };
 // previous: of the frame before, or null. What was found then is moved along instead of searched
 // anew, which is faster, and steady; a chain of the same map is kept.
@@ -29,5 +30,7 @@ bool reads_chain(GlossyMethod method);
 void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous = nullptr);
 // The same where it is missing: light that was fitted while nothing glossy was to be shaded.
 void ensure_chain(Lighting& lighting);
+// The error of the irradiance on its map, measured where it was not yet.
+double irradiance_error(Lighting& lighting);
 
 }  // namespace fastibl

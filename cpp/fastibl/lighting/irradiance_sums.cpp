@@ -100,49 +100,4 @@ CubeLevel irradiance_cube(const FoldedMap& map, int size) {
   return cube;
 }
 
-glm::dvec3 sum_irradiance(const FoldedMap& map, glm::dvec3 n) {
-  const OctantGrid& g = *map.grid;
-  glm::dvec3 even(0);
-  double weight = 0;
-  for (std::size_t j = 0; j < g.x.size(); ++j) {
-    const double a = n.x * g.x[j], b = n.y * g.y[j], c = n.z * g.z[j];
-    const double cosines[4] = {std::abs(a + b + c), std::abs(b + c - a), std::abs(a + c - b),
-                               std::abs(a + b - c)};
-    for (std::size_t p = 0; p < 4; ++p) {
-      double k = 0;
-      for (int i = 0; i < 4; ++i) k += kSigns[p][i] * cosines[i];
-      k *= double(g.solid_angle[j]);
-      if (p == 0) weight += k;
-      for (std::size_t ch = 0; ch < 3; ++ch)
-        even[int(ch)] += 0.25 * k * double(map.radiance[p][ch][j]);
-    }
-  }
-  even *= std::numbers::pi / weight;
-  const glm::dvec3 odd = n.x * map.vector[0] + n.y * map.vector[1] + n.z * map.vector[2];
-  return glm::max(0.5 * (even + odd), glm::dvec3(0));
-}
-
-std::array<glm::dvec3, 9> project_sh9(const FoldedMap& map) {
-  const OctantGrid& g = *map.grid;
-  std::array<glm::dvec3, 9> sh{};
-  for (std::size_t j = 0; j < g.x.size(); ++j) {
-    const double x = g.x[j], y = g.y[j], z = g.z[j], angle = g.solid_angle[j];
-    glm::dvec3 light[4];
-    for (std::size_t p = 0; p < 4; ++p)
-      for (std::size_t c = 0; c < 3; ++c) light[p][int(c)] = angle * map.radiance[p][c][j];
-    sh[0] += light[0];
-    sh[4] += x * y * light[3];
-    sh[5] += y * z * light[1];
-    sh[6] += (3 * z * z - 1) * light[0];
-    sh[7] += x * z * light[2];
-    sh[8] += (x * x - y * y) * light[0];
-  }
-  constexpr double constants[9] = {0.28209479177387814, 0.48860251190291992, 0.48860251190291992,
-                                   0.48860251190291992, 1.0925484305920792,  1.0925484305920792,
-                                   0.31539156525252005, 1.0925484305920792,  0.54627421529603959};
-  sh[1] = map.vector[1], sh[2] = map.vector[2], sh[3] = map.vector[0];
-  for (std::size_t i = 0; i < 9; ++i) sh[i] *= constants[i];
-  return sh;
-}
-
 }  // namespace fastibl

@@ -29,6 +29,11 @@ OctantGrid make_grid(int size) {
         grid.z.push_back(float(unit.z));
         const double angle = texel_solid_angle(tx, ty, size);
         grid.solid_angle.push_back(float(angle));
+        const double x = unit.x, y = unit.y, z = unit.z;
+        const double even[6] = {1, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y};
+        for (std::size_t i = 0; i < 6; ++i)
+          grid.even_harmonics[i].push_back(float(angle * even[i]));
+        grid.projected.push_back(float(angle * z));
         // A step of 1/size on the face at distance 1 is seen from |d|, along s and along t.
         const double length2 = double(glm::dot(d, d)), step = 1.0 / size;
         const FacePoint p = face_point(d);
@@ -76,23 +81,27 @@ void fold_into(FoldedMap& folded, const CubeLevel& level) {
   }
 }
 
-// Sums a row of texels times two weights each: eight texels of three channels at once.
+constexpr int kRowSums = 24;  // eight texels of three channels at once
+
+// Adds a row of texels times two weights each, and the first sum times t, the row's place on the
+// face. sums: kRowSums of each.
 FASTIBL_CLONES
-void add_row(const float* row, const float* weights, const float* moments, int count, float* sum,
-             float* moment) {
-  float a[24] = {}, b[24] = {};
-  for (int i = 0; i + 24 <= count; i += 24)
-    for (int k = 0; k < 24; ++k) {
+void add_row(const float* row, const float* weights, const float* moments, int count, float t,
+             float* __restrict sums) {
+  float a[kRowSums] = {}, b[kRowSums] = {};
+  for (int i = 0; i + kRowSums <= count; i += kRowSums)
+    for (int k = 0; k < kRowSums; ++k) {
       a[k] += weights[i + k] * row[i + k];
       b[k] += moments[i + k] * row[i + k];
     }
-  for (int i = count - count % 24; i < count; ++i) {
+  for (int i = count - count % kRowSums; i < count; ++i) {
     a[i % 3] += weights[i] * row[i];
     b[i % 3] += moments[i] * row[i];
   }
-  for (int c = 0; c < 3; ++c) {
-    sum[c] = moment[c] = 0;
-    for (int k = c; k < 24; k += 3) sum[c] += a[k], moment[c] += b[k];
+  for (int k = 0; k < kRowSums; ++k) {
+    sums[k] += a[k];
+    sums[kRowSums + k] += b[k];
+    sums[2 * kRowSums + k] += t * a[k];
   }
 }
 
@@ -128,18 +137,23 @@ std::array<glm::dvec3, 3> vector_irradiance(const CubeLevel& level) {
   const VectorWeights& weights =
       kept<VectorWeights>(n, [](int size) { return VectorWeights(size); });
   std::array<glm::dvec3, 3> result{};
-  for (int f = 0; f < 6; ++f)
+  for (int f = 0; f < 6; ++f) {
+    float sums[3 * kRowSums] = {};
     for (int y = 0; y < n; ++y) {
-      glm::vec3 sum, moment;  // over the row, by 1 and by s
       const std::size_t first = std::size_t(y) * n * 3;
       add_row(&level.texel(f, 0, y).x, &weights.weights[first], &weights.moments[first], 3 * n,
-              &sum.x, &moment.x);
-      // A direction is linear in s along a row.
-      const glm::vec3 middle = face_direction(f, 0.5f, (float(y) + 0.5f) / float(n));
-      const glm::vec3 step = face_direction(f, 1, 0.5f) - face_direction(f, 0.5f, 0.5f);
-      for (int axis = 0; axis < 3; ++axis)
-        result[std::size_t(axis)] += glm::dvec3(middle[axis] * sum + step[axis] * moment);
+              float(2 * y + 1) / float(n) - 1, sums);
     }
+    glm::dvec3 moments[3] = {};  // by 1, s and t in [−1, 1], in which a direction is linear
+    for (int i = 0; i < 3; ++i)
+      for (int k = 0; k < kRowSums; ++k) moments[i][k % 3] += double(sums[i * kRowSums + k]);
+    const glm::dvec3 centre(face_direction(f, 0.5f, 0.5f)),
+        along_s = glm::dvec3(face_direction(f, 1, 0.5f)) - centre,
+        along_t = glm::dvec3(face_direction(f, 0.5f, 1)) - centre;
+    for (int axis = 0; axis < 3; ++axis)
+      result[std::size_t(axis)] +=
+          centre[axis] * moments[0] + along_s[axis] * moments[1] + along_t[axis] * moments[2];
+  }
   return result;
 }
 

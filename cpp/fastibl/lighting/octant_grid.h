@@ -15,6 +15,9 @@ struct OctantGrid {
   std::vector<float> x, y, z;  // unit directions of the texels' centres; none is negative
   std::vector<float> solid_angle;
   std::vector<float> half_width;  // of the texel, radians; mean of its two axes
+  // Solid angle times 1, x y, y z, 3 z² − 1, x z, x² − y²: the even harmonics up to order 2.
+  std::array<std::vector<float>, 6> even_harmonics;
+  std::vector<float> projected;  // solid angle times z
   // Where the mirror images are, counted from CubeLevel::face(0): bit 0 mirrors x, 1 y, 2 z.
   std::array<std::vector<int>, 8> texels;
 };

@@ -288,7 +288,7 @@ FrameResult Session::process(const Frame& frame) {
   result.environment = environment_;
   if (lighting_ && lighting_->radiance) result.lighting = lighting_;
   if (environment_ && result.lighting)
-    result.predicted_error = std::hypot(environment_->predicted_error, lighting_->irradiance_error);
+    result.predicted_error = std::hypot(environment_->predicted_error, lighting_->irradiance_error.value_or(0));
   result.timings["total"] = total.seconds();
   return result;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
@@ -19,7 +20,7 @@ struct Lighting {
   std::shared_ptr<const CubeMap> radiance;   // with the MIP levels that `mip` reads
   std::shared_ptr<const GlossyChain> chain;  // that other methods read, and the lights
   glm::vec3 plane_irradiance{0};             // E(z), summed over the map
-  double irradiance_error = 0;  // relative RMS error of `irradiance`, measured on this map
+  std::optional<double> irradiance_error;    // relative, RMS, of `irradiance`; none: not measured
 };
 
 }  // namespace fastibl

@@ -1,0 +1,141 @@
+// The maps that a Capture hands out.
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+#include "fastibl/capture/capture.h"
+#include "fastibl/core/prefetch.h"
+#include "fastibl/core/simd.h"
+
+namespace fastibl {
+namespace {
+
+constexpr std::size_t kSnapshots = 3;   // kept to be updated: in use by renderer, caller and us
+constexpr std::size_t kTilesAhead = 2;  // whose rows are asked for while a tile is written
+
+// Rows of `width` texels as the map has them, its rows `stride` floats apart.
+FASTIBL_CLONES void interleave(const float* const channels[3], int width, int height,
+                               std::ptrdiff_t stride, float* __restrict map) {
+  const float *r = channels[0], *g = channels[1], *b = channels[2];
+  const auto at = [](const float* p) -> const Float8& {
+    return *reinterpret_cast<const Float8*>(p);
+  };
+  for (int row = 0; row < height; ++row, map += stride) {
+    float* out = map;
+    int i = 0;
+    for (; i + 8 <= width; i += 8, out += 24) {
+      const Float8 &x = at(r + i), &y = at(g + i), &z = at(b + i);
+      const Float8 p = __builtin_shufflevector(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
+      const Float8 q = __builtin_shufflevector(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
+      const Float8 s = __builtin_shufflevector(x, y, 13, 0, 6, 14, 0, 7, 15, 0);
+      *reinterpret_cast<Float8*>(out) = __builtin_shufflevector(p, z, 0, 1, 8, 3, 4, 9, 6, 7);
+      *reinterpret_cast<Float8*>(out + 8) =
+          __builtin_shufflevector(q, z, 10, 1, 2, 11, 4, 5, 12, 7);
+      *reinterpret_cast<Float8*>(out + 16) =
+          __builtin_shufflevector(s, z, 0, 13, 2, 3, 14, 5, 6, 15);
+    }
+    for (; i < width; ++i, out += 3) out[0] = r[i], out[1] = g[i], out[2] = b[i];
+    r += width, g += width, b += width;
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<const Environment> Capture::environment() {
+  // A map that only this list still holds can be changed: nobody can get hold of it meanwhile.
+  std::shared_ptr<Environment> snapshot;
+  for (std::size_t i = 0; i < snapshots_.size() && !snapshot; ++i)
+    if (snapshots_[i].use_count() == 1) {
+      std::atomic_thread_fence(std::memory_order_acquire);
+      snapshot = std::move(snapshots_[i]);
+      snapshots_.erase(snapshots_.begin() + std::ptrdiff_t(i));
+    }
+  if (!snapshot) {
+    snapshot = std::make_shared<Environment>();
+    snapshot->radiance = CubeMap(grid_.size);
+    snapshot->last_seen = TexelTimes(grid_);
+    snapshot->variance.assign(state_.relative.size(), 0);
+  }
+  update_snapshot(*snapshot);
+  snapshots_.insert(snapshots_.begin(), snapshot);
+  if (snapshots_.size() > kSnapshots) snapshots_.pop_back();
+  return snapshot;
+}
+
+void Capture::update_snapshot(Environment& snapshot) const {
+  CubeMap& map = snapshot.radiance;
+  std::vector<int> stale;
+  for (int tile = 0; tile < grid_.count(); ++tile)
+    if (map.tile_version(tile) != versions_[std::size_t(tile)]) stale.push_back(tile);
+  for (std::size_t i = 0; i < stale.size(); ++i) {
+    if (i + kTilesAhead < stale.size()) prefetch_rows(stale[i + kTilesAhead], map);
+    write_tile(stale[i], snapshot);
+  }
+  map.update(stale, pyramids_.levels());
+  for (const int tile : stale) map.set_tile_version(tile, versions_[std::size_t(tile)]);
+
+  double up = 0, up_seen = 0, seen = 0, bound = 0, bound_flux = 0, flux = 0;
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    const std::size_t i = std::size_t(tile);
+    const TileSums& s = sums_[i];
+    seen += s.angle, bound += s.bound_angle;
+    if (!unseen_.above(tile)) continue;
+    const glm::dvec3 fill(filled_[i]);
+    up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux;
+    flux +=
+        s.flux.x + s.flux.y + s.flux.z + (tile_angle_[i] - s.angle) * (fill.x + fill.y + fill.z);
+  }
+  snapshot.time = time_;
+  snapshot.light_positions = tracks_.positions();
+  snapshot.coverage = seen / (4 * std::numbers::pi);
+  snapshot.clipped = seen > 0 ? bound / seen : 0;
+  // Expected error of the irradiance, fitted to nearest-seen filling on real maps: it falls
+  // faster than what is unseen above the horizon. Light known only as a lower bound may be twice
+  // as strong.
+  snapshot.predicted_error = 0.02 + 0.85 * std::pow(std::max(0.0, 1 - up_seen / up), 1.5) +
+                             (flux > 0 ? 0.5 * bound_flux / flux : 0);
+}
+
+void Capture::prefetch_rows(int tile, const CubeMap& map) const {
+  const FaceRect r = tile_rect(grid_, tile);
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  for (int k = 0; k < std::min(2, pyramids_.levels()); ++k) {
+    const CubeLevel& level = map.level(k);
+    for (int y = r.y0 >> k; y < r.y1 >> k; ++y)
+      prefetch_items(&level.texel(r.face, r.x0 >> k, y), std::size_t(r.width() >> k));
+  }
+  for (int c = 0; c < 3; ++c) prefetch_items(&state_.value[c][start], std::size_t(grid_.stride()));
+}
+
+void Capture::write_tile(int tile, Environment& snapshot) const {
+  const FaceRect r = tile_rect(grid_, tile);
+  CubeMap& map = snapshot.radiance;
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const auto write = [&](int level, const float* const(&channels)[3]) {
+    CubeLevel& to = map.base(level);
+    interleave(channels, r.width() >> level, r.height() >> level, 3 * to.row_stride(),
+               &to.texel(r.face, r.x0 >> level, r.y0 >> level).x);
+  };
+  const bool seen = sums_[std::size_t(tile)].count > 0;
+  if (seen)
+    write(0, {&state_.value[0][start], &state_.value[1][start], &state_.value[2][start]});
+  else
+    for (int y = r.y0; y < r.y1; ++y) {
+      glm::vec3* row = &map.base(0).texel(r.face, r.x0, y);
+      if (y == r.y0)
+        std::fill_n(row, r.width(), filled_[std::size_t(tile)]);
+      else
+        std::memcpy(row, &map.base(0).texel(r.face, r.x0, r.y0),
+                    sizeof *row * std::size_t(r.width()));
+    }
+  for (int k = 1; k < pyramids_.levels(); ++k)
+    write(k,
+          {pyramids_.level(tile, 0, k), pyramids_.level(tile, 1, k), pyramids_.level(tile, 2, k)});
+  if (!seen) return;
+  std::copy_n(&state_.relative[start], grid_.stride(), &snapshot.variance[start]);
+  snapshot.last_seen.copy(tile, state_.last_seen);
+}
+
+}  // namespace fastibl
