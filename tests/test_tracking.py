@@ -353,7 +353,7 @@ def test_a_strong_lens():
     image = render(BOARD, camera, pose)
     errors = {}
     for refine in (False, True):
-        tracked = fastibl.Tracker(BOARD, camera, refine=refine).track(image)
+        tracked = fastibl.Tracker(BOARD, camera, "board", refine).track(image)
         errors[refine] = rotation_error_degrees(tracked.camera_from_marker, pose)
     print(f"\nk1 = -0.28: {errors[False]:.3f} degrees, refined {errors[True]:.3f}")
     assert errors[True] < 0.05 and errors[True] < errors[False]
@@ -452,7 +452,7 @@ def test_a_python_detector_in_cpp():
 
 def test_trackers_in_threads_agree():
     image = render(BOARD, CAMERA, look_at(30, 0.45, 40))
-    tracker = fastibl.Tracker(BOARD, CAMERA)
+    tracker = fastibl.Tracker(BOARD, CAMERA, method="board")
     alone, results = tracker.track(image), []
     threads = [threading.Thread(target=lambda: results.append(tracker.track(image))) for _ in range(4)]
     for thread in threads:

@@ -3,6 +3,9 @@
 
 #include "bindings/detector.h"
 #include "bindings/numpy.h"
+#include "fastibl/scene/tag_codes.h"
+#include "fastibl/tracking/edge_points.h"
+#include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/tracker.h"
 
 namespace fastibl::bindings {
@@ -24,7 +27,48 @@ Doubles covariance_array(const std::array<double, 36>& covariance) {
 
 py::tuple tracked_state(const Tracked& t) {
   return py::make_tuple(t.camera_from_marker, t.residual_px, t.tags, t.covariance, t.ambiguous,
-                        t.ambiguity);
+                        t.ambiguity, t.edges);
+}
+
+std::optional<glm::dvec3> optional_vector(const py::object& object, const char* name) {
+  if (object.is_none()) return std::nullopt;
+  const Doubles v = require_floats<double>(object, name);
+  if (v.ndim() != 1 || v.shape(0) != 3)
+    throw py::value_error(std::string(name) + " must have shape (3,), got " + shape_of(v));
+  return glm::dvec3(v.at(0), v.at(1), v.at(2));
+}
+
+void bind_edge_tracker(py::module_& module) {
+  py::class_<EdgeTracker>(module, "_EdgeTracker", "Follows a board from frame to frame.")
+      .def(py::init([](const Board& board, const Camera& camera, double smoothing,
+                       const py::object& gravity_in_marker) {
+             EdgeTrackingOptions options;
+             options.smoothing = smoothing;
+             options.gravity_in_marker =
+                 optional_vector(gravity_in_marker, "gravity_in_marker").value_or(glm::dvec3(0));
+             return std::make_unique<EdgeTracker>(board, camera, options);
+           }),
+           py::arg("board"), py::arg("camera"), py::kw_only(), py::arg("smoothing") = 0.0,
+           py::arg("gravity_in_marker") = py::none())
+      .def(
+          "track",
+          [](EdgeTracker& tracker, const py::object& image, std::optional<double> time,
+             const py::object& detector, const py::object& turn, const py::object& gravity) {
+            py::array keep;
+            const Picture picture = require_picture(image, "image", keep);
+            const Detector wrapped = make_detector(detector);
+            MotionHint hint;
+            if (const auto w = optional_vector(turn, "turn")) hint.turn = rotation_from_vector(*w);
+            hint.gravity = optional_vector(gravity, "gravity");
+            const py::gil_scoped_release release;
+            return tracker.track(picture, time, wrapped, hint);
+          },
+          py::arg("image"), py::arg("time"), py::arg("detector"), py::arg("turn") = py::none(),
+          py::arg("gravity") = py::none(),
+          "One frame. turn: rotation vector (3,) of the camera since the last frame; gravity: (3,) "
+          "downwards; both in the camera frame.")
+      .def("reset", &EdgeTracker::reset, "Forgets the last pose: the next frame is detected.")
+      .def_property_readonly("following", &EdgeTracker::following);
 }
 
 }  // namespace
@@ -52,8 +96,12 @@ void bind_tracking(py::module_& module) {
 
   py::class_<Tracked>(module, "Tracked", "Where the board is seen by a camera in one picture.")
       .def_readonly("camera_from_marker", &Tracked::camera_from_marker, "Pose.")
-      .def_readonly("residual_px", &Tracked::residual_px,
-                    "RMS distance in pixels between seen and expected corners of `tags`.")
+      .def_readonly(
+          "residual_px", &Tracked::residual_px,
+          "RMS distance in pixels between seen and expected corners of `tags`; with `edges`, the "
+          "median distance between seen and expected edges.")
+      .def_readonly("edges", &Tracked::edges,
+                    "Stretches of edge that the pose rests on; 0 where it rests on corners.")
       .def_readonly("tags", &Tracked::tags, "List of DetectedTag: those used.")
       .def_property_readonly(
           "covariance", [](const Tracked& t) { return covariance_array(t.covariance); },
@@ -76,11 +124,51 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
         return Tracked{t[0].cast<Pose>(),
                        t[1].cast<double>(),
                        t[2].cast<std::vector<DetectedTag>>(),
+                       t[6].cast<int>(),
                        t[3].cast<std::array<double, 36>>(),
                        t[4].cast<bool>(),
                        t[5].cast<double>()};
       }));
 
+  bind_edge_tracker(module);
+  module.def(
+      "_track_edges",
+      [](const py::object& image, const Board& board, const Camera& camera, const Pose& start) {
+        py::array keep;
+        const Picture picture = require_picture(image, "image", keep);
+        if (picture.type != PixelType::uint8) throw py::type_error("image must be uint8");
+        const EdgeModel model(board, camera);
+        const py::gil_scoped_release release;
+        return model.track({picture.row(0), picture.width, picture.height, 3, picture.row_bytes},
+                           start, {}, {});
+      },
+      py::arg("image"), py::arg("board"), py::arg("camera"), py::arg("start"),
+      "The pose near `start` that the edges agree with, or None.");
+  module.def(
+      "_tag_black", [](int id, int row, int column) { return tag_module_black(id, row, column); },
+      py::arg("id"), py::arg("row"), py::arg("column"), "Whether a data module of 36h11 is black.");
+  module.def(
+      "_edge_points",
+      [](const py::array_t<std::uint8_t>& grey, const Board& board, const Camera& camera,
+         const Pose& pose, bool far, double spread) {
+        const BoardPattern pattern = pattern_of(board);
+        const LightTable table(camera.response, 1);
+        const LightReader light(require_grey(grey), table);
+        const auto tags = project_tags(pattern, camera, Lens(camera), pose);
+        const FoundEdges found = find_edges(light, pattern, tags, {far, 0, spread});
+        Doubles out({py::ssize_t(found.points.size()), py::ssize_t{9}});
+        for (std::size_t i = 0; i < found.points.size(); ++i) {
+          const EdgePoint& p = found.points[i];
+          const double row[9] = {p.point.x,  p.point.y, p.pixel.x, p.pixel.y,  p.normal.x,
+                                 p.normal.y, p.offset,  p.noise,   p.steepness};
+          std::copy(row, row + 9, out.mutable_data(py::ssize_t(i)));
+        }
+        return out;
+      },
+      py::arg("grey"), py::arg("board"), py::arg("camera"), py::arg("pose"), py::arg("far") = false,
+      py::arg("spread") = 1.1,
+      "Edges measured against where a pose puts them: (n, 9) point, pixel, normal, offset, noise, "
+      "steepness.");
   module.def(
       "_track",
       [](const py::object& tags, const py::object& start, const Board& board, const Camera& camera,

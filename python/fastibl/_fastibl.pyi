@@ -1034,15 +1034,37 @@ class Tracked:
         rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `ambiguous`.
         """
     @property
+    def edges(self) -> int:
+        """
+        Stretches of edge that the pose rests on; 0 where it rests on corners.
+        """
+    @property
     def residual_px(self) -> float:
         """
-        RMS distance in pixels between seen and expected corners of `tags`.
+        RMS distance in pixels between seen and expected corners of `tags`; with `edges`, the median distance between seen and expected edges.
         """
     @property
     def tags(self) -> list[DetectedTag]:
         """
         List of DetectedTag: those used.
         """
+class _EdgeTracker:
+    """
+    Follows a board from frame to frame.
+    """
+    def __init__(self, board: Board, camera: Camera, *, smoothing: typing.SupportsFloat | typing.SupportsIndex = 0.0, gravity_in_marker: typing.Any = None) -> None:
+        ...
+    def reset(self) -> None:
+        """
+        Forgets the last pose: the next frame is detected.
+        """
+    def track(self, image: typing.Any, time: typing.SupportsFloat | typing.SupportsIndex | None, detector: typing.Any, turn: typing.Any = None, gravity: typing.Any = None) -> Tracked | None:
+        """
+        One frame. turn: rotation vector (3,) of the camera since the last frame; gravity: (3,) downwards; both in the camera frame.
+        """
+    @property
+    def following(self) -> bool:
+        ...
 class _Methods:
     """
     The named methods that a frame is made with.
@@ -1358,6 +1380,10 @@ class _Session:
         """
         ShadowMap of the last frame: .image, .extent.
         """
+def _edge_points(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], board: Board, camera: Camera, pose: Pose, far: bool = False, spread: typing.SupportsFloat | typing.SupportsIndex = 1.1) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    Edges measured against where a pose puts them: (n, 9) point, pixel, normal, offset, noise, steepness.
+    """
 def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8]:
     """
     (height, width) uint8 for detection, of a picture that must have the camera's size.
@@ -1390,9 +1416,17 @@ def _seconds_to_sum_cube(cube: CubeMap, size: typing.SupportsInt | typing.Suppor
     """
     For benchmarks: times of building an irradiance cube in C++.
     """
+def _tag_black(id: typing.SupportsInt | typing.SupportsIndex, row: typing.SupportsInt | typing.SupportsIndex, column: typing.SupportsInt | typing.SupportsIndex) -> bool:
+    """
+    Whether a data module of 36h11 is black.
+    """
 def _track(tags: typing.Any, start: typing.Any, board: Board, camera: Camera, method: str = 'board', grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8] | None = None) -> Tracked | None:
     """
     Pose from tags [(id, corners (4, 2))]; with a grey picture, their corners are refined first.
+    """
+def _track_edges(image: typing.Any, board: Board, camera: Camera, start: Pose) -> Tracked | None:
+    """
+    The pose near `start` that the edges agree with, or None.
     """
 def _track_with(detector: typing.Any, grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], board: Board, camera: Camera, method: str = 'board', refine: bool = True) -> Tracked | None:
     """

@@ -1,11 +1,13 @@
-"""Where the board is: detection by OpenCV, then refinement and pose by fastibl's own core."""
+"""Where the board is: detection by OpenCV, then refinement, pose and edge tracking by fastibl's own core."""
 
 from __future__ import annotations
+
+import threading
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Board, Camera, DetectedTag, Pose, Tracked, _grey, _track
+from ._fastibl import Board, Camera, DetectedTag, Pose, Tracked, _EdgeTracker, _grey, _track
 from .lighting import method_name
 
 
@@ -59,26 +61,61 @@ def _start(tags, board: Board, camera: Camera) -> Pose | None:
 
 
 class Tracker:
-    """Tracks a board in the pictures of one camera; keeps nothing from one picture to the next.
+    """Tracks a board in the pictures of one camera.
 
-    method: "board" uses all tags, robustly; "frame-marker" (the paper of 2014) the largest tag alone.
-    refine: measure corners again along the tags' sides, in linear light (uses camera.response).
-    Raises ValueError for another method.
+    method: "edges" (what "auto" chooses) follows the tags' edges from picture to picture and detects to start and
+    to recover; "board" detects all tags anew in every picture, and "frame-marker" (the paper of 2014) uses the
+    largest tag alone: both keep nothing. refine: for these two, measure corners again along the tags' sides, in
+    linear light (uses camera.response). smoothing: for "edges", time constant in seconds of a low-pass filter on the
+    poses given out, which then lag behind a steady motion by as much; 0, the default, for none. gravity_in_marker:
+    (3,) where down is for the board, used where track() is given gravity; the default is a board lying on a table.
+    Raises ValueError for another method, or a smoothing below 0.
     """
 
-    def __init__(self, board: Board, camera: Camera, method: str = "board", refine: bool = True):
+    def __init__(
+        self,
+        board: Board,
+        camera: Camera,
+        method: str = "auto",
+        refine: bool = True,
+        *,
+        smoothing: float = 0.0,
+        gravity_in_marker: ArrayLike = (0.0, 0.0, -1.0),
+    ):
         self.board, self.camera, self.refine = board, camera, bool(refine)
         self.method = method_name("tracking", method)
+        self._edges, self._lock = None, threading.Lock()
+        if self.method in ("auto", "edges"):
+            gravity = np.asarray(gravity_in_marker, np.float64)
+            self._edges = _EdgeTracker(board, camera, smoothing=float(smoothing), gravity_in_marker=gravity)
 
-    def track(self, image: ArrayLike) -> Tracked | None:
+    def track(
+        self,
+        image: ArrayLike,
+        time: float | None = None,
+        *,
+        turn: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+    ) -> Tracked | None:
         """Pose of the board in one picture, or None where it is not seen.
 
-        image: (height, width, 3) RGB, uint8 or uint16 (encoded) or float (linear), of the camera's size.
-        Raises ValueError for another size or shape, TypeError for another dtype.
+        image: (height, width, 3) RGB, uint8 or uint16 (encoded) or float (linear), of the camera's size. time:
+        seconds, not decreasing; None is 1/30 s after the last. Where other sensors tell: turn, rotation vector (3,)
+        of the camera since the last picture, as a gyroscope integrates it (camera_now_from_camera_before); gravity,
+        (3,) downwards; both in the camera frame and read by "edges" alone. Raises ValueError for another size or
+        shape or for time that runs backwards, TypeError for another dtype.
         """
+        if self._edges is not None:
+            with self._lock:  # one picture after the other, whatever the threads
+                return self._edges.track(image, time, detect, turn, gravity)
         grey = _grey(image, self.camera)
         tags, start = detect(grey, self.board, self.camera)
         return _track(tags, start, self.board, self.camera, self.method, grey if self.refine else None)
+
+    def reset(self) -> None:
+        """Forgets the last pose: the next picture is searched anew."""
+        if self._edges is not None:
+            self._edges.reset()
 
     def __repr__(self) -> str:
         return f"Tracker({self.board!r}, {self.camera!r}, method={self.method!r}, refine={self.refine})"

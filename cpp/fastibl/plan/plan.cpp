@@ -135,7 +135,9 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     };
     switch (id) {
       case PassId::track:
-        line.method = name(options.methods.tracking);
+        line.method = name(options.methods.tracking == TrackingMethod::automatic
+                               ? TrackingMethod::edges
+                               : options.methods.tracking);
         if (!options.track) leave_out("poses are given");
         break;
       case PassId::capture:

@@ -30,7 +30,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
       options_(options) {
   rig_.back.validate();
   if (rig_.front) rig_.front->validate();
-  if (board_) board_->validate();
+  if (board_) board_->validate(), edge_tracker_.emplace(*board_, rig_.back);
   check(!board_ || detector_, "a session with a board needs a detector");
   check(renderer_ != nullptr, "a session needs a renderer");
   CaptureOptions capture;
@@ -117,8 +117,15 @@ void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
 
 std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) {
   if (frame.back.empty()) return std::nullopt;
+  const TrackingMethod method = options_.methods.tracking;
+  if (method == TrackingMethod::automatic || method == TrackingMethod::edges) {
+    result.tracked = edge_tracker_->track(frame.back, frame.time, detector_);
+    if (!result.tracked) return std::nullopt;
+    return result.tracked->camera_from_marker;
+  }
+  edge_tracker_->reset();
   TrackingOptions options;
-  options.method = options_.methods.tracking;
+  options.method = method;
   const Image<std::uint8_t> grey = grey_from(frame.back, rig_.back.response);
   result.tracked = track(detector_, grey.view(), *board_, rig_.back, options);
   if (!result.tracked) return std::nullopt;

@@ -22,6 +22,7 @@
 #include "fastibl/shading/plane_exchange.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/tracking/detector.h"
+#include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/tracker.h"
 
 namespace fastibl {
@@ -107,6 +108,7 @@ class Session {
   std::shared_ptr<const Environment> environment_;
   bool fixed_environment_;
   Detector detector_;
+  std::optional<EdgeTracker> edge_tracker_;
   std::unique_ptr<Renderer> renderer_;
   SessionOptions options_;
   std::optional<Capture> capture_;

@@ -71,7 +71,16 @@ std::string_view name(BounceMethod method) {
                                            : "one-bounce";
 }
 std::string_view name(TrackingMethod method) {
-  return method == TrackingMethod::board ? "board" : "frame-marker";
+  switch (method) {
+    case TrackingMethod::automatic:
+      return "auto";
+    case TrackingMethod::frame_marker:
+      return "frame-marker";
+    case TrackingMethod::board:
+      return "board";
+    default:
+      return "edges";
+  }
 }
 std::string_view name(CaptureMethod method) {
   return method == CaptureMethod::single ? "single" : "continuous";
@@ -101,6 +110,7 @@ BounceMethod bounce_method(std::string_view text) {
   return method_named(text, kBounceMethods, "bounce");
 }
 TrackingMethod tracking_method(std::string_view text) {
+  if (text == "auto") return TrackingMethod::automatic;
   return method_named(text, kTrackingMethods, "tracking");
 }
 CaptureMethod capture_method(std::string_view text) {

@@ -52,8 +52,10 @@ enum class BounceMethod {
   one,  // diffuse light from the object to the plane, and what its shadow takes from the object
 };
 enum class TrackingMethod {
+  automatic,
   frame_marker,  // the corners of one tag, as the paper's
-  board,         // robust refinement over all tags of the board
+  board,         // robust refinement over all tags of the board, every frame by itself
+  edges,         // from frame to frame by the tags' edges, detecting to start and to recover
 };
 // Which camera pictures feed the map.
 enum class CaptureMethod {
@@ -75,8 +77,8 @@ inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMetho
 inline constexpr std::array kSelfShadowMethods = {SelfShadowMethod::none, SelfShadowMethod::ambient,
                                                   SelfShadowMethod::transfer};
 inline constexpr std::array kBounceMethods = {BounceMethod::none, BounceMethod::one};
-inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker,
-                                                TrackingMethod::board};
+inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker, TrackingMethod::board,
+                                                TrackingMethod::edges};
 inline constexpr std::array kCaptureMethods = {CaptureMethod::single, CaptureMethod::continuous};
 
 // The public names ("six-face-exact", "auto"), and back: throws std::invalid_argument, naming all.
@@ -130,7 +132,7 @@ std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method);
 std::vector<Setting<ShadowSettings>> settings_of(ShadowMethod method);
 
 struct Methods {
-  TrackingMethod tracking = TrackingMethod::board;
+  TrackingMethod tracking = TrackingMethod::automatic;
   CaptureMethod capture = CaptureMethod::continuous;
   DiffuseMethod diffuse = DiffuseMethod::automatic;
   DiffuseSettings diffuse_settings;

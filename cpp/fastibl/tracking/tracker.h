@@ -13,7 +13,7 @@
 namespace fastibl {
 
 struct TrackingOptions {
-  TrackingMethod method = TrackingMethod::board;
+  TrackingMethod method = TrackingMethod::board;  // or frame_marker; the others are EdgeTracker's
   bool refine = true;  // corners by refine_corners before the fit; needs the picture
   RefineOptions refining;
   // Expected error of a corner in x or y, after refinement and without it: the floor of the
@@ -25,14 +25,17 @@ struct TrackingOptions {
 
 struct Tracked {
   Pose camera_from_marker;
-  double residual_px = 0;         // RMS distance between seen and expected corners of `tags`
-  std::vector<DetectedTag> tags;  // those used, with the corners that were used
+  // RMS distance between seen and expected corners of `tags`; with `edges`, the median distance
+  // between seen and expected edges.
+  double residual_px = 0;
+  std::vector<DetectedTag> tags;  // those used, with the corners that were used or fitted
+  int edges = 0;                  // stretches of edge that the pose rests on, 0: on corners
   // Of (w, d) in {exp([w]×) R, t + d}: rad², rad m, m²; rotation first, row major, camera frame. Of
   // the minimum chosen alone: see `ambiguous`.
   std::array<double, 36> covariance{};
   bool ambiguous = false;  // the mirrored pose fits nearly as well
   // Cost of this pose / cost of the mirrored one, each with the expected noise added; 0 where there
-  // is no second minimum.
+  // is no second minimum. What was known before the picture does not count.
   double ambiguity = 0;
   bool operator==(const Tracked&) const = default;
 };

@@ -1,0 +1,247 @@
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/fit.h"
+#include "fastibl/tracking/fit_edges.h"
+
+namespace fastibl {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kCodeSeen = 0.6;     // code_match() of a tag that is itself; others reach 0.39
+constexpr double kCodeHidden = 0.25;  // below, a tag is hidden or another one
+constexpr double kReadable = 1.6;     // px of a module, to hold its colour
+constexpr double kClose = 0.55;       // mean match from which no shift is looked for
+constexpr double kLeastShare = 0.15;  // of the tags that could be read must be, and of the edges
+constexpr std::size_t kFarEdges = 200;
+constexpr std::size_t kWideEdges =
+    240;                            // from so many on, narrow ones, which err more, are left out
+constexpr double kNear = 0.5;       // px of motion that edges are followed over from close by
+constexpr double kSettled = 0.02;   // px of motion in the last round
+constexpr double kDoubtful = 0.15;  // px, median: both minima are looked at at once
+constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
+constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
+constexpr double kSystematic = 0.08;      // of the surplus that counts: errors are not independent
+
+constexpr double kSharp = 1.1, kShared = 0.01;  // px: `spread` of a sharp picture, error there
+constexpr double kNarrow = 3;                   // times as much of edges with room for one pixel
+constexpr double kSides = 8;                    // errors of a tag that are independent, about
+
+struct Codes {
+  std::vector<ProjectedTag> shown;  // tags that are not known to be hidden
+  std::size_t readable = 0, seen = 0;
+  double mean = 0;  // of the better half of the readable ones
+};
+
+// Sorts out tags that are hidden, or are not where they were expected.
+Codes read_codes(const LightReader& light, const BoardPattern& pattern,
+                 std::vector<ProjectedTag> tags) {
+  Codes codes;
+  std::vector<double> matches;
+  for (ProjectedTag& tag : tags) {
+    const bool readable = tag.module >= kReadable;
+    const double match = code_match(light, pattern, tag);
+    if (readable) matches.push_back(match);
+    codes.readable += readable, codes.seen += match > kCodeSeen;
+    if (match > kCodeHidden || !readable) codes.shown.push_back(std::move(tag));
+  }
+  std::sort(matches.rbegin(), matches.rend());
+  const std::size_t half = (matches.size() + 1) / 2;
+  for (std::size_t k = 0; k < half; ++k) codes.mean += matches[k] / double(half);
+  return codes;
+}
+
+bool enough(const Codes& codes) {
+  return codes.seen > 0 && double(codes.seen) >= kLeastShare * double(codes.readable);
+}
+
+// Sideways at the board's distance: what a shift of the picture is, for a start.
+Pose shifted(const Pose& pose, const glm::dvec2& shift, const Camera& camera) {
+  Pose out = pose;
+  const double z = pose.translation.z;
+  out.translation += glm::dvec3(shift.x * z / camera.fx, shift.y * z / camera.fy, 0);
+  return out;
+}
+
+double prior_cost(const PosePrior& prior, const Pose& pose) {
+  double cost = 0;
+  if (prior.rotation) {
+    const double off = rotation_angle(*prior.rotation, pose.rotation) / prior.deviation;
+    cost += off * off;
+  }
+  if (prior.gravity && glm::length(prior.gravity_in_marker) > 0) {
+    const glm::dvec3 down = pose.rotation * glm::normalize(prior.gravity_in_marker);
+    const double off =
+        std::acos(std::clamp(glm::dot(down, *prior.gravity), -1.0, 1.0)) / (3 * kDegree);
+    cost += off * off;
+  }
+  return cost;
+}
+
+struct Choice {
+  Pose pose;
+  double ambiguity = 0;
+  bool other = false;  // the mirrored pose won
+};
+
+// Both planar minima, refined with the edges; by likelihood and by what was expected before.
+Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
+              const PosePrior& prior) {
+  Choice choice{fit.camera_from_marker, 0, false};
+  glm::dvec2 low(1e9), high(-1e9);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (fit.used[i]) low = glm::min(low, points[i].point), high = glm::max(high, points[i].point);
+  const glm::dvec2 centre = 0.5 * (low + high);
+  // The four corners of what is seen tell cheaply where the other minimum is, and how bad.
+  std::vector<Match> corners;
+  for (const glm::dvec2& p : {low, glm::dvec2(high.x, low.y), high, glm::dvec2(low.x, high.y)})
+    if (const auto pixel = lens.project(choice.pose * glm::dvec3(p, 0)))
+      corners.push_back({p, *pixel, 1});
+  const auto start =
+      fit_pose(corners, lens, mirrored_pose(choice.pose, centre), {Loss::Kind::huber, 1e6});
+  if (!start) return choice;
+  const auto differs = [&](const Pose& pose) {
+    return rotation_angle(pose.rotation, choice.pose.rotation) > 0.5 * kDegree &&
+           pose.inverse().translation.z > 0;
+  };
+  if (!differs(start->camera_from_marker)) return choice;
+  // At the right one of two minima that lie far apart, edges fit far better than by that much.
+  const double apart = std::sqrt(start->cost / 4);
+  if (apart > 1 && fit.residual < 0.04 * apart) {
+    choice.ambiguity = 1e-3;  // hundreds of deviations apart
+    return choice;
+  }
+  const auto other = refit_edges(points, fit, lens, start->camera_from_marker);
+  if (!other || !differs(*other)) return choice;
+  const double cost = edge_cost(points, fit, lens, choice.pose),
+               other_cost = edge_cost(points, fit, lens, *other);
+  const double surplus = kSystematic * (other_cost - cost);
+  choice.ambiguity = kSurplus / (kSurplus + std::abs(surplus));
+  if (surplus + prior_cost(prior, *other) - prior_cost(prior, choice.pose) < 0)
+    choice.pose = *other, choice.other = true;
+  return choice;
+}
+
+// Of the points' scatter, and of what they share: blur from neighbouring edges, ink and paper move
+// the edges of a side together.
+bool covariance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::size_t tags,
+                   double spread, std::array<double, 36>& covariance) {
+  double used = 0, weights = 0, narrow = 0;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (fit.used[i]) {
+      const double weight = 1 / (fit.deviation[i] * fit.deviation[i]);
+      ++used, weights += weight, narrow += points[i].kind < 2 ? weight : 0;
+    }
+  const double shared =
+      kShared * (spread / kSharp) * (spread / kSharp) * (1 + kNarrow * narrow / weights);
+  const double together = used / (kSides * double(std::max<std::size_t>(tags, 1)));
+  const double variance = 1 + shared * shared * std::max(1.0, together) * weights / used;
+  for (std::size_t c = 0; c < 6; ++c) {
+    std::array<double, 6> unit{}, x{};
+    unit[c] = variance;
+    if (!solve6(fit.information, unit, x)) return false;
+    for (std::size_t r = 0; r < 6; ++r) covariance[6 * r + c] = x[r];
+  }
+  return true;
+}
+
+// Half the width of edges, px, from how steep they are.
+double spread_of(std::span<const EdgePoint> points) {
+  std::vector<double> slopes;
+  for (const EdgePoint& p : points) slopes.push_back(p.steepness);
+  const auto middle = slopes.begin() + std::ptrdiff_t(slopes.size() / 2);
+  std::nth_element(slopes.begin(), middle, slopes.end());
+  return 0.5 / std::max(*middle, 0.05);
+}
+
+// Those with room for two pixels on either side.
+std::size_t wide_edges(std::span<const EdgePoint> points) {
+  return std::size_t(
+      std::count_if(points.begin(), points.end(), [](const EdgePoint& p) { return p.kind >= 2; }));
+}
+
+}  // namespace
+
+EdgeModel::EdgeModel(const Board& board, const Camera& camera)
+    : pattern_(pattern_of(board)),
+      camera_(camera),
+      lens_(camera_),
+      grey_(camera.response, 1),
+      colour_(camera.response, 3) {}
+
+std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, const Pose& start,
+                                        const PosePrior& prior,
+                                        const EdgeTrackingOptions& options) const {
+  const LightReader light(picture, picture.channels == 1 ? grey_ : colour_);
+  const auto project = [&](const Pose& at) { return project_tags(pattern_, camera_, lens_, at); };
+  Pose pose = start;
+  Codes codes = read_codes(light, pattern_, project(pose));
+  if (codes.mean < kClose && options.search_px > 0) {
+    const std::vector<ProjectedTag> tags = project(pose);
+    const glm::dvec2 shift = find_shift(light, pattern_, tags, options.search_px);
+    pose = shifted(pose, shift, camera_);
+    codes = read_codes(light, pattern_, project(pose));
+  }
+  if (codes.seen == 0 || codes.shown.empty()) return std::nullopt;
+
+  EdgeSearch search{false, options.most_edges / 4};  // all of them once they are near
+  for (int round = 0; round < 2; ++round) {          // from pixels away
+    const FoundEdges far = find_edges(light, pattern_, codes.shown, {true, kFarEdges});
+    const auto fit = fit_edges(far.points, lens_, pose);
+    if (!fit) break;
+    search.spread = spread_of(far.points);
+    if (fit->motion < kNear) break;  // from there, close by is more exact
+    pose = fit->camera_from_marker;
+    codes = read_codes(light, pattern_, project(pose));
+  }
+  if (!enough(codes)) return std::nullopt;
+
+  std::optional<EdgeFit> fit;
+  FoundEdges near;
+  Choice choice;
+  int rounds = options.most_rounds;
+  bool switched = false;
+  for (int round = 0; round < rounds; ++round) {
+    if (round > 0) codes = read_codes(light, pattern_, project(pose));
+    near = find_edges(light, pattern_, codes.shown, search);
+    fit = fit_edges(near.points, lens_, pose);
+    if (!fit) return std::nullopt;
+    pose = fit->camera_from_marker;
+    const bool all = search.most == options.most_edges;
+    if (!all && 4 * wide_edges(near.points) >= kWideEdges) search.least_reach = 2;
+    search.most = options.most_edges;
+    // In the wrong minimum a fit creeps and does not fit.
+    const bool doubtful = !switched && round > 0 && fit->residual > kDoubtful;
+    // Fewer edges tell less, and another round of them costs little.
+    const double still = kSettled * double(near.points.size()) / double(options.most_edges);
+    const bool settled = (fit->motion <= still && all) || round + 1 == rounds;
+    if (!settled && !doubtful) continue;
+    choice = choose(near.points, *fit, lens_, prior);
+    if (settled && (!choice.other || switched)) break;
+    if (!choice.other) continue;
+    pose = choice.pose, switched = true;
+    rounds = round + 1 + options.most_rounds;
+  }
+
+  const auto used = std::size_t(std::count(fit->used.begin(), fit->used.end(), true));
+  if (!enough(codes) || double(used) < kLeastShare * double(near.expected)) return std::nullopt;
+  if (!(fit->residual < kLargestResidual)) return std::nullopt;
+  Tracked tracked;
+  tracked.camera_from_marker = pose;
+  tracked.edges = int(used);
+  tracked.residual_px = fit->residual;
+  tracked.ambiguity = choice.ambiguity, tracked.ambiguous = choice.ambiguity > 0.5;
+  if (!covariance_of(*fit, near.points, codes.shown.size(), search.spread, tracked.covariance))
+    return std::nullopt;
+  const auto& c = tracked.covariance;
+  if (!(std::sqrt(c[0] + c[7] + c[14]) < options.largest_error * kDegree)) return std::nullopt;
+  const auto n = std::size_t(pattern_.modules), stride = n + 1;
+  for (const ProjectedTag& tag : codes.shown)
+    tracked.tags.push_back(
+        {pattern_.tags[tag.index].id,
+         {tag.nodes[0], tag.nodes[n], tag.nodes[n * stride + n], tag.nodes[n * stride]}});
+  return tracked;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,38 @@
+// All edges of the tags that a picture shows, measured against where a pose expects them.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "fastibl/tracking/edge_profile.h"
+#include "fastibl/tracking/projected_tags.h"
+
+namespace fastibl {
+
+struct EdgePoint {
+  glm::dvec2 point;      // of the board, marker frame
+  glm::dvec2 pixel;      // where the pose expects it
+  glm::dvec2 normal;     // towards white
+  double offset = 0;     // px along the normal to where it was found
+  double steepness = 0;  // as FarEdge
+  int kind = 0;          // points of one kind were measured alike, from 0 to 7
+  double noise = 1;      // standard deviation of the offset against others of its kind
+};
+
+struct EdgeSearch {
+  bool far = false;      // the tags' sides alone, from pixels away; else all edges, from close by
+  std::size_t most = 0;  // edges looked at, spread evenly; 0: all
+  double spread = 1.1;   // px; half the width of an edge as the picture shows it
+  int least_reach = 1;   // px on either side that an edge needs, from close by: 1 or 2
+};
+
+struct FoundEdges {
+  std::vector<EdgePoint> points;
+  std::size_t expected = 0;  // edges that the picture should have shown
+};
+
+FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
+                      std::span<const ProjectedTag> tags, const EdgeSearch& search);
+
+}  // namespace fastibl

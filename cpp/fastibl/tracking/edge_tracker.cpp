@@ -1,0 +1,111 @@
+#include "fastibl/tracking/edge_tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace fastibl {
+namespace {
+
+constexpr double kFrame = 1.0 / 30;  // seconds, where no times are given
+constexpr double kSlowest = 0.02;    // radians a frame that a prediction is trusted to, at best
+constexpr double kUnknown = 0.2;     // the same without a velocity
+
+// The rotation vector of r; inverse of rotation_from_vector for less than half a turn.
+glm::dvec3 vector_of(const glm::dmat3& r) {
+  const glm::dvec3 axis(r[1][2] - r[2][1], r[2][0] - r[0][2], r[0][1] - r[1][0]);
+  const double sine = glm::length(axis), angle = std::atan2(sine, r[0][0] + r[1][1] + r[2][2] - 1);
+  return sine > 1e-12 ? axis * (angle / sine) : 0.5 * axis;
+}
+
+// From a to b, by a share of the way; beyond b for shares over 1.
+Pose between(const Pose& a, const Pose& b, double share) {
+  const glm::dvec3 turn = vector_of(b.rotation * glm::transpose(a.rotation));
+  return {rotation_from_vector(share * turn) * a.rotation,
+          a.translation + share * (b.translation - a.translation)};
+}
+
+}  // namespace
+
+EdgeTracker::EdgeTracker(const Board& board, const Camera& camera, EdgeTrackingOptions options)
+    : board_(board), camera_(camera), options_(options), model_(board, camera) {
+  camera_.validate();
+  board_.validate();
+  check(options_.smoothing >= 0 && std::isfinite(options_.smoothing),
+        "smoothing must be a time from 0 seconds on, got ", options_.smoothing);
+}
+
+// Constant velocity; a gyroscope's turn in the place of the last one.
+Pose EdgeTracker::predicted(double time, const MotionHint& hint) const {
+  Pose pose = last_->pose;
+  const double step = time - last_->time;
+  if (before_ && last_->time > before_->time)
+    pose = between(before_->pose, last_->pose, 1 + step / (last_->time - before_->time));
+  if (hint.turn) {
+    pose.rotation = *hint.turn * last_->pose.rotation;
+    pose.translation = *hint.turn * last_->pose.translation;
+  }
+  return pose;
+}
+
+std::optional<Tracked> EdgeTracker::detect(const Picture& picture,
+                                           ImageView<const std::uint8_t> bytes,
+                                           const PosePrior& prior, const Detector& detector) const {
+  const Image<std::uint8_t> grey = grey_from(picture, camera_.response);
+  TrackingOptions options;
+  options.method = TrackingMethod::board;
+  const auto start = fastibl::track(detector, grey.view(), board_, camera_, options);
+  if (!start) return std::nullopt;
+  auto tracked = model_.track(bytes, start->camera_from_marker, prior, options_);
+  // Edges that cannot be followed leave the corners' word, if it is one.
+  if (!tracked && (start->ambiguous || start->tags.size() < 2)) return std::nullopt;
+  return tracked ? tracked : start;
+}
+
+void EdgeTracker::smooth(Tracked& tracked, double time) {
+  if (options_.smoothing > 0 && shown_ && time > shown_->time)
+    tracked.camera_from_marker = between(shown_->pose, tracked.camera_from_marker,
+                                         1 - std::exp((shown_->time - time) / options_.smoothing));
+  shown_ = Moment{tracked.camera_from_marker, time};
+}
+
+std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<double> given,
+                                          const Detector& detector, const MotionHint& hint) {
+  check(picture.width == camera_.width && picture.height == camera_.height, "the picture is ",
+        picture.width, " x ", picture.height, ", but the camera is ", camera_.width, " x ",
+        camera_.height);
+  const double time = given.value_or(last_ ? last_->time + kFrame : 0);
+  check(std::isfinite(time) && (!last_ || time >= last_->time),
+        "time must not run backwards: ", time, " s after ", last_ ? last_->time : 0, " s");
+  if (last_ && time - last_->time > options_.longest_gap) reset();
+
+  Image<std::uint8_t> converted;
+  if (picture.type != PixelType::uint8) converted = bytes_from(picture, camera_.response);
+  const ImageView<const std::uint8_t> bytes =
+      converted.empty() ? ImageView<const std::uint8_t>{picture.row(0), picture.width,
+                                                        picture.height, 3, picture.row_bytes}
+                        : std::as_const(converted).view();
+  PosePrior prior;
+  prior.gravity_in_marker = options_.gravity_in_marker;
+  if (hint.gravity && glm::length(*hint.gravity) > 0) prior.gravity = glm::normalize(*hint.gravity);
+  std::optional<Tracked> tracked;
+  if (last_) {
+    const Pose start = predicted(time, hint);
+    prior.rotation = start.rotation;
+    prior.deviation = before_ || hint.turn ? kSlowest : kUnknown;
+    tracked = model_.track(bytes, start, prior, options_);
+  }
+  if (tracked) {
+    before_ = last_;
+  } else {
+    tracked = detect(picture, bytes, prior, detector);
+    // What was predicted from may still hold in the next frame; it is proved there.
+    if (!tracked) return std::nullopt;
+    before_.reset();
+  }
+  last_ = Moment{tracked->camera_from_marker, time};
+  smooth(*tracked, time);
+  return tracked;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,91 @@
+// Model-based edge tracking: the pose of one frame predicts where the next one shows the edges of
+// the board's tags; their distances from there, measured in linear light, correct it. About ten
+// times as accurate as corners, at a tenth of the time of detection.
+#pragma once
+
+#include <optional>
+
+#include "fastibl/scene/picture.h"
+#include "fastibl/tracking/light_reader.h"
+#include "fastibl/tracking/tag_edges.h"
+#include "fastibl/tracking/tracker.h"
+
+namespace fastibl {
+
+struct EdgeTrackingOptions {
+  std::size_t most_edges = 1600;  // measured in a round; more are thinned out evenly
+  int most_rounds = 5;            // of measuring and fitting, from close by
+  double search_px = 40;          // how far the board may lie from its prediction, by its codes
+  double largest_error = 1.0;  // degrees; stated deviation of the rotation: beyond, there is none
+  double longest_gap = 0.25;   // seconds between frames: beyond, nothing is predicted
+  // Seconds; the pose that is given out follows as through a low-pass filter of this time constant,
+  // and lags behind a steady motion by as much. 0: none. What is tracked stays unfiltered.
+  double smoothing = 0;
+  // Down in the marker frame, for the choice between two minima where a frame brings gravity: of a
+  // board that lies on a table. Null: unknown.
+  glm::dvec3 gravity_in_marker{0, 0, -1};
+};
+
+// What other sensors of the camera say, in its frame. All optional.
+struct MotionHint {
+  std::optional<glm::dmat3> turn;     // now_from_before, of the rotation since the last frame
+  std::optional<glm::dvec3> gravity;  // downwards, any length
+};
+
+// What a pose is expected to be before the picture is looked at.
+struct PosePrior {
+  std::optional<glm::dmat3> rotation;  // camera_from_marker
+  double deviation = 0.05;             // of it, radians
+  std::optional<glm::dvec3> gravity;   // in the camera frame, unit length
+  glm::dvec3 gravity_in_marker{0, 0, -1};
+};
+
+// What tracking by edges needs of a board and a camera, worked out once.
+class EdgeModel {
+ public:
+  EdgeModel(const Board& board, const Camera& camera);
+  // The pose near `start` that the picture's edges agree with. Nothing where too few tags show
+  // their codes there, or the pose stays uncertain. picture: 1 or 3 channels, encoded, of the
+  // camera's size.
+  std::optional<Tracked> track(ImageView<const std::uint8_t> picture, const Pose& start,
+                               const PosePrior& prior, const EdgeTrackingOptions& options) const;
+
+ private:
+  BoardPattern pattern_;
+  Camera camera_;
+  Lens lens_;
+  LightTable grey_, colour_;
+};
+
+// Follows a board from frame to frame. Its state: the last pose, when it was, and how fast it
+// moved.
+class EdgeTracker {
+ public:
+  EdgeTracker(const Board& board, const Camera& camera, EdgeTrackingOptions options = {});
+
+  // time: seconds, not decreasing; null: one frame after the last. Predicts, or where that fails or
+  // there is nothing to predict from, detects. Nothing where neither finds the board: never an old
+  // pose.
+  std::optional<Tracked> track(const Picture& picture, std::optional<double> time,
+                               const Detector& detector, const MotionHint& hint = {});
+  void reset() { last_.reset(), before_.reset(), shown_.reset(); }
+  bool following() const { return last_.has_value(); }
+
+ private:
+  struct Moment {
+    Pose pose;
+    double time = 0;
+  };
+  Pose predicted(double time, const MotionHint& hint) const;
+  std::optional<Tracked> detect(const Picture& picture, ImageView<const std::uint8_t> bytes,
+                                const PosePrior& prior, const Detector& detector) const;
+  void smooth(Tracked& tracked, double time);
+
+  Board board_;
+  Camera camera_;
+  EdgeTrackingOptions options_;
+  EdgeModel model_;
+  std::optional<Moment> last_, before_, shown_;
+};
+
+}  // namespace fastibl

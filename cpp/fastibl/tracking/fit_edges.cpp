@@ -1,0 +1,214 @@
+#include "fastibl/tracking/fit_edges.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/tracking/fit.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kWeightings = 3;
+constexpr std::size_t kLeastPoints = 8, kLeastOfKind = 24, kScalePoints = 400;
+constexpr std::size_t kKinds = 8;
+constexpr double kTukey = 4.685;      // 95 % efficient for normal errors
+constexpr float kLeastNoise = 2e-3f;  // px: exact pictures must not divide by zero
+constexpr double kFarCost = 25;       // of a point: no nearer than five times its noise
+
+using Row = std::array<double, 6>;
+
+// How a point moves across its edge with (w, d).
+std::optional<Row> row_of(const EdgePoint& p, const Lens& lens, const Pose& pose,
+                          glm::dvec2* pixel = nullptr) {
+  const glm::dvec3 turned = pose.rotation * glm::dvec3(p.point, 0);
+  glm::dmat2x3 d;
+  const auto at = lens.project(turned + pose.translation, &d);
+  if (!at) return std::nullopt;
+  if (pixel) *pixel = *at;
+  const glm::dvec3 g = p.normal.x * d[0] + p.normal.y * d[1], r = glm::cross(turned, g);
+  return Row{r.x, r.y, r.z, g.x, g.y, g.z};
+}
+
+struct Normal {
+  std::array<double, 36> a{};
+  Row b{};
+  void add(const Row& j, double weight, double value) {
+    for (std::size_t i = 0; i < 6; ++i) {
+      const double w = weight * j[i];
+      b[i] += w * value;
+      for (std::size_t k = 0; k <= i; ++k) a[6 * i + k] += w * j[k];
+    }
+  }
+  void mirror() {
+    for (std::size_t i = 0; i < 6; ++i)
+      for (std::size_t k = 0; k < i; ++k) a[6 * k + i] = a[6 * i + k];
+  }
+};
+
+float median(std::vector<float>& values) {
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double dot(const Row& a, const Row& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5];
+}
+
+Pose moved(const Pose& pose, const Row& x) {
+  Pose next{rotation_from_vector({x[0], x[1], x[2]}) * pose.rotation,
+            pose.translation + glm::dvec3(x[3], x[4], x[5])};
+  // Rounding of many small turns is taken out.
+  glm::dmat3& r = next.rotation;
+  r[0] = glm::normalize(r[0]);
+  r[1] = glm::normalize(r[1] - glm::dot(r[0], r[1]) * r[0]);
+  r[2] = glm::cross(r[0], r[1]);
+  return next;
+}
+
+bool finite(const Row& x) {
+  double sum = 0;
+  for (const double v : x) sum += std::abs(v);
+  return std::isfinite(sum);
+}
+
+// Deviation of a point by its noise, for each kind: 1.4826 medians, of all where a kind is rare; of
+// a share of the points, which is precise enough.
+std::array<float, kKinds> scales_of(std::span<const EdgePoint> points,
+                                    const std::vector<float>& residual, float floor) {
+  std::array<std::vector<float>, kKinds> sizes;
+  std::vector<float> together;
+  const std::size_t step = std::max<std::size_t>(1, points.size() / kScalePoints);
+  together.reserve(points.size() / step + 1);
+  for (std::size_t i = 0; i < points.size(); i += step) {
+    sizes[std::size_t(points[i].kind)].push_back(std::abs(residual[i]));
+    together.push_back(std::abs(residual[i]));
+  }
+  const float all = std::max(1.4826f * median(together), floor);
+  std::array<float, kKinds> scales{};
+  for (std::size_t k = 0; k < kKinds; ++k)
+    scales[k] =
+        sizes[k].size() < kLeastOfKind ? all : std::max(1.4826f * median(sizes[k]), 0.3f * all);
+  return scales;
+}
+
+}  // namespace
+
+std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
+                                 const Pose& pose) {
+  const std::size_t count = points.size();
+  if (count < kLeastPoints) return std::nullopt;
+  std::vector<Row> rows;
+  std::vector<float> residual(count), sizes(count);
+  rows.reserve(count);
+  for (const EdgePoint& p : points) {
+    const auto row = row_of(p, lens, pose);
+    if (!row) return std::nullopt;
+    rows.push_back(*row);
+  }
+  // The points' noise in pixels sets the floor of their scatter.
+  double noise = 0;
+  for (const EdgePoint& p : points) noise += p.noise;
+  const float floor = float(kLeastNoise * double(count) / noise);
+  EdgeFit fit;
+  fit.deviation.resize(count), fit.used.resize(count);
+  Row x{};
+  for (int round = 0; round < kWeightings; ++round) {
+    for (std::size_t i = 0; i < count; ++i)
+      residual[i] = float((points[i].offset - dot(rows[i], x)) / points[i].noise);
+    const auto scales = scales_of(points, residual, floor);
+    Normal n;
+    for (std::size_t i = 0; i < count; ++i) {
+      const float scale = scales[std::size_t(points[i].kind)];
+      fit.deviation[i] = scale * float(points[i].noise);
+      const double q = residual[i] / (kTukey * scale);
+      fit.used[i] = std::abs(q) < 1;
+      if (!fit.used[i]) continue;
+      const double weight = (1 - q * q) * (1 - q * q) / (fit.deviation[i] * fit.deviation[i]);
+      n.add(rows[i], weight, points[i].offset);
+    }
+    n.mirror();
+    if (!solve6(n.a, n.b, x) || !finite(x)) return std::nullopt;
+  }
+  Normal information;
+  double squares = 0;
+  sizes.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double step = dot(rows[i], x);
+    squares += step * step;
+    sizes[i] = float(std::abs(points[i].offset - step));
+    if (fit.used[i]) information.add(rows[i], 1 / (fit.deviation[i] * fit.deviation[i]), 0);
+  }
+  information.mirror();
+  fit.information = information.a;
+  fit.residual = median(sizes);
+  fit.motion = std::sqrt(squares / double(count));
+  fit.camera_from_marker = moved(pose, x);
+  return fit;
+}
+
+namespace {
+
+// Distance of a found edge from where the pose puts it, in units of its deviation.
+double distance(const EdgePoint& p, const glm::dvec2& pixel, double deviation) {
+  return (p.offset - glm::dot(p.normal, pixel - p.pixel)) / deviation;
+}
+
+}  // namespace
+
+double edge_cost(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
+                 const Pose& pose) {
+  double cost = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!fit.used[i]) continue;
+    const auto pixel = lens.project(pose * glm::dvec3(points[i].point, 0));
+    const double e = pixel ? distance(points[i], *pixel, fit.deviation[i]) : 1e9;
+    cost += std::min(e * e, kFarCost);
+  }
+  return cost;
+}
+
+std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const EdgeFit& fit,
+                                const Lens& lens, const Pose& start) {
+  Pose pose = start;
+  const auto cost_of = [&](const Pose& at) {  // not truncated: the start is far
+    double cost = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (!fit.used[i]) continue;
+      const auto pixel = lens.project(at * glm::dvec3(points[i].point, 0));
+      if (!pixel) return std::numeric_limits<double>::infinity();
+      const double e = distance(points[i], *pixel, fit.deviation[i]);
+      cost += e * e;
+    }
+    return cost;
+  };
+  double cost = cost_of(pose), damping = 1e-4;
+  if (!std::isfinite(cost)) return std::nullopt;
+  for (int step = 0; step < 12 && damping < 1e6; ++step) {
+    Normal n;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (!fit.used[i]) continue;
+      glm::dvec2 pixel;
+      Row row = *row_of(points[i], lens, pose, &pixel);
+      const double scale = fit.deviation[i];
+      for (double& v : row) v /= scale;
+      n.add(row, 1, distance(points[i], pixel, fit.deviation[i]));
+    }
+    n.mirror();
+    for (std::size_t i = 0; i < 6; ++i) n.a[7 * i] *= 1 + damping;
+    Row x{};
+    if (!solve6(n.a, n.b, x) || !finite(x)) return std::nullopt;
+    const Pose next = moved(pose, x);
+    const double value = cost_of(next);
+    if (value < cost) {
+      const bool small = cost - value < 1e-3 * cost;
+      pose = next, cost = value, damping *= 0.1;
+      if (small) break;
+    } else {
+      damping *= 10;
+    }
+  }
+  return pose;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,39 @@
+// A small motion of the camera from measured edges, robustly.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "fastibl/scene/camera.h"
+#include "fastibl/tracking/edge_points.h"
+
+namespace fastibl {
+
+struct EdgeFit {
+  Pose camera_from_marker;
+  std::array<double, 36> information{};  // of (w, d) as Tracked::covariance; its inverse is that
+  double residual = 0;                   // px: median distance of the points from the fitted edges
+  double motion = 0;             // px: by how much the fit moved the points, root mean square
+  std::vector<float> deviation;  // px: of each point, from the scatter of its kind
+  std::vector<bool> used;        // points that agree
+};
+
+// Moves `pose`, by which the points were measured, so that the edges lie where they were found:
+// weighted least squares of the distances across the edges, with Tukey's biweight at 4.685 times
+// the points' own scatter. Linear about `pose`: measure again and repeat until nothing moves.
+// Nothing for fewer than 8 points or where they leave a motion open.
+std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
+                                 const Pose& pose);
+
+// Sum of squared distances of the found edges from where a pose puts them, by their deviations,
+// each at most as far as counts; of the points that the fit used.
+double edge_cost(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
+                 const Pose& pose);
+
+// Levenberg–Marquardt on the same distances from a pose far from where they were measured.
+std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const EdgeFit& fit,
+                                const Lens& lens, const Pose& start);
+
+}  // namespace fastibl

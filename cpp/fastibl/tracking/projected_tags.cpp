@@ -1,0 +1,104 @@
+#include "fastibl/tracking/projected_tags.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fastibl/scene/tag_codes.h"
+
+namespace fastibl {
+namespace {
+
+constexpr std::size_t kShiftTags = 4;  // whose codes settle a shift
+
+bool outside(const ProjectedTag& tag, const Camera& camera) {
+  glm::dvec2 low = tag.nodes[0], high = tag.nodes[0];
+  for (const glm::dvec2& p : tag.nodes) low = glm::min(low, p), high = glm::max(high, p);
+  return high.x < 0 || high.y < 0 || low.x > camera.width || low.y > camera.height;
+}
+
+double module_of(const ProjectedTag& tag, int stride) {
+  const int middle = stride / 2 * stride + stride / 2;
+  const auto& n = tag.nodes;
+  const glm::dvec2 u = n[std::size_t(middle + 1)] - n[std::size_t(middle)],
+                   v = n[std::size_t(middle + stride)] - n[std::size_t(middle)];
+  return std::abs(u.x * v.y - u.y * v.x) / std::max(glm::length(u), glm::length(v));
+}
+
+double match_at(const LightReader& light, const BoardPattern& pattern,
+                std::span<const ProjectedTag> tags, const glm::dvec2& shift) {
+  double sum = 0;
+  for (const ProjectedTag& tag : tags) sum += code_match(light, pattern, tag, shift);
+  return sum;
+}
+
+}  // namespace
+
+std::vector<ProjectedTag> project_tags(const BoardPattern& pattern, const Camera& camera,
+                                       const Lens& lens, const Pose& pose) {
+  std::vector<ProjectedTag> tags;
+  if (!(pose.inverse().translation.z > 0)) return tags;  // its back is no board
+  tags.reserve(pattern.tags.size());
+  for (std::size_t k = 0; k < pattern.tags.size(); ++k) {
+    ProjectedTag tag{k, {}, 0};
+    tag.nodes.reserve(pattern.tags[k].nodes.size());
+    for (const glm::dvec2& node : pattern.tags[k].nodes) {
+      const auto pixel = lens.project(pose * glm::dvec3(node, 0));
+      if (!pixel) break;
+      tag.nodes.push_back(*pixel);
+    }
+    if (tag.nodes.size() != pattern.tags[k].nodes.size() || outside(tag, camera)) continue;
+    tag.module = module_of(tag, pattern.nodes());
+    if (std::isfinite(tag.module)) tags.push_back(std::move(tag));
+  }
+  return tags;
+}
+
+double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag,
+                  const glm::dvec2& shift) {
+  const std::vector<bool>& black = pattern.tags[tag.index].black;
+  int count = 0, whites = 0, sum = 0, squares = 0, white_sum = 0;
+  for (int row = 0; row < kTagModules; ++row)
+    for (int column = 0; column < kTagModules; ++column) {
+      const int node = (row + pattern.border) * pattern.nodes() + column + pattern.border;
+      const glm::dvec2 p = 0.5 * (tag.nodes[std::size_t(node)] +
+                                  tag.nodes[std::size_t(node + pattern.nodes() + 1)]) +
+                           shift;
+      if (!(p.x >= 0 && p.y >= 0 && p.x < light.width() && p.y < light.height())) continue;
+      const int v = light.code(int(p.x), int(p.y));
+      ++count, sum += v, squares += v * v;
+      if (!black[std::size_t(row * kTagModules + column)]) ++whites, white_sum += v;
+    }
+  if (count < kTagModules * kTagModules / 2) return 0;
+  const double n = count, w = whites;
+  const double spread = (n * squares - double(sum) * sum) * (w * (n - w));
+  return spread > 0 ? (n * white_sum - w * sum) / std::sqrt(spread) : 0;
+}
+
+glm::dvec2 find_shift(const LightReader& light, const BoardPattern& pattern,
+                      std::span<const ProjectedTag> tags, double radius) {
+  std::vector<ProjectedTag> largest(tags.begin(), tags.end());
+  std::stable_sort(largest.begin(), largest.end(),
+                   [](const auto& a, const auto& b) { return a.module > b.module; });
+  if (largest.empty()) return glm::dvec2(0);
+  // Tags of one size: a step must not jump over the match of any of them.
+  largest.resize(std::min(largest.size(), kShiftTags));
+  std::erase_if(largest, [&](const auto& tag) { return tag.module < 0.7 * largest[0].module; });
+  double step = std::max(1.0, std::floor(0.45 * largest[0].module));
+  glm::dvec2 best(0);
+  double value = match_at(light, pattern, largest, best);
+  const auto look = [&](const glm::dvec2& centre, double reach) {
+    for (double y = -reach; y <= reach; y += step)
+      for (double x = -reach; x <= reach; x += step) {
+        const double match = match_at(light, pattern, largest, centre + glm::dvec2(x, y));
+        if (match > value) value = match, best = centre + glm::dvec2(x, y);
+      }
+  };
+  look(glm::dvec2(0), step * std::floor(radius / step));
+  while (step > 1) {
+    step = std::max(1.0, std::floor(step / 2));
+    look(best, step);
+  }
+  return best;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,33 @@
+// A board's tags as a pose puts them into the picture, and how far the picture agrees.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "fastibl/scene/camera.h"
+#include "fastibl/tracking/light_reader.h"
+#include "fastibl/tracking/tag_edges.h"
+
+namespace fastibl {
+
+struct ProjectedTag {
+  std::size_t index = 0;          // in the pattern
+  std::vector<glm::dvec2> nodes;  // pixels
+  double module = 0;              // px, the shorter way across, at the tag's centre
+};
+
+// Those of which at least a part may be in the picture.
+std::vector<ProjectedTag> project_tags(const BoardPattern& pattern, const Camera& camera,
+                                       const Lens& lens, const Pose& camera_from_marker);
+
+// Correlation of the picture at the data modules with the tag's code, −1 to 1; other codes of the
+// family reach 0.39. 0 where less than half of the tag is in the picture, or it is uniform there.
+double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag,
+                  const glm::dvec2& shift = glm::dvec2(0));
+
+// Whole pixels by which the tags are moved against where they were projected, at most `radius` in x
+// and y: the best match of the codes of the largest tags.
+glm::dvec2 find_shift(const LightReader& light, const BoardPattern& pattern,
+                      std::span<const ProjectedTag> tags, double radius);
+
+}  // namespace fastibl

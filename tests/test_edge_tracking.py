@@ -1,0 +1,384 @@
+"""Edge tracking: codes, edges, films with a known path, extremes, what it refuses, and its state."""
+
+import time
+
+import cv2
+import numpy as np
+import pytest
+from board_pictures import render, vga
+
+import fastibl
+from bench.capture.board_film import (
+    CAMERA,
+    HARD,
+    HandPath,
+    Look,
+    board_light,
+    disturbed,
+    film,
+    look_at,
+    picture,
+    rotation_error_degrees,
+)
+from fastibl._fastibl import _edge_points, _EdgeTracker, _tag_black, _track_edges
+from fastibl.board import tag_modules
+from fastibl.tracking import detect
+
+BOARD = fastibl.Board.default()
+
+
+def shot(pose, look=None, board=BOARD, seed=0):
+    look = look or Look()
+    rng = np.random.default_rng(seed)
+    return picture(disturbed(board_light(board, pose), board, pose, look, rng, 0.3), look, rng)
+
+
+def error(tracked, pose):
+    return rotation_error_degrees(tracked.camera_from_marker.matrix, pose)
+
+
+def blank(seed=0):
+    return picture(np.full((480, 640), 0.25, np.float32), Look(), np.random.default_rng(seed))
+
+
+def nothing(grey, board, camera):
+    """A detector that sees no tag: what is tracked then is tracked by edges."""
+    return [], None
+
+
+def test_codes_are_those_of_the_family():
+    for id in range(587):
+        mine = [[_tag_black(id, r, c) for c in range(6)] for r in range(6)]
+        assert (np.array(mine) == tag_modules(id)[1:-1, 1:-1]).all(), id
+    for id in (-1, 587):
+        with pytest.raises(ValueError, match="586"):
+            _tag_black(id, 0, 0)
+
+
+@pytest.mark.parametrize("board", [BOARD, fastibl.Board.kalibr(3, 4, 0.05, 0.3)], ids=["default", "kalibr"])
+def test_edges_lie_where_the_pose_puts_them(board):
+    """Every edge that is measured exists, faces white, and is unbiased; kalibr's borders and turned tags too."""
+    pose = look_at(25, 0.42, 30, 12)
+    grey = shot(pose, board=board)[..., 1].copy()
+    near = _edge_points(grey, board, CAMERA, fastibl.Pose(pose))
+    far = _edge_points(grey, board, CAMERA, fastibl.Pose(pose), True)
+    print(f"\n{len(near)} edges: mean {near[:, 6].mean():.4f}, median size {np.median(abs(near[:, 6])):.4f} px")
+    assert len(near) > 500 and abs(near[:, 6].mean()) < 0.02 and np.median(abs(near[:, 6])) < 0.03
+    assert len(far) > 200 and np.median(abs(far[:, 6])) < 0.1
+    at, normal = near[:, 2:4], near[:, 4:6]
+    light = cv2.GaussianBlur(grey, (0, 0), 0.7).astype(float)
+
+    def value(p):
+        return light[np.clip(p[:, 1].astype(int), 0, 479), np.clip(p[:, 0].astype(int), 0, 639)]
+
+    assert (value(at + 1.5 * normal) > value(at - 1.5 * normal)).mean() > 0.98
+
+
+@pytest.mark.parametrize("blur", [0.4, 1.0, 1.6])
+def test_symmetric_blur_moves_no_edge(blur):
+    pose = look_at(30, 0.42, 77, 8)
+    tracked = _track_edges(shot(pose, Look(blur=blur)), BOARD, CAMERA, fastibl.Pose(pose))
+    print(f"\nblur {blur} px: {error(tracked, pose):.4f} degrees, residual {tracked.residual_px:.4f} px")
+    assert error(tracked, pose) < 0.03 and not tracked.ambiguous
+
+
+def follow(look, frames, path=None, board=BOARD, seed=0, clear=2):
+    tracker, out = fastibl.Tracker(board, CAMERA), []
+    for k, (now, pose, image) in enumerate(film(board, path or HandPath(seed), look, frames, seed, clear)):
+        tracked = tracker.track(image, now)
+        if k >= clear:
+            out.append((tracked, pose))
+    return out
+
+
+def test_clean_film():
+    shots = [s for seed in (0, 4) for s in follow(Look(), 15, HandPath(seed, tilt=(0.0, 60.0)), seed=seed)]
+    degrees = [error(t, p) for t, p in shots]
+    shift = [np.linalg.norm(t.camera_from_marker.translation - p[:3, 3]) / np.linalg.norm(p[:3, 3]) for t, p in shots]
+    print(f"\nmedian {np.median(degrees):.4f}, worst {max(degrees):.4f} degrees; shift {100 * max(shift):.4f} %")
+    assert np.median(degrees) <= 0.02 and np.percentile(degrees, 95) <= 0.05 and np.percentile(shift, 95) <= 5e-4
+    assert all(t.edges > 100 for t, _ in shots)
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_hard_films(name):
+    shots = follow(HARD[name], 10)
+    degrees = [error(t, p) for t, p in shots if t is not None]
+    print(f"\n{name}: {len(degrees)} of {len(shots)}, worst {max(degrees):.4f} degrees")
+    assert len(degrees) == len(shots) and max(degrees) <= 0.2
+
+
+@pytest.mark.parametrize("roll", [0, 90, 33])
+def test_exactly_head_on(roll):
+    pose = look_at(0, 0.5, 0, roll)
+    tracker = fastibl.Tracker(BOARD, CAMERA)
+    for seed in range(3):
+        tracked = tracker.track(shot(pose, seed=seed))
+        assert np.isfinite(tracked.camera_from_marker.matrix).all() and np.isfinite(tracked.covariance).all()
+        assert error(tracked, pose) < 0.05
+
+
+def test_stated_deviations_are_honest():
+    """Errors by what the covariance states: neither far above nor far below 1."""
+    ratios = []
+    for seed, look in enumerate((Look(), Look(noise=0.03), HARD["defocus 2 px"], HARD["JPEG 30"])):
+        for tracked, pose in follow(look, 8, seed=seed):
+            w = cv2.Rodrigues(pose[:3, :3] @ tracked.camera_from_marker.rotation.T)[0].ravel()
+            ratios.append(np.sqrt(w @ np.linalg.solve(tracked.covariance[:3, :3], w) / 3))
+            assert np.allclose(tracked.covariance, tracked.covariance.T)
+            assert (np.linalg.eigvalsh(tracked.covariance) > 0).all()
+    print(f"\nerror by stated deviation: median {np.median(ratios):.2f}, p95 {np.percentile(ratios, 95):.2f}")
+    assert 0.2 < np.median(ratios) < 2 and np.percentile(ratios, 95) < 4
+
+
+def test_a_start_pixels_away_is_corrected():
+    """By the edges alone, and from further off by the codes; without a detector."""
+    pose = look_at(25, 0.45, 40, 10)
+    image = shot(pose)
+    for pixels in (1, 3, 6, 12, 25, 38):
+        for angle in (0.3, 2.2, 4.4):
+            start = pose.copy()
+            start[:2, 3] += pixels * np.array([np.cos(angle), np.sin(angle)]) * pose[2, 3] / 522
+            tracked = _track_edges(image, BOARD, CAMERA, fastibl.Pose(start))
+            assert tracked is not None and error(tracked, pose) < 0.02, (pixels, angle)
+
+
+def test_a_grid_off_by_one_tag_is_not_taken_for_itself():
+    """All sides fit, but for the outermost; the codes do not."""
+    board = fastibl.Board.grid(4, 5, 0.03, 0.01)
+    pose = look_at(10, 0.45, 40, 4)
+    image = shot(pose, board=board)
+    for step in ([0.04, 0], [0, -0.04], [0.08, 0.04]):
+        start = pose.copy()
+        start[:3, 3] += pose[:3, :2] @ step
+        tracked = _track_edges(image, board, CAMERA, fastibl.Pose(start))
+        assert tracked is None or error(tracked, pose) < 0.1
+    other = fastibl.Board([(tag.id + 100, tag.corners) for tag in board.tags], board.width, board.height)
+    assert _track_edges(image, other, CAMERA, fastibl.Pose(pose)) is None
+
+
+@pytest.mark.parametrize("kind", ["blank", "noise", "stripes", "black", "white"])
+def test_pictures_without_the_board_give_none(kind):
+    pose = look_at(25, 0.45, 40, 10)
+    x = np.broadcast_to(np.sin(np.arange(640) / 3.0)[None, :, None], (480, 640, 3))
+    image = {
+        "blank": blank(),
+        "noise": np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8),
+        "stripes": (127 + 120 * x).astype(np.uint8),
+        "black": np.zeros((480, 640, 3), np.uint8),
+        "white": np.full((480, 640, 3), 255, np.uint8),
+    }[kind]
+    assert _track_edges(image, BOARD, CAMERA, fastibl.Pose(pose)) is None
+    tracker = fastibl.Tracker(BOARD, CAMERA)
+    assert tracker.track(shot(pose), 0.0) is not None
+    assert tracker.track(image, 0.03) is None
+
+
+def test_starts_that_make_no_sense_give_none():
+    image = shot(look_at(25, 0.45, 40, 10))
+    behind, back, edge_on, far = (look_at(20, 0.45) for _ in range(4))
+    behind[2, 3] = -0.4
+    back[:3, :3] = back[:3, :3] @ np.diag([1.0, -1, -1])
+    edge_on = look_at(90, 0.45)
+    far[2, 3] = 1e6
+    for start in (behind, back, edge_on, far, look_at(20, 1e-6)):
+        tracked = _track_edges(image, BOARD, CAMERA, fastibl.Pose(start))
+        assert tracked is None
+
+
+def test_the_mirrored_pose_is_left_for_the_right_one():
+    """Of one small tag, whose two minima are alike; the other one is refined too before one is chosen."""
+    board = fastibl.Board.grid(1, 1, 0.05, 0.015)
+    rng = np.random.default_rng(4)
+    wrong = told = 0
+    for k in range(12):
+        pose = look_at(25, 0.5, rng.uniform(0, 360))
+        start, view = pose.copy(), pose[:3, 3] / np.linalg.norm(pose[:3, 3])
+        start[:3, :3] = (np.eye(3) - 2 * np.outer(view, view)) @ pose[:3, :3] @ np.diag([1.0, 1, -1])
+        tracked = _track_edges(shot(pose, board=board, seed=k), board, CAMERA, fastibl.Pose(start))
+        if tracked is None:
+            continue
+        told += 1
+        wrong += error(tracked, pose) > 5
+    print(f"\n{told} of 12 told from the mirrored pose, {wrong} wrong")
+    assert wrong == 0 and told >= 6
+
+
+def test_one_tag_that_recedes_to_10_px_is_right_or_none():
+    board = fastibl.Board.grid(1, 1, 0.05, 0.012)
+    tracker, given = fastibl.Tracker(board, CAMERA), 0
+    for k in range(70):
+        side = max(10.0, 44.0 * (10.0 / 44.0) ** (k / 50))
+        pose = look_at(30.0, 522 * 0.05 / side, 10 + k / 3, 5)
+        tracked = tracker.track(shot(pose, board=board, seed=k), k / 30)
+        if tracked is not None:
+            given += 1
+            assert error(tracked, pose) < 5, (k, side)
+    assert given > 20
+
+
+def test_75_degrees_while_tracking():
+    tracker, degrees = fastibl.Tracker(BOARD, CAMERA), []
+    for k in range(50):
+        pose = look_at(min(75, 45 + k), 0.42, 20 + k / 3, 4)
+        tracked = tracker.track(shot(pose, seed=k), k / 30)
+        if k >= 30:
+            degrees.append(np.inf if tracked is None else error(tracked, pose))
+    print(f"\n75 degrees of tilt: median {np.median(degrees):.4f}, worst {max(degrees):.4f}")
+    assert np.mean(np.isfinite(degrees)) >= 0.95 and np.median(degrees) < 0.05
+
+
+def test_leaving_and_returning():
+    tracker, path = fastibl.Tracker(BOARD, CAMERA), HandPath(1)
+    for k in range(24):
+        away = 5 <= k < 9 or 12 <= k < 22  # shorter and longer than a prediction lasts
+        pose = path.pose(k / 30 * (1 if k < 10 else 4))  # and elsewhere when it is back
+        tracked = tracker.track(blank(k) if away else shot(pose, seed=k), k / 30)
+        assert (tracked is None) == away, k
+        if tracked:
+            assert error(tracked, pose) < 0.1
+
+
+def test_jumps_and_frozen_frames_give_no_old_pose():
+    tracker, rng = fastibl.Tracker(BOARD, CAMERA), np.random.default_rng(2)
+    for k in range(12):
+        pose = look_at(rng.uniform(5, 50), rng.uniform(0.4, 0.6), rng.uniform(0, 360), rng.uniform(-180, 180))
+        image = shot(pose, seed=k)
+        for _ in range(2):
+            tracked = tracker.track(image, k / 30)  # equal times too
+            assert error(tracked, pose) < 0.1
+
+
+def test_fast_motion_without_a_detector():
+    """30 px a frame, changing direction: found by the codes from the prediction."""
+    tracker = _EdgeTracker(BOARD, CAMERA)
+    first = look_at(20, 0.45, 40, 10)
+    assert tracker.track(shot(first), 0.0, detect) is not None
+    for k, (x, y) in enumerate([(30, 0), (30, 25), (5, 25), (-20, 0), (-25, -15)]):
+        pose = first.copy()
+        pose[:2, 3] += np.array([x, y]) * first[2, 3] / 522
+        tracked = tracker.track(shot(pose, seed=k), (k + 1) / 30, nothing)
+        assert tracked is not None and error(tracked, pose) < 0.02 and tracked.edges > 0
+
+
+def test_a_gyroscope_predicts_what_velocity_cannot():
+    def turned(degrees):  # the camera turns at once
+        out = pose.copy()
+        out[:3] = cv2.Rodrigues(np.radians([0, 0, degrees]))[0] @ pose[:3]
+        return out
+
+    pose, angle = look_at(20, 0.45, 40, 10), 25.0
+    for given in (True, False):
+        tracker = _EdgeTracker(BOARD, CAMERA)
+        tracker.track(shot(pose), 0.0, detect)
+        turn = np.radians([0, 0, angle]) if given else None
+        tracked = tracker.track(shot(turned(angle)), 1 / 30, nothing, turn)
+        assert (tracked is not None) == given
+        if given:
+            assert error(tracked, turned(angle)) < 0.02
+
+
+def test_gravity_decides_between_minima_that_the_picture_cannot_tell():
+    """Of one noisy tag of 31 px; where the picture can tell, gravity that is wrong changes nothing."""
+    board = fastibl.Board.grid(1, 1, 0.03, 0.01)
+    right = flipped = told = 0
+    for k in range(20):
+        pose = look_at(12, 0.5, 24 * k)
+        image = shot(pose, Look(noise=0.1), board, seed=k)
+        view = pose[:3, 3] / np.linalg.norm(pose[:3, 3])
+        down = -pose[:3, 2]
+        mirrored = 2 * (down @ view) * view - down
+        if not (plain := fastibl.Tracker(board, CAMERA).track(image)) or not plain.ambiguous:
+            continue
+        told += 1
+        with_it = fastibl.Tracker(board, CAMERA).track(image, gravity=3 * down)
+        against = fastibl.Tracker(board, CAMERA).track(image, gravity=mirrored)
+        right += with_it is not None and error(with_it, pose) < 8
+        flipped += against is None or error(against, pose) > 8
+    print(f"\n{told} ambiguous views: {right} right with gravity, {flipped} given up with a wrong one")
+    assert told >= 8 and right == told and flipped > 0.6 * told
+    pose = look_at(20, 0.45, 40)
+    tracked = fastibl.Tracker(BOARD, CAMERA).track(shot(pose), gravity=[1.0, 0, 0])
+    assert error(tracked, pose) < 0.02
+
+
+def test_smoothing_is_off_by_default_and_lags_by_its_time():
+    path = [look_at(20, 0.45, 40 + 0.3 * k, 10) for k in range(25)]
+    shots = [shot(pose, seed=k) for k, pose in enumerate(path)]
+    raw, smooth = fastibl.Tracker(BOARD, CAMERA), fastibl.Tracker(BOARD, CAMERA, smoothing=0.1)
+    for k, image in enumerate(shots):
+        a, b = raw.track(image, k / 30), smooth.track(image, k / 30)
+    assert error(a, path[-1]) < 0.02
+    step = rotation_error_degrees(path[-2], path[-1])  # of a frame
+    lag = error(b, path[-1]) / step / 30
+    print(f"\nlag {1e3 * lag:.0f} ms of 100")
+    assert 0.07 < lag < 0.11
+    with pytest.raises(ValueError, match="smoothing"):
+        fastibl.Tracker(BOARD, CAMERA, smoothing=-1)
+
+
+def test_replay_gives_the_same_bits():
+    shots = list(film(BOARD, HandPath(3), HARD["30 % hidden"], 6))
+    runs = []
+    for _ in range(2):
+        tracker = fastibl.Tracker(BOARD, CAMERA)
+        runs.append([tracker.track(image, now) for now, _, image in shots])
+    assert runs[0] == runs[1]
+    tracker.reset()
+    assert tracker.track(shots[0][2], 0.0) == runs[0][0]
+
+
+def test_time_must_not_run_backwards():
+    tracker = fastibl.Tracker(BOARD, CAMERA)
+    image = shot(look_at(20, 0.45))
+    tracker.track(image, 1.0)
+    with pytest.raises(ValueError, match="backwards"):
+        tracker.track(image, 0.9)
+    with pytest.raises(ValueError, match="time"):
+        tracker.track(image, float("nan"))
+    with pytest.raises(ValueError, match="gravity"):
+        tracker.track(image, 1.1, gravity=[0.0, 1.0])
+
+
+def test_a_lens_with_distortion():
+    camera = vga((-0.28, 0.09, 0.001, -0.0008))
+    pose = look_at(30, 0.36, 40, 5, (0.03, -0.02))
+    tracker = fastibl.Tracker(BOARD, camera)
+    for seed in range(2):
+        tracked = tracker.track(render(BOARD, camera, pose, seed=seed))
+    print(f"\nk1 = -0.28: {error(tracked, pose):.4f} degrees by {tracked.edges} edges")
+    assert tracked.edges > 300 and error(tracked, pose) < 0.05
+
+
+def test_a_session_follows_by_edges():
+    mesh = fastibl.Mesh(
+        np.float32([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0], [0, 0, 0.05]]), [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    )
+    white = fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32))
+    for methods, edges in (("auto", True), ({"tracking": "edges"}, True), ({"tracking": "board"}, False)):
+        session = fastibl.Session(
+            fastibl.Scene(mesh, fastibl.Material()),
+            fastibl.Rig(CAMERA),
+            BOARD,
+            white,
+            methods=methods,
+            cast_shadow=False,
+        )
+        for now, pose, image in film(BOARD, HandPath(0), Look(), 3):
+            result = session.process(fastibl.Frame(now, back=image))
+            assert error(result.tracked, pose) < 0.1 and (result.tracked.edges > 0) == edges
+    assert [m.name for m in fastibl.methods("tracking")] == ["frame-marker", "board", "edges"]
+
+
+def test_a_followed_frame_costs_a_fraction_of_a_detected_one():
+    shots = list(film(BOARD, HandPath(0), Look(), 12))
+    times = []
+    for _ in range(4):
+        tracker = fastibl.Tracker(BOARD, CAMERA)
+        for k, (now, _, image) in enumerate(shots):
+            begin = time.thread_time()
+            tracker.track(image, now)
+            if k >= 2:
+                times.append(1e3 * (time.thread_time() - begin))
+    print(f"\na followed frame: {np.median(times):.2f} ms")
+    assert min(times) < 3
