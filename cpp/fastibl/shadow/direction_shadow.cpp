@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -32,124 +33,159 @@ constexpr int kStrip = 16;  // rows of a thread
 using Share [[gnu::vector_size(16), gnu::may_alias]] = std::int32_t;
 using Words [[gnu::vector_size(64), gnu::may_alias]] = std::uint64_t;
 
-// Words of 64 columns, a bit each, in which some difference along eight rows is not 0. Maps have at
-// most 8192 texels.
-using Changed = std::array<std::uint64_t, 2>;
+// What one direction hides of eight rows.
+struct alignas(64) StripBits {
+  Words carry;  // the last bit of the column before
+  Share share;
+  const std::uint64_t* words;  // of column 0, in the first of the rows
+  int first_column, last_column;
+};
+constexpr std::size_t kAhead = 8;  // directions of which the bits are fetched meanwhile
 
-// Adds a share where the bits of eight rows begin to be set, and takes it off where they end. The
-// cost is that of the edges: of an object a few in a row, whatever its size.
+// Texels of a word of eight rows: 8 KiB, so that all directions find them in the nearest cache.
+struct alignas(64) WordTexels {
+  glm::ivec4 row[kRows][64];
+};
+
+// Adds a share where the bits of a word of eight rows begin to be set, and takes it off where they
+// end. The cost is that of the edges: of an object a few in a row, whatever its size. False if no
+// direction has an edge here. Columns are to come in order; `strip` has kAhead more at its end.
 FASTIBL_CLONES
-void add_edges(const std::uint64_t* words, std::ptrdiff_t column_stride, int first_column,
-               int last_column, const glm::ivec4& whole, glm::ivec4* differences,
-               std::ptrdiff_t row_stride, std::uint64_t* changed) {
-  const Share share = *reinterpret_cast<const Share*>(&whole);
-  Words carry{};
-  for (int c = first_column; c <= last_column; ++c) {
-    const Words bits = *reinterpret_cast<const Words*>(words + c * column_stride);
+bool add_edges(StripBits* strip, std::size_t count, int column, std::ptrdiff_t column_stride,
+               WordTexels& differences) {
+  bool changed = false;
+  for (std::size_t k = 0; k < count; ++k) {
+    StripBits& s = strip[k];
+    __builtin_prefetch(strip[k + kAhead].words + column * column_stride);
+    if (column < s.first_column || column > s.last_column + 1) continue;
+    const std::uint64_t* words = s.words + column * column_stride;
+    const Words bits = *reinterpret_cast<const Words*>(words);
+    const Words carry = s.carry;
     const Words changes = bits ^ (bits << 1 | carry);
+    s.carry = bits >> 63;
     std::uint64_t any = 0;
     for (int r = 0; r < kRows; ++r) any |= changes[r];
-    if (any != 0) {
-      changed[c / 64] |= std::uint64_t{1} << (c % 64);
-      for (int r = 0; r < kRows; ++r) {
-        Share step = carry[r] ? -share : share;
-        auto* row = reinterpret_cast<Share*>(differences + r * row_stride + 64 * c);
-        for (std::uint64_t left = changes[r]; left != 0; left &= left - 1) {
-          row[std::countr_zero(left)] += step;
-          step = -step;
-        }
+    if (any == 0) continue;
+    changed = true;
+    for (int r = 0; r < kRows; ++r) {
+      Share step = carry[r] ? -s.share : s.share;
+      auto* row = reinterpret_cast<Share*>(differences.row[r]);
+      for (std::uint64_t left = changes[r]; left != 0; left &= left - 1) {
+        row[std::countr_zero(left)] += step;
+        step = -step;
       }
     }
-    carry = bits >> 63;
   }
+  return changed;
 }
 
 constexpr float kShareUnit = 1.0f / kWholeShare;
 
-// Writes a colour to `count` texels.
-FASTIBL_CLONES
-void fill_texels(const float* colour, int count, float* ratio) {
-  Float16 pattern[3];
-  for (int i = 0; i < 48; ++i) pattern[i / 16][i % 16] = colour[i % 3];
-  int i = 0;
-  for (; i + 16 <= count; i += 16, ratio += 48)
-    for (int k = 0; k < 3; ++k) *reinterpret_cast<Float16*>(ratio + 16 * k) = pattern[k];
-  for (int k = 0; k < 3 * (count - i); ++k) ratio[k] = colour[k % 3];
+using Four [[gnu::vector_size(64), gnu::may_alias]] = std::int32_t;  // texels
+using Colours [[gnu::vector_size(64)]] = float;
+using Stored [[gnu::vector_size(64), gnu::aligned(4), gnu::may_alias]] = float;
+
+// Three of the four channels of 16 texels.
+FASTIBL_INLINE void store_texels(const Colours& a, const Colours& b, const Colours& c,
+                                 const Colours& d, float* ratio) {
+  *reinterpret_cast<Stored*>(ratio) =
+      __builtin_shufflevector(a, b, 0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20);
+  *reinterpret_cast<Stored*>(ratio + 16) =
+      __builtin_shufflevector(b, c, 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20, 21, 22, 24, 25);
+  *reinterpret_cast<Stored*>(ratio + 32) =
+      __builtin_shufflevector(c, d, 10, 12, 13, 14, 16, 17, 18, 20, 21, 22, 24, 25, 26, 28, 29, 30);
 }
 
-// Sums the differences of `count` texels to what is lost there, and clears them; four at a time, of
-// which the sums reach to all before. Four floats beyond the last texel are written.
+FASTIBL_INLINE void repeat_texel(const glm::ivec4& texel, Four& four) {
+  const Share t = *reinterpret_cast<const Share*>(&texel);
+  four = __builtin_shufflevector(t, t, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+}
+
+// Writes what is left to 64 texels of one colour.
 FASTIBL_CLONES
-void sum_texels(glm::ivec4* differences, int count, glm::ivec4& lost_before, float* ratio) {
-  using Four [[gnu::vector_size(64), gnu::may_alias]] = std::int32_t;
-  using Colours [[gnu::vector_size(64)]] = float;
-  using Stored [[gnu::vector_size(64), gnu::aligned(4), gnu::may_alias]] = float;
-  const Share before = *reinterpret_cast<const Share*>(&lost_before);
-  Four lost =
-      __builtin_shufflevector(before, before, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+void fill_texels(const glm::ivec4& lost, float* ratio) {
+  Four four;
+  repeat_texel(lost, four);
+  const Colours left = 1 - __builtin_convertvector(four, Colours) * kShareUnit;
+  for (int x = 0; x < 64; x += 16, ratio += 48) store_texels(left, left, left, left, ratio);
+}
+
+// Sums the differences of 64 texels to what is lost there, and clears them.
+FASTIBL_CLONES
+void sum_texels(glm::ivec4* differences, glm::ivec4& lost_before, float* ratio) {
+  Four lost;
+  repeat_texel(lost_before, lost);
   const Four none{};
-  for (int x = 0; x < count; x += 4, ratio += 12) {
-    Four& difference = *reinterpret_cast<Four*>(differences + x);
-    Four sum = difference;
-    difference = none;
-    sum += __builtin_shufflevector(none, sum, 0, 1, 2, 3, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25,
-                                   26, 27);
-    sum +=
-        __builtin_shufflevector(none, sum, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23);
-    sum += lost;
-    lost = __builtin_shufflevector(sum, sum, 12, 13, 14, 15, 12, 13, 14, 15, 12, 13, 14, 15, 12, 13,
-                                   14, 15);
-    const Colours left = 1 - __builtin_convertvector(sum, Colours) * kShareUnit;
-    *reinterpret_cast<Stored*>(ratio) =
-        __builtin_shufflevector(left, left, 0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, 12, 13, 14, 15);
+  auto* difference = reinterpret_cast<Four*>(differences);
+  for (int x = 0; x < 4; ++x, ratio += 48) {
+    Colours left[4];
+    for (int i = 0; i < 4; ++i, ++difference) {
+      // Four at a time, of which the sums reach to all before.
+      Four sum = *difference;
+      *difference = none;
+      sum += __builtin_shufflevector(none, sum, 0, 1, 2, 3, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25,
+                                     26, 27);
+      sum += __builtin_shufflevector(none, sum, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22,
+                                     23);
+      left[i] = 1 - __builtin_convertvector(sum + lost, Colours) * kShareUnit;
+      lost += __builtin_shufflevector(sum, sum, 12, 13, 14, 15, 12, 13, 14, 15, 12, 13, 14, 15, 12,
+                                      13, 14, 15);
+    }
+    store_texels(left[0], left[1], left[2], left[3], ratio);
   }
   const Share last = __builtin_shufflevector(lost, lost, 0, 1, 2, 3);
   *reinterpret_cast<Share*>(&lost_before) = last;
 }
 
-// Ratios of a row: words without a change are of one colour.
-void sum_row(glm::ivec4* differences, const Changed& changed, int size, float* ratio) {
-  glm::ivec4 lost(0);
-  for (int begin = 0, word = 0; begin < size; ++word, begin += 64) {
-    const int count = std::min(64, size - begin);
-    float* out = ratio + 3 * begin;
-    if (!(changed[std::size_t(word) / 64] >> (word % 64) & 1)) {
-      const glm::vec3 colour = 1.0f - glm::vec3(lost) * kShareUnit;
-      fill_texels(&colour.x, count, out);
-    } else if (begin + 64 < size) {
-      sum_texels(differences + begin, 64, lost, out);  // what is written beyond is overwritten
-    } else {
-      float last[3 * 64 + 4];  // and a shadow may end beyond the last texel
-      sum_texels(differences + begin, 64, lost, last);
-      std::copy_n(last, 3 * count, out);
+// Eight rows, word by word. A word is summed when the edges of the next have been added: by then
+// its own are no longer on their way to memory.
+void sum_strip(std::span<StripBits> strip, std::ptrdiff_t column_stride, int first, int rows,
+               std::array<WordTexels, 2>& differences, Image<float>& ratio) {
+  const int size = ratio.width, columns = (size + 63) / 64;
+  alignas(64) glm::ivec4 lost[kRows] = {};
+  bool changed = false;
+  for (int column = 0; column <= columns; ++column) {
+    const bool next_changed =
+        column < columns && add_edges(strip.data(), strip.size() - kAhead, column, column_stride,
+                                      differences[std::size_t(column % 2)]);
+    if (column > 0) {
+      const int begin = 64 * (column - 1), count = std::min(64, size - begin);
+      WordTexels& word = differences[std::size_t((column - 1) % 2)];
+      for (int r = 0; r < rows; ++r) {
+        float part[3 * 64];  // of a word that the map ends in
+        float* row = ratio.pixel(begin, first + r);
+        float* out = count == 64 ? row : part;
+        if (changed)
+          sum_texels(word.row[r], lost[r], out);
+        else
+          fill_texels(lost[r], out);
+        if (out == part) std::copy_n(part, 3 * count, row);
+      }
     }
+    changed = next_changed;
   }
 }
 
 void sum_rows(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares, int begin,
               int end, const BorderFade* fade, Image<float>& ratio) {
-  const int size = ratio.width, columns = (size + 63) / 64;
-  const std::ptrdiff_t row_stride = 64 * columns;
-  struct alignas(64) Row {
-    glm::ivec4 texel[64];
-  };
-  // Kept, as it is left cleared.
-  thread_local std::vector<Row> kept;
-  if (kept.size() < std::size_t(columns) * kRows) kept.assign(std::size_t(columns) * kRows, Row{});
-  glm::ivec4* differences = kept[0].texel;
+  auto differences = std::make_unique<std::array<WordTexels, 2>>();  // cleared by sum_texels()
+  std::vector<StripBits> strip;
   for (int first = begin; first < end; first += kRows) {
-    Changed changed{};
+    strip.clear();
     for (std::size_t k = 0; k < bits.size(); ++k) {
       const PlaneBits::Box& box = bits[k].box();
       if (first + kRows <= box.first_row || first > box.last_row) continue;
-      add_edges(bits[k].column(0) + first, bits[k].padded_rows(), box.first_column,
-                std::min(box.last_column + 1, columns - 1), shares[k], differences, row_stride,
-                changed.data());
+      const Share share = {shares[k].x, shares[k].y, shares[k].z, 0};
+      strip.push_back(StripBits{.carry = Words{},
+                                .share = share,
+                                .words = bits[k].column(0) + first,
+                                .first_column = box.first_column,
+                                .last_column = box.last_column});
     }
-    for (int y = first; y < std::min(first + kRows, end); ++y) {
-      sum_row(differences + (y - first) * row_stride, changed, size, ratio.row(y));
-      if (fade) fade->row(y, ratio.row(y));
-    }
+    strip.resize(strip.size() + kAhead, StripBits{Words{}, Share{}, bits[0].column(0), 0, 0});
+    const int rows = std::min(kRows, end - first);
+    sum_strip(strip, bits[0].padded_rows(), first, rows, *differences, ratio);
+    for (int y = first; fade && y < first + rows; ++y) fade->row(y, ratio.row(y));
   }
 }
 
