@@ -13,6 +13,7 @@ import fastibl
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 MAPS = {p.stem.removesuffix("_1k"): p for p in sorted((SHARED / "hdri").glob("*.hdr"))}
+SUN_MAP = SHARED / "hdri-sun" / "immenstadter_horn_1k.hdr"
 NO_MAPS = f"no real HDR maps under {SHARED / 'hdri'}"
 OBJECT = (0.0, 0.0, 0.1)  # middle of an object 0.2 m high
 HEIGHT = 0.2

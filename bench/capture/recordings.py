@@ -16,13 +16,14 @@ from fastibl.comparison import irradiance_error
 from .. import inputs
 from ..brute import CACHE
 
+FRESH = "immenstadter_horn"  # a sun
 ROOM = "room"  # the built-in one, with walls and lamps at 1 to 3 m
 _SOURCES = tuple(Path(module.__file__) for module in (recording, room, simulator))
 
 
 def recorded(place: str, **options) -> fastibl.Recording:
     """fastibl.simulate(...) in a place by name, kept by its options and by the sources that make it."""
-    path = None if place == ROOM else inputs.MAPS[place]
+    path = {ROOM: None, FRESH: inputs.SUN_MAP}.get(place, inputs.MAPS.get(place))
     parts = hashlib.sha256(repr((place, fastibl.__version__, sorted(options.items()))).encode())
     for source in (*_SOURCES, *([path] if path else [])):
         parts.update(source.read_bytes())

@@ -4,12 +4,23 @@
 #include <cmath>
 
 namespace fastibl {
+namespace {
+
+constexpr double kLeast = 0.001;  // of a map that was seen all over: registration, footprints
+
+}  // namespace
 
 ErrorInterval expected_error(const MapKnowledge& known) {
-  const double sky = std::max(known.unseen_sky, 0.0), flux = std::max(known.unseen_flux, 0.0);
-  const double expected = 0.6 * std::pow(sky + 0.01, 0.41) * std::pow(flux + 0.01, 1.7) + 0.001 +
-                          known.parallax + 0.5 * known.bound_flux;
-  return {expected, expected / 3, expected * 2.7};
+  if (known.unseen_flux >= 1) return {};  // nothing was seen: nothing is known
+  const double sky = std::clamp(known.unseen_sky, 0.0, 1.0);
+  const double flux = std::clamp(known.unseen_flux, 0.0, 1.0);
+  const double unseen = 0.6 * std::pow(sky + 0.01, 0.46) * std::pow(flux + 0.01, 1.85);
+  // What is only a bound, or near, may be wrong by that much, or not at all.
+  const double sure = unseen + kLeast;
+  const double expected = sure + known.parallax + 0.5 * known.bound_flux;
+  // Of its logarithm: the less is left unseen, the more it matters what that is.
+  const double below = 1.3 - 0.5 * sky, above = 1.05 - 0.05 * sky;
+  return {expected, sure * std::exp(-below), expected * std::exp(above)};
 }
 
 }  // namespace fastibl
