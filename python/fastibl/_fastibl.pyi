@@ -711,13 +711,15 @@ class Capture:
         ...
     def __repr__(self) -> str:
         ...
-    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None) -> None:
+    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None) -> None:
         """
         Update the texels that a picture sees.
 
         image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
         or (4, 4). exposure: multiplier. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
-        what is not part of the place. Raises ValueError or TypeError, naming what was expected and what came.
+        what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
+        row was taken; camera_from_marker is then that of the first row. Raises ValueError or TypeError, naming what was
+        expected and what came.
         """
     def environment(self) -> Environment:
         """
