@@ -39,38 +39,72 @@ def recorded(place: str, **options) -> fastibl.Recording:
 class Moment:
     """A frame of a sweep. error: median over normals, of the irradiance of the map captured so far."""
 
-    time: float
     coverage: float
     predicted: float
+    low: float
+    high: float
     error: float
-    tracked: bool
+
+
+def _moment(environment: fastibl.Environment, true: fastibl.CubeMap) -> Moment:
+    low, high = environment.predicted_interval
+    error = irradiance_error(environment, true)
+    return Moment(environment.coverage, environment.predicted_error, low, high, error)
 
 
 @dataclass(frozen=True)
 class Sweep:
-    recording: fastibl.Recording
-    moments: list[Moment]
-    environment: fastibl.Environment  # in the end
-    lighting: fastibl.Lighting
-    true: fastibl.CubeMap  # in the end
+    """What is known in the end."""
+
+    moment: Moment
+    environment: fastibl.Environment
+    true: fastibl.CubeMap
+    tracked: int  # frames
 
 
 @cache
-def sweep(place: str, distance: float = float("inf"), seed: int = 0) -> Sweep:
+def sweep(place: str, distance: float = float("inf")) -> Sweep:
     """60 frames in 6 s by both cameras (63 and 78 degrees wide) with brackets, tracked."""
-    film = recorded(place, seconds=6, fps=10, seed=seed, position=inputs.OBJECT, path="sweep", hand=False, lamp=False)
+    film = recorded(place, seconds=6, fps=10, seed=0, position=inputs.OBJECT, path="sweep", hand=False, lamp=False)
     session = fastibl.Session(inputs.scene(), film.rig, film.board, distance=distance)
     true = film.truth.environment(0.0)
-    moments, result = [], None
+    tracked, result = 0, None
     for frame in film:
         result = session.process(frame)
-        env = result.environment
-        error = irradiance_error(env, true)
-        moments.append(Moment(frame.time, env.coverage, env.predicted_error, error, result.tracked is not None))
-    return Sweep(film, moments, result.environment, result.lighting, true)
+        tracked += result.tracked is not None
+    return Sweep(_moment(result.environment, true), result.environment, true, tracked)
 
 
 def sweeps() -> Iterator[tuple[str, Sweep]]:
     """Of all maps at infinity."""
     for name in inputs.MAPS:
         yield name, sweep(name)
+
+
+def followed(place: str, frames_a_second: float, path: str, seed: int, **options) -> Iterator[tuple]:
+    """(capture, map, true map) after each frame of 6 s of small pictures with their true poses."""
+    film = recorded(
+        place,
+        seconds=6,
+        fps=frames_a_second,
+        seed=seed,
+        size=(320, 240),
+        position=inputs.OBJECT,
+        path=path,
+        hand=False,
+        lamp=False,
+    )
+    capture = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT, **options)
+    true = film.truth.environment(0.0)
+    for frame in film:
+        pose = film.truth.pose(frame.time)
+        capture.add(frame.back, film.rig.back, pose, exposure=frame.back_exposure, time=frame.time)
+        turned = film.rig.front_from_back @ pose
+        capture.add(frame.front, film.rig.front, turned, exposure=frame.front_exposure, time=frame.time)
+        yield capture, capture.environment(), true
+
+
+@cache
+def moments(place: str, path: str, seed: int) -> list[Moment]:
+    """Of each frame of a film by `path`, "hand" or "sweep"."""
+    return [_moment(environment, true) for _, environment, true in followed(place, 10, path, seed)]

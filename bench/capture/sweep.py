@@ -6,9 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+import fastibl
+from fastibl.comparison import irradiance_error
+from fastibl.room import LOWER, UPPER
+
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
-from .recordings import ROOM, sweep, sweeps
+from .lights import match, regions
+from .recordings import ROOM, followed, sweeps
 
 
 @row("capture", "irradiance after a sweep")
@@ -17,8 +22,8 @@ def after_sweep() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped(what, inputs.NO_MAPS)
         return
-    errors = {name: s.moments[-1].error for name, s in sweeps()}
-    seen = {name: s.moments[-1].coverage for name, s in sweeps()}
+    errors = {name: s.moment.error for name, s in sweeps()}
+    seen = {name: s.moment.coverage for name, s in sweeps()}
     middle, worst = float(np.median(list(errors.values()))), max(errors.values())
     yield Goal(
         f"{what}, {len(errors)} maps at infinity: median, worst map",
@@ -32,15 +37,33 @@ def after_sweep() -> Iterator[Goal]:
     )
 
 
-@row("capture", "irradiance after a sweep of the room")
+@row("capture", "the room after a sweep")
 def after_sweep_of_room() -> Iterator[Goal]:
-    for distance in (float("inf"), 3.0):
-        done = sweep(ROOM, distance).moments[-1]
-        where = "nothing said of distances" if np.isinf(distance) else f"walls said to be at {distance:g} m"
+    cases = (
+        ("nothing said of distances", {}, False),
+        ("walls said to be at 3 m", {"distance": 3.0}, False),
+        ("walls said to be a box", {"box": (LOWER - [0, 0, 0.001], UPPER)}, True),
+    )
+    for what, options, judged in cases:
+        *_, (_, environment, true) = followed(ROOM, 20, "sweep", 0, **options)
+        error = irradiance_error(environment, true)
+        low, high = environment.predicted_interval
+        found, invented = match(fastibl.main_lights(environment), regions(true))
+        angle = max((f.angle if f else 180.0 for f in found), default=0.0)
+        energy = max((f.energy if f else 1.0 for f in found), default=0.0)
         yield Goal(
-            f"the same in the built-in room, lamps at 1-3 m, {where}",
-            percent(done.error),
-            "<= 10 %",
-            done.error <= 0.1,
-            (f"seen {percent(done.coverage)} of the sphere; predicted {percent(done.predicted)}",),
+            f"built-in room, lamps at 1-3 m, 120 frames, {what}: irradiance, worst direction of a main light",
+            f"{percent(error)}, {angle:.2f} degrees",
+            "<= 10 %, <= 3 degrees" if judged else "reported",
+            (error <= 0.1 and angle <= 3) if judged else None,
+            (
+                f"seen {percent(environment.coverage)} of the sphere; error stated {percent(low)} to {percent(high)}; "
+                f"{len(found)} true lights, {invented} invented, worst energy {percent(energy)}",
+                "triangulated: "
+                + "; ".join(
+                    f"({', '.join(f'{x:.2f}' for x in light.position)}) m"
+                    for light in fastibl.main_lights(environment)
+                    if light.position
+                ),
+            ),
         )

@@ -3,6 +3,7 @@
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "bindings/room_box.h"
 
 namespace fastibl::bindings {
 
@@ -17,28 +18,24 @@ it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame
 Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
 sees them, whatever `distance` and `box` say.
 Raises ValueError for values out of range.)")
-      .def(
-          py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
-                      double plane_albedo, double distance,
-                      const std::optional<std::array<std::array<double, 3>, 2>>& box,
-                      bool locate_lights) {
-            CaptureOptions options;
-            options.size = size;
-            options.board = board;
-            options.centre = {centre[0], centre[1], centre[2]};
-            options.plane_albedo = plane_albedo;
-            options.distance = distance;
-            if (box) {
-              const auto& [lower, upper] = *box;
-              options.box = RoomBox{{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
-            }
-            options.locate_lights = locate_lights;
-            return Capture(options);
-          }),
-          py::arg("size") = 128, py::arg("board") = py::none(),
-          py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5,
-          py::arg("distance") = std::numeric_limits<double>::infinity(),
-          py::arg("box") = py::none(), py::arg("locate_lights") = true)
+      .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
+                       double plane_albedo, double distance,
+                       const std::optional<std::array<std::array<double, 3>, 2>>& box,
+                       bool locate_lights) {
+             CaptureOptions options;
+             options.size = size;
+             options.board = board;
+             options.centre = {centre[0], centre[1], centre[2]};
+             options.plane_albedo = plane_albedo;
+             options.distance = distance;
+             options.box = room_box(box);
+             options.locate_lights = locate_lights;
+             return Capture(options);
+           }),
+           py::arg("size") = 128, py::arg("board") = py::none(),
+           py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5,
+           py::arg("distance") = std::numeric_limits<double>::infinity(),
+           py::arg("box") = py::none(), py::arg("locate_lights") = true)
       .def(
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,

@@ -94,7 +94,24 @@ void bind_environment(py::module_& module) {
       .def_readonly("clipped", &Environment::clipped,
                     "Share of the seen solid angle whose value is only a lower bound.")
       .def_readonly("predicted_error", &Environment::predicted_error,
-                    "Expected relative error of the irradiance.")
+                    "Expected relative error of the irradiance, a median over normals.")
+      .def_property_readonly(
+          "predicted_interval",
+          [](const Environment& e) { return py::make_tuple(e.predicted_low, e.predicted_high); },
+          "(low, high): holds that error nine times in ten.")
+      .def_property_readonly(
+          "knowledge",
+          [](const Environment& e) {
+            py::dict out;
+            out["unseen_sky"] = e.knowledge.unseen_sky;
+            out["unseen_flux"] = e.knowledge.unseen_flux;
+            out["bound_flux"] = e.knowledge.bound_flux;
+            out["parallax"] = e.knowledge.parallax;
+            return out;
+          },
+          "What the prediction rests on, as shares: of the sky never seen, of the light in what "
+          "was "
+          "never seen, of light known as a lower bound, and put wrong because things are near.")
       .def("__repr__", [](const Environment& e) {
         return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
                std::to_string(e.coverage) + ">";

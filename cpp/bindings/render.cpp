@@ -3,6 +3,7 @@
 
 #include "bindings/detector.h"
 #include "bindings/numpy.h"
+#include "bindings/room_box.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/session.h"
 #include "fastibl/shading/holdout.h"
@@ -168,17 +169,20 @@ its shadow from the plane behind them.)")
       .def(py::init([](const Scene& scene, const Rig& rig, const std::optional<Board>& board,
                        const std::shared_ptr<Environment>& environment, const py::object& detector,
                        const std::string& backend, const Methods& methods, double error,
-                       double milliseconds, int size, bool cast_shadow, double distance) {
+                       double milliseconds, int size, bool cast_shadow, double distance,
+                       const std::optional<std::array<std::array<double, 3>, 2>>& box) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
-             return std::make_unique<Session>(
-                 scene, rig, board, environment, std::move(function), std::move(renderer),
-                 SessionOptions{methods, error, milliseconds, size, cast_shadow, distance});
+             return std::make_unique<Session>(scene, rig, board, environment, std::move(function),
+                                              std::move(renderer),
+                                              SessionOptions{methods, error, milliseconds, size,
+                                                             cast_shadow, distance, room_box(box)});
            }),
            py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
            py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
-           py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"))
+           py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
+           py::arg("box"))
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,

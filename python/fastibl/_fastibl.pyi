@@ -448,9 +448,19 @@ class Environment:
         Share of the sphere's solid angle that was ever seen.
         """
     @property
+    def knowledge(self) -> dict:
+        """
+        What the prediction rests on, as shares: of the sky never seen, of the light in what was never seen, of light known as a lower bound, and put wrong because things are near.
+        """
+    @property
     def predicted_error(self) -> float:
         """
-        Expected relative error of the irradiance.
+        Expected relative error of the irradiance, a median over normals.
+        """
+    @property
+    def predicted_interval(self) -> tuple[float, float]:
+        """
+        (low, high): holds that error nine times in ten.
         """
     @property
     def radiance(self) -> CubeMap:
@@ -1323,7 +1333,7 @@ class FrameResult:
         Tracked, or None where the pose was given or the board is not seen.
         """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None) -> None:
         ...
     def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, back_from_marker: typing.Any) -> FrameResult:
         ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ._fastibl import Board as _CoreBoard
@@ -57,6 +57,7 @@ class Session(_Session):
     methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
     function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
     distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.
+    box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame.
     A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
     baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
     cannot start.
@@ -77,6 +78,7 @@ class Session(_Session):
         size: int = 128,
         cast_shadow: bool = True,
         distance: float = float("inf"),
+        box: Sequence[Sequence[float]] | None = None,
     ):
         if isinstance(environment, CubeMap):
             environment = Environment(environment)
@@ -97,6 +99,7 @@ class Session(_Session):
             size,
             cast_shadow,
             float(distance),
+            None if box is None else [[float(x) for x in corner] for corner in box],
         )
 
     def process(self, frame: Frame) -> FrameResult:

@@ -93,6 +93,7 @@ class Capture {
   void locate_lights(const Picture& picture, KnownCamera& camera,
                      const RowPoses& camera_from_marker, double exposure);
   double mean_radiance() const;
+  double parallax() const;
   void find_hidden(const KnownCamera& camera, const RowPoses& camera_from_marker);
   void forget_light(const LightPosition& light, const std::vector<int>& moved);
   bool forget_bright(int tile);
@@ -129,6 +130,7 @@ class Capture {
   TileOutlines outlines_;
   Surroundings surroundings_;
   LightTracks tracks_;
+  double far_ = 0, looks_ = 0;  // metres from the centre, summed over pictures; their number
   struct Disc {
     float x, y, squared_radius;  // pixels
   };

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "fastibl/capture/capture.h"
+#include "fastibl/capture/expected_error.h"
 #include "fastibl/core/prefetch.h"
 #include "fastibl/core/simd.h"
 
@@ -76,26 +77,26 @@ void Capture::update_snapshot(Environment& snapshot) const {
   map.update(stale, pyramids_.levels());
   for (const int tile : stale) map.set_tile_version(tile, versions_[std::size_t(tile)]);
 
-  double up = 0, up_seen = 0, seen = 0, bound = 0, bound_flux = 0, flux = 0;
+  double up = 0, up_seen = 0, seen = 0, bound = 0, bound_flux = 0, up_flux = 0, flux = 0, fills = 0;
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t i = std::size_t(tile);
     const TileSums& s = sums_[i];
-    seen += s.angle, bound += s.bound_angle;
-    if (!unseen_.above(tile)) continue;
     const glm::dvec3 fill(filled_[i]);
-    up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux;
-    flux +=
-        s.flux.x + s.flux.y + s.flux.z + (tile_angle_[i] - s.angle) * (fill.x + fill.y + fill.z);
+    const double filled = (tile_angle_[i] - s.angle) * (fill.x + fill.y + fill.z);
+    const double all = s.flux.x + s.flux.y + s.flux.z + filled;
+    seen += s.angle, bound += s.bound_angle, flux += all, fills += filled;
+    if (!unseen_.above(tile)) continue;
+    up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux, up_flux += all;
   }
   snapshot.time = time_;
   snapshot.light_positions = tracks_.positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);
   snapshot.clipped = seen > 0 ? bound / seen : 0;
-  // Expected error of the irradiance, fitted to nearest-seen filling on real maps: it falls
-  // faster than what is unseen above the horizon. Light known only as a lower bound may be twice
-  // as strong.
-  snapshot.predicted_error = 0.02 + 0.85 * std::pow(std::max(0.0, 1 - up_seen / up), 1.5) +
-                             (flux > 0 ? 0.5 * bound_flux / flux : 0);
+  snapshot.knowledge = {1 - up_seen / up, flux > 0 ? fills / flux : 1,
+                        up_flux > 0 ? bound_flux / up_flux : 0, parallax()};
+  const ErrorInterval error = expected_error(snapshot.knowledge);
+  snapshot.predicted_error = error.expected;
+  snapshot.predicted_low = error.low, snapshot.predicted_high = error.high;
 }
 
 void Capture::prefetch_rows(int tile, const CubeMap& map) const {

@@ -12,7 +12,8 @@ namespace {
 constexpr double kInside = 0.9;  // of a picture's half width and height: what lies within is whole
 constexpr double kStep = 0.02, kPause = 0.2;  // metres, seconds: sooner there is nothing new to see
 constexpr double kBlur = 0.03;                // radians around a light that it lights in the map
-constexpr double kOutline = 1.5;  // of a light's radius: a disc that holds it though it is no disc
+constexpr double kParallax = 0.2;  // of the irradiance, for a radian between centre and camera
+constexpr double kOutline = 1.5;   // of a light's radius: a disc that holds it though it is no disc
 constexpr double kPixelBlur = 2;
 
 }  // namespace
@@ -38,6 +39,7 @@ void Capture::locate_lights(const Picture& picture, KnownCamera& known,
       find_bright_spots(picture, camera, known.lens, camera_from_marker, exposure, bright_);
   if (!spots) return;
   known.looked_from = eye, known.looked_at = time_;
+  far_ += glm::length(eye - options_.centre), ++looks_;
   tracks_.add(eye, *spots, [&](const glm::dvec3& direction) {
     const auto pixel = known.lens.project(half.rotation * direction);
     return pixel && std::abs(2 * pixel->x / camera.width - 1) < kInside &&
@@ -47,6 +49,14 @@ void Capture::locate_lights(const Picture& picture, KnownCamera& known,
   const std::vector<int> moved = surroundings_.place(outlines_, lights);
   if (moved.empty()) return;
   for (const LightPosition& light : lights) forget_light(light, moved);
+}
+
+// Lights are seldom alone in being near: what surrounds them is, too.
+double Capture::parallax() const {
+  if (surroundings_.lights().empty() || looks_ == 0) return 0;
+  double gap = 0;  // 1 / m
+  for (const LightPosition& light : surroundings_.lights()) gap += surroundings_.gap(light);
+  return kParallax * gap / double(surroundings_.lights().size()) * far_ / looks_;
 }
 
 // A light that is near hides what is far behind it, which is shown by other tiles than its own.

@@ -96,6 +96,11 @@ std::vector<int> Surroundings::place(const TileOutlines& outlines,
   return changed;
 }
 
+double Surroundings::gap(const LightPosition& light) const {
+  const double usual = double(weight(glm::vec3(light.direction), usual_));
+  return std::abs(1 / glm::length(light.position - centre_) - usual);
+}
+
 glm::dvec3 Surroundings::recorded(const glm::dvec3& eye, const glm::dvec3& direction) const {
   const glm::dvec3 offset = eye - centre_;
   double along = std::numeric_limits<double>::infinity();

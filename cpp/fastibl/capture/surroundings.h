@@ -43,6 +43,8 @@ class Surroundings {
   bool is_usual(const Depth& depth) const { return depth == usual_; }  // no light's
   // Lights that some tiles are as far as.
   const std::vector<LightPosition>& lights() const { return lights_; }
+  // Difference of a light's inverse distance to what it would be thought to be, 1 / m.
+  double gap(const LightPosition& light) const;
   // Whether anything is nearer than infinity.
   bool near() const { return near_; }
   // Length of the direction of a tile's corner over its distance, as long as fills vectors.

@@ -37,6 +37,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   capture.size = options_.map_size;
   capture.board = board_;
   capture.distance = options_.distance;
+  capture.box = options_.box;
   // The map is the light at the object: half-way up, where it stands.
   const Bounds box = bounds(scene_.mesh.vertices);
   capture.centre = scene_.marker_from_object * glm::dvec3(box.centre());

@@ -53,6 +53,7 @@ struct SessionOptions {
   int map_size = 128;
   bool cast_shadow = true;
   double distance = std::numeric_limits<double>::infinity();  // CaptureOptions::distance
+  std::optional<RoomBox> box = {};                            // CaptureOptions::box
 };
 
 class Session {

@@ -47,7 +47,7 @@ std::vector<float> Environment::age() const {
 Environment environment_from(CubeMap radiance) {
   Environment environment;
   environment.coverage = 1;
-  environment.predicted_error = 0;
+  environment.predicted_error = environment.predicted_high = 0;
   environment.radiance = std::move(radiance);
   return environment;
 }

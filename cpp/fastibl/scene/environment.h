@@ -56,12 +56,28 @@ class TexelTimes {
   std::vector<std::uint8_t> same_;  // 0: as in times_
 };
 
+// What the error of a captured map depends on.
+struct MapKnowledge {
+  double unseen_sky = 0;   // share of the solid angle above the horizon that was never seen
+  double unseen_flux = 0;  // share of the map's light in what was never seen
+  double bound_flux = 0;   // share of the light above the horizon that is only a lower bound
+  // Estimated share of the irradiance that is put wrong because things are near, and taken for far.
+  double parallax = 0;
+};
+
+// Relative error of an irradiance: what is expected, and the ends of a 90 % interval.
+struct ErrorInterval {
+  double expected = 1, low = 0, high = 1;
+};
+
 struct Environment {
   CubeMap radiance;            // every texel has a value; unseen ones that of what was seen nearest
   double coverage = 0;         // share of the sphere's solid angle that was ever seen
   double clipped = 0;          // share of the seen solid angle whose value is only a lower bound
-  double predicted_error = 1;  // expected relative error of the irradiance
-  std::vector<LightPosition> light_positions;  // of those near enough to be triangulated
+  double predicted_error = 1;  // expected relative error of the irradiance, a median over normals
+  double predicted_low = 0, predicted_high = 1;  // ends of an interval that holds it 9 times in 10
+  MapKnowledge knowledge;                        // that these rest on
+  std::vector<LightPosition> light_positions;    // of those near enough to be triangulated
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its
   // value's square: the upper half of a float, at t · stride + k. Empty: known everywhere.
