@@ -10,14 +10,14 @@ from functools import cache
 from pathlib import Path
 
 import fastibl
-from fastibl import recording, room, simulator
+from fastibl import recording, room, shutter, simulator
 from fastibl.comparison import irradiance_error
 
 from .. import inputs
 from ..brute import CACHE
 
 ROOM = "room"  # the built-in one, with walls and lamps at 1 to 3 m
-_SOURCES = tuple(Path(module.__file__) for module in (recording, room, simulator))
+_SOURCES = tuple(Path(module.__file__) for module in (recording, room, shutter, simulator))
 
 
 def recorded(place: str, **options) -> fastibl.Recording:
