@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import fastibl
-from fastibl import recording, room, simulator
+from fastibl import recording, room, shutter, simulator
 from fastibl.comparison import irradiance_error
 
 from .. import inputs
@@ -18,7 +18,7 @@ from ..brute import CACHE
 
 FRESH = "immenstadter_horn"  # a sun
 ROOM = "room"  # the built-in one, with walls and lamps at 1 to 3 m
-_SOURCES = tuple(Path(module.__file__) for module in (recording, room, simulator))
+_SOURCES = tuple(Path(module.__file__) for module in (recording, room, shutter, simulator))
 
 
 def recorded(place: str, **options) -> fastibl.Recording:

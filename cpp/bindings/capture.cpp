@@ -40,10 +40,12 @@ Raises ValueError for values out of range.)")
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,
              const py::object& camera_from_marker, double exposure, double time,
-             const py::object& mask) {
+             const py::object& mask, const py::object& last_row) {
             py::array keep, keep_mask;
             const Picture picture = require_picture(image, "image", keep);
             const Pose pose = require_pose(camera_from_marker, "camera_from_marker");
+            std::optional<Pose> last;
+            if (!last_row.is_none()) last = require_pose(last_row, "last_row");
             ImageView<const std::uint8_t> view;
             if (!mask.is_none()) {
               const py::array given = py::array::ensure(mask);
@@ -58,15 +60,18 @@ Raises ValueError for values out of range.)")
                       int(keep_mask.shape(0)), 1, keep_mask.shape(1)};
             }
             const py::gil_scoped_release release;
-            capture.add(picture, camera, pose, exposure, time, view);
+            capture.add(picture, camera, pose, exposure, time, view, last);
           },
           py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"),
           py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
+          py::arg("last_row") = py::none(),
           R"(Update the texels that a picture sees.
 
 image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
 or (4, 4). exposure: multiplier. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
-what is not part of the place. Raises ValueError or TypeError, naming what was expected and what came.)")
+what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
+row was taken; camera_from_marker is then that of the first row. Raises ValueError or TypeError, naming what was
+expected and what came.)")
       .def(
           "environment",
           [](Capture& capture) {

@@ -254,10 +254,11 @@ void bind_camera(py::module_& module) {
 
 width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion:
 k1 k2 p1 p2 [k3 [k4 k5 k6]]. response: encoded = response(exposure * gain * vignetting * radiance). vignetting:
-v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. Raises ValueError for what is not a camera.)")
+v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row
+to its last: row r is exposed around time + r / height * readout. Raises ValueError for what is not a camera.)")
       .def(py::init([](int width, int height, double fx, double fy, double cx, double cy,
                        std::vector<double> distortion, const std::optional<Response>& response,
-                       double gain, std::vector<double> vignetting) {
+                       double gain, std::vector<double> vignetting, double readout) {
              Camera camera{width,
                            height,
                            fx,
@@ -267,18 +268,20 @@ v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. Raises
                            std::move(distortion),
                            response.value_or(Response{}),
                            gain,
-                           std::move(vignetting)};
+                           std::move(vignetting),
+                           readout};
              camera.validate();
              return camera;
            }),
            py::arg("width"), py::arg("height"), py::arg("fx"), py::arg("fy"), py::arg("cx"),
            py::arg("cy"), py::arg("distortion") = std::vector<double>{},
            py::arg("response") = py::none(), py::arg("gain") = 1.0,
-           py::arg("vignetting") = std::vector<double>{})
+           py::arg("vignetting") = std::vector<double>{}, py::arg("readout") = 0.0)
       .def_static(
           "from_opencv",
           [](const py::object& K, std::vector<double> distortion, std::pair<int, int> size,
-             const std::optional<Response>& response, double gain, std::vector<double> vignetting) {
+             const std::optional<Response>& response, double gain, std::vector<double> vignetting,
+             double readout) {
             const Doubles k = require_floats<double>(K, "K");
             if (k.ndim() != 2 || k.shape(0) != 3 || k.shape(1) != 3)
               throw py::value_error("K must have shape (3, 3), got " + shape_of(k));
@@ -291,12 +294,14 @@ v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. Raises
                           std::move(distortion),
                           response.value_or(Response{}),
                           gain,
-                          std::move(vignetting)};
+                          std::move(vignetting),
+                          readout};
             camera.validate();
             return camera;
           },
           py::arg("K"), py::arg("distortion"), py::arg("size"), py::arg("response") = py::none(),
           py::arg("gain") = 1.0, py::arg("vignetting") = std::vector<double>{},
+          py::arg("readout") = 0.0,
           "From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = "
           "(width, height).")
       .def_property_readonly(
@@ -319,6 +324,7 @@ v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. Raises
                              [](const Camera& c) { return py::tuple(py::cast(c.distortion)); })
       .def_readonly("response", &Camera::response)
       .def_readonly("gain", &Camera::gain)
+      .def_readonly("readout", &Camera::readout)
       .def_property_readonly("vignetting",
                              [](const Camera& c) { return py::tuple(py::cast(c.vignetting)); })
       .def(
@@ -381,7 +387,7 @@ v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. Raises
       .def(py::pickle(
           [](const Camera& c) {
             return py::make_tuple(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion,
-                                  c.response, c.gain, c.vignetting);
+                                  c.response, c.gain, c.vignetting, c.readout);
           },
           [](const py::tuple& t) {
             return Camera{t[0].cast<int>(),
@@ -393,7 +399,8 @@ v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. Raises
                           t[6].cast<std::vector<double>>(),
                           t[7].cast<Response>(),
                           t[8].cast<double>(),
-                          t[9].cast<std::vector<double>>()};
+                          t[9].cast<std::vector<double>>(),
+                          t.size() > 10 ? t[10].cast<double>() : 0};
           }));
 
   py::class_<Rig>(

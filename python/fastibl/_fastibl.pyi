@@ -183,11 +183,12 @@ class Camera:
 
     width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion:
     k1 k2 p1 p2 [k3 [k4 k5 k6]]. response: encoded = response(exposure * gain * vignetting * radiance). vignetting:
-    v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. Raises ValueError for what is not a camera.
+    v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row
+    to its last: row r is exposed around time + r / height * readout. Raises ValueError for what is not a camera.
     """
     __hash__: typing.ClassVar[None] = None
     @staticmethod
-    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = []) -> Camera:
+    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> Camera:
         """
         From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height).
         """
@@ -197,9 +198,9 @@ class Camera:
         ...
     def __eq__(self, arg0: Camera) -> bool:
         ...
-    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float]]:
+    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float]:
         ...
-    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = []) -> None:
+    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -239,6 +240,9 @@ class Camera:
         """
         (3, 3) float64 in OpenCV's convention.
         """
+    @property
+    def readout(self) -> float:
+        ...
     @property
     def response(self) -> Response:
         ...
@@ -717,13 +721,15 @@ class Capture:
         ...
     def __repr__(self) -> str:
         ...
-    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None) -> None:
+    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None) -> None:
         """
         Update the texels that a picture sees.
 
         image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
         or (4, 4). exposure: multiplier. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
-        what is not part of the place. Raises ValueError or TypeError, naming what was expected and what came.
+        what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
+        row was taken; camera_from_marker is then that of the first row. Raises ValueError or TypeError, naming what was
+        expected and what came.
         """
     def environment(self) -> Environment:
         """

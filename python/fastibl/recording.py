@@ -2,7 +2,8 @@
 
 A recording is a folder:
 
-- rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves
+- rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves, readout in
+  seconds where it is known
 - board.yaml: the printed board: tags, border_bits, page size
 - frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
   `file` is a lossless picture, or a frame of a lossless video: back.mkv#12
@@ -77,7 +78,8 @@ class Truth:
     maps: (time from which it holds, environment map at the object), in order. poses: (time,
     back_from_marker), in order. lamp_time: when a lamp was switched on, or None. hand: begin and end of a
     hand before the front camera, or None. position: the place in the marker frame that the maps are seen
-    from, metres.
+    from, metres. clock_offset: seconds; all times here are by the poses' clock, which shows `time` +
+    clock_offset when a picture stamped `time` begins.
     """
 
     maps: Sequence[tuple[float, CubeMap]] = ()
@@ -85,6 +87,7 @@ class Truth:
     lamp_time: float | None = None
     hand: tuple[float, float] | None = None
     position: tuple[float, float, float] = (0.0, 0.0, 0.06)
+    clock_offset: float = 0.0
 
     def environment(self, time: float) -> CubeMap:
         """The environment map that holds at `time`; before the first, the first. LookupError without any."""
@@ -256,6 +259,8 @@ class RecordingWriter:
             "hand": list(truth.hand) if truth.hand else None,
             "position": list(truth.position),
         }
+        if truth.clock_offset:
+            events["clock_offset"] = float(truth.clock_offset)
         (folder / "events.json").write_text(json.dumps(events, indent=2) + "\n")
 
     def close(self) -> None:
@@ -414,6 +419,8 @@ def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
         if camera.vignetting:
             storage.write("vignetting", np.array([camera.vignetting], np.float64))
         storage.write("gain", float(camera.gain))
+        if camera.readout:
+            storage.write("readout", float(camera.readout))
         if camera.response.curve.size:
             storage.write("response", np.atleast_2d(camera.response.curve))
         else:
@@ -458,7 +465,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
     curve = None if response.empty() or response.isString() else response.mat()
     if response.isString() and response.string() != "srgb":
         raise ValueError(f'{path}: response must be "srgb" or a curve, got {response.string()!r}')
-    gain = node.getNode("gain")
+    gain, readout = node.getNode("gain"), node.getNode("readout")
     return Camera.from_opencv(
         np.asarray(matrix, np.float64),
         [] if distortion is None else distortion.ravel().tolist(),
@@ -466,6 +473,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
         response=None if curve is None else Response.from_curve(curve.ravel()),
         gain=1.0 if gain.empty() else gain.real(),
         vignetting=[] if vignetting is None else vignetting.ravel().tolist(),
+        readout=0.0 if readout.empty() else _number(node, "readout", path),
     )
 
 
@@ -525,6 +533,7 @@ def _read_truth(folder: Path) -> Truth:
             truth.lamp_time = events.get("lamp")
             truth.hand = tuple(events["hand"]) if events.get("hand") else None
             truth.position = tuple(events.get("position", truth.position))
+            truth.clock_offset = float(events.get("clock_offset", 0.0))
     except ValueError as error:
         raise ValueError(f"{folder} cannot be read: {error}") from error
     return truth

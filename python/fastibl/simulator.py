@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._fastibl import Board, Camera, CubeMap, Pose, Rig, cubemap_from_equirect, texel_directions, texel_solid_angles
 from .recording import Frame, Recording, RecordingWriter, Truth
 from .room import OBJECT, TABLE, Room, _look_up, table_albedo, truth_map, wood
+from .shutter import Shutter, bands, row_times
 
 PAPER, INK = 0.80, 0.045  # albedo of the printed page
 FRONT_STEPS = (1.0, 1 / 16, 1 / 256)  # exposures of the front camera, in turn
@@ -240,10 +242,23 @@ class _Eye:
         codes = camera.response.encode(np.linspace(0, 1, 65536, dtype=np.float32))
         self.codes = np.round(codes * 255).astype(np.uint8)
 
-    def expose(self, radiance: NDArray, exposure: float, rng: np.random.Generator) -> NDArray[np.uint8]:
-        """Lens blur, vignetting, shot and read noise, response."""
+    def expose(
+        self,
+        radiance: NDArray,
+        exposure: float,
+        rng: np.random.Generator,
+        glare: float = 0.0,
+        lamps: NDArray | None = None,
+    ) -> NDArray[np.uint8]:
+        """Lens blur, vignetting, veiling glare, shot and read noise, response. lamps: factor of each row."""
         light = cv2.GaussianBlur(radiance, (0, 0), _BLUR, borderType=cv2.BORDER_REPLICATE)
         light *= self.factor * np.float32(exposure)
+        if glare:
+            veil = glare * light.mean(axis=(0, 1), dtype=np.float64)
+            light *= np.float32(1 - glare)
+            light += veil.astype(np.float32)
+        if lamps is not None:
+            light *= lamps.astype(np.float32)[:, None, None]
         np.clip(light, 0, 2, out=light)
         noise = rng.standard_normal(light.shape, np.float32)
         noise *= np.sqrt(light * np.float32(1 / _FULL_WELL) + np.float32((_READ_NOISE / _FULL_WELL) ** 2))
@@ -276,18 +291,22 @@ class _PrintedBoard:
             self.pictures[lamp] = cv2.copyMakeBorder(full, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
         self.scale = np.float32(shape[0] / self.width), np.float32(shape[1] / self.height)
 
-    def lay(self, picture: NDArray, eye: _Eye, camera_from_marker: Pose, lamp: bool) -> None:
-        """Draws the page over a picture of radiance, in place, from 2 x 2 rays a pixel."""
+    def lay(self, picture: NDArray, eye: _Eye, camera_from_marker: Pose, lamp: bool, top: int = 0) -> None:
+        """Draws the page over a picture of radiance, in place, from 2 x 2 rays a pixel.
+
+        picture: the camera's rows from `top` on.
+        """
         ends = np.linspace(-0.5, 0.5, 17)
         sides = [(e, s) for e in ends for s in (-0.5, 0.5)] + [(s, e) for e in ends for s in (-0.5, 0.5)]
         outline = np.array([(a * self.width, b * self.height, 0.0) for a, b in sides])
         seen = eye.camera.project(camera_from_marker @ outline)
         height, width = picture.shape[:2]
+        least, most = (0, top), (width, top + height)
         if np.isnan(seen).any():
-            x0, y0, x1, y1 = 0, 0, width, height
+            (x0, y0), (x1, y1) = least, most
         else:
-            x0, y0 = np.clip(np.floor(seen.min(axis=0)).astype(int) - 2, 0, (width, height))
-            x1, y1 = np.clip(np.ceil(seen.max(axis=0)).astype(int) + 2, 0, (width, height))
+            x0, y0 = np.clip(np.floor(seen.min(axis=0)).astype(int) - 2, least, most)
+            x1, y1 = np.clip(np.ceil(seen.max(axis=0)).astype(int) + 2, least, most)
         if x1 <= x0 or y1 <= y0:
             return
         marker_from_camera = camera_from_marker.inverse()
@@ -301,7 +320,7 @@ class _PrintedBoard:
         np.clip(x, -9, image.shape[1] + 9, out=x), np.clip(y, -9, image.shape[0] + 9, out=y)
         page = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
         page = cv2.resize(page, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)
-        part = picture[y0:y1, x0:x1]
+        part = picture[y0 - top : y1 - top, x0:x1]
         part *= 1 - page[..., 3:]
         part += page[..., :3]
 
@@ -318,12 +337,14 @@ class _Hand:
         folds = 1 + 0.25 * np.cos(3 * np.pi * x + 0.6) * np.cos(1.2 * np.pi * rows) - 0.3 * rows
         self._skin = folds[..., None] * (np.float32([0.60, 0.36, 0.26]) * np.float32(0.10 * light))
 
-    def cover(self, picture: NDArray, time: float) -> NDArray:
+    def cover(self, picture: NDArray, time: float, rows: slice = slice(None)) -> NDArray:
+        """The picture, which is those rows of the camera's, behind the hand."""
         if not self.begin - self.fade < time < self.end + self.fade:
             return picture
         risen = min(1.0, (time - self.begin) / self.fade + 1, (self.end - time) / self.fade + 1)
-        share = np.clip((2 * risen - self._height - 0.5) * 2 + 0.5, 0, 1)[..., None]
-        return picture + (self._skin - picture) * share if risen < 1 else self._skin
+        share = np.clip((2 * risen - self._height[rows] - 0.5) * 2 + 0.5, 0, 1)[..., None]
+        skin = self._skin[rows]
+        return picture + (skin - picture) * share if risen < 1 else skin
 
 
 def _place_of(environment: Any, albedo: ArrayLike | None) -> tuple[Place, bool]:
@@ -357,7 +378,13 @@ def simulate(
     hand: bool = True,
     position: ArrayLike = OBJECT,
     rig: Rig | None = None,
-    path: str = "hand",
+    path: str | Callable[[float], Pose] = "hand",
+    readout: float | None = None,
+    shutter: float = 0.0,
+    flicker: float = 0.0,
+    flicker_depth: float = 0.5,
+    glare: float = 0.0,
+    clock_offset: float = 0.0,
     video: bool = False,
     truth_size: int = 128,
     progress: bool = False,
@@ -373,10 +400,25 @@ def simulate(
 
     The back camera circles the board as if held by a hand, at constant exposure; the front camera, which
     looks the other way, takes each third picture 16 and each third 256 times darker. path: "hand" wanders, "sweep"
-    looks all around once with the front camera at the horizon, and once above. lamp: in the room, a
+    looks all around once with the front camera at the horizon, and once above; or back_from_marker as a
+    function of the time in seconds. lamp: in the room, a
     lamp is switched on at half-time. hand: a hand covers the front camera for one second after 30 % of the
     time. `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and when
     both happened.
+
+    What time does to pictures is left out unless it is asked for:
+
+    - readout: seconds from a picture's first row to its last, of both cameras; row r of a picture of `time` is
+      exposed around time + r / height * readout. The recording's cameras state it. None: as `rig` says, or 0.
+    - shutter: exposure time in seconds, over which poses are averaged in linear light. The front camera's darker
+      pictures take 16 and 256 times less. 0: an instant.
+    - flicker: Hz at which lamps on the mains flicker, 100 or 120, and with them all light; each row takes the
+      mean over its exposure time. flicker_depth: 0 to 1, the swing around the mean, which the truth holds.
+    - glare: share of a picture's light, 0 to 1, that lenses spread evenly over all of it; 0.01 is good, 0.03 common.
+    - clock_offset: seconds; what is stamped `time` begins at `time` + clock_offset of the truth's clock.
+
+    The truth's poses are those at the stated times, and, where these differ, when the first and the last row are
+    taken. Exposures and readouts longer than 1 / fps raise ValueError.
 
     out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos instead of PNG
     pictures. The same arguments give the same bytes. Raises ValueError for what makes no recording.
@@ -385,29 +427,35 @@ def simulate(
         raise ValueError(f"seconds and fps must be positive and finite, got {seconds} and {fps}")
     if len(tuple(size)) != 2 or min(size) < 16:
         raise ValueError(f"size must be (width, height), each at least 16 pixels, got {size}")
-    place, has_lamp = _place_of(environment, albedo)
+    timing = Shutter(shutter, flicker, flicker_depth, glare, clock_offset)
     rig = default_rig(tuple(size)) if rig is None else rig
+    rig = rig if readout is None else _with_readout(rig, readout)
+    longest = max(shutter, *(camera.readout for camera in (rig.back, rig.front) if camera is not None))
+    if longest > 1 / fps:
+        raise ValueError(f"shutter and readout must not exceed the {1 / fps:g} s between frames, got {longest} s")
+    place, has_lamp = _place_of(environment, albedo)
     board = Board.default() if board is None else (board or None)
-    if path not in PATHS:
-        raise ValueError(f"path must be one of {', '.join(PATHS)}, got {path!r}")
+    if not callable(path) and path not in PATHS:
+        raise ValueError(f"path must be one of {', '.join(PATHS)}, or a function of time, got {path!r}")
     path_rng, noise = (np.random.default_rng([seed, k]) for k in (0, 1))
-    held = PATHS[path](path_rng, seconds)
+    pose_at = path if callable(path) else PATHS[path](path_rng, seconds).back_from_marker
     times = [k / fps for k in range(max(1, round(seconds * fps)))]
 
-    truth = Truth(position=tuple(float(x) for x in np.asarray(position, np.float64)))
+    truth = Truth(position=tuple(float(x) for x in np.asarray(position, np.float64)), clock_offset=clock_offset)
     truth.maps = [(0.0, place.truth(truth.position, truth_size, False))]
     if lamp and has_lamp:
         truth.lamp_time = seconds / 2
         truth.maps.append((truth.lamp_time, place.truth(truth.position, truth_size, True)))
-    truth.poses = [(time, held.back_from_marker(time)) for time in times]
+    later = {0.0, clock_offset, *(clock_offset + c.readout for c in (rig.back, rig.front) if c is not None)}
+    truth.poses = [(time, pose_at(time)) for time in sorted({time + step for time in times for step in later})]
     if hand:
         begin = 0.3 * seconds
         truth.hand = (begin, begin + min(1.0, 0.2 * seconds))
 
-    make = _Pictures(place, rig, board, truth, noise)
+    make = _Pictures(place, rig, board, truth, noise, pose_at, timing)
     writer = RecordingWriter(out, rig, board, video=video) if out is not None else None
     frames: list[Frame] = []
-    steps = enumerate(truth.poses)
+    steps = enumerate(times)
     if progress:
         from tqdm import tqdm
 
@@ -415,8 +463,8 @@ def simulate(
     try:
         if writer is not None:
             writer.write_truth(truth)  # first: a run that is broken off leaves a shorter recording
-        for index, (time, pose) in steps:
-            frame = make.frame(index, time, pose)
+        for index, time in steps:
+            frame = make.frame(index, time)
             frames.append(frame) if writer is None else writer.add(frame)
     finally:
         if writer is not None:
@@ -426,11 +474,29 @@ def simulate(
     return Recording(rig, frames, board, truth)
 
 
+def _with_readout(rig: Rig, readout: float) -> Rig:
+    def camera(c: Camera) -> Camera:
+        lens = {name: getattr(c, name) for name in ("distortion", "response", "gain", "vignetting")}
+        return Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, readout=readout)
+
+    return Rig(camera(rig.back)) if rig.front is None else Rig(camera(rig.back), camera(rig.front), rig.front_from_back)
+
+
 class _Pictures:
     """Takes the pictures of both cameras."""
 
-    def __init__(self, place: Place, rig: Rig, board: Any, truth: Truth, noise: np.random.Generator):
+    def __init__(
+        self,
+        place: Place,
+        rig: Rig,
+        board: Any,
+        truth: Truth,
+        noise: np.random.Generator,
+        pose_at: Callable[[float], Pose],
+        timing: Shutter,
+    ):
         self.place, self.rig, self.truth, self.noise = place, rig, truth, noise
+        self.pose_at, self.timing = pose_at, timing
         self.back = _Eye(rig.back)
         self.front = _Eye(rig.front) if rig.front is not None else None
         self.page = _PrintedBoard(board, place) if board is not None else None
@@ -446,23 +512,53 @@ class _Pictures:
             shape = self.front.rays.shape[:2]
             self.hand = _Hand(*truth.hand, float(np.median(brightness[up > 0])), shape)
 
-    def frame(self, index: int, time: float, back_from_marker: Pose) -> Frame:
-        lamp = self.truth.lamp_time is not None and time >= self.truth.lamp_time
+    def frame(self, index: int, time: float) -> Frame:
         frame = Frame(time, back_exposure=self.back_exposure)
-        light = self._radiance(self.back, back_from_marker, lamp)
-        frame.back = self.back.expose(light, self.back_exposure, self.noise)
+        frame.back = self._take(self.back, self.pose_at, time, self.back_exposure, self.timing.exposure_time)
         if self.front is not None:
-            light = self._radiance(self.front, self.rig.front_from_back @ back_from_marker, lamp)
-            if self.hand is not None:
-                light = self.hand.cover(light, time)
-            frame.front_exposure = self.front_exposure * FRONT_STEPS[index % len(FRONT_STEPS)]
-            frame.front = self.front.expose(light, frame.front_exposure, self.noise)
+            share = FRONT_STEPS[index % len(FRONT_STEPS)]
+            frame.front_exposure = self.front_exposure * share
+            frame.front = self._take(
+                self.front,
+                lambda t: self.rig.front_from_back @ self.pose_at(t),
+                time,
+                frame.front_exposure,
+                self.timing.exposure_time * share,
+                self.hand,
+            )
         return frame
 
-    def _radiance(self, eye: _Eye, camera_from_marker: Pose, lamp: bool) -> NDArray:
+    def _take(
+        self,
+        eye: _Eye,
+        pose_at: Callable[[float], Pose],
+        time: float,
+        exposure: float,
+        exposure_time: float,
+        hand: _Hand | None = None,
+    ) -> NDArray[np.uint8]:
+        """The picture stamped `time`. pose_at: camera_from_marker."""
+        begin = time + self.timing.clock_offset
+        parts = []
+        for band in bands(eye.camera, pose_at, begin, exposure_time):
+            total: Any = 0
+            for moment, pose in band.poses:
+                light = self._radiance(eye, pose, moment, band.rows)
+                if hand is not None:
+                    light = hand.cover(light, moment, band.rows)
+                total = light if len(band.poses) == 1 else total + light * np.float32(1 / len(band.poses))
+            parts.append(total)
+        light = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        lamps = None
+        if self.timing.flicker:
+            lamps = self.timing.lamps(row_times(eye.camera, begin), exposure_time)
+        return eye.expose(light, exposure, self.noise, self.timing.glare, lamps)
+
+    def _radiance(self, eye: _Eye, camera_from_marker: Pose, time: float, rows: slice) -> NDArray:
+        lamp = self.truth.lamp_time is not None and time >= self.truth.lamp_time
         marker_from_camera = camera_from_marker.inverse()
-        directions = cv2.transform(eye.rays, marker_from_camera.rotation)
+        directions = cv2.transform(eye.rays[rows], marker_from_camera.rotation)
         light = self.place.radiance(marker_from_camera.translation, directions, lamp, unit=True)
         if self.page is not None:
-            self.page.lay(light, eye, camera_from_marker, lamp)
+            self.page.lay(light, eye, camera_from_marker, lamp, rows.start)
         return light

@@ -52,6 +52,7 @@ struct Spot {
   glm::dvec3 sum{0};  // of directions in the camera frame, by solid angle
   double solid_angle = 0;
   int blocks = 0;
+  double rows = 0;   // sum over its blocks
   bool cut = false;  // by the picture's border
 };
 
@@ -59,7 +60,7 @@ struct Spot {
 
 std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
                                                          const Camera& camera, const Lens& lens,
-                                                         const Pose& camera_from_marker,
+                                                         const RowPoses& camera_from_marker,
                                                          double exposure, double radiance) {
   const double threshold = radiance * exposure * camera.gain;
   if (!(threshold >= kLeastLinear && threshold <= kMostLinear)) return std::nullopt;
@@ -87,7 +88,6 @@ std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
     }
 
   const double block_area = double(step * step) / (camera.fx * camera.fy);
-  const glm::dmat3 marker_from_camera = glm::transpose(camera_from_marker.rotation);
   std::vector<BrightSpot> spots;
   std::vector<int> open;
   for (int start = 0; start < width * height; ++start) {
@@ -103,6 +103,7 @@ std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
         const double length = glm::length(*ray), angle = block_area / (length * length * length);
         spot.sum += *ray * (angle / length);
         spot.solid_angle += angle;
+        spot.rows += middle(y);
         ++spot.blocks;
       } else {
         spot.cut = true;
@@ -114,8 +115,9 @@ std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
             open.push_back(v * width + u);
           }
     }
-    if (!spot.cut && spot.blocks >= kLeastBlocks)
-      spots.push_back({marker_from_camera * glm::normalize(spot.sum), spot.solid_angle});
+    if (spot.cut || spot.blocks < kLeastBlocks) continue;
+    const Pose pose = camera_from_marker.at(spot.rows / spot.blocks / camera.height);
+    spots.push_back({glm::transpose(pose.rotation) * glm::normalize(spot.sum), spot.solid_angle});
   }
   return spots;
 }

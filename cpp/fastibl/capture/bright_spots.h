@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "fastibl/core/pose.h"
+#include "fastibl/capture/row_poses.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/picture.h"
 
@@ -20,7 +20,7 @@ struct BrightSpot {
 // the exposure cannot tell: white is darker than that, or that is hardly above black.
 std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
                                                          const Camera& camera, const Lens& lens,
-                                                         const Pose& camera_from_marker,
+                                                         const RowPoses& camera_from_marker,
                                                          double exposure, double radiance);
 
 }  // namespace fastibl

@@ -23,6 +23,10 @@ constexpr int kPicturesPerFill = 2;     // between looks at what such values sho
 constexpr double kBright = 8;           // times the map's mean: a light, as MainLightOptions has it
 constexpr double kRimOfLight = 0.25;    // of that: at the rim of one
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
+// Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
+// differ by 0.1 degrees.
+constexpr int kBands = 16;
+constexpr float kMostDrift = 0.5f;  // pictures a readout; a place that moves faster is no film's
 
 // Texels that were not seen take `fill`.
 FASTIBL_CLONES void fill_unseen(const double* __restrict last_seen, const float* __restrict fill,
@@ -40,7 +44,8 @@ FASTIBL_CLONES void fill_unseen(const double* __restrict last_seen, const float*
 
 struct Capture::View {
   const KnownCamera& known;
-  const TexelView& texels;
+  const std::vector<TexelView>& texels;  // by band of rows
+  const std::vector<TexelView>& halved;  // the same of a map of half the size
   ImageView<const std::uint8_t> mask;
   double scale;  // radiance of a linear value, without vignetting
   float light;   // linear value
@@ -127,7 +132,8 @@ Capture::Capture(CaptureOptions options)
 }
 
 void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
-                  double exposure, double time, ImageView<const std::uint8_t> mask) {
+                  double exposure, double time, ImageView<const std::uint8_t> mask,
+                  const std::optional<Pose>& last_row) {
   KnownCamera& k = known(camera);
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
@@ -143,16 +149,31 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   int refills = refills_after(time, index);
   const bool all_refills = refills == grid_.count();
   time_ = time, last_camera_ = index;
+  const RowPoses poses(camera_from_marker, last_row);
 
   bright_ = kBright * mean_radiance();
-  if (options_.locate_lights) locate_lights(picture, k, camera_from_marker, exposure);
-  find_hidden(k, camera_from_marker);
+  if (options_.locate_lights) locate_lights(picture, k, poses, exposure);
+  find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
   if (options_.board)
     viewpoint.masked =
         0.5 * glm::dvec2(options_.board->width, options_.board->height) + kBoardMargin;
-  const TexelView texels(camera, k.lens, k.bounds, camera_from_marker, viewpoint, grid_.size);
-  texels.find_tiles(outlines_, most_pixels_);
+  std::vector<TexelView> texels, halved;
+  const int bands = poses.rolling() ? kBands : 1;
+  for (int band = 0; band < bands; ++band) {
+    const Pose pose = poses.at(bands == 1 ? 0.0 : (band + 0.5) / bands);
+    texels.emplace_back(camera, k.lens, k.bounds, pose, viewpoint, grid_.size);
+    halved.emplace_back(camera, k.lens, k.bounds, pose, viewpoint, grid_.size / 2);
+  }
+  texels.front().find_tiles(outlines_, most_pixels_);
+  if (poses.rolling()) {  // what the picture shows at any time
+    std::vector<float> most;
+    for (const TexelView* view : {&texels[kBands / 2], &texels.back()}) {
+      view->find_tiles(outlines_, most);
+      for (std::size_t i = 0; i < most.size(); ++i)
+        most_pixels_[i] = std::max(most_pixels_[i], most[i]);
+    }
+  }
   tiles_.clear();
   float most = 0;
   for (int tile = 0; tile < grid_.count(); ++tile)
@@ -161,13 +182,13 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
   if (tiles_.empty()) return;
+  find_bands(texels, float(camera.height));
   // Probes are four times as large as texels.
   levels_.make(picture, camera.response, levels_for(4 * most));
 
   const double scale = std::min(1 / (exposure * camera.gain), kLargestScale);
-  const View view{k, texels, mask, scale, float(kRimOfLight * bright_ / scale)};
-  leave_out_quiet_tiles(
-      view, TexelView(camera, k.lens, k.bounds, camera_from_marker, viewpoint, grid_.size / 2));
+  const View view{k, texels, halved, mask, scale, float(kRimOfLight * bright_ / scale)};
+  leave_out_quiet_tiles(view);
   changed_.assign(tiles_.size(), 0);
   parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {
     for (int i = begin; i < end; ++i) {
@@ -194,6 +215,47 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
     if ((small && small_refills == 0) || !refill(next_refill_)) continue;
     versions_[std::size_t(next_refill_)] = version;
     --refills, small_refills -= small;
+  }
+}
+
+void Capture::find_bands(const std::vector<TexelView>& bands, float height) {
+  roll_.assign(std::size_t(grid_.count()), Roll{});
+  if (bands.size() == 1) return;
+  const float step = 2.0f / float(grid_.size), count = float(bands.size());
+  const float none[16] = {};
+  for (const int tile : tiles_) {
+    const FaceRect r = tile_rect(grid_, tile);
+    const float s = 0.5f * step * float(r.x0 + r.x1) - 1, t = 0.5f * step * float(r.y0 + r.y1) - 1;
+    const TexelGroup middle{r.face, s, t, 0, none, none, 1, 1, surroundings_.depth(tile)};
+    const auto pixel_in = [&](int band) {
+      return bands[std::size_t(band)].pixel(middle, unseen_.above(tile));
+    };
+    // Comparisons that hold for no NaN.
+    const auto band_of = [&](float row) {
+      const float band = row / height * count;
+      return band > 0 ? (band < count ? int(band) : int(count) - 1) : 0;
+    };
+    // One step further from the row that half-time shows it on.
+    const int band = band_of(pixel_in(band_of(pixel_in(int(count) / 2).y)).y);
+    const int other = band > 0 ? band - 1 : band + 1;
+    const glm::vec2 drift = (pixel_in(other) - pixel_in(band)) * (count / float(other - band));
+    Roll& roll = roll_[std::size_t(tile)];
+    roll.band = band, roll.row = (float(band) + 0.5f) / count * height;
+    const float most = kMostDrift * height;
+    if (std::abs(drift.x) < most && std::abs(drift.y) < most) roll.drift = drift / height;
+  }
+}
+
+// Moves what is not on the row whose pose it was projected with to where its own row shows it.
+void Capture::unroll(const Camera& camera, const Roll& roll, int first, int count,
+                     Sightings& sightings) const {
+  if (roll.drift == glm::vec2(0)) return;
+  const float width = float(camera.width), height = float(camera.height);
+  for (int i = first; i < first + count; ++i) {
+    const float rows = (sightings.y[i] - roll.row) / (1 - roll.drift.y);
+    const float x = sightings.x[i] + rows * roll.drift.x, y = sightings.y[i] + rows * roll.drift.y;
+    sightings.seen[i] &= (x >= 0) & (y >= 0) & (x < width) & (y < height);
+    if (sightings.seen[i]) sightings.x[i] = x, sightings.y[i] = y;
   }
 }
 
@@ -277,12 +339,13 @@ TileSighting Capture::sighting(const View& view, int tile, const Sightings& sigh
   return s;
 }
 
-void Capture::leave_out_quiet_tiles(const View& view, const TexelView& halved) {
-  // By face and side of the horizon: groups that are seen alike.
-  std::vector<int> groups[12];
+void Capture::leave_out_quiet_tiles(const View& view) {
+  // By band of rows, face and side of the horizon: groups that are seen alike.
+  std::vector<std::vector<int>> groups(12 * view.halved.size());
   for (const int tile : tiles_)
     if (quiet_.may_leave_out(tile, time_) && surroundings_.is_usual(surroundings_.depth(tile))) {
-      groups[2 * (tile / grid_.per_face()) + unseen_.above(tile)].push_back(tile);
+      const int group = 2 * (tile / grid_.per_face()) + unseen_.above(tile);
+      groups[std::size_t(12 * roll_[std::size_t(tile)].band + group)].push_back(tile);
       prefetch_items(quiet_.value(tile, 0), 6 * QuietTiles::kProbes);
     }
   constexpr int kTiles = kLanes / QuietTiles::kProbes;
@@ -299,14 +362,13 @@ void Capture::leave_out_quiet_tiles(const View& view, const TexelView& halved) {
   parallel_for(int(parts.size()), 2, [&](int begin, int end) {
     for (int i = begin; i < end; ++i) {
       const Part& part = parts[std::size_t(i)];
-      compare_probes(view, halved, part.tiles, part.count);
+      compare_probes(view, part.tiles, part.count);
     }
   });
   std::erase_if(tiles_, [&](int tile) { return left_out_[std::size_t(tile)] != 0; });
 }
 
-void Capture::compare_probes(const View& view, const TexelView& halved, const int* tiles,
-                             int count) {
+void Capture::compare_probes(const View& view, const int* tiles, int count) {
   constexpr int kProbes = QuietTiles::kProbes;
   const int lanes = count * kProbes, face = tiles[0] / grid_.per_face(), half = grid_.size / 2;
   alignas(64) float columns[kLanes], rows[kLanes], values[3][kLanes], rough[3][kLanes];
@@ -327,7 +389,10 @@ void Capture::compare_probes(const View& view, const TexelView& halved, const in
   const TexelGroup group{face, first, first, 2.0f / float(half),           columns,
                          rows, lanes, lanes, surroundings_.depth(tiles[0])};
   Sightings sightings;
+  const TexelView& halved = view.halved[std::size_t(roll_[std::size_t(tiles[0])].band)];
   if (!halved.see(group, unseen_.above(tiles[0]), sightings)) return;
+  for (int t = 0; t < count; ++t)
+    unroll(view.known.camera, roll_[std::size_t(tiles[t])], t * kProbes, kProbes, sightings);
   Samples samples;
   look(view, group.depth, lanes, false, sightings, samples);
   alignas(64) float deviance[kLanes];
@@ -363,6 +428,7 @@ bool Capture::add_tile(const View& view, int tile) {
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
   Sightings sightings;
   Samples samples;
+  const TexelView& texels = view.texels[std::size_t(roll_[std::size_t(tile)].band)];
   bool any = false;
   bool whole = true, rim = false;
   float unsure[QuietTiles::kProbes];
@@ -379,10 +445,11 @@ bool Capture::add_tile(const View& view, int tile) {
                            count,
                            r.width(),
                            surroundings_.depth(tile)};
-    if (!view.texels.see(group, sightings)) {
+    if (!texels.see(group, sightings)) {
       whole = false;
       continue;
     }
+    unroll(view.known.camera, roll_[std::size_t(tile)], 0, count, sightings);
     rim |= look(view, group.depth, count, at_rim_[std::size_t(tile)] != 0, sightings, samples);
     const TileSighting part = sighting(view, tile, sightings, samples, 0, count);
     shown = any ? joined(shown, part) : part;

@@ -10,6 +10,7 @@
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/light_tracks.h"
 #include "fastibl/capture/quiet_tiles.h"
+#include "fastibl/capture/row_poses.h"
 #include "fastibl/capture/surroundings.h"
 #include "fastibl/capture/texel_state.h"
 #include "fastibl/capture/texel_view.h"
@@ -55,11 +56,13 @@ class Capture {
       CaptureOptions options = {});  // throws std::invalid_argument for options out of range
 
   // time: seconds, not decreasing. mask: one byte a pixel, 0 where the picture shows what is not
-  // part of the place; empty for none. Throws std::invalid_argument for a picture or mask of
-  // another size than the camera's, an exposure that is not positive and finite, or a time before
-  // the last one.
+  // part of the place; empty for none. last_row: the pose when the picture's last row was taken,
+  // where a rolling shutter reads it; camera_from_marker is then that of the first row. Throws
+  // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
+  // is not positive and finite, or a time before the last one.
   void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
-           double exposure, double time, ImageView<const std::uint8_t> mask = {});
+           double exposure, double time, ImageView<const std::uint8_t> mask = {},
+           const std::optional<Pose>& last_row = {});
 
   // The map at the time of the last picture, without holes: unseen texels take a mean of what
   // was seen near them on their side of the horizon, at confidence 0 and up to a second late.
@@ -87,16 +90,26 @@ class Capture {
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
   // In locate_lights.cpp.
-  void locate_lights(const Picture& picture, KnownCamera& camera, const Pose& camera_from_marker,
-                     double exposure);
+  void locate_lights(const Picture& picture, KnownCamera& camera,
+                     const RowPoses& camera_from_marker, double exposure);
   double mean_radiance() const;
   double parallax() const;
-  void find_hidden(const KnownCamera& camera, const Pose& camera_from_marker);
+  void find_hidden(const KnownCamera& camera, const RowPoses& camera_from_marker);
   void forget_light(const LightPosition& light, const std::vector<int>& moved);
   bool forget_bright(int tile);
   // Removes from tiles_ what the picture need not give.
-  void leave_out_quiet_tiles(const View& view, const TexelView& halved);
-  void compare_probes(const View& view, const TexelView& halved, const int* tiles, int count);
+  void leave_out_quiet_tiles(const View& view);
+  void compare_probes(const View& view, const int* tiles, int count);
+  // How a rolling shutter shows a tile.
+  struct Roll {
+    int band = 0;        // of rows that are taken with one pose
+    float row = 0;       // of that pose
+    glm::vec2 drift{0};  // pixels a row by which later poses see the tile elsewhere
+  };
+  // Of each of tiles_, from views of all bands.
+  void find_bands(const std::vector<TexelView>& bands, float height);
+  void unroll(const Camera& camera, const Roll& roll, int first, int count,
+              Sightings& sightings) const;
   // Of what was looked at from `first` on.
   TileSighting sighting(const View& view, int tile, const Sightings& sightings,
                         const Samples& samples, int first, int count) const;
@@ -142,6 +155,7 @@ class Capture {
   FrameLevels levels_;
   std::vector<float> most_pixels_;
   std::vector<int> tiles_;  // that the picture may see
+  std::vector<Roll> roll_;  // by tile
   std::vector<std::uint8_t> changed_, left_out_;
   std::vector<std::uint8_t> at_rim_;  // tiles that show the rim of a light: read more finely
   std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, latest first

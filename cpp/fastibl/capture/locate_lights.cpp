@@ -30,8 +30,9 @@ double Capture::mean_radiance() const {
 }
 
 void Capture::locate_lights(const Picture& picture, KnownCamera& known,
-                            const Pose& camera_from_marker, double exposure) {
-  const glm::dvec3 eye = camera_from_marker.inverse().translation;
+                            const RowPoses& camera_from_marker, double exposure) {
+  const Pose half = camera_from_marker.at(0.5);
+  const glm::dvec3 eye = half.inverse().translation;
   if (glm::length(eye - known.looked_from) < kStep && time_ - known.looked_at < kPause) return;
   const Camera& camera = known.camera;
   const std::optional<std::vector<BrightSpot>> spots =
@@ -40,7 +41,7 @@ void Capture::locate_lights(const Picture& picture, KnownCamera& known,
   known.looked_from = eye, known.looked_at = time_;
   far_ += glm::length(eye - options_.centre), ++looks_;
   tracks_.add(eye, *spots, [&](const glm::dvec3& direction) {
-    const auto pixel = known.lens.project(camera_from_marker.rotation * direction);
+    const auto pixel = known.lens.project(half.rotation * direction);
     return pixel && std::abs(2 * pixel->x / camera.width - 1) < kInside &&
            std::abs(2 * pixel->y / camera.height - 1) < kInside;
   });
@@ -59,13 +60,18 @@ double Capture::parallax() const {
 }
 
 // A light that is near hides what is far behind it, which is shown by other tiles than its own.
-void Capture::find_hidden(const KnownCamera& known, const Pose& camera_from_marker) {
+void Capture::find_hidden(const KnownCamera& known, const RowPoses& camera_from_marker) {
   hidden_.clear();
+  const Pose half = camera_from_marker.at(0.5);
   for (const LightPosition& light : surroundings_.lights()) {
-    const glm::dvec3 seen = camera_from_marker * light.position;
-    const double distance = glm::length(seen);
-    const auto pixel = known.lens.project(seen);
+    glm::dvec3 seen = half * light.position;
+    auto pixel = known.lens.project(seen);
+    if (pixel && camera_from_marker.rolling()) {
+      seen = camera_from_marker.at(pixel->y / known.camera.height) * light.position;
+      pixel = known.lens.project(seen);
+    }
     if (!pixel) continue;
+    const double distance = glm::length(seen);
     // Towards the picture's border the same angle takes more pixels.
     const double slope = distance / seen.z, focal = std::max(known.camera.fx, known.camera.fy);
     const double radius = kOutline * light.radius / distance * focal * slope * slope + kPixelBlur;

@@ -293,6 +293,13 @@ bool TexelView::see(const TexelGroup& group, bool above, Sightings& s) const {
   return count_seen(s.seen, lanes) > 0;
 }
 
+glm::vec2 TexelView::pixel(const TexelGroup& group, bool above) const {
+  Sightings s;
+  s.x[0] = s.y[0] = 0;
+  see(group, above, s);
+  return {s.x[0], s.y[0]};
+}
+
 bool TexelView::see(const TexelGroup& group, Sightings& s) const {
   const FaceAxes axes = face_axes(group.face);
   float lowest = 1e30f, highest = -1e30f;

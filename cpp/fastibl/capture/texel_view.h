@@ -73,7 +73,9 @@ class TexelView {
   void find_tiles(const TileOutlines& outlines, std::vector<float>& most_pixels) const;
   // True if any is seen.
   bool see(const TexelGroup& group, Sightings& sightings) const;
-  // The same of a group on one side of the horizon.
+  // Of the group's first texel, also outside of the picture; anything behind the camera.
+  glm::vec2 pixel(const TexelGroup& group, bool above) const;
+  // As the first, of a group on one side of the horizon.
   bool see(const TexelGroup& group, bool above, Sightings& sightings) const;
 
   // Float, for a direction d not normalised: its camera direction is `turn` d, plus, above the

@@ -45,6 +45,8 @@ void Camera::validate() const {
   for (const double k : distortion) check(std::isfinite(k), "distortion must be finite, got ", k);
   for (const double v : vignetting) check(std::isfinite(v), "vignetting must be finite, got ", v);
   check(gain > 0 && std::isfinite(gain), "a camera's gain must be positive and finite, got ", gain);
+  check(readout >= 0 && std::isfinite(readout),
+        "a camera's readout must be seconds, finite and not negative, got ", readout);
 }
 
 std::optional<glm::dvec2> Camera::project(const glm::dvec3& point) const {

@@ -20,6 +20,9 @@ struct Camera {
   double gain = 1;    // of this camera against the others
   std::vector<double>
       vignetting;  // 1 + v1 r² + v2 r⁴ + …, r = distance from (cx, cy) in units of f
+  // Seconds from a picture's first row to its last, where that is known: row r is exposed around
+  // time + r / height · readout. 0 for a global shutter.
+  double readout = 0;
 
   // Throws std::invalid_argument for sizes or focal lengths ≤ 0, NaN, or another number of
   // coefficients.

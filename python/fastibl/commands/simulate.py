@@ -6,6 +6,14 @@ import argparse
 
 from ._arguments import parser, picture_size, positive
 
+_TIME = (
+    ("readout", "S", "rolling shutter: seconds from the first row of a picture to the last"),
+    ("shutter", "S", "motion blur: exposure time in seconds"),
+    ("flicker", "HZ", "of the lamps: 100 or 120"),
+    ("glare", "SHARE", "of the light, that spreads over the whole picture: 0.01 or more"),
+    ("clock-offset", "S", "seconds by which pictures are taken after their time stamps"),
+)
+
 
 def add(commands: argparse._SubParsersAction) -> None:
     p = parser(
@@ -27,6 +35,8 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="WxH",
         help="of the pictures (default: 640x480)",
     )
+    for name, unit, what in _TIME:
+        p.add_argument(f"--{name}", type=float, default=0.0, metavar=unit, help=f"{what} (default: 0)")
     p.add_argument("--video", action="store_true", help="lossless FFV1 videos instead of PNG pictures")
 
 
@@ -40,6 +50,11 @@ def run(arguments: argparse.Namespace) -> int:
         fps=arguments.fps,
         out=arguments.out,
         size=arguments.size,
+        readout=arguments.readout,
+        shutter=arguments.shutter,
+        flicker=arguments.flicker,
+        glare=arguments.glare,
+        clock_offset=arguments.clock_offset,
         video=arguments.video,
         progress=True,
     )
