@@ -14,6 +14,7 @@ constexpr double kCodeHidden = 0.25;  // below, a tag is hidden or another one
 constexpr double kReadable = 1.6;     // px of a module, to hold its colour
 constexpr double kClose = 0.55;       // mean match from which no shift is looked for
 constexpr double kLeastShare = 0.15;  // of the tags that could be read must be, and of the edges
+constexpr double kProvenShare = 0.5;  // the same where the start was not right
 constexpr std::size_t kFarEdges = 200;
 constexpr std::size_t kWideEdges =
     240;                            // from so many on, narrow ones, which err more, are left out
@@ -52,8 +53,8 @@ Codes read_codes(const LightReader& light, const BoardPattern& pattern,
   return codes;
 }
 
-bool enough(const Codes& codes) {
-  return codes.seen > 0 && double(codes.seen) >= kLeastShare * double(codes.readable);
+bool enough(const Codes& codes, double share) {
+  return codes.seen > 0 && double(codes.seen) >= share * double(codes.readable);
 }
 
 // Sideways at the board's distance: what a shift of the picture is, for a start.
@@ -177,6 +178,8 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   const auto project = [&](const Pose& at) { return project_tags(pattern_, camera_, lens_, at); };
   Pose pose = start;
   Codes codes = read_codes(light, pattern_, project(pose));
+  // What was found by a search may be a part of the board beside itself.
+  const double share = codes.mean < kClose ? kProvenShare : kLeastShare;
   if (codes.mean < kClose && options.search_px > 0) {
     const std::vector<ProjectedTag> tags = project(pose);
     const glm::dvec2 shift = find_shift(light, pattern_, tags, options.search_px);
@@ -195,7 +198,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     pose = fit->camera_from_marker;
     codes = read_codes(light, pattern_, project(pose));
   }
-  if (!enough(codes)) return std::nullopt;
+  if (!enough(codes, kLeastShare)) return std::nullopt;
 
   std::optional<EdgeFit> fit;
   FoundEdges near;
@@ -225,7 +228,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   }
 
   const auto used = std::size_t(std::count(fit->used.begin(), fit->used.end(), true));
-  if (!enough(codes) || double(used) < kLeastShare * double(near.expected)) return std::nullopt;
+  if (!enough(codes, share) || double(used) < share * double(near.expected)) return std::nullopt;
   if (!(fit->residual < kLargestResidual)) return std::nullopt;
   Tracked tracked;
   tracked.camera_from_marker = pose;
