@@ -25,11 +25,12 @@ constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
 constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
 constexpr double kSystematic = 0.08;      // of the surplus that counts: errors are not independent
 
-constexpr std::size_t kPixels = 6500;  // tell nearly as much of the pose as all
-constexpr double kCommon = 0.1;        // of the edges' variance, which pixels share: their model's
-constexpr double kAgree = 16.8;        // squared distance of two poses: 99 % of six normal errors
-constexpr double kSlopeBlur = 0.798;   // deviation of a normal edge by half its width: sqrt(2 / pi)
-constexpr double kLeastBlur = 0.5;     // px, with that of the pixels
+constexpr std::size_t kEdgesAlone = 1600;  // where pixels are of no use
+constexpr std::size_t kPixels = 6500;      // tell nearly as much of the pose as all
+constexpr double kCommon = 0.1;       // of the edges' variance, which pixels share: their model's
+constexpr double kAgree = 16.8;       // squared distance of two poses: 99 % of six normal errors
+constexpr double kSlopeBlur = 0.798;  // deviation of a normal edge by half its width: sqrt(2 / pi)
+constexpr double kLeastBlur = 0.5;    // px, with that of the pixels
 
 constexpr double kSharp = 1.1, kShared = 0.01;  // px: `spread` of a sharp picture, error there
 constexpr double kNarrow = 3;                   // times as much of edges with room for one pixel
@@ -273,6 +274,19 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   const auto& c = tracked.covariance;
   if (!(std::sqrt(c[0] + c[7] + c[14]) < options.largest_error * kDegree)) return std::nullopt;
   refine(light, pattern_, codes, project(pose), lens_, search.spread, tracked);
+  if (tracked.pixels == 0 && search.most < kEdgesAlone) {  // then by more edges
+    search.most = kEdgesAlone;
+    Codes again = read_codes(light, pattern_, project(pose));
+    near = find_edges(light, pattern_, again.shown, search);
+    const auto more = fit_edges(near.points, lens_, pose);
+    auto covariance = tracked.covariance;
+    if (more && more->motion < kNear &&
+        covariance_of(*more, near.points, again.shown.size(), search.spread, covariance)) {
+      tracked.camera_from_marker = more->camera_from_marker, tracked.covariance = covariance;
+      tracked.edges = int(std::count(more->used.begin(), more->used.end(), true));
+      tracked.residual_px = more->residual;
+    }
+  }
   const auto n = std::size_t(pattern_.modules), stride = n + 1;
   for (const ProjectedTag& tag : codes.shown)
     tracked.tags.push_back(
