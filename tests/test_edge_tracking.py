@@ -19,7 +19,9 @@ from bench.capture.board_film import (
     look_at,
     picture,
     rotation_error_degrees,
+    small_turn,
 )
+from bench.capture.tracking import bound
 from fastibl._fastibl import _edge_points, _EdgeTracker, _tag_black, _track_edges
 from fastibl.board import tag_modules
 from fastibl.tracking import detect
@@ -123,12 +125,54 @@ def test_stated_deviations_are_honest():
     ratios = []
     for seed, look in enumerate((Look(), Look(noise=0.03), HARD["defocus 2 px"], HARD["JPEG 30"])):
         for tracked, pose in follow(look, 8, seed=seed):
-            w = cv2.Rodrigues(pose[:3, :3] @ tracked.camera_from_marker.rotation.T)[0].ravel()
+            w = small_turn(pose[:3, :3] @ tracked.camera_from_marker.rotation.T)
             ratios.append(np.sqrt(w @ np.linalg.solve(tracked.covariance[:3, :3], w) / 3))
             assert np.allclose(tracked.covariance, tracked.covariance.T)
             assert (np.linalg.eigvalsh(tracked.covariance) > 0).all()
     print(f"\nerror by stated deviation: median {np.median(ratios):.2f}, p95 {np.percentile(ratios, 95):.2f}")
     assert 0.2 < np.median(ratios) < 2 and np.percentile(ratios, 95) < 4
+
+
+@pytest.mark.parametrize(
+    "distance, noise, tilt, azimuth", [(0.45, 0.01, 25, 40), (0.45, 0.04, 40, 200), (0.8, 0.02, 25, 120)]
+)
+def test_jitter_is_near_the_least_that_noise_allows(distance, noise, tilt, azimuth):
+    pose, look, rng = look_at(tilt, distance, azimuth, 5), Look(noise=noise), np.random.default_rng(3)
+    light = cv2.GaussianBlur(board_light(BOARD, pose), (0, 0), look.blur)
+    tracker, turns = fastibl.Tracker(BOARD, CAMERA), []
+    for k in range(61):
+        tracked = tracker.track(picture(light, look, rng), k / 30)
+        turns.append(small_turn(tracked.camera_from_marker.rotation @ pose[:3, :3].T))
+        assert k == 0 or tracked.pixels > 3000
+    turns = np.array(turns[1:])
+    jitter = np.sqrt(((turns - turns.mean(0)) ** 2).sum(1).mean())
+    ratio = jitter / np.sqrt(np.trace(bound(BOARD, pose, look)[:3, :3]))
+    print(f"\n{np.degrees(jitter):.5f} degrees, {ratio:.2f} of the Cramer-Rao bound")
+    assert ratio < 1.6
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.25])
+def test_a_hidden_tag_does_not_pull_the_pose(share):
+    """All of the largest tag, or a part that leaves its code readable, under a grey card."""
+    pose = look_at(25, 0.45, 40, 10)
+    light = cv2.GaussianBlur(board_light(BOARD, pose), (0, 0), 0.5)
+    tag = max(BOARD.tags, key=lambda tag: np.ptp(tag.corners[:, 0]))
+    corners = CAMERA.project(np.pad(tag.corners, ((0, 0), (0, 1))) @ pose[:3, :3].T + pose[:3, 3])
+    low, high = corners.min(0).astype(int), corners.max(0).astype(int) + 1
+    light[low[1] : high[1], low[0] : low[0] + int(share * (high[0] - low[0]))] = 0.25
+    image = picture(light, Look(), np.random.default_rng(0))
+    tracked = _track_edges(image, BOARD, CAMERA, fastibl.Pose(pose))
+    print(f"\n{share:.0%} hidden: {error(tracked, pose):.5f} degrees by {len(tracked.tags)} tags")
+    assert tracked.pixels > 0 and error(tracked, pose) < 0.004
+
+
+def test_pixels_that_contradict_the_edges_leave_their_pose():
+    """A blur by motion is no normal blur: the pixels' model does not hold, the edges' symmetry does."""
+    for motion, worst in ((0.0, 0.004), (4.0, 0.1)):
+        pose = look_at(25, 0.5, 40, 10)
+        tracked = _track_edges(shot(pose, Look(motion=motion)), BOARD, CAMERA, fastibl.Pose(pose))
+        print(f"\n{motion} px: {tracked.pixels} pixels, {error(tracked, pose):.4f} degrees")
+        assert (tracked.pixels > 0) == (motion == 0) and error(tracked, pose) < worst
 
 
 def test_a_start_pixels_away_is_corrected():

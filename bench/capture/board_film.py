@@ -219,6 +219,13 @@ def film(
         yield time, pose, picture(light, now, rng)
 
 
+def small_turn(rotation: NDArray) -> NDArray[np.float64]:
+    """Rotation vector, radians, of a small rotation (3, 3): to first order. cv2.Rodrigues gives 0 below 1e-5."""
+    return 0.5 * np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+
+
 def rotation_error_degrees(pose, truth) -> float:
     r = np.asarray(pose)[:3, :3].T @ np.asarray(truth)[:3, :3]
     axis = [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]

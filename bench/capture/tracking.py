@@ -348,7 +348,7 @@ def jitter() -> Iterator[Goal]:
         tracker, turns, stated = fastibl.Tracker(BOARD, CAMERA), [], []
         for k in range(300):
             tracked = tracker.track(board_film.picture(light, look, rng), k / FPS)
-            turns.append(cv2.Rodrigues(tracked.camera_from_marker.rotation @ pose[:3, :3].T)[0].ravel())
+            turns.append(board_film.small_turn(tracked.camera_from_marker.rotation @ pose[:3, :3].T))
             stated.append(np.trace(tracked.covariance[:3, :3]))
         turns = np.degrees(turns)[1:]  # the first is detected
         rms = float(np.sqrt(((turns - turns.mean(0)) ** 2).sum(1).mean()))

@@ -27,7 +27,7 @@ Doubles covariance_array(const std::array<double, 36>& covariance) {
 
 py::tuple tracked_state(const Tracked& t) {
   return py::make_tuple(t.camera_from_marker, t.residual_px, t.tags, t.covariance, t.ambiguous,
-                        t.ambiguity, t.edges);
+                        t.ambiguity, t.edges, t.pixels);
 }
 
 std::optional<glm::dvec3> optional_vector(const py::object& object, const char* name) {
@@ -102,6 +102,9 @@ void bind_tracking(py::module_& module) {
           "median distance between seen and expected edges.")
       .def_readonly("edges", &Tracked::edges,
                     "Stretches of edge that the pose rests on; 0 where it rests on corners.")
+      .def_readonly("pixels", &Tracked::pixels,
+                    "Pixels along edges whose light refined that pose; 0 where they contradict the "
+                    "edges or tell nothing.")
       .def_readonly("tags", &Tracked::tags, "List of DetectedTag: those used.")
       .def_property_readonly(
           "covariance", [](const Tracked& t) { return covariance_array(t.covariance); },
@@ -125,6 +128,7 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
                        t[1].cast<double>(),
                        t[2].cast<std::vector<DetectedTag>>(),
                        t[6].cast<int>(),
+                       t[7].cast<int>(),
                        t[3].cast<std::array<double, 36>>(),
                        t[4].cast<bool>(),
                        t[5].cast<double>()};

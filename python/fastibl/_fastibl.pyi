@@ -1055,6 +1055,11 @@ class Tracked:
         Stretches of edge that the pose rests on; 0 where it rests on corners.
         """
     @property
+    def pixels(self) -> int:
+        """
+        Pixels along edges whose light refined that pose; 0 where they contradict the edges or tell nothing.
+        """
+    @property
     def residual_px(self) -> float:
         """
         RMS distance in pixels between seen and expected corners of `tags`; with `edges`, the median distance between seen and expected edges.

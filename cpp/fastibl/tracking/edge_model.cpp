@@ -4,6 +4,7 @@
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/fit.h"
 #include "fastibl/tracking/fit_edges.h"
+#include "fastibl/tracking/fit_pixels.h"
 
 namespace fastibl {
 namespace {
@@ -24,6 +25,13 @@ constexpr double kDoubtful = 0.15;  // px, median: both minima are looked at at 
 constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
 constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
 constexpr double kSystematic = 0.08;      // of the surplus that counts: errors are not independent
+
+constexpr std::size_t kEdgesAlone = 1600;  // where pixels are of no use
+constexpr std::size_t kPixels = 6500;      // tell nearly as much of the pose as all
+constexpr double kCommon = 0.1;       // of the edges' variance, which pixels share: their model's
+constexpr double kAgree = 16.8;       // squared distance of two poses: 99 % of six normal errors
+constexpr double kSlopeBlur = 0.798;  // deviation of a normal edge by half its width: sqrt(2 / pi)
+constexpr double kLeastBlur = 0.5;    // px, with that of the pixels
 
 constexpr double kSharp = 1.1, kShared = 0.01;  // px: `spread` of a sharp picture, error there
 constexpr double kNarrow = 3;                   // times as much of edges with room for one pixel
@@ -147,6 +155,35 @@ bool covariance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::s
   return true;
 }
 
+// Whether a motion from the pose that edges gave lies within its covariance.
+bool agrees(const std::array<double, 36>& covariance, const std::array<double, 6>& motion) {
+  std::array<double, 6> x{};
+  if (!solve6(covariance, motion, x)) return false;
+  double distance = 0;
+  for (std::size_t k = 0; k < 6; ++k) distance += x[k] * motion[k];
+  return distance < kAgree;
+}
+
+// Refines a pose by the light of the pixels at the edges of tags that are not hidden. Leaves it as
+// it is where that contradicts the edges.
+void refine(const LightReader& light, const BoardPattern& pattern, const Codes& codes,
+            std::vector<ProjectedTag> tags, const Lens& lens, double spread, Tracked& tracked) {
+  std::erase_if(tags, [&](const ProjectedTag& tag) {
+    return std::none_of(codes.shown.begin(), codes.shown.end(),
+                        [&](const ProjectedTag& shown) { return shown.index == tag.index; });
+  });
+  // An edge's profile is widened by its smoothing and by the difference that gives its slope.
+  const double wide = kSlopeBlur * spread,
+               blur = std::sqrt(std::max(wide * wide - 2.0 / 3, kLeastBlur * kLeastBlur));
+  Pose& pose = tracked.camera_from_marker;
+  const auto fit = fit_pixels(light, pattern, tags, lens, pose, blur, kPixels);
+  if (!fit || !agrees(tracked.covariance, fit->motion)) return;
+  pose = moved(pose, fit->motion);
+  tracked.pixels = int(fit->pixels);
+  for (std::size_t k = 0; k < 36; ++k)
+    tracked.covariance[k] = fit->covariance[k] + kCommon * tracked.covariance[k];
+}
+
 // Half the width of edges, px, from how steep they are.
 double spread_of(std::span<const EdgePoint> points) {
   std::vector<double> slopes;
@@ -239,6 +276,20 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     return std::nullopt;
   const auto& c = tracked.covariance;
   if (!(std::sqrt(c[0] + c[7] + c[14]) < options.largest_error * kDegree)) return std::nullopt;
+  refine(light, pattern_, codes, project(pose), lens_, search.spread, tracked);
+  if (tracked.pixels == 0 && search.most < kEdgesAlone) {  // then by more edges
+    search.most = kEdgesAlone;
+    Codes again = read_codes(light, pattern_, project(pose));
+    near = find_edges(light, pattern_, again.shown, search);
+    const auto more = fit_edges(near.points, lens_, pose);
+    auto covariance = tracked.covariance;
+    if (more && more->motion < kNear &&
+        covariance_of(*more, near.points, again.shown.size(), search.spread, covariance)) {
+      tracked.camera_from_marker = more->camera_from_marker, tracked.covariance = covariance;
+      tracked.edges = int(std::count(more->used.begin(), more->used.end(), true));
+      tracked.residual_px = more->residual;
+    }
+  }
   const auto n = std::size_t(pattern_.modules), stride = n + 1;
   for (const ProjectedTag& tag : codes.shown)
     tracked.tags.push_back(

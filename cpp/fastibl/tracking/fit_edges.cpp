@@ -55,17 +55,6 @@ double dot(const Row& a, const Row& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5];
 }
 
-Pose moved(const Pose& pose, const Row& x) {
-  Pose next{rotation_from_vector({x[0], x[1], x[2]}) * pose.rotation,
-            pose.translation + glm::dvec3(x[3], x[4], x[5])};
-  // Rounding of many small turns is taken out.
-  glm::dmat3& r = next.rotation;
-  r[0] = glm::normalize(r[0]);
-  r[1] = glm::normalize(r[1] - glm::dot(r[0], r[1]) * r[0]);
-  r[2] = glm::cross(r[0], r[1]);
-  return next;
-}
-
 bool finite(const Row& x) {
   double sum = 0;
   for (const double v : x) sum += std::abs(v);
@@ -93,6 +82,17 @@ std::array<float, kKinds> scales_of(std::span<const EdgePoint> points,
 }
 
 }  // namespace
+
+Pose moved(const Pose& pose, const std::array<double, 6>& x) {
+  Pose next{rotation_from_vector({x[0], x[1], x[2]}) * pose.rotation,
+            pose.translation + glm::dvec3(x[3], x[4], x[5])};
+  // Rounding of many small turns is taken out.
+  glm::dmat3& r = next.rotation;
+  r[0] = glm::normalize(r[0]);
+  r[1] = glm::normalize(r[1] - glm::dot(r[0], r[1]) * r[0]);
+  r[2] = glm::cross(r[0], r[1]);
+  return next;
+}
 
 std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
                                  const Pose& pose) {

@@ -20,6 +20,9 @@ struct EdgeFit {
   std::vector<bool> used;        // points that agree
 };
 
+// By a turn w and a shift d in the camera frame.
+Pose moved(const Pose& pose, const std::array<double, 6>& x);
+
 // Moves `pose`, by which the points were measured, so that the edges lie where they were found:
 // weighted least squares of the distances across the edges, with Tukey's biweight at 4.685 times
 // the points' own scatter. Linear about `pose`: measure again and repeat until nothing moves.

@@ -30,6 +30,7 @@ struct Tracked {
   double residual_px = 0;
   std::vector<DetectedTag> tags;  // those used, with the corners that were used or fitted
   int edges = 0;                  // stretches of edge that the pose rests on, 0: on corners
+  int pixels = 0;                 // whose light refined that, 0: they could not
   // Of (w, d) in {exp([w]×) R, t + d}: rad², rad m, m²; rotation first, row major, camera frame. Of
   // the minimum chosen alone: see `ambiguous`.
   std::array<double, 36> covariance{};
