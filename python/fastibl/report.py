@@ -164,7 +164,20 @@ def write_report(result: DemoResult, out: Path) -> Path:
     """Writes report.html to `out`, which holds the two videos already; returns its path."""
     default, paper = result.runs["default"], result.runs["paper"]
     passes = [
-        p for p in ("track", "capture", "mips", "irradiance", "shadow", "self_shadow", "bounce", "plane", "shade", "composite", "total")
+        p
+        for p in (
+            "track",
+            "capture",
+            "mips",
+            "irradiance",
+            "shadow",
+            "self_shadow",
+            "bounce",
+            "plane",
+            "shade",
+            "composite",
+            "total",
+        )
     ]
     times = [
         (
