@@ -16,7 +16,7 @@ from fastibl.comparison import irradiance_error
 from fastibl.tracking import detect
 from fastibl.truth import TrueRenderer, picture_error
 
-from . import inputs
+from . import inputs, photographs
 from .measure import Row, measure, row, timing
 
 MESHES = ("spot", "stanford-bunny")
@@ -25,7 +25,7 @@ SHEET = os.environ.get("FASTIBL_SHEET")  # where to write a picture of all compo
 
 
 def rows() -> list[Row]:
-    return places() + photographs()
+    return places() + tracked_photographs()
 
 
 def places() -> list[Row]:
@@ -75,20 +75,16 @@ def write_sheet(path: Path, pictures: list[tuple[str, NDArray, NDArray]]) -> Non
     cv2.imwrite(str(path), np.vstack([np.hstack(cells[k : k + 2]) for k in range(0, len(cells), 2)]))
 
 
-def photographs() -> list[Row]:
+def tracked_photographs() -> list[Row]:
     """The tracker on photographs that others took."""
     return tagged_photographs() + grid_photographs()
-
-
-def _read(path: Path) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(cv2.imread(str(path))[..., ::-1])
 
 
 def tagged_photographs() -> list[Row]:
     """Photographs full of tags that all carry id 0, with the corners that AprilTag's own detector listed (not all)."""
     out = []
-    for path in sorted((inputs.SHARED / "apriltag").glob("*.jpg")):
-        image = _read(path)
+    for path in photographs.TAGS:
+        image = photographs.read(path)
         listed = [
             np.array(line.replace("(", "").replace(")", "").replace(",", " ").split()[1:], float).reshape(4, 2)
             for line in path.with_suffix(".txt").read_text().splitlines()
@@ -115,24 +111,11 @@ def tagged_photographs() -> list[Row]:
 
 def grid_photographs() -> list[Row]:
     """A telephone's photographs of a Kalibr grid; the lens is calibrated from the same tags."""
-    paths = sorted((inputs.SHARED / "aprilgrid").glob("*.jpg"))
-    if not paths:
+    if not photographs.GRID:
         return []
-    images = [_read(path) for path in paths]
-    height, width = images[0].shape[:2]
-    board = fastibl.Board.kalibr(6, 6, 0.088, 0.3)
-    guess = fastibl.Camera(width, height, 900.0, 900.0, width / 2, height / 2)
-    on_board = {tag.id: np.pad(tag.corners, ((0, 0), (0, 1))) for tag in board.tags}
-    points, pixels = [], []
-    for image in images:
-        grey = _grey(image, guess)
-        tags = _refine_corners(grey, detect(grey, board, guess)[0], board.border_bits, guess)
-        points.append(np.concatenate([on_board[tag.id] for tag in tags]).astype(np.float32))
-        pixels.append(np.concatenate([tag.corners - 0.5 for tag in tags]).astype(np.float32))
-    _, K, lens, *_ = cv2.calibrateCamera(points, pixels, (width, height), None, None, flags=cv2.CALIB_FIX_K3)
-    camera = fastibl.Camera.from_opencv(K, lens.ravel()[:4].tolist(), (width, height))
+    board, camera, images = photographs.grid(terms=4)
     out = []
-    for path, image in zip(paths, images, strict=True):
+    for path, image in zip(photographs.GRID, images, strict=True):
         for method in fastibl.methods("tracking"):
             tracker = fastibl.Tracker(board, camera, method=method.name)
             tracked = tracker.track(image)

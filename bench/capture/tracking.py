@@ -10,22 +10,20 @@ import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
-from fastibl._fastibl import _grey, _refine_corners, _track_edges
-from fastibl.tracking import detect
+from fastibl._fastibl import _track_edges
 
+from .. import photographs
 from ..goals import Goal, row, skipped
 from ..measure import one_core, timing, yardstick_seconds
 from . import board_film
 from .board_film import ALL_AT_ONCE, CAMERA, FPS, HARD, HandPath, Look, film, look_at, rotation_error_degrees
 
-PHOTOS = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "aprilgrid"
 BOARD = fastibl.Board.default()
 GRID = fastibl.Board.grid(3, 4, 0.040, 0.012)
 CLEAR = 2  # undisturbed frames for the tracker to start with
@@ -222,35 +220,14 @@ def half_of(board: fastibl.Board, which: NDArray) -> fastibl.Board:
     return fastibl.Board(tags, board.width, board.height, board.border_bits)
 
 
-def photographed() -> tuple[fastibl.Board, fastibl.Camera, list[NDArray]] | None:
-    """Kalibr grid and photographs; the lens fitted once to all of them (k1 k2 p1 p2 k3)."""
-    paths = sorted(PHOTOS.glob("*.jpg"))
-    if not paths:
-        return None
-    images = [np.ascontiguousarray(cv2.imread(str(path))[..., ::-1]) for path in paths]
-    height, width = images[0].shape[:2]
-    board = fastibl.Board.kalibr(6, 6, 0.088, 0.3)
-    guess = fastibl.Camera(width, height, 900.0, 900.0, width / 2, height / 2)
-    on_board = {tag.id: np.pad(tag.corners, ((0, 0), (0, 1))) for tag in board.tags}
-    points, pixels = [], []
-    for image in images:
-        grey = _grey(image, guess)
-        tags = _refine_corners(grey, detect(grey, board, guess)[0], board.border_bits, guess)
-        points.append(np.concatenate([on_board[tag.id] for tag in tags]).astype(np.float32))
-        pixels.append(np.concatenate([tag.corners - 0.5 for tag in tags]).astype(np.float32))
-    _, K, lens, *_ = cv2.calibrateCamera(points, pixels, (width, height), None, None)
-    return board, fastibl.Camera.from_opencv(K, lens.ravel()[:5].tolist(), (width, height)), images
-
-
 @row("capture", "tracking: photographs")
 @one_core()
-def photographs() -> Iterator[Goal]:
+def halves_of_photographs() -> Iterator[Goal]:
     what = "real AprilGrid, half against half: median"
-    given = photographed()
-    if given is None:
-        yield skipped(what, f"no photographs in {PHOTOS}")
+    if not photographs.GRID:
+        yield skipped(what, photographs.NO_GRID)
         return
-    board, camera, images = given
+    board, camera, images = photographs.grid(terms=5)
     rng, halves, notes = np.random.default_rng(0), [], []
     for k, image in enumerate(images):
         start = fastibl.Tracker(board, camera).track(image)
