@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 
 import fastibl
 from fastibl.comparison import irradiance_error
+from views import exposed, looking, picture_of
 
 CENTRE = np.array([0.0, 0.0, 0.1])
 LAMP, RADIUS = np.array([0.9, 0.7, 1.1]), 0.12  # metres
@@ -34,21 +34,9 @@ def seen_from(eye, directions, lamp=True):
     return np.repeat(light[..., None], 3, axis=-1)
 
 
-def looking(eye, target):
-    z = (target - eye) / np.linalg.norm(target - eye)
-    x = np.cross(z, (0, 0, 1))
-    x /= np.linalg.norm(x)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([x, np.cross(z, x), z])
-    matrix[:3, 3] = -matrix[:3, :3] @ eye
-    return fastibl.Pose(matrix)
-
-
 def picture(eye, pose, exposure, lamp=True):
-    y, x = (np.mgrid[: 2 * CAMERA.height, : 2 * CAMERA.width] + 0.5) / 2
-    rays = CAMERA.unproject(np.stack([x, y], axis=-1)) @ pose.rotation
-    light = cv2.resize(seen_from(eye, rays, lamp), (CAMERA.width, CAMERA.height), interpolation=cv2.INTER_AREA)
-    return np.round(255 * CAMERA.response.encode((light * exposure).clip(0, 1).astype(np.float32))).astype(np.uint8)
+    light = picture_of(lambda d: seen_from(eye, d, lamp), CAMERA, pose, split=2)
+    return exposed(light, CAMERA, exposure)
 
 
 def film(capture, frames=30, lamp=lambda k: True, after=None):
@@ -56,7 +44,7 @@ def film(capture, frames=30, lamp=lambda k: True, after=None):
     for k in range(frames):
         a = k / (frames - 1)
         eye = np.array([-0.4 + 0.8 * a, -0.25 + 0.2 * np.sin(4 * a), 0.3])
-        pose = looking(eye, LAMP + [0.3 * np.sin(9 * a), 0.1, 0.2 * np.cos(7 * a)])
+        pose = looking(LAMP + [0.3 * np.sin(9 * a), 0.1, 0.2 * np.cos(7 * a)] - eye, eye)
         exposure = (1.5, 1 / 90)[k % 2]
         capture.add(picture(eye, pose, exposure, lamp(k)), CAMERA, pose, exposure=exposure, time=k / 15)
         if after:
@@ -112,12 +100,9 @@ def test_distant_lights_have_no_position():
     capture = fastibl.Capture(size=64, centre=CENTRE)
     for k in range(20):
         eye = np.array([-0.4 + 0.04 * k, -0.2, 0.3])
-        pose = looking(eye, eye + towards + [0.1 * np.sin(k), 0, 0])
-        y, x = np.mgrid[: CAMERA.height, : CAMERA.width] + 0.5
-        rays = CAMERA.unproject(np.stack([x, y], axis=-1)) @ pose.rotation
-        light = place.sample(rays).astype(np.float32)
+        pose = looking(towards + [0.1 * np.sin(k), 0, 0], eye)
         exposure = (1.5, 1 / 90)[k % 2]
-        codes = np.round(255 * CAMERA.response.encode((light * exposure).clip(0, 1))).astype(np.uint8)
+        codes = exposed(picture_of(place.sample, CAMERA, pose), CAMERA, exposure)
         capture.add(codes, CAMERA, pose, exposure=exposure, time=k / 15)
     (light,) = fastibl.main_lights(capture.environment())
     assert light.position is None or np.linalg.norm(light.position) > 8
@@ -131,7 +116,7 @@ def test_a_box_puts_walls_where_they_are():
             a, up = k * 0.62, 0.25 + 0.8 * (k % 3) / 2
             eye = CENTRE + [0.4 * np.cos(a), 0.4 * np.sin(a), 0.35]
             towards = np.array([-np.cos(a) * np.cos(up), -np.sin(a) * np.cos(up), np.sin(up)])
-            pose = looking(eye, eye + towards)
+            pose = looking(towards, eye)
             capture.add(picture(eye, pose, 1.0, lamp=False), CAMERA, pose, time=k / 10)
         env = capture.environment()
         seen = (np.asarray(env.confidence) > 0) & (fastibl.texel_directions(64)[..., 2] > 0)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from standin import Page
+from standin import Page, centroid_of, centroid_seen, disc_rim
 
 import fastibl
 from fastibl import Camera, CubeMap, Pose, Recording, Rig, reference
@@ -61,18 +61,8 @@ def test_the_page_is_where_the_camera_projects_it():
         pose = recording.truth.pose(frame.time)
         light = linear(frame.back).mean(axis=-1)
         for centre in Page.discs:
-            angles = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-            rim = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1) * Page.radius
-            outline = camera.project(pose @ (rim + [*centre, 0.0]))
-            # The area's centroid, which perspective moves away from the projected centre.
-            a, b = outline, np.roll(outline, -1, axis=0)
-            cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-            expected = ((a + b) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
-            x0, y0 = np.floor(expected).astype(int) - 14
-            window = light[y0 : y0 + 29, x0 : x0 + 29]
-            dark = np.clip(np.percentile(window, 80) * 0.85 - window, 0, None)
-            y, x = np.mgrid[y0 : y0 + 29, x0 : x0 + 29] + 0.5
-            found = np.array([(x * dark).sum(), (y * dark).sum()]) / dark.sum()
+            expected = centroid_of(camera.project(pose @ disc_rim(centre)))
+            found = centroid_seen(light, expected)
             worst = max(worst, np.linalg.norm(found - expected))
     print(f"worst centroid {worst:.3f} px")
     assert worst < 0.1

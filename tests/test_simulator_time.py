@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from standin import Page
+from standin import Page, centroid_of, centroid_seen, disc_rim
 
 import fastibl
 from fastibl import Camera, Pose, Recording, Rig
@@ -89,8 +89,7 @@ def test_each_row_of_the_page_is_where_its_time_puts_it():
     for frame in recording:
         light = linear(frame.back).mean(axis=-1)
         for centre in Page.discs:
-            angles = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-            rim = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1) * Page.radius + [*centre, 0.0]
+            rim = disc_rim(centre)
             outlines = []
             for row_time in (frame.time, None):
                 outline = camera.project(path.back_from_marker(frame.time) @ rim)
@@ -100,15 +99,9 @@ def test_each_row_of_the_page_is_where_its_time_puts_it():
                         outline = np.array(
                             [camera.project(path.back_from_marker(t) @ p) for t, p in zip(times, rim, strict=True)]
                         )
-                a, b = outline, np.roll(outline, -1, axis=0)
-                cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-                outlines.append(((a + b) * cross[:, None]).sum(axis=0) / (3 * cross.sum()))
+                outlines.append(centroid_of(outline))
             start, expected = outlines
-            x0, y0 = np.floor(expected).astype(int) - 14
-            window = light[y0 : y0 + 29, x0 : x0 + 29]
-            dark = np.clip(np.percentile(window, 80) * 0.85 - window, 0, None)
-            y, x = np.mgrid[y0 : y0 + 29, x0 : x0 + 29] + 0.5
-            found = np.array([(x * dark).sum(), (y * dark).sum()]) / dark.sum()
+            found = centroid_seen(light, expected)
             worst = max(worst, np.linalg.norm(found - expected))
             still = max(still, np.linalg.norm(start - expected))
     print(f"worst centroid {worst:.3f} px; {still:.2f} px moved")
