@@ -8,6 +8,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/prefetch.h"
 #include "fastibl/core/simd.h"
+#include "fastibl/scene/main_lights.h"
 
 namespace fastibl {
 namespace {
@@ -20,8 +21,7 @@ constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 4;
 constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
-constexpr double kBright = 8;           // times the map's mean: a light, as MainLightOptions has it
-constexpr double kRimOfLight = 0.25;    // of that: at the rim of one
+constexpr double kRimOfLight = 0.25;    // of the radiance of a light: at the rim of one
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 // Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
 // differ by 0.1 degrees.
@@ -151,7 +151,7 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   time_ = time, last_camera_ = index;
   const RowPoses poses(camera_from_marker, last_row);
 
-  bright_ = kBright * mean_radiance();
+  bright_ = MainLightOptions{}.brightness * mean_radiance();
   if (options_.locate_lights) locate_lights(picture, k, poses, exposure);
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};

@@ -93,6 +93,11 @@ class Capture {
   void locate_lights(const Picture& picture, KnownCamera& camera,
                      const RowPoses& camera_from_marker, double exposure);
   double mean_radiance() const;
+  // Of what was not seen of a tile, summed over RGB.
+  double filled_flux(std::size_t tile) const {
+    const glm::dvec3 fill(filled_[tile]);
+    return (tile_angle_[tile] - sums_[tile].angle) * (fill.x + fill.y + fill.z);
+  }
   double parallax() const;
   void find_hidden(const KnownCamera& camera, const RowPoses& camera_from_marker);
   void forget_light(const LightPosition& light, const std::vector<int>& moved);

@@ -81,8 +81,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t i = std::size_t(tile);
     const TileSums& s = sums_[i];
-    const glm::dvec3 fill(filled_[i]);
-    const double filled = (tile_angle_[i] - s.angle) * (fill.x + fill.y + fill.z);
+    const double filled = filled_flux(i);
     const double all = s.flux.x + s.flux.y + s.flux.z + filled;
     seen += s.angle, bound += s.bound_angle, flux += all, fills += filled;
     if (!unseen_.above(tile)) continue;

@@ -21,13 +21,7 @@ constexpr double kKnown = 0.2;  // relative standard deviation of a distance tha
 constexpr double kHuber = 2;    // standard deviations
 constexpr int kRounds = 4;
 
-double angular_radius(double solid_angle) {
-  return std::acos(std::max(-1.0, 1 - solid_angle / (2 * std::numbers::pi)));
-}
-
-double noise_of(double solid_angle) {
-  return std::hypot(kPose, kShape * angular_radius(solid_angle));
-}
+double noise_of(double solid_angle) { return std::hypot(kPose, kShape * disc_radius(solid_angle)); }
 
 // Columns: two axes across v, and v, which is of unit length.
 glm::dmat3 frame_of(const glm::dvec3& v) {
@@ -88,7 +82,6 @@ void LightTracks::fit(Track& track) const {
     parameters.z = std::clamp(parameters.z, 0.0, kNearest);
   }
   const double count = 2 * double(track.sightings.size());
-  track.residual = std::sqrt(squares / count);
   const double excess = std::max(1.0, squares / (noise * noise * std::max(count - 3, 1.0)));
   const glm::dvec3 v =
       track.frame[2] + parameters.x * track.frame[0] + parameters.y * track.frame[1];
@@ -162,7 +155,7 @@ std::vector<LightPosition> LightTracks::positions() const {
     const glm::dvec3 position = centre_ + track.v / rho;
     out.push_back({track.v, position, by * track.covariance * glm::transpose(by),
                    glm::length(position - track.sightings.back().eye) *
-                       std::sin(std::min(angular_radius(track.solid_angle), 1.5))});
+                       std::sin(std::min(disc_radius(track.solid_angle), 1.5))});
   }
   return out;
 }

@@ -1,7 +1,6 @@
 // Where lights are in the room, from the directions in which they are seen from several places.
 #pragma once
 
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -44,7 +43,6 @@ class LightTracks {
     double inverse_distance = 0;  // ρ, 1 / m
     glm::dmat3 covariance{1.0};   // of v across itself (two axes of `frame`) and ρ
     glm::dmat3 frame{1.0};        // columns: two axes across v, and v
-    double residual = 0;          // RMS, radians
     bool matched = false;
     int missed = 0;
   };

@@ -21,10 +21,9 @@ constexpr double kPixelBlur = 2;
 double Capture::mean_radiance() const {
   double flux = 0, angle = 0;
   for (std::size_t i = 0; i < sums_.size(); ++i) {
-    const glm::dvec3 fill(filled_[i]), seen = sums_[i].flux;
+    const glm::dvec3 seen = sums_[i].flux;
     angle += sums_[i].angle;
-    flux +=
-        seen.x + seen.y + seen.z + (tile_angle_[i] - sums_[i].angle) * (fill.x + fill.y + fill.z);
+    flux += seen.x + seen.y + seen.z + filled_flux(i);
   }
   return angle > 0 ? flux / (3 * 4 * std::numbers::pi) : 0;  // not what is thought of the unseen
 }
@@ -87,19 +86,15 @@ void Capture::forget_light(const LightPosition& light, const std::vector<int>& m
   std::vector<glm::dvec3> ghosts;
   for (const LightTracks::Sight& sight : sights)
     ghosts.push_back(surroundings_.recorded(sight.eye, sight.direction));
-  const double radius =
-      std::asin(std::min(light.radius / glm::length(light.position - options_.centre), 1.0));
+  const double radius = angular_radius(light, options_.centre);
   const std::uint64_t version = new_tile_version();
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t i = std::size_t(tile);
     if (!unseen_.above(tile) || sums_[i].count == 0) continue;
     bool shows = std::find(moved.begin(), moved.end(), tile) != moved.end();
     if (!shows) {
-      const FaceRect r = tile_rect(grid_, tile);
-      const glm::dvec3 middle(
-          glm::normalize(face_direction(r.face, 0.5f * float(r.x0 + r.x1) / float(grid_.size),
-                                        0.5f * float(r.y0 + r.y1) / float(grid_.size))));
-      const double reach = kOutline * radius + kBlur + std::acos(1 - double(outlines_.bulge[i]));
+      const glm::dvec3 middle = outlines_.middle(tile);
+      const double reach = kOutline * radius + kBlur + outlines_.reach(tile);
       shows = std::any_of(ghosts.begin(), ghosts.end(), [&](const glm::dvec3& ghost) {
         return glm::dot(ghost, middle) > std::cos(reach);
       });

@@ -55,27 +55,24 @@ std::vector<int> Surroundings::place(const TileOutlines& outlines,
     Depth depth;
   };
   std::vector<Placed> placed;
+  const bool had_lights = !lights_.empty();
   lights_.clear();
   for (const LightPosition& light : lights) {
     const glm::dvec3 offset = light.position - centre_;
     const double distance = glm::length(offset);
     const glm::dvec3 towards = offset / distance;
     const double deviation = std::sqrt(glm::dot(towards, light.covariance * towards));
-    const double difference = 1 / distance - double(weight(glm::vec3(towards), usual_));
-    if (std::abs(difference) * distance * distance < kAgreed * deviation) continue;
+    if (gap(light) * distance * distance < kAgreed * deviation) continue;
     lights_.push_back(light);
-    placed.push_back(
-        {towards, std::asin(std::min(light.radius / distance, 1.0)), {float(1 / distance), false}});
+    placed.push_back({towards, angular_radius(light, centre_), {float(1 / distance), false}});
   }
+  if (placed.empty() && !had_lights) return {};
   std::vector<int> changed;
   for (int tile = 0; tile < outlines.grid.count(); ++tile) {
     const std::size_t i = std::size_t(tile);
     if (outlines.above[i] == 0) continue;
-    glm::dvec3 middle(0);
-    for (const TileOutlines::Corner& c : outlines.corners)
-      middle += double(c.scale[i]) * glm::dvec3(c.x[i], c.y[i], c.z[i]);
-    middle = glm::normalize(middle);
-    const double reach = std::acos(std::max(-1.0, 1.0 - double(outlines.bulge[i])));
+    const glm::dvec3 middle = outlines.middle(tile);
+    const double reach = outlines.reach(tile);
     Depth depth = usual_;
     double nearest = 1e30;  // from the light's rim, radians
     for (const Placed& light : placed) {

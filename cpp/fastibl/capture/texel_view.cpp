@@ -209,6 +209,17 @@ TileOutlines::TileOutlines(TileGrid tiles) : grid(tiles) {
   bulge.resize(padded, 0.0f), above.resize(padded, 0.0f), below.resize(padded, 0.0f);
 }
 
+glm::dvec3 TileOutlines::middle(int tile) const {
+  const std::size_t i = std::size_t(tile);
+  glm::dvec3 sum(0);
+  for (const Corner& c : corners) sum += double(c.scale[i]) * glm::dvec3(c.x[i], c.y[i], c.z[i]);
+  return glm::normalize(sum);
+}
+
+double TileOutlines::reach(int tile) const {
+  return std::acos(std::max(-1.0, 1.0 - double(bulge[std::size_t(tile)])));
+}
+
 PictureBounds picture_bounds(const Camera& camera, const Lens& lens) {
   glm::dvec2 least(1e30), most(-1e30);  // of the picture's border without the lens
   constexpr int kSteps = 8;

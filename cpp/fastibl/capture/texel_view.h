@@ -46,6 +46,8 @@ struct TileOutlines {
   TileGrid grid;
   Corner corners[4];
   std::vector<float> bulge;  // by how far the unit sphere lies beyond the corners' plane, at most
+  glm::dvec3 middle(int tile) const;  // unit length
+  double reach(int tile) const;       // radians from there to the corners
   std::vector<float> above,
       below;  // 0 or 1: whether the tile has texels on this side of the horizon
 };

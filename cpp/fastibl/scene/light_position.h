@@ -1,9 +1,18 @@
 // Where a light is in the room.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
 #include "fastibl/core/vector.h"
 
 namespace fastibl {
+
+// Radians, of a disc of that many steradians.
+inline double disc_radius(double solid_angle) {
+  return std::acos(std::max(-1.0, 1 - solid_angle / (2 * std::numbers::pi)));
+}
 
 // Of a light near enough to be triangulated from several places.
 struct LightPosition {
@@ -12,5 +21,10 @@ struct LightPosition {
   glm::dmat3 covariance{0.0};     // m²
   double radius = 0;              // metres, of a disc that looks as large
 };
+
+// Radians, of the light as it is seen from a place.
+inline double angular_radius(const LightPosition& light, const glm::dvec3& from) {
+  return std::asin(std::min(light.radius / glm::length(light.position - from), 1.0));
+}
 
 }  // namespace fastibl

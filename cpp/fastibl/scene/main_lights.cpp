@@ -139,9 +139,8 @@ std::vector<MainLight> main_lights(const CubeMap& map, const MainLightOptions& o
     const double whole = irradiance_towards(coarse, direction);
     const double share = brightness(irradiance) / whole;
     if (!(share >= options.least_share)) continue;
-    const double cosine = std::max(-1.0, 1 - region.solid_angle / (2 * std::numbers::pi));
-    lights.push_back({direction, float(region.solid_angle), float(std::acos(cosine)), irradiance,
-                      float(std::min(share, 1.0)), std::nullopt});
+    lights.push_back({direction, float(region.solid_angle), float(disc_radius(region.solid_angle)),
+                      irradiance, float(std::min(share, 1.0)), std::nullopt});
   }
   std::stable_sort(lights.begin(), lights.end(), [](const MainLight& a, const MainLight& b) {
     return brightness(a.irradiance) > brightness(b.irradiance);
