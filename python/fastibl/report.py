@@ -163,22 +163,7 @@ def _table(head: list[str], rows: list[tuple[str, ...]], note_last: bool = False
 def write_report(result: DemoResult, out: Path) -> Path:
     """Writes report.html to `out`, which holds the two videos already; returns its path."""
     default, paper = result.runs["default"], result.runs["paper"]
-    passes = [
-        p
-        for p in (
-            "track",
-            "capture",
-            "mips",
-            "irradiance",
-            "shadow",
-            "self_shadow",
-            "bounce",
-            "plane",
-            "shade",
-            "composite",
-            "total",
-        )
-    ]
+    passes = "track capture mips irradiance shadow self_shadow bounce plane shade composite total".split()
     times = [
         (
             p,
