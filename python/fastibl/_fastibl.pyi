@@ -1052,7 +1052,7 @@ class Tracked:
     @property
     def camera_from_marker(self) -> Pose:
         """
-        Pose.
+        Pose at the picture's time; of a rolling shutter that of the first row, in the middle of whose exposure that time is.
         """
     @property
     def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1064,6 +1064,11 @@ class Tracked:
     def edges(self) -> int:
         """
         Stretches of edge that the pose rests on; 0 where it rests on corners.
+        """
+    @property
+    def last_row(self) -> Pose | None:
+        """
+        Pose when the last row was taken, `camera.readout` later, as Capture.add takes it; None for a global shutter.
         """
     @property
     def pixels(self) -> int:
