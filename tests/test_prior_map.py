@@ -2,17 +2,16 @@
 
 import numpy as np
 import pytest
-from test_wide_cameras import light, truth
-from views import camera_of, exposed, looking, picture_of
 
 import fastibl
 from fastibl.comparison import irradiance_error
+from views import camera_of, exposed, looking, picture_of, place_light, place_map
 
 SIZE = 64
 UP = fastibl.texel_directions(SIZE)[..., 2] > 0.02
 
 
-def sweep(capture, towards, radiance=light, time=0.0):
+def sweep(capture, towards, radiance=place_light, time=0.0):
     camera = camera_of(320, 240, 70)
     for i, d in enumerate(towards):
         pose = looking(d, (0, 0, 0.3))
@@ -24,7 +23,7 @@ def sweep(capture, towards, radiance=light, time=0.0):
 
 
 def test_a_prior_fills_the_sky_and_is_said_to():
-    prior = fastibl.CubeMap(truth(SIZE))
+    prior = fastibl.CubeMap(place_map(SIZE))
     env = fastibl.Capture(size=SIZE, prior=prior).environment()
     assert np.array_equal(env.radiance.faces[UP], prior.faces[UP])
     assert env.coverage == 0 and not np.asarray(env.confidence).any()
@@ -39,19 +38,18 @@ def test_a_prior_fills_the_sky_and_is_said_to():
 def test_what_is_seen_goes_before_the_prior_and_tells_its_brightness():
     """The place is now 2.5 times as bright, and redder, than when the prior was made."""
     now = np.array([3.0, 2.5, 2.2])
-    prior, true = fastibl.CubeMap(truth(SIZE)), fastibl.CubeMap((truth(SIZE) * now).astype(np.float32))
+    prior, true = fastibl.CubeMap(place_map(SIZE)), fastibl.CubeMap((place_map(SIZE) * now).astype(np.float32))
     towards = [(1, 0.3, 0.5), (0.2, -1, 0.4)]
     errors = {}
     for name, known in (("nothing", None), ("prior", prior)):
-        capture = sweep(fastibl.Capture(size=SIZE, prior=known), towards, lambda d: light(d) * now)
+        capture = sweep(fastibl.Capture(size=SIZE, prior=known), towards, lambda d: place_light(d) * now)
         env = capture.environment()
         seen = np.isfinite(capture.last_seen) & UP
         filled = env.radiance.faces * UP[..., None] + true.faces * ~UP[..., None]
         errors[name] = irradiance_error(fastibl.CubeMap(filled.astype(np.float32)), true)
         ratio = np.median(env.radiance.faces[UP & ~seen] / true.faces[UP & ~seen])
-        print(
-            f"{name}: {seen.sum() / UP.sum():.0%} of the sky seen, irradiance {errors[name]:.1%} off, unseen x{ratio:.2f}"
-        )
+        share = seen.sum() / UP.sum()
+        print(f"{name}: {share:.0%} of the sky seen, irradiance {errors[name]:.1%} off, unseen x{ratio:.2f}")
         if known:
             assert abs(ratio - 1) < 0.02
             assert 0.2 < env.knowledge["prior_flux"] < env.knowledge["unseen_flux"]
@@ -60,7 +58,7 @@ def test_what_is_seen_goes_before_the_prior_and_tells_its_brightness():
 
 def test_maps_stay_consistent_where_tiles_are_partly_seen():
     """MIP levels of a map that was updated in place are those of the same texels built anew."""
-    capture = fastibl.Capture(size=SIZE, prior=fastibl.CubeMap(truth(SIZE)))
+    capture = fastibl.Capture(size=SIZE, prior=fastibl.CubeMap(place_map(SIZE)))
     capture.environment()
     sweep(capture, [(1, 0.3, 0.5)])
     map_ = capture.environment().radiance
@@ -72,9 +70,11 @@ def test_maps_stay_consistent_where_tiles_are_partly_seen():
 
 @pytest.mark.parametrize("size", [16, 48, 256])
 def test_priors_of_other_sizes(size):
-    prior = fastibl.CubeMap(truth(size))
+    prior = fastibl.CubeMap(place_map(size))
     env = fastibl.Capture(size=SIZE, prior=prior).environment()
-    error = irradiance_error(env.radiance, fastibl.CubeMap(np.where(UP[..., None], truth(SIZE), env.radiance.faces)))
+    error = irradiance_error(
+        env.radiance, fastibl.CubeMap(np.where(UP[..., None], place_map(SIZE), env.radiance.faces))
+    )
     print(f"prior of {size} texels in a map of {SIZE}: irradiance {error:.2%} off")
     assert error < 0.03
 
