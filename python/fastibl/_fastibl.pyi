@@ -461,7 +461,7 @@ class Environment:
     @property
     def knowledge(self) -> dict:
         """
-        What the prediction rests on, as shares: of the sky never seen, of the light in what was never seen, of light known as a lower bound, and put wrong because things are near.
+        What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux of the light in what was never seen, of which prior_flux is taken from a map from before, bound_flux of the light known as a lower bound only, parallax put wrong because things are near.
         """
     @property
     def predicted_error(self) -> float:
@@ -725,10 +725,11 @@ class Capture:
     distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
     it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
     Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
-    sees them, whatever `distance` and `box` say.
+    sees them, whatever `distance` and `box` say. prior: CubeMap of the place from before; its sky stands for what no
+    picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None) -> None:
         ...
     def __repr__(self) -> str:
         ...
