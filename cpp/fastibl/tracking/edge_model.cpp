@@ -94,9 +94,10 @@ struct Choice {
   bool other = false;  // the mirrored pose won
 };
 
-// Both planar minima, refined with the edges; by likelihood and by what was expected before.
+// Both planar minima, refined with the edges; by likelihood and by what was expected before. rows:
+// of a rolling shutter.
 Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
-              const PosePrior& prior) {
+              const PosePrior& prior, const Rows* rows) {
   Choice choice{fit.camera_from_marker, 0, false};
   glm::dvec2 low(1e9), high(-1e9);
   for (std::size_t i = 0; i < points.size(); ++i)
@@ -121,6 +122,8 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
     choice.ambiguity = 1e-3;  // hundreds of deviations apart
     return choice;
   }
+  std::vector<EdgePoint> still;
+  if (rows) still = unrolled(points, lens, choice.pose, *rows), points = still;
   const auto other = refit_edges(points, fit, lens, start->camera_from_marker);
   if (!other || !differs(*other)) return choice;
   const double cost = edge_cost(points, fit, lens, choice.pose),
@@ -316,8 +319,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     const double still = kSettled * double(near.points.size()) / double(options.most_edges);
     const bool settled = (fit->motion <= still && all) || round + 1 == rounds;
     if (!settled && !doubtful) continue;
-    choice = rolling ? choose(unrolled(near.points, lens_, pose, rolling->rows), *fit, lens_, prior)
-                     : choose(near.points, *fit, lens_, prior);
+    choice = choose(near.points, *fit, lens_, prior, rolling ? &rolling->rows : nullptr);
     if (settled && (!choice.other || switched)) break;
     if (!choice.other) continue;
     pose = choice.pose, switched = true;
