@@ -1072,7 +1072,7 @@ class Tracked:
     @property
     def camera_from_marker(self) -> Pose:
         """
-        Pose.
+        Pose at the picture's time; of a rolling shutter that of the first row, in the middle of whose exposure that time is.
         """
     @property
     def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1084,6 +1084,11 @@ class Tracked:
     def edges(self) -> int:
         """
         Stretches of edge that the pose rests on; 0 where it rests on corners.
+        """
+    @property
+    def last_row(self) -> Pose | None:
+        """
+        Pose when the last row was taken, `camera.readout` later, as Capture.add takes it; None for a global shutter.
         """
     @property
     def pixels(self) -> int:
@@ -1327,7 +1332,12 @@ class FrameResult:
     @property
     def back_from_marker(self) -> Pose | None:
         """
-        Pose, or None where the board is not seen: the image is the back picture.
+        Pose, or None where the board is not seen: the image is the back picture. Of a rolling shutter that of the first row; the object is drawn with that of the row that shows its middle.
+        """
+    @property
+    def back_last_row(self) -> Pose | None:
+        """
+        Pose when the back camera's last row was taken; None for a global shutter, and where nothing is known of the motion.
         """
     @property
     def environment(self) -> Environment:
@@ -1371,7 +1381,7 @@ class FrameResult:
 class _Session:
     def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None) -> None:
         ...
-    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, back_from_marker: typing.Any) -> FrameResult:
+    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, back_from_marker: typing.Any, back_last_row: typing.Any = None) -> FrameResult:
         ...
     def _set_backend(self, backend: str) -> None:
         ...

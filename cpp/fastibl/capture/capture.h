@@ -76,6 +76,7 @@ class Capture {
   std::shared_ptr<const Environment> environment();
 
   int size() const { return options_.size; }
+  const glm::dvec3& centre() const { return options_.centre; }
   double time() const { return time_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
   std::vector<double> last_seen() const;
