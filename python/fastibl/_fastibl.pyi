@@ -432,9 +432,13 @@ class Environment:
     """
     What is known of the light of a place: radiance, and how well it is known.
     """
-    def __init__(self, radiance: CubeMap) -> None:
+    def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None) -> None:
         """
         A map that is known everywhere.
+
+        centre: (3,) metres, marker frame: where it is seen from, (0, 0, 0) by default. lights: (m, 4) x y z radius, metres, of
+        lights of the map that are near, as spheres: what they give then changes from place to place. Those that are not
+        finite, or around the centre, are taken as distant.
         """
     def __repr__(self) -> str:
         ...
@@ -442,6 +446,11 @@ class Environment:
     def age(self) -> numpy.typing.NDArray[numpy.float32]:
         """
         (6, n, n) float32 seconds since last seen; infinite if never.
+        """
+    @property
+    def centre(self) -> tuple[float, float, float]:
+        """
+        Metres, marker frame: where the radiance is seen from.
         """
     @property
     def clipped(self) -> float:
@@ -462,6 +471,11 @@ class Environment:
     def knowledge(self) -> dict:
         """
         What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux of the light in what was never seen, of which prior_flux is taken from a map from before, bound_flux of the light known as a lower bound only, parallax put wrong because things are near.
+        """
+    @property
+    def light_positions(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        (m, 4) float64: x y z and radius, metres, of the lights that are known to be near.
         """
     @property
     def predicted_error(self) -> float:
@@ -634,9 +648,14 @@ class Light:
         """
         RGB, on a surface that faces it.
         """
+    @property
+    def position(self) -> typing.Any:
+        """
+        Metres, marker frame, of a light that is near; None of one that is, or may be, distant.
+        """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None) -> None:
+    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None, environment: Environment = None) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -875,9 +894,9 @@ class BakedShadow:
         """
         From what `tables` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
         """
-    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight) -> ShadowMap:
+    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight, environment: Environment = None) -> ShadowMap:
         """
-        ShadowMap of the object under this light.
+        ShadowMap of the object under this light; environment: of the map, for its near lights.
         """
     def fits(self, marker_from_object: typing.Any) -> bool:
         """

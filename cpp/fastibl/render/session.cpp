@@ -57,6 +57,7 @@ void Session::replan() {
     if (p.pass.id != PassId::track && p.pass.id != PassId::capture) stale_ |= p.pass.writes;
   }
   clear_shares();
+  near_shares_.clear();
   bounce_ = {}, plane_gain_ = nullptr;
   holdout_ratios_.clear();
   if (plan_.includes(PassId::bounce)) place_exchange();        // now rather than in the first frame
@@ -71,10 +72,15 @@ void Session::update_plan() {
   options.cast_shadow = options_.cast_shadow;
   options.error = options_.error, options.milliseconds = options_.milliseconds;
   options.lighting = lighting_.get();
-  const bool bounced = plan_.includes(PassId::bounce);
+  const bool bounced = plan_.includes(PassId::bounce), near_ = plan_.includes(PassId::near_light);
   plan_ = make_plan(scene_, environment_.get(), options);
-  if (plan_.includes(PassId::bounce) == bounced) return;
   // The light came to matter, or no longer does.
+  if (plan_.includes(PassId::near_light) != near_) {
+    near_shares_.clear();
+    stale_ |=
+        product::near_light | product::bounce | product::plane | product::object | product::image;
+  }
+  if (plan_.includes(PassId::bounce) == bounced) return;
   bounce_ = {}, plane_gain_ = nullptr;
   stale_ |= product::bounce | product::plane | product::object | product::image;
 }
@@ -151,6 +157,23 @@ void Session::find_diffuse_shares() {
                  marker_from_object, light_shares_);
 }
 
+void Session::find_near_shares() {
+  const SharesOf of = light_shares_.empty()                 ? SharesOf::visibility
+                      : plan_.includes(PassId::self_shadow) ? SharesOf::directions
+                                                            : SharesOf::all;
+  near_shares_ = near_shares(scene_, *lighting_, of);
+}
+
+// Of the light of the map, and what near lights change of them.
+std::vector<glm::vec4> Session::own_shares() const {
+  std::vector<glm::vec4> shares = light_shares_;
+  if (near_shares_.empty()) return shares;
+  if (shares.empty())
+    for (const float v : scene_.visibility) shares.emplace_back(glm::vec3(v), 1);
+  add_shares(near_shares_, shares);
+  return shares;
+}
+
 // Of every view anew.
 void Session::find_glossy_shares(const Pose& camera_from_marker) {
   const bool transfer = options_.methods.self_shadow == SelfShadowMethod::transfer ||
@@ -171,7 +194,7 @@ void Session::place_exchange() {
 void Session::find_bounce() {
   place_exchange();
   bounce_ =
-      fastibl::find_bounce(*exchange_, scene_, *lighting_, renderer_->shadow_map(), light_shares_);
+      fastibl::find_bounce(*exchange_, scene_, *lighting_, renderer_->shadow_map(), own_shares());
 }
 
 void Session::find_holdout_ratios() {
@@ -274,6 +297,7 @@ LightingOptions Session::lighting_options() const {
   options.normalization = options_.methods.normalization;
   options.chain = scene_.material.reads_radiance();
   options.follows = true;
+  options.environment = environment_.get();
   return options;
 }
 
@@ -301,6 +325,9 @@ bool Session::run_pass(PassId id, const Frame& frame, const FrameResult& result,
     case PassId::self_shadow:
       find_diffuse_shares();
       return true;
+    case PassId::near_light:
+      find_near_shares();
+      return true;
     case PassId::bounce:
       find_bounce();
       return true;
@@ -313,11 +340,11 @@ bool Session::run_pass(PassId id, const Frame& frame, const FrameResult& result,
       return true;
     case PassId::shade:
       find_glossy_shares(drawn_from);
-      if (bounce_.empty()) break;
-      bounced_shares_ = light_shares_;
-      if (light_shares_.empty())
-        for (const float v : scene_.visibility) bounced_shares_.emplace_back(glm::vec3(v), 1);
-      add_shares(bounce_, bounced_shares_);
+      if (bounce_.empty() && near_shares_.empty()) break;
+      changed_shares_ = own_shares();
+      if (changed_shares_.empty())
+        for (const float v : scene_.visibility) changed_shares_.emplace_back(glm::vec3(v), 1);
+      add_shares(bounce_, changed_shares_);
       break;
     default:
       break;
@@ -338,7 +365,8 @@ bool Session::run_pass(PassId id, const Frame& frame, const FrameResult& result,
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
   renderer_->run(id, {scene_, options_.methods, *lighting_, rig_.back, drawn_from, frame.back,
-                      frame.back_exposure, bounce_.empty() ? light_shares_ : bounced_shares_,
+                      frame.back_exposure,
+                      bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_,
                       plane_gain_, holdout_ratios_});
   return true;
 }

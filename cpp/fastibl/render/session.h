@@ -20,6 +20,7 @@
 #include "fastibl/scene/scene.h"
 #include "fastibl/shading/bounce.h"
 #include "fastibl/shading/holdout.h"
+#include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/plane_exchange.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/tracking/detector.h"
@@ -110,6 +111,8 @@ class Session {
   void find_diffuse_shares();
   void find_glossy_shares(const Pose& camera_from_marker);
   void place_exchange();
+  void find_near_shares();
+  std::vector<glm::vec4> own_shares() const;
   void find_bounce();
   void find_holdout_ratios();
 
@@ -125,8 +128,9 @@ class Session {
   std::optional<Capture> capture_;
   std::shared_ptr<const Lighting> lighting_;
   CellLight cell_light_;
-  std::vector<glm::vec4> light_shares_;    // of RenderInput, without
-  std::vector<glm::vec4> bounced_shares_;  // and with the bounce
+  std::vector<glm::vec4> light_shares_;    // of RenderInput, by the map alone
+  std::vector<glm::vec3> near_shares_;     // what near lights change of them
+  std::vector<glm::vec4> changed_shares_;  // with that and the bounce
   std::optional<PlaneExchange> exchange_;  // of the object as it stood last
   Bounce bounce_;
   std::shared_ptr<const ShadowMap> plane_gain_;

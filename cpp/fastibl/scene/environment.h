@@ -78,7 +78,8 @@ struct Environment {
   double predicted_error = 1;  // expected relative error of the irradiance, a median over normals
   double predicted_low = 0, predicted_high = 1;  // ends of an interval that holds it 9 times in 10
   MapKnowledge knowledge;                        // that these rest on
-  std::vector<LightPosition> light_positions;    // of those near enough to be triangulated
+  glm::dvec3 centre{0};  // metres, marker frame: where the radiance is seen from
+  std::vector<LightPosition> light_positions;  // of those near enough to be triangulated
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its
   // value's square: the upper half of a float, at t · stride + k. Empty: known everywhere.
