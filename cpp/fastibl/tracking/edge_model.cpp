@@ -5,6 +5,7 @@
 #include "fastibl/tracking/fit.h"
 #include "fastibl/tracking/fit_edges.h"
 #include "fastibl/tracking/fit_pixels.h"
+#include "fastibl/tracking/roll_corners.h"
 
 namespace fastibl {
 namespace {
@@ -168,17 +169,11 @@ struct Rolling {
   RowPrior prior;
 };
 
-// Of a hand about which nothing is known: standard deviations, a second and a squared second.
-constexpr Unsteadiness kSpeed{0.7, 0.25}, kAcceleration{5, 2.5};
-
 // start, prior: of the first row; become those of the board's middle one.
 Rolling rolling_of(const BoardPattern& pattern, const Camera& camera, const Lens& lens,
                    PosePrior& prior, Pose& start) {
   Rolling out;
-  const double t = camera.readout, t2 = t * t;
-  out.prior =
-      prior.rows.value_or(unknown_motion(start, {}, {kSpeed.turn * t, kSpeed.shift * t},
-                                         {kAcceleration.turn * t2, kAcceleration.shift * t2}));
+  out.prior = prior.rows.value_or(unknown_hand(start, camera.readout));
   const RowMotion first = out.prior.motion;
   out.rows.height = camera.height;
   out.rows.share = middle_share(pattern, camera, lens, first.moved(start, 0.5));

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Board, Camera, Pose, _row_evidence
-from .tracking import Tracker
+from .._fastibl import Board, Camera, Pose, _row_evidence
+from ..tracking import Tracker
 
 _FIRST_READOUT = 0.02  # seconds, to start from
 _LEAST_READOUT = 1e-3  # that a camera is tracked with
@@ -24,7 +24,7 @@ _RIVAL = 1.5  # times the least mean square, within which another offset is as g
 
 
 @dataclass(frozen=True)
-class Timing:
+class TimingCalibration:
     """Times of a camera, in seconds, each with its standard deviation.
 
     readout: from a picture's first row to its last. clock_offset: a picture stamped `time` begins at `time` +
@@ -78,14 +78,15 @@ def calibrate_timing(
     poses: tuple[ArrayLike, Sequence[Pose] | ArrayLike] | None = None,
     gyro: tuple[ArrayLike, ArrayLike] | None = None,
     longest_offset: float = 0.25,
-) -> Timing:
+) -> TimingCalibration:
     """Readout of a camera, and its clock against another one, from pictures of a board while the camera moves.
 
     frames: (time, (h, w, 3) uint8 RGB) in order, of the whole board if possible; one to three seconds of brisk
     turns in several directions. camera: its lens; what it says of its readout does not count. poses: (times, Pose
     or (n, 4, 4) or (n, 3, 3)) of anything that is fixed to the camera, target_from_world, by the other clock: a
-    motion capture system's, an arm's, or another camera's (`Timing.times`, `.poses`). gyro: (times, (n, 3) radians
-    a second) of a gyroscope fixed to the camera, about its own axes. How either is mounted need not be known.
+    motion capture system's, an arm's, or another camera's (`.times`, `.poses` of its calibration). gyro: (times,
+    (n, 3) radians a second) of a gyroscope fixed to the camera, about its own axes. How either is mounted need not
+    be known.
     longest_offset: seconds to both sides in which the clock's offset is looked for.
 
     Each picture's edges say how far the board moved while its rows were read; the poses of the pictures before and
@@ -121,7 +122,7 @@ def calibrate_timing(
         offset, offset_deviation = _offset(track, *_rotations(*poses), longest_offset, False)
     elif gyro is not None:
         offset, offset_deviation = _offset(track, *_integrated(*gyro), longest_offset, True)
-    return Timing(
+    return TimingCalibration(
         max(readout, 0.0), deviation, offset, offset_deviation, used, track.times.copy(), tuple(track.poses)
     )  # fmt: skip
 
@@ -190,7 +191,6 @@ class _Track:
         shown = _motion(tracked.camera_from_marker, tracked.last_row, place)
         speed = self._speed(k, share * readout, place)
         return float(speed @ (information @ shown + change)), float(speed @ information @ speed)
-
 
     def _speed(self, k: int, later: float, place: NDArray) -> NDArray[np.float64]:
         """Of the motion, a second, `later` than picture k: of the polynomial through it and up to two on each side."""
@@ -262,9 +262,10 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, b
         share = (t - times[k]) / (times[k + 1] - times[k])
         return _exp(share[:, None] * inner[k]) @ rotations[k]
 
-    def compared(offset: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Turns by both clocks, the rotation between them, and what is left."""
-        known = (begin + offset >= times[0]) & (end + offset <= times[-1])
+    def compared(offset: float, within: tuple[float, float] | None = None) -> NDArray:
+        """What is left of the turns between pictures without those of the other clock. within: offsets that count."""
+        least, most = within or (offset, offset)
+        known = (begin + least >= times[0]) & (end + most <= times[-1])
         there = _log(at(end[known] + offset) @ at(begin[known] + offset).transpose(0, 2, 1))
         here, steps = turns[known], (end - begin)[known, None]
         drift, mount = np.zeros(3), np.eye(3)
@@ -274,10 +275,10 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, b
             left = here - there @ mount.T
             if bias:
                 drift = (steps * left).sum(0) / (steps**2).sum()
-        return here, there, mount, here - there @ mount.T - steps * drift
+        return here - there @ mount.T - steps * drift
 
     def cost(offset: float) -> float:
-        left = compared(offset)[3]
+        left = compared(offset)
         return float((left**2).sum(1).mean()) if len(left) >= _LEAST_FRAMES else np.inf
 
     step = 0.2 * float(np.median(end - begin))
@@ -293,15 +294,18 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, b
         c, d = b - 0.618 * (b - a), a + 0.618 * (b - a)
         a, b = (a, d) if cost(c) < cost(d) else (c, b)
     offset = 0.5 * (a + b)
-    left = compared(offset)[3]
+    left = compared(offset)
     # What an offset and the mount change: the mount must not be free to hide the offset.
     h = 0.25 * step
-    slope = (compared(offset + h)[3] - compared(offset - h)[3]) / (2 * h)
+    both = offset - h, offset + h
+    slope = (compared(both[1], both) - compared(both[0], both)) / (2 * h)
     variance = (left**2).sum() / max(left.size - 7, 1)
     steepness = float((slope**2).sum())
     deviation = float(np.sqrt(variance / steepness)) if steepness > 0 else np.inf
     if not deviation < _WORST_OFFSET:
-        raise ValueError(f"the motion does not tell the clock's offset: a standard deviation of {1e3 * deviation:.1f} ms")
+        raise ValueError(
+            f"the motion does not tell the clock's offset: a standard deviation of {1e3 * deviation:.1f} ms"
+        )
     least = cost(offset)
     minima = [i for i in range(1, len(grid) - 1) if costs[i] <= min(costs[i - 1], costs[i + 1])]
     rivals = [grid[i] for i in minima if abs(grid[i] - offset) > 3 * step and costs[i] < _RIVAL * least]
@@ -328,5 +332,5 @@ def _log(r: NDArray) -> NDArray[np.float64]:
 
 
 def _with_readout(camera: Camera, readout: float) -> Camera:
-    lens = {name: getattr(camera, name) for name in ("distortion", "response", "gain", "vignetting")}
+    lens = {name: getattr(camera, name) for name in ("distortion", "response", "gain", "vignetting", "model")}
     return Camera(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, **lens, readout=readout)
