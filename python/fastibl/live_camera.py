@@ -22,12 +22,14 @@ _MANUAL = {"V4L2": 1.0, "DSHOW": 0.25, "MSMF": 0.25}  # CAP_PROP_AUTO_EXPOSURE
 @dataclass(frozen=True)
 class Shot:
     """A picture of one camera. time: seconds when it was grabbed. image: (h, w, 3) uint8 RGB. exposure: multiplier of
-    radiance, None where the camera does not tell. number: counts all pictures of the camera."""
+    radiance, None where the camera does not tell. number: counts all pictures of the camera. setting: how many calls
+    of set_exposure it follows."""
 
     time: float
     image: NDArray[np.uint8]
     exposure: float | None
     number: int
+    setting: int = 0
 
 
 class _Exposure:
@@ -89,7 +91,8 @@ class LiveCamera:
 
     size: (width, height) asked for. name: in messages. open_capture: called with the device, gives what behaves like
     a cv2.VideoCapture. retry: seconds between attempts to open a camera that is not there. clock: seconds, the same
-    for all cameras. news: notified when a picture comes; may be shared. log: called with one line when the camera comes, goes, or cannot hold its exposure.
+    for all cameras. news: notified when a picture comes; may be shared. log: called with one line when the camera
+    comes, goes, or cannot hold its exposure.
     The camera first finds its exposure by itself; then exposure and white balance are held, for radiance is compared
     between pictures. An exposure of 1 is 10 ms where the driver tells times.
     """
@@ -113,6 +116,7 @@ class LiveCamera:
         self._shot: Shot | None = None
         self._number = 0
         self._wanted: float | None = None
+        self.settings = 0  # calls of set_exposure
         self._connected = self._settable = False
         self.dropped = 0  # pictures that nobody asked for before the next came
         self.lost = 0  # times that it was unplugged
@@ -135,6 +139,7 @@ class LiveCamera:
             raise ValueError(f"an exposure must be positive and finite, got {exposure}")
         with self._changed:
             self._wanted = float(exposure)
+            self.settings += 1
 
     @property
     def has_news(self) -> bool:
@@ -195,15 +200,16 @@ class LiveCamera:
         if not exposure.white_held:
             self._log(f"the {self.name} camera cannot hold its white balance: measured colours drift with it")
         self._settable = exposure.settable
-        known, unsure = exposure.value, 0
+        known, unsure, setting = exposure.value, 0, self.settings
         for image, grabbed in self._pictures(capture):
             self._connected = True
             with self._changed:
                 self._number += 1
                 self.dropped += self._shot is not None
-                self._shot = Shot(grabbed, image, None if unsure else known, self._number)
+                self._shot = Shot(grabbed, image, None if unsure else known, self._number, setting)
                 self._changed.notify_all()
                 wanted, self._wanted = self._wanted, None
+                setting = self.settings
             unsure = max(0, unsure - 1)
             if wanted is not None and wanted != known and exposure.set(wanted):
                 if exposure.value != known:

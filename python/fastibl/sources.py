@@ -58,8 +58,8 @@ class CameraSource(_Closing):
     Pictures grabbed within `together` seconds make one Frame, others one each: cameras may have any rhythm. A camera
     that is unplugged is missing from the frames until it is back; iteration ends only with close() or after
     `patience` seconds without any picture. Times are seconds since the source was made.
-    schedules: by "back" or "front", a function called after each picture of that camera that gives the exposure of the
-    next; without one it stays as the camera found it. A camera under a schedule gives no pictures on the way from one
+    schedules: by "back" or "front", a function from the exposure of a picture to that of the next, as a Bracket is;
+    without one it stays as the camera found it. A camera under a schedule gives no pictures on the way from one
     exposure to the next. Where a camera does not hold its exposure, that of the Frame is None.
     Others are as LiveCamera has them.
     """
@@ -73,7 +73,7 @@ class CameraSource(_Closing):
         *,
         together: float = 0.02,
         patience: float = _ENDED,
-        schedules: Mapping[str, Callable[[], float]] | None = None,
+        schedules: Mapping[str, Callable[[float], float]] | None = None,
         **options: Any,
     ):
         devices = {"back": back, "front": front}
@@ -142,7 +142,8 @@ class CameraSource(_Closing):
             if schedule is not None and camera.settable:
                 if shot.exposure is None:  # still on its way to the one that was set
                     continue
-                camera.set_exposure(schedule())
+                if shot.setting == camera.settings:
+                    camera.set_exposure(schedule(shot.exposure))
             shots[name] = shot
         return shots
 
