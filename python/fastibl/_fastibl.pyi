@@ -179,18 +179,26 @@ class Response:
         """
 class Camera:
     """
-    Pinhole camera with OpenCV's lens model. Frame: x right, y down, z forward.
+    A camera with one of OpenCV's lens models. Frame: x right, y down, z forward.
 
     width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion:
     k1 k2 p1 p2 [k3 [k4 k5 k6]]. response: encoded = response(exposure * gain * vignetting * radiance). vignetting:
     v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row
-    to its last: row r is exposed around time + r / height * readout. Raises ValueError for what is not a camera.
+    to its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt
+    2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
+    downwards, pixels a radian; see equirectangular()). The last two measure light, as a rig's front camera or in Capture;
+    boards are tracked in, and objects drawn over, perspective pictures. Raises ValueError for what is not a camera.
     """
     __hash__: typing.ClassVar[None] = None
     @staticmethod
-    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> Camera:
+    def equirectangular(width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> Camera:
         """
-        From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height).
+        A 360° camera: all directions, z in the middle of the picture.
+        """
+    @staticmethod
+    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective') -> Camera:
+        """
+        From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height). model: "perspective", or "fisheye" for what cv2.fisheye calibrates.
         """
     def __copy__(self) -> Camera:
         ...
@@ -198,9 +206,9 @@ class Camera:
         ...
     def __eq__(self, arg0: Camera) -> bool:
         ...
-    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float]:
+    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float, int]:
         ...
-    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
+    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective') -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -208,11 +216,11 @@ class Camera:
         ...
     def project(self, points: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind it and beyond the lens model.
+        Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind a perspective camera and beyond the lens model.
         """
     def unproject(self, pixels: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Directions (..., 3) float64 with z = 1 through pixels (..., 2); NaN beyond the lens model.
+        Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, else of unit length; NaN beyond the lens model.
         """
     @property
     def cx(self) -> float:
@@ -234,6 +242,9 @@ class Camera:
         ...
     @property
     def height(self) -> int:
+        ...
+    @property
+    def model(self) -> str:
         ...
     @property
     def opencv_matrix(self) -> numpy.typing.NDArray[numpy.float64]:

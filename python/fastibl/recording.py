@@ -3,7 +3,7 @@
 A recording is a folder:
 
 - rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves, readout in
-  seconds where it is known
+  seconds where it is known, model where it is no perspective camera
 - board.yaml: the printed board: tags, border_bits, page size
 - frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
   `file` is a lossless picture, or a frame of a lossless video: back.mkv#12. `exposure` is empty where the
@@ -429,6 +429,8 @@ def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
         storage.startWriteStruct(name, cv2.FileNode_MAP)
         storage.write("width", camera.width)
         storage.write("height", camera.height)
+        if camera.model != "perspective":
+            storage.write("model", camera.model)
         storage.write("camera_matrix", camera.opencv_matrix)
         if camera.distortion:
             storage.write("distortion", np.array([camera.distortion], np.float64))
@@ -481,7 +483,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
     curve = None if response.empty() or response.isString() else response.mat()
     if response.isString() and response.string() != "srgb":
         raise ValueError(f'{path}: response must be "srgb" or a curve, got {response.string()!r}')
-    gain, readout = node.getNode("gain"), node.getNode("readout")
+    gain, readout, model = node.getNode("gain"), node.getNode("readout"), node.getNode("model")
     return Camera.from_opencv(
         np.asarray(matrix, np.float64),
         [] if distortion is None else distortion.ravel().tolist(),
@@ -490,6 +492,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
         gain=1.0 if gain.empty() else gain.real(),
         vignetting=[] if vignetting is None else vignetting.ravel().tolist(),
         readout=0.0 if readout.empty() else _number(node, "readout", path),
+        model="perspective" if model.empty() else model.string(),
     )
 
 

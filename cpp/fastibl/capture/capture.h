@@ -16,6 +16,7 @@
 #include "fastibl/capture/texel_view.h"
 #include "fastibl/capture/tile_pyramids.h"
 #include "fastibl/capture/unseen.h"
+#include "fastibl/capture/wide_picture.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/board.h"
@@ -57,7 +58,8 @@ class Capture {
 
   // time: seconds, not decreasing. mask: one byte a pixel, 0 where the picture shows what is not
   // part of the place; empty for none. last_row: the pose when the picture's last row was taken,
-  // where a rolling shutter reads it; camera_from_marker is then that of the first row. Throws
+  // where a rolling shutter reads it; camera_from_marker is then that of the first row (of fisheye
+  // and 360° cameras the pose half-way is used). Throws
   // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
   // is not positive and finite, or a time before the last one.
   void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
@@ -76,16 +78,35 @@ class Capture {
 
  private:
   struct KnownCamera {
-    explicit KnownCamera(const Camera& camera);
+    explicit KnownCamera(const Camera& camera, std::vector<float> vignette = {});
+    bool vignettes() const { return !camera.vignetting.empty() || !pixel_vignette.empty(); }
+    double vignette(float x, float y) const {
+      return pixel_vignette.empty()
+                 ? camera.vignette({x, y})
+                 : double(pixel_vignette[std::size_t(int(y) * camera.width + int(x))]);
+    }
     Camera camera;
+    std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
     PictureBounds bounds;
     SensorNoise noise;
     glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
     double looked_at = kNever;  // and when, seconds
   };
+  // A fisheye or 360° camera: what is known of its sides.
+  struct KnownWide {
+    Camera camera;
+    std::vector<WideSide> sides;
+    std::vector<KnownCamera> known;
+    SidePicture picture;
+  };
   struct View;  // of one picture
   KnownCamera& known(const Camera& camera);
+  KnownWide& known_wide(const Camera& camera);
+  // Of a perspective picture: adds tiles that changed; false if the map holds nothing of it.
+  bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
+            double exposure, ImageView<const std::uint8_t> mask, std::vector<int>& changed);
+  void take_changes(const std::vector<int>& changed, int refills);
   // True if it shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
@@ -123,7 +144,7 @@ class Capture {
   void prefetch_tile(int tile) const;
   void prefetch_rows(int tile, const CubeMap& map) const;
   void make_levels(int tile);
-  int refills_after(double time, std::ptrdiff_t camera) const;
+  int refills_after(double time, const Camera& camera) const;
   bool is_small_refill(int tile) const;
   bool refill(int tile);
   void update_snapshot(Environment& snapshot) const;
@@ -156,7 +177,8 @@ class Capture {
   QuietTiles quiet_;
   std::vector<std::uint64_t> versions_;  // by tile, as the map's
   std::vector<KnownCamera> cameras_;
-  std::ptrdiff_t last_camera_ = -1;
+  std::vector<KnownWide> wide_cameras_;
+  std::optional<Camera> last_camera_;
   FrameLevels levels_;
   std::vector<float> most_pixels_;
   std::vector<int> tiles_;  // that the picture may see
