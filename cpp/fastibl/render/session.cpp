@@ -38,6 +38,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   capture.board = board_;
   capture.distance = options_.distance;
   capture.box = options_.box;
+  capture.doubt_exposures = options_.doubt_exposures;
   // The map is the light at the object: half-way up, where it stands.
   const Bounds box = bounds(scene_.mesh.vertices);
   capture.centre = scene_.marker_from_object * glm::dvec3(box.centre());
@@ -196,14 +197,19 @@ bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose)
                                   frame.front_exposure == *capture_exposure_));
 }
 
-void Session::capture_frame(const Frame& frame, const std::optional<Pose>& pose) {
+void Session::capture_frame(const Frame& frame, const std::optional<Pose>& pose,
+                            FrameResult& result) {
   const bool continuous = options_.methods.capture == CaptureMethod::continuous;
-  if (continuous && pose && !frame.back.empty())
-    capture_->add(frame.back, rig_.back, *pose, frame.back_exposure, frame.time);
+  if (continuous && pose && !frame.back.empty()) {
+    result.back_taken =
+        capture_->add(frame.back, rig_.back, *pose, frame.back_exposure, frame.time);
+    back_exposure_ = result.back_taken->exposure;
+  }
   if (!frame.front.empty() && rig_.front) {
     const Pose back_from_marker = pose ? *pose : *last_pose_;
-    capture_->add(frame.front, *rig_.front, rig_.front_from_back * back_from_marker,
-                  frame.front_exposure, frame.time);
+    result.front_taken =
+        capture_->add(frame.front, *rig_.front, rig_.front_from_back * back_from_marker,
+                      frame.front_exposure, frame.time);
     last_capture_time_ = frame.time;
     if (!capture_exposure_) capture_exposure_ = frame.front_exposure;
   }
@@ -218,10 +224,9 @@ void Session::check_frame(const Frame& frame) const {
   matches(frame.back, rig_.back, "back");
   if (rig_.front) matches(frame.front, *rig_.front, "front");
   check(frame.front.empty() || rig_.front, "a front picture came, but the rig has no front camera");
-  check(frame.back_exposure > 0 && std::isfinite(frame.back_exposure),
-        "exposures must be positive and finite, got ", frame.back_exposure);
-  check(frame.front_exposure > 0 && std::isfinite(frame.front_exposure),
-        "exposures must be positive and finite, got ", frame.front_exposure);
+  for (const std::optional<double>& exposure : {frame.back_exposure, frame.front_exposure})
+    check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
+          "exposures must be positive and finite, got ", exposure.value_or(0));
   check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
         "a frame needs a picture or a pose");
   check(std::isfinite(frame.time) && (!last_time_ || frame.time >= *last_time_),
@@ -241,7 +246,8 @@ LightingOptions Session::lighting_options() const {
 }
 
 // Runs a pass; false where it had nothing to do.
-bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose) {
+bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose,
+                       FrameResult& result) {
   const auto radiance = [&] {  // null before there is a map: what only glows reads none
     return environment_ ? std::shared_ptr<const CubeMap>(environment_, &environment_->radiance)
                         : nullptr;
@@ -251,7 +257,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       return false;  // ran before: it decides what is due
     case PassId::capture:
       if (!wants_capture(frame, pose)) return false;
-      capture_frame(frame, pose);
+      capture_frame(frame, pose, result);
       return true;
     case PassId::mips:
       environment_ = capture_->environment();
@@ -300,7 +306,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
   renderer_->run(
-      id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back, frame.back_exposure,
+      id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back, back_exposure_,
            bounce_.empty() ? light_shares_ : bounced_shares_, plane_gain_, holdout_ratios_});
   return true;
 }
@@ -308,6 +314,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
 FrameResult Session::process(const Frame& frame) {
   check_frame(frame);
   last_time_ = frame.time;
+  if (frame.back_exposure) back_exposure_ = *frame.back_exposure;
   const Stopwatch total;
   FrameResult result;
   const auto timed = [&](PassId id, auto&& body) {
@@ -334,7 +341,7 @@ FrameResult Session::process(const Frame& frame) {
   // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map.
   if (pose) wanted |= product::image;
   for (const PassId id : due_passes(plan_, wanted, stale_))
-    timed(id, [&] { return run_pass(id, frame, pose); });
+    timed(id, [&] { return run_pass(id, frame, pose, result); });
   update_plan();  // its errors, now that this frame's light is known
   if (pose)
     result.image = renderer_->image();
@@ -345,7 +352,8 @@ FrameResult Session::process(const Frame& frame) {
   result.environment = environment_;
   if (lighting_ && lighting_->radiance) result.lighting = lighting_;
   if (environment_ && result.lighting)
-    result.predicted_error = std::hypot(environment_->predicted_error, lighting_->irradiance_error.value_or(0));
+    result.predicted_error =
+        std::hypot(environment_->predicted_error, lighting_->irradiance_error.value_or(0));
   result.timings["total"] = total.seconds();
   return result;
 }

@@ -31,8 +31,8 @@ namespace fastibl {
 struct Frame {
   double time = 0;  // seconds, not decreasing
   Picture back, front;
-  double back_exposure = 1, front_exposure = 1;
-  std::optional<Pose> back_from_marker;  // skips tracking
+  std::optional<double> back_exposure = 1, front_exposure = 1;  // nothing where not known
+  std::optional<Pose> back_from_marker;                         // skips tracking
 };
 
 struct FrameResult {
@@ -40,6 +40,8 @@ struct FrameResult {
   std::optional<Pose>
       back_from_marker;  // nothing where the board is not seen: the picture is the back picture
   std::optional<Tracked> tracked;  // where it was tracked, not given
+  std::optional<Taken> back_taken,
+      front_taken;  // how the pictures went into the map, where they did
   std::shared_ptr<const Environment> environment;
   std::shared_ptr<const Lighting> lighting;
   std::vector<PassId> passes;             // that ran
@@ -54,6 +56,7 @@ struct SessionOptions {
   bool cast_shadow = true;
   double distance = std::numeric_limits<double>::infinity();  // CaptureOptions::distance
   std::optional<RoomBox> box = {};                            // CaptureOptions::box
+  bool doubt_exposures = true;                                // CaptureOptions::doubt_exposures
 };
 
 class Session {
@@ -92,10 +95,11 @@ class Session {
   void replan();       // after a change of what is wanted: makes stale what it concerns
   void check_frame(const Frame& frame) const;
   LightingOptions lighting_options() const;
-  bool run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose);
+  bool run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose,
+                FrameResult& result);
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
-  void capture_frame(const Frame& frame, const std::optional<Pose>& pose);
+  void capture_frame(const Frame& frame, const std::optional<Pose>& pose, FrameResult& result);
   void clear_shares();  // to what the method is without a map
   void find_diffuse_shares();
   void find_glossy_shares(const Pose& camera_from_marker);
@@ -129,6 +133,7 @@ class Session {
   std::optional<Pose> last_pose_;
   double last_pose_time_ = 0;
   std::optional<double> last_time_;
+  double back_exposure_ = 1;  // of the last back picture, as far as it is known
   std::optional<double> last_capture_time_, capture_exposure_;  // of the paper's single pictures
 };
 
