@@ -30,8 +30,9 @@ void bind_taken(py::module_& module) {
       .def_property_readonly(
           "how", [](const Taken& t) { return how(t.as); },
           R"("told": with the exposure that came with it. "corrected": that contradicts the map all over
-the picture, and what the map says was used. "estimated": none came, and the map told it. "assumed": none came, and the
-map knows too little of what the picture shows: its scale is a guess. "left out": it shows nothing of what it should.)")
+the picture, and what the map says was used. "estimated": none came, and the map told it. "assumed": none came with the
+camera's first picture, of which the map knows nothing, and 1 was used. "left out": it shows nothing of what it should,
+or no exposure came and the map cannot tell it.)")
       .def_readonly("exposure", &Taken::exposure, "Multiplier that was used.")
       .def_property_readonly(
           "tint",

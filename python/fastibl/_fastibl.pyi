@@ -736,8 +736,9 @@ class Taken:
     def how(self) -> str:
         """
         "told": with the exposure that came with it. "corrected": that contradicts the map all over
-        the picture, and what the map says was used. "estimated": none came, and the map told it. "assumed": none came, and the
-        map knows too little of what the picture shows: its scale is a guess. "left out": it shows nothing of what it should.
+        the picture, and what the map says was used. "estimated": none came, and the map told it. "assumed": none came with the
+        camera's first picture, of which the map knows nothing, and 1 was used. "left out": it shows nothing of what it should,
+        or no exposure came and the map cannot tell it.
         """
     @property
     def probes(self) -> int:
@@ -759,8 +760,7 @@ class Capture:
     it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
     Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
     sees them, whatever `distance` and `box` say. doubt_exposures: whether a picture of a perspective camera that is
-    brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s (3 s
-    where another camera sees the place unchanged).
+    brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
     Raises ValueError for values out of range.
     """
     def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, doubt_exposures: bool = False) -> None:

@@ -25,10 +25,9 @@ double largest(const glm::dvec3& v) {
 Taken ExposureDoubt::without_word(std::span<const LevelProbe> probes) {
   const std::optional<PictureLevel> level = fit_level(probes);
   if (!level || level->spread > kUsable) {
-    const double guess = last_exposure_.value_or(1.0);
-    const bool black = is_black(probes, guess);
-    return {black ? TakenAs::left_out : TakenAs::assumed, guess, glm::dvec3(1), 0,
-            int(probes.size())};
+    // Only the first picture of a camera may set the scale of what it shows.
+    const bool first = !placed_ && int(probes.size()) < kLeastProbes;
+    return {first ? TakenAs::assumed : TakenAs::left_out, 1, glm::dvec3(1), 0, int(probes.size())};
   }
   return {TakenAs::estimated, level->exposure, glm::dvec3(1), level->deviation(), level->count};
 }
@@ -45,9 +44,10 @@ Taken ExposureDoubt::judge(std::span<const LevelProbe> probes, std::optional<dou
   Taken taken;
   if (!told) {
     taken = without_word(probes);
-    if (taken.as != TakenAs::left_out) last_exposure_ = taken.exposure;
+    placed_ |= taken.as != TakenAs::left_out;
     return taken;
   }
+  placed_ = true;
   taken.exposure = *told, taken.probes = int(probes.size());
   if (is_black(probes, *told)) {
     if (!confirmed(glm::dvec3(-50), time)) taken.as = TakenAs::left_out;

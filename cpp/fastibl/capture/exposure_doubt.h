@@ -11,8 +11,8 @@ enum class TakenAs {
   told,       // with the exposure that came with the picture
   corrected,  // that contradicts the map all over the picture: with what the map says instead
   estimated,  // none came: from the map
-  assumed,   // none came, and the map knows nothing of what the picture shows: its scale is a guess
-  left_out,  // it shows nothing of what it should
+  assumed,    // none came with the camera's first picture, of which the map knows nothing: 1
+  left_out,   // it shows nothing of what it should, or none came and the map cannot tell
 };
 
 // How a picture was taken into the map.
@@ -41,7 +41,7 @@ class ExposureDoubt {
     int pictures = 0;
   };
   std::optional<Doubt> doubt_;
-  std::optional<double> last_exposure_;
+  bool placed_ = false;  // whether any picture was taken
 };
 
 }  // namespace fastibl

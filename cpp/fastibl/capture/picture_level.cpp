@@ -8,7 +8,6 @@
 namespace fastibl {
 namespace {
 
-constexpr int kLeast = 24;              // probes
 constexpr int kRounds = 3;              // of choosing what an exposure should show
 constexpr float kShown = 0.8f;          // of white: brighter parts may hold a clipped pixel
 constexpr double kMedianLoss = 1.2533;  // deviation of a median over that of a mean
@@ -49,7 +48,7 @@ std::optional<PictureLevel> fit_level(std::span<const LevelProbe> probes) {
   for (const LevelProbe& p : probes)
     if (!p.clipped && mean(p.linear) > 2 * kDarkest && mean(p.linear) < kShown)
       ratios.push_back(std::log(double(mean(p.linear)) / double(mean(p.expected))));
-  if (int(ratios.size()) < kLeast) return std::nullopt;
+  if (int(ratios.size()) < kLeastProbes) return std::nullopt;
   PictureLevel level;
   level.exposure = std::exp(median(ratios));
   for (int round = 0; round < kRounds; ++round) {
@@ -58,7 +57,7 @@ std::optional<PictureLevel> fit_level(std::span<const LevelProbe> probes) {
       ratios.clear();
       for (const LevelProbe& p : probes)
         if (shows(p, level.exposure)) ratios.push_back(log_ratio(p, c));
-      if (int(ratios.size()) < kLeast) return std::nullopt;
+      if (int(ratios.size()) < kLeastProbes) return std::nullopt;
       level.count = int(ratios.size());
       middle[c] = median(ratios);
       if (std::abs(middle[c]) >= kFar) return std::nullopt;
@@ -79,7 +78,7 @@ bool is_black(std::span<const LevelProbe> probes, double exposure) {
     if (!(exposure * double(mean(p.expected)) >= double(kClearlyShown))) continue;
     ++all, black += !p.clipped && mean(p.linear) < kDarkest;
   }
-  return all >= kLeast && black >= kBlackShare * all;
+  return all >= kLeastProbes && black >= kBlackShare * all;
 }
 
 }  // namespace fastibl

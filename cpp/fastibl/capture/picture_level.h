@@ -25,6 +25,7 @@ struct PictureLevel {
 
 // Values below show nothing but noise (6 codes of 8-bit sRGB).
 inline constexpr float kDarkest = 0.002f;
+inline constexpr int kLeastProbes = 24;  // that a level is read from
 
 // Nothing where too few probes show anything. Dark and clipped probes count as below and above
 // where the fitted exposure should show them: without them a median would be drawn to what can be
