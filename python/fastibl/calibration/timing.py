@@ -40,6 +40,12 @@ class TimingCalibration:
     times: NDArray[np.float64]
     poses: tuple[Pose, ...]
 
+    def __str__(self) -> str:
+        told = [f"readout {1e3 * self.readout:.2f} +- {1e3 * self.readout_deviation:.2f} ms"]
+        if self.clock_offset is not None and self.clock_offset_deviation is not None:
+            told.append(f"clock offset {1e3 * self.clock_offset:.2f} +- {1e3 * self.clock_offset_deviation:.2f} ms")
+        return f"{', '.join(told)}, from {self.frames} pictures"
+
 
 class PosePath:
     """Poses of another clock, read at any time between the first and the last of them.
