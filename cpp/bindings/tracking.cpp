@@ -202,7 +202,7 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
         const FoundEdges found = find_edges(light, pattern, tags, {false, 0, spread});
         const auto evidence = row_evidence(found.points, lens, pose, rows);
         if (!evidence) return py::none();
-        Doubles information({kRowParameters, kRowParameters}), change({kRowParameters});
+        Doubles information({kRowUnknowns, kRowUnknowns}), change({kRowUnknowns});
         std::copy(evidence->information.begin(), evidence->information.end(),
                   information.mutable_data());
         std::copy(evidence->change.begin(), evidence->change.end(), change.mutable_data());
@@ -211,8 +211,8 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
       py::arg("image"), py::arg("board"), py::arg("camera"), py::arg("first"), py::arg("last"),
       py::arg("spread") = 1.1,
       "What a picture's edges alone say of pose and motion: the share of the readout at which the "
-      "board's middle row is taken, its pose, and the normal equations (18, 18), (18,) of a change "
-      "of (w, d), of its growth in a readout, and of that one's growth; or None.");
+      "board's middle row is taken, its pose, and the normal equations (24, 24), (24,) of a change "
+      "of (w, d), of its growth in a readout, and of the growth of that and so on; or None.");
   module.def(
       "_track",
       [](const py::object& tags, const py::object& start, const Board& board, const Camera& camera,

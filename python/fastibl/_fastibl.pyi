@@ -1515,7 +1515,7 @@ def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8],
     """
 def _row_evidence(image: typing.Any, board: Board, camera: Camera, first: Pose, last: Pose, spread: typing.SupportsFloat | typing.SupportsIndex = 1.1) -> typing.Any:
     """
-    What a picture's edges alone say of pose and motion: the share of the readout at which the board's middle row is taken, its pose, and the normal equations (18, 18), (18,) of a change of (w, d), of its growth in a readout, and of that one's growth; or None.
+    What a picture's edges alone say of pose and motion: the share of the readout at which the board's middle row is taken, its pose, and the normal equations (24, 24), (24,) of a change of (w, d), of its growth in a readout, and of the growth of that and so on; or None.
     """
 def _seconds_to_evaluate(lighting: _Lighting, normals: typing.Any, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     """

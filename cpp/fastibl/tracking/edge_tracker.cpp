@@ -4,14 +4,14 @@
 #include <cmath>
 #include <utility>
 
+#include "fastibl/tracking/roll_corners.h"
+
 namespace fastibl {
 namespace {
 
 constexpr double kFrame = 1.0 / 30;  // seconds, where no times are given
 constexpr double kSlowest = 0.02;    // radians a frame that a prediction is trusted to, at best
 constexpr double kUnknown = 0.2;     // the same without a velocity
-// Standard deviation of a hand's jerk: radians and metres per cubed second.
-constexpr Unsteadiness kJerk{100, 50};
 
 // From a to b, by a share of the way; beyond b for shares over 1.
 Pose between(const Pose& a, const Pose& b, double share) {
@@ -44,14 +44,14 @@ Pose EdgeTracker::predicted(double time, const MotionHint& hint) const {
 }
 
 Pose EdgeTracker::predicted_rows(double time, const MotionHint& hint, PosePrior& prior) const {
-  const double readout = camera_.readout, cubed = readout * readout * readout;
+  const double readout = camera_.readout;
   const double step = time - last_->time;
-  RowState state = after(rows_, step / readout, {kJerk.turn * cubed, kJerk.shift * cubed});
+  RowState state = after(rows_, step / readout, hand_jerk(readout));
   if (hint.turn) {
     state.pose.rotation = *hint.turn * last_->pose.rotation;
     if (step > 0) state.motion.turn = rotation_vector(*hint.turn) * (readout / step);
   }
-  prior.rows = prior_of(state);
+  prior.rows = prior_of(state, hand_jerk(readout));
   return state.pose;
 }
 

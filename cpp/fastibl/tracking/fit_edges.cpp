@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/core/simd.h"
 #include "fastibl/tracking/fit.h"
 
 namespace fastibl {
@@ -29,6 +30,20 @@ std::optional<Row> row_of(const EdgePoint& p, const Lens& lens, const Pose& pose
   return Row{r.x, r.y, r.z, g.x, g.y, g.z};
 }
 
+// Sums of w r rᵀ of rows r with weights w, added to a.
+FASTIBL_CLONES void add_products(const double* rows, const double* weights, std::size_t count,
+                                 double* a) {
+  for (std::size_t i = 0; i < kRowUnknowns; ++i) {
+    double sums[kRowUnknowns] = {};
+    for (std::size_t p = 0; p < count; ++p) {
+      const double* row = rows + kRowUnknowns * p;
+      const double w = weights[p] * row[i];
+      for (std::size_t k = 0; k < kRowUnknowns; ++k) sums[k] += w * row[k];
+    }
+    for (std::size_t k = 0; k < kRowUnknowns; ++k) a[kRowUnknowns * i + k] += sums[k];
+  }
+}
+
 template <std::size_t N>
 struct Normal {
   std::array<double, N * N> a{};
@@ -38,6 +53,17 @@ struct Normal {
       const double w = weight * j[i];
       b[i] += w * value;
       for (std::size_t k = 0; k <= i; ++k) a[N * i + k] += w * j[k];
+    }
+  }
+  void add_all(const std::vector<std::array<double, N>>& rows, const std::vector<double>& weights,
+               std::span<const EdgePoint> points) {
+    if constexpr (N == kRowUnknowns) {
+      add_products(rows.data()->data(), weights.data(), rows.size(), a.data());
+      for (std::size_t p = 0; p < rows.size(); ++p)
+        for (std::size_t i = 0; i < N; ++i) b[i] += weights[p] * points[p].offset * rows[p][i];
+    } else {
+      for (std::size_t p = 0; p < rows.size(); ++p)
+        if (weights[p] > 0) add(rows[p], weights[p], points[p].offset);
     }
   }
   void mirror() {
@@ -109,6 +135,7 @@ std::optional<EdgeFit> fit(std::span<const EdgePoint> points,
                            std::array<double, N>& x, Normal<N>& information) {
   const std::size_t count = points.size();
   std::vector<float> residual(count), sizes(count);
+  std::vector<double> weights(count);
   // The points' noise in pixels sets the floor of their scatter.
   double noise = 0;
   for (const EdgePoint& p : points) noise += p.noise;
@@ -126,21 +153,25 @@ std::optional<EdgeFit> fit(std::span<const EdgePoint> points,
       fit.deviation[i] = scale * float(points[i].noise);
       const double q = residual[i] / (kTukey * scale);
       fit.used[i] = std::abs(q) < 1;
-      if (!fit.used[i]) continue;
-      const double weight = (1 - q * q) * (1 - q * q) / (fit.deviation[i] * fit.deviation[i]);
-      n.add(rows[i], weight, points[i].offset);
+      weights[i] =
+          fit.used[i] ? (1 - q * q) * (1 - q * q) / (fit.deviation[i] * fit.deviation[i]) : 0;
     }
+    n.add_all(rows, weights, points);
     n.mirror();
     if (!solve_symmetric<N>(n.a, n.b, x) || !finite(x)) return std::nullopt;
   }
   information = prior;
+  // A jerk is found anew each time; it does not move the points any further.
+  std::array<double, N> kept = x;
+  for (std::size_t k = kRowParameters; k < N; ++k) kept[k] = 0;
   double squares = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    const double step = dot(rows[i], x);
+    const double step = dot(rows[i], kept);
     squares += step * step;
-    sizes[i] = float(std::abs(points[i].offset - step));
-    if (fit.used[i]) information.add(rows[i], 1 / (fit.deviation[i] * fit.deviation[i]), 0);
+    sizes[i] = float(std::abs(points[i].offset - (N > kRowParameters ? dot(rows[i], x) : step)));
+    weights[i] = fit.used[i] ? 1 / (fit.deviation[i] * fit.deviation[i]) : 0;
   }
+  information.add_all(rows, weights, points);
   information.mirror();
   fit.residual = median(sizes);
   fit.motion = std::sqrt(squares / double(count));
@@ -174,21 +205,29 @@ std::optional<RowVector> rolling_row(const EdgePoint& p, const Lens& lens, const
   for (int k = 0; k < 3; ++k) {
     out[std::size_t(6 + k)] = s * m[k], out[std::size_t(9 + k)] = s * back[k];
     out[std::size_t(12 + k)] = 0.5 * s * s * m[k], out[std::size_t(15 + k)] = 0.5 * s * s * back[k];
+    out[std::size_t(18 + k)] = s * s * s / 6 * m[k];
+    out[std::size_t(21 + k)] = s * s * s / 6 * back[k];
   }
   return out;
 }
 
 // What is expected, as far from `pose` and the motion of `rows` as they now are.
-Normal<kRowParameters> expectation(const Pose& pose, const Rows& rows, const RowPrior& prior) {
+Normal<kRowUnknowns> expectation(const Pose& pose, const Rows& rows, const RowPrior& prior) {
   const glm::dvec3 turn = rotation_vector(prior.pose.rotation * glm::transpose(pose.rotation)),
                    shift = prior.pose.translation - pose.translation;
   const auto motion = difference(prior.motion, rows.motion, pose.translation);
   RowVector off{turn.x, turn.y, turn.z, shift.x, shift.y, shift.z};
   std::copy(motion.begin(), motion.end(), off.begin() + 6);
-  Normal<kRowParameters> n;
-  n.a = prior.information;
+  Normal<kRowUnknowns> n;
   for (std::size_t i = 0; i < kRowParameters; ++i)
-    for (std::size_t k = 0; k < kRowParameters; ++k) n.b[i] += n.a[kRowParameters * i + k] * off[k];
+    for (std::size_t k = 0; k < kRowParameters; ++k) {
+      n.a[kRowUnknowns * i + k] = prior.information[kRowParameters * i + k];
+      n.b[i] += prior.information[kRowParameters * i + k] * off[k];
+    }
+  const auto jerk = steadiness(prior.jerk, pose.translation);
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t k = 0; k < 6; ++k)
+      n.a[kRowUnknowns * (kRowParameters + i) + kRowParameters + k] = jerk[6 * i + k];
   return n;
 }
 
@@ -224,7 +263,7 @@ std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& 
     all.push_back(*row);
   }
   RowVector x{};
-  Normal<kRowParameters> information;
+  Normal<kRowUnknowns> information;
   auto fit = fastibl::fit(points, all, expectation(pose, rows, prior), x, information);
   if (!fit) return std::nullopt;
   fit->camera_from_marker = moved(pose, {x[0], x[1], x[2], x[3], x[4], x[5]});
@@ -232,19 +271,19 @@ std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& 
   fit->row_information = information.a;
   for (std::size_t i = 0; i < 6; ++i)
     for (std::size_t k = 0; k < 6; ++k)
-      fit->information[6 * i + k] = information.a[kRowParameters * i + k];
+      fit->information[6 * i + k] = information.a[kRowUnknowns * i + k];
   return fit;
 }
 
 std::optional<RowEvidence> row_evidence(std::span<const EdgePoint> points, const Lens& lens,
                                         const Pose& pose, const Rows& rows) {
   // A fit that may not move tells which points agree.
-  RowPrior still{pose, rows.motion, {}};
+  RowPrior still{pose, rows.motion, {}, {1e-9, 1e-9}};
   for (std::size_t i = 0; i < kRowParameters; ++i)
     still.information[(kRowParameters + 1) * i] = 1e18;
   const auto fit = fit_edges(points, lens, pose, rows, still);
   if (!fit) return std::nullopt;
-  Normal<kRowParameters> sums;
+  Normal<kRowUnknowns> sums;
   for (std::size_t i = 0; i < points.size(); ++i)
     if (fit->used[i])
       sums.add(*rolling_row(points[i], lens, pose, rows),

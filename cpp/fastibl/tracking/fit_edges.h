@@ -21,7 +21,7 @@ struct EdgeFit {
   // Of a rolling shutter: the rows' motion, and what is known of it and of the pose together;
   // `information` is then that of a known motion.
   RowMotion row_motion;
-  RowMatrix row_information{};
+  UnknownMatrix row_information{};
 };
 
 // By a turn w and a shift d in the camera frame.
@@ -42,7 +42,7 @@ std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& 
 // What the points alone say of pose and motion, which measured them: the normal equations of a
 // change of all parameters.
 struct RowEvidence {
-  RowMatrix information{};
+  UnknownMatrix information{};
   RowVector change{};  // information times the change that the points ask for
 };
 std::optional<RowEvidence> row_evidence(std::span<const EdgePoint> points, const Lens& lens,

@@ -45,7 +45,8 @@ double rms(std::span<const EdgePoint> points) {
 RowPrior unknown_hand(const Pose& start, double readout) {
   const double t = readout, t2 = t * t;
   return unknown_motion(start, {}, {kHandSpeed.turn * t, kHandSpeed.shift * t},
-                        {kHandAcceleration.turn * t2, kHandAcceleration.shift * t2});
+                        {kHandAcceleration.turn * t2, kHandAcceleration.shift * t2},
+                        hand_jerk(readout));
 }
 
 void roll_corners(const Board& board, const Camera& camera, double noise, Tracked& tracked) {

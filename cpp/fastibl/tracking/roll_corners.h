@@ -6,8 +6,13 @@
 
 namespace fastibl {
 
-// Of a hand about which nothing is known: standard deviations, a second and a squared second.
-inline constexpr Unsteadiness kHandSpeed{0.7, 0.25}, kHandAcceleration{5, 2.5};
+// Of a hand about which nothing is known: standard deviations of speed, acceleration and jerk;
+// radians and metres, by seconds.
+inline constexpr Unsteadiness kHandSpeed{0.7, 0.25}, kHandAcceleration{5, 2.5}, kHandJerk{200, 80};
+inline Unsteadiness hand_jerk(double readout) {
+  const double cubed = readout * readout * readout;
+  return {kHandJerk.turn * cubed, kHandJerk.shift * cubed};
+}
 RowPrior unknown_hand(const Pose& start, double readout);
 
 // Corrects a pose that took the corners of `tracked.tags` as seen at once: to that of the first

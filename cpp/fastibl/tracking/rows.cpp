@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "fastibl/core/check.h"
 #include "fastibl/tracking/solve.h"
 
 namespace fastibl {
@@ -89,12 +90,10 @@ RowState after(const RowState& state, double steps, const Unsteadiness& jerk) {
 }
 
 RowPrior unknown_motion(const Pose& start, const RowMotion& motion, const Unsteadiness& speed,
-                        const Unsteadiness& acceleration) {
-  RowPrior out{start, motion, {}};
+                        const Unsteadiness& acceleration, const Unsteadiness& jerk) {
+  RowPrior out{start, motion, {}, jerk};
   for (const std::size_t at : {std::size_t{6}, std::size_t{12}}) {
-    const auto covariance = about_board(at == 6 ? speed : acceleration, start.translation);
-    std::array<double, 36> known{};
-    if (!invert<6>(covariance, known)) continue;
+    const auto known = steadiness(at == 6 ? speed : acceleration, start.translation);
     for (std::size_t i = 0; i < 6; ++i)
       for (std::size_t k = 0; k < 6; ++k)
         out.information[kAll * (at + i) + at + k] = known[6 * i + k];
@@ -102,55 +101,63 @@ RowPrior unknown_motion(const Pose& start, const RowMotion& motion, const Unstea
   return out;
 }
 
-std::optional<RowPrior> prior_of(const RowState& state) {
-  RowPrior out{state.pose, state.motion, {}};
+std::optional<RowPrior> prior_of(const RowState& state, const Unsteadiness& jerk) {
+  RowPrior out{state.pose, state.motion, {}, jerk};
   if (!invert<kAll>(state.covariance, out.information)) return std::nullopt;
   return out;
 }
 
 RowPrior prior_of_row(const RowPrior& prior, double share) {
   return {prior.motion.moved(prior.pose, share), prior.motion.seen_from(share),
-          carried<kAll>(transposed(step(-share)), prior.information)};
+          carried<kAll>(transposed(step(-share)), prior.information), prior.jerk};
+}
+
+std::array<double, 36> steadiness(const Unsteadiness& by, const glm::dvec3& place) {
+  std::array<double, 36> known{};
+  check(invert<6>(about_board(by, place), known), "unsteadiness must be positive, got ", by.turn,
+        " and ", by.shift);
+  return known;
 }
 
 // With information A of the pose, C of both and D of the motion, the motion's covariance is
 // V = (D - Cᵀ A⁻¹ C)⁻¹ and the pose goes with it by G = -A⁻¹ C: in all K + G V Gᵀ, G V and V, K
-// that of a known motion.
-std::optional<RowMatrix> joint_covariance(const RowMatrix& information, double variance,
+// that of a known motion. The jerk is one of the motion here, and left out of the result.
+std::optional<RowMatrix> joint_covariance(const UnknownMatrix& information, double variance,
                                           const std::array<double, 36>& known) {
+  constexpr std::size_t n = kRowUnknowns, m = n - 6;
   std::array<double, 36> a{};
   for (std::size_t i = 0; i < 6; ++i)
-    for (std::size_t k = 0; k < 6; ++k) a[6 * i + k] = information[kAll * i + k];
-  double g[6][12];
-  std::array<double, 144> own{}, v{};
-  for (std::size_t c = 0; c < 12; ++c) {
+    for (std::size_t k = 0; k < 6; ++k) a[6 * i + k] = information[n * i + k];
+  double g[6][m], mixed[6][m];
+  std::array<double, m * m> own{}, v{};
+  for (std::size_t c = 0; c < m; ++c) {
     std::array<double, 6> right{}, x{};
-    for (std::size_t r = 0; r < 6; ++r) right[r] = -information[kAll * r + 6 + c];
+    for (std::size_t r = 0; r < 6; ++r) right[r] = -information[n * r + 6 + c];
     if (!solve_symmetric<6>(a, right, x)) return std::nullopt;
     for (std::size_t r = 0; r < 6; ++r) g[r][c] = x[r];
   }
-  for (std::size_t i = 0; i < 12; ++i)
-    for (std::size_t k = 0; k < 12; ++k) {
-      own[12 * i + k] = information[kAll * (6 + i) + 6 + k];
-      for (std::size_t m = 0; m < 6; ++m)
-        own[12 * i + k] += information[kAll * m + 6 + i] * g[m][k];
+  for (std::size_t i = 0; i < m; ++i)
+    for (std::size_t k = 0; k < m; ++k) {
+      own[m * i + k] = information[n * (6 + i) + 6 + k];
+      for (std::size_t r = 0; r < 6; ++r) own[m * i + k] += information[n * r + 6 + i] * g[r][k];
     }
-  if (!invert<12>(own, v)) return std::nullopt;
+  if (!invert<m>(own, v)) return std::nullopt;
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t k = 0; k < m; ++k) {
+      mixed[i][k] = 0;
+      for (std::size_t r = 0; r < m; ++r) mixed[i][k] += variance * g[i][r] * v[m * r + k];
+    }
   RowMatrix out{};
   for (std::size_t i = 0; i < 12; ++i)
-    for (std::size_t k = 0; k < 12; ++k) out[kAll * (6 + i) + 6 + k] = variance * v[12 * i + k];
-  for (std::size_t i = 0; i < 6; ++i)
-    for (std::size_t k = 0; k < 12; ++k) {
-      double sum = 0;
-      for (std::size_t m = 0; m < 12; ++m) sum += g[i][m] * v[12 * m + k];
-      out[kAll * i + 6 + k] = out[kAll * (6 + k) + i] = variance * sum;
-    }
-  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t k = 0; k < 12; ++k) out[kAll * (6 + i) + 6 + k] = variance * v[m * i + k];
+  for (std::size_t i = 0; i < 6; ++i) {
+    for (std::size_t k = 0; k < 12; ++k)
+      out[kAll * i + 6 + k] = out[kAll * (6 + k) + i] = mixed[i][k];
     for (std::size_t k = 0; k < 6; ++k) {
-      double sum = known[6 * i + k];
-      for (std::size_t m = 0; m < 12; ++m) sum += out[kAll * i + 6 + m] * g[k][m];
-      out[kAll * i + k] = sum;
+      out[kAll * i + k] = known[6 * i + k];
+      for (std::size_t r = 0; r < m; ++r) out[kAll * i + k] += mixed[i][r] * g[k][r];
     }
+  }
   return out;
 }
 

@@ -32,8 +32,12 @@ struct Rows {
 // The parameters of a pose and of the rows' motion: (w, d) as Tracked::covariance, (w', d') by
 // which it grows in a readout, and (w'', d'') by which that does. Row major.
 inline constexpr std::size_t kRowParameters = 18;
-using RowVector = std::array<double, kRowParameters>;
 using RowMatrix = std::array<double, kRowParameters * kRowParameters>;
+// The same and a jerk, by which the accelerations grow: it is not kept, but makes pictures of a
+// trembling hand tell less of the rest.
+inline constexpr std::size_t kRowUnknowns = 24;
+using RowVector = std::array<double, kRowUnknowns>;
+using UnknownMatrix = std::array<double, kRowUnknowns * kRowUnknowns>;
 
 struct RowState {
   Pose pose;  // of the first row
@@ -58,16 +62,20 @@ struct RowPrior {
   Pose pose;
   RowMotion motion;
   RowMatrix information{};
+  Unsteadiness jerk;  // per cubed readout
 };
 // A pose and a motion of which nothing is known but how fast hands are.
 RowPrior unknown_motion(const Pose& start, const RowMotion& motion, const Unsteadiness& speed,
-                        const Unsteadiness& acceleration);
-std::optional<RowPrior> prior_of(const RowState& state);
+                        const Unsteadiness& acceleration, const Unsteadiness& jerk);
+std::optional<RowPrior> prior_of(const RowState& state, const Unsteadiness& jerk);
 RowPrior prior_of_row(const RowPrior& prior, double share);
+
+// Inverse covariance (6 × 6) of unsteadiness, of a board at `place` in the camera frame.
+std::array<double, 36> steadiness(const Unsteadiness& by, const glm::dvec3& place);
 
 // Of the information of a fit, whose unit is `variance`, with another covariance (w, d) of the pose
 // for a known motion.
-std::optional<RowMatrix> joint_covariance(const RowMatrix& information, double variance,
+std::optional<RowMatrix> joint_covariance(const UnknownMatrix& information, double variance,
                                           const std::array<double, 36>& of_known_motion);
 
 // By how much `to` differs from `from`, of a board at `place` in the camera frame, and the motion

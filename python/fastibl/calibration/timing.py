@@ -20,6 +20,7 @@ _LEAST_FRAMES = 12
 _BLOCKS = 10  # of the jackknife
 _WORST_READOUT, _WORST_OFFSET = 2e-3, 5e-3  # seconds; standard deviations beyond which nothing is told
 _ACCELERATION = (8.0, 4.0)  # radians, metres a squared second: what a hand is trusted with
+_JERK = (200.0, 80.0)  # and a cubed one
 _RIVAL = 1.5  # times the least mean square, within which another offset is as good
 
 
@@ -189,8 +190,10 @@ class _Track:
         # Pose and accelerations are free, the latter within a hand's reach.
         A = A.copy()
         spread = _about_board(np.array(_ACCELERATION) * readout**2, place)
-        A[12:, 12:] += np.linalg.inv(spread @ spread.T)
-        rest = np.r_[:6, 12:18]
+        A[12:18, 12:18] += np.linalg.inv(spread @ spread.T)
+        spread = _about_board(np.array(_JERK) * readout**3, place)
+        A[18:, 18:] += np.linalg.inv(spread @ spread.T)
+        rest = np.r_[:6, 12:24]
         gain = np.linalg.solve(A[np.ix_(rest, rest)], A[rest, 6:12])
         information = A[6:12, 6:12] - A[6:12, rest] @ gain
         change = b[6:12] - gain.T @ b[rest]
