@@ -478,6 +478,11 @@ class Environment:
         (m, 4) float64: x y z and radius, metres, of the lights that are known to be near.
         """
     @property
+    def plane_irradiance(self) -> typing.Any:
+        """
+        (r, g, b) of what falls on the plane, as the board's white shows it; None where it was not seen.
+        """
+    @property
     def predicted_error(self) -> float:
         """
         Expected relative error of the irradiance, a median over normals.
@@ -775,6 +780,8 @@ class Capture:
 
     size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
     (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
+    paper_albedo: of the board's white, which is a light meter: unseen parts of the sky are made so bright that the map
+    lights the plane as it is lit.
     distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
     it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
     Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
@@ -784,7 +791,7 @@ class Capture:
     brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None, doubt_exposures: bool = False) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85) -> None:
         ...
     def __repr__(self) -> str:
         ...

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
@@ -79,6 +80,7 @@ struct Environment {
   double predicted_low = 0, predicted_high = 1;  // ends of an interval that holds it 9 times in 10
   MapKnowledge knowledge;                        // that these rest on
   glm::dvec3 centre{0};  // metres, marker frame: where the radiance is seen from
+  std::optional<glm::dvec3> plane_irradiance;  // RGB, as the board's paper shows it
   std::vector<LightPosition> light_positions;  // of those near enough to be triangulated
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its
