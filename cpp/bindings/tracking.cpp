@@ -6,6 +6,7 @@
 #include "fastibl/scene/tag_codes.h"
 #include "fastibl/tracking/edge_points.h"
 #include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/fit_edges.h"
 #include "fastibl/tracking/tracker.h"
 
 namespace fastibl::bindings {
@@ -181,6 +182,37 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
       py::arg("spread") = 1.1,
       "Edges measured against where a pose puts them: (n, 9) point, pixel, normal, offset, noise, "
       "steepness.");
+  module.def(
+      "_row_evidence",
+      [](const py::object& image, const Board& board, const Camera& camera, const Pose& first,
+         const Pose& last, double spread) -> py::object {
+        py::array keep;
+        const Picture picture = require_picture(image, "image", keep);
+        if (picture.type != PixelType::uint8) throw py::type_error("image must be uint8");
+        const LightTable table(camera.response, 3);
+        const LightReader light(
+            {picture.row(0), picture.width, picture.height, 3, picture.row_bytes}, table);
+        const BoardPattern pattern = pattern_of(board);
+        const Lens lens(camera);
+        const RowMotion motion = motion_between(first, last);
+        const double share = middle_share(pattern, camera, lens, motion.moved(first, 0.5));
+        const Rows rows{motion.seen_from(share), share, double(camera.height)};
+        const Pose pose = motion.moved(first, share);
+        const auto tags = project_tags(pattern, camera, lens, pose, &rows);
+        const FoundEdges found = find_edges(light, pattern, tags, {false, 0, spread});
+        const auto evidence = row_evidence(found.points, lens, pose, rows);
+        if (!evidence) return py::none();
+        Doubles information({kRowParameters, kRowParameters}), change({kRowParameters});
+        std::copy(evidence->information.begin(), evidence->information.end(),
+                  information.mutable_data());
+        std::copy(evidence->change.begin(), evidence->change.end(), change.mutable_data());
+        return py::make_tuple(share, pose, information, change);
+      },
+      py::arg("image"), py::arg("board"), py::arg("camera"), py::arg("first"), py::arg("last"),
+      py::arg("spread") = 1.1,
+      "What a picture's edges alone say of pose and motion: the share of the readout at which the "
+      "board's middle row is taken, its pose, and the normal equations (18, 18), (18,) of a change "
+      "of (w, d), of its growth in a readout, and of that one's growth; or None.");
   module.def(
       "_track",
       [](const py::object& tags, const py::object& start, const Board& board, const Camera& camera,

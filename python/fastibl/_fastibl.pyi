@@ -1520,6 +1520,10 @@ def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8],
     """
     Corners by edges measured in linear light; list of DetectedTag.
     """
+def _row_evidence(image: typing.Any, board: Board, camera: Camera, first: Pose, last: Pose, spread: typing.SupportsFloat | typing.SupportsIndex = 1.1) -> typing.Any:
+    """
+    What a picture's edges alone say of pose and motion: the share of the readout at which the board's middle row is taken, its pose, and the normal equations (18, 18), (18,) of a change of (w, d), of its growth in a readout, and of that one's growth; or None.
+    """
 def _seconds_to_evaluate(lighting: _Lighting, normals: typing.Any, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     """
     For benchmarks: times of the irradiance of unit normals in C++, one thread.

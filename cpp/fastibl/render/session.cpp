@@ -229,9 +229,8 @@ void Session::find_motion(const Frame& frame, FrameResult& result) {
   result.back_last_row = result.tracked ? result.tracked->last_row : frame.back_last_row;
   if (result.back_last_row)
     motion_ = MotionRate{motion_between(pose, *result.back_last_row), readout};
-  else
-    motion_ = recent_.motion();
-  if (readout > 0 && motion_) result.back_last_row = motion_->later(pose, readout);
+  else if (motion_ = recent_.motion(); motion_ && readout > 0)
+    result.back_last_row = motion_->later(pose, readout);
   last_pose_ = pose, last_pose_time_ = frame.time;
 }
 

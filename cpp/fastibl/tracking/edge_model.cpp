@@ -5,6 +5,7 @@
 #include "fastibl/tracking/fit.h"
 #include "fastibl/tracking/fit_edges.h"
 #include "fastibl/tracking/fit_pixels.h"
+#include "fastibl/tracking/roll_corners.h"
 
 namespace fastibl {
 namespace {
@@ -94,9 +95,10 @@ struct Choice {
   bool other = false;  // the mirrored pose won
 };
 
-// Both planar minima, refined with the edges; by likelihood and by what was expected before.
+// Both planar minima, refined with the edges; by likelihood and by what was expected before. rows:
+// of a rolling shutter.
 Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
-              const PosePrior& prior) {
+              const PosePrior& prior, const Rows* rows) {
   Choice choice{fit.camera_from_marker, 0, false};
   glm::dvec2 low(1e9), high(-1e9);
   for (std::size_t i = 0; i < points.size(); ++i)
@@ -121,6 +123,8 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
     choice.ambiguity = 1e-3;  // hundreds of deviations apart
     return choice;
   }
+  std::vector<EdgePoint> still;
+  if (rows) still = unrolled(points, lens, choice.pose, *rows), points = still;
   const auto other = refit_edges(points, fit, lens, start->camera_from_marker);
   if (!other || !differs(*other)) return choice;
   const double cost = edge_cost(points, fit, lens, choice.pose),
@@ -165,17 +169,11 @@ struct Rolling {
   RowPrior prior;
 };
 
-// Of a hand about which nothing is known: standard deviations, a second and a squared second.
-constexpr Unsteadiness kSpeed{0.7, 0.25}, kAcceleration{5, 2.5};
-
 // start, prior: of the first row; become those of the board's middle one.
 Rolling rolling_of(const BoardPattern& pattern, const Camera& camera, const Lens& lens,
                    PosePrior& prior, Pose& start) {
   Rolling out;
-  const double t = camera.readout, t2 = t * t;
-  out.prior =
-      prior.rows.value_or(unknown_motion(start, {}, {kSpeed.turn * t, kSpeed.shift * t},
-                                         {kAcceleration.turn * t2, kAcceleration.shift * t2}));
+  out.prior = prior.rows.value_or(unknown_hand(start, camera.readout));
   const RowMotion first = out.prior.motion;
   out.rows.height = camera.height;
   out.rows.share = middle_share(pattern, camera, lens, first.moved(start, 0.5));
@@ -316,8 +314,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     const double still = kSettled * double(near.points.size()) / double(options.most_edges);
     const bool settled = (fit->motion <= still && all) || round + 1 == rounds;
     if (!settled && !doubtful) continue;
-    choice = rolling ? choose(unrolled(near.points, lens_, pose, rolling->rows), *fit, lens_, prior)
-                     : choose(near.points, *fit, lens_, prior);
+    choice = choose(near.points, *fit, lens_, prior, rolling ? &rolling->rows : nullptr);
     if (settled && (!choice.other || switched)) break;
     if (!choice.other) continue;
     pose = choice.pose, switched = true;

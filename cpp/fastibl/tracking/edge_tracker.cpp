@@ -63,7 +63,11 @@ std::optional<Tracked> EdgeTracker::detect(const Picture& picture,
   options.method = TrackingMethod::board;
   const auto start = fastibl::track(detector, grey.view(), board_, camera_, options);
   if (!start) return std::nullopt;
-  auto tracked = model_.track(bytes, start->camera_from_marker, prior, options_, &rows_);
+  // Where corners tell of a motion, they tell it roughly: the pose between the first and the last
+  // row serves as that of all.
+  const Pose near = start->last_row ? between(start->camera_from_marker, *start->last_row, 0.5)
+                                    : start->camera_from_marker;
+  auto tracked = model_.track(bytes, near, prior, options_, &rows_);
   // Edges that cannot be followed leave the corners' word, if it is one.
   if (!tracked && (start->ambiguous || start->tags.size() < 2)) return std::nullopt;
   return tracked ? tracked : start;

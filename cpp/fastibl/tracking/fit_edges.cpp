@@ -236,14 +236,31 @@ std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& 
   return fit;
 }
 
+std::optional<RowEvidence> row_evidence(std::span<const EdgePoint> points, const Lens& lens,
+                                        const Pose& pose, const Rows& rows) {
+  // A fit that may not move tells which points agree.
+  RowPrior still{pose, rows.motion, {}};
+  for (std::size_t i = 0; i < kRowParameters; ++i)
+    still.information[(kRowParameters + 1) * i] = 1e18;
+  const auto fit = fit_edges(points, lens, pose, rows, still);
+  if (!fit) return std::nullopt;
+  Normal<kRowParameters> sums;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (fit->used[i])
+      sums.add(*rolling_row(points[i], lens, pose, rows),
+               1 / (fit->deviation[i] * fit->deviation[i]), points[i].offset);
+  sums.mirror();
+  return RowEvidence{sums.a, sums.b};
+}
+
 std::vector<EdgePoint> unrolled(std::span<const EdgePoint> points, const Lens& lens,
                                 const Pose& pose, const Rows& rows) {
   std::vector<EdgePoint> out(points.begin(), points.end());
   for (EdgePoint& p : out) {
     const glm::dvec3 at = pose * glm::dvec3(p.point, 0);
-    double later = rows.later(p.pixel.y);
-    const auto still = lens.project(at), rolled = rows.project(lens, at, later);
-    if (still && rolled) p.pixel += *still - *rolled;
+    const auto still = lens.project(at);
+    const auto rolled = rows.project(lens, at, rows.later(p.pixel.y));
+    if (still && rolled) p.pixel += *still - rolled->pixel;
   }
   return out;
 }

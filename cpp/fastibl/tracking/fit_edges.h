@@ -39,6 +39,15 @@ std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& 
 std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
                                  const Pose& pose, const Rows& rows, const RowPrior& prior);
 
+// What the points alone say of pose and motion, which measured them: the normal equations of a
+// change of all parameters.
+struct RowEvidence {
+  RowMatrix information{};
+  RowVector change{};  // information times the change that the points ask for
+};
+std::optional<RowEvidence> row_evidence(std::span<const EdgePoint> points, const Lens& lens,
+                                        const Pose& pose, const Rows& rows);
+
 // The points as a global shutter shows them that takes the whole picture with the row of the pose.
 std::vector<EdgePoint> unrolled(std::span<const EdgePoint> points, const Lens& lens,
                                 const Pose& pose, const Rows& rows);

@@ -1,5 +1,7 @@
 #include "fastibl/tracking/rows.h"
 
+#include <cmath>
+
 #include "fastibl/tracking/solve.h"
 
 namespace fastibl {
@@ -48,19 +50,27 @@ std::array<double, 36> about_board(const Unsteadiness& by, const glm::dvec3& p) 
 
 // A point is seen in the row that is taken when it is there. Two guesses tell how it runs through
 // the rows, and where it meets its own: to second order, 1e-4 px at 60 degrees a second.
-std::optional<glm::dvec2> Rows::project(const Lens& lens, const glm::dvec3& point,
-                                        double& later) const {
-  const auto at = lens.project(motion.moved(point, later));
-  if (!at) return std::nullopt;
-  const double second = this->later(at->y), step = second - later;
-  if (!(step * step > 1e-18)) return at;
-  const auto next = lens.project(motion.moved(point, second));
+std::optional<Rows::Seen> Rows::project(const Lens& lens, const glm::dvec3& point,
+                                        double guess) const {
+  const auto first = lens.project(motion.moved(point, guess));
+  if (!first) return std::nullopt;
+  constexpr double kStep = 0.02;
+  const double second = later(first->y),
+               step = std::abs(second - guess) > kStep ? second - guess : kStep;
+  const auto next = lens.project(motion.moved(point, guess + step));
   if (!next) return std::nullopt;
-  const glm::dvec2 flow = (*next - *at) / step;
+  const glm::dvec2 flow = (*next - *first) / step;
   const double crossing = 1 - flow.y / height;  // 0: the row follows the point
   if (!(crossing > 0.1)) return std::nullopt;
-  later = second + (this->later(next->y) - second) / crossing;
-  return *next + (later - second) * flow;
+  const double own = guess + step + (later(next->y) - guess - step) / crossing;
+  return Seen{*next + (own - guess - step) * flow, flow, own};
+}
+
+std::optional<glm::dvec2> Rows::project(const Lens& lens, const glm::dvec3& point, double guess,
+                                        const glm::dvec2& flow) const {
+  auto pixel = lens.project(motion.moved(point, guess));
+  if (pixel) *pixel += (later(pixel->y) - guess) / (1 - flow.y / height) * flow;
+  return pixel;
 }
 
 RowState state_of_row(const RowState& state, double share) {

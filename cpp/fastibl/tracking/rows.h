@@ -18,9 +18,15 @@ struct Rows {
 
   // How much later than the row of the pose what lies at y is taken, as a share of the readout.
   double later(double y) const { return (y - 0.5) / height - share; }
-  // Pixel of a point in the camera frame of that row. later: a guess of how much later it is seen;
-  // afterwards what it is.
-  std::optional<glm::dvec2> project(const Lens& lens, const glm::dvec3& point, double& later) const;
+  struct Seen {
+    glm::dvec2 pixel, flow;  // flow: of the point past the camera, pixels a readout
+    double later = 0;
+  };
+  // A point in the camera frame of that row. guess: of how much later it is seen.
+  std::optional<Seen> project(const Lens& lens, const glm::dvec3& point, double guess) const;
+  // The same where the flow is known within a tenth and the guess is near: at half the cost.
+  std::optional<glm::dvec2> project(const Lens& lens, const glm::dvec3& point, double guess,
+                                    const glm::dvec2& flow) const;
 };
 
 // The parameters of a pose and of the rows' motion: (w, d) as Tracked::covariance, (w', d') by

@@ -79,6 +79,28 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--rig", type=Path, default=Path("rig.yaml"), help="with both cameras, to be completed (%(default)s)"
     )
 
+    timing = parser(
+        subjects,
+        "timing",
+        run_timing,
+        "the readout of a rolling shutter, from a recording in which the camera turns briskly before the board",
+        "fastibl calibrate timing my-recording --rig rig.yaml",
+    )
+    timing.add_argument("recording", type=Path)
+    timing.add_argument("--camera", choices=("back", "front"), default="back", help="which one (default: %(default)s)")
+    timing.add_argument("--rig", type=Path, default=Path("rig.yaml"), help="with the camera's lens (%(default)s)")
+    timing.add_argument(
+        "--against-back",
+        action="store_true",
+        help="with --camera front: also by how much the front camera's clock is ahead, where both see the board",
+    )
+    timing.add_argument(
+        "--gyro",
+        type=Path,
+        help="CSV of time and three rates in radians a second, without a header: also the offset to its clock",
+    )
+    _board(timing)
+
 
 def _pictures(to: argparse.ArgumentParser) -> None:
     to.add_argument("pictures", type=Path, nargs="+", help="picture files, or one recording's folder")
@@ -225,4 +247,37 @@ def run_rig(arguments: argparse.Namespace) -> int:
     print(found)
     write_rig(arguments.rig, Rig(rig.back, rig.front, found.front_from_back))
     print(f"wrote {arguments.rig}")
+    return 0
+
+
+def run_timing(arguments: argparse.Namespace) -> int:
+    import numpy as np
+
+    from .._fastibl import Camera
+    from ..calibration import calibrate_timing
+    from ..recording import Recording, read_rig
+
+    if arguments.against_back and (arguments.camera != "front" or arguments.gyro):
+        raise ValueError("--against-back needs --camera front, and no --gyro")
+    board, recording = _read_board(arguments.board), Recording.open(arguments.recording)
+
+    def film(camera: str) -> Iterator[tuple[float, NDArray[Any]]]:
+        return ((f.time, getattr(f, camera)) for f in recording if getattr(f, camera) is not None)
+
+    c = _known_camera(arguments)
+    gyro = poses = None
+    if arguments.gyro:
+        table = np.loadtxt(arguments.gyro, delimiter=",", ndmin=2)
+        if table.shape[1] != 4:
+            raise ValueError(f"{arguments.gyro} must have four columns, got {table.shape[1]}")
+        gyro = table[:, 0], table[:, 1:]
+    if arguments.against_back:
+        back = calibrate_timing(film("back"), read_rig(arguments.rig).back, board)
+        poses = back.times, back.poses
+    found = calibrate_timing(film(arguments.camera), c, board, poses=poses, gyro=gyro)
+    print(found)
+    lens = {name: getattr(c, name) for name in ("distortion", "response", "gain", "vignetting", "model")}
+    # What cannot be told from 0 is a global shutter's.
+    readout = found.readout if found.readout > 3 * found.readout_deviation else 0.0
+    _keep(arguments, Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, readout=readout))
     return 0
