@@ -14,7 +14,7 @@ constexpr double kClipped = 0.85;  // of white: with noise and blur some pixels 
 constexpr double kQuantum = 1 / 255.0 * 0.29;  // of 8 bit, at the bright end of an sRGB response
 // What is only a bound is taken to be up to this many stops brighter, each alike, and in the mean
 // as much brighter as half of them.
-constexpr double kStops = 8;
+constexpr double kStops = 4;
 // What was not seen spreads around the mean: stops, and shares of the solid angle.
 constexpr struct {
   double stops, share;
