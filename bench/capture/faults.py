@@ -107,7 +107,15 @@ def fault_run() -> Iterator[Goal]:
         yield skipped(what, inputs.NO_MAPS)
         return
     film = recorded(
-        _MAP, seconds=SECONDS, fps=FPS, seed=0, size=(320, 240), position=inputs.OBJECT, path="sweep", hand=False, lamp=False
+        _MAP,
+        seconds=SECONDS,
+        fps=FPS,
+        seed=0,
+        size=(320, 240),
+        position=inputs.OBJECT,
+        path="sweep",
+        hand=False,
+        lamp=False,
     )
     session, sweep = session_for(film), SECONDS * FPS
     clean_laps = Laps(film, 2 * sweep)
