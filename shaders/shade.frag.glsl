@@ -75,6 +75,8 @@ uniform float level;
 #include "shared/sampled_lobe.glsl"
 #elif GLOSSY == 3 || GLOSSY == 4 || GLOSSY == 7
 #include "shared/glossy.glsl"
+#include "shared/sphere_cap.glsl"
+#include "shared/near_light.glsl"
 #include "shared/glossy_chain.glsl"
 uniform float matte_share;  // of exponents below 1
 #endif
@@ -120,7 +122,7 @@ vec3 shade(vec3 position, vec3 n, vec4 share) {
 #elif GLOSSY == 5
   vec3 value = sampled_lobe(n, v);
 #else
-  vec3 value = glossy_from_chain(n, v, cosine);
+  vec3 value = glossy_from_chain(n, v, cosine, position - map_centre);
 #endif
 #if GLOSSY == 4
   value += matte_share * (e - value);
@@ -138,7 +140,7 @@ vec3 shade(vec3 position, vec4 share, SurfacePoint p) {
   vec3 local = v * p.frame;
   vec2 albedo = sample_ggx_albedo(local, p.roughness);
   vec3 reflectance = pbr_reflectance(p.base_color, p.metallic, albedo);
-  vec3 colour = p.emission + share.a * reflectance * sample_ggx(p.frame, local, alpha_of(p.roughness));
+  vec3 colour = p.emission + share.a * reflectance * sample_ggx(p.frame, local, alpha_of(p.roughness), position);
 #if DIFFUSE
   colour += pbr_diffuse(p.base_color, p.metallic, albedo) * (share.rgb / 3.14159265) * irradiance(p.frame[2]);
 #endif

@@ -11,27 +11,11 @@ from fastibl import recording
 from fastibl.comparison import irradiance_error
 from fastibl.room import LOWER, UPPER
 from fastibl.shapes import figurine
-from views import exposed, looking, picture_of
+from views import exposed, looking, picture_of, place_light, place_map
 
 FISHEYE = fastibl.Camera(240, 220, 78, 80, 121, 108, distortion=[0.02, -0.01, 0.001, 0.0005], model="fisheye")
 AROUND = fastibl.Camera.equirectangular(512, 256)
 EYE = (0.0, 0.0, 0.3)
-
-
-def light(d):
-    """Above 0: a sky with a gradient, a window and a lamp of 6 degrees."""
-    d = np.asarray(d)
-    sky = 0.3 + 0.25 * d[..., 0] + 0.15 * d[..., 1] * d[..., 2]
-    window = (np.abs(d[..., 1]) < 0.3) & (np.abs(d[..., 2] - 0.4) < 0.2) & (d[..., 0] > 0)
-    lamp = d @ np.array([0.0, 0.6, 0.8]) > np.cos(np.radians(6))
-    level = np.where(lamp, 60.0, np.where(window, 4.0, sky))
-    return level[..., None] * np.array([1.0, 0.9, 0.7])
-
-
-def truth(size):
-    n = 4 * size
-    faces = light(fastibl.texel_directions(n)).astype(np.float32)
-    return faces.reshape(6, size, 4, size, 4, 3).mean(axis=(2, 4))
 
 
 def directions(n=2000):
@@ -81,7 +65,7 @@ def test_maps_from_wide_pictures(camera, dtype):
     size = 64
     pose = looking((0.3, 0.5, 0.8), EYE)
     capture = fastibl.Capture(size=size)
-    linear = picture_of(lambda d: light(np.nan_to_num(d)), camera, pose, split=3)
+    linear = picture_of(lambda d: place_light(np.nan_to_num(d)), camera, pose, split=3)
     for k, exposure in enumerate((1.0, 1 / 16, 1 / 256)):
         codes = exposed(linear, camera, exposure)
         if dtype == np.uint16:
@@ -95,7 +79,7 @@ def test_maps_from_wide_pictures(camera, dtype):
     inside = fastibl.texel_directions(size) @ pose.rotation.T
     pixels = camera.project(inside.astype(np.float64))
     shown = (pixels >= 8).all(-1) & (pixels < [camera.width - 8, camera.height - 8]).all(-1)
-    true = truth(size)
+    true = place_map(size)
     filled = fastibl.CubeMap(np.where(seen[..., None], env.radiance.faces, true))
     error = irradiance_error(filled, fastibl.CubeMap(true))
     print(f"{camera.model} {np.dtype(dtype)}: {seen[up].mean():.1%} of the sky seen, irradiance {error:.2%} off")

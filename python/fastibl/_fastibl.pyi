@@ -432,9 +432,13 @@ class Environment:
     """
     What is known of the light of a place: radiance, and how well it is known.
     """
-    def __init__(self, radiance: CubeMap) -> None:
+    def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None) -> None:
         """
         A map that is known everywhere.
+
+        centre: (3,) metres, marker frame: where it is seen from, (0, 0, 0) by default. lights: (m, 4) x y z radius, metres, of
+        lights of the map that are near, as spheres: what they give then changes from place to place. Those that are not
+        finite, or around the centre, are taken as distant.
         """
     def __repr__(self) -> str:
         ...
@@ -442,6 +446,11 @@ class Environment:
     def age(self) -> numpy.typing.NDArray[numpy.float32]:
         """
         (6, n, n) float32 seconds since last seen; infinite if never.
+        """
+    @property
+    def centre(self) -> tuple[float, float, float]:
+        """
+        Metres, marker frame: where the radiance is seen from.
         """
     @property
     def clipped(self) -> float:
@@ -461,7 +470,12 @@ class Environment:
     @property
     def knowledge(self) -> dict:
         """
-        What the prediction rests on, as shares: of the sky never seen, of the light in what was never seen, of light known as a lower bound, and put wrong because things are near.
+        What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux of the light in what was never seen, of which prior_flux is taken from a map from before, bound_flux of the light known as a lower bound only, parallax put wrong because things are near.
+        """
+    @property
+    def light_positions(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        (m, 4) float64: x y z and radius, metres, of the lights that are known to be near.
         """
     @property
     def predicted_error(self) -> float:
@@ -634,9 +648,14 @@ class Light:
         """
         RGB, on a surface that faces it.
         """
+    @property
+    def position(self) -> typing.Any:
+        """
+        Metres, marker frame, of a light that is near; None of one that is, or may be, distant.
+        """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None) -> None:
+    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None, environment: Environment = None) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -759,11 +778,13 @@ class Capture:
     distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
     it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
     Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
-    sees them, whatever `distance` and `box` say. doubt_exposures: whether a picture of a perspective camera that is
+    sees them, whatever `distance` and `box` say. prior: CubeMap of the place from before; its sky stands for what no
+    picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
+    doubt_exposures: whether a picture of a perspective camera that is
     brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, doubt_exposures: bool = False) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None, doubt_exposures: bool = False) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -918,9 +939,9 @@ class BakedShadow:
         """
         From what `tables` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
         """
-    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight) -> ShadowMap:
+    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight, environment: Environment = None) -> ShadowMap:
         """
-        ShadowMap of the object under this light.
+        ShadowMap of the object under this light; environment: of the map, for its near lights.
         """
     def fits(self, marker_from_object: typing.Any) -> bool:
         """
@@ -1096,7 +1117,7 @@ class Tracked:
     @property
     def camera_from_marker(self) -> Pose:
         """
-        Pose.
+        Pose at the picture's time; of a rolling shutter that of the first row, in the middle of whose exposure that time is.
         """
     @property
     def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1108,6 +1129,11 @@ class Tracked:
     def edges(self) -> int:
         """
         Stretches of edge that the pose rests on; 0 where it rests on corners.
+        """
+    @property
+    def last_row(self) -> Pose | None:
+        """
+        Pose when the last row was taken, `camera.readout` later, as Capture.add takes it; None for a global shutter.
         """
     @property
     def pixels(self) -> int:
@@ -1351,7 +1377,12 @@ class FrameResult:
     @property
     def back_from_marker(self) -> Pose | None:
         """
-        Pose, or None where the board is not seen: the image is the back picture.
+        Pose, or None where the board is not seen: the image is the back picture. Of a rolling shutter that of the first row; the object is drawn with that of the row that shows its middle.
+        """
+    @property
+    def back_last_row(self) -> Pose | None:
+        """
+        Pose when the back camera's last row was taken; None for a global shutter, and where nothing is known of the motion.
         """
     @property
     def back_taken(self) -> Taken | None:
@@ -1405,7 +1436,7 @@ class FrameResult:
 class _Session:
     def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool) -> None:
         ...
-    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any) -> FrameResult:
+    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any, back_last_row: typing.Any = None) -> FrameResult:
         ...
     def _set_backend(self, backend: str) -> None:
         ...

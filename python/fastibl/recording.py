@@ -40,6 +40,8 @@ class Frame:
 
     time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of
     radiance, None where they are not known. back_from_marker: Pose where it is known, which skips tracking.
+    back_last_row: with it, the pose when the last row of a rolling shutter was taken, `readout` later; None: as the
+    poses before tell.
     """
 
     time: float
@@ -48,6 +50,7 @@ class Frame:
     back_exposure: float | None = 1.0
     front_exposure: float | None = 1.0
     back_from_marker: Pose | None = None
+    back_last_row: Pose | None = None
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Frame):
@@ -61,6 +64,7 @@ class Frame:
             and (self.time, self.back_exposure, self.front_exposure)
             == (other.time, other.back_exposure, other.front_exposure)
             and self.back_from_marker == other.back_from_marker
+            and self.back_last_row == other.back_last_row
         )
 
     def __repr__(self) -> str:

@@ -1,5 +1,6 @@
 // Glossy light from the chain of round lobes, its lights and spherical harmonics: as
-// scene/glossy.cpp. Needs shared/radiance.glsl and shared/glossy.glsl.
+// scene/glossy.cpp. Needs shared/radiance.glsl, shared/glossy.glsl
+// and shared/near_light.glsl.
 uniform samplerCube chain;       // levels 2 ... 7
 uniform samplerCube first_lobe;  // level 1; level 0 is the map itself
 uniform sampler2D lobe_table;    // rows: 4 taps, direction and integral, bands; columns: lobe_column()
@@ -10,6 +11,8 @@ uniform vec3 harmonics[25];
 uniform int light_count;
 uniform vec4 light_place[8];  // direction, variance
 uniform vec4 light_flux[8];   // flux, level
+uniform float light_distance[8];  // inverse; 0: distant
+uniform vec3 map_centre;
 
 vec3 chain_level(vec3 d, float k) {
   if (k < 0.5) return textureLod(radiance, d, 0.0).rgb;
@@ -24,7 +27,7 @@ vec3 sample_chain(vec3 d, float level) {
   return radiance_scale * (fine + (level - k) * (coarse - fine));
 }
 
-vec3 glossy_from_chain(vec3 n, vec3 v, float cosine) {
+vec3 glossy_from_chain(vec3 n, vec3 v, float cosine, vec3 offset) {
   float c = clamp(cosine, 0.0, 1.0), sine = sqrt(1.0 - c * c);
   vec3 tangent = v - cosine * n;  // towards the view
   tangent /= max(length(tangent), 1e-6);
@@ -50,8 +53,10 @@ vec3 glossy_from_chain(vec3 n, vec3 v, float cosine) {
   }
   if (light_count > 0) {
     vec3 sum = vec3(0.0);
-    for (int j = 0; j < light_count; ++j)
-      sum += share[j] * light_lobe(exponent, light_place[j].w, n, v, light_place[j].xyz) * light_flux[j].rgb;
+    for (int j = 0; j < light_count; ++j) {
+      PlacedLight seen = placed_light(light_place[j].xyz, light_distance[j], light_place[j].w, offset);
+      sum += share[j] * seen.gain * light_lobe(exponent, seen.variance, n, v, seen.direction) * light_flux[j].rgb;
+    }
     value += exp2(-turn.z) * sum;
   }
   return value;

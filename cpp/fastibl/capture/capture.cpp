@@ -98,6 +98,7 @@ CaptureOptions checked(CaptureOptions options) {
             "the room's box must be finite and hold the centre, got ", b.lower[k], " to ",
             b.upper[k], " along axis ", k, " around ", centre[k]);
   }
+  check(!options.prior || options.prior->size() > 0, "the prior map has no texels");
   check(options.plane_albedo > 0 && options.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
   return options;
@@ -145,6 +146,14 @@ Capture::Capture(CaptureOptions options)
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   at_rim_.assign(tiles, 0);
+  if (options_.prior) {
+    prior_.emplace(*options_.prior, grid_);
+    unseen_.give_sky();
+    for (int tile = 0; tile < grid_.count(); ++tile)
+      if (unseen_.above(tile)) sky_.push_back(tile), unseen_.give(tile, prior_->mean(tile));
+    std::vector<int> all;
+    unseen_.update({}, sums_, tile_projected_, 0, all);
+  }
   for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
 
@@ -267,6 +276,7 @@ void Capture::take_changes(const std::vector<int>& changed, int refills) {
   std::vector<int> refilled;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
   if (all_refills || ++pictures_ % kPicturesPerFill == 0) {
+    if (prior_) match_prior(refilled);
     unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);
     new_sums_.clear();
   }
@@ -355,6 +365,10 @@ bool Capture::refill(int tile) {
   const int seen = sums_[std::size_t(tile)].count;
   stale_fill_[std::size_t(tile)] = 0;
   if (seen == r.texels()) return false;
+  if (has_prior(tile)) {
+    refill_from_prior(tile);
+    return true;
+  }
   const glm::vec3 fill = unseen_.fill(tile);
   filled_[std::size_t(tile)] = fill;
   if (seen == 0) {
@@ -366,6 +380,31 @@ bool Capture::refill(int tile) {
               &state_.value[1][start], &state_.value[2][start]);
   make_levels(tile);
   return true;
+}
+
+void Capture::refill_from_prior(int tile) {
+  const FaceRect r = tile_rect(grid_, tile);
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const float* angles =
+      &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())];
+  glm::dvec3 flux(0);
+  double angle = 0;
+  for (int k = 0; k < r.texels(); ++k) {
+    if (state_.last_seen.at(tile, k) > kNever) continue;
+    const glm::vec3 value = prior_->texel(tile, k);
+    for (int c = 0; c < 3; ++c) state_.value[c][start + std::size_t(k)] = value[c];
+    flux += double(angles[k]) * glm::dvec3(value), angle += double(angles[k]);
+  }
+  filled_[std::size_t(tile)] = glm::vec3(flux / angle);
+  make_levels(tile);
+}
+
+void Capture::match_prior(std::vector<int>& refilled) {
+  if (!prior_->match(sums_, tile_angle_, sky_)) return;
+  for (const int tile : sky_) {
+    unseen_.give(tile, prior_->mean(tile));
+    if (sums_[std::size_t(tile)].count < tile_rect(grid_, tile).texels()) refilled.push_back(tile);
+  }
 }
 
 // Reads the picture where it shows texels.

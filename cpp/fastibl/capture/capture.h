@@ -11,6 +11,7 @@
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/light_tracks.h"
 #include "fastibl/capture/next_exposure.h"
+#include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/quiet_tiles.h"
 #include "fastibl/capture/row_poses.h"
 #include "fastibl/capture/surroundings.h"
@@ -39,6 +40,9 @@ struct CaptureOptions {
   std::optional<RoomBox> box;  // instead of `distance`: the room's walls, around `centre`
   // Whether lights that several pictures show are triangulated, and put where the object sees them.
   bool locate_lights = true;
+  // A map of the place from before, whose sky stands for what no picture has seen, as bright as
+  // what was seen of it says. Null for none.
+  std::shared_ptr<const CubeMap> prior;
   // Whether pictures that are off by one factor all over are taken for wrongly exposed at first:
   // see ExposureDoubt. Of perspective cameras.
   bool doubt_exposures = false;
@@ -84,6 +88,7 @@ class Capture {
                        const ExposureRange& range) const;
 
   int size() const { return options_.size; }
+  const glm::dvec3& centre() const { return options_.centre; }
   double time() const { return time_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
   std::vector<double> last_seen() const;
@@ -165,6 +170,9 @@ class Capture {
   int refills_after(double time, const Camera& camera) const;
   bool is_small_refill(int tile) const;
   bool refill(int tile);
+  bool has_prior(int tile) const { return prior_ && unseen_.above(tile); }
+  void refill_from_prior(int tile);
+  void match_prior(std::vector<int>& refilled);
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
 
@@ -187,6 +195,8 @@ class Capture {
   std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
   std::vector<TileSums> sums_;               // by tile
   UnseenTiles unseen_;
+  std::optional<PriorMap> prior_;
+  std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map
   std::vector<std::uint8_t> stale_fill_;  // where it is no longer that of unseen_
   int next_refill_ = 0, pictures_ = 0;

@@ -1,6 +1,7 @@
 #include "fastibl/lighting/fit_lighting.h"
 
 #include "fastibl/core/check.h"
+#include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_prefiltered_chain.h"
@@ -24,7 +25,9 @@ bool reads_chain(GlossyMethod method) {
          method == GlossyMethod::prefiltered;
 }
 
-void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
+namespace {
+
+void make_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
   const bool exact = lighting.glossy == GlossyMethod::prefiltered;
   const int most = lighting.glossy_settings.lights;
   if (previous && previous->map == lighting.radiance && previous->exact == exact &&
@@ -43,6 +46,15 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
   chain->most_lights = most;
   chain->followed.assign(followed.begin(), followed.end());
   lighting.chain = std::move(chain);
+}
+
+}  // namespace
+
+void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
+  make_chain(lighting, previous);
+  lighting.light_distances.clear();
+  for (const Light& light : lighting.chain->lights)
+    lighting.light_distances.push_back(lighting.near_lights.inverse_distance(light.direction));
 }
 
 double irradiance_error(Lighting& lighting) {
@@ -78,6 +90,7 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
     lighting.irradiance_error = 0;
   }
   lighting.radiance = std::move(radiance);
+  if (options.environment) lighting.near_lights = find_near_lights(*options.environment);
   if (options.chain && reads_chain(lighting.glossy))
     fit_chain(lighting, previous ? previous->chain : nullptr);
   return lighting;

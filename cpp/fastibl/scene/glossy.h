@@ -37,19 +37,31 @@ struct LightArrays {
   float x[kMaxLights]{}, y[kMaxLights]{}, z[kMaxLights]{};
   float variance[kMaxLights]{}, level[kMaxLights]{};
   float red[kMaxLights]{}, green[kMaxLights]{}, blue[kMaxLights]{};
+  float inverse_distance[kMaxLights]{};  // 1 / m; 0: distant
+  bool any_near = false;
 };
-LightArrays arrays_of(const GlossyChain& chain);
+LightArrays arrays_of(const Lighting& lighting);  // which has a chain
 
 // The glossy term of one exponent, ready for many normals and views. Keeps a pointer to lighting,
 // which needs its map once it is called.
 class GlossyShading {
  public:
   GlossyShading(const Lighting& lighting, float exponent);
-  glm::vec3 operator()(glm::vec3 normal, glm::vec3 view) const;
+  // Of light as it is at the map's centre; as it is at a place, marker frame, of which the lights
+  // of the chain are seen where they are.
+  glm::vec3 operator()(glm::vec3 normal, glm::vec3 view) const {
+    return shaded(normal, view, nullptr);
+  }
+  glm::vec3 operator()(glm::vec3 normal, glm::vec3 view, glm::vec3 position) const {
+    return shaded(normal, view, lights_.any_near ? &position : nullptr);
+  }
 
  private:
-  glm::vec3 reflected(glm::vec3 normal, glm::vec3 view, float cosine) const;
-  glm::vec3 from_chain(glm::vec3 normal, glm::vec3 view, float cosine) const;
+  glm::vec3 shaded(glm::vec3 normal, glm::vec3 view, const glm::vec3* position) const;
+  glm::vec3 reflected(glm::vec3 normal, glm::vec3 view, float cosine,
+                      const glm::vec3* position) const;
+  glm::vec3 from_chain(glm::vec3 normal, glm::vec3 view, float cosine,
+                       const glm::vec3* position) const;
 
   const Lighting* lighting_;
   GlossyMethod method_;  // of the lighting; `mip` where its chain is missing

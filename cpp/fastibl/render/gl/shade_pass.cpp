@@ -196,7 +196,8 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
       glUseProgram(p.id());
       light.bind_chain(gpu, p,
                        GlossyLobe(*in.lighting.chain, in.lighting.glossy_settings.taps,
-                                  std::max(m.exponent, 1.0f)));
+                                  std::max(m.exponent, 1.0f)),
+                       in.lighting);
       glUniform1f(p.uniform("matte_share"), std::max(1 - m.exponent, 0.0f));
   }
   set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
@@ -238,7 +239,7 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   set_irradiance(gpu, light, p, variant, e);
   glUseProgram(p.id());
   if (chain)
-    light.bind_lobes(gpu, p);
+    light.bind_lobes(gpu, p, in.lighting);
   else
     light.bind_radiance(gpu, p);
   glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
