@@ -130,6 +130,20 @@ what is not part of the place. last_row: where a rolling shutter reads the pictu
 row was taken; camera_from_marker is then that of the first row. Returns Taken. Raises ValueError or TypeError, naming what was
 expected and what came.)")
       .def(
+          "next_exposure",
+          [](const Capture& capture, const Camera& camera, const py::object& camera_from_marker,
+             double shortest, double longest) {
+            return capture.next_exposure(camera,
+                                         require_pose(camera_from_marker, "camera_from_marker"),
+                                         {shortest, longest});
+          },
+          py::arg("camera"), py::arg("camera_from_marker"), py::arg("shortest"), py::arg("longest"),
+          R"(The exposure with which a camera there tells most of what the map lacks.
+
+Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
+down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
+for another camera or a range that is none.)")
+      .def(
           "environment",
           [](Capture& capture) {
             const py::gil_scoped_release release;

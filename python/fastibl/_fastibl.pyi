@@ -810,6 +810,14 @@ class Capture:
         """
         Environment at the time of the last picture, without holes.
         """
+    def next_exposure(self, camera: Camera, camera_from_marker: typing.Any, shortest: typing.SupportsFloat | typing.SupportsIndex, longest: typing.SupportsFloat | typing.SupportsIndex) -> float:
+        """
+        The exposure with which a camera there tells most of what the map lacks.
+
+        Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
+        down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
+        for another camera or a range that is none.
+        """
     @property
     def last_seen(self) -> numpy.typing.NDArray[numpy.float64]:
         """

@@ -11,6 +11,7 @@
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/light_meter.h"
 #include "fastibl/capture/light_tracks.h"
+#include "fastibl/capture/next_exposure.h"
 #include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/quiet_tiles.h"
 #include "fastibl/capture/row_poses.h"
@@ -81,6 +82,12 @@ class Capture {
   // was seen near them on their side of the horizon, at confidence 0 and up to a second late.
   // Only what changed since an earlier map that nobody holds any more is made anew in its place.
   std::shared_ptr<const Environment> environment();
+
+  // The exposure with which a perspective camera there tells most of what the map lacks: shorter
+  // ones where texels were never seen without clipping, longer ones where they are dark and noisy.
+  // Throws std::invalid_argument for another camera, or a range that is none. In map_lacks.cpp.
+  double next_exposure(const Camera& camera, const Pose& camera_from_marker,
+                       const ExposureRange& range) const;
 
   int size() const { return options_.size; }
   const glm::dvec3& centre() const { return options_.centre; }
