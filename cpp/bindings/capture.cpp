@@ -16,12 +16,13 @@ size: face edge of the map in texels. board: its page is masked out of the plane
 distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
 it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
 Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
-sees them, whatever `distance` and `box` say.
+sees them, whatever `distance` and `box` say. prior: CubeMap of the place from before; its sky stands for what no
+picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
 Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
                        double plane_albedo, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
-                       bool locate_lights) {
+                       bool locate_lights, const CubeMap* prior) {
              CaptureOptions options;
              options.size = size;
              options.board = board;
@@ -30,12 +31,14 @@ Raises ValueError for values out of range.)")
              options.distance = distance;
              options.box = room_box(box);
              options.locate_lights = locate_lights;
+             if (prior) options.prior = std::make_shared<const CubeMap>(*prior);
              return Capture(options);
            }),
            py::arg("size") = 128, py::arg("board") = py::none(),
            py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5,
            py::arg("distance") = std::numeric_limits<double>::infinity(),
-           py::arg("box") = py::none(), py::arg("locate_lights") = true)
+           py::arg("box") = py::none(), py::arg("locate_lights") = true,
+           py::arg("prior") = py::none())
       .def(
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,

@@ -157,11 +157,14 @@ finite, or around the centre, are taken as distant.)")
             out["unseen_flux"] = e.knowledge.unseen_flux;
             out["bound_flux"] = e.knowledge.bound_flux;
             out["parallax"] = e.knowledge.parallax;
+            out["prior_flux"] = e.knowledge.prior_flux;
             return out;
           },
-          "What the prediction rests on, as shares: of the sky never seen, of the light in what "
-          "was "
-          "never seen, of light known as a lower bound, and put wrong because things are near.")
+          "What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux "
+          "of "
+          "the light in what was never seen, of which prior_flux is taken from a map from before, "
+          "bound_flux of the light known as a lower bound only, parallax put wrong because things "
+          "are near.")
       .def("__repr__", [](const Environment& e) {
         return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
                std::to_string(e.coverage) + ">";

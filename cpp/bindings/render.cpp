@@ -137,7 +137,13 @@ its shadow from the plane behind them.)")
           "picture.")
       .def_property_readonly(
           "back_from_marker", [](const Result& r) { return r.frame.back_from_marker; },
-          "Pose, or None where the board is not seen: the image is the back picture.")
+          "Pose, or None where the board is not seen: the image is the back picture. Of a rolling "
+          "shutter that of the first row; the object is drawn with that of the row that shows its "
+          "middle.")
+      .def_property_readonly(
+          "back_last_row", [](const Result& r) { return r.frame.back_last_row; },
+          "Pose when the back camera's last row was taken; None for a global shutter, and where "
+          "nothing is known of the motion.")
       .def_property_readonly(
           "tracked", [](const Result& r) { return r.frame.tracked; },
           "Tracked, or None where the pose was given or the board is not seen.")
@@ -186,7 +192,8 @@ its shadow from the plane behind them.)")
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,
-             double back_exposure, double front_exposure, const py::object& back_from_marker) {
+             double back_exposure, double front_exposure, const py::object& back_from_marker,
+             const py::object& back_last_row) {
             py::array keep_back, keep_front;
             Frame frame;
             frame.time = time, frame.back_exposure = back_exposure,
@@ -195,13 +202,16 @@ its shadow from the plane behind them.)")
             if (!front.is_none()) frame.front = require_picture(front, "front", keep_front);
             if (!back_from_marker.is_none())
               frame.back_from_marker = require_pose(back_from_marker, "back_from_marker");
+            if (!back_last_row.is_none())
+              frame.back_last_row = require_pose(back_last_row, "back_last_row");
             const py::gil_scoped_release release;
             Result result{session.process(frame), {}, session.plan()};
             result.shadow = session.shadow_map();
             return result;
           },
           py::arg("time"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
-          py::arg("front_exposure"), py::arg("back_from_marker"))
+          py::arg("front_exposure"), py::arg("back_from_marker"),
+          py::arg("back_last_row") = py::none())
       .def_property_readonly("plan", &Session::plan)
       .def_property_readonly("scene", &Session::scene)
       .def_property_readonly("shadow_map", &Session::shadow_map,

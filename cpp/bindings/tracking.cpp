@@ -27,7 +27,7 @@ Doubles covariance_array(const std::array<double, 36>& covariance) {
 
 py::tuple tracked_state(const Tracked& t) {
   return py::make_tuple(t.camera_from_marker, t.residual_px, t.tags, t.covariance, t.ambiguous,
-                        t.ambiguity, t.edges, t.pixels);
+                        t.ambiguity, t.edges, t.pixels, t.last_row);
 }
 
 std::optional<glm::dvec3> optional_vector(const py::object& object, const char* name) {
@@ -95,7 +95,14 @@ void bind_tracking(py::module_& module) {
           }));
 
   py::class_<Tracked>(module, "Tracked", "Where the board is seen by a camera in one picture.")
-      .def_readonly("camera_from_marker", &Tracked::camera_from_marker, "Pose.")
+      .def_readonly(
+          "camera_from_marker", &Tracked::camera_from_marker,
+          "Pose at the picture's time; of a rolling shutter that of the first row, in the "
+          "middle of whose exposure that time is.")
+      .def_readonly(
+          "last_row", &Tracked::last_row,
+          "Pose when the last row was taken, `camera.readout` later, as Capture.add takes "
+          "it; None for a global shutter.")
       .def_readonly(
           "residual_px", &Tracked::residual_px,
           "RMS distance in pixels between seen and expected corners of `tags`; with `edges`, the "
@@ -125,6 +132,7 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
            })
       .def(py::pickle(&tracked_state, [](const py::tuple& t) {
         return Tracked{t[0].cast<Pose>(),
+                       t[8].cast<std::optional<Pose>>(),
                        t[1].cast<double>(),
                        t[2].cast<std::vector<DetectedTag>>(),
                        t[6].cast<int>(),

@@ -69,6 +69,7 @@ class Viewer {
     if (result_.back_from_marker && result_.environment) {
       Frame frame = frame_.view();
       frame.front = {}, frame.back_from_marker = result_.back_from_marker;
+      frame.back_last_row = result_.back_last_row;
       session_.set_environment(result_.environment);
       result_ = session_.process(frame);
       session_.set_environment(nullptr);

@@ -51,6 +51,7 @@ from .comparison import compare
 from .environment_files import read_environment, write_environment
 from .export import export_light
 from .files import read_mesh, read_object, stand
+from .guidance import Guidance, guide
 from .lighting import Lighting, Method, methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
@@ -68,6 +69,7 @@ __all__ = [
     "Environment",
     "Frame",
     "FrameResult",
+    "Guidance",
     "Lighting",
     "MainLight",
     "Material",
@@ -100,6 +102,7 @@ __all__ = [
     "equirect_from_cubemap",
     "export_light",
     "fit_spheres",
+    "guide",
     "light_directions",
     "ggx_albedo",
     "main_lights",

@@ -179,18 +179,26 @@ class Response:
         """
 class Camera:
     """
-    Pinhole camera with OpenCV's lens model. Frame: x right, y down, z forward.
+    A camera with one of OpenCV's lens models. Frame: x right, y down, z forward.
 
     width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion:
     k1 k2 p1 p2 [k3 [k4 k5 k6]]. response: encoded = response(exposure * gain * vignetting * radiance). vignetting:
     v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row
-    to its last: row r is exposed around time + r / height * readout. Raises ValueError for what is not a camera.
+    to its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt
+    2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
+    downwards, pixels a radian; see equirectangular()). The last two measure light, as a rig's front camera or in Capture;
+    boards are tracked in, and objects drawn over, perspective pictures. Raises ValueError for what is not a camera.
     """
     __hash__: typing.ClassVar[None] = None
     @staticmethod
-    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> Camera:
+    def equirectangular(width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> Camera:
         """
-        From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height).
+        A 360° camera: all directions, z in the middle of the picture.
+        """
+    @staticmethod
+    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective') -> Camera:
+        """
+        From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height). model: "perspective", or "fisheye" for what cv2.fisheye calibrates.
         """
     def __copy__(self) -> Camera:
         ...
@@ -198,9 +206,9 @@ class Camera:
         ...
     def __eq__(self, arg0: Camera) -> bool:
         ...
-    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float]:
+    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float, int]:
         ...
-    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
+    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective') -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -208,11 +216,11 @@ class Camera:
         ...
     def project(self, points: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind it and beyond the lens model.
+        Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind a perspective camera and beyond the lens model.
         """
     def unproject(self, pixels: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Directions (..., 3) float64 with z = 1 through pixels (..., 2); NaN beyond the lens model.
+        Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, else of unit length; NaN beyond the lens model.
         """
     @property
     def cx(self) -> float:
@@ -234,6 +242,9 @@ class Camera:
         ...
     @property
     def height(self) -> int:
+        ...
+    @property
+    def model(self) -> str:
         ...
     @property
     def opencv_matrix(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -459,7 +470,7 @@ class Environment:
     @property
     def knowledge(self) -> dict:
         """
-        What the prediction rests on, as shares: of the sky never seen, of the light in what was never seen, of light known as a lower bound, and put wrong because things are near.
+        What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux of the light in what was never seen, of which prior_flux is taken from a map from before, bound_flux of the light known as a lower bound only, parallax put wrong because things are near.
         """
     @property
     def light_positions(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -733,10 +744,11 @@ class Capture:
     distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
     it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
     Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
-    sees them, whatever `distance` and `box` say.
+    sees them, whatever `distance` and `box` say. prior: CubeMap of the place from before; its sky stands for what no
+    picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -1060,7 +1072,7 @@ class Tracked:
     @property
     def camera_from_marker(self) -> Pose:
         """
-        Pose.
+        Pose at the picture's time; of a rolling shutter that of the first row, in the middle of whose exposure that time is.
         """
     @property
     def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1072,6 +1084,11 @@ class Tracked:
     def edges(self) -> int:
         """
         Stretches of edge that the pose rests on; 0 where it rests on corners.
+        """
+    @property
+    def last_row(self) -> Pose | None:
+        """
+        Pose when the last row was taken, `camera.readout` later, as Capture.add takes it; None for a global shutter.
         """
     @property
     def pixels(self) -> int:
@@ -1315,7 +1332,12 @@ class FrameResult:
     @property
     def back_from_marker(self) -> Pose | None:
         """
-        Pose, or None where the board is not seen: the image is the back picture.
+        Pose, or None where the board is not seen: the image is the back picture. Of a rolling shutter that of the first row; the object is drawn with that of the row that shows its middle.
+        """
+    @property
+    def back_last_row(self) -> Pose | None:
+        """
+        Pose when the back camera's last row was taken; None for a global shutter, and where nothing is known of the motion.
         """
     @property
     def environment(self) -> Environment:
@@ -1359,7 +1381,7 @@ class FrameResult:
 class _Session:
     def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None) -> None:
         ...
-    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, back_from_marker: typing.Any) -> FrameResult:
+    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, back_from_marker: typing.Any, back_last_row: typing.Any = None) -> FrameResult:
         ...
     def _set_backend(self, backend: str) -> None:
         ...

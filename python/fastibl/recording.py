@@ -3,7 +3,7 @@
 A recording is a folder:
 
 - rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves, readout in
-  seconds where it is known
+  seconds where it is known, model where it is no perspective camera
 - board.yaml: the printed board: tags, border_bits, page size
 - frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
   `file` is a lossless picture, or a frame of a lossless video: back.mkv#12
@@ -38,7 +38,8 @@ class Frame:
     """Pictures of one moment.
 
     time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of
-    radiance. back_from_marker: Pose where it is known, which skips tracking.
+    radiance. back_from_marker: Pose where it is known, which skips tracking. back_last_row: with it, the pose
+    when the last row of a rolling shutter was taken, `readout` later; None: as the poses before tell.
     """
 
     time: float
@@ -47,6 +48,7 @@ class Frame:
     back_exposure: float = 1.0
     front_exposure: float = 1.0
     back_from_marker: Pose | None = None
+    back_last_row: Pose | None = None
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Frame):
@@ -60,6 +62,7 @@ class Frame:
             and (self.time, self.back_exposure, self.front_exposure)
             == (other.time, other.back_exposure, other.front_exposure)
             and self.back_from_marker == other.back_from_marker
+            and self.back_last_row == other.back_last_row
         )
 
     def __repr__(self) -> str:
@@ -413,6 +416,8 @@ def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
         storage.startWriteStruct(name, cv2.FileNode_MAP)
         storage.write("width", camera.width)
         storage.write("height", camera.height)
+        if camera.model != "perspective":
+            storage.write("model", camera.model)
         storage.write("camera_matrix", camera.opencv_matrix)
         if camera.distortion:
             storage.write("distortion", np.array([camera.distortion], np.float64))
@@ -465,7 +470,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
     curve = None if response.empty() or response.isString() else response.mat()
     if response.isString() and response.string() != "srgb":
         raise ValueError(f'{path}: response must be "srgb" or a curve, got {response.string()!r}')
-    gain, readout = node.getNode("gain"), node.getNode("readout")
+    gain, readout, model = node.getNode("gain"), node.getNode("readout"), node.getNode("model")
     return Camera.from_opencv(
         np.asarray(matrix, np.float64),
         [] if distortion is None else distortion.ravel().tolist(),
@@ -474,6 +479,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
         gain=1.0 if gain.empty() else gain.real(),
         vignetting=[] if vignetting is None else vignetting.ravel().tolist(),
         readout=0.0 if readout.empty() else _number(node, "readout", path),
+        model="perspective" if model.empty() else model.string(),
     )
 
 

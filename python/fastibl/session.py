@@ -115,6 +115,7 @@ class Session(_Session):
             frame.back_exposure,
             frame.front_exposure,
             frame.back_from_marker,
+            frame.back_last_row,
         )
 
     def set_methods(self, methods: Methods) -> None:

@@ -230,15 +230,17 @@ class _Eye:
         self.camera = camera
         y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64) + 0.5
         rays = camera.unproject(np.stack([x, y], axis=-1))
-        if np.isnan(rays).any():
+        reached = ~np.isnan(rays).any(axis=-1)
+        if camera.model == "perspective" and not reached.all():
             raise ValueError("the lens model does not reach the picture's corners")
+        rays[~reached] = [0, 0, 1]  # black: around a fisheye's circle
         self.rays = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)
         y, x = (np.mgrid[: 2 * camera.height, : 2 * camera.width].astype(np.float64) + 0.5) / 2
-        self.fine = camera.unproject(np.stack([x, y], axis=-1)).astype(np.float32)  # 2 x 2 a pixel
+        self.fine = np.nan_to_num(camera.unproject(np.stack([x, y], axis=-1))).astype(np.float32)  # 2 x 2 a pixel
         offsets = (np.mgrid[: camera.height, : camera.width] + 0.5).astype(np.float64)
         r2 = ((offsets[1] - camera.cx) / camera.fx) ** 2 + ((offsets[0] - camera.cy) / camera.fy) ** 2
         factor = 1 + sum(v * r2 ** (k + 1) for k, v in enumerate(camera.vignetting))
-        self.factor = (camera.gain * np.maximum(factor, 1e-3)).astype(np.float32)[..., None]
+        self.factor = (camera.gain * np.maximum(factor, 1e-3) * reached).astype(np.float32)[..., None]
         codes = camera.response.encode(np.linspace(0, 1, 65536, dtype=np.float32))
         self.codes = np.round(codes * 255).astype(np.uint8)
 
@@ -302,7 +304,7 @@ class _PrintedBoard:
         seen = eye.camera.project(camera_from_marker @ outline)
         height, width = picture.shape[:2]
         least, most = (0, top), (width, top + height)
-        if np.isnan(seen).any():
+        if np.isnan(seen).any() or eye.camera.model != "perspective":
             (x0, y0), (x1, y1) = least, most
         else:
             x0, y0 = np.clip(np.floor(seen.min(axis=0)).astype(int) - 2, least, most)
@@ -476,7 +478,7 @@ def simulate(
 
 def _with_readout(rig: Rig, readout: float) -> Rig:
     def camera(c: Camera) -> Camera:
-        lens = {name: getattr(c, name) for name in ("distortion", "response", "gain", "vignetting")}
+        lens = {name: getattr(c, name) for name in ("distortion", "response", "gain", "vignetting", "model")}
         return Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, readout=readout)
 
     return Rig(camera(rig.back)) if rig.front is None else Rig(camera(rig.back), camera(rig.front), rig.front_from_back)

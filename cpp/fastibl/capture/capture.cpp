@@ -51,8 +51,12 @@ struct Capture::View {
   float light;   // linear value
 };
 
-Capture::KnownCamera::KnownCamera(const Camera& given)
-    : camera(given), lens(given), bounds(picture_bounds(given, lens)), noise(given.response) {}
+Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignette)
+    : camera(given),
+      pixel_vignette(std::move(vignette)),
+      lens(given),
+      bounds(picture_bounds(given, lens)),
+      noise(given.response) {}
 
 Capture::KnownCamera& Capture::known(const Camera& camera) {
   for (KnownCamera& k : cameras_)
@@ -60,6 +64,18 @@ Capture::KnownCamera& Capture::known(const Camera& camera) {
   camera.validate();
   if (cameras_.size() == kCameras) cameras_.erase(cameras_.begin());
   return cameras_.emplace_back(camera);
+}
+
+Capture::KnownWide& Capture::known_wide(const Camera& camera) {
+  for (KnownWide& k : wide_cameras_)
+    if (k.camera == camera) return k;
+  camera.validate();
+  if (wide_cameras_.size() == kCameras) wide_cameras_.erase(wide_cameras_.begin());
+  KnownWide& wide = wide_cameras_.emplace_back();
+  wide.camera = camera;
+  wide.sides = sides_of(camera, grid_.size);
+  for (const WideSide& side : wide.sides) wide.known.emplace_back(side.camera, side.vignette);
+  return wide;
 }
 
 namespace {
@@ -81,6 +97,7 @@ CaptureOptions checked(CaptureOptions options) {
             "the room's box must be finite and hold the centre, got ", b.lower[k], " to ",
             b.upper[k], " along axis ", k, " around ", centre[k]);
   }
+  check(!options.prior || options.prior->size() > 0, "the prior map has no texels");
   check(options.plane_albedo > 0 && options.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
   return options;
@@ -128,13 +145,20 @@ Capture::Capture(CaptureOptions options)
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   at_rim_.assign(tiles, 0);
+  if (options_.prior) {
+    prior_.emplace(*options_.prior, grid_);
+    unseen_.give_sky();
+    for (int tile = 0; tile < grid_.count(); ++tile)
+      if (unseen_.above(tile)) sky_.push_back(tile), unseen_.give(tile, prior_->mean(tile));
+    std::vector<int> all;
+    unseen_.update({}, sums_, tile_projected_, 0, all);
+  }
   for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
 
 void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
                   double exposure, double time, ImageView<const std::uint8_t> mask,
                   const std::optional<Pose>& last_row) {
-  KnownCamera& k = known(camera);
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
@@ -145,13 +169,33 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
         exposure);
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
-  const std::ptrdiff_t index = &k - cameras_.data();
-  int refills = refills_after(time, index);
-  const bool all_refills = refills == grid_.count();
-  time_ = time, last_camera_ = index;
+  const bool perspective = camera.model == CameraModel::perspective;
+  KnownCamera* const one = perspective ? &known(camera) : nullptr;
+  KnownWide* const wide = perspective ? nullptr : &known_wide(camera);
+  const int refills = refills_after(time, camera);
+  time_ = time;
+  if (last_camera_ != camera) last_camera_ = camera;
   const RowPoses poses(camera_from_marker, last_row);
-
   bright_ = MainLightOptions{}.brightness * mean_radiance();
+  std::vector<int> changed;
+  bool any = false;
+  if (one) {
+    any = take(picture, *one, poses, exposure, mask, changed);
+  } else {
+    for (std::size_t i = 0; i < wide->sides.size(); ++i) {
+      const WideSide& side = wide->sides[i];
+      wide->picture.take(side, picture, mask);
+      const RowPoses side_poses(side.side_from_camera * poses.at(0.5));
+      any |= take(wide->picture.picture(), wide->known[i], side_poses, exposure,
+                  wide->picture.mask(), changed);
+    }
+  }
+  if (any) take_changes(changed, refills);
+}
+
+bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses, double exposure,
+                   ImageView<const std::uint8_t> mask, std::vector<int>& changed) {
+  const Camera& camera = k.camera;
   if (options_.locate_lights) locate_lights(picture, k, poses, exposure);
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
@@ -181,7 +225,7 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       tiles_.push_back(tile);
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
-  if (tiles_.empty()) return;
+  if (tiles_.empty()) return false;
   find_bands(texels, float(camera.height));
   // Probes are four times as large as texels.
   levels_.make(picture, camera.response, levels_for(4 * most));
@@ -196,11 +240,18 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       changed_[std::size_t(i)] = add_tile(view, tiles_[std::size_t(i)]);
     }
   });
-  std::vector<int> changed, refilled;
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) changed.push_back(tiles_[i]);
+  return true;
+}
+
+// refills: see refills_after().
+void Capture::take_changes(const std::vector<int>& changed, int refills) {
+  const bool all_refills = refills == grid_.count();
+  std::vector<int> refilled;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
   if (all_refills || ++pictures_ % kPicturesPerFill == 0) {
+    if (prior_) match_prior(refilled);
     unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);
     new_sums_.clear();
   }
@@ -276,9 +327,9 @@ void Capture::make_levels(int tile) {
 }
 
 // How many tiles may get new values where they are unseen.
-int Capture::refills_after(double time, std::ptrdiff_t camera) const {
+int Capture::refills_after(double time, const Camera& camera) const {
   // Pictures without times of their own are no film.
-  const bool still = time == time_ && camera == last_camera_;
+  const bool still = time == time_ && last_camera_ == camera;
   const double share = still ? 1 : std::clamp((time - time_) / kRefillTime, kLeastRefill, 1.0);
   return int(share * grid_.count());
 }
@@ -289,6 +340,10 @@ bool Capture::refill(int tile) {
   const int seen = sums_[std::size_t(tile)].count;
   stale_fill_[std::size_t(tile)] = 0;
   if (seen == r.texels()) return false;
+  if (has_prior(tile)) {
+    refill_from_prior(tile);
+    return true;
+  }
   const glm::vec3 fill = unseen_.fill(tile);
   filled_[std::size_t(tile)] = fill;
   if (seen == 0) {
@@ -302,10 +357,34 @@ bool Capture::refill(int tile) {
   return true;
 }
 
+void Capture::refill_from_prior(int tile) {
+  const FaceRect r = tile_rect(grid_, tile);
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const float* angles =
+      &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())];
+  glm::dvec3 flux(0);
+  double angle = 0;
+  for (int k = 0; k < r.texels(); ++k) {
+    if (state_.last_seen.at(tile, k) > kNever) continue;
+    const glm::vec3 value = prior_->texel(tile, k);
+    for (int c = 0; c < 3; ++c) state_.value[c][start + std::size_t(k)] = value[c];
+    flux += double(angles[k]) * glm::dvec3(value), angle += double(angles[k]);
+  }
+  filled_[std::size_t(tile)] = glm::vec3(flux / angle);
+  make_levels(tile);
+}
+
+void Capture::match_prior(std::vector<int>& refilled) {
+  if (!prior_->match(sums_, tile_angle_, sky_)) return;
+  for (const int tile : sky_) {
+    unseen_.give(tile, prior_->mean(tile));
+    if (sums_[std::size_t(tile)].count < tile_rect(grid_, tile).texels()) refilled.push_back(tile);
+  }
+}
+
 // Reads the picture where it shows texels.
 bool Capture::look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
                    Samples& samples) const {
-  const Camera& camera = view.known.camera;
   if (!view.mask.empty())
     for (int i = 0; i < count; ++i)
       if (sightings.seen[i])
@@ -317,20 +396,21 @@ bool Capture::look(const View& view, const Depth& depth, int count, bool fine, S
         sightings.seen[i] &= !(x * x + y * y < disc.squared_radius);
       }
   const bool rim = sample_footprints(levels_, sightings, count, view.light, fine, samples);
-  if (camera.vignetting.empty())
+  if (!view.known.vignettes())
     std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
   else
     for (int i = 0; i < lanes_of(count); ++i)
       samples.radiance_per_linear[i] =
-          sightings.seen[i] ? float(view.scale / camera.vignette({sightings.x[i], sightings.y[i]}))
-                            : 1.0f;
+          sightings.seen[i]
+              ? float(view.scale / view.known.vignette(sightings.x[i], sightings.y[i]))
+              : 1.0f;
   return rim;
 }
 
 TileSighting Capture::sighting(const View& view, int tile, const Sightings& sightings,
                                const Samples& samples, int first, int count) const {
   TileSighting s{time_, float(view.scale), float(view.scale), most_pixels_[std::size_t(tile)]};
-  if (!view.known.camera.vignetting.empty())
+  if (view.known.vignettes())
     for (int i = first; i < first + count; ++i)
       if (sightings.seen[i]) {
         s.least_scale = std::min(s.least_scale, samples.radiance_per_linear[i]);

@@ -9,6 +9,7 @@
 
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/light_tracks.h"
+#include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/quiet_tiles.h"
 #include "fastibl/capture/row_poses.h"
 #include "fastibl/capture/surroundings.h"
@@ -16,6 +17,7 @@
 #include "fastibl/capture/texel_view.h"
 #include "fastibl/capture/tile_pyramids.h"
 #include "fastibl/capture/unseen.h"
+#include "fastibl/capture/wide_picture.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/board.h"
@@ -36,6 +38,9 @@ struct CaptureOptions {
   std::optional<RoomBox> box;  // instead of `distance`: the room's walls, around `centre`
   // Whether lights that several pictures show are triangulated, and put where the object sees them.
   bool locate_lights = true;
+  // A map of the place from before, whose sky stands for what no picture has seen, as bright as
+  // what was seen of it says. Null for none.
+  std::shared_ptr<const CubeMap> prior;
   double plane_albedo = 0.5;  // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
 
@@ -57,7 +62,8 @@ class Capture {
 
   // time: seconds, not decreasing. mask: one byte a pixel, 0 where the picture shows what is not
   // part of the place; empty for none. last_row: the pose when the picture's last row was taken,
-  // where a rolling shutter reads it; camera_from_marker is then that of the first row. Throws
+  // where a rolling shutter reads it; camera_from_marker is then that of the first row (of fisheye
+  // and 360° cameras the pose half-way is used). Throws
   // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
   // is not positive and finite, or a time before the last one.
   void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
@@ -70,22 +76,42 @@ class Capture {
   std::shared_ptr<const Environment> environment();
 
   int size() const { return options_.size; }
+  const glm::dvec3& centre() const { return options_.centre; }
   double time() const { return time_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
   std::vector<double> last_seen() const;
 
  private:
   struct KnownCamera {
-    explicit KnownCamera(const Camera& camera);
+    explicit KnownCamera(const Camera& camera, std::vector<float> vignette = {});
+    bool vignettes() const { return !camera.vignetting.empty() || !pixel_vignette.empty(); }
+    double vignette(float x, float y) const {
+      return pixel_vignette.empty()
+                 ? camera.vignette({x, y})
+                 : double(pixel_vignette[std::size_t(int(y) * camera.width + int(x))]);
+    }
     Camera camera;
+    std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
     PictureBounds bounds;
     SensorNoise noise;
     glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
     double looked_at = kNever;  // and when, seconds
   };
+  // A fisheye or 360° camera: what is known of its sides.
+  struct KnownWide {
+    Camera camera;
+    std::vector<WideSide> sides;
+    std::vector<KnownCamera> known;
+    SidePicture picture;
+  };
   struct View;  // of one picture
   KnownCamera& known(const Camera& camera);
+  KnownWide& known_wide(const Camera& camera);
+  // Of a perspective picture: adds tiles that changed; false if the map holds nothing of it.
+  bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
+            double exposure, ImageView<const std::uint8_t> mask, std::vector<int>& changed);
+  void take_changes(const std::vector<int>& changed, int refills);
   // True if it shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
@@ -123,9 +149,12 @@ class Capture {
   void prefetch_tile(int tile) const;
   void prefetch_rows(int tile, const CubeMap& map) const;
   void make_levels(int tile);
-  int refills_after(double time, std::ptrdiff_t camera) const;
+  int refills_after(double time, const Camera& camera) const;
   bool is_small_refill(int tile) const;
   bool refill(int tile);
+  bool has_prior(int tile) const { return prior_ && unseen_.above(tile); }
+  void refill_from_prior(int tile);
+  void match_prior(std::vector<int>& refilled);
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
 
@@ -148,6 +177,8 @@ class Capture {
   std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
   std::vector<TileSums> sums_;               // by tile
   UnseenTiles unseen_;
+  std::optional<PriorMap> prior_;
+  std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map
   std::vector<std::uint8_t> stale_fill_;  // where it is no longer that of unseen_
   int next_refill_ = 0, pictures_ = 0;
@@ -156,7 +187,8 @@ class Capture {
   QuietTiles quiet_;
   std::vector<std::uint64_t> versions_;  // by tile, as the map's
   std::vector<KnownCamera> cameras_;
-  std::ptrdiff_t last_camera_ = -1;
+  std::vector<KnownWide> wide_cameras_;
+  std::optional<Camera> last_camera_;
   FrameLevels levels_;
   std::vector<float> most_pixels_;
   std::vector<int> tiles_;  // that the picture may see

@@ -159,9 +159,9 @@ void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSum
   }
   ++calls_;
   for (const int half : {0, 1})
-    if (seen_[half] && !changed.empty())
+    if (seen_[half] && !changed.empty() && !(half && given_sky_))
       interpolate(half, sources(half, sums, time), !had[half], sums, refilled);
-  if (!seen_[1]) fill_half(true, sky_without_pictures(sums), refilled);
+  if (!seen_[1] && !given_sky_) fill_half(true, sky_without_pictures(sums), refilled);
   if (!seen_[0]) {
     glm::dvec3 irradiance(0);  // of the plane
     for (std::size_t i = 0; i < sums.size(); ++i)

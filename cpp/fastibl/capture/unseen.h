@@ -26,6 +26,10 @@ class UnseenTiles {
   void update(std::span<const int> changed, const std::vector<TileSums>& sums,
               const std::vector<double>& tile_projected, double time, std::vector<int>& refilled);
 
+  // From now on the sky is known from elsewhere: its fills are given, the plane's follow them.
+  void give_sky() { given_sky_ = true; }
+  void give(int tile, glm::vec3 fill) { fill_[std::size_t(tile)] = fill; }
+
   glm::vec3 fill(int tile) const { return fill_[std::size_t(tile)]; }
   bool above(int tile) const { return above_[std::size_t(tile)]; }
 
@@ -48,6 +52,7 @@ class UnseenTiles {
   std::vector<double> first_seen_;  // seconds; −∞ until then
   std::vector<glm::vec3> fill_;
   bool seen_[2] = {false, false};  // below, above
+  bool given_sky_ = false;
   int calls_ = 0;
 };
 

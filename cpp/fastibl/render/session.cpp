@@ -1,5 +1,6 @@
 #include "fastibl/render/session.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "fastibl/core/clock.h"
@@ -219,14 +220,46 @@ bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose)
                                   frame.front_exposure == *capture_exposure_));
 }
 
-void Session::capture_frame(const Frame& frame, const std::optional<Pose>& pose) {
+// The rows' motion as tracked or given, or else that of the last frames.
+void Session::find_motion(const Frame& frame, FrameResult& result) {
+  const Pose& pose = *result.back_from_marker;
+  const double readout = rig_.back.readout;
+  recent_.add(frame.time, pose);
+  result.back_last_row = result.tracked ? result.tracked->last_row : frame.back_last_row;
+  if (result.back_last_row)
+    motion_ = MotionRate{motion_between(pose, *result.back_last_row), readout};
+  else
+    motion_ = recent_.motion();
+  if (readout > 0 && motion_) result.back_last_row = motion_->later(pose, readout);
+  last_pose_ = pose, last_pose_time_ = frame.time;
+}
+
+Pose Session::drawn_pose(const FrameResult& result) const {
+  const Pose& first = *result.back_from_marker;
+  if (!result.back_last_row) return first;
+  const RowMotion motion = motion_between(first, *result.back_last_row);
+  const Pose middle = motion.moved(first, 0.5);
+  const auto pixel = rig_.back.project(middle * capture_->centre());
+  const double share = pixel ? std::clamp(pixel->y / rig_.back.height, 0.0, 1.0) : 0.5;
+  return motion.moved(first, share);
+}
+
+void Session::capture_frame(const Frame& frame, const FrameResult& result) {
   const bool continuous = options_.methods.capture == CaptureMethod::continuous;
+  const std::optional<Pose>& pose = result.back_from_marker;
   if (continuous && pose && !frame.back.empty())
-    capture_->add(frame.back, rig_.back, *pose, frame.back_exposure, frame.time);
+    capture_->add(frame.back, rig_.back, *pose, frame.back_exposure, frame.time, {},
+                  result.back_last_row);
   if (!frame.front.empty() && rig_.front) {
-    const Pose back_from_marker = pose ? *pose : *last_pose_;
-    capture_->add(frame.front, *rig_.front, rig_.front_from_back * back_from_marker,
-                  frame.front_exposure, frame.time);
+    const auto front_from_marker = [&](double time) {
+      const double later = time - last_pose_time_;
+      return rig_.front_from_back *
+             (motion_ && later > 0 ? motion_->later(*last_pose_, later) : *last_pose_);
+    };
+    std::optional<Pose> last_row;
+    if (rig_.front->readout > 0) last_row = front_from_marker(frame.time + rig_.front->readout);
+    capture_->add(frame.front, *rig_.front, front_from_marker(frame.time), frame.front_exposure,
+                  frame.time, {}, last_row);
     last_capture_time_ = frame.time;
     if (!capture_exposure_) capture_exposure_ = frame.front_exposure;
   }
@@ -247,6 +280,10 @@ void Session::check_frame(const Frame& frame) const {
         "exposures must be positive and finite, got ", frame.front_exposure);
   check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
         "a frame needs a picture or a pose");
+  check(!frame.back_last_row || (frame.back_from_marker && rig_.back.readout > 0),
+        "a pose of the last row needs one of the first and a back camera with a readout, got a "
+        "readout of ",
+        rig_.back.readout, " s");
   check(std::isfinite(frame.time) && (!last_time_ || frame.time >= *last_time_),
         "time must not run backwards: ", frame.time, " s after ", last_time_.value_or(0), " s");
 }
@@ -265,7 +302,8 @@ LightingOptions Session::lighting_options() const {
 }
 
 // Runs a pass; false where it had nothing to do.
-bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose) {
+bool Session::run_pass(PassId id, const Frame& frame, const FrameResult& result,
+                       const Pose& drawn_from) {
   const auto radiance = [&] {  // null before there is a map: what only glows reads none
     return environment_ ? std::shared_ptr<const CubeMap>(environment_, &environment_->radiance)
                         : nullptr;
@@ -274,8 +312,8 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     case PassId::track:
       return false;  // ran before: it decides what is due
     case PassId::capture:
-      if (!wants_capture(frame, pose)) return false;
-      capture_frame(frame, pose);
+      if (!wants_capture(frame, result.back_from_marker)) return false;
+      capture_frame(frame, result);
       return true;
     case PassId::mips:
       environment_ = capture_->environment();
@@ -301,7 +339,7 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       find_holdout_ratios();
       return true;
     case PassId::shade:
-      find_glossy_shares(*pose);
+      find_glossy_shares(drawn_from);
       if (bounce_.empty() && near_shares_.empty()) break;
       changed_shares_ = own_shares();
       if (changed_shares_.empty())
@@ -326,10 +364,10 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
-  renderer_->run(
-      id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back, frame.back_exposure,
-           bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_, plane_gain_,
-           holdout_ratios_});
+  renderer_->run(id, {scene_, options_.methods, *lighting_, rig_.back, drawn_from, frame.back,
+                      frame.back_exposure,
+                      bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_,
+                      plane_gain_, holdout_ratios_});
   return true;
 }
 
@@ -356,13 +394,14 @@ FrameResult Session::process(const Frame& frame) {
   const std::optional<Pose>& pose = result.back_from_marker;
   stale_ |= product::back_picture | product::pose;
   if (wants_capture(frame, pose)) stale_ |= product::light_pictures;
-  if (pose) last_pose_ = pose, last_pose_time_ = frame.time;
+  if (pose) find_motion(frame, result);
+  const Pose drawn_from = pose ? drawn_pose(result) : Pose{};
 
   Products wanted = product::texels;
   // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map.
   if (pose) wanted |= product::image;
   for (const PassId id : due_passes(plan_, wanted, stale_))
-    timed(id, [&] { return run_pass(id, frame, pose); });
+    timed(id, [&] { return run_pass(id, frame, result, drawn_from); });
   update_plan();  // its errors, now that this frame's light is known
   if (pose)
     result.image = renderer_->image();

@@ -12,6 +12,7 @@
 #include "fastibl/capture/capture.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/plan.h"
+#include "fastibl/render/recent_motion.h"
 #include "fastibl/render/renderer.h"
 #include "fastibl/scene/board.h"
 #include "fastibl/scene/camera.h"
@@ -33,14 +34,19 @@ struct Frame {
   double time = 0;  // seconds, not decreasing
   Picture back, front;
   double back_exposure = 1, front_exposure = 1;
-  std::optional<Pose> back_from_marker;  // skips tracking
+  // Skips tracking. Of a rolling shutter: of the first row.
+  std::optional<Pose> back_from_marker;
+  // With it, where the back camera has a readout and the pose of its last row is known; else that
+  // comes from the poses before.
+  std::optional<Pose> back_last_row;
 };
 
 struct FrameResult {
   Image<std::uint8_t> image;  // RGB; RGBA with straight alpha where the frame has no back picture
   std::optional<Pose>
       back_from_marker;  // nothing where the board is not seen: the picture is the back picture
-  std::optional<Tracked> tracked;  // where it was tracked, not given
+  std::optional<Pose> back_last_row;  // of a rolling shutter, where its motion is known
+  std::optional<Tracked> tracked;     // where it was tracked, not given
   std::shared_ptr<const Environment> environment;
   std::shared_ptr<const Lighting> lighting;
   std::vector<PassId> passes;             // that ran
@@ -93,10 +99,14 @@ class Session {
   void replan();       // after a change of what is wanted: makes stale what it concerns
   void check_frame(const Frame& frame) const;
   LightingOptions lighting_options() const;
-  bool run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose);
+  // drawn_from: the pose that the object is drawn with, see drawn_pose.
+  bool run_pass(PassId id, const Frame& frame, const FrameResult& result, const Pose& drawn_from);
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
-  void capture_frame(const Frame& frame, const std::optional<Pose>& pose);
+  void capture_frame(const Frame& frame, const FrameResult& result);
+  void find_motion(const Frame& frame, FrameResult& result);
+  // Of the row that shows the middle of the object.
+  Pose drawn_pose(const FrameResult& result) const;
   void clear_shares();  // to what the method is without a map
   void find_diffuse_shares();
   void find_glossy_shares(const Pose& camera_from_marker);
@@ -130,6 +140,8 @@ class Session {
   std::vector<glm::vec4> holdout_ratios_;  // of RenderInput
   Plan plan_;
   Products stale_ = product::all & ~product::inputs;
+  RecentMotion recent_;
+  std::optional<MotionRate> motion_;  // of the back camera at last_pose_
   std::optional<Pose> last_pose_;
   double last_pose_time_ = 0;
   std::optional<double> last_time_;

@@ -34,15 +34,17 @@ double match_at(const LightReader& light, const BoardPattern& pattern,
 }  // namespace
 
 std::vector<ProjectedTag> project_tags(const BoardPattern& pattern, const Camera& camera,
-                                       const Lens& lens, const Pose& pose) {
+                                       const Lens& lens, const Pose& pose, const Rows* rows) {
   std::vector<ProjectedTag> tags;
+  double later = 0;
   if (!(pose.inverse().translation.z > 0)) return tags;  // its back is no board
   tags.reserve(pattern.tags.size());
   for (std::size_t k = 0; k < pattern.tags.size(); ++k) {
     ProjectedTag tag{k, {}, 0};
     tag.nodes.reserve(pattern.tags[k].nodes.size());
     for (const glm::dvec2& node : pattern.tags[k].nodes) {
-      const auto pixel = lens.project(pose * glm::dvec3(node, 0));
+      const glm::dvec3 at = pose * glm::dvec3(node, 0);
+      const auto pixel = rows ? rows->project(lens, at, later) : lens.project(at);
       if (!pixel) break;
       tag.nodes.push_back(*pixel);
     }
@@ -51,6 +53,16 @@ std::vector<ProjectedTag> project_tags(const BoardPattern& pattern, const Camera
     if (std::isfinite(tag.module)) tags.push_back(std::move(tag));
   }
   return tags;
+}
+
+double middle_share(const BoardPattern& pattern, const Camera& camera, const Lens& lens,
+                    const Pose& pose) {
+  double sum = 0;
+  int count = 0;
+  for (const TagPattern& tag : pattern.tags)
+    if (const auto pixel = lens.project(pose * glm::dvec3(tag.nodes[tag.nodes.size() / 2], 0)))
+      if (camera.inside(*pixel)) sum += pixel->y / camera.height, ++count;
+  return count > 0 ? sum / count : 0.5;
 }
 
 double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag,

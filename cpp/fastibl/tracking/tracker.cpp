@@ -162,7 +162,7 @@ bool invert(const std::array<double, 36>& a, std::array<double, 36>& inverse) {
   for (std::size_t c = 0; c < 6; ++c) {
     std::array<double, 6> unit{}, x{};
     unit[c] = 1;
-    if (!solve6(a, unit, x)) return false;
+    if (!solve_symmetric<6>(a, unit, x)) return false;
     for (std::size_t r = 0; r < 6; ++r) inverse[6 * r + c] = x[r];
   }
   return true;

@@ -1,0 +1,21 @@
+"""What a rig has to know of itself, measured: lenses, responses, the board, and how its cameras sit to each other.
+
+Each figure comes with its standard deviation, and where the data cannot support it, with a refusal instead: a
+ValueError that says what to photograph.
+"""
+
+from .board import BoardCalibration, calibrate_board
+from .intrinsics import CameraCalibration, calibrate_camera
+from .response import ResponseCalibration, calibrate_response
+from .rig import RigCalibration, calibrate_rig
+
+__all__ = [
+    "BoardCalibration",
+    "CameraCalibration",
+    "ResponseCalibration",
+    "RigCalibration",
+    "calibrate_board",
+    "calibrate_camera",
+    "calibrate_response",
+    "calibrate_rig",
+]
