@@ -402,3 +402,62 @@ def test_arguments_are_checked():
     environment = fastibl.Environment(cube, centre=[0, 0, 1], lights=[[0, 0, 2, 0.1]])
     assert environment.centre == (0, 0, 1)
     assert environment.light_positions.tolist() == [[0, 0, 2, 0.1]]
+
+
+SPHERES = np.array([[0.0, 0, 0.05, 0.03], [0.02, 0.01, 0.085, 0.02], [-0.03, 0.02, 0.01, 0.02]], np.float32)
+
+
+def spheres_ratio(points, spheres, position, radius, facing, ambient, count=200):
+    """By rays to the lamp's disc, and to even light."""
+    sky = fastibl.texel_directions(40).reshape(-1, 3).astype(np.float64)
+    angles = np.tile(np.asarray(fastibl.texel_solid_angles(40), float).ravel(), 6)
+    sky /= np.linalg.norm(sky, axis=1, keepdims=True)
+    sky, angles = sky[sky[:, 2] > 0], angles[sky[:, 2] > 0]
+    radiance = facing / (np.pi * (radius / np.linalg.norm(position - CENTRE)) ** 2)
+
+    def hidden(p, d, end=np.inf):
+        out = np.zeros(len(d), bool)
+        for *c, r in spheres.astype(float):
+            m = np.array(c) - p
+            along = d @ m
+            inside = along**2 - m @ m + r * r
+            first = along - np.sqrt(np.maximum(inside, 0))
+            out |= (m @ m < r * r) | ((inside > 0) & (along > 0) & (first < end))
+        return out
+
+    result = []
+    for x, y in points:
+        p = np.array([x, y, 0.0])
+        arrow = position - p
+        z = arrow / np.linalg.norm(arrow)
+        side = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.7 else [0, 1.0, 0])
+        side /= np.linalg.norm(side)
+        span = 1 - np.sqrt(1 - radius**2 / (arrow @ arrow))
+        c = 1 - span * (np.arange(count) + 0.5) / count
+        s, turn = np.sqrt(1 - c * c), np.arange(count) * np.pi * (3 - np.sqrt(5))
+        d = c[:, None] * z + s[:, None] * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * np.cross(z, side))
+        own = radiance * 2 * np.pi * span / count * np.maximum(d[:, 2], 0)
+        even = ambient * angles * sky[:, 2]
+        kept = own[~hidden(p, d, np.linalg.norm(arrow))].sum() + even[~hidden(p, sky)].sum()
+        result.append(kept / (own.sum() + even.sum()))
+    return np.array(result)
+
+
+@pytest.mark.parametrize("position", [CENTRE + 0.25 * TOWARDS, CENTRE + 0.5 * TOWARDS, np.array([0.2, 0.1, 0.09])])
+def test_the_shadow_of_spheres_by_a_near_lamp(mesh, position):
+    """The last lamp is lower than the object is high."""
+    radius, facing = 0.01, 3.0
+    arrow = position - CENTRE
+    distance = np.linalg.norm(arrow)
+    cube = lamp_map(radius, distance, facing, size=128, towards=arrow / distance)
+    grid = np.linspace(-0.2, 0.2, 41)
+    points = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    true = spheres_ratio(points, SPHERES, position, radius, facing, AMBIENT)
+    shaded = 1 - true > 0.01
+    rms = {}
+    for name, environment in {"near": placed(cube, [*position, radius]), "distant": fastibl.Environment(cube)}.items():
+        cast = fastibl.DirectionShadow(512).cast(environment, SPHERES)
+        rms[name] = np.sqrt(((cast.sample(points[shaded].astype(np.float32))[:, 0] - true[shaded]) ** 2).mean())
+    print(f"{distance:.2f} m: " + ", ".join(f"{k} {v:.4f}" for k, v in rms.items()))
+    assert rms["near"] < 0.05
+    assert rms["near"] < rms["distant"] / 2

@@ -855,9 +855,9 @@ class DirectionShadow:
     """
     def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256) -> None:
         ...
-    def cast(self, cube: CubeMap, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
+    def cast(self, cube: typing.Any, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
         """
-        ShadowMap of spheres (m, 4) under a map, see cast_shadow.
+        ShadowMap of spheres (m, 4) under a CubeMap, or an Environment, whose near lights cast it from where they are; see cast_shadow.
         """
     @property
     def light(self) -> tuple:
