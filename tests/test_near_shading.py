@@ -461,3 +461,60 @@ def test_the_shadow_of_spheres_by_a_near_lamp(mesh, position):
     print(f"{distance:.2f} m: " + ", ".join(f"{k} {v:.4f}" for k, v in rms.items()))
     assert rms["near"] < 0.05
     assert rms["near"] < rms["distant"] / 2
+
+
+ROOM = np.array([[-0.7, -0.9, 0.0], [0.8, 0.6, 1.1]])
+
+
+def walls(points):
+    """Radiance (..., 3) of the walls of a room, smooth and different everywhere."""
+    x, y, z = np.moveaxis(np.asarray(points, float), -1, 0)
+    one = 1 + 0.7 * np.sin(4 * x + 1) * np.cos(3 * y) * np.cos(5 * z)
+    return np.stack([one, 1 + 0.6 * np.sin(5 * y + 2 * z), 1 + 0.5 * np.cos(4 * x - 3 * z)], axis=-1)
+
+
+def in_room(eye, d):
+    with np.errstate(divide="ignore"):
+        t = np.where(d > 0, (ROOM[1] - eye) / d, (ROOM[0] - eye) / d).min(axis=-1)
+    return walls(eye + t[..., None] * d)
+
+
+def room_map(size=128):
+    return fastibl.CubeMap(in_room(CENTRE, fastibl.texel_directions(size).astype(float)).astype(np.float32))
+
+
+def mirrored(places, middle):
+    """What pixels show of a mirror ball."""
+    d = CAMERA.unproject(places[:, ::-1] + 0.5) @ POSE.rotation
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    along = d @ (middle - EYE)
+    t = along - np.sqrt(along**2 - np.sum((middle - EYE) ** 2) + 0.05**2)
+    n = (EYE + t[:, None] * d - middle) / 0.05
+    return in_room(EYE + t[:, None] * d, d - 2 * (d * n).sum(axis=1, keepdims=True) * n), (d * n).sum(axis=1)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("kind", ["mirror", "mip", "pbr"])
+def test_walls_of_a_box_are_seen_where_they_are(kind, backend):
+    middle = np.array([0.06, 0.04, 0.05])
+    ball = fastibl.Mesh(*icosphere(0.05, middle, 5))
+    material = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=1e5)
+    methods = {"self_shadow": "none", **({"glossy": "mip"} if kind == "mip" else {})}
+    if kind == "pbr":
+        material = fastibl.Material.pbr((1, 1, 1), 1.0, 0.1)
+    errors = {}
+    for name, box in {"box": ROOM.tolist(), "infinity": None}.items():
+        environment = fastibl.Environment(room_map(), centre=CENTRE, box=box)
+        s, _ = processed(ball, environment, material, backend, **methods)
+        light, places = whole_pixels(s.object)
+        true, facing = mirrored(places, middle)
+        ours = np.abs(light - true)[facing < -0.5]  # towards the rim a pixel shows half the room
+        errors[name] = np.sqrt((ours**2).mean()) / true.mean()
+    print(kind, backend, errors)
+    assert errors["box"] < (0.05 if kind == "pbr" else 0.03)
+    assert errors["box"] < errors["infinity"] / (2 if kind == "pbr" else 3)
+
+
+def test_a_box_without_its_centre_is_refused():
+    with pytest.raises(ValueError, match="box must be finite and hold the centre"):
+        fastibl.Environment(room_map(8), centre=[0.0, 0, 2], box=ROOM.tolist())
