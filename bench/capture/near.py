@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
-from fastibl.room import Room, truth_map
+from fastibl.room import LOWER, UPPER, Room, truth_map
 
 from ..goals import Goal, percent, row
 
@@ -172,7 +172,7 @@ def camera() -> tuple[fastibl.Camera, fastibl.Pose]:
     matrix = np.eye(4)
     matrix[:3, :3] = np.stack([x, np.cross(z, x), z])
     matrix[:3, 3] = -matrix[:3, :3] @ eye
-    return fastibl.Camera(160, 160, 420.0, 420.0, 80.0, 80.0), fastibl.Pose(matrix)
+    return fastibl.Camera(640, 640, 1680.0, 1680.0, 320.0, 320.0), fastibl.Pose(matrix)
 
 
 @cache
@@ -204,15 +204,15 @@ def plane() -> Surface:
     return Surface(p, np.tile([0.0, 0, 1], (len(p), 1)), bvh())
 
 
-_EXPONENT = 32.0
+_EXPONENT = 32.0  # of the glossy object
 MATTE = fastibl.Material(diffuse=(1, 1, 1))
 GLOSSY = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=_EXPONENT)
 
 
-def _lobe(directions: NDArray, normal: NDArray, view: NDArray) -> NDArray:
+def _lobe(directions: NDArray, normal: NDArray, view: NDArray, exponent: float) -> NDArray:
     half = directions + view
     half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-30)
-    return np.maximum(half @ normal, 0) ** _EXPONENT * np.maximum(directions @ normal, 0)
+    return np.maximum(half @ normal, 0) ** exponent * np.maximum(directions @ normal, 0)
 
 
 @cache
@@ -224,26 +224,26 @@ def _views() -> NDArray:
 
 
 @cache
-def _glossy_of_room() -> tuple[NDArray, NDArray]:
+def _glossy_of_room(exponent: float) -> tuple[NDArray, NDArray]:
     """Sum of room and lobe (n, 3) of each pixel, nothing hidden, and of the lobe alone (n, 1)."""
     _, surface = seen()
     d, angles = _directions(_RAYS * _SPLIT)
     sums, whole = np.zeros((len(surface.points), 3)), np.zeros((len(surface.points), 1))
     for k, (p, n, v) in enumerate(zip(surface.points, surface.normals, _views(), strict=True)):
-        weight = _lobe(d, n, v) * angles
+        weight = _lobe(d, n, v, exponent) * angles
         some = weight > 1e-6 * weight.max()
         light = np.asarray(room().radiance(p + [0, 0, 1e-4], d[some].astype(np.float32), unit=True), np.float64)
         sums[k], whole[k] = weight[some] @ light, weight.sum()
     return sums, whole
 
 
-def _glossy(lamp: Lamp) -> NDArray:
+def _glossy(lamp: Lamp, exponent: float = _EXPONENT) -> NDArray:
     _, surface = seen()
-    room_sum, whole = _glossy_of_room()
+    room_sum, whole = _glossy_of_room(exponent)
     own = np.zeros_like(whole)
     for k, (p, n, v) in enumerate(zip(surface.points, surface.normals, _views(), strict=True)):
         d, angle = lamp.disc(p)
-        own[k] = lamp.radiance * angle * _lobe(d, n, v).sum()
+        own[k] = lamp.radiance * angle * _lobe(d, n, v, exponent).sum()
     return (room_sum + own) / whole
 
 
@@ -361,3 +361,25 @@ def near_light() -> Iterator[Goal]:
                 bool(max(near, own) <= limit),
                 (f"triangulated: {len(lights)} lights, {where}",),
             )
+
+
+@row("capture", "near walls")
+def near_walls() -> Iterator[Goal]:
+    """The same room with the lamp at 1 m, its box known or not."""
+    lamp, cube = lamp_at(1.0), true_map(1.0)
+    place = np.array([[*lamp.position, lamp.radius]])
+    box = [(LOWER - [0, 0, 0.001]).tolist(), UPPER.tolist()]
+    for exponent in (32.0, 128.0, 512.0):
+        material = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=exponent)
+        true = _glossy(lamp, exponent)
+        error = {}
+        for name, options in {"far": {}, "lamp": {"lights": place}, "box": {"lights": place, "box": box}}.items():
+            environment = fastibl.Environment(cube, centre=CENTRE, **options)
+            light, whole, _ = _rendered(environment, material, "none", "cpu")
+            error[name] = _relative(light, true, whole)
+        yield Goal(
+            f"glossy object of exponent {exponent:g}: all taken as distant, the lamp where it is, the walls, too",
+            ", ".join(percent(e) for e in error.values()),
+            "each less than the one before",
+            error["box"] < error["lamp"] < error["far"],
+        )
