@@ -518,3 +518,26 @@ def test_walls_of_a_box_are_seen_where_they_are(kind, backend):
 def test_a_box_without_its_centre_is_refused():
     with pytest.raises(ValueError, match="box must be finite and hold the centre"):
         fastibl.Environment(room_map(8), centre=[0.0, 0, 2], box=ROOM.tolist())
+
+
+def test_a_light_nears_as_it_is_triangulated(mesh):
+    """Found by capture, it is distant first, and then comes to be where it is without a jump."""
+    from test_near_lights import CENTRE as middle
+    from test_near_lights import LAMP, film
+
+    capture = fastibl.Capture(size=64, centre=middle)
+    true = 1 / np.linalg.norm(LAMP - middle)
+    nearness = []
+
+    def look(_):
+        placed = [light.position for light in fastibl.Lighting(capture.environment()).lights if light.position]
+        nearness.append(max((1 / np.linalg.norm(np.array(p) - middle) for p in placed), default=0.0) / true)
+
+    film(capture, after=look)
+    print(" ".join(f"{n:.2f}" for n in nearness))
+    assert nearness[0] == 0 and nearness[-1] == pytest.approx(1, abs=0.03)
+    assert np.abs(np.diff(nearness)).max() < 0.6
+    environment = capture.environment()
+    assert np.allclose(environment.centre, middle) and len(environment.light_positions) == 1
+    s, result = processed(mesh, environment)
+    assert result.lighting.lights[0].position is not None and "near_light" in result.passes

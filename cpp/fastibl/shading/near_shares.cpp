@@ -12,9 +12,9 @@ namespace fastibl {
 namespace {
 
 constexpr int kGrain = 256;  // vertices
-// Of a light's disc at which the object is looked for: at most, and of four cells.
+// Of a light's disc at which the object is looked for: at most, and of two cells.
 constexpr int kMostPoints = 16;
-constexpr float kPointArea = 4;
+constexpr float kPointArea = 2;
 
 // What is free around one vertex.
 class FreeCells {
