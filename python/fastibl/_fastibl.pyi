@@ -432,13 +432,15 @@ class Environment:
     """
     What is known of the light of a place: radiance, and how well it is known.
     """
-    def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None) -> None:
+    def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None) -> None:
         """
         A map that is known everywhere.
 
         centre: (3,) metres, marker frame: where it is seen from, (0, 0, 0) by default. lights: (m, 4) x y z radius, metres, of
         lights of the map that are near, as spheres: what they give then changes from place to place. Those that are not
-        finite, or around the centre, are taken as distant.
+        finite, or around the centre, are taken as distant. box: walls, floor and ceiling of the room that the map shows, two
+        corners (2, 3), metres: glossy surfaces see them where they are. Raises ValueError for other shapes, a centre that is
+        not finite, or a box that does not hold it.
         """
     def __repr__(self) -> str:
         ...
@@ -907,9 +909,9 @@ class DirectionShadow:
     """
     def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256) -> None:
         ...
-    def cast(self, cube: CubeMap, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
+    def cast(self, cube: typing.Any, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
         """
-        ShadowMap of spheres (m, 4) under a map, see cast_shadow.
+        ShadowMap of spheres (m, 4) under a CubeMap, or an Environment, whose near lights cast it from where they are; see cast_shadow.
         """
     @property
     def light(self) -> tuple:

@@ -92,14 +92,7 @@ CaptureOptions checked(CaptureOptions options) {
   check(centre.z > 0, "the centre must lie above the plane (z > 0), got z = ", centre.z);
   check(options.distance > 0, "the distance of the place must be positive (metres), got ",
         options.distance);
-  if (options.box) {
-    const RoomBox& b = *options.box;
-    for (int k = 0; k < 3; ++k)
-      check(b.lower[k] < centre[k] && centre[k] < b.upper[k] && std::isfinite(b.lower[k]) &&
-                std::isfinite(b.upper[k]),
-            "the room's box must be finite and hold the centre, got ", b.lower[k], " to ",
-            b.upper[k], " along axis ", k, " around ", centre[k]);
-  }
+  if (options.box) check_box(*options.box, centre);
   check(!options.prior || options.prior->size() > 0, "the prior map has no texels");
   check(options.paper_albedo > 0 && options.paper_albedo <= 1,
         "the paper's albedo must be in (0, 1], got ", options.paper_albedo);
