@@ -402,3 +402,142 @@ def test_arguments_are_checked():
     environment = fastibl.Environment(cube, centre=[0, 0, 1], lights=[[0, 0, 2, 0.1]])
     assert environment.centre == (0, 0, 1)
     assert environment.light_positions.tolist() == [[0, 0, 2, 0.1]]
+
+
+SPHERES = np.array([[0.0, 0, 0.05, 0.03], [0.02, 0.01, 0.085, 0.02], [-0.03, 0.02, 0.01, 0.02]], np.float32)
+
+
+def spheres_ratio(points, spheres, position, radius, facing, ambient, count=200):
+    """By rays to the lamp's disc, and to even light."""
+    sky = fastibl.texel_directions(40).reshape(-1, 3).astype(np.float64)
+    angles = np.tile(np.asarray(fastibl.texel_solid_angles(40), float).ravel(), 6)
+    sky /= np.linalg.norm(sky, axis=1, keepdims=True)
+    sky, angles = sky[sky[:, 2] > 0], angles[sky[:, 2] > 0]
+    radiance = facing / (np.pi * (radius / np.linalg.norm(position - CENTRE)) ** 2)
+
+    def hidden(p, d, end=np.inf):
+        out = np.zeros(len(d), bool)
+        for *c, r in spheres.astype(float):
+            m = np.array(c) - p
+            along = d @ m
+            inside = along**2 - m @ m + r * r
+            first = along - np.sqrt(np.maximum(inside, 0))
+            out |= (m @ m < r * r) | ((inside > 0) & (along > 0) & (first < end))
+        return out
+
+    result = []
+    for x, y in points:
+        p = np.array([x, y, 0.0])
+        arrow = position - p
+        z = arrow / np.linalg.norm(arrow)
+        side = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.7 else [0, 1.0, 0])
+        side /= np.linalg.norm(side)
+        span = 1 - np.sqrt(1 - radius**2 / (arrow @ arrow))
+        c = 1 - span * (np.arange(count) + 0.5) / count
+        s, turn = np.sqrt(1 - c * c), np.arange(count) * np.pi * (3 - np.sqrt(5))
+        d = c[:, None] * z + s[:, None] * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * np.cross(z, side))
+        own = radiance * 2 * np.pi * span / count * np.maximum(d[:, 2], 0)
+        even = ambient * angles * sky[:, 2]
+        kept = own[~hidden(p, d, np.linalg.norm(arrow))].sum() + even[~hidden(p, sky)].sum()
+        result.append(kept / (own.sum() + even.sum()))
+    return np.array(result)
+
+
+@pytest.mark.parametrize("position", [CENTRE + 0.25 * TOWARDS, CENTRE + 0.5 * TOWARDS, np.array([0.2, 0.1, 0.09])])
+def test_the_shadow_of_spheres_by_a_near_lamp(mesh, position):
+    """The last lamp is lower than the object is high."""
+    radius, facing = 0.01, 3.0
+    arrow = position - CENTRE
+    distance = np.linalg.norm(arrow)
+    cube = lamp_map(radius, distance, facing, size=128, towards=arrow / distance)
+    grid = np.linspace(-0.2, 0.2, 41)
+    points = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    true = spheres_ratio(points, SPHERES, position, radius, facing, AMBIENT)
+    shaded = 1 - true > 0.01
+    rms = {}
+    for name, environment in {"near": placed(cube, [*position, radius]), "distant": fastibl.Environment(cube)}.items():
+        cast = fastibl.DirectionShadow(512).cast(environment, SPHERES)
+        rms[name] = np.sqrt(((cast.sample(points[shaded].astype(np.float32))[:, 0] - true[shaded]) ** 2).mean())
+    print(f"{distance:.2f} m: " + ", ".join(f"{k} {v:.4f}" for k, v in rms.items()))
+    assert rms["near"] < 0.05
+    assert rms["near"] < rms["distant"] / 2
+
+
+ROOM = np.array([[-0.7, -0.9, 0.0], [0.8, 0.6, 1.1]])
+
+
+def walls(points):
+    """Radiance (..., 3) of the walls of a room, smooth and different everywhere."""
+    x, y, z = np.moveaxis(np.asarray(points, float), -1, 0)
+    one = 1 + 0.7 * np.sin(4 * x + 1) * np.cos(3 * y) * np.cos(5 * z)
+    return np.stack([one, 1 + 0.6 * np.sin(5 * y + 2 * z), 1 + 0.5 * np.cos(4 * x - 3 * z)], axis=-1)
+
+
+def in_room(eye, d):
+    with np.errstate(divide="ignore"):
+        t = np.where(d > 0, (ROOM[1] - eye) / d, (ROOM[0] - eye) / d).min(axis=-1)
+    return walls(eye + t[..., None] * d)
+
+
+def room_map(size=128):
+    return fastibl.CubeMap(in_room(CENTRE, fastibl.texel_directions(size).astype(float)).astype(np.float32))
+
+
+def mirrored(places, middle):
+    """What pixels show of a mirror ball."""
+    d = CAMERA.unproject(places[:, ::-1] + 0.5) @ POSE.rotation
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    along = d @ (middle - EYE)
+    t = along - np.sqrt(along**2 - np.sum((middle - EYE) ** 2) + 0.05**2)
+    n = (EYE + t[:, None] * d - middle) / 0.05
+    return in_room(EYE + t[:, None] * d, d - 2 * (d * n).sum(axis=1, keepdims=True) * n), (d * n).sum(axis=1)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("kind", ["mirror", "mip", "pbr"])
+def test_walls_of_a_box_are_seen_where_they_are(kind, backend):
+    middle = np.array([0.06, 0.04, 0.05])
+    ball = fastibl.Mesh(*icosphere(0.05, middle, 5))
+    material = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=1e5)
+    methods = {"self_shadow": "none", **({"glossy": "mip"} if kind == "mip" else {})}
+    if kind == "pbr":
+        material = fastibl.Material.pbr((1, 1, 1), 1.0, 0.1)
+    errors = {}
+    for name, box in {"box": ROOM.tolist(), "infinity": None}.items():
+        environment = fastibl.Environment(room_map(), centre=CENTRE, box=box)
+        s, _ = processed(ball, environment, material, backend, **methods)
+        light, places = whole_pixels(s.object)
+        true, facing = mirrored(places, middle)
+        ours = np.abs(light - true)[facing < -0.5]  # towards the rim a pixel shows half the room
+        errors[name] = np.sqrt((ours**2).mean()) / true.mean()
+    print(kind, backend, errors)
+    assert errors["box"] < (0.05 if kind == "pbr" else 0.03)
+    assert errors["box"] < errors["infinity"] / (2 if kind == "pbr" else 3)
+
+
+def test_a_box_without_its_centre_is_refused():
+    with pytest.raises(ValueError, match="box must be finite and hold the centre"):
+        fastibl.Environment(room_map(8), centre=[0.0, 0, 2], box=ROOM.tolist())
+
+
+def test_a_light_nears_as_it_is_triangulated(mesh):
+    """Found by capture, it is distant first, and then comes to be where it is without a jump."""
+    from test_near_lights import CENTRE as middle
+    from test_near_lights import LAMP, film
+
+    capture = fastibl.Capture(size=64, centre=middle)
+    true = 1 / np.linalg.norm(LAMP - middle)
+    nearness = []
+
+    def look(_):
+        placed = [light.position for light in fastibl.Lighting(capture.environment()).lights if light.position]
+        nearness.append(max((1 / np.linalg.norm(np.array(p) - middle) for p in placed), default=0.0) / true)
+
+    film(capture, after=look)
+    print(" ".join(f"{n:.2f}" for n in nearness))
+    assert nearness[0] == 0 and nearness[-1] == pytest.approx(1, abs=0.03)
+    assert np.abs(np.diff(nearness)).max() < 0.6
+    environment = capture.environment()
+    assert np.allclose(environment.centre, middle) and len(environment.light_positions) == 1
+    s, result = processed(mesh, environment)
+    assert result.lighting.lights[0].position is not None and "near_light" in result.passes

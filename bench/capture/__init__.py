@@ -1,3 +1,14 @@
 """Goals of capture and tracking: table "capture". One file a subject; each adds its rows when it is imported."""
 
-from . import change, cost, lights, merge, predicted, rolling, rolling_tracking, sweep, tracking, wide  # noqa: F401
+from . import (  # noqa: F401
+    change,
+    cost,
+    lights,
+    merge,
+    near,
+    predicted,
+    rolling,
+    sweep,
+    tracking,
+    wide,
+)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
-from fastibl.room import Room, truth_map
+from fastibl.room import LOWER, UPPER, Room, truth_map
 
 from ..goals import Goal, percent, row
 
@@ -172,7 +172,7 @@ def camera() -> tuple[fastibl.Camera, fastibl.Pose]:
     matrix = np.eye(4)
     matrix[:3, :3] = np.stack([x, np.cross(z, x), z])
     matrix[:3, 3] = -matrix[:3, :3] @ eye
-    return fastibl.Camera(160, 160, 420.0, 420.0, 80.0, 80.0), fastibl.Pose(matrix)
+    return fastibl.Camera(640, 640, 1680.0, 1680.0, 320.0, 320.0), fastibl.Pose(matrix)
 
 
 @cache
@@ -204,39 +204,100 @@ def plane() -> Surface:
     return Surface(p, np.tile([0.0, 0, 1], (len(p), 1)), bvh())
 
 
+_EXPONENT = 32.0  # of the glossy object
+MATTE = fastibl.Material(diffuse=(1, 1, 1))
+GLOSSY = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=_EXPONENT)
+
+
+def _lobe(directions: NDArray, normal: NDArray, view: NDArray, exponent: float) -> NDArray:
+    half = directions + view
+    half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-30)
+    return np.maximum(half @ normal, 0) ** exponent * np.maximum(directions @ normal, 0)
+
+
+@cache
+def _views() -> NDArray:
+    _, pose = camera()
+    _, surface = seen()
+    v = np.asarray(pose.inverse().translation) - surface.points
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+@cache
+def _glossy_of_room(exponent: float) -> tuple[NDArray, NDArray]:
+    """Sum of room and lobe (n, 3) of each pixel, nothing hidden, and of the lobe alone (n, 1)."""
+    _, surface = seen()
+    d, angles = _directions(_RAYS * _SPLIT)
+    sums, whole = np.zeros((len(surface.points), 3)), np.zeros((len(surface.points), 1))
+    for k, (p, n, v) in enumerate(zip(surface.points, surface.normals, _views(), strict=True)):
+        weight = _lobe(d, n, v, exponent) * angles
+        some = weight > 1e-6 * weight.max()
+        light = np.asarray(room().radiance(p + [0, 0, 1e-4], d[some].astype(np.float32), unit=True), np.float64)
+        sums[k], whole[k] = weight[some] @ light, weight.sum()
+    return sums, whole
+
+
+def _glossy(lamp: Lamp, exponent: float = _EXPONENT) -> NDArray:
+    _, surface = seen()
+    room_sum, whole = _glossy_of_room(exponent)
+    own = np.zeros_like(whole)
+    for k, (p, n, v) in enumerate(zip(surface.points, surface.normals, _views(), strict=True)):
+        d, angle = lamp.disc(p)
+        own[k] = lamp.radiance * angle * _lobe(d, n, v, exponent).sum()
+    return (room_sum + own) / whole
+
+
 @dataclass(frozen=True)
 class Errors:
-    """pixels: RMS over RGB and pixels, by the true mean. shadow: RMS of the ratio where there is any."""
+    """RMS over RGB and places. irradiance, pixels, glossy: by the true mean; shadow: of the ratio where there is any.
 
+    irradiance, glossy: of the object where it hides nothing of itself; pixels: as it is.
+    """
+
+    irradiance: float
     pixels: float
+    glossy: float
     shadow: float
 
 
-def session_in(environment: fastibl.Environment, backend: str, material: fastibl.Material) -> fastibl.Session:
-    lens, _ = camera()
+def _rendered(
+    environment: fastibl.Environment, material: fastibl.Material, self_shadow: str, backend: str
+) -> tuple[NDArray, NDArray, fastibl.ShadowMap]:
+    """Radiance (n, 3) of the pixels that are seen(), whether they are wholly covered, and the shadow."""
+    lens, pose = camera()
     scene = fastibl.Scene(mesh(), material)
-    return fastibl.Session(scene, fastibl.Rig(lens), None, environment, methods={"bounce": "none"}, backend=backend)
-
-
-def errors(environment: fastibl.Environment, lamp: Lamp, backend: str = "cpu") -> Errors:
-    """Of a white object and its shadow."""
-    _, pose = camera()
-    session = session_in(environment, backend, fastibl.Material(diffuse=(1, 1, 1)))
+    methods = {"bounce": "none", "self_shadow": self_shadow}
+    session = fastibl.Session(scene, fastibl.Rig(lens), None, environment, methods=methods, backend=backend)
     result = session.process(fastibl.Frame(0.0, back_from_marker=pose))
-    layer = session.object
-    pixels, surface = seen()
+    layer, (pixels, _) = session.object, seen()
     at = pixels - [layer.y, layer.x]
     inside = ((at >= 0) & (at < layer.rgba.shape[:2])).all(axis=1)
     rgba = layer.rgba[tuple(np.where(inside[:, None], at, 0).T)]
-    whole = inside & (rgba[:, 3] == 1)  # a pixel's edge is another matter
-    true = (surface.of_room[0] + surface.of_lamp(lamp)[0])[whole] / np.pi
-    off = rgba[whole, :3] - true
+    return rgba[:, :3], inside & (rgba[:, 3] == 1), result.shadow_map  # a pixel's edge is another matter
+
+
+def _relative(light: NDArray, true: NDArray, whole: NDArray) -> float:
+    return float(np.sqrt(((light - true)[whole] ** 2).mean()) / true[whole].mean())
+
+
+def errors(environment: fastibl.Environment, lamp: Lamp, backend: str = "cpu") -> Errors:
+    """Of a white object, a glossy one, and their shadow."""
+    _, surface = seen()
+    shadowed, bare = ((a + b) / np.pi for a, b in zip(surface.of_room, surface.of_lamp(lamp), strict=True))
+    matte, whole, shadow = _rendered(environment, MATTE, "auto", backend)
+    alone, *_ = _rendered(environment, MATTE, "none", backend)
+    glossy, *_ = _rendered(environment, GLOSSY, "none", backend)
     floor = plane()
     (room_with, room_without), (lamp_with, lamp_without) = floor.of_room, floor.of_lamp(lamp)
     ratio = (room_with + lamp_with) / (room_without + lamp_without)
     shaded = (1 - ratio).max(axis=1) > 0.01
-    lost = result.shadow_map.sample(floor.points[shaded, :2].astype(np.float32)) - ratio[shaded]
-    return Errors(float(np.sqrt((off**2).mean()) / true.mean()), float(np.sqrt((lost**2).mean())))
+    lost = shadow.sample(floor.points[shaded, :2].astype(np.float32)) - ratio[shaded]
+    return Errors(
+        _relative(alone, bare, whole),
+        _relative(matte, shadowed, whole),
+        _relative(glossy, _glossy(lamp), whole),
+        float(np.sqrt((lost**2).mean())),
+    )
 
 
 def environments(distance: float) -> dict[str, fastibl.Environment]:
@@ -249,12 +310,76 @@ def environments(distance: float) -> dict[str, fastibl.Environment]:
     }
 
 
+@cache
+def captured(distance: float) -> NDArray:
+    """Lights (m, 4) that capture triangulates from 30 frames of a camera that is carried half around the object."""
+    lamp = lamp_at(distance)
+    lens = fastibl.Camera(320, 240, 200.0, 200.0, 160.0, 120.0)
+    x, y = np.meshgrid(np.arange(640) / 2 + 0.25, np.arange(480) / 2 + 0.25)
+    rays = lens.unproject(np.stack([x, y], axis=-1))
+    capture = fastibl.Capture(size=64, centre=CENTRE)
+    away = np.arctan2(-TOWARDS[1], -TOWARDS[0])
+    for k in range(30):
+        turn = away + np.radians(-70 + 140 * k / 29)
+        eye = CENTRE + [0.4 * np.cos(turn), 0.4 * np.sin(turn), 0.25 + 0.05 * np.sin(k)]
+        z = lamp.position + 0.1 * distance * np.sin([k, 2.0 * k, 3.0 * k]) - eye
+        z /= np.linalg.norm(z)
+        right = np.cross(z, [0, 0, 1.0])
+        right /= np.linalg.norm(right)
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.stack([right, np.cross(z, right), z])
+        matrix[:3, 3] = -matrix[:3, :3] @ eye
+        light = light_from(eye, rays @ matrix[:3, :3], lamp).reshape(240, 2, 320, 2, 3).mean(axis=(1, 3))
+        exposure = (0.02, 0.7 / lamp.radiance)[k % 2]
+        codes = np.round(lens.response.encode(np.clip(light * exposure, 0, 1)) * 255).astype(np.uint8)
+        capture.add(codes, lens, fastibl.Pose(matrix), exposure=exposure, time=k / 15)
+    return np.asarray(capture.environment().light_positions)
+
+
+# Relative to what is wrong when the lamp is taken as distant, and absolutely; for lamps up to half a metre away.
+_GOALS = {"irradiance": (1 / 3, 0.03), "pixels": (0.5, 0.03), "glossy": (0.5, None), "shadow": (1 / 3, 0.03)}
+
+
 @row("capture", "near light")
 def near_light() -> Iterator[Goal]:
     for distance in DISTANCES:
-        found = {name: errors(e, lamp_at(distance)) for name, e in environments(distance).items()}
-        for what in ("pixels", "shadow"):
-            far, near = (getattr(found[name], what) for name in ("distant", "near"))
+        lamp, lights = lamp_at(distance), captured(distance)
+        places = {
+            **environments(distance),
+            "captured": fastibl.Environment(true_map(distance), centre=CENTRE, lights=lights),
+        }
+        found = {name: errors(e, lamp) for name, e in places.items()}
+        off = min((float(np.linalg.norm(p[:3] - lamp.position)) for p in lights), default=np.inf)
+        where = f"the lamp {1e3 * off:.0f} mm off" if np.isfinite(off) else "not the lamp"
+        for what, (share, most) in _GOALS.items():
+            far, near, own = (getattr(found[name], what) for name in ("distant", "near", "captured"))
+            limit = min(share * far, most or np.inf) if distance <= 0.5 else 1.05 * far
             yield Goal(
-                f"lamp at {distance} m, {what}: as distant, as near", f"{percent(far)}, {percent(near)}", "-", None
+                f"lamp at {distance:g} m, {what}: taken as distant, where it is, where capture found it",
+                f"{percent(far)}, {percent(near)}, {percent(own)}",
+                f"<= {percent(limit)}",
+                bool(max(near, own) <= limit),
+                (f"triangulated: {len(lights)} lights, {where}",),
             )
+
+
+@row("capture", "near walls")
+def near_walls() -> Iterator[Goal]:
+    """The same room with the lamp at 1 m, its box known or not."""
+    lamp, cube = lamp_at(1.0), true_map(1.0)
+    place = np.array([[*lamp.position, lamp.radius]])
+    box = [(LOWER - [0, 0, 0.001]).tolist(), UPPER.tolist()]
+    for exponent in (32.0, 128.0, 512.0):
+        material = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=exponent)
+        true = _glossy(lamp, exponent)
+        error = {}
+        for name, options in {"far": {}, "lamp": {"lights": place}, "box": {"lights": place, "box": box}}.items():
+            environment = fastibl.Environment(cube, centre=CENTRE, **options)
+            light, whole, _ = _rendered(environment, material, "none", "cpu")
+            error[name] = _relative(light, true, whole)
+        yield Goal(
+            f"glossy object of exponent {exponent:g}: all taken as distant, the lamp where it is, the walls, too",
+            ", ".join(percent(e) for e in error.values()),
+            "each less than the one before",
+            error["box"] < error["lamp"] < error["far"],
+        )

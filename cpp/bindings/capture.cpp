@@ -58,6 +58,8 @@ void bind_capture(py::module_& module) {
 
 size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
 (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
+paper_albedo: of the board's white, which is a light meter: unseen parts of the sky are made so bright that the map
+lights the plane as it is lit.
 distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
 it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
 Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
@@ -69,7 +71,8 @@ Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
                        double plane_albedo, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
-                       bool locate_lights, const CubeMap* prior, bool doubt_exposures) {
+                       bool locate_lights, const CubeMap* prior, bool doubt_exposures,
+                       double paper_albedo) {
              CaptureOptions options;
              options.size = size;
              options.board = board;
@@ -80,13 +83,15 @@ Raises ValueError for values out of range.)")
              options.locate_lights = locate_lights;
              if (prior) options.prior = std::make_shared<const CubeMap>(*prior);
              options.doubt_exposures = doubt_exposures;
+             options.paper_albedo = paper_albedo;
              return Capture(options);
            }),
            py::arg("size") = 128, py::arg("board") = py::none(),
            py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5,
            py::arg("distance") = std::numeric_limits<double>::infinity(),
            py::arg("box") = py::none(), py::arg("locate_lights") = true,
-           py::arg("prior") = py::none(), py::arg("doubt_exposures") = false)
+           py::arg("prior") = py::none(), py::arg("doubt_exposures") = false,
+           py::arg("paper_albedo") = 0.85)
       .def(
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,
@@ -124,6 +129,20 @@ picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0
 what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
 row was taken; camera_from_marker is then that of the first row. Returns Taken. Raises ValueError or TypeError, naming what was
 expected and what came.)")
+      .def(
+          "next_exposure",
+          [](const Capture& capture, const Camera& camera, const py::object& camera_from_marker,
+             double shortest, double longest) {
+            return capture.next_exposure(camera,
+                                         require_pose(camera_from_marker, "camera_from_marker"),
+                                         {shortest, longest});
+          },
+          py::arg("camera"), py::arg("camera_from_marker"), py::arg("shortest"), py::arg("longest"),
+          R"(The exposure with which a camera there tells most of what the map lacks.
+
+Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
+down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
+for another camera or a range that is none.)")
       .def(
           "environment",
           [](Capture& capture) {

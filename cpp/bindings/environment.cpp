@@ -3,6 +3,7 @@
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "bindings/room_box.h"
 #include "fastibl/scene/main_lights.h"
 
 namespace fastibl::bindings {
@@ -12,7 +13,8 @@ std::array<float, 3> rgb(glm::vec3 v) { return {v.x, v.y, v.z}; }
 
 // lights: (m, 4), known exactly.
 Environment known_environment(const CubeMap& radiance, const py::object& centre,
-                              const py::object& lights) {
+                              const py::object& lights,
+                              const std::optional<std::array<std::array<double, 3>, 2>>& box) {
   Environment environment = environment_from(radiance);
   if (!centre.is_none()) {
     const Doubles at = require_floats<double>(centre, "centre");
@@ -23,6 +25,8 @@ Environment known_environment(const CubeMap& radiance, const py::object& centre,
       if (!std::isfinite(environment.centre[k]))
         throw py::value_error("centre must be finite, got " + std::string(py::str(at)));
   }
+  environment.box = room_box(box);
+  if (environment.box) check_box(*environment.box, environment.centre);
   if (lights.is_none()) return environment;
   const Doubles array = require_floats<double>(lights, "lights");
   if (array.ndim() != 2 || array.shape(1) != 4)
@@ -107,11 +111,14 @@ void bind_environment(py::module_& module) {
       "What is known of the light of a place: radiance, and how well it is known.")
       .def(py::init(&known_environment), py::arg("radiance"), py::kw_only(),
            py::arg("centre") = py::none(), py::arg("lights") = py::none(),
+           py::arg("box") = py::none(),
            R"(A map that is known everywhere.
 
 centre: (3,) metres, marker frame: where it is seen from, (0, 0, 0) by default. lights: (m, 4) x y z radius, metres, of
 lights of the map that are near, as spheres: what they give then changes from place to place. Those that are not
-finite, or around the centre, are taken as distant.)")
+finite, or around the centre, are taken as distant. box: walls, floor and ceiling of the room that the map shows, two
+corners (2, 3), metres: glossy surfaces see them where they are. Raises ValueError for other shapes, a centre that is
+not finite, or a box that does not hold it.)")
       .def_property_readonly(
           "centre",
           [](const Environment& e) { return py::make_tuple(e.centre.x, e.centre.y, e.centre.z); },
@@ -149,6 +156,15 @@ finite, or around the centre, are taken as distant.)")
           "predicted_interval",
           [](const Environment& e) { return py::make_tuple(e.predicted_low, e.predicted_high); },
           "(low, high): holds that error nine times in ten.")
+      .def_property_readonly(
+          "plane_irradiance",
+          [](const Environment& e) -> py::object {
+            if (!e.plane_irradiance) return py::none();
+            const glm::dvec3& v = *e.plane_irradiance;
+            return py::make_tuple(v.x, v.y, v.z);
+          },
+          "(r, g, b) of what falls on the plane, as the board's white shows it; None where it was "
+          "not seen.")
       .def_property_readonly(
           "knowledge",
           [](const Environment& e) {

@@ -432,13 +432,15 @@ class Environment:
     """
     What is known of the light of a place: radiance, and how well it is known.
     """
-    def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None) -> None:
+    def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None) -> None:
         """
         A map that is known everywhere.
 
         centre: (3,) metres, marker frame: where it is seen from, (0, 0, 0) by default. lights: (m, 4) x y z radius, metres, of
         lights of the map that are near, as spheres: what they give then changes from place to place. Those that are not
-        finite, or around the centre, are taken as distant.
+        finite, or around the centre, are taken as distant. box: walls, floor and ceiling of the room that the map shows, two
+        corners (2, 3), metres: glossy surfaces see them where they are. Raises ValueError for other shapes, a centre that is
+        not finite, or a box that does not hold it.
         """
     def __repr__(self) -> str:
         ...
@@ -476,6 +478,11 @@ class Environment:
     def light_positions(self) -> numpy.typing.NDArray[numpy.float64]:
         """
         (m, 4) float64: x y z and radius, metres, of the lights that are known to be near.
+        """
+    @property
+    def plane_irradiance(self) -> typing.Any:
+        """
+        (r, g, b) of what falls on the plane, as the board's white shows it; None where it was not seen.
         """
     @property
     def predicted_error(self) -> float:
@@ -775,6 +782,8 @@ class Capture:
 
     size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
     (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
+    paper_albedo: of the board's white, which is a light meter: unseen parts of the sky are made so bright that the map
+    lights the plane as it is lit.
     distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
     it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
     Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
@@ -784,7 +793,7 @@ class Capture:
     brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None, doubt_exposures: bool = False) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -802,6 +811,14 @@ class Capture:
     def environment(self) -> Environment:
         """
         Environment at the time of the last picture, without holes.
+        """
+    def next_exposure(self, camera: Camera, camera_from_marker: typing.Any, shortest: typing.SupportsFloat | typing.SupportsIndex, longest: typing.SupportsFloat | typing.SupportsIndex) -> float:
+        """
+        The exposure with which a camera there tells most of what the map lacks.
+
+        Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
+        down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
+        for another camera or a range that is none.
         """
     @property
     def last_seen(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -892,9 +909,9 @@ class DirectionShadow:
     """
     def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256) -> None:
         ...
-    def cast(self, cube: CubeMap, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
+    def cast(self, cube: typing.Any, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
         """
-        ShadowMap of spheres (m, 4) under a map, see cast_shadow.
+        ShadowMap of spheres (m, 4) under a CubeMap, or an Environment, whose near lights cast it from where they are; see cast_shadow.
         """
     @property
     def light(self) -> tuple:

@@ -73,6 +73,8 @@ class Faulty:
                 if getattr(given, name) is None:
                     continue
                 event = events[name] or self._begun(rng)
+                if event is not None and event.kind in ("frozen", "torn") and shown[name] is None:
+                    event = None  # there is nothing yet to repeat
                 if event is not None:
                     self.happened[name] = event.kind
                     self.counts[event.kind] += 1
@@ -104,7 +106,7 @@ def _spoil(frame: Frame, name: str, event: _Event, before: NDArray | None) -> No
         picture = None
     elif event.kind == "black":
         picture = np.zeros_like(picture)
-    elif event.kind == "frozen" and before is not None:
+    elif event.kind == "frozen":
         picture = before
     elif event.kind == "torn" and before is not None and before.shape == picture.shape:
         row = int((0.2 + 0.6 * a) * height)

@@ -163,6 +163,8 @@ class Recording:
         """Time of each frame in seconds, without reading pictures."""
         if isinstance(self._frames, _StoredFrames):
             return [time for time, _ in self._frames.moments]
+        if hasattr(self._frames, "times"):
+            return list(self._frames.times)
         return [frame.time for frame in self._frames]
 
     def __repr__(self) -> str:

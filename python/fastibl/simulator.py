@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -387,6 +387,8 @@ def simulate(
     flicker_depth: float = 0.5,
     glare: float = 0.0,
     clock_offset: float = 0.0,
+    front_exposures: Callable[[float], float] | None = None,
+    live: bool = False,
     video: bool = False,
     truth_size: int = 128,
     progress: bool = False,
@@ -405,7 +407,8 @@ def simulate(
     looks all around once with the front camera at the horizon, and once above; or back_from_marker as a
     function of the time in seconds. lamp: in the room, a
     lamp is switched on at half-time. hand: a hand covers the front camera for one second after 30 % of the
-    time. `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and when
+    time. front_exposures: instead of the three in turn, a function from the exposure of a front picture to that of the
+    next, as Bracket and AdaptiveExposure are. `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and when
     both happened.
 
     What time does to pictures is left out unless it is asked for:
@@ -422,6 +425,7 @@ def simulate(
     The truth's poses are those at the stated times, and, where these differ, when the first and the last row are
     taken. Exposures and readouts longer than 1 / fps raise ValueError.
 
+    live: take each picture when the recording is iterated, and keep none; each iteration asks front_exposures anew.
     out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos instead of PNG
     pictures. The same arguments give the same bytes. Raises ValueError for what makes no recording.
     """
@@ -454,7 +458,11 @@ def simulate(
         begin = 0.3 * seconds
         truth.hand = (begin, begin + min(1.0, 0.2 * seconds))
 
-    make = _Pictures(place, rig, board, truth, noise, pose_at, timing)
+    make = _Pictures(place, rig, board, truth, noise, pose_at, timing, front_exposures)
+    if live:
+        if out is not None:
+            raise ValueError("live frames are not kept: leave out away, or record them with a RecordingWriter")
+        return Recording(rig, _LiveFrames(make, times, seed), board, truth)
     writer = RecordingWriter(out, rig, board, video=video) if out is not None else None
     frames: list[Frame] = []
     steps = enumerate(times)
@@ -484,6 +492,24 @@ def _with_readout(rig: Rig, readout: float) -> Rig:
     return Rig(camera(rig.back)) if rig.front is None else Rig(camera(rig.back), camera(rig.front), rig.front_from_back)
 
 
+class _LiveFrames:
+    """Frames that are taken when they are asked for, in order."""
+
+    def __init__(self, make: _Pictures, times: list[float], seed: int):
+        self._make, self.times, self._seed = make, times, seed
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __iter__(self) -> Iterator[Frame]:
+        self._make.noise = np.random.default_rng([self._seed, 1])
+        for index, time in enumerate(self.times):
+            yield self._make.frame(index, time)
+
+    def __getitem__(self, index: int) -> Frame:
+        raise TypeError("live frames come in order: iterate")
+
+
 class _Pictures:
     """Takes the pictures of both cameras."""
 
@@ -496,7 +522,9 @@ class _Pictures:
         noise: np.random.Generator,
         pose_at: Callable[[float], Pose],
         timing: Shutter,
+        front_exposures: Callable[[float], float] | None = None,
     ):
+        self.front_exposures = front_exposures
         self.place, self.rig, self.truth, self.noise = place, rig, truth, noise
         self.pose_at, self.timing = pose_at, timing
         self.back = _Eye(rig.back)
@@ -519,7 +547,9 @@ class _Pictures:
         frame.back = self._take(self.back, self.pose_at, time, self.back_exposure, self.timing.exposure_time)
         if self.front is not None:
             share = FRONT_STEPS[index % len(FRONT_STEPS)]
-            frame.front_exposure = self.front_exposure * share
+            if self.front_exposures is not None:
+                share = 1.0 if index == 0 else self.front_exposures(self._last_front) / self.front_exposure
+            frame.front_exposure = self._last_front = self.front_exposure * share
             frame.front = self._take(
                 self.front,
                 lambda t: self.rig.front_from_back @ self.pose_at(t),

@@ -31,3 +31,15 @@ FN PlacedLight placed_light(vec3 direction, float rho, float variance, vec3 offs
   light.variance = variance * light.gain;
   return light;
 }
+
+// The direction from the centre of a box to what a ray d from a place in it meets; the box and the place are given from
+// its centre. d from outside.
+FN float wall_distance(float d, float lower, float upper, float offset) {
+  float wall = (d > 0.0f ? upper : lower) - offset;
+  return abs(d) > 1e-6f ? wall / d : 1e6f;
+}
+FN vec3 box_direction(vec3 d, vec3 offset, vec3 lower, vec3 upper) {
+  float t = min(min(wall_distance(d.x, lower.x, upper.x, offset.x), wall_distance(d.y, lower.y, upper.y, offset.y)),
+                wall_distance(d.z, lower.z, upper.z, offset.z));
+  return t > 0.0f ? offset + t * d : d;
+}

@@ -133,10 +133,10 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position) {
     float weight = dark ? 1.0 : parts[k].w / sum.w;
 #if GLOSSY == 7
     float level = level_of(tap.w);
-    light += weight * sample_chain(frame * tap.xyz, level);
+    light += weight * sample_chain(looked(frame * tap.xyz, position), level);
     for (int j = 0; j < light_count; ++j) share[j] += weight * light_share(level, light_flux[j].w);
 #else
-    light += weight * sample_radiance(frame * tap.xyz, blur_level(face_size, tap.w));
+    light += weight * sample_radiance(looked(frame * tap.xyz, position), blur_level(face_size, tap.w));
 #endif
   }
 #if GLOSSY == 7

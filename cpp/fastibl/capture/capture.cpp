@@ -20,9 +20,11 @@ constexpr std::size_t kCameras = 4;    // whose tables are kept
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 4;
-constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
-constexpr double kRimOfLight = 0.25;    // of the radiance of a light: at the rim of one
-constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
+constexpr double kMeterPause = 0.1;       // seconds between readings of the board's white
+constexpr double kMeterDeviation = 0.08;  // of a reading: albedo, gloss, what stands around
+constexpr int kPicturesPerFill = 2;       // between looks at what such values should be
+constexpr double kRimOfLight = 0.25;      // of the radiance of a light: at the rim of one
+constexpr double kLargestScale = 1e30;    // of linear values: no exposure is so short
 // Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
 // differ by 0.1 degrees.
 constexpr int kBands = 16;
@@ -90,15 +92,10 @@ CaptureOptions checked(CaptureOptions options) {
   check(centre.z > 0, "the centre must lie above the plane (z > 0), got z = ", centre.z);
   check(options.distance > 0, "the distance of the place must be positive (metres), got ",
         options.distance);
-  if (options.box) {
-    const RoomBox& b = *options.box;
-    for (int k = 0; k < 3; ++k)
-      check(b.lower[k] < centre[k] && centre[k] < b.upper[k] && std::isfinite(b.lower[k]) &&
-                std::isfinite(b.upper[k]),
-            "the room's box must be finite and hold the centre, got ", b.lower[k], " to ",
-            b.upper[k], " along axis ", k, " around ", centre[k]);
-  }
+  if (options.box) check_box(*options.box, centre);
   check(!options.prior || options.prior->size() > 0, "the prior map has no texels");
+  check(options.paper_albedo > 0 && options.paper_albedo <= 1,
+        "the paper's albedo must be in (0, 1], got ", options.paper_albedo);
   check(options.plane_albedo > 0 && options.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
   return options;
@@ -146,6 +143,7 @@ Capture::Capture(CaptureOptions options)
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   at_rim_.assign(tiles, 0);
+  if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
   if (options_.prior) {
     prior_.emplace(*options_.prior, grid_);
     unseen_.give_sky();
@@ -206,6 +204,7 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
     each_side([&](KnownCamera& side, const RowPoses& side_poses) {
       any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), changed);
     });
+  if (one) read_meter(picture, *one, poses, taken.exposure);
   if (any) take_changes(changed, refills);
   return taken;
 }
@@ -268,6 +267,15 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) changed.push_back(tiles_[i]);
   return true;
+}
+
+void Capture::read_meter(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
+                         double exposure) {
+  if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return;
+  const auto read = meter_->read(picture, k.camera, k.lens, poses.at(0.5), exposure);
+  if (!read) return;
+  metered_ = time_, plane_irradiance_ = read;
+  unseen_.measure_plane(*read, kMeterDeviation);
 }
 
 // refills: see refills_after().

@@ -9,7 +9,9 @@
 
 #include "fastibl/capture/exposure_doubt.h"
 #include "fastibl/capture/frame_levels.h"
+#include "fastibl/capture/light_meter.h"
 #include "fastibl/capture/light_tracks.h"
+#include "fastibl/capture/next_exposure.h"
 #include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/quiet_tiles.h"
 #include "fastibl/capture/row_poses.h"
@@ -45,7 +47,8 @@ struct CaptureOptions {
   // Whether pictures that are off by one factor all over are taken for wrongly exposed at first:
   // see ExposureDoubt. Of perspective cameras.
   bool doubt_exposures = false;
-  double plane_albedo = 0.5;  // of the plane where no camera saw it: radiance albedo · E(z)/π
+  double paper_albedo = 0.85;  // of the board's white, by which it is a light meter
+  double plane_albedo = 0.5;   // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
 
 // Measures the environment: every picture updates the texels that it sees. Above the horizon light
@@ -79,6 +82,12 @@ class Capture {
   // was seen near them on their side of the horizon, at confidence 0 and up to a second late.
   // Only what changed since an earlier map that nobody holds any more is made anew in its place.
   std::shared_ptr<const Environment> environment();
+
+  // The exposure with which a perspective camera there tells most of what the map lacks: shorter
+  // ones where texels were never seen without clipping, longer ones where they are dark and noisy.
+  // Throws std::invalid_argument for another camera, or a range that is none. In map_lacks.cpp.
+  double next_exposure(const Camera& camera, const Pose& camera_from_marker,
+                       const ExposureRange& range) const;
 
   int size() const { return options_.size; }
   const glm::dvec3& centre() const { return options_.centre; }
@@ -122,6 +131,8 @@ class Capture {
   // Appends the parts of a picture that show what the map knows. In probe_level.cpp.
   void probe_level(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
                    ImageView<const std::uint8_t> mask, std::vector<LevelProbe>& probes) const;
+  void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
+                  double exposure);
   void take_changes(const std::vector<int>& changed, int refills);
   // True if it shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
@@ -188,6 +199,9 @@ class Capture {
   std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
   std::vector<TileSums> sums_;               // by tile
   UnseenTiles unseen_;
+  std::optional<LightMeter> meter_;
+  double metered_ = kNever;                     // seconds
+  std::optional<glm::dvec3> plane_irradiance_;  // that it read last
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map

@@ -90,7 +90,8 @@ void Capture::update_snapshot(Environment& snapshot) const {
     up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux, up_flux += all;
   }
   snapshot.time = time_;
-  snapshot.centre = options_.centre;
+  snapshot.centre = options_.centre, snapshot.box = options_.box;
+  snapshot.plane_irradiance = plane_irradiance_;
   snapshot.light_positions = tracks_.positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);
   snapshot.clipped = seen > 0 ? bound / seen : 0;

@@ -32,9 +32,13 @@ Taken ExposureDoubt::without_word(std::span<const LevelProbe> probes) {
   return {TakenAs::estimated, level->exposure, glm::dvec3(1), level->deviation(), level->count};
 }
 
-// What is off by this is the place.
-bool ExposureDoubt::confirmed(const glm::dvec3& log_ratio, double time) {
-  if (!doubt_ || largest(log_ratio - doubt_->log_ratio) > kSame) doubt_ = Doubt{log_ratio, time, 0};
+// Whether pictures have been off alike for so long that it is the place. log_ratio: nothing where a
+// picture only tells that it is off.
+bool ExposureDoubt::confirmed(const std::optional<glm::dvec3>& log_ratio, double time) {
+  const bool same = doubt_ && (!log_ratio || !doubt_->log_ratio ||
+                               largest(*log_ratio - *doubt_->log_ratio) <= kSame);
+  if (!same) doubt_ = Doubt{log_ratio, time, 0};
+  if (log_ratio) doubt_->log_ratio = log_ratio;
   ++doubt_->pictures;
   return doubt_->pictures >= kPictures && time - doubt_->since >= kStays;
 }
@@ -49,20 +53,18 @@ Taken ExposureDoubt::judge(std::span<const LevelProbe> probes, std::optional<dou
   }
   placed_ = true;
   taken.exposure = *told, taken.probes = int(probes.size());
-  if (is_black(probes, *told)) {
-    if (!confirmed(glm::dvec3(-50), time)) taken.as = TakenAs::left_out;
+  const std::optional<PictureLevel> level = fit_level(probes);
+  if (!level) {  // no word on past doubts either
+    if (is_far_off(probes, *told) && !confirmed({}, time)) taken.as = TakenAs::left_out;
     return taken;
   }
-  const std::optional<PictureLevel> level = fit_level(probes);
-  if (level) {
-    const glm::dvec3 ratio = log_of(*level, *told);
-    if (level->spread <= kUniform && largest(ratio) > kTolerance) {
-      if (confirmed(ratio, time)) return taken;
-      return {TakenAs::corrected, level->exposure, level->tint, level->deviation(), level->count};
-    }
+  const glm::dvec3 ratio = log_of(*level, *told);
+  if (level->spread > kUniform || largest(ratio) <= kTolerance) {
+    doubt_.reset();
+    return taken;
   }
-  doubt_.reset();
-  return taken;
+  if (confirmed(ratio, time)) return taken;
+  return {TakenAs::corrected, level->exposure, level->tint, level->deviation(), level->count};
 }
 
 }  // namespace fastibl

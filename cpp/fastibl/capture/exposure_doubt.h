@@ -34,9 +34,9 @@ class ExposureDoubt {
 
  private:
   Taken without_word(std::span<const LevelProbe> probes);
-  bool confirmed(const glm::dvec3& log_ratio, double time);
+  bool confirmed(const std::optional<glm::dvec3>& log_ratio, double time);
   struct Doubt {
-    glm::dvec3 log_ratio{0};
+    std::optional<glm::dvec3> log_ratio;
     double since = 0;  // seconds
     int pictures = 0;
   };

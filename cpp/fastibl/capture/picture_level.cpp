@@ -13,8 +13,8 @@ constexpr float kShown = 0.8f;          // of white: brighter parts may hold a c
 constexpr double kMedianLoss = 1.2533;  // deviation of a median over that of a mean
 constexpr double kNormal = 1.4826;      // standard deviation over median absolute deviation
 constexpr double kProbesPerDegree = 4;  // neighbours err alike
-constexpr float kClearlyShown = 0.03f;  // of white; 48 codes of 8-bit sRGB
-constexpr double kBlackShare = 0.95;
+constexpr double kClearlyShown = 4 * double(kDarkest);
+constexpr double kFarOffShare = 0.8;
 constexpr double kFar = 50;  // ln of a ratio that stands for infinity
 
 double median(std::vector<double>& values) {
@@ -72,13 +72,17 @@ std::optional<PictureLevel> fit_level(std::span<const LevelProbe> probes) {
   return level;
 }
 
-bool is_black(std::span<const LevelProbe> probes, double exposure) {
-  int black = 0, all = 0;
+bool is_far_off(std::span<const LevelProbe> probes, double exposure) {
+  int off = 0, all = 0;
   for (const LevelProbe& p : probes) {
-    if (!(exposure * double(mean(p.expected)) >= double(kClearlyShown))) continue;
-    ++all, black += !p.clipped && mean(p.linear) < kDarkest;
+    const double expected = exposure * double(mean(p.expected)), linear = double(mean(p.linear));
+    const bool shown = p.clipped || linear > kClearlyShown;
+    if (!shown && !(expected > kClearlyShown)) continue;
+    ++all;
+    off += p.clipped ? expected < 0.5 * kShown
+                     : linear < 0.5 * std::min(expected, double(kShown)) || linear > 2 * expected;
   }
-  return all >= kLeastProbes && black >= kBlackShare * all;
+  return all >= kLeastProbes && off >= kFarOffShare * all;
 }
 
 }  // namespace fastibl

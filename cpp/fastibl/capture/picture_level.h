@@ -25,14 +25,15 @@ struct PictureLevel {
 
 // Values below show nothing but noise (6 codes of 8-bit sRGB).
 inline constexpr float kDarkest = 0.002f;
-inline constexpr int kLeastProbes = 24;  // that a level is read from
+inline constexpr int kLeastProbes = 10;  // that a level is read from
 
 // Nothing where too few probes show anything. Dark and clipped probes count as below and above
 // where the fitted exposure should show them: without them a median would be drawn to what can be
 // seen.
 std::optional<PictureLevel> fit_level(std::span<const LevelProbe> probes);
 
-// Whether an exposure should show enough of the probes, and they show nothing at all.
-bool is_black(std::span<const LevelProbe> probes, double exposure);
+// Whether nearly all that an exposure should show, or the picture does, is off by a factor of two
+// or more: of pictures that are too dark or too bright for fit_level.
+bool is_far_off(std::span<const LevelProbe> probes, double exposure);
 
 }  // namespace fastibl

@@ -8,10 +8,13 @@
 namespace fastibl {
 namespace {
 
-constexpr int kWorkSize = 64;         // texels along a face of the level that is searched
-constexpr double kOutline = 1.5;      // times the angular radius, and
-constexpr double kTexels = 1.5;       // texels more: what belongs to a light that is no disc
-constexpr double kRing = 1.4;         // times the outline: what is around it
+constexpr int kWorkSize = 64;     // texels along a face of the level that is searched
+constexpr double kOutline = 1.5;  // times the angular radius, and
+constexpr double kTexels = 1.5;   // texels more: what belongs to a light that is no disc
+constexpr double kRing = 1.4;     // times the outline: what is around it
+// Relative standard deviation of a distance from which on a light is distant: that from which on
+// capture reports it.
+constexpr double kUnsure = 0.2;
 constexpr float kLeastSine = 0.01f;   // half a degree: no surface is nearer to less
 constexpr float kMostSine = 0.9999f;  // a light that is not around the centre
 
@@ -30,10 +33,11 @@ std::optional<Place> place_of(const LightPosition& light, const glm::dvec3& cent
   const double spread =  // across the line of sight, of each axis
       (light.covariance[0][0] + light.covariance[1][1] + light.covariance[2][2] - along) / 2;
   if (!(along >= 0) || !std::isfinite(along) || !std::isfinite(spread)) return std::nullopt;
-  const double shrink = 1 / (1 + along / (distance * distance));
+  const double unsure = along / (kUnsure * kUnsure * distance * distance);
+  if (!(unsure < 1)) return std::nullopt;
   // A place that is unsure by more than the light is large is no sharper than that.
   const double size = std::max(radius, std::sqrt(std::max(spread, 0.0))) / distance;
-  return Place{direction, shrink / distance,
+  return Place{direction, (1 - unsure) / distance,
                std::clamp(size, double(kLeastSine), double(kMostSine))};
 }
 

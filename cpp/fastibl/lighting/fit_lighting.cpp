@@ -6,6 +6,7 @@
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_prefiltered_chain.h"
 #include "fastibl/lighting/harmonic_sums.h"
+#include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
 namespace {
@@ -26,6 +27,16 @@ bool reads_chain(GlossyMethod method) {
 }
 
 namespace {
+
+// Of a light: that of the near light it belongs to, else of the wall behind it.
+float inverse_distance(const Lighting& lighting, glm::vec3 direction) {
+  const float own = lighting.near_lights.inverse_distance(direction);
+  if (own > 0 || !lighting.box) return own;
+  const glm::dvec3 centre(lighting.near_lights.centre);
+  return 1 / glm::length(shared::box_direction(direction, glm::vec3(0),
+                                               glm::vec3(lighting.box->lower - centre),
+                                               glm::vec3(lighting.box->upper - centre)));
+}
 
 void make_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
   const bool exact = lighting.glossy == GlossyMethod::prefiltered;
@@ -54,7 +65,7 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
   make_chain(lighting, previous);
   lighting.light_distances.clear();
   for (const Light& light : lighting.chain->lights)
-    lighting.light_distances.push_back(lighting.near_lights.inverse_distance(light.direction));
+    lighting.light_distances.push_back(inverse_distance(lighting, light.direction));
 }
 
 double irradiance_error(Lighting& lighting) {
@@ -90,7 +101,10 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
     lighting.irradiance_error = 0;
   }
   lighting.radiance = std::move(radiance);
-  if (options.environment) lighting.near_lights = find_near_lights(*options.environment);
+  if (options.environment) {
+    lighting.near_lights = find_near_lights(*options.environment);
+    lighting.box = options.environment->box;
+  }
   if (options.chain && reads_chain(lighting.glossy))
     fit_chain(lighting, previous ? previous->chain : nullptr);
   return lighting;

@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/cube_tiles.h"
 #include "fastibl/scene/light_position.h"
+#include "fastibl/scene/room_box.h"
 
 namespace fastibl {
 
@@ -78,7 +80,9 @@ struct Environment {
   double predicted_error = 1;  // expected relative error of the irradiance, a median over normals
   double predicted_low = 0, predicted_high = 1;  // ends of an interval that holds it 9 times in 10
   MapKnowledge knowledge;                        // that these rest on
-  glm::dvec3 centre{0};  // metres, marker frame: where the radiance is seen from
+  glm::dvec3 centre{0};             // metres, marker frame: where the radiance is seen from
+  std::optional<RoomBox> box = {};  // whose walls the map shows, where they are known
+  std::optional<glm::dvec3> plane_irradiance;  // RGB, as the board's paper shows it
   std::vector<LightPosition> light_positions;  // of those near enough to be triangulated
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its

@@ -121,8 +121,14 @@ glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm:
   glm::vec3 sum(0);
   for (std::size_t k = 0; k < std::size_t(taps.count); ++k) {
     const GgxTap& tap = taps.taps[k];
-    const glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
-                        tap.direction.z * frame.normal;
+    glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
+                  tap.direction.z * frame.normal;
+    if (position && lighting.box) {
+      const glm::dvec3 centre(lighting.near_lights.centre);
+      d = shared::box_direction(d, *position - lighting.near_lights.centre,
+                                glm::vec3(lighting.box->lower - centre),
+                                glm::vec3(lighting.box->upper - centre));
+    }
     levels[k] =
         chain ? chain->level_of(tap.width) : shared::blur_level(float(map.size()), tap.width);
     sum += tap.weight * (chain ? chain->sample(d, levels[k]) : map.sample(d, levels[k]));

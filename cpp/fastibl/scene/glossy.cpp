@@ -154,6 +154,19 @@ GlossyShading::GlossyShading(const Lighting& lighting, float exponent)
                        std::max(exponent, 1.0f));
     lights_ = arrays_of(lighting);
   }
+  boxed_ = lighting.box.has_value();
+  placed_ = boxed_ || lights_.any_near;
+  if (!boxed_) return;
+  const glm::dvec3 centre(lighting.near_lights.centre);
+  lower_ = glm::vec3(lighting.box->lower - centre);
+  upper_ = glm::vec3(lighting.box->upper - centre);
+}
+
+// Where the map shows what is seen in that direction.
+glm::vec3 GlossyShading::looked(glm::vec3 direction, const glm::vec3* position) const {
+  if (!position || !boxed_) return direction;
+  return shared::box_direction(direction, *position - lighting_->near_lights.centre, lower_,
+                               upper_);
 }
 
 glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
@@ -185,7 +198,8 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
       const glm::vec4 &p = a.taps[std::size_t(k)], &q = b.taps[std::size_t(k)];
       const glm::vec4 tap = p + f * (q - p);
       const float weight = (1 - lobe_.harmonics) * tap.w;
-      value += weight * lighting_->chain->sample(tap.x * mirror + tap.y * down, tap.z);
+      value +=
+          weight * lighting_->chain->sample(looked(tap.x * mirror + tap.y * down, position), tap.z);
       highest = std::max(highest, tap.z);
       const int level = std::min(int(tap.z), GlossyChain::kLevelCount - 2);
       shares.level[k] = float(level);
@@ -210,7 +224,8 @@ glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine,
                                    const glm::vec3* position) const {
   // Eq. 3 with s = 0 is Lambert's law; up to s = 1 lobes are between it and that of s = 1.
   if (exponent_ == 0) return evaluate(lighting_->irradiance, n) / kPi;
-  if (method_ == GlossyMethod::mip) return lighting_->radiance->sample(2 * cosine * n - v, level_);
+  if (method_ == GlossyMethod::mip)
+    return lighting_->radiance->sample(looked(2 * cosine * n - v, position), level_);
   if (method_ == GlossyMethod::sampled)
     return sampled_lobe(*lighting_->radiance, n, v, exponent_, lighting_->glossy_settings.taps);
   const glm::vec3 value = from_chain(n, v, cosine, position);

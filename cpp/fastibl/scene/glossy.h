@@ -47,13 +47,13 @@ LightArrays arrays_of(const Lighting& lighting);  // which has a chain
 class GlossyShading {
  public:
   GlossyShading(const Lighting& lighting, float exponent);
-  // Of light as it is at the map's centre; as it is at a place, marker frame, of which the lights
-  // of the chain are seen where they are.
+  // Of light as it is at the map's centre; as it is at a place, marker frame, from which lights and
+  // walls are seen where they are.
   glm::vec3 operator()(glm::vec3 normal, glm::vec3 view) const {
     return shaded(normal, view, nullptr);
   }
   glm::vec3 operator()(glm::vec3 normal, glm::vec3 view, glm::vec3 position) const {
-    return shaded(normal, view, lights_.any_near ? &position : nullptr);
+    return shaded(normal, view, placed_ ? &position : nullptr);
   }
 
  private:
@@ -63,12 +63,16 @@ class GlossyShading {
   glm::vec3 from_chain(glm::vec3 normal, glm::vec3 view, float cosine,
                        const glm::vec3* position) const;
 
+  glm::vec3 looked(glm::vec3 direction, const glm::vec3* position) const;
+
   const Lighting* lighting_;
   GlossyMethod method_;  // of the lighting; `mip` where its chain is missing
   float exponent_;
   float level_ = 0;  // of `mip`
   GlossyLobe lobe_;
   LightArrays lights_;
+  bool placed_ = false, boxed_ = false;  // something is near; the walls are
+  glm::vec3 lower_{0}, upper_{0};        // of the box, from the map's centre
 };
 
 // Radiance that a lobe of half-vector exponent s ≥ 0 reflects towards the view (surface to eye),

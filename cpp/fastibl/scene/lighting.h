@@ -10,6 +10,7 @@
 #include "fastibl/scene/irradiance.h"
 #include "fastibl/scene/methods.h"
 #include "fastibl/scene/near_light.h"
+#include "fastibl/scene/room_box.h"
 
 namespace fastibl {
 
@@ -24,7 +25,10 @@ struct Lighting {
   std::optional<double> irradiance_error;    // relative, RMS, of `irradiance`; none: not measured
   // Those of the map whose place is known. All other fields hold their light, too, as distant.
   NearLights near_lights;
-  std::vector<float> light_distances;  // inverse, 1 / m, of each light of the chain; 0 where distant
+  // Walls that glossy surfaces see where they are, around the centre of near_lights.
+  std::optional<RoomBox> box = {};
+  std::vector<float>
+      light_distances;  // inverse, 1 / m, of each light of the chain; 0 where distant
 };
 
 }  // namespace fastibl

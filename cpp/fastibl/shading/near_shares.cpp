@@ -11,8 +11,10 @@
 namespace fastibl {
 namespace {
 
-constexpr int kGrain = 256;      // vertices
-constexpr int kMostPoints = 16;  // of a light's disc at which the object is looked for
+constexpr int kGrain = 256;  // vertices
+// Of a light's disc at which the object is looked for: at most, and of two cells.
+constexpr int kMostPoints = 16;
+constexpr float kPointArea = 2;
 
 // What is free around one vertex.
 class FreeCells {
@@ -41,7 +43,7 @@ float free_part(const FreeCells& cells, const OctahedralGrid& grid, glm::vec3 no
   if (cells.all()) return 1;
   const float cell = std::sqrt(4 * kPi) / float(grid.size());
   const float across = 2 * std::asin(std::min(sin_radius, 1.0f)) / cell;
-  const int count = std::clamp(int(std::ceil(across * across)), 1, kMostPoints);
+  const int count = std::clamp(int(std::ceil(across * across / kPointArea)), 1, kMostPoints);
   if (count == 1) return cells.share(grid.around(towards));
   const glm::vec3 other = std::fabs(towards.x) < 0.7f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0);
   const glm::vec3 right = glm::normalize(glm::cross(other, towards)),

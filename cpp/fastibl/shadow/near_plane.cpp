@@ -26,6 +26,11 @@ PlaneProjection NearPlane::projection(glm::vec3 direction, int i, glm::vec2 shif
   return {glm::vec2(a) / a.z, rho / a.z};
 }
 
+glm::dvec3 NearPlane::position(glm::vec3 direction, int i) const {
+  const double rho = near_lights_.lights[std::size_t(i)].inverse_distance;
+  return glm::dvec3(near_lights_.centre) + glm::dvec3(direction) / rho;
+}
+
 float NearPlane::height(glm::vec3 direction, int i) const {
   const float rho = near_lights_.lights[std::size_t(i)].inverse_distance;
   return (direction.z + rho * near_lights_.centre.z) / std::max(direction.z, kLowest);

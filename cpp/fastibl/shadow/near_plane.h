@@ -21,10 +21,14 @@ class NearPlane {
   int light_of(glm::vec3 direction) const;
   // Of a direction of light i, for what is on the plane as if it were moved by −shift.
   PlaneProjection projection(glm::vec3 direction, int i, glm::vec2 shift) const;
+  glm::dvec3 position(glm::vec3 direction, int i) const;
   // The light of a direction of light i on the plane is what it is at the map's centre, times
   // height(), times falloff().
   float height(glm::vec3 direction, int i) const;
   float falloff(int i, glm::vec2 point) const;
+  float height(int i) const {  // of its middle
+    return height(near_lights_.lights[std::size_t(i)].direction, i);
+  }
 
   // Whether other lights are so much the same that what was drawn of these may stay: to half a
   // percent of the distance, a quarter of a degree.

@@ -16,7 +16,7 @@ ShadowMap SceneShadow::cast(const CubeMap& radiance, glm::vec3 plane_irradiance,
       return light_.cast(*baked_, radiance, scene.marker_from_object, near_lights);
     by_spheres.method = ShadowMethod::directions;
   }
-  return spheres_.cast(radiance, plane_irradiance, scene.placed_spheres(), by_spheres);
+  return spheres_.cast(radiance, plane_irradiance, scene.placed_spheres(), by_spheres, near_lights);
 }
 
 }  // namespace fastibl

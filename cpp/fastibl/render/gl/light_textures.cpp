@@ -197,7 +197,6 @@ void LightTextures::bind_lobes(Gpu& gpu, const Program& p, const Lighting& light
   glUniform4fv(p.uniform("light_place"), kMaxLights, &places[0].x);
   glUniform4fv(p.uniform("light_flux"), kMaxLights, &fluxes[0].x);
   glUniform1fv(p.uniform("light_distance"), kMaxLights, lights.inverse_distance);
-  set(p, "map_centre", lighting.near_lights.centre);
 }
 
 void LightTextures::bind_baked(Gpu& gpu, const Program& p) const {
