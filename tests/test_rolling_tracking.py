@@ -11,8 +11,10 @@ import fastibl
 from bench.capture.board_film import CAMERA, HARD, Look, look_at, picture, rotation_error_degrees, small_turn
 from bench.capture.rolling_film import FPS, PATHS, READOUT, ROLLING, board_light, film, with_readout
 from fastibl.__main__ import main
+from fastibl._fastibl import _EdgeTracker
 from fastibl.calibration import PosePath, calibrate_timing
 from fastibl.recording import RecordingWriter, read_rig, write_rig
+from fastibl.tracking import detect
 
 BOARD = fastibl.Board.default()
 
@@ -109,6 +111,28 @@ def test_recovers_with_the_first_picture_after_a_gap():
         assert (tracked is None) == away
         if not away:
             assert error(tracked.camera_from_marker, path(now)) < 0.5
+
+
+def test_goes_on_from_corners_where_edges_cannot_be_followed():
+    """Pictures in which a detector alone finds tags: the next one is predicted from them, not from before."""
+    path, tracker = PATHS["about the view"](0), _EdgeTracker(BOARD, ROLLING)
+    blank = picture(np.full((480, 640), 0.25, np.float32), Look(), np.random.default_rng(0))
+    for k, (now, image) in enumerate(shots("about the view")[:14]):
+        middle = path(now + 0.5 * READOUT)
+
+        def corners(grey, board, camera, pose=middle):
+            at = [np.pad(tag.corners, ((0, 0), (0, 1))) @ pose[:3, :3].T + pose[:3, 3] for tag in board.tags]
+            return [(tag.id, CAMERA.project(a)) for tag, a in zip(board.tags, at, strict=True)], None
+
+        hidden = 3 <= k < 8
+        tracked = tracker.track(blank if hidden else image, now, detect if k == 0 else corners if hidden else nothing)
+        assert tracked is not None and (tracked.edges == 0) == hidden, k
+        off = error(tracked.camera_from_marker, path(now))
+        assert off < (2.5 if hidden else 0.2), (k, off)
+
+
+def nothing(grey, board, camera):
+    return [], None
 
 
 @pytest.mark.parametrize("method", ["board", "frame-marker"])

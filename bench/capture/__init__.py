@@ -8,6 +8,7 @@ from . import (  # noqa: F401
     near,
     predicted,
     rolling,
+    rolling_tracking,
     sweep,
     tracking,
     wide,

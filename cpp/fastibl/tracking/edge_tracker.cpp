@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "fastibl/tracking/roll_corners.h"
+#include "fastibl/tracking/solve.h"
 
 namespace fastibl {
 namespace {
@@ -18,6 +19,19 @@ Pose between(const Pose& a, const Pose& b, double share) {
   const glm::dvec3 turn = rotation_vector(b.rotation * glm::transpose(a.rotation));
   return {rotation_from_vector(share * turn) * a.rotation,
           a.translation + share * (b.translation - a.translation)};
+}
+
+// What corners alone leave to be predicted from: their pose, and a motion that may be any hand's.
+std::optional<RowState> state_of_corners(const Tracked& tracked, double readout) {
+  RowState state{tracked.camera_from_marker, {}, {}};
+  if (tracked.last_row) state.motion = motion_between(state.pose, *tracked.last_row);
+  RowPrior known = unknown_hand(state.pose, readout);
+  std::array<double, 36> pose{};
+  if (!invert<6>(tracked.covariance, pose)) return std::nullopt;
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t k = 0; k < 6; ++k) known.information[kRowParameters * i + k] = pose[6 * i + k];
+  if (!invert<kRowParameters>(known.information, state.covariance)) return std::nullopt;
+  return state;
 }
 
 }  // namespace
@@ -70,7 +84,11 @@ std::optional<Tracked> EdgeTracker::detect(const Picture& picture,
   auto tracked = model_.track(bytes, near, prior, options_, &rows_);
   // Edges that cannot be followed leave the corners' word, if it is one.
   if (!tracked && (start->ambiguous || start->tags.size() < 2)) return std::nullopt;
-  return tracked ? tracked : start;
+  if (tracked || !(camera_.readout > 0)) return tracked ? tracked : start;
+  const auto state = state_of_corners(*start, camera_.readout);
+  if (!state) return std::nullopt;
+  rows_ = *state;
+  return start;
 }
 
 void EdgeTracker::smooth(Tracked& tracked, double time) {

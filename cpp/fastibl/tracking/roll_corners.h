@@ -8,7 +8,7 @@ namespace fastibl {
 
 // Of a hand about which nothing is known: standard deviations of speed, acceleration and jerk;
 // radians and metres, by seconds.
-inline constexpr Unsteadiness kHandSpeed{0.7, 0.25}, kHandAcceleration{5, 2.5}, kHandJerk{200, 80};
+inline constexpr Unsteadiness kHandSpeed{0.7, 0.25}, kHandAcceleration{5, 2.5}, kHandJerk{100, 50};
 inline Unsteadiness hand_jerk(double readout) {
   const double cubed = readout * readout * readout;
   return {kHandJerk.turn * cubed, kHandJerk.shift * cubed};

@@ -20,7 +20,7 @@ _LEAST_FRAMES = 12
 _BLOCKS = 10  # of the jackknife
 _WORST_READOUT, _WORST_OFFSET = 2e-3, 5e-3  # seconds; standard deviations beyond which nothing is told
 _ACCELERATION = (8.0, 4.0)  # radians, metres a squared second: what a hand is trusted with
-_JERK = (200.0, 80.0)  # and a cubed one
+_JERK = (100.0, 50.0)  # and a cubed one
 _RIVAL = 1.5  # times the least mean square, within which another offset is as good
 
 
