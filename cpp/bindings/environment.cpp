@@ -157,6 +157,15 @@ not finite, or a box that does not hold it.)")
           [](const Environment& e) { return py::make_tuple(e.predicted_low, e.predicted_high); },
           "(low, high): holds that error nine times in ten.")
       .def_property_readonly(
+          "plane_irradiance",
+          [](const Environment& e) -> py::object {
+            if (!e.plane_irradiance) return py::none();
+            const glm::dvec3& v = *e.plane_irradiance;
+            return py::make_tuple(v.x, v.y, v.z);
+          },
+          "(r, g, b) of what falls on the plane, as the board's white shows it; None where it was "
+          "not seen.")
+      .def_property_readonly(
           "knowledge",
           [](const Environment& e) {
             py::dict out;

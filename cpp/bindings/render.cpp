@@ -148,6 +148,12 @@ its shadow from the plane behind them.)")
           "tracked", [](const Result& r) { return r.frame.tracked; },
           "Tracked, or None where the pose was given or the board is not seen.")
       .def_property_readonly(
+          "back_taken", [](const Result& r) { return r.frame.back_taken; },
+          "Taken: how the back picture went into the map; None where it did not.")
+      .def_property_readonly(
+          "front_taken", [](const Result& r) { return r.frame.front_taken; },
+          "The same of the front picture.")
+      .def_property_readonly(
           "environment",
           [](const Result& r) { return std::const_pointer_cast<Environment>(r.frame.environment); })
       .def_property_readonly("_lighting",
@@ -176,23 +182,25 @@ its shadow from the plane behind them.)")
                        const std::shared_ptr<Environment>& environment, const py::object& detector,
                        const std::string& backend, const Methods& methods, double error,
                        double milliseconds, int size, bool cast_shadow, double distance,
-                       const std::optional<std::array<std::array<double, 3>, 2>>& box) {
+                       const std::optional<std::array<std::array<double, 3>, 2>>& box,
+                       bool doubt_exposures) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
-             return std::make_unique<Session>(scene, rig, board, environment, std::move(function),
-                                              std::move(renderer),
-                                              SessionOptions{methods, error, milliseconds, size,
-                                                             cast_shadow, distance, room_box(box)});
+             return std::make_unique<Session>(
+                 scene, rig, board, environment, std::move(function), std::move(renderer),
+                 SessionOptions{methods, error, milliseconds, size, cast_shadow, distance,
+                                room_box(box), doubt_exposures});
            }),
            py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
            py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
            py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
-           py::arg("box"))
+           py::arg("box"), py::arg("doubt_exposures"))
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,
-             double back_exposure, double front_exposure, const py::object& back_from_marker,
+             const std::optional<double>& back_exposure,
+             const std::optional<double>& front_exposure, const py::object& back_from_marker,
              const py::object& back_last_row) {
             py::array keep_back, keep_front;
             Frame frame;

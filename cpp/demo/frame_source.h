@@ -13,7 +13,7 @@ namespace fastibl::demo {
 struct OwnedFrame {
   double time = 0;
   Image<std::uint8_t> back, front;
-  double back_exposure = 1, front_exposure = 1;
+  std::optional<double> back_exposure = 1, front_exposure = 1;
   std::optional<Pose> back_from_marker;
 
   Frame view() const;  // valid as long as this is

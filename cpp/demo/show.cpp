@@ -81,7 +81,7 @@ class Viewer {
     if (frame_.back.empty()) return;  // a front picture alone feeds the map
     Image<std::uint8_t> picture = result_.image;
     if (show_map_ && result_.environment)
-      draw_map(picture, *result_.environment, frame_.back_exposure);
+      draw_map(picture, *result_.environment, frame_.back_exposure.value_or(1));
     window_.show(picture.data.data(), picture.width, picture.height);
     std::ostringstream title;
     title.precision(1);

@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Taken', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -480,6 +480,11 @@ class Environment:
         (m, 4) float64: x y z and radius, metres, of the lights that are known to be near.
         """
     @property
+    def plane_irradiance(self) -> typing.Any:
+        """
+        (r, g, b) of what falls on the plane, as the board's white shows it; None where it was not seen.
+        """
+    @property
     def predicted_error(self) -> float:
         """
         Expected relative error of the irradiance, a median over normals.
@@ -737,31 +742,70 @@ class _Lighting:
         (9, 3) float32: radiance in real, orthonormal spherical harmonics without Condon-Shortley phase, order
         00, 1-1 (y), 10 (z), 11 (x), 2-2 (xy), 2-1 (yz), 20 (3z^2 - 1), 21 (xz), 22 (x^2 - y^2).
         """
+class Taken:
+    """
+    How a picture was taken into the map.
+    """
+    def __repr__(self) -> str:
+        ...
+    @property
+    def deviation(self) -> float:
+        """
+        Standard deviation of ln(exposure) where it rests on the map.
+        """
+    @property
+    def exposure(self) -> float:
+        """
+        Multiplier that was used.
+        """
+    @property
+    def how(self) -> str:
+        """
+        "told": with the exposure that came with it. "corrected": that contradicts the map all over
+        the picture, and what the map says was used. "estimated": none came, and the map told it. "assumed": none came with the
+        camera's first picture, of which the map knows nothing, and 1 was used. "left out": it shows nothing of what it should,
+        or no exposure came and the map cannot tell it.
+        """
+    @property
+    def probes(self) -> int:
+        """
+        Parts of the picture that the map was compared with.
+        """
+    @property
+    def tint(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
+        """
+        By channel, a factor on it; 1 but where it was corrected.
+        """
 class Capture:
     """
     Measures the light of a place from camera pictures with known poses.
 
     size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
     (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
+    paper_albedo: of the board's white, which is a light meter: unseen parts of the sky are made so bright that the map
+    lights the plane as it is lit.
     distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
     it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
     Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
     sees them, whatever `distance` and `box` say. prior: CubeMap of the place from before; its sky stands for what no
     picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
+    doubt_exposures: whether a picture of a perspective camera that is
+    brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85) -> None:
         ...
     def __repr__(self) -> str:
         ...
-    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None) -> None:
+    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None) -> Taken:
         """
         Update the texels that a picture sees.
 
         image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
-        or (4, 4). exposure: multiplier. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
+        or (4, 4). exposure: multiplier; None where it is not known: the map tells it by what it knows of the places in the
+        picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
         what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
-        row was taken; camera_from_marker is then that of the first row. Raises ValueError or TypeError, naming what was
+        row was taken; camera_from_marker is then that of the first row. Returns Taken. Raises ValueError or TypeError, naming what was
         expected and what came.
         """
     def environment(self) -> Environment:
@@ -1342,8 +1386,18 @@ class FrameResult:
         Pose when the back camera's last row was taken; None for a global shutter, and where nothing is known of the motion.
         """
     @property
+    def back_taken(self) -> Taken | None:
+        """
+        Taken: how the back picture went into the map; None where it did not.
+        """
+    @property
     def environment(self) -> Environment:
         ...
+    @property
+    def front_taken(self) -> Taken | None:
+        """
+        The same of the front picture.
+        """
     @property
     def image(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
@@ -1381,9 +1435,9 @@ class FrameResult:
         Tracked, or None where the pose was given or the board is not seen.
         """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool) -> None:
         ...
-    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, back_from_marker: typing.Any, back_last_row: typing.Any = None) -> FrameResult:
+    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any, back_last_row: typing.Any = None) -> FrameResult:
         ...
     def _set_backend(self, backend: str) -> None:
         ...

@@ -57,7 +57,8 @@ class Session(_Session):
     methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
     function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
     distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.
-    box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame.
+    doubt_exposures: a picture that is off from the map by one factor all over is taken for wrongly exposed at first,
+    see Capture. box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame.
     A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
     baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
     cannot start.
@@ -79,6 +80,7 @@ class Session(_Session):
         cast_shadow: bool = True,
         distance: float = float("inf"),
         box: Sequence[Sequence[float]] | None = None,
+        doubt_exposures: bool = True,
     ):
         if isinstance(environment, CubeMap):
             environment = Environment(environment)
@@ -100,6 +102,7 @@ class Session(_Session):
             cast_shadow,
             float(distance),
             None if box is None else [[float(x) for x in corner] for corner in box],
+            bool(doubt_exposures),
         )
 
     def process(self, frame: Frame) -> FrameResult:

@@ -20,9 +20,11 @@ constexpr std::size_t kCameras = 4;    // whose tables are kept
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 4;
-constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
-constexpr double kRimOfLight = 0.25;    // of the radiance of a light: at the rim of one
-constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
+constexpr double kMeterPause = 0.1;       // seconds between readings of the board's white
+constexpr double kMeterDeviation = 0.08;  // of a reading: albedo, gloss, what stands around
+constexpr int kPicturesPerFill = 2;       // between looks at what such values should be
+constexpr double kRimOfLight = 0.25;      // of the radiance of a light: at the rim of one
+constexpr double kLargestScale = 1e30;    // of linear values: no exposure is so short
 // Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
 // differ by 0.1 degrees.
 constexpr int kBands = 16;
@@ -47,8 +49,9 @@ struct Capture::View {
   const std::vector<TexelView>& texels;  // by band of rows
   const std::vector<TexelView>& halved;  // the same of a map of half the size
   ImageView<const std::uint8_t> mask;
-  double scale;  // radiance of a linear value, without vignetting
-  float light;   // linear value
+  double scale;      // radiance of a linear value, without vignetting
+  float light;       // linear value
+  glm::vec3 untint;  // factors on linear values
 };
 
 Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignette)
@@ -91,6 +94,8 @@ CaptureOptions checked(CaptureOptions options) {
         options.distance);
   if (options.box) check_box(*options.box, centre);
   check(!options.prior || options.prior->size() > 0, "the prior map has no texels");
+  check(options.paper_albedo > 0 && options.paper_albedo <= 1,
+        "the paper's albedo must be in (0, 1], got ", options.paper_albedo);
   check(options.plane_albedo > 0 && options.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
   return options;
@@ -138,6 +143,7 @@ Capture::Capture(CaptureOptions options)
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   at_rim_.assign(tiles, 0);
+  if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
   if (options_.prior) {
     prior_.emplace(*options_.prior, grid_);
     unseen_.give_sky();
@@ -149,17 +155,17 @@ Capture::Capture(CaptureOptions options)
   for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
 
-void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
-                  double exposure, double time, ImageView<const std::uint8_t> mask,
-                  const std::optional<Pose>& last_row) {
+Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
+                   std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask,
+                   const std::optional<Pose>& last_row) {
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
   check(mask.empty() || (mask.width == camera.width && mask.height == camera.height),
         "the mask must be the camera's ", camera.width, " × ", camera.height, ", got ", mask.width,
         " × ", mask.height);
-  check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
-        exposure);
+  check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
+        "an exposure must be positive and finite, got ", exposure.value_or(0));
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
   const bool perspective = camera.model == CameraModel::perspective;
@@ -172,23 +178,42 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   bright_ = MainLightOptions{}.brightness * mean_radiance();
   std::vector<int> changed;
   bool any = false;
-  if (one) {
-    any = take(picture, *one, poses, exposure, mask, changed);
-  } else {
+  // With each side of a wide picture, and its pose.
+  const auto each_side = [&](const auto& visit) {
     for (std::size_t i = 0; i < wide->sides.size(); ++i) {
       const WideSide& side = wide->sides[i];
       wide->picture.take(side, picture, mask);
-      const RowPoses side_poses(side.side_from_camera * poses.at(0.5));
-      any |= take(wide->picture.picture(), wide->known[i], side_poses, exposure,
-                  wide->picture.mask(), changed);
+      visit(wide->known[i], RowPoses(side.side_from_camera * poses.at(0.5)));
     }
+  };
+  Taken taken{.exposure = exposure.value_or(1)};
+  if (!exposure || (options_.doubt_exposures && one)) {
+    std::vector<LevelProbe> probes;
+    if (one)
+      probe_level(picture, *one, poses, mask, probes);
+    else
+      each_side([&](KnownCamera& side, const RowPoses& side_poses) {
+        probe_level(wide->picture.picture(), side, side_poses, wide->picture.mask(), probes);
+      });
+    taken = (one ? one->doubt : wide->doubt).judge(probes, exposure, time);
+    if (taken.as == TakenAs::left_out) return taken;
   }
+  if (one)
+    any = take(picture, *one, poses, taken, mask, changed);
+  else
+    each_side([&](KnownCamera& side, const RowPoses& side_poses) {
+      any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), changed);
+    });
+  if (one) read_meter(picture, *one, poses, taken.exposure);
   if (any) take_changes(changed, refills);
+  return taken;
 }
 
-bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses, double exposure,
-                   ImageView<const std::uint8_t> mask, std::vector<int>& changed) {
+bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses,
+                   const Taken& taken, ImageView<const std::uint8_t> mask,
+                   std::vector<int>& changed) {
   const Camera& camera = k.camera;
+  const double exposure = taken.exposure;
   if (options_.locate_lights) locate_lights(picture, k, poses, exposure);
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
@@ -224,7 +249,13 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   levels_.make(picture, camera.response, levels_for(4 * most));
 
   const double scale = std::min(1 / (exposure * camera.gain), kLargestScale);
-  const View view{k, texels, halved, mask, scale, float(kRimOfLight * bright_ / scale)};
+  const View view{k,
+                  texels,
+                  halved,
+                  mask,
+                  scale,
+                  float(kRimOfLight * bright_ / scale),
+                  taken.as == TakenAs::corrected ? glm::vec3(1.0 / taken.tint) : glm::vec3(1)};
   leave_out_quiet_tiles(view);
   changed_.assign(tiles_.size(), 0);
   parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {
@@ -236,6 +267,15 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) changed.push_back(tiles_[i]);
   return true;
+}
+
+void Capture::read_meter(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
+                         double exposure) {
+  if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return;
+  const auto read = meter_->read(picture, k.camera, k.lens, poses.at(0.5), exposure);
+  if (!read) return;
+  metered_ = time_, plane_irradiance_ = read;
+  unseen_.measure_plane(*read, kMeterDeviation);
 }
 
 // refills: see refills_after().
@@ -389,6 +429,9 @@ bool Capture::look(const View& view, const Depth& depth, int count, bool fine, S
         sightings.seen[i] &= !(x * x + y * y < disc.squared_radius);
       }
   const bool rim = sample_footprints(levels_, sightings, count, view.light, fine, samples);
+  if (view.untint != glm::vec3(1))
+    for (int c = 0; c < 3; ++c)
+      for (int i = 0; i < lanes_of(count); ++i) samples.linear[c][i] *= view.untint[c];
   if (!view.known.vignettes())
     std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
   else

@@ -7,7 +7,9 @@
 #include <optional>
 #include <vector>
 
+#include "fastibl/capture/exposure_doubt.h"
 #include "fastibl/capture/frame_levels.h"
+#include "fastibl/capture/light_meter.h"
 #include "fastibl/capture/light_tracks.h"
 #include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/quiet_tiles.h"
@@ -41,7 +43,11 @@ struct CaptureOptions {
   // A map of the place from before, whose sky stands for what no picture has seen, as bright as
   // what was seen of it says. Null for none.
   std::shared_ptr<const CubeMap> prior;
-  double plane_albedo = 0.5;  // of the plane where no camera saw it: radiance albedo · E(z)/π
+  // Whether pictures that are off by one factor all over are taken for wrongly exposed at first:
+  // see ExposureDoubt. Of perspective cameras.
+  bool doubt_exposures = false;
+  double paper_albedo = 0.85;  // of the board's white, by which it is a light meter
+  double plane_albedo = 0.5;   // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
 
 // Measures the environment: every picture updates the texels that it sees. Above the horizon light
@@ -60,15 +66,16 @@ class Capture {
   explicit Capture(
       CaptureOptions options = {});  // throws std::invalid_argument for options out of range
 
+  // exposure: nothing where it is not known: the map then tells, see Taken.
   // time: seconds, not decreasing. mask: one byte a pixel, 0 where the picture shows what is not
   // part of the place; empty for none. last_row: the pose when the picture's last row was taken,
   // where a rolling shutter reads it; camera_from_marker is then that of the first row (of fisheye
   // and 360° cameras the pose half-way is used). Throws
   // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
   // is not positive and finite, or a time before the last one.
-  void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
-           double exposure, double time, ImageView<const std::uint8_t> mask = {},
-           const std::optional<Pose>& last_row = {});
+  Taken add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
+            std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask = {},
+            const std::optional<Pose>& last_row = {});
 
   // The map at the time of the last picture, without holes: unseen texels take a mean of what
   // was seen near them on their side of the horizon, at confidence 0 and up to a second late.
@@ -95,6 +102,8 @@ class Capture {
     Lens lens;
     PictureBounds bounds;
     SensorNoise noise;
+    std::optional<ByteResponse> bytes;  // made when first asked for
+    ExposureDoubt doubt;
     glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
     double looked_at = kNever;  // and when, seconds
   };
@@ -104,13 +113,19 @@ class Capture {
     std::vector<WideSide> sides;
     std::vector<KnownCamera> known;
     SidePicture picture;
+    ExposureDoubt doubt;
   };
   struct View;  // of one picture
   KnownCamera& known(const Camera& camera);
   KnownWide& known_wide(const Camera& camera);
   // Of a perspective picture: adds tiles that changed; false if the map holds nothing of it.
   bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
-            double exposure, ImageView<const std::uint8_t> mask, std::vector<int>& changed);
+            const Taken& taken, ImageView<const std::uint8_t> mask, std::vector<int>& changed);
+  // Appends the parts of a picture that show what the map knows. In probe_level.cpp.
+  void probe_level(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
+                   ImageView<const std::uint8_t> mask, std::vector<LevelProbe>& probes) const;
+  void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
+                  double exposure);
   void take_changes(const std::vector<int>& changed, int refills);
   // True if it shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
@@ -177,6 +192,9 @@ class Capture {
   std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
   std::vector<TileSums> sums_;               // by tile
   UnseenTiles unseen_;
+  std::optional<LightMeter> meter_;
+  double metered_ = kNever;                     // seconds
+  std::optional<glm::dvec3> plane_irradiance_;  // that it read last
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map

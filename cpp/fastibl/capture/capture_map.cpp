@@ -91,6 +91,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
   }
   snapshot.time = time_;
   snapshot.centre = options_.centre, snapshot.box = options_.box;
+  snapshot.plane_irradiance = plane_irradiance_;
   snapshot.light_positions = tracks_.positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);
   snapshot.clipped = seen > 0 ? bound / seen : 0;

@@ -39,6 +39,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   capture.board = board_;
   capture.distance = options_.distance;
   capture.box = options_.box;
+  capture.doubt_exposures = options_.doubt_exposures;
   // The map is the light at the object: half-way up, where it stands.
   const Bounds box = bounds(scene_.mesh.vertices);
   capture.centre = scene_.marker_from_object * glm::dvec3(box.centre());
@@ -244,12 +245,14 @@ Pose Session::drawn_pose(const FrameResult& result) const {
   return motion.moved(first, share);
 }
 
-void Session::capture_frame(const Frame& frame, const FrameResult& result) {
+void Session::capture_frame(const Frame& frame, FrameResult& result) {
   const bool continuous = options_.methods.capture == CaptureMethod::continuous;
   const std::optional<Pose>& pose = result.back_from_marker;
-  if (continuous && pose && !frame.back.empty())
-    capture_->add(frame.back, rig_.back, *pose, frame.back_exposure, frame.time, {},
-                  result.back_last_row);
+  if (continuous && pose && !frame.back.empty()) {
+    result.back_taken = capture_->add(frame.back, rig_.back, *pose, frame.back_exposure, frame.time,
+                                      {}, result.back_last_row);
+    back_exposure_ = result.back_taken->exposure;
+  }
   if (!frame.front.empty() && rig_.front) {
     const auto front_from_marker = [&](double time) {
       const double later = time - last_pose_time_;
@@ -258,8 +261,8 @@ void Session::capture_frame(const Frame& frame, const FrameResult& result) {
     };
     std::optional<Pose> last_row;
     if (rig_.front->readout > 0) last_row = front_from_marker(frame.time + rig_.front->readout);
-    capture_->add(frame.front, *rig_.front, front_from_marker(frame.time), frame.front_exposure,
-                  frame.time, {}, last_row);
+    result.front_taken = capture_->add(frame.front, *rig_.front, front_from_marker(frame.time),
+                                       frame.front_exposure, frame.time, {}, last_row);
     last_capture_time_ = frame.time;
     if (!capture_exposure_) capture_exposure_ = frame.front_exposure;
   }
@@ -274,10 +277,9 @@ void Session::check_frame(const Frame& frame) const {
   matches(frame.back, rig_.back, "back");
   if (rig_.front) matches(frame.front, *rig_.front, "front");
   check(frame.front.empty() || rig_.front, "a front picture came, but the rig has no front camera");
-  check(frame.back_exposure > 0 && std::isfinite(frame.back_exposure),
-        "exposures must be positive and finite, got ", frame.back_exposure);
-  check(frame.front_exposure > 0 && std::isfinite(frame.front_exposure),
-        "exposures must be positive and finite, got ", frame.front_exposure);
+  for (const std::optional<double>& exposure : {frame.back_exposure, frame.front_exposure})
+    check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
+          "exposures must be positive and finite, got ", exposure.value_or(0));
   check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
         "a frame needs a picture or a pose");
   check(!frame.back_last_row || (frame.back_from_marker && rig_.back.readout > 0),
@@ -302,8 +304,7 @@ LightingOptions Session::lighting_options() const {
 }
 
 // Runs a pass; false where it had nothing to do.
-bool Session::run_pass(PassId id, const Frame& frame, const FrameResult& result,
-                       const Pose& drawn_from) {
+bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from) {
   const auto radiance = [&] {  // null before there is a map: what only glows reads none
     return environment_ ? std::shared_ptr<const CubeMap>(environment_, &environment_->radiance)
                         : nullptr;
@@ -364,16 +365,17 @@ bool Session::run_pass(PassId id, const Frame& frame, const FrameResult& result,
     }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
-  renderer_->run(id, {scene_, options_.methods, *lighting_, rig_.back, drawn_from, frame.back,
-                      frame.back_exposure,
-                      bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_,
-                      plane_gain_, holdout_ratios_});
+  renderer_->run(
+      id, {scene_, options_.methods, *lighting_, rig_.back, drawn_from, frame.back, back_exposure_,
+           bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_, plane_gain_,
+           holdout_ratios_});
   return true;
 }
 
 FrameResult Session::process(const Frame& frame) {
   check_frame(frame);
   last_time_ = frame.time;
+  if (frame.back_exposure) back_exposure_ = *frame.back_exposure;
   const Stopwatch total;
   FrameResult result;
   const auto timed = [&](PassId id, auto&& body) {

@@ -33,7 +33,7 @@ namespace fastibl {
 struct Frame {
   double time = 0;  // seconds, not decreasing
   Picture back, front;
-  double back_exposure = 1, front_exposure = 1;
+  std::optional<double> back_exposure = 1, front_exposure = 1;  // nothing where not known
   // Skips tracking. Of a rolling shutter: of the first row.
   std::optional<Pose> back_from_marker;
   // With it, where the back camera has a readout and the pose of its last row is known; else that
@@ -47,6 +47,8 @@ struct FrameResult {
       back_from_marker;  // nothing where the board is not seen: the picture is the back picture
   std::optional<Pose> back_last_row;  // of a rolling shutter, where its motion is known
   std::optional<Tracked> tracked;     // where it was tracked, not given
+  std::optional<Taken> back_taken,
+      front_taken;  // how the pictures went into the map, where they did
   std::shared_ptr<const Environment> environment;
   std::shared_ptr<const Lighting> lighting;
   std::vector<PassId> passes;             // that ran
@@ -61,6 +63,7 @@ struct SessionOptions {
   bool cast_shadow = true;
   double distance = std::numeric_limits<double>::infinity();  // CaptureOptions::distance
   std::optional<RoomBox> box = {};                            // CaptureOptions::box
+  bool doubt_exposures = true;                                // CaptureOptions::doubt_exposures
 };
 
 class Session {
@@ -100,10 +103,10 @@ class Session {
   void check_frame(const Frame& frame) const;
   LightingOptions lighting_options() const;
   // drawn_from: the pose that the object is drawn with, see drawn_pose.
-  bool run_pass(PassId id, const Frame& frame, const FrameResult& result, const Pose& drawn_from);
+  bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
-  void capture_frame(const Frame& frame, const FrameResult& result);
+  void capture_frame(const Frame& frame, FrameResult& result);
   void find_motion(const Frame& frame, FrameResult& result);
   // Of the row that shows the middle of the object.
   Pose drawn_pose(const FrameResult& result) const;
@@ -145,6 +148,7 @@ class Session {
   std::optional<Pose> last_pose_;
   double last_pose_time_ = 0;
   std::optional<double> last_time_;
+  double back_exposure_ = 1;  // of the last back picture, as far as it is known
   std::optional<double> last_capture_time_, capture_exposure_;  // of the paper's single pictures
 };
 

@@ -82,6 +82,7 @@ struct Environment {
   MapKnowledge knowledge;                        // that these rest on
   glm::dvec3 centre{0};             // metres, marker frame: where the radiance is seen from
   std::optional<RoomBox> box = {};  // whose walls the map shows, where they are known
+  std::optional<glm::dvec3> plane_irradiance;  // RGB, as the board's paper shows it
   std::vector<LightPosition> light_positions;  // of those near enough to be triangulated
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its

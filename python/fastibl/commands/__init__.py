@@ -7,6 +7,6 @@ exit code 2.
 
 from __future__ import annotations
 
-from . import board, calibrate, demo, export, render, simulate
+from . import board, calibrate, demo, export, record, render, simulate
 
-ALL = (demo, render, simulate, export, board, calibrate)
+ALL = (demo, render, simulate, record, export, board, calibrate)
