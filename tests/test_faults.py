@@ -131,5 +131,5 @@ def test_a_session_outlives_everything():
             assert np.isfinite(p.result.environment.radiance.faces).all()
     during = error(played)
     after = error(list(play(session, run(laps[150:]))))
-    print(f"{poses} poses; irradiance error before {before:.4f}, at the end of the faults {during:.4f}, after {after:.4f}")
+    print(f"{poses} poses; irradiance error {before:.4f}, at the end of the faults {during:.4f}, after {after:.4f}")
     assert poses > 20 and after < before + 0.01

@@ -608,7 +608,8 @@ def sources():
                 continue  # exponent 0 reads the irradiance
             if defines.get("HOLDOUT") and not defines.get("OBJECT", 1):
                 continue  # they are seen beside an object
-            if defines.get("HOLDOUT") and any(defines.get(name) for name in ("DIFFUSE", "GLOSSY", "PAPER", "BOX", *PBR)):
+            coloured = ("DIFFUSE", "GLOSSY", "PAPER", "BOX", *PBR)
+            if defines.get("HOLDOUT") and any(defines.get(name) for name in coloured):
                 continue  # they have no colour
             if defines.get("BOX") and (defines["DISTORTION"] or defines["GLOSSY"] in (0, 2)):
                 continue  # nothing is looked up; rays do not matter to it

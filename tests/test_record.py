@@ -116,3 +116,27 @@ def test_a_killed_program_leaves_a_recording(tmp_path):
     print(f"{before} frames were listed just before, {len(frames)} are read after")
     assert len(frames) == len(recording) >= before
     assert frames[-1].back.shape == (48, 64, 3)
+
+
+def test_live(tmp_path, capsys):
+    pytest.importorskip("av")
+    film = fastibl.simulate(seconds=2, fps=10, size=(320, 240), hand=False, lamp=False)
+    fastibl.recording.write_rig(tmp_path / "rig.yaml", film.rig)
+    cameras = {}
+    for name in ("back", "front"):
+        writer = cv2.VideoWriter(str(tmp_path / f"{name}.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 30, (320, 240))
+        if not writer.isOpened():
+            pytest.skip("this OpenCV writes no MJPG")
+        for _ in range(30):
+            for f in film:
+                writer.write(np.ascontiguousarray(getattr(f, name)[..., ::-1]))
+        writer.release()
+        cameras[name] = str(tmp_path / f"{name}.avi")
+    out, rig = tmp_path / "out.webm", str(tmp_path / "rig.yaml")
+    command = ["live", "--rig", rig, "--back", cameras["back"], "--front", cameras["front"], "--out", str(out)]
+    assert main([*command, "--seconds", "1.5"]) == 0
+    said = capsys.readouterr().out
+    print(said)
+    assert "board seen in" in said and "board seen in 0" not in said and out.stat().st_size > 1000
+    assert main(["live", "--rig", rig, "--back", str(tmp_path / "none"), "--patience", "0.2", "--out", str(out)]) == 2
+    assert "no picture" in capsys.readouterr().err

@@ -86,9 +86,10 @@ def adaptive_exposures() -> Iterator[Goal]:
             ours.append(last[0]), fixed.append(last[1])
             a, b = pairs[0]
             notes.append(
-                f"{name}: {percent(last[0], 2)} against {percent(last[1], 2)}; after 30 frames {percent(half[0])} against "
-                f"{percent(half[1])}; seen texels off by {percent(a.dark)} against {percent(b.dark)} (median); only bounds "
-                f"{percent(a.clipped, 3)} against {percent(b.clipped, 3)}; {min(a.stops)} to {max(a.stops)} stops"
+                f"{name}: {percent(last[0], 2)} against {percent(last[1], 2)}; after 30 frames {percent(half[0])} "
+                f"against {percent(half[1])}; seen texels off by {percent(a.dark)} against {percent(b.dark)} (median); "
+                f"only bounds {percent(a.clipped, 3)} against {percent(b.clipped, 3)}; "
+                f"{min(a.stops)} to {max(a.stops)} stops"
             )
         yield Goal(
             f"{what}, {len(ours)} {label}: mean",
@@ -142,10 +143,10 @@ def untold_exposures() -> Iterator[Goal]:
         if place != ROOM:
             for name in errors:
                 errors[name] += here[name]
+        back, front = (percent(float(np.median(here[name]))) for name in ("back", "front"))
         notes.append(
-            f"{place}: exposures off by {percent(float(np.median(here['back'])))} and {percent(float(np.median(here['front'])))} "
-            f"(back, front; median), {left_out} of {2 * len(film)} pictures left out, irradiance {percent(maps[place], 2)} "
-            f"(told: {percent(told, 2)})"
+            f"{place}: exposures off by {back} and {front} (back, front; median), {left_out} of {2 * len(film)} "
+            f"pictures left out, irradiance {percent(maps[place], 2)} (told: {percent(told, 2)})"
         )
     for name in errors:
         off = np.array(errors[name])

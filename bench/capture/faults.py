@@ -50,7 +50,7 @@ class Laps:
 
 @dataclass
 class Run:
-    """What came of it. errors: of the irradiance (frame, error). by_kind: rotation errors in degrees, None without pose."""
+    """What came of it. errors: of the irradiance (frame, error). by_kind: rotation error in degrees, None: no pose."""
 
     errors: list[tuple[int, float]] = field(default_factory=list)
     by_kind: dict[str, list[float | None]] = field(default_factory=lambda: defaultdict(list))
@@ -144,7 +144,7 @@ def fault_run() -> Iterator[Goal]:
     yield Goal(f"{what}: growth of memory after the first {_WARM}", f"{growth:.1f} MB", "<= 5 MB", growth <= 5, ())
     after_laps = Laps(film, 2 * sweep, 2 * sweep + FRAMES)
     after = run(session, after_laps, after_laps)
-    during = [e for _, e in faults.errors]
+    during = np.array([e for _, e in faults.errors])
     recovered = next((k for k, e in after.errors if e <= before + 0.005), None)
     last = max(e for k, e in after.errors if k > sweep)
     yield Goal(
@@ -153,8 +153,9 @@ def fault_run() -> Iterator[Goal]:
         "<= 0.5 % more",
         last <= before + 0.005,
         (
-            f"during the faults median {percent(float(np.median(during)))}, 95 % {percent(float(np.quantile(during, 0.95)))}, "
-            f"worst {percent(max(during))}; within 0.5 % again after {recovered} good frames",
+            f"during the faults median {percent(float(np.median(during)))}, 95 % "
+            f"{percent(float(np.quantile(during, 0.95)))}, worst {percent(during.max())}; within 0.5 % again after "
+            f"{recovered} good frames",
             "pictures taken: " + ", ".join(f"{how} {count}" for how, count in faults.taken.items()),
             "left out before: " + ", ".join(f"{which} {count}" for which, count in faults.refused.items()),
             f"{faults.seconds:.0f} s, {1e3 * faults.seconds / FRAMES:.1f} ms a frame",
@@ -179,7 +180,8 @@ def _poses(what: str, faults: Run) -> Iterator[Goal]:
         wrong = np.array([e for e in faults.by_kind[kind] if e is not None] or [0.0])
         notes.append(
             f"{kind}: {len(wrong)} poses, median {np.median(wrong):.2f}, worst {wrong.max():.2f} degrees, residual "
-            f"{np.median(faults.residuals[kind] or [0]):.2f} px (good frames {np.median(faults.residuals['good']):.2f} px)"
+            f"{np.median(faults.residuals[kind] or [0]):.2f} px "
+            f"(good frames {np.median(faults.residuals['good']):.2f} px)"
         )
     yield Goal(
         f"{what}: rotation error where the back picture is sound: 99 %, worst; share of frames with a pose",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,10 +31,12 @@ def recorded(place: str, **options) -> fastibl.Recording:
         parts.update(source.read_bytes())
     folder = CACHE / f"recording-{parts.hexdigest()[:20]}"
     if not folder.is_dir():
-        made = folder.with_suffix(".part")
+        made = folder.with_suffix(f".{os.getpid()}.part")  # others may make the same
         shutil.rmtree(made, ignore_errors=True)
         fastibl.simulate(path, out=made, **options)
-        made.rename(folder)
+        with contextlib.suppress(OSError):  # another was first
+            made.rename(folder)
+        shutil.rmtree(made, ignore_errors=True)
     return fastibl.Recording.open(folder)
 
 

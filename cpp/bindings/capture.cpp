@@ -39,7 +39,7 @@ or no exposure came and the map cannot tell it.)")
           [](const Taken& t) {
             return std::array<double, 3>{t.tint.x, t.tint.y, t.tint.z};
           },
-          "By channel, a factor on it; 1 but where it was corrected.")
+          "By channel, a factor on it; as given, but where it was corrected.")
       .def_readonly("deviation", &Taken::deviation,
                     "Standard deviation of ln(exposure) where it rests on the map.")
       .def_readonly("probes", &Taken::probes,
@@ -96,7 +96,8 @@ Raises ValueError for values out of range.)")
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,
              const py::object& camera_from_marker, const std::optional<double>& exposure,
-             double time, const py::object& mask, const py::object& last_row) {
+             double time, const py::object& mask, const py::object& last_row,
+             const std::array<double, 3>& tint) {
             py::array keep, keep_mask;
             const Picture picture = require_picture(image, "image", keep);
             const Pose pose = require_pose(camera_from_marker, "camera_from_marker");
@@ -116,18 +117,20 @@ Raises ValueError for values out of range.)")
                       int(keep_mask.shape(0)), 1, keep_mask.shape(1)};
             }
             const py::gil_scoped_release release;
-            return capture.add(picture, camera, pose, exposure, time, view, last);
+            return capture.add(picture, camera, pose, exposure, time, view, last,
+                               {tint[0], tint[1], tint[2]});
           },
           py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"),
           py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
-          py::arg("last_row") = py::none(),
+          py::arg("last_row") = py::none(), py::arg("tint") = std::array<double, 3>{1, 1, 1},
           R"(Update the texels that a picture sees.
 
 image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
 or (4, 4). exposure: multiplier; None where it is not known: the map tells it by what it knows of the places in the
 picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
 what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
-row was taken; camera_from_marker is then that of the first row. Returns Taken. Raises ValueError or TypeError, naming what was
+row was taken; camera_from_marker is then that of the first row. tint: by channel, a known
+factor on the exposure, see fastibl.white. Returns Taken. Raises ValueError or TypeError, naming what was
 expected and what came.)")
       .def(
           "next_exposure",

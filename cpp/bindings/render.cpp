@@ -183,19 +183,26 @@ its shadow from the plane behind them.)")
                        const std::string& backend, const Methods& methods, double error,
                        double milliseconds, int size, bool cast_shadow, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
-                       bool doubt_exposures) {
+                       bool doubt_exposures, const std::array<double, 3>& front_ratio) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
              return std::make_unique<Session>(
                  scene, rig, board, environment, std::move(function), std::move(renderer),
-                 SessionOptions{methods, error, milliseconds, size, cast_shadow, distance,
-                                room_box(box), doubt_exposures});
+                 SessionOptions{methods,
+                                error,
+                                milliseconds,
+                                size,
+                                cast_shadow,
+                                distance,
+                                room_box(box),
+                                doubt_exposures,
+                                {front_ratio[0], front_ratio[1], front_ratio[2]}});
            }),
            py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
            py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
            py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
-           py::arg("box"), py::arg("doubt_exposures"))
+           py::arg("box"), py::arg("doubt_exposures"), py::arg("front_ratio"))
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,
@@ -232,9 +239,9 @@ Its ratio is the shadow's as strength and colour have it, and the light that the
 plane gets without the object: it may exceed 1.)")
       .def(
           "set_shadow_look",
-          [](Session& s, double strength, const py::object& color) {
-            s.set_shadow_look({float(strength), require_colour(color, "color")});
-          },
+          [](Session& s, double strength,
+             const py::object&
+                 color) { s.set_shadow_look({float(strength), require_colour(color, "color")}); },
           py::arg("strength") = 1.0, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
           "Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. "
           "Raises "
@@ -252,9 +259,8 @@ plane gets without the object: it may exceed 1.)")
            "Use another material from the next frame on.")
       .def(
           "move",
-          [](Session& s, const py::object& pose) {
-            s.move(require_pose(pose, "marker_from_object"));
-          },
+          [](Session& s,
+             const py::object& pose) { s.move(require_pose(pose, "marker_from_object")); },
           py::arg("marker_from_object"), "Move the object: Pose or (4, 4).")
       .def("set_cast_shadow", &Session::set_cast_shadow, py::arg("cast"),
            "Switch the shadow on or off.")

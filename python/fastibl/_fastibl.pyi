@@ -774,7 +774,7 @@ class Taken:
     @property
     def tint(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
         """
-        By channel, a factor on it; 1 but where it was corrected.
+        By channel, a factor on it; as given, but where it was corrected.
         """
 class Capture:
     """
@@ -797,7 +797,7 @@ class Capture:
         ...
     def __repr__(self) -> str:
         ...
-    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None) -> Taken:
+    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, tint: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0]) -> Taken:
         """
         Update the texels that a picture sees.
 
@@ -805,7 +805,8 @@ class Capture:
         or (4, 4). exposure: multiplier; None where it is not known: the map tells it by what it knows of the places in the
         picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
         what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
-        row was taken; camera_from_marker is then that of the first row. Returns Taken. Raises ValueError or TypeError, naming what was
+        row was taken; camera_from_marker is then that of the first row. tint: by channel, a known
+        factor on the exposure, see fastibl.white. Returns Taken. Raises ValueError or TypeError, naming what was
         expected and what came.
         """
     def environment(self) -> Environment:
@@ -1443,7 +1444,7 @@ class FrameResult:
         Tracked, or None where the pose was given or the board is not seen.
         """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]) -> None:
         ...
     def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any, back_last_row: typing.Any = None) -> FrameResult:
         ...

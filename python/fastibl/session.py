@@ -57,8 +57,9 @@ class Session(_Session):
     methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
     function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
     distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.
-    doubt_exposures: a picture that is off from the map by one factor all over is taken for wrongly exposed at first,
-    see Capture. box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame.
+    box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame. doubt_exposures:
+    a picture that is off from the map by one factor all over is taken for wrongly exposed at first, see Capture.
+    front_ratio: by channel, what the front camera makes of light by what the back one makes of it, see fastibl.white.
     A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
     baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
     cannot start.
@@ -81,6 +82,7 @@ class Session(_Session):
         distance: float = float("inf"),
         box: Sequence[Sequence[float]] | None = None,
         doubt_exposures: bool = True,
+        front_ratio: Sequence[float] = (1.0, 1.0, 1.0),
     ):
         if isinstance(environment, CubeMap):
             environment = Environment(environment)
@@ -103,6 +105,7 @@ class Session(_Session):
             float(distance),
             None if box is None else [[float(x) for x in corner] for corner in box],
             bool(doubt_exposures),
+            [float(x) for x in front_ratio],
         )
 
     def process(self, frame: Frame) -> FrameResult:

@@ -408,8 +408,8 @@ def simulate(
     function of the time in seconds. lamp: in the room, a
     lamp is switched on at half-time. hand: a hand covers the front camera for one second after 30 % of the
     time. front_exposures: instead of the three in turn, a function from the exposure of a front picture to that of the
-    next, as Bracket and AdaptiveExposure are. `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and when
-    both happened.
+    next, as Bracket and AdaptiveExposure are. `truth` holds the maps at `position` (the object: 6 cm above the board's
+    centre), the poses, and when both happened.
 
     What time does to pictures is left out unless it is asked for:
 

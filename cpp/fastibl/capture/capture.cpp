@@ -157,7 +157,7 @@ Capture::Capture(CaptureOptions options)
 
 Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
                    std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask,
-                   const std::optional<Pose>& last_row) {
+                   const std::optional<Pose>& last_row, const glm::dvec3& tint) {
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
@@ -166,6 +166,8 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
         " × ", mask.height);
   check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
         "an exposure must be positive and finite, got ", exposure.value_or(0));
+  check(tint.x > 0 && tint.y > 0 && tint.z > 0 && std::isfinite(tint.x + tint.y + tint.z),
+        "a tint must be positive and finite, got ", tint.x, " ", tint.y, " ", tint.z);
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
   const bool perspective = camera.model == CameraModel::perspective;
@@ -195,9 +197,11 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
       each_side([&](KnownCamera& side, const RowPoses& side_poses) {
         probe_level(wide->picture.picture(), side, side_poses, wide->picture.mask(), probes);
       });
+    for (LevelProbe& p : probes) p.expected *= glm::vec3(tint);
     taken = (one ? one->doubt : wide->doubt).judge(probes, exposure, time);
     if (taken.as == TakenAs::left_out) return taken;
   }
+  taken.tint *= tint;
   if (one)
     any = take(picture, *one, poses, taken, mask, changed);
   else
@@ -255,7 +259,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
                   mask,
                   scale,
                   float(kRimOfLight * bright_ / scale),
-                  taken.as == TakenAs::corrected ? glm::vec3(1.0 / taken.tint) : glm::vec3(1)};
+                  glm::vec3(1.0 / taken.tint)};
   leave_out_quiet_tiles(view);
   changed_.assign(tiles_.size(), 0);
   parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {

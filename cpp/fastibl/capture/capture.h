@@ -73,10 +73,11 @@ class Capture {
   // where a rolling shutter reads it; camera_from_marker is then that of the first row (of fisheye
   // and 360° cameras the pose half-way is used). Throws
   // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
-  // is not positive and finite, or a time before the last one.
+  // is not positive and finite, or a time before the last one. tint: by channel, a known factor on
+  // the exposure: of another camera's white balance and scale.
   Taken add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
             std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask = {},
-            const std::optional<Pose>& last_row = {});
+            const std::optional<Pose>& last_row = {}, const glm::dvec3& tint = glm::dvec3(1));
 
   // The map at the time of the last picture, without holes: unseen texels take a mean of what
   // was seen near them on their side of the horizon, at confidence 0 and up to a second late.

@@ -19,7 +19,7 @@ enum class TakenAs {
 struct Taken {
   TakenAs as = TakenAs::told;
   double exposure = 1;   // that was used
-  glm::dvec3 tint{1};    // by channel, a factor on it
+  glm::dvec3 tint{1};    // by channel, a factor on it, with the given one
   double deviation = 0;  // of ln(exposure), where it rests on the map
   int probes = 0;        // parts of the picture that were compared with the map
 };

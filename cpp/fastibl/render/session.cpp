@@ -260,8 +260,9 @@ void Session::capture_frame(const Frame& frame, FrameResult& result) {
     };
     std::optional<Pose> last_row;
     if (rig_.front->readout > 0) last_row = front_from_marker(frame.time + rig_.front->readout);
-    result.front_taken = capture_->add(frame.front, *rig_.front, front_from_marker(frame.time),
-                                       frame.front_exposure, frame.time, {}, last_row);
+    result.front_taken =
+        capture_->add(frame.front, *rig_.front, front_from_marker(frame.time), frame.front_exposure,
+                      frame.time, {}, last_row, options_.front_ratio);
     last_capture_time_ = frame.time;
     if (!capture_exposure_) capture_exposure_ = frame.front_exposure;
   }

@@ -64,6 +64,8 @@ struct SessionOptions {
   double distance = std::numeric_limits<double>::infinity();  // CaptureOptions::distance
   std::optional<RoomBox> box = {};                            // CaptureOptions::box
   bool doubt_exposures = true;                                // CaptureOptions::doubt_exposures
+  // By channel: what the front camera makes of light by what the back one makes of it.
+  glm::dvec3 front_ratio{1};
 };
 
 class Session {
