@@ -3,6 +3,8 @@
 from . import (  # noqa: F401
     change,
     cost,
+    exposures,
+    faults,
     lights,
     merge,
     near,
