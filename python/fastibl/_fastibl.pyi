@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'Turned', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -1083,6 +1083,78 @@ class _EdgeTracker:
         """
         One frame. turn: rotation vector (3,) of the camera since the last frame; gravity: (3,) downwards; both in the camera frame.
         """
+    @property
+    def following(self) -> bool:
+        ...
+class Turned:
+    """
+    A pose that rests on the captured map: the board is out of view.
+
+    The rotation is measured; the camera's place is where the board was last seen from.
+    """
+    __hash__: typing.ClassVar[None] = None
+    def __eq__(self, arg0: Turned) -> bool:
+        ...
+    def __getstate__(self) -> tuple:
+        ...
+    def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
+        ...
+    @property
+    def agreeing(self) -> float:
+        """
+        Share of what was compared that agrees.
+        """
+    @property
+    def back_from_marker(self) -> Pose:
+        """
+        Pose.
+        """
+    @property
+    def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        (3, 3) float64 of w where the true rotation is exp([w]x) R: rad^2, back camera's frame; against the marker, with the drift of the map.
+        """
+    @property
+    def drift(self) -> float:
+        """
+        Standard deviation of the map's own rotation there, radians.
+        """
+    @property
+    def features(self) -> int:
+        """
+        Texels of the map that were compared.
+        """
+    @property
+    def gain(self) -> float:
+        """
+        By which the pictures are brighter than the map says.
+        """
+    @property
+    def position_deviation(self) -> float:
+        """
+        Metres; standard deviation of the camera's place, which is kept.
+        """
+    @property
+    def residual(self) -> float:
+        """
+        Difference of the pictures from the map by what is expected.
+        """
+    @property
+    def since(self) -> float:
+        """
+        Seconds since the pose was last known.
+        """
+class _RotationTracker:
+    def __init__(self, rig: Rig, options: dict = {}) -> None:
+        ...
+    def reset(self) -> None:
+        ...
+    def start(self, back_from_marker: typing.Any, time: typing.SupportsFloat | typing.SupportsIndex) -> None:
+        ...
+    def track(self, environment: Environment, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, time: typing.SupportsFloat | typing.SupportsIndex, turn: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] | None) -> Turned | None:
+        ...
     @property
     def following(self) -> bool:
         ...

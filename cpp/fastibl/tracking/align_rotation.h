@@ -1,0 +1,54 @@
+// The rotation under which pictures of distant light agree with a map of it.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <span>
+
+#include "fastibl/scene/camera.h"
+#include "fastibl/tracking/light_pyramid.h"
+#include "fastibl/tracking/map_features.h"
+
+namespace fastibl {
+
+// A picture of a rig's camera.
+struct MapView {
+  const LightPyramid* light = nullptr;
+  const Camera* camera = nullptr;
+  const Lens* lens = nullptr;
+  glm::dmat3 camera_from_rig{1.0};
+  double exposure = 1;
+};
+
+struct AlignmentOptions {
+  int coarsest = 2;              // level of MapFeatures to begin with
+  int rounds = 5;                // at most, a level
+  int most = 1200;               // features of a picture, at the finest level
+  double model_noise = 0.05;     // relative: footprints, lens and gain fit no better
+  double misfit = 0.1;           // texels by which footprints may be off
+  double gain_deviation = 0.05;  // relative, by which an exposure may be wrong
+  double independent = 0.1;      // share of the features that have errors of their own
+  // By tile of the map: variance of its own rotation against the marker, rad²; null for none.
+  const float* drift = nullptr;
+};
+
+struct Alignment {
+  glm::dmat3 rotation{1.0};  // rig_from_marker
+  glm::dmat3 information{
+      0.0};             // of w in rotation · exp([w]×): 1 / rad², marker frame; prior included
+  double residual = 0;  // robust standard deviation of log light, of what noise lets expect
+  double agreeing = 0;  // share of the weight of features that agree within 3 of these
+  int features = 0;     // that took part
+  double drift = 0;     // mean of AlignmentOptions::drift where they are
+  double gain = 1;      // by which pictures are brighter than the map says
+};
+
+// Gauss–Newton on SO(3), coarse to fine, from `start`, with Tukey's weights on the difference of
+// logarithms; gradients are the map's (inverse compositional: Baker and Matthews 2004), features
+// are texels, so that the map is read without interpolation. prior: information about `start`, in
+// the axes of Alignment::information. Nothing where fewer than 12 features are in view.
+std::optional<Alignment> align_rotation(const MapFeatures& map, std::span<const MapView> views,
+                                        const glm::dmat3& start, const glm::dmat3& prior,
+                                        const AlignmentOptions& options = {});
+
+}  // namespace fastibl
