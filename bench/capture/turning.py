@@ -11,16 +11,16 @@ from . import recordings
 SECONDS, FPS = 10.0, 20.0
 _EYE = np.array([0.0, -0.36, 0.38])  # metres, marker frame
 _BOARD = -np.degrees(np.arctan2(_EYE[2], -_EYE[1]))  # elevation at which the board is in the middle of the picture
-_LOW, _HIGH = 10, 55  # degrees: of the two rings that the back camera looks along
+_LOW, _HIGH = 20, 62  # degrees: of the two rings that the back camera looks along, held upright
 # (time, heading, elevation), linear in between and then smoothed over _SMOOTH seconds on either side.
 _KNOTS = np.array(
     [
         (0.7, 0, _BOARD),
         (1.7, 0, _LOW),
-        (4.9, 230, _LOW),
-        (5.4, 260, _HIGH),
-        (8.9, 590, _HIGH),
-        (9.5, 720, _BOARD),
+        (5.9, 310, _LOW),
+        (6.4, 300, _HIGH),
+        (8.4, 70, _HIGH),
+        (9.3, 0, _BOARD),
     ]
 )
 _SMOOTH = 0.4
@@ -45,7 +45,7 @@ def turning(time: float) -> fastibl.Pose:
     forward = np.array([np.sin(heading) * across, np.cos(heading) * across, np.sin(elevation)])
     right = np.array([np.cos(heading), -np.sin(heading), 0.0])
     look = np.eye(4)
-    look[:3, :3] = right, np.cross(forward, right), forward
+    look[:3, :3] = np.cross(forward, right), -right, forward  # upright: the picture's rows run downwards
     look[:3, 3] = -look[:3, :3] @ eye
     return fastibl.Pose.from_rotation_vector(shake, np.zeros(3)) @ fastibl.Pose(look)
 

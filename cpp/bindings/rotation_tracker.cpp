@@ -21,6 +21,15 @@ Turned turned_from(const py::tuple& t) {
           t[8].cast<double>()};
 }
 
+RigPictures rig_pictures(const py::object& back, const py::object& front, double back_exposure,
+                         double front_exposure, py::array& keep_back, py::array& keep_front) {
+  RigPictures pictures;
+  if (!back.is_none()) pictures.back = require_picture(back, "back", keep_back);
+  if (!front.is_none()) pictures.front = require_picture(front, "front", keep_front);
+  pictures.back_exposure = back_exposure, pictures.front_exposure = front_exposure;
+  return pictures;
+}
+
 void bind_turned(py::module_& module) {
   py::class_<Turned>(module, "Turned",
                      R"(A pose that rests on the captured map: the board is out of view.
@@ -69,7 +78,7 @@ void bind_rotation_tracker(py::module_& module) {
              read("acceleration", o.acceleration), read("largest_error", o.largest_error);
              read("largest_residual", o.largest_residual);
              read("least_agreeing", o.least_agreeing), read("longest_gap", o.longest_gap);
-             read("wander", o.wander);
+             read("wander", o.wander), read("sure", o.sure);
              read("coarsest", o.alignment.coarsest), read("rounds", o.alignment.rounds);
              read("most", o.alignment.most), read("model_noise", o.alignment.model_noise);
              read("gain_deviation", o.alignment.gain_deviation);
@@ -80,20 +89,25 @@ void bind_rotation_tracker(py::module_& module) {
            py::arg("rig"), py::arg("options") = py::dict())
       .def(
           "start",
-          [](RotationTracker& t, const py::object& pose, double time) {
-            t.start(require_pose(pose, "back_from_marker"), time);
+          [](RotationTracker& t, const py::object& pose, double time, const py::object& back,
+             const py::object& front, double back_exposure, double front_exposure) {
+            py::array keep_back, keep_front;
+            const RigPictures pictures =
+                rig_pictures(back, front, back_exposure, front_exposure, keep_back, keep_front);
+            const Pose known = require_pose(pose, "back_from_marker");
+            const py::gil_scoped_release release;
+            t.start(known, time, pictures);
           },
-          py::arg("back_from_marker"), py::arg("time"))
+          py::arg("back_from_marker"), py::arg("time"), py::arg("back"), py::arg("front"),
+          py::arg("back_exposure"), py::arg("front_exposure"))
       .def(
           "track",
           [](RotationTracker& tracker, const Environment& environment, const py::object& back,
              const py::object& front, double back_exposure, double front_exposure, double time,
              const std::optional<std::array<double, 3>>& turn) {
             py::array keep_back, keep_front;
-            RigPictures pictures;
-            if (!back.is_none()) pictures.back = require_picture(back, "back", keep_back);
-            if (!front.is_none()) pictures.front = require_picture(front, "front", keep_front);
-            pictures.back_exposure = back_exposure, pictures.front_exposure = front_exposure;
+            const RigPictures pictures =
+                rig_pictures(back, front, back_exposure, front_exposure, keep_back, keep_front);
             std::optional<glm::dmat3> rotation;
             if (turn) rotation = rotation_from_vector({(*turn)[0], (*turn)[1], (*turn)[2]});
             const py::gil_scoped_release release;

@@ -14,10 +14,12 @@ constexpr float kRelinearise = 0.01f;  // radians: beyond, pixels are projected 
 constexpr float kDone = 2e-5f;         // radians
 constexpr float kTukey = 4.7f;         // robust standard deviations, 95 % efficient
 constexpr double kLeastScale = 0.5;
-// Of a pixel, linear: deviation in the dark, variance by light. Twice that of a small sensor.
-constexpr float kReadNoise = 0.003f, kShotNoise = 1 / 2000.0f;
-constexpr float kDark = 0.001f;  // of white: differences below hardly count
-constexpr float kWhite = 0.97f;  // linear; what is expected above it tells nothing
+// Of a pixel, linear: deviation in the dark, variance by light; a small sensor's, and codes of 8
+// bits. Sensors that cut noise off at 0 are too bright in the dark.
+constexpr float kReadNoise = 0.002f, kShotNoise = 1 / 3000.0f, kDarkBias = 0.4f;
+constexpr float kDark = 0.0005f;  // of white: differences below hardly count
+constexpr float kUsualBlock = 4;  // pixels
+constexpr float kWhite = 0.97f;   // linear; what is expected above it tells nothing
 
 // log2, within 1e-4.
 inline float fast_log2(float x) {
@@ -38,56 +40,115 @@ struct Seen {
   glm::vec3 move_x, move_y;  // of the pixel by w
   glm::vec3 axis;            // of the logarithm
   float log_light, inverse_deviation, dark, scale;
-  int level, tile;
+  int level;
+  const MapFeature* feature;
 };
 
 glm::dmat3 cross_matrix(const glm::dvec3& w) { return {0, w.z, -w.y, -w.z, 0, w.x, w.y, -w.x, 0}; }
 
-struct Strength {
-  float value;
+struct Candidate {
+  float information;
   const MapFeature* feature;
 };
 
-// Projects the features of a level that a picture shows.
-void find_seen(const MapFeatures& map, const MapView& view, const glm::dmat3& rig_from_marker,
-               int level, const AlignmentOptions& options, std::vector<Strength>& scratch,
-               std::vector<Seen>& out) {
-  const Camera& camera = *view.camera;
-  const glm::dmat3 rotation = view.camera_from_rig * rig_from_marker;
-  const glm::dvec3 axis = glm::transpose(rotation) * glm::dvec3(0, 0, 1);
-  // Half the angle across the picture's diagonal, generously: lenses differ.
-  const double corner = std::hypot(std::max(camera.cx, camera.width - camera.cx) / camera.fx,
-                                   std::max(camera.cy, camera.height - camera.cy) / camera.fy);
-  const double half = std::min(std::atan(1.3 * corner) + 0.05, 1.5);
-  const float scale = float(1 / std::max(view.exposure * camera.gain, 1e-30));  // radiance of white
-  const float dark = float(map.dark()) + kDark * scale;
-  scratch.clear();
-  for (const MapFeatures::Tile& tile : map.tiles()) {
-    if (tile.features[level].empty()) continue;
-    const double cosine = glm::dot(glm::dvec3(tile.middle), axis);
-    if (cosine < std::cos(std::min(half + std::acos(double(tile.reach)), 3.1))) continue;
-    for (const MapFeature& f : tile.features[level]) {
-      if (f.light > kWhite * scale) continue;
-      const float size = glm::dot(f.axis, f.axis);
-      const float light = f.light + dark;
-      scratch.push_back({size / (light * light), &f});
+// How a picture shows light of the map.
+struct Sensor {
+  float white;  // radiance
+  float dark;   // radiance, is added before logarithms are taken
+
+  // Of the logarithm, read in blocks of `block` pixels: about 2.25 block² of them.
+  float variance(const MapFeature& f, const AlignmentOptions& options, float block) const {
+    const float level = f.light / white, light = f.light + dark;
+    const float bias = kDarkBias * kReadNoise * std::max(0.0f, 1 - level / (1.5f * kReadNoise));
+    const float noise =
+        (kReadNoise * kReadNoise + kShotNoise * level) / (2.25f * block * block) + bias * bias;
+    const float misfit = float(options.misfit) * f.width;
+    const float by_angle = misfit * misfit + f.drift;
+    const float model = float(options.model_noise * options.model_noise);
+    return model + (by_angle * glm::dot(f.axis, f.axis) +
+                    std::max(f.variance, 0.0f) * f.light * f.light + noise * white * white) /
+                       (light * light);
+  }
+};
+
+// Features near a direction, of tiles that a picture may show.
+class Candidates {
+ public:
+  Candidates(const Camera& camera, const Sensor& sensor, const glm::dvec3& axis,
+             const AlignmentOptions& options, std::vector<Candidate>& out)
+      : sensor_(sensor), axis_(axis), options_(options), out_(out) {
+    // Half the angle across the picture's diagonal, generously: lenses differ.
+    const double corner = std::hypot(std::max(camera.cx, camera.width - camera.cx) / camera.fx,
+                                     std::max(camera.cy, camera.height - camera.cy) / camera.fy);
+    half_ = std::min(std::atan(1.3 * corner) + 0.05, 1.5);
+    out_.clear();
+  }
+
+  bool shows(const glm::vec3& middle, float reach) const {
+    const double cosine = glm::dot(glm::dvec3(middle), axis_);
+    return cosine > std::cos(std::min(half_ + std::acos(double(reach)), 3.1));
+  }
+  void add(const std::vector<MapFeature>& features) {
+    for (const MapFeature& f : features) {
+      if (f.light > kWhite * sensor_.white) continue;
+      const float light = f.light + sensor_.dark;
+      const float variance = sensor_.variance(f, options_, kUsualBlock);
+      out_.push_back({glm::dot(f.axis, f.axis) / (light * light * variance), &f});
     }
   }
-  if (level == 0 && int(scratch.size()) > options.most) {
-    const auto middle = scratch.begin() + options.most;
-    std::nth_element(scratch.begin(), middle, scratch.end(),
-                     [](const Strength& a, const Strength& b) { return a.value > b.value; });
-    scratch.erase(middle, scratch.end());
+  // Keeps those that tell most.
+  void limit(int most) {
+    if (int(out_.size()) <= most) return;
+    const auto middle = out_.begin() + most;
+    std::nth_element(out_.begin(), middle, out_.end(), [](const Candidate& a, const Candidate& b) {
+      return a.information > b.information;
+    });
+    out_.erase(middle, out_.end());
   }
-  for (const Strength& s : scratch) {
-    const MapFeature& f = *s.feature;
+
+ private:
+  const Sensor& sensor_;
+  glm::dvec3 axis_;
+  const AlignmentOptions& options_;
+  std::vector<Candidate>& out_;
+  double half_;
+};
+
+constexpr int kFine = -1;       // level of PictureFeatures
+constexpr int kEnoughFine = 3;  // of a tile, in place of the map's
+
+// Projects the features of a level that a picture shows.
+void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapView& view,
+               const glm::dmat3& rig_from_marker, int level, const AlignmentOptions& options,
+               std::vector<Candidate>& scratch, std::vector<Seen>& out) {
+  const Camera& camera = *view.camera;
+  const glm::dmat3 rotation = view.camera_from_rig * rig_from_marker;
+  const float white = float(1 / std::max(view.exposure * camera.gain, 1e-30));
+  const float dark = float(map.dark()) + kDark * white;
+  const Sensor whole{white, dark};
+  Candidates candidates(camera, whole, glm::transpose(rotation) * glm::dvec3(0, 0, 1), options,
+                        scratch);
+  if (level == kFine) {
+    for (const PictureFeatures::Tile& tile : fine.tiles())
+      if (!tile.features.empty() && candidates.shows(tile.middle, tile.reach))
+        candidates.add(tile.features);
+  }
+  for (const MapFeatures::Tile& tile : map.tiles()) {
+    const auto& features = tile.features[std::max(level, 0)];
+    if (features.empty() || !candidates.shows(tile.middle, tile.reach)) continue;
+    if (level == kFine && fine.around(tile.middle) >= kEnoughFine) continue;
+    candidates.add(features);
+  }
+  if (level <= 0) candidates.limit(options.most);
+  for (const Candidate& candidate : scratch) {
+    const MapFeature& f = *candidate.feature;
     const glm::dvec3 d(f.direction);
     glm::dmat2x3 derivative;
     const auto pixel = view.lens->project(rotation * d, &derivative);
     if (!pixel || !camera.inside(*pixel)) continue;
     const double vignette = camera.vignetting.empty() ? 1.0 : camera.vignette(*pixel);
-    const float radiance = float(double(scale) / vignette);
-    if (f.light > kWhite * radiance) continue;
+    const Sensor sensor{float(double(white) / vignette), dark};
+    if (f.light > kWhite * sensor.white) continue;
     // d(rotation exp([w]×) d) = rotation (w × d): rows of the pixel's derivative, in w.
     const glm::dmat3 turned = rotation * cross_matrix(d) * -1.0;
     const glm::dvec3 mx = derivative[0] * turned, my = derivative[1] * turned;
@@ -96,17 +157,10 @@ void find_seen(const MapFeatures& map, const MapView& view, const glm::dmat3& ri
     const double wanted =
         std::log2(std::max(pixels / std::sqrt(3.0) / LightPyramid::kFirstBlock, 1.0));
     const int read = std::clamp(int(wanted + 0.5), 0, LightPyramid::kLevels - 1);
-    const float block = float(view.light->level(read).block);
+    const float variance = sensor.variance(f, options, float(view.light->level(read).block));
     const float light = f.light + dark;
-    const float noise = (kReadNoise * kReadNoise + kShotNoise * f.light / radiance) * radiance *
-                        radiance / (block * block);
-    const float axis2 = glm::dot(f.axis, f.axis) / (light * light);
-    const float misfit = float(options.misfit) * f.width;
-    float variance = float(options.model_noise * options.model_noise) + misfit * misfit * axis2 +
-                     (std::max(f.variance, 0.0f) * f.light * f.light + noise) / (light * light);
-    if (options.drift) variance += options.drift[f.tile] * axis2;
     out.push_back({float(pixel->x), float(pixel->y), glm::vec3(mx), glm::vec3(my), f.axis / light,
-                   kLn2 * fast_log2(light), 1 / std::sqrt(variance), dark, radiance, read, f.tile});
+                   kLn2 * fast_log2(light), 1 / std::sqrt(variance), dark, sensor.white, read, &f});
   }
 }
 
@@ -139,15 +193,15 @@ bool solve4(Normal n, double (&x)[4]) {
 
 class Level {
  public:
-  Level(const MapFeatures& map, std::span<const MapView> views, int level,
-        const AlignmentOptions& options)
-      : map_(map), views_(views), level_(level), options_(options) {}
+  Level(const MapFeatures& map, const PictureFeatures& fine, std::span<const MapView> views,
+        int level, const AlignmentOptions& options)
+      : map_(map), fine_(fine), views_(views), level_(level), options_(options) {}
 
   void project(const glm::dmat3& rotation) {
     seen_.clear(), begin_.clear();
     for (const MapView& view : views_) {
       begin_.push_back(seen_.size());
-      find_seen(map_, view, rotation, level_, options_, scratch_, seen_);
+      find_seen(map_, fine_, view, rotation, level_, options_, scratch_, seen_);
     }
     begin_.push_back(seen_.size());
     residuals_.resize(seen_.size());
@@ -212,9 +266,18 @@ class Level {
       if (!(residuals_[i] == residuals_[i])) continue;
       const double deviation = double(seen_[i].inverse_deviation);
       const double weight = double(glm::dot(seen_[i].axis, seen_[i].axis)) * deviation * deviation;
-      all += weight, sum += weight * double(options_.drift[seen_[i].tile]);
+      all += weight, sum += weight * double(seen_[i].feature->drift);
     }
     return all > 0 ? sum / all : 0;
+  }
+
+  // Which features did not agree.
+  void note(double scale) const {
+    for (std::size_t i = 0; i < seen_.size(); ++i) {
+      if (!(residuals_[i] == residuals_[i])) continue;
+      const bool agrees = std::abs(double(residuals_[i])) < double(kTukey) * scale;
+      seen_[i].feature->missed = agrees ? 0 : seen_[i].feature->missed + 1;
+    }
   }
 
   // Share of what was read, by its weight in the fit, that agrees.
@@ -231,10 +294,11 @@ class Level {
 
  private:
   const MapFeatures& map_;
+  const PictureFeatures& fine_;
   std::span<const MapView> views_;
   int level_;
   const AlignmentOptions& options_;
-  std::vector<Strength> scratch_;
+  std::vector<Candidate> scratch_;
   std::vector<Seen> seen_;
   std::vector<std::size_t> begin_;  // of the pictures
   std::vector<float> residuals_, sizes_;
@@ -242,16 +306,16 @@ class Level {
 
 }  // namespace
 
-std::optional<Alignment> align_rotation(const MapFeatures& map, std::span<const MapView> views,
-                                        const glm::dmat3& start, const glm::dmat3& prior,
-                                        const AlignmentOptions& options) {
+std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFeatures& fine,
+                                        std::span<const MapView> views, const glm::dmat3& start,
+                                        const glm::dmat3& prior, const AlignmentOptions& options) {
   Alignment out;
   out.rotation = start;
   double log_gain = 0;
   glm::dvec3 from_start(0);  // of rotation = start · exp([from_start]×), to first order
   const double gain_information = 1 / (options.gain_deviation * options.gain_deviation);
-  for (int k = options.coarsest; k >= 0; --k) {
-    Level level(map, views, k, options);
+  for (int k = options.coarsest; k >= kFine; --k) {
+    Level level(map, fine, views, k, options);
     level.project(out.rotation);
     glm::dvec3 w(0);  // since features were projected
     const auto move = [&] {
@@ -261,7 +325,7 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, std::span<const 
     };
     std::size_t count = level.read(glm::vec3(0), float(log_gain));
     if (count < kFewest) {
-      if (k == 0) return std::nullopt;
+      if (k == kFine) return std::nullopt;
       continue;
     }
     double scale = level.scale();
@@ -289,7 +353,7 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, std::span<const 
       if (glm::length(dw) < double(kDone)) break;
     }
     move();
-    if (k > 0) continue;
+    if (k > kFine) continue;
     const Normal n = level.normal(float(scale));
     const double s2 = std::max(1.0, scale * scale) / options.independent;
     // The gain is fitted too: what is left of the rotation (Schur).
@@ -298,7 +362,8 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, std::span<const 
       for (int b = 0; b < 3; ++b)
         out.information[b][a] = (n.a[a][b] - n.a[a][3] * n.a[b][3] / gain) / s2 + prior[b][a];
     out.residual = scale, out.features = int(count), out.agreeing = level.agreeing(scale);
-    if (options.drift) out.drift = level.drift();
+    out.drift = level.drift();
+    level.note(scale);
   }
   out.gain = std::exp(log_gain);
   return out;

@@ -8,17 +8,9 @@
 #include "fastibl/scene/camera.h"
 #include "fastibl/tracking/light_pyramid.h"
 #include "fastibl/tracking/map_features.h"
+#include "fastibl/tracking/picture_features.h"
 
 namespace fastibl {
-
-// A picture of a rig's camera.
-struct MapView {
-  const LightPyramid* light = nullptr;
-  const Camera* camera = nullptr;
-  const Lens* lens = nullptr;
-  glm::dmat3 camera_from_rig{1.0};
-  double exposure = 1;
-};
 
 struct AlignmentOptions {
   int coarsest = 2;              // level of MapFeatures to begin with
@@ -28,8 +20,6 @@ struct AlignmentOptions {
   double misfit = 0.1;           // texels by which footprints may be off
   double gain_deviation = 0.05;  // relative, by which an exposure may be wrong
   double independent = 0.1;      // share of the features that have errors of their own
-  // By tile of the map: variance of its own rotation against the marker, rad²; null for none.
-  const float* drift = nullptr;
 };
 
 struct Alignment {
@@ -39,16 +29,18 @@ struct Alignment {
   double residual = 0;  // robust standard deviation of log light, of what noise lets expect
   double agreeing = 0;  // share of the weight of features that agree within 3 of these
   int features = 0;     // that took part
-  double drift = 0;     // mean of AlignmentOptions::drift where they are
+  double drift = 0;     // variance of the rotation of the features themselves, rad²
   double gain = 1;      // by which pictures are brighter than the map says
 };
 
 // Gauss–Newton on SO(3), coarse to fine, from `start`, with Tukey's weights on the difference of
 // logarithms; gradients are the map's (inverse compositional: Baker and Matthews 2004), features
 // are texels, so that the map is read without interpolation. prior: information about `start`, in
-// the axes of Alignment::information. Nothing where fewer than 12 features are in view.
-std::optional<Alignment> align_rotation(const MapFeatures& map, std::span<const MapView> views,
-                                        const glm::dmat3& start, const glm::dmat3& prior,
+// the axes of Alignment::information. fine: come last, with those texels of the map that have none
+// around them; notes in them whether they agree. Nothing where fewer than 12 features are in view.
+std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFeatures& fine,
+                                        std::span<const MapView> views, const glm::dmat3& start,
+                                        const glm::dmat3& prior,
                                         const AlignmentOptions& options = {});
 
 }  // namespace fastibl

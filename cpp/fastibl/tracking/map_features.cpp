@@ -12,14 +12,13 @@ constexpr float kMostVariance = 0.1f;
 constexpr float kLeastGradient = 0.02f;  // of the light, from one texel to the next
 constexpr double kDark = 0.001;          // of the mean radiance
 
-// Gradient with direction, tangential, from differences along the texel's edges u and v.
-glm::vec3 gradient(const glm::vec3& u, const glm::vec3& v, float lu, float lv) {
+}  // namespace
+
+glm::vec3 tangent_gradient(const glm::vec3& u, const glm::vec3& v, float lu, float lv) {
   const float uu = glm::dot(u, u), uv = glm::dot(u, v), vv = glm::dot(v, v);
   const float inverse = 1 / (uu * vv - uv * uv);
   return ((vv * lu - uv * lv) * inverse) * u + ((uu * lv - uv * lu) * inverse) * v;
 }
-
-}  // namespace
 
 void MapFeatures::start(const Environment& environment) {
   grid_ = environment.radiance.tiles();
@@ -52,11 +51,12 @@ bool MapFeatures::known(int level, int face, int x, int y) const {
   return true;
 }
 
-void MapFeatures::find_known(const Environment& environment, int t) {
+void MapFeatures::find_known(const Environment& environment, int t, float drift) {
   const FaceRect r = tile_rect(grid_, t);
   const std::size_t n = std::size_t(grid_.size),
                     start = std::size_t(t) * std::size_t(grid_.stride());
   Tile& tile = tiles_[std::size_t(t)];
+  const bool before = tile.known;
   tile.known = false;
   int k = 0;
   for (int y = r.y0; y < r.y1; ++y)
@@ -71,6 +71,7 @@ void MapFeatures::find_known(const Environment& environment, int t) {
       tile.known |= variance >= 0;
       variance_[(std::size_t(r.face) * n + std::size_t(y)) * n + std::size_t(x)] = variance;
     }
+  if (tile.known && !before) tile.drift = drift;
 }
 
 void MapFeatures::find_level(const Environment& environment, int t, int level) {
@@ -120,8 +121,8 @@ void MapFeatures::find_level(const Environment& environment, int t, int level) {
     const std::size_t fine = (std::size_t(f) * std::size_t(grid_.size) + std::size_t(y * step)) *
                                  std::size_t(grid_.size) +
                              std::size_t(x * step);
-    features.push_back({d, glm::cross(d, gradient(u, v, lu, lv)), map.texel(f, x, y).y,
-                        variance_[fine], 0.5f * (glm::length(u) + glm::length(v)), t});
+    features.push_back({d, glm::cross(d, tangent_gradient(u, v, lu, lv)), map.texel(f, x, y).y,
+                        variance_[fine], 0.5f * (glm::length(u) + glm::length(v)), tile.drift, 0});
   }
 }
 
@@ -135,7 +136,7 @@ void MapFeatures::find_features(const Environment& environment, int t) {
   }
 }
 
-void MapFeatures::update(const Environment& environment) {
+void MapFeatures::update(const Environment& environment, double drift) {
   const CubeMap& map = environment.radiance;
   if (versions_.empty() || grid_.size != map.size()) start(environment);
   const glm::vec3 mean = map.level(map.level_count() - 1).sample(glm::vec3(0, 0, 1));
@@ -146,7 +147,7 @@ void MapFeatures::update(const Environment& environment) {
       versions_[std::size_t(t)] = map.tile_version(t);
       if (tiles_[std::size_t(t)].middle.z > 0) changed.push_back(t);
     }
-  for (const int t : changed) find_known(environment, t);
+  for (const int t : changed) find_known(environment, t, float(drift));
   for (const int t : changed) find_features(environment, t);
 }
 

@@ -48,9 +48,14 @@ glm::dmat3 orthonormal(const glm::dmat3& r) {
 }  // namespace
 
 RotationTracker::RotationTracker(Rig rig, RotationTrackingOptions options)
-    : rig_(std::move(rig)), options_(options), back_lens_(rig_.back) {
+    : rig_(std::move(rig)),
+      options_(options),
+      back_lens_(rig_.back),
+      back_rays_(rig_.back, back_lens_, PictureFeatures::kLevel) {
   rig_.back.validate();
-  if (rig_.front) rig_.front->validate(), front_lens_.emplace(*rig_.front);
+  if (rig_.front)
+    rig_.front->validate(), front_lens_.emplace(*rig_.front),
+        front_rays_.emplace(*rig_.front, *front_lens_, PictureFeatures::kLevel);
   check(options_.acceleration > 0 && options_.largest_error > 0 && options_.longest_gap > 0,
         "acceleration, largest_error and longest_gap must be positive, got ", options_.acceleration,
         " ", options_.largest_error, " ", options_.longest_gap);
@@ -71,7 +76,8 @@ void RotationTracker::correct(State& state, const glm::dmat3& rotation,
   state.rotation = rotation;
 }
 
-void RotationTracker::start(const Pose& back_from_marker, double time) {
+void RotationTracker::start(const Pose& back_from_marker, double time,
+                            const RigPictures& pictures) {
   check(std::isfinite(time) && (!state_ || time >= state_->time),
         "time must not run backwards: ", time, " s after ", state_ ? state_->time : 0, " s");
   const glm::dmat3 known(kKnown * kKnown);
@@ -88,6 +94,7 @@ void RotationTracker::start(const Pose& back_from_marker, double time) {
   }
   eye_ = back_from_marker.inverse().translation;
   known_ = found_ = time, last_drift_ = 0;
+  add_features(views(pictures));
 }
 
 // Constant angular velocity but for a hand's accelerations; or a gyroscope's turn.
@@ -115,17 +122,10 @@ RotationTracker::State RotationTracker::predicted(double time,
   return s;
 }
 
-// What the map shows since the last frame was captured with that frame's pose.
-void RotationTracker::note_drift(const Environment& environment) {
-  if (features_.size() != environment.radiance.size()) drift_.clear();
-  features_.update(environment);
-  const std::size_t tiles = features_.tiles().size();
-  if (drift_.size() != tiles) drift_.assign(tiles, 0.0f), has_drift_.assign(tiles, 0);
-  for (std::size_t t = 0; t < tiles; ++t) {
-    const bool known = features_.tiles()[t].known;
-    if (known && !has_drift_[t]) drift_[t] = float(last_drift_);
-    has_drift_[t] = known;
-  }
+void RotationTracker::add_features(const std::vector<MapView>& views) {
+  for (const MapView& view : views)
+    fine_.add(view, view.camera == &rig_.back ? back_rays_ : *front_rays_, state_->rotation,
+              float(last_drift_), features_.dark());
 }
 
 std::vector<MapView> RotationTracker::views(const RigPictures& pictures) {
@@ -183,19 +183,20 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
     reset();
     return std::nullopt;
   }
-  note_drift(environment);
+  features_.update(environment, last_drift_);
   const std::vector<MapView> seen = views(pictures);
   if (seen.empty()) return std::nullopt;
-  AlignmentOptions options = options_.alignment;
-  options.drift = drift_.data();
-  const auto found =
-      align_rotation(features_, seen, state_->rotation, glm::inverse(state_->ww), options);
+  const auto found = align_rotation(features_, fine_, seen, state_->rotation,
+                                    glm::inverse(state_->ww), options_.alignment);
   if (!found) return std::nullopt;
   const auto turned = judged(*found, time);
   if (!turned) return std::nullopt;
   correct(*state_, turned->back_from_marker.rotation, glm::inverse(found->information));
   found_ = time;
   last_drift_ = mean_variance(state_->ww) + found->drift;
+  fine_.forget_missed();
+  const double sure = options_.sure * std::numbers::pi / 180;
+  if (3 * mean_variance(state_->ww) < sure * sure) add_features(seen);
   return turned;
 }
 

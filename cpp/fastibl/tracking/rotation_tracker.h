@@ -13,6 +13,7 @@
 #include "fastibl/tracking/align_rotation.h"
 #include "fastibl/tracking/light_pyramid.h"
 #include "fastibl/tracking/map_features.h"
+#include "fastibl/tracking/picture_features.h"
 
 namespace fastibl {
 
@@ -26,6 +27,8 @@ struct RotationTrackingOptions {
   double longest_gap = 0.5;     // seconds without a result after which it is lost
   // Metres/√s by which the place of the camera is taken to wander unseen (standard deviation).
   double wander = 0.05;
+  // Degrees: pictures whose own rotation is less sure give no features of their own.
+  double sure = 0.3;
 };
 
 // Pictures of one moment; either may be empty.
@@ -55,8 +58,9 @@ class RotationTracker {
  public:
   explicit RotationTracker(Rig rig, RotationTrackingOptions options = {});
 
-  // Takes a known pose, from which to go on. Time: seconds, not decreasing.
-  void start(const Pose& back_from_marker, double time);
+  // Takes a known pose, from which to go on, and what the pictures show then. Time: seconds, not
+  // decreasing.
+  void start(const Pose& back_from_marker, double time, const RigPictures& pictures = {});
   // The rotation at which the pictures agree with the map, which is as it was before these pictures
   // were added. turn: now_from_before of the back camera since the last frame, where a gyroscope
   // tells. Nothing before a start, where nothing known is in view, it has too little structure, or
@@ -77,8 +81,8 @@ class RotationTracker {
   };
   State predicted(double time, const std::optional<glm::dmat3>& turn) const;
   static void correct(State& state, const glm::dmat3& rotation, const glm::dmat3& covariance);
-  void note_drift(const Environment& environment);
   std::vector<MapView> views(const RigPictures& pictures);
+  void add_features(const std::vector<MapView>& views);
   std::optional<Turned> judged(const Alignment& found, double time) const;
 
   Rig rig_;
@@ -86,14 +90,14 @@ class RotationTracker {
   Lens back_lens_;
   std::optional<Lens> front_lens_;
   LightPyramid back_light_, front_light_;
+  BlockRays back_rays_;
+  std::optional<BlockRays> front_rays_;
   MapFeatures features_;
+  PictureFeatures fine_;
   std::optional<State> state_;  // of the last frame, whether or not it gave a result
   glm::dvec3 eye_{0};           // of the back camera, marker frame, metres
   double known_ = 0;            // seconds: when a pose was last known
-  double found_ = 0;   // and when one was last found
-  // By tile of the map: variance of the rotation when it was first captured.
-  std::vector<float> drift_;
-  std::vector<std::uint8_t> has_drift_;
+  double found_ = 0;            // and when one was last found
   double last_drift_ = 0;
 };
 
