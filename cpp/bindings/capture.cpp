@@ -40,7 +40,7 @@ Raises ValueError for values out of range.)")
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,
              const py::object& camera_from_marker, double exposure, double time,
-             const py::object& mask, const py::object& last_row) {
+             const py::object& mask, const py::object& last_row, bool plane) {
             py::array keep, keep_mask;
             const Picture picture = require_picture(image, "image", keep);
             const Pose pose = require_pose(camera_from_marker, "camera_from_marker");
@@ -60,18 +60,28 @@ Raises ValueError for values out of range.)")
                       int(keep_mask.shape(0)), 1, keep_mask.shape(1)};
             }
             const py::gil_scoped_release release;
-            capture.add(picture, camera, pose, exposure, time, view, last);
+            capture.add(picture, camera, pose, exposure, time, view, last, plane);
           },
           py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"),
           py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
-          py::arg("last_row") = py::none(),
+          py::arg("last_row") = py::none(), py::arg("plane") = true,
           R"(Update the texels that a picture sees.
 
 image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
 or (4, 4). exposure: multiplier. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
 what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
-row was taken; camera_from_marker is then that of the first row. Raises ValueError or TypeError, naming what was
+row was taken; camera_from_marker is then that of the first row. plane: False where the place of the camera is a guess:
+what was seen of the plane otherwise stays. Raises ValueError or TypeError, naming what was
 expected and what came.)")
+      .def(
+          "turn",
+          [](Capture& capture, const Pose& new_from_old) {
+            const py::gil_scoped_release release;
+            capture.turn(new_from_old.rotation);
+          },
+          py::arg("new_from_old"),
+          "The marker was turned: what is above the horizon turns with the rotation of this Pose, "
+          "and lights are to be located anew; the plane is forgotten.")
       .def(
           "environment",
           [](Capture& capture) {

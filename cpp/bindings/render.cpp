@@ -142,6 +142,14 @@ its shadow from the plane behind them.)")
           "tracked", [](const Result& r) { return r.frame.tracked; },
           "Tracked, or None where the pose was given or the board is not seen.")
       .def_property_readonly(
+          "turned", [](const Result& r) { return r.frame.turned; },
+          "Turned, where the board is out of view and the surroundings tell how the cameras "
+          "turned: the map may be captured with it, but nothing is drawn. Else None.")
+      .def_property_readonly(
+          "board_moved", [](const Result& r) { return r.frame.board_moved; },
+          "True in the frame in which it is clear that the board was turned by hand: the map was "
+          "turned to where it lies now.")
+      .def_property_readonly(
           "environment",
           [](const Result& r) { return std::const_pointer_cast<Environment>(r.frame.environment); })
       .def_property_readonly("_lighting",
@@ -170,19 +178,20 @@ its shadow from the plane behind them.)")
                        const std::shared_ptr<Environment>& environment, const py::object& detector,
                        const std::string& backend, const Methods& methods, double error,
                        double milliseconds, int size, bool cast_shadow, double distance,
-                       const std::optional<std::array<std::array<double, 3>, 2>>& box) {
+                       const std::optional<std::array<std::array<double, 3>, 2>>& box,
+                       bool follow_surroundings) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
-             return std::make_unique<Session>(scene, rig, board, environment, std::move(function),
-                                              std::move(renderer),
-                                              SessionOptions{methods, error, milliseconds, size,
-                                                             cast_shadow, distance, room_box(box)});
+             return std::make_unique<Session>(
+                 scene, rig, board, environment, std::move(function), std::move(renderer),
+                 SessionOptions{methods, error, milliseconds, size, cast_shadow, distance,
+                                room_box(box), follow_surroundings});
            }),
            py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
            py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
            py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
-           py::arg("box"))
+           py::arg("box"), py::arg("follow_surroundings"))
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,

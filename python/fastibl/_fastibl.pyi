@@ -721,19 +721,24 @@ class Capture:
         ...
     def __repr__(self) -> str:
         ...
-    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None) -> None:
+    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, plane: bool = True) -> None:
         """
         Update the texels that a picture sees.
 
         image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
         or (4, 4). exposure: multiplier. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
         what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
-        row was taken; camera_from_marker is then that of the first row. Raises ValueError or TypeError, naming what was
+        row was taken; camera_from_marker is then that of the first row. plane: False where the place of the camera is a guess:
+        what was seen of the plane otherwise stays. Raises ValueError or TypeError, naming what was
         expected and what came.
         """
     def environment(self) -> Environment:
         """
         Environment at the time of the last picture, without holes.
+        """
+    def turn(self, new_from_old: Pose) -> None:
+        """
+        The marker was turned: what is above the horizon turns with the rotation of this Pose, and lights are to be located anew; the plane is forgotten.
         """
     @property
     def last_seen(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1151,7 +1156,7 @@ class _RotationTracker:
         ...
     def reset(self) -> None:
         ...
-    def start(self, back_from_marker: typing.Any, time: typing.SupportsFloat | typing.SupportsIndex) -> None:
+    def start(self, back_from_marker: typing.Any, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex) -> None:
         ...
     def track(self, environment: Environment, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, time: typing.SupportsFloat | typing.SupportsIndex, turn: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] | None) -> Turned | None:
         ...
@@ -1371,6 +1376,11 @@ class FrameResult:
         Pose, or None where the board is not seen: the image is the back picture.
         """
     @property
+    def board_moved(self) -> bool:
+        """
+        True in the frame in which it is clear that the board was turned by hand: the map was turned to where it lies now.
+        """
+    @property
     def environment(self) -> Environment:
         ...
     @property
@@ -1409,8 +1419,13 @@ class FrameResult:
         """
         Tracked, or None where the pose was given or the board is not seen.
         """
+    @property
+    def turned(self) -> Turned | None:
+        """
+        Turned, where the board is out of view and the surroundings tell how the cameras turned: the map may be captured with it, but nothing is drawn. Else None.
+        """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, follow_surroundings: bool) -> None:
         ...
     def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, back_from_marker: typing.Any) -> FrameResult:
         ...

@@ -58,6 +58,8 @@ class Session(_Session):
     function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
     distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.
     box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame.
+    follow_surroundings: whether the surroundings tell how the cameras turn while the board is out of view
+    (FrameResult.turned; the map is captured on), and that the board was turned by hand (FrameResult.board_moved).
     A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
     baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
     cannot start.
@@ -79,6 +81,7 @@ class Session(_Session):
         cast_shadow: bool = True,
         distance: float = float("inf"),
         box: Sequence[Sequence[float]] | None = None,
+        follow_surroundings: bool = True,
     ):
         if isinstance(environment, CubeMap):
             environment = Environment(environment)
@@ -100,6 +103,7 @@ class Session(_Session):
             cast_shadow,
             float(distance),
             None if box is None else [[float(x) for x in corner] for corner in box],
+            bool(follow_surroundings),
         )
 
     def process(self, frame: Frame) -> FrameResult:

@@ -127,13 +127,13 @@ Capture::Capture(CaptureOptions options)
   }
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
-  at_rim_.assign(tiles, 0);
+  at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0);
   for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
 
 void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
                   double exposure, double time, ImageView<const std::uint8_t> mask,
-                  const std::optional<Pose>& last_row) {
+                  const std::optional<Pose>& last_row, bool plane) {
   KnownCamera& k = known(camera);
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
@@ -152,7 +152,7 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   const RowPoses poses(camera_from_marker, last_row);
 
   bright_ = MainLightOptions{}.brightness * mean_radiance();
-  if (options_.locate_lights) locate_lights(picture, k, poses, exposure);
+  if (options_.locate_lights && plane) locate_lights(picture, k, poses, exposure);
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
   if (options_.board)
@@ -181,6 +181,7 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       tiles_.push_back(tile);
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
+  if (!plane) std::erase_if(tiles_, [&](int tile) { return plane_seen_[std::size_t(tile)] != 0; });
   if (tiles_.empty()) return;
   find_bands(texels, float(camera.height));
   // Probes are four times as large as texels.
@@ -198,7 +199,10 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
   });
   std::vector<int> changed, refilled;
   for (std::size_t i = 0; i < tiles_.size(); ++i)
-    if (changed_[i]) changed.push_back(tiles_[i]);
+    if (changed_[i]) {
+      changed.push_back(tiles_[i]);
+      if (plane && !unseen_.above(tiles_[i])) plane_seen_[std::size_t(tiles_[i])] = 1;
+    }
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
   if (all_refills || ++pictures_ % kPicturesPerFill == 0) {
     unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);

@@ -57,12 +57,17 @@ class Capture {
 
   // time: seconds, not decreasing. mask: one byte a pixel, 0 where the picture shows what is not
   // part of the place; empty for none. last_row: the pose when the picture's last row was taken,
-  // where a rolling shutter reads it; camera_from_marker is then that of the first row. Throws
-  // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
-  // is not positive and finite, or a time before the last one.
+  // where a rolling shutter reads it; camera_from_marker is then that of the first row. plane:
+  // false where the place of the camera is a guess: what was seen of the plane otherwise stays.
+  // Throws std::invalid_argument for a picture or mask of another size than the camera's, an
+  // exposure that is not positive and finite, or a time before the last one.
   void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
            double exposure, double time, ImageView<const std::uint8_t> mask = {},
-           const std::optional<Pose>& last_row = {});
+           const std::optional<Pose>& last_row = {}, bool plane = true);
+
+  // The marker was turned: what is above the horizon turns with new_from_old, and lights are to be
+  // located anew; the plane is forgotten.
+  void turn(const glm::dmat3& new_from_old);
 
   // The map at the time of the last picture, without holes: unseen texels take a mean of what
   // was seen near them on their side of the horizon, at confidence 0 and up to a second late.
@@ -123,6 +128,7 @@ class Capture {
   void prefetch_tile(int tile) const;
   void prefetch_rows(int tile, const CubeMap& map) const;
   void make_levels(int tile);
+  void renew_all();  // with turn(), in turn_map.cpp
   int refills_after(double time, std::ptrdiff_t camera) const;
   bool is_small_refill(int tile) const;
   bool refill(int tile);
@@ -162,7 +168,8 @@ class Capture {
   std::vector<int> tiles_;  // that the picture may see
   std::vector<Roll> roll_;  // by tile
   std::vector<std::uint8_t> changed_, left_out_;
-  std::vector<std::uint8_t> at_rim_;  // tiles that show the rim of a light: read more finely
+  std::vector<std::uint8_t> plane_seen_;  // tiles of the plane that were seen from a known place
+  std::vector<std::uint8_t> at_rim_;      // tiles that show the rim of a light: read more finely
   std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, latest first
 };
 

@@ -1,6 +1,7 @@
 #include "fastibl/render/session.h"
 
 #include <cmath>
+#include <numbers>
 
 #include "fastibl/core/clock.h"
 #include "fastibl/render/make_scene.h"
@@ -10,6 +11,9 @@ namespace {
 
 constexpr double kPoseLifetime =
     0.1 + 1e-6;  // seconds that a front picture may use an earlier pose, and times' rounding
+// Radians: a rotation by the surroundings that is less sure, drift of the map aside, is not
+// captured with; a third of a texel of 128.
+constexpr double kMostTurnDeviation = 0.5 * std::numbers::pi / 180;
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
@@ -31,6 +35,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   rig_.back.validate();
   if (rig_.front) rig_.front->validate();
   if (board_) board_->validate(), edge_tracker_.emplace(*board_, rig_.back);
+  if (board_ && options_.follow_surroundings) rotation_tracker_.emplace(rig_);
   check(!board_ || detector_, "a session with a board needs a detector");
   check(renderer_ != nullptr, "a session needs a renderer");
   CaptureOptions capture;
@@ -133,6 +138,42 @@ std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) 
   return result.tracked->camera_from_marker;
 }
 
+// Where the board is in view: whether it lies where it lay. Where it is not: how the cameras
+// turned.
+void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
+  turned_.reset(), hold_capture_ = false;
+  if (!rotation_tracker_ || !environment_) {
+    // Before there is a map there is a pose to start from.
+    if (rotation_tracker_ && result.tracked)
+      rotation_tracker_->start(
+          *result.back_from_marker, frame.time,
+          {frame.back, frame.front, frame.back_exposure, frame.front_exposure});
+    return;
+  }
+  const RigPictures pictures{frame.back, frame.front, frame.back_exposure, frame.front_exposure};
+  if (!result.tracked) {
+    // A front picture alone has the last pose for a while.
+    if (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime) return;
+    result.turned = rotation_tracker_->track(*environment_, pictures, frame.time);
+    if (result.turned && result.turned->own_deviation() < kMostTurnDeviation)
+      turned_ = result.turned->back_from_marker;
+    return;
+  }
+  const Pose& pose = *result.back_from_marker;
+  const bool agrees = rotation_tracker_->agrees(pose.rotation, pictures);
+  std::optional<Turned> turned;
+  if (!agrees) turned = rotation_tracker_->track(*environment_, pictures, frame.time);
+  board_motion_.look(pose, turned, agrees, frame.time);
+  hold_capture_ = board_motion_.moving();
+  if (const std::optional<glm::dmat3> moved = board_motion_.moved()) {
+    capture_->turn(*moved);
+    rotation_tracker_->forget();
+    result.board_moved = true;
+    stale_ |= product::light_pictures;
+  }
+  if (!board_motion_.moving()) rotation_tracker_->start(pose, frame.time, pictures);
+}
+
 // The paper's P_V is read from the scene, so there is nothing to keep for it.
 void Session::clear_shares() {
   light_shares_.clear();
@@ -186,11 +227,13 @@ void Session::find_holdout_ratios() {
 
 bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose) const {
   if (fixed_environment_) return false;
+  if (hold_capture_) return false;
   const bool front_usable =
       !frame.front.empty() && rig_.front &&
-      (pose || (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime));
+      (pose || turned_ ||
+       (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime));
   if (options_.methods.capture == CaptureMethod::continuous)
-    return front_usable || (pose && !frame.back.empty());
+    return front_usable || ((pose || turned_) && !frame.back.empty());
   return front_usable &&
          (!last_capture_time_ || (frame.time - *last_capture_time_ >= kSinglePeriod &&
                                   frame.front_exposure == *capture_exposure_));
@@ -198,12 +241,16 @@ bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose)
 
 void Session::capture_frame(const Frame& frame, const std::optional<Pose>& pose) {
   const bool continuous = options_.methods.capture == CaptureMethod::continuous;
-  if (continuous && pose && !frame.back.empty())
-    capture_->add(frame.back, rig_.back, *pose, frame.back_exposure, frame.time);
+  // Of what only turned, the place is not known: the plane that was seen from the board's pose
+  // stays as it was.
+  const bool plane = pose || !turned_;
+  const Pose back_from_marker = pose ? *pose : turned_ ? *turned_ : *last_pose_;
+  if (continuous && (pose || turned_) && !frame.back.empty())
+    capture_->add(frame.back, rig_.back, back_from_marker, frame.back_exposure, frame.time, {}, {},
+                  plane);
   if (!frame.front.empty() && rig_.front) {
-    const Pose back_from_marker = pose ? *pose : *last_pose_;
     capture_->add(frame.front, *rig_.front, rig_.front_from_back * back_from_marker,
-                  frame.front_exposure, frame.time);
+                  frame.front_exposure, frame.time, {}, {}, plane);
     last_capture_time_ = frame.time;
     if (!capture_exposure_) capture_exposure_ = frame.front_exposure;
   }
@@ -323,6 +370,7 @@ FrameResult Session::process(const Frame& frame) {
   else
     timed(PassId::track, [&] {
       result.back_from_marker = find_pose(frame, result);
+      follow_surroundings(frame, result);
       return true;
     });
   const std::optional<Pose>& pose = result.back_from_marker;
@@ -331,7 +379,8 @@ FrameResult Session::process(const Frame& frame) {
   if (pose) last_pose_ = pose, last_pose_time_ = frame.time;
 
   Products wanted = product::texels;
-  // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map.
+  // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map,
+  // and so do pictures whose rotation the surroundings tell.
   if (pose) wanted |= product::image;
   for (const PassId id : due_passes(plan_, wanted, stale_))
     timed(id, [&] { return run_pass(id, frame, pose); });
@@ -345,7 +394,8 @@ FrameResult Session::process(const Frame& frame) {
   result.environment = environment_;
   if (lighting_ && lighting_->radiance) result.lighting = lighting_;
   if (environment_ && result.lighting)
-    result.predicted_error = std::hypot(environment_->predicted_error, lighting_->irradiance_error.value_or(0));
+    result.predicted_error =
+        std::hypot(environment_->predicted_error, lighting_->irradiance_error.value_or(0));
   result.timings["total"] = total.seconds();
   return result;
 }

@@ -21,8 +21,10 @@
 #include "fastibl/shading/holdout.h"
 #include "fastibl/shading/plane_exchange.h"
 #include "fastibl/shading/self_shadow.h"
+#include "fastibl/tracking/board_motion.h"
 #include "fastibl/tracking/detector.h"
 #include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/rotation_tracker.h"
 #include "fastibl/tracking/tracker.h"
 
 namespace fastibl {
@@ -40,6 +42,11 @@ struct FrameResult {
   std::optional<Pose>
       back_from_marker;  // nothing where the board is not seen: the picture is the back picture
   std::optional<Tracked> tracked;  // where it was tracked, not given
+  // Where the board is out of view: what the surroundings tell. The map may be captured with it;
+  // nothing is drawn.
+  std::optional<Turned> turned;
+  // The board was moved by hand, and the map was turned to where it lies now.
+  bool board_moved = false;
   std::shared_ptr<const Environment> environment;
   std::shared_ptr<const Lighting> lighting;
   std::vector<PassId> passes;             // that ran
@@ -54,6 +61,9 @@ struct SessionOptions {
   bool cast_shadow = true;
   double distance = std::numeric_limits<double>::infinity();  // CaptureOptions::distance
   std::optional<RoomBox> box = {};                            // CaptureOptions::box
+  // Whether the surroundings tell how the cameras turn while the board is out of view, and that the
+  // board was moved by hand.
+  bool follow_surroundings = true;
 };
 
 class Session {
@@ -94,6 +104,7 @@ class Session {
   LightingOptions lighting_options() const;
   bool run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose);
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
+  void follow_surroundings(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
   void capture_frame(const Frame& frame, const std::optional<Pose>& pose);
   void clear_shares();  // to what the method is without a map
@@ -110,6 +121,10 @@ class Session {
   bool fixed_environment_;
   Detector detector_;
   std::optional<EdgeTracker> edge_tracker_;
+  std::optional<RotationTracker> rotation_tracker_;
+  BoardMotion board_motion_;
+  std::optional<Pose> turned_;  // of this frame, sure enough to capture with
+  bool hold_capture_ = false;   // the board seems to move
   std::unique_ptr<Renderer> renderer_;
   SessionOptions options_;
   std::optional<Capture> capture_;

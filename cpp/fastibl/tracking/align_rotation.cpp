@@ -55,6 +55,7 @@ struct Candidate {
 struct Sensor {
   float white;  // radiance
   float dark;   // radiance, is added before logarithms are taken
+  float off;    // widths of a feature by which it may be misplaced
 
   // Of the logarithm, read in blocks of `block` pixels: about 2.25 block² of them.
   float variance(const MapFeature& f, const AlignmentOptions& options, float block) const {
@@ -62,7 +63,7 @@ struct Sensor {
     const float bias = kDarkBias * kReadNoise * std::max(0.0f, 1 - level / (1.5f * kReadNoise));
     const float noise =
         (kReadNoise * kReadNoise + kShotNoise * level) / (2.25f * block * block) + bias * bias;
-    const float misfit = float(options.misfit) * f.width;
+    const float misfit = off * f.width;
     const float by_angle = misfit * misfit + f.drift;
     const float model = float(options.model_noise * options.model_noise);
     return model + (by_angle * glm::dot(f.axis, f.axis) +
@@ -114,9 +115,6 @@ class Candidates {
   double half_;
 };
 
-constexpr int kFine = -1;       // level of PictureFeatures
-constexpr int kEnoughFine = 3;  // of a tile, in place of the map's
-
 // Projects the features of a level that a picture shows.
 void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapView& view,
                const glm::dmat3& rig_from_marker, int level, const AlignmentOptions& options,
@@ -125,21 +123,18 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
   const glm::dmat3 rotation = view.camera_from_rig * rig_from_marker;
   const float white = float(1 / std::max(view.exposure * camera.gain, 1e-30));
   const float dark = float(map.dark()) + kDark * white;
-  const Sensor whole{white, dark};
+  const float off = float(level == 0 ? options.misfit : options.coarse_misfit);
+  const Sensor whole{white, dark, off};
   Candidates candidates(camera, whole, glm::transpose(rotation) * glm::dvec3(0, 0, 1), options,
                         scratch);
-  if (level == kFine) {
-    for (const PictureFeatures::Tile& tile : fine.tiles())
-      if (!tile.features.empty() && candidates.shows(tile.middle, tile.reach))
-        candidates.add(tile.features);
-  }
-  for (const MapFeatures::Tile& tile : map.tiles()) {
-    const auto& features = tile.features[std::max(level, 0)];
-    if (features.empty() || !candidates.shows(tile.middle, tile.reach)) continue;
-    if (level == kFine && fine.around(tile.middle) >= kEnoughFine) continue;
-    candidates.add(features);
-  }
-  if (level <= 0) candidates.limit(options.most);
+  for (const PictureFeatures::Tile& tile : fine.tiles())
+    if (!tile.features[level].empty() && candidates.shows(tile.middle, tile.reach))
+      candidates.add(tile.features[level]);
+  for (const MapFeatures::Tile& tile : map.tiles())
+    if (!tile.features[level].empty() && candidates.shows(tile.middle, tile.reach) &&
+        fine.around(tile.middle, level) == 0)
+      candidates.add(tile.features[level]);
+  if (level == 0) candidates.limit(options.most);
   for (const Candidate& candidate : scratch) {
     const MapFeature& f = *candidate.feature;
     const glm::dvec3 d(f.direction);
@@ -147,7 +142,7 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
     const auto pixel = view.lens->project(rotation * d, &derivative);
     if (!pixel || !camera.inside(*pixel)) continue;
     const double vignette = camera.vignetting.empty() ? 1.0 : camera.vignette(*pixel);
-    const Sensor sensor{float(double(white) / vignette), dark};
+    const Sensor sensor{float(double(white) / vignette), dark, off};
     if (f.light > kWhite * sensor.white) continue;
     // d(rotation exp([w]×) d) = rotation (w × d): rows of the pixel's derivative, in w.
     const glm::dmat3 turned = rotation * cross_matrix(d) * -1.0;
@@ -308,24 +303,26 @@ class Level {
 
 std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFeatures& fine,
                                         std::span<const MapView> views, const glm::dmat3& start,
-                                        const glm::dmat3& prior, const AlignmentOptions& options) {
+                                        const RotationPrior& prior,
+                                        const AlignmentOptions& options) {
   Alignment out;
   out.rotation = start;
   double log_gain = 0;
-  glm::dvec3 from_start(0);  // of rotation = start · exp([from_start]×), to first order
+  // Of rotation = prior.rotation · exp([from_prior]×), to first order.
+  glm::dvec3 from_prior = vector_from_rotation(glm::transpose(prior.rotation) * start);
   const double gain_information = 1 / (options.gain_deviation * options.gain_deviation);
-  for (int k = options.coarsest; k >= kFine; --k) {
+  for (int k = options.coarsest; k >= 0; --k) {
     Level level(map, fine, views, k, options);
     level.project(out.rotation);
     glm::dvec3 w(0);  // since features were projected
     const auto move = [&] {
       out.rotation = out.rotation * rotation_from_vector(w);
-      from_start += w;
+      from_prior += w;
       w = glm::dvec3(0);
     };
     std::size_t count = level.read(glm::vec3(0), float(log_gain));
     if (count < kFewest) {
-      if (k == kFine) return std::nullopt;
+      if (k == 0) return std::nullopt;
       continue;
     }
     double scale = level.scale();
@@ -334,9 +331,10 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
       Normal n = level.normal(float(scale));
       const double s2 = scale * scale * alike;
       for (int a = 0; a < 3; ++a) {
-        for (int b = 0; b < 3; ++b) n.a[a][b] += s2 * prior[b][a];
-        const glm::dvec3 off = from_start + w;
-        n.b[a] -= s2 * (prior[0][a] * off.x + prior[1][a] * off.y + prior[2][a] * off.z);
+        for (int b = 0; b < 3; ++b) n.a[a][b] += s2 * prior.information[b][a];
+        const glm::dvec3 off = from_prior + w;
+        n.b[a] -= s2 * (prior.information[0][a] * off.x + prior.information[1][a] * off.y +
+                        prior.information[2][a] * off.z);
       }
       n.a[3][3] += s2 * gain_information, n.b[3] -= s2 * gain_information * log_gain;
       double step[4];
@@ -353,14 +351,15 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
       if (glm::length(dw) < double(kDone)) break;
     }
     move();
-    if (k > kFine) continue;
+    if (k > 0) continue;
     const Normal n = level.normal(float(scale));
     const double s2 = std::max(1.0, scale * scale) / options.independent;
     // The gain is fitted too: what is left of the rotation (Schur).
     const double gain = n.a[3][3] + gain_information * s2;
     for (int a = 0; a < 3; ++a)
       for (int b = 0; b < 3; ++b)
-        out.information[b][a] = (n.a[a][b] - n.a[a][3] * n.a[b][3] / gain) / s2 + prior[b][a];
+        out.information[b][a] =
+            (n.a[a][b] - n.a[a][3] * n.a[b][3] / gain) / s2 + prior.information[b][a];
     out.residual = scale, out.features = int(count), out.agreeing = level.agreeing(scale);
     out.drift = level.drift();
     level.note(scale);

@@ -14,12 +14,19 @@ namespace fastibl {
 
 struct AlignmentOptions {
   int coarsest = 2;              // level of MapFeatures to begin with
-  int rounds = 5;                // at most, a level
+  int rounds = 8;                // at most, a level
   int most = 1200;               // features of a picture, at the finest level
   double model_noise = 0.05;     // relative: footprints, lens and gain fit no better
-  double misfit = 0.1;           // texels by which footprints may be off
+  double misfit = 0.1;           // widths by which footprints of features may be off
+  double coarse_misfit = 0.4;    // the same where the finest level is still to come
   double gain_deviation = 0.05;  // relative, by which an exposure may be wrong
   double independent = 0.1;      // share of the features that have errors of their own
+};
+
+// What is known before the pictures are looked at.
+struct RotationPrior {
+  glm::dmat3 rotation{1.0};     // rig_from_marker
+  glm::dmat3 information{0.0};  // of w in rotation · exp([w]×): 1 / rad²
 };
 
 struct Alignment {
@@ -35,12 +42,12 @@ struct Alignment {
 
 // Gauss–Newton on SO(3), coarse to fine, from `start`, with Tukey's weights on the difference of
 // logarithms; gradients are the map's (inverse compositional: Baker and Matthews 2004), features
-// are texels, so that the map is read without interpolation. prior: information about `start`, in
-// the axes of Alignment::information. fine: come last, with those texels of the map that have none
-// around them; notes in them whether they agree. Nothing where fewer than 12 features are in view.
+// are texels, so that the map is read without interpolation. fine: come last, with those texels of
+// the map that have none around them; notes in them whether they agree. Nothing where fewer than 12
+// features are in view.
 std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFeatures& fine,
                                         std::span<const MapView> views, const glm::dmat3& start,
-                                        const glm::dmat3& prior,
+                                        const RotationPrior& prior,
                                         const AlignmentOptions& options = {});
 
 }  // namespace fastibl

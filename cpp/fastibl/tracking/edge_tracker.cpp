@@ -11,16 +11,9 @@ constexpr double kFrame = 1.0 / 30;  // seconds, where no times are given
 constexpr double kSlowest = 0.02;    // radians a frame that a prediction is trusted to, at best
 constexpr double kUnknown = 0.2;     // the same without a velocity
 
-// The rotation vector of r; inverse of rotation_from_vector for less than half a turn.
-glm::dvec3 vector_of(const glm::dmat3& r) {
-  const glm::dvec3 axis(r[1][2] - r[2][1], r[2][0] - r[0][2], r[0][1] - r[1][0]);
-  const double sine = glm::length(axis), angle = std::atan2(sine, r[0][0] + r[1][1] + r[2][2] - 1);
-  return sine > 1e-12 ? axis * (angle / sine) : 0.5 * axis;
-}
-
 // From a to b, by a share of the way; beyond b for shares over 1.
 Pose between(const Pose& a, const Pose& b, double share) {
-  const glm::dvec3 turn = vector_of(b.rotation * glm::transpose(a.rotation));
+  const glm::dvec3 turn = vector_from_rotation(b.rotation * glm::transpose(a.rotation));
   return {rotation_from_vector(share * turn) * a.rotation,
           a.translation + share * (b.translation - a.translation)};
 }

@@ -6,25 +6,27 @@
 namespace fastibl {
 namespace {
 
-constexpr int kCell = 6;                 // blocks along an edge of which one place is taken
-constexpr int kBorder = 2;               // blocks at the picture's edge that are not taken
-constexpr float kHorizon = 0.03f;        // sine of the least elevation: the plane's edge is near
-constexpr float kWhitest = 0.9f;         // linear
-constexpr float kDarkest = 0.004f;       // linear: what is darker is noise
+constexpr int kCell[] = {6, 4, 3};  // by level: blocks along an edge of which one place is taken
+constexpr int kBorder = 2;          // blocks at the picture's edge that are not taken
+constexpr float kHorizon = 0.03f;   // sine of the least elevation: the plane's edge is near
+constexpr float kWhitest = 0.9f;    // linear
+constexpr float kDarkest = 0.004f;  // linear: what is darker is noise
 constexpr float kLeastGradient = 0.05f;  // relative, from one block to the next
 constexpr float kApart = 2.0f;           // blocks between features of a tile
 
 }  // namespace
 
-BlockRays::BlockRays(const Camera& camera, const Lens& lens, int k) : level(k) {
-  const int block = LightPyramid::kFirstBlock << k;
-  const int width = camera.width / block, height = camera.height / block;
-  rays.reserve(std::size_t(width) * std::size_t(height));
-  for (int y = 0; y < height; ++y)
-    for (int x = 0; x < width; ++x) {
-      const auto ray = lens.unproject({(x + 0.5) * block, (y + 0.5) * block});
-      rays.push_back(ray ? glm::vec3(glm::normalize(*ray)) : glm::vec3(0));
-    }
+BlockRays::BlockRays(const Camera& camera, const Lens& lens) {
+  for (int k = 0; k < MapFeatures::kLevels; ++k) {
+    const int block = LightPyramid::kFirstBlock << (kFirst + k);
+    const int width = camera.width / block, height = camera.height / block;
+    rays[std::size_t(k)].reserve(std::size_t(width) * std::size_t(height));
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x) {
+        const auto ray = lens.unproject({(x + 0.5) * block, (y + 0.5) * block});
+        rays[std::size_t(k)].push_back(ray ? glm::vec3(glm::normalize(*ray)) : glm::vec3(0));
+      }
+  }
 }
 
 PictureFeatures::PictureFeatures() { clear(); }
@@ -56,24 +58,25 @@ std::size_t PictureFeatures::index(const glm::vec3& direction) const {
 
 // Takes the place of a cell whose light changes most.
 void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
-                               const glm::dmat3& marker_from_camera, int cell_x, int cell_y,
+                               const glm::mat3& marker_from_camera, int level, int x0, int y0,
                                float drift, float dark) {
-  const LightPyramid::Level& l = view.light->level(rays.level);
+  const LightPyramid::Level& l = view.light->level(BlockRays::kFirst + level);
   const auto at = [&](int x, int y) {
     return l.light[std::size_t(y) * std::size_t(l.width) + std::size_t(x)];
   };
   const auto ray_at = [&](int x, int y) {
-    return rays.rays[std::size_t(y) * std::size_t(l.width) + std::size_t(x)];
+    return rays.rays[std::size_t(level)][std::size_t(y) * std::size_t(l.width) + std::size_t(x)];
   };
-  const auto tile_of = [&](const glm::vec3& d) -> Tile& { return tiles_[index(d)]; };
-  const int x0 = kBorder + cell_x * kCell, y0 = kBorder + cell_y * kCell;
-  const glm::mat3 rotation(marker_from_camera);
-  const glm::vec3 middle = rotation * ray_at(x0 + kCell / 2, y0 + kCell / 2);
-  if (!(middle.z > 0) || tile_of(middle).features.size() >= kPerTile) return;
+  const int cell = kCell[level];
+  const auto full = [&](const glm::vec3& d) {
+    return int(tiles_[index(d)].features[level].size()) >= kPerTile[level];
+  };
+  const glm::vec3 middle = marker_from_camera * ray_at(x0 + cell / 2, y0 + cell / 2);
+  if (!(middle.z > 0) || full(middle)) return;
   float most = kLeastGradient * kLeastGradient;
   int bx = -1, by = -1;
-  for (int y = y0; y < y0 + kCell; ++y)
-    for (int x = x0; x < x0 + kCell; ++x) {
+  for (int y = y0; y < y0 + cell; ++y)
+    for (int x = x0; x < x0 + cell; ++x) {
       const float v = at(x, y);
       if (!(v > kDarkest && v < kWhitest)) continue;
       const float gx = 0.5f * (at(x + 1, y) - at(x - 1, y)),
@@ -87,13 +90,13 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
     return;
   const glm::vec3 ray = ray_at(bx, by), right = ray_at(bx + 1, by), down = ray_at(bx, by + 1);
   if (!(ray.z > 0 && right.z > 0 && down.z > 0)) return;
-  const glm::vec3 d = rotation * ray;
-  if (!(d.z > kHorizon)) return;
-  Tile& tile = tile_of(d);
-  if (tile.features.size() >= kPerTile) return;
-  const glm::vec3 u = rotation * (right - ray), v = rotation * (down - ray);
+  const glm::vec3 d = marker_from_camera * ray;
+  if (!(d.z > std::max(kHorizon, 2 * glm::length(right - ray)))) return;
+  if (full(d)) return;
+  std::vector<MapFeature>& features = tiles_[index(d)].features[level];
+  const glm::vec3 u = marker_from_camera * (right - ray), v = marker_from_camera * (down - ray);
   const float width = 0.5f * (glm::length(u) + glm::length(v));
-  for (const MapFeature& f : tile.features)
+  for (const MapFeature& f : features)
     if (glm::length(f.direction - d) < kApart * width) return;
   const double vignette = view.camera->vignetting.empty()
                               ? 1.0
@@ -105,24 +108,27 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
   // Of the mean of a block, by light: as of a small sensor.
   const float noise =
       (4e-6f + at(bx, by) / 3000) / (float(l.block * l.block) * at(bx, by) * at(bx, by));
-  tile.features.push_back(
+  features.push_back(
       {d, glm::cross(d, tangent_gradient(u, v, lu, lv)), light, noise, width, drift, 0});
 }
 
 void PictureFeatures::add(const MapView& view, const BlockRays& rays,
                           const glm::dmat3& rig_from_marker, float drift, double dark) {
-  const LightPyramid::Level& l = view.light->level(rays.level);
-  const glm::dmat3 marker_from_camera = glm::transpose(view.camera_from_rig * rig_from_marker);
+  const glm::mat3 marker_from_camera(glm::transpose(view.camera_from_rig * rig_from_marker));
   const float relative_dark = float(dark * view.exposure * view.camera->gain) + 0.0005f;
-  const int across = (l.width - 2 * kBorder) / kCell, down = (l.height - 2 * kBorder) / kCell;
-  for (int y = 0; y < down; ++y)
-    for (int x = 0; x < across; ++x)
-      consider(view, rays, marker_from_camera, x, y, drift, relative_dark);
+  for (int level = 0; level < kLevels; ++level) {
+    const LightPyramid::Level& l = view.light->level(BlockRays::kFirst + level);
+    const int cell = kCell[level];
+    for (int y = kBorder; y + cell + kBorder <= l.height; y += cell)
+      for (int x = kBorder; x + cell + kBorder <= l.width; x += cell)
+        consider(view, rays, marker_from_camera, level, x, y, drift, relative_dark);
+  }
 }
 
 void PictureFeatures::forget_missed() {
   for (Tile& tile : tiles_)
-    std::erase_if(tile.features, [](const MapFeature& f) { return f.missed >= kMostMissed; });
+    for (auto& features : tile.features)
+      std::erase_if(features, [](const MapFeature& f) { return f.missed >= kMostMissed; });
 }
 
 }  // namespace fastibl

@@ -2,6 +2,7 @@
 // old as they can be, so that what follows them does not drift.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "fastibl/scene/camera.h"
@@ -19,17 +20,18 @@ struct MapView {
   double exposure = 1;
 };
 
-// Rays of the middles of a pyramid level's blocks, unit length; null where the lens does not reach.
+// Rays of the middles of blocks of the levels that features are taken of, unit length; null where
+// the lens does not reach.
 struct BlockRays {
-  int level = 1;
-  std::vector<glm::vec3> rays;
-  BlockRays(const Camera& camera, const Lens& lens, int level);
+  static constexpr int kFirst = 1;  // of LightPyramid: blocks of 4 pixels
+  std::array<std::vector<glm::vec3>, MapFeatures::kLevels> rays;
+  BlockRays(const Camera& camera, const Lens& lens);
 };
 
 class PictureFeatures {
  public:
-  static constexpr int kLevel = 1;    // of LightPyramid: blocks of 4 pixels
-  static constexpr int kPerTile = 8;  // of 16 × 16 tiles a face
+  static constexpr int kLevels = MapFeatures::kLevels;
+  static constexpr int kPerTile[kLevels] = {8, 4, 2};  // of 16 × 16 tiles a face
   static constexpr int kMostMissed = 8;
 
   PictureFeatures();
@@ -44,18 +46,18 @@ class PictureFeatures {
   struct Tile {
     glm::vec3 middle{0, 0, 1};
     float reach = 0;  // cosine
-    std::vector<MapFeature> features;
+    std::vector<MapFeature> features[kLevels];
   };
   const std::vector<Tile>& tiles() const { return tiles_; }
   // Number of features of the tile around a direction.
-  int around(const glm::vec3& direction) const {
-    return int(tiles_[index(direction)].features.size());
+  int around(const glm::vec3& direction, int level) const {
+    return int(tiles_[index(direction)].features[level].size());
   }
 
  private:
   std::size_t index(const glm::vec3& direction) const;
-  void consider(const MapView& view, const BlockRays& rays, const glm::dmat3& marker_from_camera,
-                int cell_x, int cell_y, float drift, float dark);
+  void consider(const MapView& view, const BlockRays& rays, const glm::mat3& marker_from_camera,
+                int level, int x0, int y0, float drift, float dark);
   TileGrid grid_{16};
   std::vector<Tile> tiles_;
 };

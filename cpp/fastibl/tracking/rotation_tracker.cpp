@@ -9,15 +9,12 @@
 namespace fastibl {
 namespace {
 
+constexpr int kFewToCompare = 300;        // features of a picture, to see whether it agrees
+constexpr double kAgrees = 1.0;           // of Alignment::residual
+constexpr int kAttempts = 2;              // each goes on from what the one before made of it
 constexpr double kLongestStep = 0.3;      // seconds between poses that give a velocity
 constexpr double kKnown = 3e-4;           // radians: deviation of a known pose
 constexpr double kUnknownVelocity = 1.0;  // rad/s
-glm::dvec3 vector_of(const glm::dmat3& r) {
-  const glm::dvec3 axis(r[1][2] - r[2][1], r[2][0] - r[0][2], r[0][1] - r[1][0]);
-  const double sine = glm::length(axis), angle = std::atan2(sine, r[0][0] + r[1][1] + r[2][2] - 1);
-  return sine > 1e-12 ? axis * (angle / sine) : 0.5 * axis;
-}
-
 // Largest eigenvalue of a symmetric positive matrix.
 double largest_eigenvalue(const glm::dmat3& m) {
   glm::dmat3 a = m;
@@ -51,11 +48,11 @@ RotationTracker::RotationTracker(Rig rig, RotationTrackingOptions options)
     : rig_(std::move(rig)),
       options_(options),
       back_lens_(rig_.back),
-      back_rays_(rig_.back, back_lens_, PictureFeatures::kLevel) {
+      back_rays_(rig_.back, back_lens_) {
   rig_.back.validate();
   if (rig_.front)
     rig_.front->validate(), front_lens_.emplace(*rig_.front),
-        front_rays_.emplace(*rig_.front, *front_lens_, PictureFeatures::kLevel);
+        front_rays_.emplace(*rig_.front, *front_lens_);
   check(options_.acceleration > 0 && options_.largest_error > 0 && options_.longest_gap > 0,
         "acceleration, largest_error and longest_gap must be positive, got ", options_.acceleration,
         " ", options_.largest_error, " ", options_.longest_gap);
@@ -63,10 +60,25 @@ RotationTracker::RotationTracker(Rig rig, RotationTrackingOptions options)
 
 void RotationTracker::reset() { state_.reset(); }
 
+void RotationTracker::forget() {
+  reset();
+  features_.clear(), fine_.clear();
+  last_drift_ = 0;
+}
+
+bool RotationTracker::agrees(const glm::dmat3& back_from_marker, const RigPictures& pictures) {
+  AlignmentOptions options = options_.alignment;
+  options.coarsest = options.rounds = 0;
+  options.most = kFewToCompare;
+  const auto found = align_rotation(features_, fine_, views(pictures), back_from_marker,
+                                    {back_from_marker, glm::dmat3(1e12)}, options);
+  return found && found->residual <= kAgrees && found->agreeing >= options_.least_agreeing;
+}
+
 // A new rotation, near that of `state`, with its own covariance; the velocity follows it.
 void RotationTracker::correct(State& state, const glm::dmat3& rotation,
                               const glm::dmat3& covariance) {
-  const glm::dvec3 w = vector_of(glm::transpose(state.rotation) * rotation);
+  const glm::dvec3 w = vector_from_rotation(glm::transpose(state.rotation) * rotation);
   const glm::dmat3 inverse = glm::inverse(state.ww), vw = glm::transpose(state.wv);
   const glm::dmat3 gain = vw * inverse;  // of the velocity
   state.velocity += gain * w;
@@ -105,7 +117,7 @@ RotationTracker::State RotationTracker::predicted(double time,
   s.time = time;
   if (turn) {
     const glm::dmat3 rotation = orthonormal(*turn * s.rotation);
-    const glm::dvec3 w = vector_of(glm::transpose(s.rotation) * rotation);
+    const glm::dvec3 w = vector_from_rotation(glm::transpose(s.rotation) * rotation);
     s.rotation = rotation;
     if (t > 0) {
       const double noise = options_.gyro_noise * options_.gyro_noise;
@@ -186,10 +198,15 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   features_.update(environment, last_drift_);
   const std::vector<MapView> seen = views(pictures);
   if (seen.empty()) return std::nullopt;
-  const auto found = align_rotation(features_, fine_, seen, state_->rotation,
-                                    glm::inverse(state_->ww), options_.alignment);
-  if (!found) return std::nullopt;
-  const auto turned = judged(*found, time);
+  const RotationPrior prior{state_->rotation, glm::inverse(state_->ww)};
+  std::optional<Alignment> found;
+  std::optional<Turned> turned;
+  for (int attempt = 0; attempt < kAttempts && !turned; ++attempt) {
+    found = align_rotation(features_, fine_, seen, found ? found->rotation : prior.rotation, prior,
+                           options_.alignment);
+    if (!found) return std::nullopt;
+    turned = judged(*found, time);
+  }
   if (!turned) return std::nullopt;
   correct(*state_, turned->back_from_marker.rotation, glm::inverse(found->information));
   found_ = time;

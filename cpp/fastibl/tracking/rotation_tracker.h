@@ -3,7 +3,9 @@
 // phones), in linear light of any exposure and without keyframes.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 #include <vector>
 
@@ -19,12 +21,12 @@ namespace fastibl {
 
 struct RotationTrackingOptions {
   AlignmentOptions alignment;
-  double acceleration = 6;      // rad/s², standard deviation of what a hand does
-  double gyro_noise = 0.01;     // rad/√s, where a frame brings a turn
-  double largest_error = 1;     // degrees; stated deviation of the rotation: beyond, there is none
-  double largest_residual = 3;  // of Alignment::residual
-  double least_agreeing = 0.6;  // of Alignment::agreeing
-  double longest_gap = 0.5;     // seconds without a result after which it is lost
+  double acceleration = 6;   // rad/s², standard deviation of what a hand does
+  double gyro_noise = 0.01;  // rad/√s, where a frame brings a turn
+  double largest_error = 1;  // degrees; stated deviation of the rotation: beyond, there is none
+  double largest_residual = 1.5;  // of Alignment::residual; usual is 0.5
+  double least_agreeing = 0.85;   // of Alignment::agreeing; usual is 0.97
+  double longest_gap = 0.5;       // seconds without a result after which it is lost
   // Metres/√s by which the place of the camera is taken to wander unseen (standard deviation).
   double wander = 0.05;
   // Degrees: pictures whose own rotation is less sure give no features of their own.
@@ -52,6 +54,14 @@ struct Turned {
   double gain = 1;   // by which the pictures are brighter than the map says
   double since = 0;  // seconds since the pose was last known
   bool operator==(const Turned&) const = default;
+
+  double deviation() const {  // of the rotation, radians, over all axes
+    return std::sqrt(covariance[0] + covariance[4] + covariance[8]);
+  }
+  double own_deviation() const {  // the same without the drift of the map
+    return std::sqrt(
+        std::max(0.0, covariance[0] + covariance[4] + covariance[8] - 3 * drift * drift));
+  }
 };
 
 class RotationTracker {
@@ -67,7 +77,11 @@ class RotationTracker {
   // does not agree; after a while of that it is lost until the next start.
   std::optional<Turned> track(const Environment& environment, const RigPictures& pictures,
                               double time, const std::optional<glm::dmat3>& turn = {});
-  void reset();
+  // Whether pictures agree with what was seen before, under a rotation that is known otherwise; a
+  // fast test. False too where there is not enough to compare.
+  bool agrees(const glm::dmat3& back_from_marker, const RigPictures& pictures);
+  void reset();   // forgets the rotation
+  void forget();  // and what was seen
   bool following() const { return state_.has_value(); }
 
  private:
