@@ -17,6 +17,7 @@ constexpr double kLeastScale = 0.5;
 // Of a pixel, linear: deviation in the dark, variance by light; a small sensor's, and codes of 8
 // bits. Sensors that cut noise off at 0 are too bright in the dark.
 constexpr float kReadNoise = 0.002f, kShotNoise = 1 / 3000.0f, kDarkBias = 0.4f;
+constexpr float kDarkest = 0.003f;  // of white: below there is only noise
 constexpr float kDark = 0.0005f;  // of white: differences below hardly count
 constexpr float kUsualBlock = 4;  // pixels
 constexpr float kWhite = 0.97f;   // linear; what is expected above it tells nothing
@@ -91,7 +92,7 @@ class Candidates {
   }
   void add(const std::vector<MapFeature>& features) {
     for (const MapFeature& f : features) {
-      if (f.light > kWhite * sensor_.white) continue;
+      if (!(f.light > kDarkest * sensor_.white && f.light < kWhite * sensor_.white)) continue;
       const float light = f.light + sensor_.dark;
       const float variance = sensor_.variance(f, options_, kUsualBlock);
       out_.push_back({glm::dot(f.axis, f.axis) / (light * light * variance), &f});
@@ -353,7 +354,7 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
     move();
     if (k > 0) continue;
     const Normal n = level.normal(float(scale));
-    const double s2 = std::max(1.0, scale * scale) / options.independent;
+    const double s2 = scale * scale / options.independent;
     // The gain is fitted too: what is left of the rotation (Schur).
     const double gain = n.a[3][3] + gain_information * s2;
     for (int a = 0; a < 3; ++a)

@@ -20,7 +20,7 @@ struct AlignmentOptions {
   double misfit = 0.1;           // widths by which footprints of features may be off
   double coarse_misfit = 0.4;    // the same where the finest level is still to come
   double gain_deviation = 0.05;  // relative, by which an exposure may be wrong
-  double independent = 0.1;      // share of the features that have errors of their own
+  double independent = 0.4;      // share of the features that have errors of their own
 };
 
 // What is known before the pictures are looked at.

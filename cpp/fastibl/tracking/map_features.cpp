@@ -9,7 +9,7 @@ namespace {
 
 // Relative variance of a texel over RGB from which on it is not known: lower bounds have about 1.
 constexpr float kMostVariance = 0.1f;
-constexpr float kLeastGradient = 0.02f;  // of the light, from one texel to the next
+constexpr float kLeastGradient = 0.03f;  // of the light, from one texel to the next
 constexpr double kDark = 0.001;          // of the mean radiance
 
 }  // namespace

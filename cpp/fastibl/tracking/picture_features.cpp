@@ -11,7 +11,7 @@ constexpr int kBorder = 2;          // blocks at the picture's edge that are not
 constexpr float kHorizon = 0.03f;   // sine of the least elevation: the plane's edge is near
 constexpr float kWhitest = 0.9f;    // linear
 constexpr float kDarkest = 0.004f;  // linear: what is darker is noise
-constexpr float kLeastGradient = 0.05f;  // relative, from one block to the next
+constexpr float kLeastGradient = 0.06f;  // relative, from one block to the next
 constexpr float kApart = 2.0f;           // blocks between features of a tile
 
 }  // namespace

@@ -30,7 +30,7 @@ struct RotationTrackingOptions {
   // Metres/√s by which the place of the camera is taken to wander unseen (standard deviation).
   double wander = 0.05;
   // Degrees: pictures whose own rotation is less sure give no features of their own.
-  double sure = 0.3;
+  double sure = 0.15;
 };
 
 // Pictures of one moment; either may be empty.
