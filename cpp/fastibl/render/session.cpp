@@ -160,10 +160,11 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
     return;
   }
   const Pose& pose = *result.back_from_marker;
-  const bool agrees = rotation_tracker_->agrees(pose.rotation, pictures);
-  std::optional<Turned> turned;
-  if (!agrees) turned = rotation_tracker_->track(*environment_, pictures, frame.time);
-  board_motion_.look(pose, turned, agrees, frame.time);
+  const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
+  std::optional<Turned> around;
+  if (agreement == Agreement::differs)
+    around = rotation_tracker_->track(*environment_, pictures, frame.time);
+  board_motion_.look(pose, agreement, around, frame.time);
   hold_capture_ = board_motion_.moving();
   if (const std::optional<glm::dmat3> moved = board_motion_.moved()) {
     capture_->turn(*moved);

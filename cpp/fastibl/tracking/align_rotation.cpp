@@ -18,9 +18,9 @@ constexpr double kLeastScale = 0.5;
 // bits. Sensors that cut noise off at 0 are too bright in the dark.
 constexpr float kReadNoise = 0.002f, kShotNoise = 1 / 3000.0f, kDarkBias = 0.4f;
 constexpr float kDarkest = 0.003f;  // of white: below there is only noise
-constexpr float kDark = 0.0005f;  // of white: differences below hardly count
-constexpr float kUsualBlock = 4;  // pixels
-constexpr float kWhite = 0.97f;   // linear; what is expected above it tells nothing
+constexpr float kDark = 0.0005f;    // of white: differences below hardly count
+constexpr float kUsualBlock = 4;    // pixels
+constexpr float kWhite = 0.97f;     // linear; what is expected above it tells nothing
 
 // log2, within 1e-4.
 inline float fast_log2(float x) {
@@ -363,7 +363,7 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
             (n.a[a][b] - n.a[a][3] * n.a[b][3] / gain) / s2 + prior.information[b][a];
     out.residual = scale, out.features = int(count), out.agreeing = level.agreeing(scale);
     out.drift = level.drift();
-    level.note(scale);
+    if (options.note) level.note(scale);
   }
   out.gain = std::exp(log_gain);
   return out;

@@ -13,6 +13,7 @@
 namespace fastibl {
 
 struct AlignmentOptions {
+  bool note = true;              // whether features keep in mind that they did not agree
   int coarsest = 2;              // level of MapFeatures to begin with
   int rounds = 8;                // at most, a level
   int most = 1200;               // features of a picture, at the finest level

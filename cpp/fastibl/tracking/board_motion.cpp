@@ -9,38 +9,45 @@ namespace fastibl {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kFollow = 0.02;  // share of a frame in the mean place of the camera
 
 }  // namespace
 
-void BoardMotion::look(const Pose& board, const std::optional<Turned>& around, bool agrees,
+void BoardMotion::look(const Pose& board, Agreement agreement, const std::optional<Turned>& around,
                        double time) {
   const glm::dvec3 eye = board.inverse().translation;
+  const double moved = has_eye_ ? glm::length(eye - eye_) : 0;
   bool apart = false;
-  if (around) {
+  if (agreement == Agreement::agrees) {
+    told_ = time, way_ += moved;
+  } else if (around) {
     told_ = time;
     const glm::dmat3 offset = glm::transpose(board.rotation) * around->back_from_marker.rotation;
     const double angle = rotation_angle(glm::dmat3(1.0), offset);
-    // Parallax of what is near, as the camera is elsewhere than where the map was made from.
-    const double parallax = has_eye_ ? glm::length(eye - eye_) / options_.nearest : 0;
-    const double limit =
-        std::max(options_.least * kDegree, 5 * around->deviation()) + std::min(parallax, 1.0);
+    // Parallax, as the camera is elsewhere than where they agreed last.
+    const double distance = way_ >= options_.proof ? options_.far : options_.nearest;
+    const double limit = std::max(options_.least * kDegree, 5 * around->deviation()) +
+                         std::min(moved / distance, 1.0);
     apart = angle > limit;
-    const bool alike = apart_ > 0 && rotation_angle(offset_, offset) < options_.steady * kDegree;
+    const double steady = std::max(options_.steady * kDegree, 3 * around->deviation());
+    const bool alike = alike_ > 0 && rotation_angle(offset_, offset) < steady;
     alike_ = apart ? (alike ? alike_ + 1 : 1) : 0;
     offset_ = offset;
-  } else if (!agrees && apart_ > 0 && time - told_ < options_.longest) {
-    apart = true;  // it goes on, though it cannot be measured here
+    if (!apart && angle > 0.5 * options_.least * kDegree && distance == options_.nearest) way_ = 0;
+  } else if (agreement == Agreement::differs) {
+    // Near surroundings differ whenever the camera moves; far ones do not.
+    apart = (apart_ > 0 || way_ >= options_.proof) && time - told_ < options_.longest;
+    if (!apart) way_ = 0;
+  } else {
+    apart = apart_ > 0 && time - told_ < options_.longest;
   }
   apart_ = apart ? apart_ + 1 : 0;
   if (!apart) {
     alike_ = 0;
-    eye_ = has_eye_ ? eye_ + kFollow * (eye - eye_) : eye;
-    has_eye_ = true;
+    if (agreement == Agreement::agrees || around || !has_eye_) eye_ = eye, has_eye_ = true;
   }
   if (alike_ < options_.frames) return;
   moved_ = offset_;
-  apart_ = alike_ = 0;
+  apart_ = alike_ = 0, way_ = 0;
   eye_ = eye;
 }
 

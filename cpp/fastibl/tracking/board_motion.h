@@ -9,11 +9,13 @@
 namespace fastibl {
 
 struct BoardMotionOptions {
-  double least = 1.5;    // degrees by which the board must have turned; and 5 standard deviations
-  double nearest = 1.5;  // metres: things that are nearer seem to turn as the camera moves
-  int frames = 5;        // in a row that must say the same
-  double steady = 0.5;   // degrees within which these agree
-  double longest = 2;    // seconds without a word of the surroundings after which the board counts
+  double least = 1.5;  // degrees by which the board must have turned; and 5 standard deviations
+  // Metres to the surroundings, which seem to turn as the camera moves: at least; and where board
+  // and surroundings agreed along `proof` metres of the camera's way.
+  double nearest = 1.5, far = 10, proof = 0.15;
+  int frames = 5;       // in a row that must say the same
+  double steady = 1.0;  // degrees within which these agree; or 3 standard deviations
+  double longest = 2;   // seconds without a word of the surroundings after which the board counts
 };
 
 // Compares, frame by frame, the pose by the board with what the surroundings say. Two poses that
@@ -23,17 +25,18 @@ class BoardMotion {
  public:
   explicit BoardMotion(BoardMotionOptions options = {}) : options_(options) {}
 
-  // around: of the surroundings; nothing where they agree with the board or tell nothing.
-  // agrees: they do agree.
-  void look(const Pose& board, const std::optional<Turned>& around, bool agrees, double time);
+  // around: the pose by the surroundings, where they do not agree and one was found.
+  void look(const Pose& board, Agreement agreement, const std::optional<Turned>& around,
+            double time);
   bool moving() const { return apart_ > 0; }
   // newmarker_from_oldmarker, once.
   std::optional<glm::dmat3> moved();
 
  private:
   BoardMotionOptions options_;
-  glm::dvec3 eye_{0};  // mean place of the camera while they agreed, marker frame
+  glm::dvec3 eye_{0};  // place of the camera when they last agreed, marker frame
   bool has_eye_ = false;
+  double way_ = 0;             // metres, along which they agreed
   int apart_ = 0, alike_ = 0;  // frames in a row
   glm::dmat3 offset_{1.0};     // newmarker_from_oldmarker
   double told_ = 0;            // seconds: when the surroundings last told anything

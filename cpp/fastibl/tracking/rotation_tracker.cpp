@@ -9,8 +9,9 @@
 namespace fastibl {
 namespace {
 
-constexpr int kFewToCompare = 300;        // features of a picture, to see whether it agrees
-constexpr double kAgrees = 1.0;           // of Alignment::residual
+constexpr int kFewToCompare = 300;  // features of a picture, to see whether it agrees
+constexpr double kAgrees = 0.75, kAgreeing = 0.93;  // of Alignment::residual and agreeing
+constexpr int kFewestToAgree = 50;                  // features
 constexpr int kAttempts = 2;              // each goes on from what the one before made of it
 constexpr double kLongestStep = 0.3;      // seconds between poses that give a velocity
 constexpr double kKnown = 3e-4;           // radians: deviation of a known pose
@@ -66,13 +67,17 @@ void RotationTracker::forget() {
   last_drift_ = 0;
 }
 
-bool RotationTracker::agrees(const glm::dmat3& back_from_marker, const RigPictures& pictures) {
+Agreement RotationTracker::compare(const glm::dmat3& back_from_marker,
+                                   const RigPictures& pictures) {
   AlignmentOptions options = options_.alignment;
   options.coarsest = options.rounds = 0;
+  options.note = false;
   options.most = kFewToCompare;
   const auto found = align_rotation(features_, fine_, views(pictures), back_from_marker,
                                     {back_from_marker, glm::dmat3(1e12)}, options);
-  return found && found->residual <= kAgrees && found->agreeing >= options_.least_agreeing;
+  if (!found || found->features < kFewestToAgree) return Agreement::nothing;
+  const bool agrees = found->residual <= kAgrees && found->agreeing >= kAgreeing;
+  return agrees ? Agreement::agrees : Agreement::differs;
 }
 
 // A new rotation, near that of `state`, with its own covariance; the velocity follows it.

@@ -24,7 +24,7 @@ struct RotationTrackingOptions {
   double acceleration = 6;   // rad/s², standard deviation of what a hand does
   double gyro_noise = 0.01;  // rad/√s, where a frame brings a turn
   double largest_error = 1;  // degrees; stated deviation of the rotation: beyond, there is none
-  double largest_residual = 1.5;  // of Alignment::residual; usual is 0.5
+  double largest_residual = 1.0;  // of Alignment::residual; usual is 0.5
   double least_agreeing = 0.85;   // of Alignment::agreeing; usual is 0.97
   double longest_gap = 0.5;       // seconds without a result after which it is lost
   // Metres/√s by which the place of the camera is taken to wander unseen (standard deviation).
@@ -64,6 +64,8 @@ struct Turned {
   }
 };
 
+enum class Agreement { nothing, agrees, differs };  // nothing: too little to compare
+
 class RotationTracker {
  public:
   explicit RotationTracker(Rig rig, RotationTrackingOptions options = {});
@@ -78,8 +80,8 @@ class RotationTracker {
   std::optional<Turned> track(const Environment& environment, const RigPictures& pictures,
                               double time, const std::optional<glm::dmat3>& turn = {});
   // Whether pictures agree with what was seen before, under a rotation that is known otherwise; a
-  // fast test. False too where there is not enough to compare.
-  bool agrees(const glm::dmat3& back_from_marker, const RigPictures& pictures);
+  // fast test.
+  Agreement compare(const glm::dmat3& back_from_marker, const RigPictures& pictures);
   void reset();   // forgets the rotation
   void forget();  // and what was seen
   bool following() const { return state_.has_value(); }
