@@ -29,6 +29,7 @@ from ._fastibl import (
     ShadowMap,
     Tag,
     Tracked,
+    Turned,
     __version__,
     ambient_occlusion,
     cast_shadow,
@@ -55,7 +56,7 @@ from .lighting import Lighting, Method, methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
 from .session import Session, make_plan
-from .tracking import Tracker
+from .tracking import RotationTracker, Tracker
 
 __all__ = [
     "Board",
@@ -82,6 +83,7 @@ __all__ = [
     "Recording",
     "Response",
     "Rig",
+    "RotationTracker",
     "Scene",
     "SelfShadow",
     "Session",
@@ -90,6 +92,7 @@ __all__ = [
     "Tag",
     "Tracked",
     "Tracker",
+    "Turned",
     "__version__",
     "ambient_occlusion",
     "cast_shadow",
