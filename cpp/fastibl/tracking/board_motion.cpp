@@ -18,7 +18,9 @@ void BoardMotion::look(const Pose& board, Agreement agreement, const std::option
   const double moved = has_eye_ ? glm::length(eye - eye_) : 0;
   bool apart = false;
   if (agreement == Agreement::agrees) {
-    told_ = time, way_ += moved;
+    told_ = time;
+    if (way_ == 0) anchor_ = eye;
+    way_ = std::max({way_, 1e-6, glm::length(eye - anchor_)});
   } else if (around) {
     told_ = time;
     const glm::dmat3 offset = glm::transpose(board.rotation) * around->back_from_marker.rotation;

@@ -11,7 +11,7 @@ namespace fastibl {
 struct BoardMotionOptions {
   double least = 1.5;  // degrees by which the board must have turned; and 5 standard deviations
   // Metres to the surroundings, which seem to turn as the camera moves: at least; and where board
-  // and surroundings agreed along `proof` metres of the camera's way.
+  // and surroundings agreed while the camera moved by `proof` metres.
   double nearest = 1.5, far = 10, proof = 0.15;
   int frames = 5;       // in a row that must say the same
   double steady = 1.0;  // degrees within which these agree; or 3 standard deviations
@@ -36,7 +36,8 @@ class BoardMotion {
   BoardMotionOptions options_;
   glm::dvec3 eye_{0};  // place of the camera when they last agreed, marker frame
   bool has_eye_ = false;
-  double way_ = 0;             // metres, along which they agreed
+  glm::dvec3 anchor_{0};       // where they began to agree, marker frame
+  double way_ = 0;             // metres from there, at most
   int apart_ = 0, alike_ = 0;  // frames in a row
   glm::dmat3 offset_{1.0};     // newmarker_from_oldmarker
   double told_ = 0;            // seconds: when the surroundings last told anything
