@@ -8,6 +8,7 @@
 //                MIP chain, 7 from the chain of round lobes
 //   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
 //   DISTORTION   1: the camera has a lens model
+//   BOX          1: the walls of a box are seen where they are
 //   HOLDOUT      1: what is left of the light of real objects, instead
 #include "shared/precision.glsl"
 #include "shared/lighting.glsl"
@@ -68,6 +69,21 @@ uniform vec3 glossy_albedo;
 uniform vec3 eye;  // marker frame
 #if GLOSSY != 2
 #include "shared/radiance.glsl"
+#include "shared/sphere_cap.glsl"
+#include "shared/near_light.glsl"
+uniform vec3 map_centre;  // marker frame
+#if BOX
+uniform vec3 box_lower, box_upper;  // from there
+#endif
+
+// Where the map shows what is seen from a place in a direction.
+vec3 looked(vec3 d, vec3 position) {
+#if BOX
+  return box_direction(d, position - map_centre, box_lower, box_upper);
+#else
+  return d;
+#endif
+}
 #endif
 #if GLOSSY == 1
 uniform float level;
@@ -116,11 +132,11 @@ vec3 shade(vec3 position, vec3 n, vec4 share) {
 #if GLOSSY == 2
   vec3 value = e;
 #elif GLOSSY == 1
-  vec3 value = sample_radiance(2.0 * cosine * n - v, level);
+  vec3 value = sample_radiance(looked(2.0 * cosine * n - v, position), level);
 #elif GLOSSY == 5
   vec3 value = sampled_lobe(n, v);
 #else
-  vec3 value = glossy_from_chain(n, v, cosine);
+  vec3 value = glossy_from_chain(n, v, cosine, position);
 #endif
 #if GLOSSY == 4
   value += matte_share * (e - value);
@@ -138,7 +154,7 @@ vec3 shade(vec3 position, vec4 share, SurfacePoint p) {
   vec3 local = v * p.frame;
   vec2 albedo = sample_ggx_albedo(local, p.roughness);
   vec3 reflectance = pbr_reflectance(p.base_color, p.metallic, albedo);
-  vec3 colour = p.emission + share.a * reflectance * sample_ggx(p.frame, local, alpha_of(p.roughness));
+  vec3 colour = p.emission + share.a * reflectance * sample_ggx(p.frame, local, alpha_of(p.roughness), position);
 #if DIFFUSE
   colour += pbr_diffuse(p.base_color, p.metallic, albedo) * (share.rgb / 3.14159265) * irradiance(p.frame[2]);
 #endif

@@ -8,8 +8,10 @@ from conftest import same_error
 from views import camera_of, looking
 
 LIGHT_PASSES = ["track", "capture", "mips", "irradiance", "shadow", "self_shadow"]
-PASSES = [*LIGHT_PASSES, "bounce", "plane", "holdout", "shade", "composite"]
-ROUND = {"self_shadow", "bounce", "plane", "holdout"}  # of what is known to hide light, and of real objects
+PASSES = [*LIGHT_PASSES, "near_light", "bounce", "plane", "holdout", "shade", "composite"]
+# Of what is known to hide light, of lights known to be near, and of real objects.
+ROUND = {"self_shadow", "near_light", "bounce", "plane", "holdout"}
+ABSENT = {"near_light", "holdout"}
 CONVEX = [p for p in PASSES if p not in ROUND]
 INPUTS = {"back_picture", "light_pictures", "placement", "material"}
 MATTE = fastibl.Material()
@@ -200,8 +202,8 @@ def test_due_passes_of_usual_frames(scenes, marked):
     assert due(fixed, {"radiance"}) == ["irradiance", "shadow", "shade", "composite"]
     assert due(fixed, {"light_pictures"}) == []
     hollow = fastibl.make_plan(scenes["hollow"])
-    assert due(hollow, everything | ROUND | INPUTS) == [p for p in PASSES if p != "holdout"]
-    assert due(hollow, {"placement"}) == [p for p in PASSES[4:] if p != "holdout"]
+    assert due(hollow, everything | ROUND | INPUTS) == [p for p in PASSES if p not in ABSENT]
+    assert due(hollow, {"placement"}) == [p for p in PASSES[4:] if p not in ABSENT]
     assert due(hollow, {"back_picture"}) == ["track", "shade", "composite"]
     assert due(hollow, {"material"}) == ["bounce", "plane", "shade", "composite"]
 
@@ -209,14 +211,14 @@ def test_due_passes_of_usual_frames(scenes, marked):
 def test_a_shadow_switched_off_while_the_light_moved_is_old_when_it_comes_back(scenes):
     on, off = (fastibl.make_plan(scenes["hollow"], cast_shadow=cast) for cast in (True, False))
     _, stale = fastibl.due_passes(on, {"image"}, {"light_pictures"})
-    assert stale == {"holdout"}  # nobody makes it
+    assert stale == ABSENT  # nobody makes it
     due, stale = fastibl.due_passes(off, {"image"}, stale | {"image"})
     assert due == ["composite"]
     due, stale = fastibl.due_passes(off, {"image"}, stale | {"light_pictures"})
-    assert "shadow" not in due and stale == {"shadow", "bounce", "holdout"}
+    assert "shadow" not in due and stale == {"shadow", "near_light", "bounce", "holdout"}
     assert fastibl.due_passes(off, {"image"}, stale) == ([], stale)  # nothing changed: nothing runs
     back = ["shadow", "bounce", "plane", "shade", "composite"]
-    assert fastibl.due_passes(on, {"image"}, stale) == (back, {"holdout"})
+    assert fastibl.due_passes(on, {"image"}, stale) == (back, ABSENT)
 
 
 class Model:

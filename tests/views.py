@@ -50,3 +50,20 @@ def all_around(steps=8):
     turns = 2 * np.pi * np.arange(steps) / steps
     level = [(np.cos(a), np.sin(a), z) for z in (-0.7, 0.0, 0.7) for a in turns]
     return [*level, (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
+
+
+def place_light(d):
+    """Radiance (..., 3) of a place: a gradient, a window and a lamp of 6 degrees."""
+    d = np.asarray(d)
+    sky = 0.3 + 0.25 * d[..., 0] + 0.15 * d[..., 1] * d[..., 2]
+    window = (np.abs(d[..., 1]) < 0.3) & (np.abs(d[..., 2] - 0.4) < 0.2) & (d[..., 0] > 0)
+    lamp = d @ np.array([0.0, 0.6, 0.8]) > np.cos(np.radians(6))
+    level = np.where(lamp, 60.0, np.where(window, 4.0, sky))
+    return level[..., None] * np.array([1.0, 0.9, 0.7])
+
+
+def place_map(size):
+    """Its map: faces (6, size, size, 3), each texel a mean of 4 x 4."""
+    n = 4 * size
+    faces = place_light(fastibl.texel_directions(n)).astype(np.float32)
+    return faces.reshape(6, size, 4, size, 4, 3).mean(axis=(2, 4))

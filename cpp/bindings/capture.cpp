@@ -7,21 +7,72 @@
 
 namespace fastibl::bindings {
 
+namespace {
+
+std::string how(TakenAs as) {
+  switch (as) {
+    case TakenAs::told:
+      return "told";
+    case TakenAs::corrected:
+      return "corrected";
+    case TakenAs::estimated:
+      return "estimated";
+    case TakenAs::assumed:
+      return "assumed";
+    case TakenAs::left_out:
+      return "left out";
+  }
+  return {};
+}
+
+void bind_taken(py::module_& module) {
+  py::class_<Taken>(module, "Taken", "How a picture was taken into the map.")
+      .def_property_readonly(
+          "how", [](const Taken& t) { return how(t.as); },
+          R"("told": with the exposure that came with it. "corrected": that contradicts the map all over
+the picture, and what the map says was used. "estimated": none came, and the map told it. "assumed": none came with the
+camera's first picture, of which the map knows nothing, and 1 was used. "left out": it shows nothing of what it should,
+or no exposure came and the map cannot tell it.)")
+      .def_readonly("exposure", &Taken::exposure, "Multiplier that was used.")
+      .def_property_readonly(
+          "tint",
+          [](const Taken& t) {
+            return std::array<double, 3>{t.tint.x, t.tint.y, t.tint.z};
+          },
+          "By channel, a factor on it; as given, but where it was corrected.")
+      .def_readonly("deviation", &Taken::deviation,
+                    "Standard deviation of ln(exposure) where it rests on the map.")
+      .def_readonly("probes", &Taken::probes,
+                    "Parts of the picture that the map was compared with.")
+      .def("__repr__", [](const Taken& t) {
+        return "<fastibl.Taken " + how(t.as) + ", exposure " + std::to_string(t.exposure) + ">";
+      });
+}
+
+}  // namespace
+
 void bind_capture(py::module_& module) {
+  bind_taken(module);
   py::class_<Capture>(module, "Capture",
                       R"(Measures the light of a place from camera pictures with known poses.
 
 size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
 (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
+paper_albedo: of the board's white, which is a light meter: unseen parts of the sky are made so bright that the map
+lights the plane as it is lit.
 distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
 it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
 Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
-sees them, whatever `distance` and `box` say.
+sees them, whatever `distance` and `box` say. prior: CubeMap of the place from before; its sky stands for what no
+picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
+doubt_exposures: whether a picture of a perspective camera that is
+brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
 Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
                        double plane_albedo, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
-                       bool locate_lights) {
+                       bool locate_lights, const CubeMap* prior, bool doubt_exposures,
+                       double paper_albedo) {
              CaptureOptions options;
              options.size = size;
              options.board = board;
@@ -30,17 +81,23 @@ Raises ValueError for values out of range.)")
              options.distance = distance;
              options.box = room_box(box);
              options.locate_lights = locate_lights;
+             if (prior) options.prior = std::make_shared<const CubeMap>(*prior);
+             options.doubt_exposures = doubt_exposures;
+             options.paper_albedo = paper_albedo;
              return Capture(options);
            }),
            py::arg("size") = 128, py::arg("board") = py::none(),
            py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5,
            py::arg("distance") = std::numeric_limits<double>::infinity(),
-           py::arg("box") = py::none(), py::arg("locate_lights") = true)
+           py::arg("box") = py::none(), py::arg("locate_lights") = true,
+           py::arg("prior") = py::none(), py::arg("doubt_exposures") = false,
+           py::arg("paper_albedo") = 0.85)
       .def(
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,
-             const py::object& camera_from_marker, double exposure, double time,
-             const py::object& mask, const py::object& last_row, bool plane) {
+             const py::object& camera_from_marker, const std::optional<double>& exposure,
+             double time, const py::object& mask, const py::object& last_row,
+             const std::array<double, 3>& tint, bool plane) {
             py::array keep, keep_mask;
             const Picture picture = require_picture(image, "image", keep);
             const Pose pose = require_pose(camera_from_marker, "camera_from_marker");
@@ -60,19 +117,37 @@ Raises ValueError for values out of range.)")
                       int(keep_mask.shape(0)), 1, keep_mask.shape(1)};
             }
             const py::gil_scoped_release release;
-            capture.add(picture, camera, pose, exposure, time, view, last, plane);
+            return capture.add(picture, camera, pose, exposure, time, view, last,
+                               {tint[0], tint[1], tint[2]}, plane);
           },
           py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"),
           py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
-          py::arg("last_row") = py::none(), py::arg("plane") = true,
+          py::arg("last_row") = py::none(), py::arg("tint") = std::array<double, 3>{1, 1, 1},
+          py::arg("plane") = true,
           R"(Update the texels that a picture sees.
 
 image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
-or (4, 4). exposure: multiplier. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
+or (4, 4). exposure: multiplier; None where it is not known: the map tells it by what it knows of the places in the
+picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
 what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
-row was taken; camera_from_marker is then that of the first row. plane: False where the place of the camera is a guess:
-what was seen of the plane otherwise stays. Raises ValueError or TypeError, naming what was
+row was taken; camera_from_marker is then that of the first row. tint: by channel, a known
+factor on the exposure, see fastibl.white. plane: False where the place of the camera is a guess: what was seen of the
+plane otherwise stays. Returns Taken. Raises ValueError or TypeError, naming what was
 expected and what came.)")
+      .def(
+          "next_exposure",
+          [](const Capture& capture, const Camera& camera, const py::object& camera_from_marker,
+             double shortest, double longest) {
+            return capture.next_exposure(camera,
+                                         require_pose(camera_from_marker, "camera_from_marker"),
+                                         {shortest, longest});
+          },
+          py::arg("camera"), py::arg("camera_from_marker"), py::arg("shortest"), py::arg("longest"),
+          R"(The exposure with which a camera there tells most of what the map lacks.
+
+Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
+down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
+for another camera or a range that is none.)")
       .def(
           "turn",
           [](Capture& capture, const Pose& new_from_old) {

@@ -3,12 +3,44 @@
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "bindings/room_box.h"
 #include "fastibl/scene/main_lights.h"
 
 namespace fastibl::bindings {
 namespace {
 
 std::array<float, 3> rgb(glm::vec3 v) { return {v.x, v.y, v.z}; }
+
+// lights: (m, 4), known exactly.
+Environment known_environment(const CubeMap& radiance, const py::object& centre,
+                              const py::object& lights,
+                              const std::optional<std::array<std::array<double, 3>, 2>>& box) {
+  Environment environment = environment_from(radiance);
+  if (!centre.is_none()) {
+    const Doubles at = require_floats<double>(centre, "centre");
+    if (at.ndim() != 1 || at.shape(0) != 3)
+      throw py::value_error("centre must have shape (3,), got " + shape_of(at));
+    environment.centre = {at.at(0), at.at(1), at.at(2)};
+    for (int k = 0; k < 3; ++k)
+      if (!std::isfinite(environment.centre[k]))
+        throw py::value_error("centre must be finite, got " + std::string(py::str(at)));
+  }
+  environment.box = room_box(box);
+  if (environment.box) check_box(*environment.box, environment.centre);
+  if (lights.is_none()) return environment;
+  const Doubles array = require_floats<double>(lights, "lights");
+  if (array.ndim() != 2 || array.shape(1) != 4)
+    throw py::value_error("lights must have shape (m, 4), got " + shape_of(array));
+  for (py::ssize_t i = 0; i < array.shape(0); ++i) {
+    LightPosition light;
+    light.position = {array.at(i, 0), array.at(i, 1), array.at(i, 2)};
+    light.radius = array.at(i, 3);
+    const glm::dvec3 arrow = light.position - environment.centre;
+    if (glm::length(arrow) > 0) light.direction = glm::normalize(arrow);
+    environment.light_positions.push_back(light);
+  }
+  return environment;
+}
 
 void bind_main_lights(py::module_& module) {
   py::class_<MainLight>(module, "MainLight", "A window, a lamp or the sun, as a region of a map.")
@@ -77,7 +109,32 @@ void bind_environment(py::module_& module) {
   py::class_<Environment, std::shared_ptr<Environment>>(
       module, "Environment",
       "What is known of the light of a place: radiance, and how well it is known.")
-      .def(py::init(&environment_from), py::arg("radiance"), "A map that is known everywhere.")
+      .def(py::init(&known_environment), py::arg("radiance"), py::kw_only(),
+           py::arg("centre") = py::none(), py::arg("lights") = py::none(),
+           py::arg("box") = py::none(),
+           R"(A map that is known everywhere.
+
+centre: (3,) metres, marker frame: where it is seen from, (0, 0, 0) by default. lights: (m, 4) x y z radius, metres, of
+lights of the map that are near, as spheres: what they give then changes from place to place. Those that are not
+finite, or around the centre, are taken as distant. box: walls, floor and ceiling of the room that the map shows, two
+corners (2, 3), metres: glossy surfaces see them where they are. Raises ValueError for other shapes, a centre that is
+not finite, or a box that does not hold it.)")
+      .def_property_readonly(
+          "centre",
+          [](const Environment& e) { return py::make_tuple(e.centre.x, e.centre.y, e.centre.z); },
+          "Metres, marker frame: where the radiance is seen from.")
+      .def_property_readonly(
+          "light_positions",
+          [](const Environment& e) {
+            Doubles out({py::ssize_t(e.light_positions.size()), py::ssize_t{4}});
+            for (std::size_t i = 0; i < e.light_positions.size(); ++i) {
+              const LightPosition& light = e.light_positions[i];
+              for (int k = 0; k < 3; ++k) out.mutable_at(py::ssize_t(i), k) = light.position[k];
+              out.mutable_at(py::ssize_t(i), 3) = light.radius;
+            }
+            return out;
+          },
+          "(m, 4) float64: x y z and radius, metres, of the lights that are known to be near.")
       .def_property_readonly(
           "radiance", [](const Environment& e) -> const CubeMap& { return e.radiance; },
           py::return_value_policy::reference_internal,
@@ -100,6 +157,15 @@ void bind_environment(py::module_& module) {
           [](const Environment& e) { return py::make_tuple(e.predicted_low, e.predicted_high); },
           "(low, high): holds that error nine times in ten.")
       .def_property_readonly(
+          "plane_irradiance",
+          [](const Environment& e) -> py::object {
+            if (!e.plane_irradiance) return py::none();
+            const glm::dvec3& v = *e.plane_irradiance;
+            return py::make_tuple(v.x, v.y, v.z);
+          },
+          "(r, g, b) of what falls on the plane, as the board's white shows it; None where it was "
+          "not seen.")
+      .def_property_readonly(
           "knowledge",
           [](const Environment& e) {
             py::dict out;
@@ -107,11 +173,14 @@ void bind_environment(py::module_& module) {
             out["unseen_flux"] = e.knowledge.unseen_flux;
             out["bound_flux"] = e.knowledge.bound_flux;
             out["parallax"] = e.knowledge.parallax;
+            out["prior_flux"] = e.knowledge.prior_flux;
             return out;
           },
-          "What the prediction rests on, as shares: of the sky never seen, of the light in what "
-          "was "
-          "never seen, of light known as a lower bound, and put wrong because things are near.")
+          "What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux "
+          "of "
+          "the light in what was never seen, of which prior_flux is taken from a map from before, "
+          "bound_flux of the light known as a lower bound only, parallax put wrong because things "
+          "are near.")
       .def("__repr__", [](const Environment& e) {
         return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
                std::to_string(e.coverage) + ">";

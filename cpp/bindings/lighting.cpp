@@ -66,20 +66,39 @@ CubeMap map_without_lights(const Lighting& lighting) {
   return CubeMap(left.size(), faces);
 }
 
+// A light, and where it is.
+struct PlacedLight : Light {
+  std::optional<glm::vec3> position;
+  bool operator==(const PlacedLight&) const = default;
+};
+
+PlacedLight placed(const Light& light, const NearLights& near_lights) {
+  const float inverse = near_lights.inverse_distance(light.direction);
+  return {light, near_lights.position(light.direction, inverse)};
+}
+
 void bind_light(py::module_& module) {
-  py::class_<Light>(module, "Light", "A small bright part of a map: a disc of equal radiance.")
+  py::class_<PlacedLight>(module, "Light",
+                          "A small bright part of a map: a disc of equal radiance.")
       .def_property_readonly(
-          "direction", [](const Light& l) { return rgb(l.direction); },
+          "direction", [](const PlacedLight& l) { return rgb(l.direction); },
           "Towards it, unit length, marker frame.")
-      .def_readonly("angular_radius", &Light::angular_radius, "Radians.")
       .def_property_readonly(
-          "irradiance", [](const Light& l) { return rgb(l.irradiance); },
+          "angular_radius", [](const PlacedLight& l) { return l.angular_radius; }, "Radians.")
+      .def_property_readonly(
+          "position",
+          [](const PlacedLight& l) -> py::object {
+            return l.position ? py::object(rgb(*l.position)) : py::none();
+          },
+          "Metres, marker frame, of a light that is near; None of one that is, or may be, distant.")
+      .def_property_readonly(
+          "irradiance", [](const PlacedLight& l) { return rgb(l.irradiance); },
           "RGB, on a surface that faces it.")
       .def_property_readonly(
-          "flux", [](const Light& l) { return rgb(l.flux); },
+          "flux", [](const PlacedLight& l) { return rgb(l.flux); },
           "RGB: radiance summed over its solid angle.")
       .def(py::self == py::self)
-      .def("__repr__", [](const Light& l) {
+      .def("__repr__", [](const PlacedLight& l) {
         return "Light(direction=" + std::string(py::str(rgb(l.direction))) +
                ", angular_radius=" + std::to_string(l.angular_radius) +
                ", irradiance=" + std::string(py::str(rgb(l.irradiance))) + ")";
@@ -93,7 +112,8 @@ void bind_lighting(py::module_& module) {
   py::class_<Lighting>(module, "_Lighting")
       .def(py::init([](const py::object& cube, const std::string& diffuse,
                        const Settings& diffuse_given, const std::string& glossy,
-                       const Settings& glossy_given, const Lighting* previous) {
+                       const Settings& glossy_given, const Lighting* previous,
+                       const Environment* environment) {
              LightingOptions options;
              options.diffuse = diffuse_method(diffuse);
              options.diffuse_settings =
@@ -101,10 +121,12 @@ void bind_lighting(py::module_& module) {
              options.glossy = glossy_method(glossy);
              options.glossy_settings = settings_with<GlossySettings>(options.glossy, glossy_given);
              options.measure_error = false;
+             options.environment = environment;
              return fit_lighting(shared_cube(cube), options, previous);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
-           py::arg("glossy_settings"), py::arg("previous") = nullptr)
+           py::arg("glossy_settings"), py::arg("previous") = nullptr,
+           py::arg("environment") = nullptr)
       .def(py::init([](const Lighting& other) { return other; }), py::arg("other"))
       .def(
           "irradiance",
@@ -195,10 +217,15 @@ sizes outside 1 to 256.)")
       .def_property_readonly(
           "lights",
           [](const Lighting& lighting) {
-            if (own_lights(lighting)) return lighting.chain->lights;
-            std::vector<Light> lights;
+            std::vector<PlacedLight> lights;
+            const NearLights& near_lights = lighting.near_lights;
+            if (own_lights(lighting)) {
+              for (const Light& l : lighting.chain->lights)
+                lights.push_back(placed(l, near_lights));
+              return lights;
+            }
             for (const FoundLight& found : lights_of(lighting, working_level(*lighting.radiance)))
-              lights.push_back(found.light);
+              lights.push_back(placed(found.light, near_lights));
             return lights;
           },
           "The dominant lights of the map, at most 8: list of Light. Glossy methods with lights "

@@ -2,6 +2,7 @@
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/shadow/mesh_shadow_light.h"
 
 namespace fastibl::bindings {
@@ -130,13 +131,16 @@ void bind_mesh_shadow(py::module_& module) {
       .def(
           "cast",
           [](const MeshShadow& shadow, const CubeMap& cube, const py::object& pose,
-             MeshShadowLight& light) {
+             MeshShadowLight& light, const Environment* environment) {
             const Pose placed = pose.is_none() ? Pose{} : require_pose(pose, "marker_from_object");
             const py::gil_scoped_release release;
-            return light.cast(shadow, cube, placed);
+            return light.cast(shadow, cube, placed,
+                              environment ? find_near_lights(*environment) : NearLights{});
           },
           py::arg("cube"), py::arg("marker_from_object"), py::arg("light"),
-          "ShadowMap of the object under this light.");
+          py::arg("environment") = py::none(),
+          "ShadowMap of the object under this light; environment: of the map, for its near "
+          "lights.");
 }
 
 }  // namespace fastibl::bindings

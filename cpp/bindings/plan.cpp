@@ -25,6 +25,7 @@ constexpr std::pair<const char*, Products> kProducts[] = {
     {"irradiance", product::irradiance},
     {"shadow", product::shadow},
     {"self_shadow", product::self_shadow},
+    {"near_light", product::near_light},
     {"bounce", product::bounce},
     {"plane", product::plane},
     {"holdout", product::holdout},

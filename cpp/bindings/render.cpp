@@ -137,7 +137,13 @@ its shadow from the plane behind them.)")
           "picture.")
       .def_property_readonly(
           "back_from_marker", [](const Result& r) { return r.frame.back_from_marker; },
-          "Pose, or None where the board is not seen: the image is the back picture.")
+          "Pose, or None where the board is not seen: the image is the back picture. Of a rolling "
+          "shutter that of the first row; the object is drawn with that of the row that shows its "
+          "middle.")
+      .def_property_readonly(
+          "back_last_row", [](const Result& r) { return r.frame.back_last_row; },
+          "Pose when the back camera's last row was taken; None for a global shutter, and where "
+          "nothing is known of the motion.")
       .def_property_readonly(
           "tracked", [](const Result& r) { return r.frame.tracked; },
           "Tracked, or None where the pose was given or the board is not seen.")
@@ -149,6 +155,12 @@ its shadow from the plane behind them.)")
           "board_moved", [](const Result& r) { return r.frame.board_moved; },
           "True in the frame in which it is clear that the board was turned by hand: the map was "
           "turned to where it lies now.")
+      .def_property_readonly(
+          "back_taken", [](const Result& r) { return r.frame.back_taken; },
+          "Taken: how the back picture went into the map; None where it did not.")
+      .def_property_readonly(
+          "front_taken", [](const Result& r) { return r.frame.front_taken; },
+          "The same of the front picture.")
       .def_property_readonly(
           "environment",
           [](const Result& r) { return std::const_pointer_cast<Environment>(r.frame.environment); })
@@ -179,23 +191,35 @@ its shadow from the plane behind them.)")
                        const std::string& backend, const Methods& methods, double error,
                        double milliseconds, int size, bool cast_shadow, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
+                       bool doubt_exposures, const std::array<double, 3>& front_ratio,
                        bool follow_surroundings) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
              return std::make_unique<Session>(
                  scene, rig, board, environment, std::move(function), std::move(renderer),
-                 SessionOptions{methods, error, milliseconds, size, cast_shadow, distance,
-                                room_box(box), follow_surroundings});
+                 SessionOptions{methods,
+                                error,
+                                milliseconds,
+                                size,
+                                cast_shadow,
+                                distance,
+                                room_box(box),
+                                doubt_exposures,
+                                {front_ratio[0], front_ratio[1], front_ratio[2]},
+                                follow_surroundings});
            }),
            py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
            py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
            py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
-           py::arg("box"), py::arg("follow_surroundings"))
+           py::arg("box"), py::arg("doubt_exposures"), py::arg("front_ratio"),
+           py::arg("follow_surroundings"))
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,
-             double back_exposure, double front_exposure, const py::object& back_from_marker) {
+             const std::optional<double>& back_exposure,
+             const std::optional<double>& front_exposure, const py::object& back_from_marker,
+             const py::object& back_last_row) {
             py::array keep_back, keep_front;
             Frame frame;
             frame.time = time, frame.back_exposure = back_exposure,
@@ -204,13 +228,16 @@ its shadow from the plane behind them.)")
             if (!front.is_none()) frame.front = require_picture(front, "front", keep_front);
             if (!back_from_marker.is_none())
               frame.back_from_marker = require_pose(back_from_marker, "back_from_marker");
+            if (!back_last_row.is_none())
+              frame.back_last_row = require_pose(back_last_row, "back_last_row");
             const py::gil_scoped_release release;
             Result result{session.process(frame), {}, session.plan()};
             result.shadow = session.shadow_map();
             return result;
           },
           py::arg("time"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
-          py::arg("front_exposure"), py::arg("back_from_marker"))
+          py::arg("front_exposure"), py::arg("back_from_marker"),
+          py::arg("back_last_row") = py::none())
       .def_property_readonly("plan", &Session::plan)
       .def_property_readonly("scene", &Session::scene)
       .def_property_readonly("shadow_map", &Session::shadow_map,
@@ -223,9 +250,9 @@ Its ratio is the shadow's as strength and colour have it, and the light that the
 plane gets without the object: it may exceed 1.)")
       .def(
           "set_shadow_look",
-          [](Session& s, double strength, const py::object& color) {
-            s.set_shadow_look({float(strength), require_colour(color, "color")});
-          },
+          [](Session& s, double strength,
+             const py::object&
+                 color) { s.set_shadow_look({float(strength), require_colour(color, "color")}); },
           py::arg("strength") = 1.0, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
           "Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. "
           "Raises "
@@ -243,9 +270,8 @@ plane gets without the object: it may exceed 1.)")
            "Use another material from the next frame on.")
       .def(
           "move",
-          [](Session& s, const py::object& pose) {
-            s.move(require_pose(pose, "marker_from_object"));
-          },
+          [](Session& s,
+             const py::object& pose) { s.move(require_pose(pose, "marker_from_object")); },
           py::arg("marker_from_object"), "Move the object: Pose or (4, 4).")
       .def("set_cast_shadow", &Session::set_cast_shadow, py::arg("cast"),
            "Switch the shadow on or off.")

@@ -4,7 +4,7 @@
 #include <array>
 #include <optional>
 
-#include "fastibl/capture/surroundings.h"
+#include "fastibl/scene/room_box.h"
 
 namespace fastibl::bindings {
 

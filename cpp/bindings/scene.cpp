@@ -2,6 +2,7 @@
 #include <pybind11/stl.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "bindings/numpy.h"
 #include "fastibl/core/parallel.h"
@@ -10,6 +11,7 @@
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/equirect.h"
 #include "fastibl/scene/mesh.h"
+#include "fastibl/scene/wide_lens.h"
 
 namespace fastibl::bindings {
 namespace {
@@ -199,6 +201,15 @@ the right. size: face edge in texels. Raises ValueError for another shape or fil
       "Unit directions (6, size, size, 3) float32 of the texel centres, marker frame.");
 }
 
+// Calls use(lens) with the lens of any camera.
+template <typename Use>
+void with_lens(const Camera& camera, Use use) {
+  if (camera.model == CameraModel::perspective)
+    use(Lens(camera));
+  else
+    use(WideLens(camera));
+}
+
 void bind_camera(py::module_& module) {
   py::class_<Response>(module, "Response",
                        "A camera's response: encoded = response(linear), white at 1.")
@@ -249,16 +260,21 @@ void bind_camera(py::module_& module) {
           py::pickle([](const Response& r) { return py::make_tuple(r.curve); },
                      [](const py::tuple& t) { return Response{t[0].cast<std::vector<float>>()}; }));
 
-  py::class_<Camera>(module, "Camera",
-                     R"(Pinhole camera with OpenCV's lens model. Frame: x right, y down, z forward.
+  py::class_<Camera>(
+      module, "Camera",
+      R"(A camera with one of OpenCV's lens models. Frame: x right, y down, z forward.
 
 width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion:
 k1 k2 p1 p2 [k3 [k4 k5 k6]]. response: encoded = response(exposure * gain * vignetting * radiance). vignetting:
 v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row
-to its last: row r is exposed around time + r / height * readout. Raises ValueError for what is not a camera.)")
+to its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt
+2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
+downwards, pixels a radian; see equirectangular()). The last two measure light, as a rig's front camera or in Capture;
+boards are tracked in, and objects drawn over, perspective pictures. Raises ValueError for what is not a camera.)")
       .def(py::init([](int width, int height, double fx, double fy, double cx, double cy,
                        std::vector<double> distortion, const std::optional<Response>& response,
-                       double gain, std::vector<double> vignetting, double readout) {
+                       double gain, std::vector<double> vignetting, double readout,
+                       const std::string& model) {
              Camera camera{width,
                            height,
                            fx,
@@ -269,19 +285,35 @@ to its last: row r is exposed around time + r / height * readout. Raises ValueEr
                            response.value_or(Response{}),
                            gain,
                            std::move(vignetting),
-                           readout};
+                           readout,
+                           camera_model(model)};
              camera.validate();
              return camera;
            }),
            py::arg("width"), py::arg("height"), py::arg("fx"), py::arg("fy"), py::arg("cx"),
            py::arg("cy"), py::arg("distortion") = std::vector<double>{},
            py::arg("response") = py::none(), py::arg("gain") = 1.0,
-           py::arg("vignetting") = std::vector<double>{}, py::arg("readout") = 0.0)
+           py::arg("vignetting") = std::vector<double>{}, py::arg("readout") = 0.0,
+           py::arg("model") = "perspective")
+      .def_static(
+          "equirectangular",
+          [](int width, int height, const std::optional<Response>& response, double gain) {
+            Camera camera;
+            camera.width = width, camera.height = height;
+            camera.fx = 0.5 * width / std::numbers::pi, camera.fy = height / std::numbers::pi;
+            camera.cx = 0.5 * width, camera.cy = 0.5 * height;
+            camera.response = response.value_or(Response{}), camera.gain = gain;
+            camera.model = CameraModel::equirectangular;
+            camera.validate();
+            return camera;
+          },
+          py::arg("width"), py::arg("height"), py::arg("response") = py::none(),
+          py::arg("gain") = 1.0, "A 360° camera: all directions, z in the middle of the picture.")
       .def_static(
           "from_opencv",
           [](const py::object& K, std::vector<double> distortion, std::pair<int, int> size,
              const std::optional<Response>& response, double gain, std::vector<double> vignetting,
-             double readout) {
+             double readout, const std::string& model) {
             const Doubles k = require_floats<double>(K, "K");
             if (k.ndim() != 2 || k.shape(0) != 3 || k.shape(1) != 3)
               throw py::value_error("K must have shape (3, 3), got " + shape_of(k));
@@ -295,15 +327,17 @@ to its last: row r is exposed around time + r / height * readout. Raises ValueEr
                           response.value_or(Response{}),
                           gain,
                           std::move(vignetting),
-                          readout};
+                          readout,
+                          camera_model(model)};
             camera.validate();
             return camera;
           },
           py::arg("K"), py::arg("distortion"), py::arg("size"), py::arg("response") = py::none(),
           py::arg("gain") = 1.0, py::arg("vignetting") = std::vector<double>{},
-          py::arg("readout") = 0.0,
+          py::arg("readout") = 0.0, py::arg("model") = "perspective",
           "From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = "
-          "(width, height).")
+          "(width, height). model: \"perspective\", or \"fisheye\" for what cv2.fisheye "
+          "calibrates.")
       .def_property_readonly(
           "opencv_matrix",
           [](const Camera& c) {
@@ -325,6 +359,7 @@ to its last: row r is exposed around time + r / height * readout. Raises ValueEr
       .def_readonly("response", &Camera::response)
       .def_readonly("gain", &Camera::gain)
       .def_readonly("readout", &Camera::readout)
+      .def_property_readonly("model", [](const Camera& c) { return std::string(name(c.model)); })
       .def_property_readonly("vignetting",
                              [](const Camera& c) { return py::tuple(py::cast(c.vignetting)); })
       .def(
@@ -336,20 +371,21 @@ to its last: row r is exposed around time + r / height * readout. Raises ValueEr
             std::vector<py::ssize_t> shape = shape_vector(in);
             shape.back() = 2;
             Doubles out(shape);
-            const Lens lens(camera);
-            for (py::ssize_t i = 0; i < in.size() / 3; ++i) {
-              const double* p = in.data() + 3 * i;
-              const auto pixel = lens.project({p[0], p[1], p[2]});
-              out.mutable_data()[2 * i] =
-                  pixel ? pixel->x : std::numeric_limits<double>::quiet_NaN();
-              out.mutable_data()[2 * i + 1] =
-                  pixel ? pixel->y : std::numeric_limits<double>::quiet_NaN();
-            }
+            with_lens(camera, [&](const auto& lens) {
+              for (py::ssize_t i = 0; i < in.size() / 3; ++i) {
+                const double* p = in.data() + 3 * i;
+                const auto pixel = lens.project({p[0], p[1], p[2]});
+                for (int c = 0; c < 2; ++c)
+                  out.mutable_data()[2 * i + c] =
+                      pixel ? (*pixel)[c] : std::numeric_limits<double>::quiet_NaN();
+              }
+            });
             return out;
           },
           py::arg("points"),
-          "Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind it and "
-          "beyond the lens model.")
+          "Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind a "
+          "perspective "
+          "camera and beyond the lens model.")
       .def(
           "unproject",
           [](const Camera& camera, const py::object& pixels) {
@@ -359,18 +395,20 @@ to its last: row r is exposed around time + r / height * readout. Raises ValueEr
             std::vector<py::ssize_t> shape = shape_vector(in);
             shape.back() = 3;
             Doubles out(shape);
-            const Lens lens(camera);
-            for (py::ssize_t i = 0; i < in.size() / 2; ++i) {
-              const auto ray = lens.unproject({in.data()[2 * i], in.data()[2 * i + 1]});
-              for (int c = 0; c < 3; ++c)
-                out.mutable_data()[3 * i + c] =
-                    ray ? (*ray)[c] : std::numeric_limits<double>::quiet_NaN();
-            }
+            with_lens(camera, [&](const auto& lens) {
+              for (py::ssize_t i = 0; i < in.size() / 2; ++i) {
+                const auto ray = lens.unproject({in.data()[2 * i], in.data()[2 * i + 1]});
+                for (int c = 0; c < 3; ++c)
+                  out.mutable_data()[3 * i + c] =
+                      ray ? (*ray)[c] : std::numeric_limits<double>::quiet_NaN();
+              }
+            });
             return out;
           },
           py::arg("pixels"),
-          "Directions (..., 3) float64 with z = 1 through pixels (..., 2); NaN beyond the lens "
-          "model.")
+          "Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, "
+          "else "
+          "of unit length; NaN beyond the lens model.")
       .def(py::self == py::self)
       .def("__repr__",
            [](const Camera& c) {
@@ -379,7 +417,10 @@ to its last: row r is exposed around time + r / height * readout. Raises ValueEr
                     ", fy=" + std::string(py::repr(py::float_(c.fy))) +
                     ", cx=" + std::string(py::repr(py::float_(c.cx))) +
                     ", cy=" + std::string(py::repr(py::float_(c.cy))) +
-                    ", distortion=" + std::string(py::repr(py::cast(c.distortion))) + ")";
+                    ", distortion=" + std::string(py::repr(py::cast(c.distortion))) +
+                    (c.model == CameraModel::perspective
+                         ? ")"
+                         : ", model='" + std::string(name(c.model)) + "')");
            })
       .def("__copy__", [](const Camera& c) { return c; })
       .def(
@@ -387,20 +428,22 @@ to its last: row r is exposed around time + r / height * readout. Raises ValueEr
       .def(py::pickle(
           [](const Camera& c) {
             return py::make_tuple(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion,
-                                  c.response, c.gain, c.vignetting, c.readout);
+                                  c.response, c.gain, c.vignetting, c.readout, int(c.model));
           },
           [](const py::tuple& t) {
-            return Camera{t[0].cast<int>(),
-                          t[1].cast<int>(),
-                          t[2].cast<double>(),
-                          t[3].cast<double>(),
-                          t[4].cast<double>(),
-                          t[5].cast<double>(),
-                          t[6].cast<std::vector<double>>(),
-                          t[7].cast<Response>(),
-                          t[8].cast<double>(),
-                          t[9].cast<std::vector<double>>(),
-                          t.size() > 10 ? t[10].cast<double>() : 0};
+            return Camera{
+                t[0].cast<int>(),
+                t[1].cast<int>(),
+                t[2].cast<double>(),
+                t[3].cast<double>(),
+                t[4].cast<double>(),
+                t[5].cast<double>(),
+                t[6].cast<std::vector<double>>(),
+                t[7].cast<Response>(),
+                t[8].cast<double>(),
+                t[9].cast<std::vector<double>>(),
+                t.size() > 10 ? t[10].cast<double>() : 0,
+                t.size() > 11 ? CameraModel(t[11].cast<int>()) : CameraModel::perspective};
           }));
 
   py::class_<Rig>(

@@ -6,6 +6,7 @@
 
 #include "bindings/numpy.h"
 #include "bindings/spheres.h"
+#include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/lighting/harmonic_sums.h"
 #include "fastibl/shadow/fit_spheres.h"
 #include "fastibl/shadow/ratio_at.h"
@@ -249,17 +250,24 @@ last map is returned. directions: how many stand for all light, 8 to 4096.)")
       .def(py::init<int>(), py::arg("directions") = 256)
       .def(
           "cast",
-          [](DirectionShadow& self, const CubeMap& cube, const py::object& spheres, int resolution,
-             const std::optional<float>& extent, const py::object& centre, bool outer) {
+          [](DirectionShadow& self, const py::object& map, const py::object& spheres,
+             int resolution, const std::optional<float>& extent, const py::object& centre,
+             bool outer) {
+            const bool known = py::isinstance<Environment>(map);
+            const Environment* environment = known ? &map.cast<const Environment&>() : nullptr;
+            const CubeMap& cube = known ? environment->radiance : map.cast<const CubeMap&>();
             const ShadowOptions options =
                 require_options("directions", 256, resolution, extent, centre, outer);
             const SphereSet set = require_spheres(spheres);
             const py::gil_scoped_release release;
-            return std::const_pointer_cast<ShadowMap>(self.cast(cube, set, options));
+            return std::const_pointer_cast<ShadowMap>(self.cast(
+                cube, set, options, environment ? find_near_lights(*environment) : NearLights{}));
           },
           py::arg("cube"), py::arg("spheres"), py::arg("resolution") = 0,
           py::arg("extent") = py::none(), py::arg("centre") = py::none(), py::arg("outer") = true,
-          "ShadowMap of spheres (m, 4) under a map, see cast_shadow.")
+          "ShadowMap of spheres (m, 4) under a CubeMap, or an Environment, whose near lights cast "
+          "it "
+          "from where they are; see cast_shadow.")
       .def_property_readonly(
           "light",
           [](const DirectionShadow& self) { return direction_arrays(self.light().directions()); },

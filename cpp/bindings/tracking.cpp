@@ -6,6 +6,7 @@
 #include "fastibl/scene/tag_codes.h"
 #include "fastibl/tracking/edge_points.h"
 #include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/fit_edges.h"
 #include "fastibl/tracking/tracker.h"
 
 namespace fastibl::bindings {
@@ -27,7 +28,7 @@ Doubles covariance_array(const std::array<double, 36>& covariance) {
 
 py::tuple tracked_state(const Tracked& t) {
   return py::make_tuple(t.camera_from_marker, t.residual_px, t.tags, t.covariance, t.ambiguous,
-                        t.ambiguity, t.edges, t.pixels);
+                        t.ambiguity, t.edges, t.pixels, t.last_row);
 }
 
 std::optional<glm::dvec3> optional_vector(const py::object& object, const char* name) {
@@ -95,7 +96,14 @@ void bind_tracking(py::module_& module) {
           }));
 
   py::class_<Tracked>(module, "Tracked", "Where the board is seen by a camera in one picture.")
-      .def_readonly("camera_from_marker", &Tracked::camera_from_marker, "Pose.")
+      .def_readonly(
+          "camera_from_marker", &Tracked::camera_from_marker,
+          "Pose at the picture's time; of a rolling shutter that of the first row, in the "
+          "middle of whose exposure that time is.")
+      .def_readonly(
+          "last_row", &Tracked::last_row,
+          "Pose when the last row was taken, `camera.readout` later, as Capture.add takes "
+          "it; None for a global shutter.")
       .def_readonly(
           "residual_px", &Tracked::residual_px,
           "RMS distance in pixels between seen and expected corners of `tags`; with `edges`, the "
@@ -125,6 +133,7 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
            })
       .def(py::pickle(&tracked_state, [](const py::tuple& t) {
         return Tracked{t[0].cast<Pose>(),
+                       t[8].cast<std::optional<Pose>>(),
                        t[1].cast<double>(),
                        t[2].cast<std::vector<DetectedTag>>(),
                        t[6].cast<int>(),
@@ -173,6 +182,37 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
       py::arg("spread") = 1.1,
       "Edges measured against where a pose puts them: (n, 9) point, pixel, normal, offset, noise, "
       "steepness.");
+  module.def(
+      "_row_evidence",
+      [](const py::object& image, const Board& board, const Camera& camera, const Pose& first,
+         const Pose& last, double spread) -> py::object {
+        py::array keep;
+        const Picture picture = require_picture(image, "image", keep);
+        if (picture.type != PixelType::uint8) throw py::type_error("image must be uint8");
+        const LightTable table(camera.response, 3);
+        const LightReader light(
+            {picture.row(0), picture.width, picture.height, 3, picture.row_bytes}, table);
+        const BoardPattern pattern = pattern_of(board);
+        const Lens lens(camera);
+        const RowMotion motion = motion_between(first, last);
+        const double share = middle_share(pattern, camera, lens, motion.moved(first, 0.5));
+        const Rows rows{motion.seen_from(share), share, double(camera.height)};
+        const Pose pose = motion.moved(first, share);
+        const auto tags = project_tags(pattern, camera, lens, pose, &rows);
+        const FoundEdges found = find_edges(light, pattern, tags, {false, 0, spread});
+        const auto evidence = row_evidence(found.points, lens, pose, rows);
+        if (!evidence) return py::none();
+        Doubles information({kRowUnknowns, kRowUnknowns}), change({kRowUnknowns});
+        std::copy(evidence->information.begin(), evidence->information.end(),
+                  information.mutable_data());
+        std::copy(evidence->change.begin(), evidence->change.end(), change.mutable_data());
+        return py::make_tuple(share, pose, information, change);
+      },
+      py::arg("image"), py::arg("board"), py::arg("camera"), py::arg("first"), py::arg("last"),
+      py::arg("spread") = 1.1,
+      "What a picture's edges alone say of pose and motion: the share of the readout at which the "
+      "board's middle row is taken, its pose, and the normal equations (24, 24), (24,) of a change "
+      "of (w, d), of its growth in a readout, and of the growth of that and so on; or None.");
   module.def(
       "_track",
       [](const py::object& tags, const py::object& start, const Board& board, const Camera& camera,

@@ -61,6 +61,7 @@ Camera read_camera(const cv::FileNode& node, const char* name, const fs::path& p
   camera.vignetting = numbers(node["vignetting"]);
   camera.response = read_response(node["response"], path);
   if (!node["gain"].empty()) camera.gain = number(node, "gain", path);
+  if (!node["model"].empty()) camera.model = camera_model(std::string(node["model"]));
   camera.validate();
   return camera;
 }

@@ -13,7 +13,7 @@ namespace fastibl::demo {
 struct OwnedFrame {
   double time = 0;
   Image<std::uint8_t> back, front;
-  double back_exposure = 1, front_exposure = 1;
+  std::optional<double> back_exposure = 1, front_exposure = 1;
   std::optional<Pose> back_from_marker;
 
   Frame view() const;  // valid as long as this is
@@ -37,8 +37,9 @@ inline Picture picture_of(const Image<std::uint8_t>& image) {
 }
 
 inline Frame OwnedFrame::view() const {
-  return {time,          picture_of(back), picture_of(front),
-          back_exposure, front_exposure,   back_from_marker};
+  return {
+      time, picture_of(back), picture_of(front), back_exposure, front_exposure, back_from_marker,
+      {}};
 }
 
 }  // namespace fastibl::demo

@@ -85,8 +85,10 @@ void RecordingReader::read_table(const fs::path& path) {
     const std::string where = path.string() + " line " + std::to_string(number_of_line);
     check(row.size() >= header.size(), where, ": expected ", header.size(), " values, got ",
           row.size());
-    const Entry entry{row[name], number(row[exposure], where)};
-    check(entry.exposure > 0, where, ": the exposure must be positive, got ", entry.exposure);
+    Entry entry{row[name], std::nullopt};
+    if (!row[exposure].empty()) entry.exposure = number(row[exposure], where);
+    check(!entry.exposure || *entry.exposure > 0, where, ": the exposure must be positive, got ",
+          entry.exposure.value_or(0));
     check(file_name(entry.file).has_value(), where, ": expected a picture or video#number, got \"",
           entry.file, '"');
     check(row[camera] == "back" || row[camera] == "front", where,

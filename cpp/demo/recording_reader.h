@@ -25,8 +25,8 @@ class RecordingReader final : public FrameSource {
 
  private:
   struct Entry {
-    std::string file;  // picture, or video#frame; empty: none
-    double exposure = 1;
+    std::string file;                    // picture, or video#frame; empty: none
+    std::optional<double> exposure = 1;  // nothing where the camera did not tell
   };
   struct Moment {
     Entry back, front;

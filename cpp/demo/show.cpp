@@ -69,6 +69,7 @@ class Viewer {
     if (result_.back_from_marker && result_.environment) {
       Frame frame = frame_.view();
       frame.front = {}, frame.back_from_marker = result_.back_from_marker;
+      frame.back_last_row = result_.back_last_row;
       session_.set_environment(result_.environment);
       result_ = session_.process(frame);
       session_.set_environment(nullptr);
@@ -80,7 +81,7 @@ class Viewer {
     if (frame_.back.empty()) return;  // a front picture alone feeds the map
     Image<std::uint8_t> picture = result_.image;
     if (show_map_ && result_.environment)
-      draw_map(picture, *result_.environment, frame_.back_exposure);
+      draw_map(picture, *result_.environment, frame_.back_exposure.value_or(1));
     window_.show(picture.data.data(), picture.width, picture.height);
     std::ostringstream title;
     title.precision(1);

@@ -28,6 +28,7 @@ from ._fastibl import (
     SelfShadow,
     ShadowMap,
     Tag,
+    Taken,
     Tracked,
     Turned,
     __version__,
@@ -52,6 +53,7 @@ from .comparison import compare
 from .environment_files import read_environment, write_environment
 from .export import export_light
 from .files import read_mesh, read_object, stand
+from .guidance import Guidance, guide
 from .lighting import Lighting, Method, methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
@@ -69,6 +71,7 @@ __all__ = [
     "Environment",
     "Frame",
     "FrameResult",
+    "Guidance",
     "Lighting",
     "MainLight",
     "Material",
@@ -90,6 +93,7 @@ __all__ = [
     "DirectionShadow",
     "ShadowMap",
     "Tag",
+    "Taken",
     "Tracked",
     "Tracker",
     "Turned",
@@ -103,6 +107,7 @@ __all__ = [
     "equirect_from_cubemap",
     "export_light",
     "fit_spheres",
+    "guide",
     "light_directions",
     "ggx_albedo",
     "main_lights",

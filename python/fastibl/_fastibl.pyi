@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Tracked', 'Turned', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Taken', 'Tracked', 'Turned', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -179,18 +179,26 @@ class Response:
         """
 class Camera:
     """
-    Pinhole camera with OpenCV's lens model. Frame: x right, y down, z forward.
+    A camera with one of OpenCV's lens models. Frame: x right, y down, z forward.
 
     width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion:
     k1 k2 p1 p2 [k3 [k4 k5 k6]]. response: encoded = response(exposure * gain * vignetting * radiance). vignetting:
     v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row
-    to its last: row r is exposed around time + r / height * readout. Raises ValueError for what is not a camera.
+    to its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt
+    2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
+    downwards, pixels a radian; see equirectangular()). The last two measure light, as a rig's front camera or in Capture;
+    boards are tracked in, and objects drawn over, perspective pictures. Raises ValueError for what is not a camera.
     """
     __hash__: typing.ClassVar[None] = None
     @staticmethod
-    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> Camera:
+    def equirectangular(width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> Camera:
         """
-        From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height).
+        A 360° camera: all directions, z in the middle of the picture.
+        """
+    @staticmethod
+    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective') -> Camera:
+        """
+        From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height). model: "perspective", or "fisheye" for what cv2.fisheye calibrates.
         """
     def __copy__(self) -> Camera:
         ...
@@ -198,9 +206,9 @@ class Camera:
         ...
     def __eq__(self, arg0: Camera) -> bool:
         ...
-    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float]:
+    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float, int]:
         ...
-    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
+    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective') -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -208,11 +216,11 @@ class Camera:
         ...
     def project(self, points: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind it and beyond the lens model.
+        Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind a perspective camera and beyond the lens model.
         """
     def unproject(self, pixels: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Directions (..., 3) float64 with z = 1 through pixels (..., 2); NaN beyond the lens model.
+        Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, else of unit length; NaN beyond the lens model.
         """
     @property
     def cx(self) -> float:
@@ -234,6 +242,9 @@ class Camera:
         ...
     @property
     def height(self) -> int:
+        ...
+    @property
+    def model(self) -> str:
         ...
     @property
     def opencv_matrix(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -421,9 +432,15 @@ class Environment:
     """
     What is known of the light of a place: radiance, and how well it is known.
     """
-    def __init__(self, radiance: CubeMap) -> None:
+    def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None) -> None:
         """
         A map that is known everywhere.
+
+        centre: (3,) metres, marker frame: where it is seen from, (0, 0, 0) by default. lights: (m, 4) x y z radius, metres, of
+        lights of the map that are near, as spheres: what they give then changes from place to place. Those that are not
+        finite, or around the centre, are taken as distant. box: walls, floor and ceiling of the room that the map shows, two
+        corners (2, 3), metres: glossy surfaces see them where they are. Raises ValueError for other shapes, a centre that is
+        not finite, or a box that does not hold it.
         """
     def __repr__(self) -> str:
         ...
@@ -431,6 +448,11 @@ class Environment:
     def age(self) -> numpy.typing.NDArray[numpy.float32]:
         """
         (6, n, n) float32 seconds since last seen; infinite if never.
+        """
+    @property
+    def centre(self) -> tuple[float, float, float]:
+        """
+        Metres, marker frame: where the radiance is seen from.
         """
     @property
     def clipped(self) -> float:
@@ -450,7 +472,17 @@ class Environment:
     @property
     def knowledge(self) -> dict:
         """
-        What the prediction rests on, as shares: of the sky never seen, of the light in what was never seen, of light known as a lower bound, and put wrong because things are near.
+        What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux of the light in what was never seen, of which prior_flux is taken from a map from before, bound_flux of the light known as a lower bound only, parallax put wrong because things are near.
+        """
+    @property
+    def light_positions(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        (m, 4) float64: x y z and radius, metres, of the lights that are known to be near.
+        """
+    @property
+    def plane_irradiance(self) -> typing.Any:
+        """
+        (r, g, b) of what falls on the plane, as the board's white shows it; None where it was not seen.
         """
     @property
     def predicted_error(self) -> float:
@@ -623,9 +655,14 @@ class Light:
         """
         RGB, on a surface that faces it.
         """
+    @property
+    def position(self) -> typing.Any:
+        """
+        Metres, marker frame, of a light that is near; None of one that is, or may be, distant.
+        """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None) -> None:
+    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None, environment: Environment = None) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -705,36 +742,85 @@ class _Lighting:
         (9, 3) float32: radiance in real, orthonormal spherical harmonics without Condon-Shortley phase, order
         00, 1-1 (y), 10 (z), 11 (x), 2-2 (xy), 2-1 (yz), 20 (3z^2 - 1), 21 (xz), 22 (x^2 - y^2).
         """
+class Taken:
+    """
+    How a picture was taken into the map.
+    """
+    def __repr__(self) -> str:
+        ...
+    @property
+    def deviation(self) -> float:
+        """
+        Standard deviation of ln(exposure) where it rests on the map.
+        """
+    @property
+    def exposure(self) -> float:
+        """
+        Multiplier that was used.
+        """
+    @property
+    def how(self) -> str:
+        """
+        "told": with the exposure that came with it. "corrected": that contradicts the map all over
+        the picture, and what the map says was used. "estimated": none came, and the map told it. "assumed": none came with the
+        camera's first picture, of which the map knows nothing, and 1 was used. "left out": it shows nothing of what it should,
+        or no exposure came and the map cannot tell it.
+        """
+    @property
+    def probes(self) -> int:
+        """
+        Parts of the picture that the map was compared with.
+        """
+    @property
+    def tint(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
+        """
+        By channel, a factor on it; as given, but where it was corrected.
+        """
 class Capture:
     """
     Measures the light of a place from camera pictures with known poses.
 
     size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
     (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
+    paper_albedo: of the board's white, which is a light meter: unseen parts of the sky are made so bright that the map
+    lights the plane as it is lit.
     distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
     it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
     Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
-    sees them, whatever `distance` and `box` say.
+    sees them, whatever `distance` and `box` say. prior: CubeMap of the place from before; its sky stands for what no
+    picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
+    doubt_exposures: whether a picture of a perspective camera that is
+    brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85) -> None:
         ...
     def __repr__(self) -> str:
         ...
-    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, plane: bool = True) -> None:
+    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, tint: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0], plane: bool = True) -> Taken:
         """
         Update the texels that a picture sees.
 
         image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
-        or (4, 4). exposure: multiplier. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
+        or (4, 4). exposure: multiplier; None where it is not known: the map tells it by what it knows of the places in the
+        picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
         what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
-        row was taken; camera_from_marker is then that of the first row. plane: False where the place of the camera is a guess:
-        what was seen of the plane otherwise stays. Raises ValueError or TypeError, naming what was
+        row was taken; camera_from_marker is then that of the first row. tint: by channel, a known
+        factor on the exposure, see fastibl.white. plane: False where the place of the camera is a guess: what was seen of the
+        plane otherwise stays. Returns Taken. Raises ValueError or TypeError, naming what was
         expected and what came.
         """
     def environment(self) -> Environment:
         """
         Environment at the time of the last picture, without holes.
+        """
+    def next_exposure(self, camera: Camera, camera_from_marker: typing.Any, shortest: typing.SupportsFloat | typing.SupportsIndex, longest: typing.SupportsFloat | typing.SupportsIndex) -> float:
+        """
+        The exposure with which a camera there tells most of what the map lacks.
+
+        Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
+        down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
+        for another camera or a range that is none.
         """
     def turn(self, new_from_old: Pose) -> None:
         """
@@ -829,9 +915,9 @@ class DirectionShadow:
     """
     def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256) -> None:
         ...
-    def cast(self, cube: CubeMap, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
+    def cast(self, cube: typing.Any, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
         """
-        ShadowMap of spheres (m, 4) under a map, see cast_shadow.
+        ShadowMap of spheres (m, 4) under a CubeMap, or an Environment, whose near lights cast it from where they are; see cast_shadow.
         """
     @property
     def light(self) -> tuple:
@@ -868,9 +954,9 @@ class BakedShadow:
         """
         From what `tables` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
         """
-    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight) -> ShadowMap:
+    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight, environment: Environment = None) -> ShadowMap:
         """
-        ShadowMap of the object under this light.
+        ShadowMap of the object under this light; environment: of the map, for its near lights.
         """
     def fits(self, marker_from_object: typing.Any) -> bool:
         """
@@ -1046,7 +1132,7 @@ class Tracked:
     @property
     def camera_from_marker(self) -> Pose:
         """
-        Pose.
+        Pose at the picture's time; of a rolling shutter that of the first row, in the middle of whose exposure that time is.
         """
     @property
     def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1058,6 +1144,11 @@ class Tracked:
     def edges(self) -> int:
         """
         Stretches of edge that the pose rests on; 0 where it rests on corners.
+        """
+    @property
+    def last_row(self) -> Pose | None:
+        """
+        Pose when the last row was taken, `camera.readout` later, as Capture.add takes it; None for a global shutter.
         """
     @property
     def pixels(self) -> int:
@@ -1373,7 +1464,17 @@ class FrameResult:
     @property
     def back_from_marker(self) -> Pose | None:
         """
-        Pose, or None where the board is not seen: the image is the back picture.
+        Pose, or None where the board is not seen: the image is the back picture. Of a rolling shutter that of the first row; the object is drawn with that of the row that shows its middle.
+        """
+    @property
+    def back_last_row(self) -> Pose | None:
+        """
+        Pose when the back camera's last row was taken; None for a global shutter, and where nothing is known of the motion.
+        """
+    @property
+    def back_taken(self) -> Taken | None:
+        """
+        Taken: how the back picture went into the map; None where it did not.
         """
     @property
     def board_moved(self) -> bool:
@@ -1383,6 +1484,11 @@ class FrameResult:
     @property
     def environment(self) -> Environment:
         ...
+    @property
+    def front_taken(self) -> Taken | None:
+        """
+        The same of the front picture.
+        """
     @property
     def image(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
@@ -1425,9 +1531,9 @@ class FrameResult:
         Turned, where the board is out of view and the surroundings tell how the cameras turned: the map may be captured with it, but nothing is drawn. Else None.
         """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, follow_surroundings: bool) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool) -> None:
         ...
-    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, back_from_marker: typing.Any) -> FrameResult:
+    def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any, back_last_row: typing.Any = None) -> FrameResult:
         ...
     def _set_backend(self, backend: str) -> None:
         ...
@@ -1511,6 +1617,10 @@ def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typin
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """
     Corners by edges measured in linear light; list of DetectedTag.
+    """
+def _row_evidence(image: typing.Any, board: Board, camera: Camera, first: Pose, last: Pose, spread: typing.SupportsFloat | typing.SupportsIndex = 1.1) -> typing.Any:
+    """
+    What a picture's edges alone say of pose and motion: the share of the readout at which the board's middle row is taken, its pose, and the normal equations (24, 24), (24,) of a change of (w, d), of its growth in a readout, and of the growth of that and so on; or None.
     """
 def _seconds_to_evaluate(lighting: _Lighting, normals: typing.Any, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     """

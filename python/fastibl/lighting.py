@@ -154,6 +154,7 @@ class Lighting(_Lighting):
             method_name("glossy", glossy),
             method_settings(glossy),
             previous,
+            cube if isinstance(cube, Environment) else None,
         )
 
     @classmethod

@@ -112,13 +112,14 @@ class MeshShadow:
         *,
         follow: bool = False,
     ) -> ShadowMap:
-        """The shadow under this light.
+        """The shadow under this light; lights of an Environment whose place is known cast it from there.
 
         follow: keep the directions of lights of the last call with `follow` while they suit: steady from frame to
         frame, and 20 to 100 times faster than to choose them anew. Raises ValueError for a pose that `fits` refuses.
         """
         light = self._light if follow else MeshShadowLight(**self._settings)
-        return self._baked.cast(_cube(cube), marker_from_object, light)
+        environment = cube if isinstance(cube, Environment) else None
+        return self._baked.cast(_cube(cube), marker_from_object, light, environment)
 
     def ratio(self, cube: CubeMap | Environment, points: ArrayLike) -> NDArray[np.float32]:
         """Ratio (..., 3) of the light at plane points (..., 2) in metres, with and without the object.

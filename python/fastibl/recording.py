@@ -3,10 +3,11 @@
 A recording is a folder:
 
 - rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves, readout in
-  seconds where it is known
+  seconds where it is known, model where it is no perspective camera
 - board.yaml: the printed board: tags, border_bits, page size
 - frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
-  `file` is a lossless picture, or a frame of a lossless video: back.mkv#12
+  `file` is a lossless picture, or a frame of a lossless video: back.mkv#12. `exposure` is empty where the
+  camera did not tell it
 - truth/: where known, environment maps by time, camera poses by time, and what happened
 """
 
@@ -20,7 +21,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,15 +39,18 @@ class Frame:
     """Pictures of one moment.
 
     time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of
-    radiance. back_from_marker: Pose where it is known, which skips tracking.
+    radiance, None where they are not known. back_from_marker: Pose where it is known, which skips tracking.
+    back_last_row: with it, the pose when the last row of a rolling shutter was taken, `readout` later; None: as the
+    poses before tell.
     """
 
     time: float
     back: NDArray | None = None
     front: NDArray | None = None
-    back_exposure: float = 1.0
-    front_exposure: float = 1.0
+    back_exposure: float | None = 1.0
+    front_exposure: float | None = 1.0
     back_from_marker: Pose | None = None
+    back_last_row: Pose | None = None
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Frame):
@@ -60,6 +64,7 @@ class Frame:
             and (self.time, self.back_exposure, self.front_exposure)
             == (other.time, other.back_exposure, other.front_exposure)
             and self.back_from_marker == other.back_from_marker
+            and self.back_last_row == other.back_last_row
         )
 
     def __repr__(self) -> str:
@@ -158,6 +163,8 @@ class Recording:
         """Time of each frame in seconds, without reading pictures."""
         if isinstance(self._frames, _StoredFrames):
             return [time for time, _ in self._frames.moments]
+        if hasattr(self._frames, "times"):
+            return list(self._frames.times)
         return [frame.time for frame in self._frames]
 
     def __repr__(self) -> str:
@@ -213,8 +220,13 @@ class RecordingWriter:
                 raise ValueError(f"the {camera} picture must be (h, w, 3) uint8, got {picture.shape} {picture.dtype}")
             name = self._store(camera, np.ascontiguousarray(picture[..., ::-1]))
             exposure = getattr(frame, f"{camera}_exposure")
-            self._rows.writerow((repr(float(frame.time)), camera, name, repr(float(exposure))))
+            told = "" if exposure is None else repr(float(exposure))
+            self._rows.writerow((repr(float(frame.time)), camera, name, told))
         self._file.flush()  # what was recorded survives a crash
+
+    def sync(self) -> None:
+        """Brings frames.csv to the disk: what it names survives a machine that stops."""
+        os.fsync(self._file.fileno())
 
     def _store(self, camera: str, picture: NDArray) -> str:
         import cv2
@@ -345,24 +357,25 @@ class _StoredFrames(Sequence):
         return picture
 
 
-def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]]:
+def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float | None]]]]:
     if not path.is_file():
         raise FileNotFoundError(f"the recording has no {path.name}: expected {path}")
-    moments: dict[float, dict[str, tuple[str, float]]] = {}
+    moments: dict[float, dict[str, tuple[str, float | None]]] = {}
     with open(path, newline="") as file:
-        rows = csv.DictReader(file)
+        rows = csv.DictReader(_whole_lines(file, path))
         missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
         if missing:
             raise ValueError(f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure")
         for row in rows:
             where = f"{path} line {rows.line_num}"
             try:
-                time, exposure = float(row["time"]), float(row["exposure"])
+                time = float(row["time"])
+                exposure = float(row["exposure"]) if row["exposure"] != "" else None
             except (TypeError, ValueError):
                 raise ValueError(
                     f"{where}: time and exposure must be numbers, got {row['time']!r} and {row['exposure']!r}"
                 ) from None
-            if not (np.isfinite(time) and np.isfinite(exposure) and exposure > 0):
+            if not (np.isfinite(time) and (exposure is None or (np.isfinite(exposure) and exposure > 0))):
                 raise ValueError(f"{where}: time must be finite and exposure positive")
             if row["camera"] not in CAMERAS:
                 raise ValueError(f"{where}: camera must be back or front, got {row['camera']!r}")
@@ -371,6 +384,15 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float]]]
                 raise ValueError(f"{where}: expected a picture or video#number, got {row['file']!r}")
             moments.setdefault(time, {})[row["camera"]] = row["file"], exposure
     return sorted(moments.items(), key=lambda item: item[0])
+
+
+def _whole_lines(file: TextIO, path: Path) -> Iterator[str]:
+    """Lines but a last one that a crash cut off."""
+    for line in file:
+        if line.endswith(("\n", "\r")):
+            yield line
+        else:
+            warnings.warn(f"the last line of {path} is cut off; it is left out", RecordingWarning, stacklevel=4)
 
 
 # rig.yaml and board.yaml
@@ -413,6 +435,8 @@ def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
         storage.startWriteStruct(name, cv2.FileNode_MAP)
         storage.write("width", camera.width)
         storage.write("height", camera.height)
+        if camera.model != "perspective":
+            storage.write("model", camera.model)
         storage.write("camera_matrix", camera.opencv_matrix)
         if camera.distortion:
             storage.write("distortion", np.array([camera.distortion], np.float64))
@@ -465,7 +489,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
     curve = None if response.empty() or response.isString() else response.mat()
     if response.isString() and response.string() != "srgb":
         raise ValueError(f'{path}: response must be "srgb" or a curve, got {response.string()!r}')
-    gain, readout = node.getNode("gain"), node.getNode("readout")
+    gain, readout, model = node.getNode("gain"), node.getNode("readout"), node.getNode("model")
     return Camera.from_opencv(
         np.asarray(matrix, np.float64),
         [] if distortion is None else distortion.ravel().tolist(),
@@ -474,6 +498,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
         gain=1.0 if gain.empty() else gain.real(),
         vignetting=[] if vignetting is None else vignetting.ravel().tolist(),
         readout=0.0 if readout.empty() else _number(node, "readout", path),
+        model="perspective" if model.empty() else model.string(),
     )
 
 

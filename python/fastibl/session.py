@@ -57,7 +57,9 @@ class Session(_Session):
     methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
     function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
     distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.
-    box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame.
+    box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame. doubt_exposures:
+    a picture that is off from the map by one factor all over is taken for wrongly exposed at first, see Capture.
+    front_ratio: by channel, what the front camera makes of light by what the back one makes of it, see fastibl.white.
     follow_surroundings: whether the surroundings tell how the cameras turn while the board is out of view
     (FrameResult.turned; the map is captured on), and that the board was turned by hand (FrameResult.board_moved).
     A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
@@ -81,6 +83,8 @@ class Session(_Session):
         cast_shadow: bool = True,
         distance: float = float("inf"),
         box: Sequence[Sequence[float]] | None = None,
+        doubt_exposures: bool = True,
+        front_ratio: Sequence[float] = (1.0, 1.0, 1.0),
         follow_surroundings: bool = True,
     ):
         if isinstance(environment, CubeMap):
@@ -103,6 +107,8 @@ class Session(_Session):
             cast_shadow,
             float(distance),
             None if box is None else [[float(x) for x in corner] for corner in box],
+            bool(doubt_exposures),
+            [float(x) for x in front_ratio],
             bool(follow_surroundings),
         )
 
@@ -119,6 +125,7 @@ class Session(_Session):
             frame.back_exposure,
             frame.front_exposure,
             frame.back_from_marker,
+            frame.back_last_row,
         )
 
     def set_methods(self, methods: Methods) -> None:

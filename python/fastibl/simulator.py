@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -230,15 +230,17 @@ class _Eye:
         self.camera = camera
         y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64) + 0.5
         rays = camera.unproject(np.stack([x, y], axis=-1))
-        if np.isnan(rays).any():
+        reached = ~np.isnan(rays).any(axis=-1)
+        if camera.model == "perspective" and not reached.all():
             raise ValueError("the lens model does not reach the picture's corners")
+        rays[~reached] = [0, 0, 1]  # black: around a fisheye's circle
         self.rays = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)
         y, x = (np.mgrid[: 2 * camera.height, : 2 * camera.width].astype(np.float64) + 0.5) / 2
-        self.fine = camera.unproject(np.stack([x, y], axis=-1)).astype(np.float32)  # 2 x 2 a pixel
+        self.fine = np.nan_to_num(camera.unproject(np.stack([x, y], axis=-1))).astype(np.float32)  # 2 x 2 a pixel
         offsets = (np.mgrid[: camera.height, : camera.width] + 0.5).astype(np.float64)
         r2 = ((offsets[1] - camera.cx) / camera.fx) ** 2 + ((offsets[0] - camera.cy) / camera.fy) ** 2
         factor = 1 + sum(v * r2 ** (k + 1) for k, v in enumerate(camera.vignetting))
-        self.factor = (camera.gain * np.maximum(factor, 1e-3)).astype(np.float32)[..., None]
+        self.factor = (camera.gain * np.maximum(factor, 1e-3) * reached).astype(np.float32)[..., None]
         codes = camera.response.encode(np.linspace(0, 1, 65536, dtype=np.float32))
         self.codes = np.round(codes * 255).astype(np.uint8)
 
@@ -302,7 +304,7 @@ class _PrintedBoard:
         seen = eye.camera.project(camera_from_marker @ outline)
         height, width = picture.shape[:2]
         least, most = (0, top), (width, top + height)
-        if np.isnan(seen).any():
+        if np.isnan(seen).any() or eye.camera.model != "perspective":
             (x0, y0), (x1, y1) = least, most
         else:
             x0, y0 = np.clip(np.floor(seen.min(axis=0)).astype(int) - 2, least, most)
@@ -387,6 +389,8 @@ def simulate(
     flicker_depth: float = 0.5,
     glare: float = 0.0,
     clock_offset: float = 0.0,
+    front_exposures: Callable[[float], float] | None = None,
+    live: bool = False,
     video: bool = False,
     truth_size: int = 128,
     progress: bool = False,
@@ -406,8 +410,9 @@ def simulate(
     looks all around once with the front camera at the horizon, and once above; or back_from_marker as a
     function of the time in seconds. lamp: in the room, a
     lamp is switched on at half-time. hand: a hand covers the front camera for one second after 30 % of the
-    time. `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and when
-    both happened.
+    time. front_exposures: instead of the three in turn, a function from the exposure of a front picture to that of the
+    next, as Bracket and AdaptiveExposure are. `truth` holds the maps at `position` (the object: 6 cm above the board's
+    centre), the poses, and when both happened.
 
     What time does to pictures is left out unless it is asked for:
 
@@ -423,6 +428,7 @@ def simulate(
     The truth's poses are those at the stated times, and, where these differ, when the first and the last row are
     taken. Exposures and readouts longer than 1 / fps raise ValueError.
 
+    live: take each picture when the recording is iterated, and keep none; each iteration asks front_exposures anew.
     out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos instead of PNG
     pictures. The same arguments give the same bytes. Raises ValueError for what makes no recording.
     """
@@ -455,7 +461,11 @@ def simulate(
         begin = 0.3 * seconds
         truth.hand = (begin, begin + min(1.0, 0.2 * seconds))
 
-    make = _Pictures(place, rig, board, truth, noise, pose_at, timing)
+    make = _Pictures(place, rig, board, truth, noise, pose_at, timing, front_exposures)
+    if live:
+        if out is not None:
+            raise ValueError("live frames are not kept: leave out away, or record them with a RecordingWriter")
+        return Recording(rig, _LiveFrames(make, times, seed), board, truth)
     writer = RecordingWriter(out, rig, board, video=video) if out is not None else None
     frames: list[Frame] = []
     steps = enumerate(times)
@@ -479,10 +489,28 @@ def simulate(
 
 def _with_readout(rig: Rig, readout: float) -> Rig:
     def camera(c: Camera) -> Camera:
-        lens = {name: getattr(c, name) for name in ("distortion", "response", "gain", "vignetting")}
+        lens = {name: getattr(c, name) for name in ("distortion", "response", "gain", "vignetting", "model")}
         return Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, readout=readout)
 
     return Rig(camera(rig.back)) if rig.front is None else Rig(camera(rig.back), camera(rig.front), rig.front_from_back)
+
+
+class _LiveFrames:
+    """Frames that are taken when they are asked for, in order."""
+
+    def __init__(self, make: _Pictures, times: list[float], seed: int):
+        self._make, self.times, self._seed = make, times, seed
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __iter__(self) -> Iterator[Frame]:
+        self._make.noise = np.random.default_rng([self._seed, 1])
+        for index, time in enumerate(self.times):
+            yield self._make.frame(index, time)
+
+    def __getitem__(self, index: int) -> Frame:
+        raise TypeError("live frames come in order: iterate")
 
 
 class _Pictures:
@@ -497,7 +525,9 @@ class _Pictures:
         noise: np.random.Generator,
         pose_at: Callable[[float], Pose],
         timing: Shutter,
+        front_exposures: Callable[[float], float] | None = None,
     ):
+        self.front_exposures = front_exposures
         self.place, self.rig, self.truth, self.noise = place, rig, truth, noise
         self.pose_at, self.timing = pose_at, timing
         self.back = _Eye(rig.back)
@@ -520,7 +550,9 @@ class _Pictures:
         frame.back = self._take(self.back, self.pose_at, time, self.back_exposure, self.timing.exposure_time)
         if self.front is not None:
             share = FRONT_STEPS[index % len(FRONT_STEPS)]
-            frame.front_exposure = self.front_exposure * share
+            if self.front_exposures is not None:
+                share = 1.0 if index == 0 else self.front_exposures(self._last_front) / self.front_exposure
+            frame.front_exposure = self._last_front = self.front_exposure * share
             frame.front = self._take(
                 self.front,
                 lambda t: self.rig.front_from_back @ self.pose_at(t),

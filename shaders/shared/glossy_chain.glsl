@@ -1,5 +1,6 @@
 // Glossy light from the chain of round lobes, its lights and spherical harmonics: as
-// scene/glossy.cpp. Needs shared/radiance.glsl and shared/glossy.glsl.
+// scene/glossy.cpp. Needs shared/radiance.glsl, shared/glossy.glsl,
+// shared/near_light.glsl, and looked() of shade.frag.glsl.
 uniform samplerCube chain;       // levels 2 ... 7
 uniform samplerCube first_lobe;  // level 1; level 0 is the map itself
 uniform sampler2D lobe_table;    // rows: 4 taps, direction and integral, bands; columns: lobe_column()
@@ -10,6 +11,7 @@ uniform vec3 harmonics[25];
 uniform int light_count;
 uniform vec4 light_place[8];  // direction, variance
 uniform vec4 light_flux[8];   // flux, level
+uniform float light_distance[8];  // inverse; 0: distant
 
 vec3 chain_level(vec3 d, float k) {
   if (k < 0.5) return textureLod(radiance, d, 0.0).rgb;
@@ -24,7 +26,7 @@ vec3 sample_chain(vec3 d, float level) {
   return radiance_scale * (fine + (level - k) * (coarse - fine));
 }
 
-vec3 glossy_from_chain(vec3 n, vec3 v, float cosine) {
+vec3 glossy_from_chain(vec3 n, vec3 v, float cosine, vec3 position) {
   float c = clamp(cosine, 0.0, 1.0), sine = sqrt(1.0 - c * c);
   vec3 tangent = v - cosine * n;  // towards the view
   tangent /= max(length(tangent), 1e-6);
@@ -44,14 +46,16 @@ vec3 glossy_from_chain(vec3 n, vec3 v, float cosine) {
     for (int k = 0; k < taps; ++k) {
       vec4 tap = mix(texelFetch(lobe_table, ivec2(i, k), 0), texelFetch(lobe_table, ivec2(i + 1, k), 0), f);
       float weight = (1.0 - harmonics_share) * tap.w;
-      value += weight * sample_chain(tap.x * mirror + tap.y * down, tap.z);
+      value += weight * sample_chain(looked(tap.x * mirror + tap.y * down, position), tap.z);
       for (int j = 0; j < light_count; ++j) share[j] += weight * light_share(tap.z, light_flux[j].w);
     }
   }
   if (light_count > 0) {
     vec3 sum = vec3(0.0);
-    for (int j = 0; j < light_count; ++j)
-      sum += share[j] * light_lobe(exponent, light_place[j].w, n, v, light_place[j].xyz) * light_flux[j].rgb;
+    for (int j = 0; j < light_count; ++j) {
+      PlacedLight seen = placed_light(light_place[j].xyz, light_distance[j], light_place[j].w, position - map_centre);
+      sum += share[j] * seen.gain * light_lobe(exponent, seen.variance, n, v, seen.direction) * light_flux[j].rgb;
+    }
     value += exp2(-turn.z) * sum;
   }
   return value;

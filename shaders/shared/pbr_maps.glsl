@@ -110,7 +110,7 @@ const int kTaps = 8;
 #endif
 
 // Average of the map over the GGX lobe.
-vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
+vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position) {
   GgxLobe lobe = ggx_lobe(view, alpha);
   vec4 parts[kTaps];
   vec4 sum = vec4(0.0);
@@ -133,16 +133,18 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha) {
     float weight = dark ? 1.0 : parts[k].w / sum.w;
 #if GLOSSY == 7
     float level = level_of(tap.w);
-    light += weight * sample_chain(frame * tap.xyz, level);
+    light += weight * sample_chain(looked(frame * tap.xyz, position), level);
     for (int j = 0; j < light_count; ++j) share[j] += weight * light_share(level, light_flux[j].w);
 #else
-    light += weight * sample_radiance(frame * tap.xyz, blur_level(face_size, tap.w));
+    light += weight * sample_radiance(looked(frame * tap.xyz, position), blur_level(face_size, tap.w));
 #endif
   }
 #if GLOSSY == 7
-  for (int j = 0; j < light_count; ++j)
-    light += share[j] * ggx_light(lobe, light_place[j].xyz * frame, light_place[j].w) / max(sum.w, 1e-4) *
+  for (int j = 0; j < light_count; ++j) {
+    PlacedLight seen = placed_light(light_place[j].xyz, light_distance[j], light_place[j].w, position - map_centre);
+    light += share[j] * seen.gain * ggx_light(lobe, seen.direction * frame, seen.variance) / max(sum.w, 1e-4) *
              light_flux[j].rgb;
+  }
 #endif
   return light;
 }

@@ -20,9 +20,11 @@ constexpr std::size_t kCameras = 4;    // whose tables are kept
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 4;
-constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
-constexpr double kRimOfLight = 0.25;    // of the radiance of a light: at the rim of one
-constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
+constexpr double kMeterPause = 0.1;       // seconds between readings of the board's white
+constexpr double kMeterDeviation = 0.08;  // of a reading: albedo, gloss, what stands around
+constexpr int kPicturesPerFill = 2;       // between looks at what such values should be
+constexpr double kRimOfLight = 0.25;      // of the radiance of a light: at the rim of one
+constexpr double kLargestScale = 1e30;    // of linear values: no exposure is so short
 // Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
 // differ by 0.1 degrees.
 constexpr int kBands = 16;
@@ -47,12 +49,17 @@ struct Capture::View {
   const std::vector<TexelView>& texels;  // by band of rows
   const std::vector<TexelView>& halved;  // the same of a map of half the size
   ImageView<const std::uint8_t> mask;
-  double scale;  // radiance of a linear value, without vignetting
-  float light;   // linear value
+  double scale;      // radiance of a linear value, without vignetting
+  float light;       // linear value
+  glm::vec3 untint;  // factors on linear values
 };
 
-Capture::KnownCamera::KnownCamera(const Camera& given)
-    : camera(given), lens(given), bounds(picture_bounds(given, lens)), noise(given.response) {}
+Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignette)
+    : camera(given),
+      pixel_vignette(std::move(vignette)),
+      lens(given),
+      bounds(picture_bounds(given, lens)),
+      noise(given.response) {}
 
 Capture::KnownCamera& Capture::known(const Camera& camera) {
   for (KnownCamera& k : cameras_)
@@ -60,6 +67,18 @@ Capture::KnownCamera& Capture::known(const Camera& camera) {
   camera.validate();
   if (cameras_.size() == kCameras) cameras_.erase(cameras_.begin());
   return cameras_.emplace_back(camera);
+}
+
+Capture::KnownWide& Capture::known_wide(const Camera& camera) {
+  for (KnownWide& k : wide_cameras_)
+    if (k.camera == camera) return k;
+  camera.validate();
+  if (wide_cameras_.size() == kCameras) wide_cameras_.erase(wide_cameras_.begin());
+  KnownWide& wide = wide_cameras_.emplace_back();
+  wide.camera = camera;
+  wide.sides = sides_of(camera, grid_.size);
+  for (const WideSide& side : wide.sides) wide.known.emplace_back(side.camera, side.vignette);
+  return wide;
 }
 
 namespace {
@@ -73,14 +92,10 @@ CaptureOptions checked(CaptureOptions options) {
   check(centre.z > 0, "the centre must lie above the plane (z > 0), got z = ", centre.z);
   check(options.distance > 0, "the distance of the place must be positive (metres), got ",
         options.distance);
-  if (options.box) {
-    const RoomBox& b = *options.box;
-    for (int k = 0; k < 3; ++k)
-      check(b.lower[k] < centre[k] && centre[k] < b.upper[k] && std::isfinite(b.lower[k]) &&
-                std::isfinite(b.upper[k]),
-            "the room's box must be finite and hold the centre, got ", b.lower[k], " to ",
-            b.upper[k], " along axis ", k, " around ", centre[k]);
-  }
+  if (options.box) check_box(*options.box, centre);
+  check(!options.prior || options.prior->size() > 0, "the prior map has no texels");
+  check(options.paper_albedo > 0 && options.paper_albedo <= 1,
+        "the paper's albedo must be in (0, 1], got ", options.paper_albedo);
   check(options.plane_albedo > 0 && options.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
   return options;
@@ -128,30 +143,82 @@ Capture::Capture(CaptureOptions options)
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0);
+  if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
+  if (options_.prior) {
+    prior_.emplace(*options_.prior, grid_);
+    unseen_.give_sky();
+    for (int tile = 0; tile < grid_.count(); ++tile)
+      if (unseen_.above(tile)) sky_.push_back(tile), unseen_.give(tile, prior_->mean(tile));
+    std::vector<int> all;
+    unseen_.update({}, sums_, tile_projected_, 0, all);
+  }
   for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
 
-void Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
-                  double exposure, double time, ImageView<const std::uint8_t> mask,
-                  const std::optional<Pose>& last_row, bool plane) {
-  KnownCamera& k = known(camera);
+Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
+                   std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask,
+                   const std::optional<Pose>& last_row, const glm::dvec3& tint, bool plane) {
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
   check(mask.empty() || (mask.width == camera.width && mask.height == camera.height),
         "the mask must be the camera's ", camera.width, " × ", camera.height, ", got ", mask.width,
         " × ", mask.height);
-  check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
-        exposure);
+  check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
+        "an exposure must be positive and finite, got ", exposure.value_or(0));
+  check(tint.x > 0 && tint.y > 0 && tint.z > 0 && std::isfinite(tint.x + tint.y + tint.z),
+        "a tint must be positive and finite, got ", tint.x, " ", tint.y, " ", tint.z);
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
-  const std::ptrdiff_t index = &k - cameras_.data();
-  int refills = refills_after(time, index);
-  const bool all_refills = refills == grid_.count();
-  time_ = time, last_camera_ = index;
+  const bool perspective = camera.model == CameraModel::perspective;
+  KnownCamera* const one = perspective ? &known(camera) : nullptr;
+  KnownWide* const wide = perspective ? nullptr : &known_wide(camera);
+  const int refills = refills_after(time, camera);
+  time_ = time;
+  if (last_camera_ != camera) last_camera_ = camera;
   const RowPoses poses(camera_from_marker, last_row);
-
   bright_ = MainLightOptions{}.brightness * mean_radiance();
+  std::vector<int> changed;
+  bool any = false;
+  // With each side of a wide picture, and its pose.
+  const auto each_side = [&](const auto& visit) {
+    for (std::size_t i = 0; i < wide->sides.size(); ++i) {
+      const WideSide& side = wide->sides[i];
+      wide->picture.take(side, picture, mask);
+      visit(wide->known[i], RowPoses(side.side_from_camera * poses.at(0.5)));
+    }
+  };
+  Taken taken{.exposure = exposure.value_or(1)};
+  if (!exposure || (options_.doubt_exposures && one)) {
+    std::vector<LevelProbe> probes;
+    if (one)
+      probe_level(picture, *one, poses, mask, probes);
+    else
+      each_side([&](KnownCamera& side, const RowPoses& side_poses) {
+        probe_level(wide->picture.picture(), side, side_poses, wide->picture.mask(), probes);
+      });
+    for (LevelProbe& p : probes) p.expected *= glm::vec3(tint);
+    taken = (one ? one->doubt : wide->doubt).judge(probes, exposure, time);
+    if (taken.as == TakenAs::left_out) return taken;
+  }
+  taken.tint *= tint;
+  if (one)
+    any = take(picture, *one, poses, taken, mask, plane, changed);
+  else
+    each_side([&](KnownCamera& side, const RowPoses& side_poses) {
+      any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), plane,
+                  changed);
+    });
+  if (one) read_meter(picture, *one, poses, taken.exposure);
+  if (any) take_changes(changed, refills);
+  return taken;
+}
+
+bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses,
+                   const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
+                   std::vector<int>& changed) {
+  const Camera& camera = k.camera;
+  const double exposure = taken.exposure;
   if (options_.locate_lights && plane) locate_lights(picture, k, poses, exposure);
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
@@ -182,13 +249,19 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
   if (!plane) std::erase_if(tiles_, [&](int tile) { return plane_seen_[std::size_t(tile)] != 0; });
-  if (tiles_.empty()) return;
+  if (tiles_.empty()) return false;
   find_bands(texels, float(camera.height));
   // Probes are four times as large as texels.
   levels_.make(picture, camera.response, levels_for(4 * most));
 
   const double scale = std::min(1 / (exposure * camera.gain), kLargestScale);
-  const View view{k, texels, halved, mask, scale, float(kRimOfLight * bright_ / scale)};
+  const View view{k,
+                  texels,
+                  halved,
+                  mask,
+                  scale,
+                  float(kRimOfLight * bright_ / scale),
+                  glm::vec3(1.0 / taken.tint)};
   leave_out_quiet_tiles(view);
   changed_.assign(tiles_.size(), 0);
   parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {
@@ -197,14 +270,30 @@ void Capture::add(const Picture& picture, const Camera& camera, const Pose& came
       changed_[std::size_t(i)] = add_tile(view, tiles_[std::size_t(i)]);
     }
   });
-  std::vector<int> changed, refilled;
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) {
       changed.push_back(tiles_[i]);
       if (plane && !unseen_.above(tiles_[i])) plane_seen_[std::size_t(tiles_[i])] = 1;
     }
+  return true;
+}
+
+void Capture::read_meter(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
+                         double exposure) {
+  if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return;
+  const auto read = meter_->read(picture, k.camera, k.lens, poses.at(0.5), exposure);
+  if (!read) return;
+  metered_ = time_, plane_irradiance_ = read;
+  unseen_.measure_plane(*read, kMeterDeviation);
+}
+
+// refills: see refills_after().
+void Capture::take_changes(const std::vector<int>& changed, int refills) {
+  const bool all_refills = refills == grid_.count();
+  std::vector<int> refilled;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
   if (all_refills || ++pictures_ % kPicturesPerFill == 0) {
+    if (prior_) match_prior(refilled);
     unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);
     new_sums_.clear();
   }
@@ -280,9 +369,9 @@ void Capture::make_levels(int tile) {
 }
 
 // How many tiles may get new values where they are unseen.
-int Capture::refills_after(double time, std::ptrdiff_t camera) const {
+int Capture::refills_after(double time, const Camera& camera) const {
   // Pictures without times of their own are no film.
-  const bool still = time == time_ && camera == last_camera_;
+  const bool still = time == time_ && last_camera_ == camera;
   const double share = still ? 1 : std::clamp((time - time_) / kRefillTime, kLeastRefill, 1.0);
   return int(share * grid_.count());
 }
@@ -293,6 +382,10 @@ bool Capture::refill(int tile) {
   const int seen = sums_[std::size_t(tile)].count;
   stale_fill_[std::size_t(tile)] = 0;
   if (seen == r.texels()) return false;
+  if (has_prior(tile)) {
+    refill_from_prior(tile);
+    return true;
+  }
   const glm::vec3 fill = unseen_.fill(tile);
   filled_[std::size_t(tile)] = fill;
   if (seen == 0) {
@@ -306,10 +399,34 @@ bool Capture::refill(int tile) {
   return true;
 }
 
+void Capture::refill_from_prior(int tile) {
+  const FaceRect r = tile_rect(grid_, tile);
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const float* angles =
+      &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())];
+  glm::dvec3 flux(0);
+  double angle = 0;
+  for (int k = 0; k < r.texels(); ++k) {
+    if (state_.last_seen.at(tile, k) > kNever) continue;
+    const glm::vec3 value = prior_->texel(tile, k);
+    for (int c = 0; c < 3; ++c) state_.value[c][start + std::size_t(k)] = value[c];
+    flux += double(angles[k]) * glm::dvec3(value), angle += double(angles[k]);
+  }
+  filled_[std::size_t(tile)] = glm::vec3(flux / angle);
+  make_levels(tile);
+}
+
+void Capture::match_prior(std::vector<int>& refilled) {
+  if (!prior_->match(sums_, tile_angle_, sky_)) return;
+  for (const int tile : sky_) {
+    unseen_.give(tile, prior_->mean(tile));
+    if (sums_[std::size_t(tile)].count < tile_rect(grid_, tile).texels()) refilled.push_back(tile);
+  }
+}
+
 // Reads the picture where it shows texels.
 bool Capture::look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
                    Samples& samples) const {
-  const Camera& camera = view.known.camera;
   if (!view.mask.empty())
     for (int i = 0; i < count; ++i)
       if (sightings.seen[i])
@@ -321,20 +438,24 @@ bool Capture::look(const View& view, const Depth& depth, int count, bool fine, S
         sightings.seen[i] &= !(x * x + y * y < disc.squared_radius);
       }
   const bool rim = sample_footprints(levels_, sightings, count, view.light, fine, samples);
-  if (camera.vignetting.empty())
+  if (view.untint != glm::vec3(1))
+    for (int c = 0; c < 3; ++c)
+      for (int i = 0; i < lanes_of(count); ++i) samples.linear[c][i] *= view.untint[c];
+  if (!view.known.vignettes())
     std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
   else
     for (int i = 0; i < lanes_of(count); ++i)
       samples.radiance_per_linear[i] =
-          sightings.seen[i] ? float(view.scale / camera.vignette({sightings.x[i], sightings.y[i]}))
-                            : 1.0f;
+          sightings.seen[i]
+              ? float(view.scale / view.known.vignette(sightings.x[i], sightings.y[i]))
+              : 1.0f;
   return rim;
 }
 
 TileSighting Capture::sighting(const View& view, int tile, const Sightings& sightings,
                                const Samples& samples, int first, int count) const {
   TileSighting s{time_, float(view.scale), float(view.scale), most_pixels_[std::size_t(tile)]};
-  if (!view.known.camera.vignetting.empty())
+  if (view.known.vignettes())
     for (int i = first; i < first + count; ++i)
       if (sightings.seen[i]) {
         s.least_scale = std::min(s.least_scale, samples.radiance_per_linear[i]);

@@ -7,8 +7,12 @@
 #include <optional>
 #include <vector>
 
+#include "fastibl/capture/exposure_doubt.h"
 #include "fastibl/capture/frame_levels.h"
+#include "fastibl/capture/light_meter.h"
 #include "fastibl/capture/light_tracks.h"
+#include "fastibl/capture/next_exposure.h"
+#include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/quiet_tiles.h"
 #include "fastibl/capture/row_poses.h"
 #include "fastibl/capture/surroundings.h"
@@ -16,6 +20,7 @@
 #include "fastibl/capture/texel_view.h"
 #include "fastibl/capture/tile_pyramids.h"
 #include "fastibl/capture/unseen.h"
+#include "fastibl/capture/wide_picture.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/board.h"
@@ -36,7 +41,14 @@ struct CaptureOptions {
   std::optional<RoomBox> box;  // instead of `distance`: the room's walls, around `centre`
   // Whether lights that several pictures show are triangulated, and put where the object sees them.
   bool locate_lights = true;
-  double plane_albedo = 0.5;  // of the plane where no camera saw it: radiance albedo · E(z)/π
+  // A map of the place from before, whose sky stands for what no picture has seen, as bright as
+  // what was seen of it says. Null for none.
+  std::shared_ptr<const CubeMap> prior;
+  // Whether pictures that are off by one factor all over are taken for wrongly exposed at first:
+  // see ExposureDoubt. Of perspective cameras.
+  bool doubt_exposures = false;
+  double paper_albedo = 0.85;  // of the board's white, by which it is a light meter
+  double plane_albedo = 0.5;   // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
 
 // Measures the environment: every picture updates the texels that it sees. Above the horizon light
@@ -55,15 +67,19 @@ class Capture {
   explicit Capture(
       CaptureOptions options = {});  // throws std::invalid_argument for options out of range
 
+  // exposure: nothing where it is not known: the map then tells, see Taken.
   // time: seconds, not decreasing. mask: one byte a pixel, 0 where the picture shows what is not
   // part of the place; empty for none. last_row: the pose when the picture's last row was taken,
-  // where a rolling shutter reads it; camera_from_marker is then that of the first row. plane:
-  // false where the place of the camera is a guess: what was seen of the plane otherwise stays.
-  // Throws std::invalid_argument for a picture or mask of another size than the camera's, an
-  // exposure that is not positive and finite, or a time before the last one.
-  void add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
-           double exposure, double time, ImageView<const std::uint8_t> mask = {},
-           const std::optional<Pose>& last_row = {}, bool plane = true);
+  // where a rolling shutter reads it; camera_from_marker is then that of the first row (of fisheye
+  // and 360° cameras the pose half-way is used). Throws
+  // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
+  // is not positive and finite, or a time before the last one. tint: by channel, a known factor on
+  // the exposure: of another camera's white balance and scale. plane: false where the place of the
+  // camera is a guess: what was seen of the plane otherwise stays.
+  Taken add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
+            std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask = {},
+            const std::optional<Pose>& last_row = {}, const glm::dvec3& tint = glm::dvec3(1),
+            bool plane = true);
 
   // The marker was turned: what is above the horizon turns with new_from_old, and lights are to be
   // located anew; the plane is forgotten.
@@ -74,23 +90,58 @@ class Capture {
   // Only what changed since an earlier map that nobody holds any more is made anew in its place.
   std::shared_ptr<const Environment> environment();
 
+  // The exposure with which a perspective camera there tells most of what the map lacks: shorter
+  // ones where texels were never seen without clipping, longer ones where they are dark and noisy.
+  // Throws std::invalid_argument for another camera, or a range that is none. In map_lacks.cpp.
+  double next_exposure(const Camera& camera, const Pose& camera_from_marker,
+                       const ExposureRange& range) const;
+
   int size() const { return options_.size; }
+  const glm::dvec3& centre() const { return options_.centre; }
   double time() const { return time_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
   std::vector<double> last_seen() const;
 
  private:
   struct KnownCamera {
-    explicit KnownCamera(const Camera& camera);
+    explicit KnownCamera(const Camera& camera, std::vector<float> vignette = {});
+    bool vignettes() const { return !camera.vignetting.empty() || !pixel_vignette.empty(); }
+    double vignette(float x, float y) const {
+      return pixel_vignette.empty()
+                 ? camera.vignette({x, y})
+                 : double(pixel_vignette[std::size_t(int(y) * camera.width + int(x))]);
+    }
     Camera camera;
+    std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
     PictureBounds bounds;
     SensorNoise noise;
+    std::optional<ByteResponse> bytes;  // made when first asked for
+    ExposureDoubt doubt;
     glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
     double looked_at = kNever;  // and when, seconds
   };
+  // A fisheye or 360° camera: what is known of its sides.
+  struct KnownWide {
+    Camera camera;
+    std::vector<WideSide> sides;
+    std::vector<KnownCamera> known;
+    SidePicture picture;
+    ExposureDoubt doubt;
+  };
   struct View;  // of one picture
   KnownCamera& known(const Camera& camera);
+  KnownWide& known_wide(const Camera& camera);
+  // Of a perspective picture: adds tiles that changed; false if the map holds nothing of it.
+  bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
+            const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
+            std::vector<int>& changed);
+  // Appends the parts of a picture that show what the map knows. In probe_level.cpp.
+  void probe_level(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
+                   ImageView<const std::uint8_t> mask, std::vector<LevelProbe>& probes) const;
+  void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
+                  double exposure);
+  void take_changes(const std::vector<int>& changed, int refills);
   // True if it shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
@@ -129,9 +180,12 @@ class Capture {
   void prefetch_rows(int tile, const CubeMap& map) const;
   void make_levels(int tile);
   void renew_all();  // with turn(), in turn_map.cpp
-  int refills_after(double time, std::ptrdiff_t camera) const;
+  int refills_after(double time, const Camera& camera) const;
   bool is_small_refill(int tile) const;
   bool refill(int tile);
+  bool has_prior(int tile) const { return prior_ && unseen_.above(tile); }
+  void refill_from_prior(int tile);
+  void match_prior(std::vector<int>& refilled);
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
 
@@ -154,6 +208,11 @@ class Capture {
   std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
   std::vector<TileSums> sums_;               // by tile
   UnseenTiles unseen_;
+  std::optional<LightMeter> meter_;
+  double metered_ = kNever;                     // seconds
+  std::optional<glm::dvec3> plane_irradiance_;  // that it read last
+  std::optional<PriorMap> prior_;
+  std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map
   std::vector<std::uint8_t> stale_fill_;  // where it is no longer that of unseen_
   int next_refill_ = 0, pictures_ = 0;
@@ -162,7 +221,8 @@ class Capture {
   QuietTiles quiet_;
   std::vector<std::uint64_t> versions_;  // by tile, as the map's
   std::vector<KnownCamera> cameras_;
-  std::ptrdiff_t last_camera_ = -1;
+  std::vector<KnownWide> wide_cameras_;
+  std::optional<Camera> last_camera_;
   FrameLevels levels_;
   std::vector<float> most_pixels_;
   std::vector<int> tiles_;  // that the picture may see

@@ -78,6 +78,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
   for (const int tile : stale) map.set_tile_version(tile, versions_[std::size_t(tile)]);
 
   double up = 0, up_seen = 0, seen = 0, bound = 0, bound_flux = 0, up_flux = 0, flux = 0, fills = 0;
+  double from_prior = 0;
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t i = std::size_t(tile);
     const TileSums& s = sums_[i];
@@ -85,14 +86,18 @@ void Capture::update_snapshot(Environment& snapshot) const {
     const double all = s.flux.x + s.flux.y + s.flux.z + filled;
     seen += s.angle, bound += s.bound_angle, flux += all, fills += filled;
     if (!unseen_.above(tile)) continue;
+    from_prior += has_prior(tile) ? filled : 0;
     up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux, up_flux += all;
   }
   snapshot.time = time_;
+  snapshot.centre = options_.centre, snapshot.box = options_.box;
+  snapshot.plane_irradiance = plane_irradiance_;
   snapshot.light_positions = tracks_.positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);
   snapshot.clipped = seen > 0 ? bound / seen : 0;
   snapshot.knowledge = {1 - up_seen / up, flux > 0 ? fills / flux : 1,
-                        up_flux > 0 ? bound_flux / up_flux : 0, parallax()};
+                        up_flux > 0 ? bound_flux / up_flux : 0, parallax(),
+                        flux > 0 ? from_prior / flux : 0};
   const ErrorInterval error = expected_error(snapshot.knowledge);
   snapshot.predicted_error = error.expected;
   snapshot.predicted_low = error.low, snapshot.predicted_high = error.high;
@@ -119,7 +124,7 @@ void Capture::write_tile(int tile, Environment& snapshot) const {
                &to.texel(r.face, r.x0 >> level, r.y0 >> level).x);
   };
   const bool seen = sums_[std::size_t(tile)].count > 0;
-  if (seen)
+  if (seen || has_prior(tile))
     write(0, {&state_.value[0][start], &state_.value[1][start], &state_.value[2][start]});
   else
     for (int y = r.y0; y < r.y1; ++y) {

@@ -6,16 +6,11 @@
 #include <vector>
 
 #include "fastibl/scene/light_position.h"
+#include "fastibl/scene/room_box.h"
 
 namespace fastibl {
 
 struct TileOutlines;
-
-// Walls, floor and ceiling of a room: an axis-aligned box around the map's centre, metres, marker
-// frame (Lagarde and Zanuttini 2012).
-struct RoomBox {
-  glm::dvec3 lower{0}, upper{0};
-};
 
 // Depth of a part of the map: 1 / metres from the centre, the same in all directions; or the box's.
 struct Depth {

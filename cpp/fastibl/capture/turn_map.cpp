@@ -77,6 +77,7 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   tracks_ = LightTracks(options_.centre);
   surroundings_ = Surroundings(outlines_, options_.centre, options_.distance, options_.box);
   quiet_ = QuietTiles(grid_);
+  prior_.reset(), sky_.clear();  // it was given for the marker as it lay
   plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);
   renew_all();
 }

@@ -21,6 +21,7 @@ constexpr float kClippedTrust = 1e-3f;  // of what is only a lower bound
 // No tile stands for more than this times the mean of what was seen on its side. On seven maps,
 // swept in part, the irradiance is wrong by 0.31 instead of 0.39, a mean.
 constexpr float kMostOfMean = 8.0f;
+constexpr float kDarkest = 0.05f, kBrightest = 20;  // of brightness_
 constexpr float kNear2 = 0.01f;  // squared chord: closer than this, sources count alike
 constexpr int kPartial = 16;     // sums side by side, in the same order on every processor
 
@@ -138,6 +139,32 @@ void UnseenTiles::fill_half(bool above, glm::vec3 value, std::vector<int>& refil
   }
 }
 
+void UnseenTiles::find_brightness(const std::vector<TileSums>& sums,
+                                  const std::vector<double>& tile_projected,
+                                  std::vector<int>& refilled) {
+  if (!plane_ || given_sky_) return;
+  glm::dvec3 seen(0), unseen(0);  // irradiance of the plane
+  for (std::size_t i = 0; i < sums.size(); ++i)
+    if (above_[i]) {
+      seen += sums[i].irradiance;
+      unseen += (tile_projected[i] - sums[i].projected) * glm::dvec3(fill_[i]);
+    }
+  glm::vec3 brightness(1);
+  for (int c = 0; c < 3; ++c) {
+    const double unsure = plane_deviation_ * (*plane_)[c], square = unseen[c] * unseen[c];
+    const double missing = (*plane_)[c] - seen[c] - unseen[c];
+    if (square > 0)
+      brightness[c] = float(std::clamp(1 + unseen[c] * missing / (square + unsure * unsure),
+                                       double(kDarkest), double(kBrightest)));
+  }
+  if (!moved(brightness_, brightness, kMoved)) return;
+  brightness_ = brightness;
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    const std::size_t i = std::size_t(tile);
+    if (above_[i] && sums[i].count < tile_rect(grid_, tile).texels()) refilled.push_back(tile);
+  }
+}
+
 // A uniform sky that would light the plane as it looks.
 glm::vec3 UnseenTiles::sky_without_pictures(const std::vector<TileSums>& sums) const {
   glm::dvec3 flux(0);
@@ -159,15 +186,16 @@ void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSum
   }
   ++calls_;
   for (const int half : {0, 1})
-    if (seen_[half] && !changed.empty())
+    if (seen_[half] && !changed.empty() && !(half && given_sky_))
       interpolate(half, sources(half, sums, time), !had[half], sums, refilled);
-  if (!seen_[1]) fill_half(true, sky_without_pictures(sums), refilled);
+  if (!seen_[1] && !given_sky_) fill_half(true, sky_without_pictures(sums), refilled);
+  find_brightness(sums, tile_projected, refilled);
   if (!seen_[0]) {
     glm::dvec3 irradiance(0);  // of the plane
     for (std::size_t i = 0; i < sums.size(); ++i)
       if (above_[i])
         irradiance +=
-            sums[i].irradiance + (tile_projected[i] - sums[i].projected) * glm::dvec3(fill_[i]);
+            sums[i].irradiance + (tile_projected[i] - sums[i].projected) * glm::dvec3(fill(int(i)));
     fill_half(false, glm::vec3(double(plane_albedo_) / std::numbers::pi * irradiance), refilled);
   }
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -20,13 +21,28 @@ class UnseenTiles {
  public:
   UnseenTiles(TileGrid grid, float plane_albedo);
 
+  // What falls on the plane, as its paper shows it, RGB; `deviation` relative to it. What no
+  // picture has seen of the sky is made so much brighter or darker that the sum agrees, as far as
+  // both are to be believed: by f of a standard deviation of 1 around 1. Holds until it is given
+  // again.
+  void measure_plane(const glm::dvec3& irradiance, double deviation) {
+    plane_ = irradiance, plane_deviation_ = deviation;
+  }
+
   // Takes the sums of all tiles at `time` (seconds), of which `changed` have new ones; appends the
   // tiles whose fill changed to `refilled`. Once a half has a fill, a tile is looked at in every
   // fourth call.
   void update(std::span<const int> changed, const std::vector<TileSums>& sums,
               const std::vector<double>& tile_projected, double time, std::vector<int>& refilled);
 
-  glm::vec3 fill(int tile) const { return fill_[std::size_t(tile)]; }
+  // From now on the sky is known from elsewhere: its fills are given, the plane's follow them.
+  void give_sky() { given_sky_ = true; }
+  void give(int tile, glm::vec3 fill) { fill_[std::size_t(tile)] = fill; }
+
+  glm::vec3 fill(int tile) const {
+    const std::size_t i = std::size_t(tile);
+    return above_[i] ? brightness_ * fill_[i] : fill_[i];
+  }
   bool above(int tile) const { return above_[std::size_t(tile)]; }
 
  private:
@@ -37,6 +53,8 @@ class UnseenTiles {
   Sources sources(bool above, const std::vector<TileSums>& sums, double time) const;
   void interpolate(bool above, const Sources& from, bool all, const std::vector<TileSums>& sums,
                    std::vector<int>& refilled);
+  void find_brightness(const std::vector<TileSums>& sums, const std::vector<double>& tile_projected,
+                       std::vector<int>& refilled);
   // One fill for a half of the sphere of which nothing was seen.
   void fill_half(bool above, glm::vec3 value, std::vector<int>& refilled);
   glm::vec3 sky_without_pictures(const std::vector<TileSums>& sums) const;
@@ -46,8 +64,12 @@ class UnseenTiles {
   std::vector<float> x_, y_, z_;    // unit directions of the tiles' centres
   std::vector<int> above_;          // side of the horizon
   std::vector<double> first_seen_;  // seconds; −∞ until then
-  std::vector<glm::vec3> fill_;
+  std::vector<glm::vec3> fill_;     // of the sky, without
+  glm::vec3 brightness_{1};         // by which what the plane shows corrects it
+  std::optional<glm::dvec3> plane_;
+  double plane_deviation_ = 0;
   bool seen_[2] = {false, false};  // below, above
+  bool given_sky_ = false;
   int calls_ = 0;
 };
 

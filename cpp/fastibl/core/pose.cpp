@@ -48,7 +48,7 @@ glm::dmat3 rotation_from_vector(const glm::dvec3& w) {
   return glm::dmat3(1.0) + a * cross + b * (cross * cross);
 }
 
-glm::dvec3 vector_from_rotation(const glm::dmat3& r) {
+glm::dvec3 rotation_vector(const glm::dmat3& r) {
   const glm::dvec3 axis(r[1][2] - r[2][1], r[2][0] - r[0][2], r[0][1] - r[1][0]);
   const double sine = glm::length(axis), angle = std::atan2(sine, r[0][0] + r[1][1] + r[2][2] - 1);
   return sine > 1e-12 ? axis * (angle / sine) : 0.5 * axis;

@@ -1,10 +1,12 @@
 #include "fastibl/lighting/fit_lighting.h"
 
 #include "fastibl/core/check.h"
+#include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_prefiltered_chain.h"
 #include "fastibl/lighting/harmonic_sums.h"
+#include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
 namespace {
@@ -24,7 +26,19 @@ bool reads_chain(GlossyMethod method) {
          method == GlossyMethod::prefiltered;
 }
 
-void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
+namespace {
+
+// Of a light: that of the near light it belongs to, else of the wall behind it.
+float inverse_distance(const Lighting& lighting, glm::vec3 direction) {
+  const float own = lighting.near_lights.inverse_distance(direction);
+  if (own > 0 || !lighting.box) return own;
+  const glm::dvec3 centre(lighting.near_lights.centre);
+  return 1 / glm::length(shared::box_direction(direction, glm::vec3(0),
+                                               glm::vec3(lighting.box->lower - centre),
+                                               glm::vec3(lighting.box->upper - centre)));
+}
+
+void make_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
   const bool exact = lighting.glossy == GlossyMethod::prefiltered;
   const int most = lighting.glossy_settings.lights;
   if (previous && previous->map == lighting.radiance && previous->exact == exact &&
@@ -43,6 +57,15 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
   chain->most_lights = most;
   chain->followed.assign(followed.begin(), followed.end());
   lighting.chain = std::move(chain);
+}
+
+}  // namespace
+
+void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {
+  make_chain(lighting, previous);
+  lighting.light_distances.clear();
+  for (const Light& light : lighting.chain->lights)
+    lighting.light_distances.push_back(inverse_distance(lighting, light.direction));
 }
 
 double irradiance_error(Lighting& lighting) {
@@ -78,6 +101,10 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
     lighting.irradiance_error = 0;
   }
   lighting.radiance = std::move(radiance);
+  if (options.environment) {
+    lighting.near_lights = find_near_lights(*options.environment);
+    lighting.box = options.environment->box;
+  }
   if (options.chain && reads_chain(lighting.glossy))
     fit_chain(lighting, previous ? previous->chain : nullptr);
   return lighting;

@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include "fastibl/scene/environment.h"
 #include "fastibl/scene/lighting.h"
 
 namespace fastibl {
@@ -17,8 +18,10 @@ struct LightingOptions {
   bool chain = true;          // false: nothing glossy will be shaded
   bool measure_error = true;  // also compare the irradiance with a sum over the 32² level (0.05
                               // ms); false: only when irradiance_error() asks for it
-  int evaluations = 0;   // how many normals follow; 0: many. `automatic` goes by it
-  bool follows = false;  // this map is one of many in a row: `automatic` takes what is steady
+  int evaluations = 0;        // how many normals follow; 0: many. `automatic` goes by it
+  bool follows = false;       // this map is one of many in a row: `automatic` takes what is steady
+  // Whose map it is, where the places of lights are to be used; null: all light is distant.
+  const Environment* environment = nullptr;
 };
 // previous: of the frame before, or null. What was found then is moved along instead of searched
 // anew, which is faster, and steady; a chain of the same map is kept.

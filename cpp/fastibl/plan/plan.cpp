@@ -27,16 +27,21 @@ Pass pass_of(PassId id, const Scene& scene) {
       return {id, radiance | irradiance | placement, 0, shadow};
     case PassId::self_shadow:
       return {id, radiance | irradiance | placement, 0, self_shadow};
+    case PassId::near_light:
+      return {id, radiance | irradiance | placement, 0, near_light};
     case PassId::bounce:
-      return {id, radiance | irradiance | placement | material | shadow | product::self_shadow, 0,
-              bounce};
+      return {id,
+              radiance | irradiance | placement | material | shadow | product::self_shadow |
+                  product::near_light,
+              0, bounce};
     case PassId::plane:
       return {id, shadow | bounce, 0, plane};
     case PassId::holdout:
       return {id, radiance | irradiance | placement, 0, holdout};
     case PassId::shade: {
       Products reads = holdout | pose | placement | material;
-      if (scene.material.reads_irradiance()) reads |= irradiance | self_shadow | bounce;
+      if (scene.material.reads_irradiance())
+        reads |= irradiance | self_shadow | near_light | bounce;
       if (scene.material.reads_radiance()) reads |= radiance;
       return {id, reads, 0, object};
     }
@@ -92,12 +97,44 @@ std::string no_bounce(const Scene& scene, const PlanOptions& options, double& bo
   return bound == 0 ? "the object sends out no diffuse light" : "the object is too dark to matter";
 }
 
+// A share of the error budget that leaving the places of near lights out may take.
+constexpr double kNearBudget = 0.1;
+
+// What leaving out the places of near lights does to the irradiance of the object, by the mean
+// irradiance over all normals, π times the map's mean; see most_change().
+double near_bound(const Scene& scene, const Lighting& lighting) {
+  const Bounds box = bounds(scene.mesh.vertices);
+  const glm::vec3 middle(scene.marker_from_object * glm::dvec3(box.centre()));
+  const float reach = glm::length(middle - lighting.near_lights.centre) + box.radius();
+  const glm::vec3 change = most_change(lighting.near_lights, reach);
+  const glm::dvec3 mean = lighting.radiance->mean();
+  double bound = 0;
+  for (int c = 0; c < 3; ++c)
+    if (change[c] > 0) bound = std::max(bound, double(change[c]) / (double(kPi) * mean[c]));
+  return bound;
+}
+
+// Why the lights are taken as distant; empty where they are not.
+std::string no_near_light(const Scene& scene, const Environment* environment,
+                          const PlanOptions& options, double& bound) {
+  if (!scene.material.reads_irradiance()) return "k_L = 0: nothing reads it";
+  const Lighting* lighting = options.lighting;
+  const bool known = lighting && lighting->radiance;
+  if (known ? lighting->near_lights.empty() : !environment || environment->light_positions.empty())
+    return "no light is known to be near";
+  if (!known) return "";
+  const double most = near_bound(scene, *lighting);
+  if (!(most <= kNearBudget * options.error)) return "";
+  bound = most;
+  return "the lights are too far, or too weak, to differ over the object";
+}
+
 }  // namespace
 
 std::string_view name(PassId id) {
-  constexpr std::array names = {"track",   "capture",     "mips",     "irradiance",
-                                "shadow",  "self_shadow", "bounce",   "plane",
-                                "holdout", "shade",       "composite"};
+  constexpr std::array names = {"track",  "capture",     "mips",       "irradiance",
+                                "shadow", "self_shadow", "near_light", "bounce",
+                                "plane",  "holdout",     "shade",      "composite"};
   return names[std::size_t(id)];
 }
 
@@ -135,9 +172,9 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     };
     switch (id) {
       case PassId::track:
-        line.method = name(options.methods.tracking == TrackingMethod::automatic
-                               ? TrackingMethod::edges
-                               : options.methods.tracking);
+        line.method =
+            name(options.methods.tracking == TrackingMethod::automatic ? TrackingMethod::edges
+                                                                       : options.methods.tracking);
         if (!options.track) leave_out("poses are given");
         break;
       case PassId::capture:
@@ -170,6 +207,12 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
       case PassId::self_shadow:
         line.method = name(SelfShadowMethod::transfer);
         if (const std::string reason = no_transfer(scene, options.methods); !reason.empty())
+          leave_out(reason);
+        break;
+      case PassId::near_light:
+        line.method = "spheres";
+        if (const std::string reason = no_near_light(scene, environment, options, line.bound);
+            !reason.empty())
           leave_out(reason);
         break;
       case PassId::bounce:

@@ -21,8 +21,8 @@ namespace product {
 inline constexpr Products back_picture = 1, light_pictures = 2, placement = 4, material = 8;
 inline constexpr Products pose = 16, texels = 32, radiance = 64, irradiance = 128, shadow = 256,
                           object = 512, image = 1024, self_shadow = 2048, bounce = 4096,
-                          plane = 8192, holdout = 16384;
-inline constexpr Products inputs = 15, all = 32767;
+                          plane = 8192, holdout = 16384, near_light = 32768;
+inline constexpr Products inputs = 15, all = 65535;
 }  // namespace product
 
 enum class PassId {
@@ -32,16 +32,17 @@ enum class PassId {
   irradiance,
   shadow,
   self_shadow,
+  near_light,  // the object's light by where its parts are, not only by how they are turned
   bounce,
   plane,    // what the plane's picture is multiplied by, where that is not the shadow as it is
   holdout,  // the shadow on real objects
   shade,
   composite
 };
-inline constexpr std::array kPasses = {PassId::track,      PassId::capture,  PassId::mips,
-                                       PassId::irradiance, PassId::shadow,   PassId::self_shadow,
-                                       PassId::bounce,     PassId::plane,    PassId::holdout,
-                                       PassId::shade,      PassId::composite};
+inline constexpr std::array kPasses = {PassId::track,      PassId::capture, PassId::mips,
+                                       PassId::irradiance, PassId::shadow,  PassId::self_shadow,
+                                       PassId::near_light, PassId::bounce,  PassId::plane,
+                                       PassId::holdout,    PassId::shade,   PassId::composite};
 std::string_view name(PassId id);
 
 struct Pass {

@@ -1,5 +1,6 @@
 #include "fastibl/render/session.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -35,7 +36,9 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   rig_.back.validate();
   if (rig_.front) rig_.front->validate();
   if (board_) board_->validate(), edge_tracker_.emplace(*board_, rig_.back);
-  if (board_ && options_.follow_surroundings) rotation_tracker_.emplace(rig_);
+  const bool perspective = rig_.back.model == CameraModel::perspective &&
+                           (!rig_.front || rig_.front->model == CameraModel::perspective);
+  if (board_ && options_.follow_surroundings && perspective) rotation_tracker_.emplace(rig_);
   check(!board_ || detector_, "a session with a board needs a detector");
   check(renderer_ != nullptr, "a session needs a renderer");
   CaptureOptions capture;
@@ -43,6 +46,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   capture.board = board_;
   capture.distance = options_.distance;
   capture.box = options_.box;
+  capture.doubt_exposures = options_.doubt_exposures;
   // The map is the light at the object: half-way up, where it stands.
   const Bounds box = bounds(scene_.mesh.vertices);
   capture.centre = scene_.marker_from_object * glm::dvec3(box.centre());
@@ -61,6 +65,7 @@ void Session::replan() {
     if (p.pass.id != PassId::track && p.pass.id != PassId::capture) stale_ |= p.pass.writes;
   }
   clear_shares();
+  near_shares_.clear();
   bounce_ = {}, plane_gain_ = nullptr;
   holdout_ratios_.clear();
   if (plan_.includes(PassId::bounce)) place_exchange();        // now rather than in the first frame
@@ -75,10 +80,15 @@ void Session::update_plan() {
   options.cast_shadow = options_.cast_shadow;
   options.error = options_.error, options.milliseconds = options_.milliseconds;
   options.lighting = lighting_.get();
-  const bool bounced = plan_.includes(PassId::bounce);
+  const bool bounced = plan_.includes(PassId::bounce), near_ = plan_.includes(PassId::near_light);
   plan_ = make_plan(scene_, environment_.get(), options);
-  if (plan_.includes(PassId::bounce) == bounced) return;
   // The light came to matter, or no longer does.
+  if (plan_.includes(PassId::near_light) != near_) {
+    near_shares_.clear();
+    stale_ |=
+        product::near_light | product::bounce | product::plane | product::object | product::image;
+  }
+  if (plan_.includes(PassId::bounce) == bounced) return;
   bounce_ = {}, plane_gain_ = nullptr;
   stale_ |= product::bounce | product::plane | product::object | product::image;
 }
@@ -142,15 +152,17 @@ std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) 
 // turned.
 void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   turned_.reset(), hold_capture_ = false;
+  RigPictures pictures;  // what is of unknown exposure cannot be compared
+  if (frame.back_exposure)
+    pictures.back = frame.back, pictures.back_exposure = *frame.back_exposure;
+  if (frame.front_exposure)
+    pictures.front = frame.front, pictures.front_exposure = *frame.front_exposure;
   if (!rotation_tracker_ || !environment_) {
     // Before there is a map there is a pose to start from.
     if (rotation_tracker_ && result.tracked)
-      rotation_tracker_->start(
-          *result.back_from_marker, frame.time,
-          {frame.back, frame.front, frame.back_exposure, frame.front_exposure});
+      rotation_tracker_->start(*result.back_from_marker, frame.time, pictures);
     return;
   }
-  const RigPictures pictures{frame.back, frame.front, frame.back_exposure, frame.front_exposure};
   if (!result.tracked) {
     // A front picture alone has the last pose for a while.
     if (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime) return;
@@ -192,6 +204,23 @@ void Session::find_diffuse_shares() {
                  marker_from_object, light_shares_);
 }
 
+void Session::find_near_shares() {
+  const SharesOf of = light_shares_.empty()                 ? SharesOf::visibility
+                      : plan_.includes(PassId::self_shadow) ? SharesOf::directions
+                                                            : SharesOf::all;
+  near_shares_ = near_shares(scene_, *lighting_, of);
+}
+
+// Of the light of the map, and what near lights change of them.
+std::vector<glm::vec4> Session::own_shares() const {
+  std::vector<glm::vec4> shares = light_shares_;
+  if (near_shares_.empty()) return shares;
+  if (shares.empty())
+    for (const float v : scene_.visibility) shares.emplace_back(glm::vec3(v), 1);
+  add_shares(near_shares_, shares);
+  return shares;
+}
+
 // Of every view anew.
 void Session::find_glossy_shares(const Pose& camera_from_marker) {
   const bool transfer = options_.methods.self_shadow == SelfShadowMethod::transfer ||
@@ -212,7 +241,7 @@ void Session::place_exchange() {
 void Session::find_bounce() {
   place_exchange();
   bounce_ =
-      fastibl::find_bounce(*exchange_, scene_, *lighting_, renderer_->shadow_map(), light_shares_);
+      fastibl::find_bounce(*exchange_, scene_, *lighting_, renderer_->shadow_map(), own_shares());
 }
 
 void Session::find_holdout_ratios() {
@@ -240,18 +269,54 @@ bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose)
                                   frame.front_exposure == *capture_exposure_));
 }
 
-void Session::capture_frame(const Frame& frame, const std::optional<Pose>& pose) {
+// The rows' motion as tracked or given, or else that of the last frames.
+void Session::find_motion(const Frame& frame, FrameResult& result) {
+  const Pose& pose = *result.back_from_marker;
+  const double readout = rig_.back.readout;
+  recent_.add(frame.time, pose);
+  result.back_last_row = result.tracked ? result.tracked->last_row : frame.back_last_row;
+  if (result.back_last_row)
+    motion_ = MotionRate{motion_between(pose, *result.back_last_row), readout};
+  else if (motion_ = recent_.motion(); motion_ && readout > 0)
+    result.back_last_row = motion_->later(pose, readout);
+  last_pose_ = pose, last_pose_time_ = frame.time;
+}
+
+Pose Session::drawn_pose(const FrameResult& result) const {
+  const Pose& first = *result.back_from_marker;
+  if (!result.back_last_row) return first;
+  const RowMotion motion = motion_between(first, *result.back_last_row);
+  const Pose middle = motion.moved(first, 0.5);
+  const auto pixel = rig_.back.project(middle * capture_->centre());
+  const double share = pixel ? std::clamp(pixel->y / rig_.back.height, 0.0, 1.0) : 0.5;
+  return motion.moved(first, share);
+}
+
+void Session::capture_frame(const Frame& frame, FrameResult& result) {
   const bool continuous = options_.methods.capture == CaptureMethod::continuous;
+  const std::optional<Pose>& pose = result.back_from_marker;
   // Of what only turned, the place is not known: the plane that was seen from the board's pose
   // stays as it was.
   const bool plane = pose || !turned_;
-  const Pose back_from_marker = pose ? *pose : turned_ ? *turned_ : *last_pose_;
-  if (continuous && (pose || turned_) && !frame.back.empty())
-    capture_->add(frame.back, rig_.back, back_from_marker, frame.back_exposure, frame.time, {}, {},
-                  plane);
+  if (continuous && (pose || turned_) && !frame.back.empty()) {
+    result.back_taken =
+        capture_->add(frame.back, rig_.back, pose ? *pose : *turned_, frame.back_exposure,
+                      frame.time, {}, result.back_last_row, glm::dvec3(1), plane);
+    back_exposure_ = result.back_taken->exposure;
+  }
   if (!frame.front.empty() && rig_.front) {
-    capture_->add(frame.front, *rig_.front, rig_.front_from_back * back_from_marker,
-                  frame.front_exposure, frame.time, {}, {}, plane);
+    const auto front_from_marker = [&](double time) {
+      if (!plane) return rig_.front_from_back * *turned_;
+      const double later = time - last_pose_time_;
+      return rig_.front_from_back *
+             (motion_ && later > 0 ? motion_->later(*last_pose_, later) : *last_pose_);
+    };
+    std::optional<Pose> last_row;
+    if (plane && rig_.front->readout > 0)
+      last_row = front_from_marker(frame.time + rig_.front->readout);
+    result.front_taken =
+        capture_->add(frame.front, *rig_.front, front_from_marker(frame.time), frame.front_exposure,
+                      frame.time, {}, last_row, options_.front_ratio, plane);
     last_capture_time_ = frame.time;
     if (!capture_exposure_) capture_exposure_ = frame.front_exposure;
   }
@@ -266,12 +331,15 @@ void Session::check_frame(const Frame& frame) const {
   matches(frame.back, rig_.back, "back");
   if (rig_.front) matches(frame.front, *rig_.front, "front");
   check(frame.front.empty() || rig_.front, "a front picture came, but the rig has no front camera");
-  check(frame.back_exposure > 0 && std::isfinite(frame.back_exposure),
-        "exposures must be positive and finite, got ", frame.back_exposure);
-  check(frame.front_exposure > 0 && std::isfinite(frame.front_exposure),
-        "exposures must be positive and finite, got ", frame.front_exposure);
+  for (const std::optional<double>& exposure : {frame.back_exposure, frame.front_exposure})
+    check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
+          "exposures must be positive and finite, got ", exposure.value_or(0));
   check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
         "a frame needs a picture or a pose");
+  check(!frame.back_last_row || (frame.back_from_marker && rig_.back.readout > 0),
+        "a pose of the last row needs one of the first and a back camera with a readout, got a "
+        "readout of ",
+        rig_.back.readout, " s");
   check(std::isfinite(frame.time) && (!last_time_ || frame.time >= *last_time_),
         "time must not run backwards: ", frame.time, " s after ", last_time_.value_or(0), " s");
 }
@@ -285,11 +353,12 @@ LightingOptions Session::lighting_options() const {
   options.normalization = options_.methods.normalization;
   options.chain = scene_.material.reads_radiance();
   options.follows = true;
+  options.environment = environment_.get();
   return options;
 }
 
 // Runs a pass; false where it had nothing to do.
-bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose) {
+bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from) {
   const auto radiance = [&] {  // null before there is a map: what only glows reads none
     return environment_ ? std::shared_ptr<const CubeMap>(environment_, &environment_->radiance)
                         : nullptr;
@@ -298,8 +367,8 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     case PassId::track:
       return false;  // ran before: it decides what is due
     case PassId::capture:
-      if (!wants_capture(frame, pose)) return false;
-      capture_frame(frame, pose);
+      if (!wants_capture(frame, result.back_from_marker)) return false;
+      capture_frame(frame, result);
       return true;
     case PassId::mips:
       environment_ = capture_->environment();
@@ -310,6 +379,9 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       return true;
     case PassId::self_shadow:
       find_diffuse_shares();
+      return true;
+    case PassId::near_light:
+      find_near_shares();
       return true;
     case PassId::bounce:
       find_bounce();
@@ -322,12 +394,12 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
       find_holdout_ratios();
       return true;
     case PassId::shade:
-      find_glossy_shares(*pose);
-      if (bounce_.empty()) break;
-      bounced_shares_ = light_shares_;
-      if (light_shares_.empty())
-        for (const float v : scene_.visibility) bounced_shares_.emplace_back(glm::vec3(v), 1);
-      add_shares(bounce_, bounced_shares_);
+      find_glossy_shares(drawn_from);
+      if (bounce_.empty() && near_shares_.empty()) break;
+      changed_shares_ = own_shares();
+      if (changed_shares_.empty())
+        for (const float v : scene_.visibility) changed_shares_.emplace_back(glm::vec3(v), 1);
+      add_shares(bounce_, changed_shares_);
       break;
     default:
       break;
@@ -348,14 +420,16 @@ bool Session::run_pass(PassId id, const Frame& frame, const std::optional<Pose>&
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
   renderer_->run(
-      id, {scene_, options_.methods, *lighting_, rig_.back, *pose, frame.back, frame.back_exposure,
-           bounce_.empty() ? light_shares_ : bounced_shares_, plane_gain_, holdout_ratios_});
+      id, {scene_, options_.methods, *lighting_, rig_.back, drawn_from, frame.back, back_exposure_,
+           bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_, plane_gain_,
+           holdout_ratios_});
   return true;
 }
 
 FrameResult Session::process(const Frame& frame) {
   check_frame(frame);
   last_time_ = frame.time;
+  if (frame.back_exposure) back_exposure_ = *frame.back_exposure;
   const Stopwatch total;
   FrameResult result;
   const auto timed = [&](PassId id, auto&& body) {
@@ -377,14 +451,15 @@ FrameResult Session::process(const Frame& frame) {
   const std::optional<Pose>& pose = result.back_from_marker;
   stale_ |= product::back_picture | product::pose;
   if (wants_capture(frame, pose)) stale_ |= product::light_pictures;
-  if (pose) last_pose_ = pose, last_pose_time_ = frame.time;
+  if (pose) find_motion(frame, result);
+  const Pose drawn_from = pose ? drawn_pose(result) : Pose{};
 
   Products wanted = product::texels;
   // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map,
   // and so do pictures whose rotation the surroundings tell.
   if (pose) wanted |= product::image;
   for (const PassId id : due_passes(plan_, wanted, stale_))
-    timed(id, [&] { return run_pass(id, frame, pose); });
+    timed(id, [&] { return run_pass(id, frame, result, drawn_from); });
   update_plan();  // its errors, now that this frame's light is known
   if (pose)
     result.image = renderer_->image();

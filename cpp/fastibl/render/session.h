@@ -12,6 +12,7 @@
 #include "fastibl/capture/capture.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/plan.h"
+#include "fastibl/render/recent_motion.h"
 #include "fastibl/render/renderer.h"
 #include "fastibl/scene/board.h"
 #include "fastibl/scene/camera.h"
@@ -19,6 +20,7 @@
 #include "fastibl/scene/scene.h"
 #include "fastibl/shading/bounce.h"
 #include "fastibl/shading/holdout.h"
+#include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/plane_exchange.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/tracking/board_motion.h"
@@ -33,15 +35,22 @@ namespace fastibl {
 struct Frame {
   double time = 0;  // seconds, not decreasing
   Picture back, front;
-  double back_exposure = 1, front_exposure = 1;
-  std::optional<Pose> back_from_marker;  // skips tracking
+  std::optional<double> back_exposure = 1, front_exposure = 1;  // nothing where not known
+  // Skips tracking. Of a rolling shutter: of the first row.
+  std::optional<Pose> back_from_marker;
+  // With it, where the back camera has a readout and the pose of its last row is known; else that
+  // comes from the poses before.
+  std::optional<Pose> back_last_row;
 };
 
 struct FrameResult {
   Image<std::uint8_t> image;  // RGB; RGBA with straight alpha where the frame has no back picture
   std::optional<Pose>
       back_from_marker;  // nothing where the board is not seen: the picture is the back picture
-  std::optional<Tracked> tracked;  // where it was tracked, not given
+  std::optional<Pose> back_last_row;  // of a rolling shutter, where its motion is known
+  std::optional<Tracked> tracked;     // where it was tracked, not given
+  std::optional<Taken> back_taken,
+      front_taken;  // how the pictures went into the map, where they did
   // Where the board is out of view: what the surroundings tell. The map may be captured with it;
   // nothing is drawn.
   std::optional<Turned> turned;
@@ -61,6 +70,9 @@ struct SessionOptions {
   bool cast_shadow = true;
   double distance = std::numeric_limits<double>::infinity();  // CaptureOptions::distance
   std::optional<RoomBox> box = {};                            // CaptureOptions::box
+  bool doubt_exposures = true;                                // CaptureOptions::doubt_exposures
+  // By channel: what the front camera makes of light by what the back one makes of it.
+  glm::dvec3 front_ratio{1};
   // Whether the surroundings tell how the cameras turn while the board is out of view, and that the
   // board was moved by hand.
   bool follow_surroundings = true;
@@ -102,15 +114,21 @@ class Session {
   void replan();       // after a change of what is wanted: makes stale what it concerns
   void check_frame(const Frame& frame) const;
   LightingOptions lighting_options() const;
-  bool run_pass(PassId id, const Frame& frame, const std::optional<Pose>& pose);
+  // drawn_from: the pose that the object is drawn with, see drawn_pose.
+  bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
   void follow_surroundings(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
-  void capture_frame(const Frame& frame, const std::optional<Pose>& pose);
+  void capture_frame(const Frame& frame, FrameResult& result);
+  void find_motion(const Frame& frame, FrameResult& result);
+  // Of the row that shows the middle of the object.
+  Pose drawn_pose(const FrameResult& result) const;
   void clear_shares();  // to what the method is without a map
   void find_diffuse_shares();
   void find_glossy_shares(const Pose& camera_from_marker);
   void place_exchange();
+  void find_near_shares();
+  std::vector<glm::vec4> own_shares() const;
   void find_bounce();
   void find_holdout_ratios();
 
@@ -130,8 +148,9 @@ class Session {
   std::optional<Capture> capture_;
   std::shared_ptr<const Lighting> lighting_;
   CellLight cell_light_;
-  std::vector<glm::vec4> light_shares_;    // of RenderInput, without
-  std::vector<glm::vec4> bounced_shares_;  // and with the bounce
+  std::vector<glm::vec4> light_shares_;    // of RenderInput, by the map alone
+  std::vector<glm::vec3> near_shares_;     // what near lights change of them
+  std::vector<glm::vec4> changed_shares_;  // with that and the bounce
   std::optional<PlaneExchange> exchange_;  // of the object as it stood last
   Bounce bounce_;
   std::shared_ptr<const ShadowMap> plane_gain_;
@@ -141,9 +160,12 @@ class Session {
   std::vector<glm::vec4> holdout_ratios_;  // of RenderInput
   Plan plan_;
   Products stale_ = product::all & ~product::inputs;
+  RecentMotion recent_;
+  std::optional<MotionRate> motion_;  // of the back camera at last_pose_
   std::optional<Pose> last_pose_;
   double last_pose_time_ = 0;
   std::optional<double> last_time_;
+  double back_exposure_ = 1;  // of the last back picture, as far as it is known
   std::optional<double> last_capture_time_, capture_exposure_;  // of the paper's single pictures
 };
 

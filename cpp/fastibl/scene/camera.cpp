@@ -1,14 +1,18 @@
 #include "fastibl/scene/camera.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
 #include "fastibl/core/check.h"
 #include "fastibl/scene/shared_formulas.h"
+#include "fastibl/scene/wide_lens.h"
 
 namespace fastibl {
 namespace {
 
+constexpr std::array<std::string_view, 3> kModels = {"perspective", "fisheye", "equirectangular"};
 constexpr double kSmallestDepth = 1e-9;  // metres or unit lengths: below, a point counts as behind
 
 // Squared radius at which r · factor(r²) stops growing, looked for up to 89° off axis.
@@ -40,8 +44,13 @@ void Camera::validate() const {
   check(std::isfinite(cx) && std::isfinite(cy), "the principal point must be finite, got ", cx,
         ", ", cy);
   const std::size_t n = distortion.size();
-  check(n == 0 || n == 4 || n == 5 || n == 8,
-        "distortion must be 0, 4, 5 or 8 numbers (k1 k2 p1 p2 [k3 [k4 k5 k6]]), got ", n);
+  if (model == CameraModel::perspective)
+    check(n == 0 || n == 4 || n == 5 || n == 8,
+          "distortion must be 0, 4, 5 or 8 numbers (k1 k2 p1 p2 [k3 [k4 k5 k6]]), got ", n);
+  else if (model == CameraModel::fisheye)
+    check(n == 0 || n == 4, "a fisheye's distortion must be 0 or 4 numbers (k1 k2 k3 k4), got ", n);
+  else
+    check(n == 0, "an equirectangular camera has no distortion, got ", n, " numbers");
   for (const double k : distortion) check(std::isfinite(k), "distortion must be finite, got ", k);
   for (const double v : vignetting) check(std::isfinite(v), "vignetting must be finite, got ", v);
   check(gain > 0 && std::isfinite(gain), "a camera's gain must be positive and finite, got ", gain);
@@ -49,11 +58,22 @@ void Camera::validate() const {
         "a camera's readout must be seconds, finite and not negative, got ", readout);
 }
 
+std::string_view name(CameraModel model) { return kModels[std::size_t(model)]; }
+
+CameraModel camera_model(std::string_view name) {
+  const auto found = std::find(kModels.begin(), kModels.end(), name);
+  check(found != kModels.end(),
+        "a camera's model must be perspective, fisheye or equirectangular, got ", name);
+  return CameraModel(found - kModels.begin());
+}
+
 std::optional<glm::dvec2> Camera::project(const glm::dvec3& point) const {
-  return Lens(*this).project(point);
+  return model == CameraModel::perspective ? Lens(*this).project(point)
+                                           : WideLens(*this).project(point);
 }
 std::optional<glm::dvec3> Camera::unproject(const glm::dvec2& pixel) const {
-  return Lens(*this).unproject(pixel);
+  return model == CameraModel::perspective ? Lens(*this).unproject(pixel)
+                                           : WideLens(*this).unproject(pixel);
 }
 
 double Camera::vignette(const glm::dvec2& pixel) const {
@@ -66,6 +86,9 @@ double Camera::vignette(const glm::dvec2& pixel) const {
 }
 
 Lens::Lens(const Camera& camera) : fx_(camera.fx), fy_(camera.fy), cx_(camera.cx), cy_(camera.cy) {
+  check(camera.model == CameraModel::perspective,
+        "boards are tracked in, and objects drawn over, perspective pictures; this camera is ",
+        name(camera.model));
   trivial_ = true;
   for (std::size_t i = 0; i < camera.distortion.size() && i < 8; ++i) {
     k_[i] = camera.distortion[i];

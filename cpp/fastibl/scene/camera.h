@@ -1,9 +1,10 @@
-// Pinhole camera with OpenCV's lens model. Camera frame: x right, y down, z forward.
+// Cameras with OpenCV's lens models. Camera frame: x right, y down, z forward.
 // Pixel (0, 0) is the picture's upper left corner; the centre of pixel (x, y) is at (x + 0.5, y +
 // 0.5).
 #pragma once
 
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "fastibl/core/pose.h"
@@ -11,10 +12,20 @@
 
 namespace fastibl {
 
+// How a direction at an angle θ from the axis meets the picture.
+enum class CameraModel {
+  perspective,  // f tan θ, and OpenCV's distortion
+  fisheye,  // f (θ + k1 θ³ + k2 θ⁵ + k3 θ⁷ + k4 θ⁹): Kannala and Brandt 2006, as in OpenCV
+  equirectangular,  // fx · longitude to the right, fy · latitude downwards
+};
+std::string_view name(CameraModel model);
+CameraModel camera_model(std::string_view name);  // throws std::invalid_argument for no name
+
 struct Camera {
   int width = 0, height = 0;              // pixels
   double fx = 0, fy = 0, cx = 0, cy = 0;  // pixels; (cx, cy) in the convention above, not OpenCV's
-  // k1 k2 p1 p2 [k3 [k4 k5 k6]] of OpenCV; 0, 4, 5 or 8 numbers.
+  // Perspective: k1 k2 p1 p2 [k3 [k4 k5 k6]] of OpenCV; 0, 4, 5 or 8 numbers. Fisheye: k1 k2 k3 k4,
+  // or none. Equirectangular: none.
   std::vector<double> distortion;
   Response response;  // encoded = response(exposure × gain × vignetting × radiance)
   double gain = 1;    // of this camera against the others
@@ -23,16 +34,20 @@ struct Camera {
   // Seconds from a picture's first row to its last, where that is known: row r is exposed around
   // time + r / height · readout. 0 for a global shutter.
   double readout = 0;
+  // Others than perspective ones only measure light (see Capture); boards are tracked in, and
+  // objects drawn over, perspective pictures.
+  CameraModel model = CameraModel::perspective;
 
   // Throws std::invalid_argument for sizes or focal lengths ≤ 0, NaN, or another number of
   // coefficients.
   void validate() const;
 
-  // Pixel of a point in the camera frame. Nothing behind the camera, nor beyond the radius where
-  // the lens model stops growing (it would fold back into the picture). May lie outside the
-  // picture.
+  // Pixel of a point in the camera frame. Nothing behind a perspective camera, nor beyond the
+  // radius where the lens model stops growing (it would fold back into the picture). May lie
+  // outside the picture.
   std::optional<glm::dvec2> project(const glm::dvec3& point) const;
-  // Direction (z = 1) that meets a pixel. Nothing where the lens model does not reach.
+  // Direction that meets a pixel: z = 1 of a perspective camera, else of unit length. Nothing where
+  // the lens model does not reach.
   std::optional<glm::dvec3> unproject(const glm::dvec2& pixel) const;
   bool inside(const glm::dvec2& pixel) const {
     return pixel.x >= 0 && pixel.y >= 0 && pixel.x < width && pixel.y < height;
@@ -41,10 +56,10 @@ struct Camera {
   bool operator==(const Camera&) const = default;
 };
 
-// The lens model alone, with what repeated projection needs worked out once.
+// The lens of a perspective camera alone, with what repeated projection needs worked out once.
 class Lens {
  public:
-  explicit Lens(const Camera& camera);
+  explicit Lens(const Camera& camera);  // throws std::invalid_argument for another model
   // Distorted from ideal position on the plane z = 1, and its derivative where asked for.
   glm::dvec2 distort(const glm::dvec2& ideal, glm::dmat2* derivative = nullptr) const;
   bool valid(const glm::dvec2& ideal) const { return glm::dot(ideal, ideal) < limit2_; }

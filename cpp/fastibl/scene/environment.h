@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/cube_tiles.h"
 #include "fastibl/scene/light_position.h"
+#include "fastibl/scene/room_box.h"
 
 namespace fastibl {
 
@@ -63,6 +65,7 @@ struct MapKnowledge {
   double bound_flux = 0;   // share of the light above the horizon that is only a lower bound
   // Estimated share of the irradiance that is put wrong because things are near, and taken for far.
   double parallax = 0;
+  double prior_flux = 0;  // share of the light that a map from before stands for
 };
 
 // Relative error of an irradiance: what is expected, and the ends of a 90 % interval.
@@ -77,7 +80,10 @@ struct Environment {
   double predicted_error = 1;  // expected relative error of the irradiance, a median over normals
   double predicted_low = 0, predicted_high = 1;  // ends of an interval that holds it 9 times in 10
   MapKnowledge knowledge;                        // that these rest on
-  std::vector<LightPosition> light_positions;    // of those near enough to be triangulated
+  glm::dvec3 centre{0};             // metres, marker frame: where the radiance is seen from
+  std::optional<RoomBox> box = {};  // whose walls the map shows, where they are known
+  std::optional<glm::dvec3> plane_irradiance;  // RGB, as the board's paper shows it
+  std::vector<LightPosition> light_positions;  // of those near enough to be triangulated
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its
   // value's square: the upper half of a float, at t · stride + k. Empty: known everywhere.

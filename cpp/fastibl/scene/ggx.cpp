@@ -31,20 +31,24 @@ void add_gradient_taps(glm::vec3 v, glm::vec2 alpha, int most, GgxTaps& out) {
 
 // Light that the taps do not hold because its sources were taken out of the chain's levels, towards
 // the view (both in the surface's frame).
-glm::vec3 lights_of(const GlossyChain& chain, const SurfaceFrame& frame,
+glm::vec3 lights_of(const Lighting& lighting, const SurfaceFrame& frame,
                     const shared::GgxLobe& lobe, const GgxTaps& taps,
-                    const std::array<float, kMostGgxTaps>& levels) {
+                    const std::array<float, kMostGgxTaps>& levels, glm::vec3 offset) {
+  const GlossyChain& chain = *lighting.chain;
   glm::vec3 sum(0);
   for (std::size_t i = 0; i < chain.lights.size(); ++i) {
     float share = 0;
     for (std::size_t k = 0; k < std::size_t(taps.count); ++k)
       share += taps.taps[k].weight * shared::light_share(levels[k], chain.light_levels[i]);
     const Light& light = chain.lights[i];
-    const glm::vec3 local(glm::dot(light.direction, frame.tangent),
-                          glm::dot(light.direction, frame.bitangent),
-                          glm::dot(light.direction, frame.normal));
     const float deviation = std::max(0.5f * light.angular_radius, 1e-3f);
-    sum += (share * shared::ggx_light(lobe, local, deviation * deviation)) * light.flux;
+    const float nearness = i < lighting.light_distances.size() ? lighting.light_distances[i] : 0;
+    const shared::PlacedLight seen =
+        shared::placed_light(light.direction, nearness, deviation * deviation, offset);
+    const glm::vec3 local(glm::dot(seen.direction, frame.tangent),
+                          glm::dot(seen.direction, frame.bitangent),
+                          glm::dot(seen.direction, frame.normal));
+    sum += (share * seen.gain * shared::ggx_light(lobe, local, seen.variance)) * light.flux;
   }
   return sum / std::max(taps.albedo, 1e-4f);
 }
@@ -107,7 +111,7 @@ SurfaceFrame frame_around(glm::vec3 normal, glm::vec3 tangent) {
 }
 
 glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm::vec3 view,
-                       glm::vec2 alpha, const GgxOptions& options) {
+                       glm::vec2 alpha, const GgxOptions& options, const glm::vec3* position) {
   const glm::vec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
                         glm::dot(view, frame.normal));
   const GgxTaps taps = ggx_taps(local, alpha, options);
@@ -117,14 +121,21 @@ glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm:
   glm::vec3 sum(0);
   for (std::size_t k = 0; k < std::size_t(taps.count); ++k) {
     const GgxTap& tap = taps.taps[k];
-    const glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
-                        tap.direction.z * frame.normal;
+    glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
+                  tap.direction.z * frame.normal;
+    if (position && lighting.box) {
+      const glm::dvec3 centre(lighting.near_lights.centre);
+      d = shared::box_direction(d, *position - lighting.near_lights.centre,
+                                glm::vec3(lighting.box->lower - centre),
+                                glm::vec3(lighting.box->upper - centre));
+    }
     levels[k] =
         chain ? chain->level_of(tap.width) : shared::blur_level(float(map.size()), tap.width);
     sum += tap.weight * (chain ? chain->sample(d, levels[k]) : map.sample(d, levels[k]));
   }
   if (chain && !chain->lights.empty())
-    sum += lights_of(*chain, frame, shared::ggx_lobe(local, alpha), taps, levels);
+    sum += lights_of(lighting, frame, shared::ggx_lobe(local, alpha), taps, levels,
+                     position ? *position - lighting.near_lights.centre : glm::vec3(0));
   return sum;
 }
 

@@ -61,9 +61,11 @@ SurfaceFrame frame_around(glm::vec3 unit_normal, glm::vec3 tangent);
 
 // Average of the map over the lobe D G2 of a surface whose Fresnel term is 1, divided by its
 // directional albedo: 1 for a constant map of radiance 1. Reads the lighting's chain and its lights
-// where it has one, else the MIP levels. unit_view: marker frame, surface to eye.
+// where it has one, else the MIP levels. unit_view: marker frame, surface to eye. position: marker
+// frame, from where its lights are seen where they are; null: all light as at the map's centre.
 glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm::vec3 unit_view,
-                       glm::vec2 alpha, const GgxOptions& options = {});
+                       glm::vec2 alpha, const GgxOptions& options = {},
+                       const glm::vec3* position = nullptr);
 
 // Directional albedo of single scattering towards a view in the surface's frame, as the two numbers
 // of the split sum: f0 x + y with Fresnel by Schlick, x + y with Fresnel 1. Quadrature, within

@@ -102,7 +102,8 @@ GlossyLobe::GlossyLobe(const GlossyChain& chain, int tap_count, float s)
   }
 }
 
-LightArrays arrays_of(const GlossyChain& chain) {
+LightArrays arrays_of(const Lighting& lighting) {
+  const GlossyChain& chain = *lighting.chain;
   LightArrays arrays;
   arrays.count = int(chain.lights.size());
   for (int i = 0; i < kMaxLights; ++i) {
@@ -116,9 +117,31 @@ LightArrays arrays_of(const GlossyChain& chain) {
     arrays.level[i] = chain.light_levels[std::size_t(i)];
     arrays.finest = std::min(arrays.finest, arrays.level[i]);
     arrays.red[i] = light.flux.x, arrays.green[i] = light.flux.y, arrays.blue[i] = light.flux.z;
+    if (std::size_t(i) < lighting.light_distances.size())
+      arrays.inverse_distance[i] = lighting.light_distances[std::size_t(i)];
+    arrays.any_near |= arrays.inverse_distance[i] > 0;
   }
   return arrays;
 }
+
+namespace {
+
+// As they are seen beside the map's centre: turned, and as large and strong as their distance makes
+// them. Which levels hold them stays as it is.
+LightArrays seen_from(const LightArrays& lights, glm::vec3 offset) {
+  LightArrays seen = lights;
+  for (int i = 0; i < kMaxLights; ++i) {
+    const shared::PlacedLight light =
+        shared::placed_light(glm::vec3(lights.x[i], lights.y[i], lights.z[i]),
+                             lights.inverse_distance[i], lights.variance[i], offset);
+    seen.x[i] = light.direction.x, seen.y[i] = light.direction.y, seen.z[i] = light.direction.z;
+    seen.variance[i] = light.variance;
+    seen.red[i] *= light.gain, seen.green[i] *= light.gain, seen.blue[i] *= light.gain;
+  }
+  return seen;
+}
+
+}  // namespace
 
 GlossyShading::GlossyShading(const Lighting& lighting, float exponent)
     : lighting_(&lighting), method_(lighting.glossy), exponent_(exponent) {
@@ -129,11 +152,25 @@ GlossyShading::GlossyShading(const Lighting& lighting, float exponent)
   } else if (lighting.chain) {
     lobe_ = GlossyLobe(*lighting.chain, std::max(lighting.glossy_settings.taps, 1),
                        std::max(exponent, 1.0f));
-    lights_ = arrays_of(*lighting.chain);
+    lights_ = arrays_of(lighting);
   }
+  boxed_ = lighting.box.has_value();
+  placed_ = boxed_ || lights_.any_near;
+  if (!boxed_) return;
+  const glm::dvec3 centre(lighting.near_lights.centre);
+  lower_ = glm::vec3(lighting.box->lower - centre);
+  upper_ = glm::vec3(lighting.box->upper - centre);
 }
 
-glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine) const {
+// Where the map shows what is seen in that direction.
+glm::vec3 GlossyShading::looked(glm::vec3 direction, const glm::vec3* position) const {
+  if (!position || !boxed_) return direction;
+  return shared::box_direction(direction, *position - lighting_->near_lights.centre, lower_,
+                               upper_);
+}
+
+glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
+                                    const glm::vec3* position) const {
   const float c = std::clamp(cosine, 0.0f, 1.0f), sine = std::sqrt(1 - c * c);
   glm::vec3 tangent = v - cosine * n;  // towards the view
   tangent *= 1 / std::max(glm::length(tangent), 1e-6f);
@@ -161,7 +198,8 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine) cons
       const glm::vec4 &p = a.taps[std::size_t(k)], &q = b.taps[std::size_t(k)];
       const glm::vec4 tap = p + f * (q - p);
       const float weight = (1 - lobe_.harmonics) * tap.w;
-      value += weight * lighting_->chain->sample(tap.x * mirror + tap.y * down, tap.z);
+      value +=
+          weight * lighting_->chain->sample(looked(tap.x * mirror + tap.y * down, position), tap.z);
       highest = std::max(highest, tap.z);
       const int level = std::min(int(tap.z), GlossyChain::kLevelCount - 2);
       shares.level[k] = float(level);
@@ -171,29 +209,34 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine) cons
   }
   if (lights_.count > 0 && (shares.rest > 0 || highest > lights_.finest - 1)) {
     float rgb[3];
-    sum_lights(lights_, lobe_.exponent, shares, &n.x, &v.x, rgb);
+    if (position)
+      sum_lights(seen_from(lights_, *position - lighting_->near_lights.centre), lobe_.exponent,
+                 shares, &n.x, &v.x, rgb);
+    else
+      sum_lights(lights_, lobe_.exponent, shares, &n.x, &v.x, rgb);
     const float integral = a.log_integral + f * (b.log_integral - a.log_integral);
     value += std::exp2(-integral) * glm::vec3(rgb[0], rgb[1], rgb[2]);
   }
   return value;
 }
 
-glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine) const {
+glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine,
+                                   const glm::vec3* position) const {
   // Eq. 3 with s = 0 is Lambert's law; up to s = 1 lobes are between it and that of s = 1.
   if (exponent_ == 0) return evaluate(lighting_->irradiance, n) / kPi;
   if (method_ == GlossyMethod::mip)
-    return lighting_->radiance->sample(2 * cosine * n - v, level_);
+    return lighting_->radiance->sample(looked(2 * cosine * n - v, position), level_);
   if (method_ == GlossyMethod::sampled)
     return sampled_lobe(*lighting_->radiance, n, v, exponent_, lighting_->glossy_settings.taps);
-  const glm::vec3 value = from_chain(n, v, cosine);
+  const glm::vec3 value = from_chain(n, v, cosine, position);
   if (exponent_ >= 1) return value;
   const glm::vec3 matte = evaluate(lighting_->irradiance, n) / kPi;
   return matte + exponent_ * (value - matte);
 }
 
-glm::vec3 GlossyShading::operator()(glm::vec3 n, glm::vec3 v) const {
+glm::vec3 GlossyShading::shaded(glm::vec3 n, glm::vec3 v, const glm::vec3* position) const {
   const float cosine = glm::dot(n, v);
-  const glm::vec3 value = reflected(n, v, cosine);
+  const glm::vec3 value = reflected(n, v, cosine, position);
   if (lighting_->normalization == Normalization::energy || exponent_ == 0) return value;
   return (albedo_scale(lighting_->normalization, exponent_) *
           directional_albedo(cosine, exponent_)) *

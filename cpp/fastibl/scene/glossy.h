@@ -37,19 +37,33 @@ struct LightArrays {
   float x[kMaxLights]{}, y[kMaxLights]{}, z[kMaxLights]{};
   float variance[kMaxLights]{}, level[kMaxLights]{};
   float red[kMaxLights]{}, green[kMaxLights]{}, blue[kMaxLights]{};
+  float inverse_distance[kMaxLights]{};  // 1 / m; 0: distant
+  bool any_near = false;
 };
-LightArrays arrays_of(const GlossyChain& chain);
+LightArrays arrays_of(const Lighting& lighting);  // which has a chain
 
 // The glossy term of one exponent, ready for many normals and views. Keeps a pointer to lighting,
 // which needs its map once it is called.
 class GlossyShading {
  public:
   GlossyShading(const Lighting& lighting, float exponent);
-  glm::vec3 operator()(glm::vec3 normal, glm::vec3 view) const;
+  // Of light as it is at the map's centre; as it is at a place, marker frame, from which lights and
+  // walls are seen where they are.
+  glm::vec3 operator()(glm::vec3 normal, glm::vec3 view) const {
+    return shaded(normal, view, nullptr);
+  }
+  glm::vec3 operator()(glm::vec3 normal, glm::vec3 view, glm::vec3 position) const {
+    return shaded(normal, view, placed_ ? &position : nullptr);
+  }
 
  private:
-  glm::vec3 reflected(glm::vec3 normal, glm::vec3 view, float cosine) const;
-  glm::vec3 from_chain(glm::vec3 normal, glm::vec3 view, float cosine) const;
+  glm::vec3 shaded(glm::vec3 normal, glm::vec3 view, const glm::vec3* position) const;
+  glm::vec3 reflected(glm::vec3 normal, glm::vec3 view, float cosine,
+                      const glm::vec3* position) const;
+  glm::vec3 from_chain(glm::vec3 normal, glm::vec3 view, float cosine,
+                       const glm::vec3* position) const;
+
+  glm::vec3 looked(glm::vec3 direction, const glm::vec3* position) const;
 
   const Lighting* lighting_;
   GlossyMethod method_;  // of the lighting; `mip` where its chain is missing
@@ -57,6 +71,8 @@ class GlossyShading {
   float level_ = 0;  // of `mip`
   GlossyLobe lobe_;
   LightArrays lights_;
+  bool placed_ = false, boxed_ = false;  // something is near; the walls are
+  glm::vec3 lower_{0}, upper_{0};        // of the box, from the map's centre
 };
 
 // Radiance that a lobe of half-vector exponent s ≥ 0 reflects towards the view (surface to eye),

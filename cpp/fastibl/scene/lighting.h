@@ -9,6 +9,8 @@
 #include "fastibl/scene/glossy_chain.h"
 #include "fastibl/scene/irradiance.h"
 #include "fastibl/scene/methods.h"
+#include "fastibl/scene/near_light.h"
+#include "fastibl/scene/room_box.h"
 
 namespace fastibl {
 
@@ -21,6 +23,12 @@ struct Lighting {
   std::shared_ptr<const GlossyChain> chain;  // that other methods read, and the lights
   glm::vec3 plane_irradiance{0};             // E(z), summed over the map
   std::optional<double> irradiance_error;    // relative, RMS, of `irradiance`; none: not measured
+  // Those of the map whose place is known. All other fields hold their light, too, as distant.
+  NearLights near_lights;
+  // Walls that glossy surfaces see where they are, around the centre of near_lights.
+  std::optional<RoomBox> box = {};
+  std::vector<float>
+      light_distances;  // inverse, 1 / m, of each light of the chain; 0 where distant
 };
 
 }  // namespace fastibl

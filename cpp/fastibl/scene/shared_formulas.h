@@ -18,6 +18,7 @@ using namespace glm;
 #include "shaders/shared/material.glsl"
 #include "shaders/shared/plane.glsl"
 #include "shaders/shared/sphere_cap.glsl"
+#include "shaders/shared/near_light.glsl"
 }  // namespace fastibl::shared
 #undef FN
 #undef REAL

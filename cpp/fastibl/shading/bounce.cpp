@@ -7,6 +7,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/irradiance.h"
 #include "fastibl/scene/shared_formulas.h"
+#include "fastibl/shading/self_shadow.h"
 
 namespace fastibl {
 namespace {
@@ -153,11 +154,7 @@ Bounce find_bounce(const PlaneExchange& exchange, const Scene& scene, const Ligh
 }
 
 void add_shares(const Bounce& bounce, std::span<glm::vec4> shares) {
-  if (bounce.shares.empty()) return;
-  check(shares.size() == bounce.shares.size(), "there must be as many shares as vertices, ",
-        bounce.shares.size(), ", got ", shares.size());
-  for (std::size_t i = 0; i < shares.size(); ++i)
-    for (int c = 0; c < 3; ++c) shares[i][c] = std::max(shares[i][c] + bounce.shares[i][c], 0.0f);
+  if (!bounce.shares.empty()) add_shares(bounce.shares, shares);
 }
 
 namespace {

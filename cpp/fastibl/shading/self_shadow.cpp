@@ -112,6 +112,13 @@ void diffuse_shares(const VertexVisibility& visibility, const CellLight& light,
       shares[i][c] = all[i][c] > 0 ? std::clamp(1 - blocked[i][c] / all[i][c], 0.0f, 1.0f) : 1.0f;
 }
 
+void add_shares(std::span<const glm::vec3> changes, std::span<glm::vec4> shares) {
+  check(changes.size() == shares.size(), "there must be as many changes as shares, ", shares.size(),
+        ", got ", changes.size());
+  for (std::size_t i = 0; i < shares.size(); ++i)
+    for (int c = 0; c < 3; ++c) shares[i][c] = std::max(shares[i][c] + changes[i][c], 0.0f);
+}
+
 float blinn_width(float exponent) { return 2 / std::sqrt(exponent); }  // infinite at 0
 
 void glossy_shares(const VertexVisibility& visibility, std::span<const glm::vec3> vertices,

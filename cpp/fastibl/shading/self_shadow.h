@@ -50,6 +50,9 @@ void diffuse_shares(const VertexVisibility& visibility, const CellLight& light,
                     const Irradiance& irradiance, std::span<const glm::vec3> unit_normals,
                     const glm::mat3& marker_from_object, std::span<glm::vec4> shares);
 
+// Changes of shares are added in place, to the first three of each; none gets negative.
+void add_shares(std::span<const glm::vec3> changes, std::span<glm::vec4> shares);
+
 // Standard deviation along each axis, radians, of the lobe of half-vector exponent s ≥ 0, as the
 // levels of GlossyChain have it.
 float blinn_width(float exponent);

@@ -166,7 +166,7 @@ glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting&
     colour += diffuse * (glm::vec3(f.share) / kPi) * evaluate(lighting.irradiance, p.frame.normal);
   return colour + f.share.w * reflectance *
                       evaluate_ggx(lighting, p.frame, view, ggx_alpha(p.roughness, m.anisotropy),
-                                   GgxOptions::for_shading(m.anisotropy));
+                                   GgxOptions::for_shading(m.anisotropy), &f.position);
 }
 
 float exposure_at(const Camera& camera, double exposure, int x, int y) {
@@ -182,7 +182,8 @@ glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lig
     colour +=
         material.diffuse * (glm::vec3(f.share) / kPi) * evaluate(lighting.irradiance, f.normal);
   if (material.glossy != glm::vec3(0))
-    colour += f.share.w * material.glossy * glossy(f.normal, glm::normalize(eye - f.position));
+    colour += f.share.w * material.glossy *
+              glossy(f.normal, glm::normalize(eye - f.position), f.position);
   return colour;
 }
 

@@ -16,6 +16,7 @@
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shadow/map_border.h"
+#include "fastibl/shadow/near_spheres.h"
 
 namespace fastibl {
 namespace {
@@ -207,16 +208,15 @@ glm::dvec4 bounding_ball(const SphereSet& spheres) {
 }
 
 // How far out along x or y the shadow of a ball lies for each direction, the farthest first.
-std::vector<std::pair<double, std::size_t>> reaches_of(std::span<const LightDirection> light,
+std::vector<std::pair<double, std::size_t>> reaches_of(std::span<const PlaneProjection> light,
                                                        const glm::dvec3& centre, double radius) {
   std::vector<std::pair<double, std::size_t>> reaches;
   for (std::size_t k = 0; k < light.size(); ++k) {
-    const glm::dvec3 d(light[k].direction);
-    const double x =
-        std::fabs(centre.x - centre.z * d.x / d.z) + radius * std::hypot(d.x, d.z) / d.z;
-    const double y =
-        std::fabs(centre.y - centre.z * d.y / d.z) + radius * std::hypot(d.y, d.z) / d.z;
-    reaches.emplace_back(std::max(x, y), k);
+    const glm::dvec2 slope(light[k].slope);
+    const double x = std::fabs(centre.x - centre.z * slope.x) + radius * std::hypot(slope.x, 1.0);
+    const double y = std::fabs(centre.y - centre.z * slope.y) + radius * std::hypot(slope.y, 1.0);
+    const double left = 1 - (centre.z + radius) * double(light[k].inverse_height);
+    reaches.emplace_back(std::max(x, y) / std::max(left, 1e-3), k);
   }
   std::sort(reaches.begin(), reaches.end(), std::greater<>());
   return reaches;
@@ -228,6 +228,15 @@ void cast_bits(const PlaneSpheres& spheres, glm::vec3 direction, int size, Plane
   else
     bits = PlaneBits(size);
   spheres.add_shadow(direction, bits);
+}
+
+void cast_near_bits(const SphereSet& spheres, const glm::dvec3& light, const PlaneGrid& grid,
+                    PlaneBits& bits) {
+  if (bits.size() == grid.size)
+    bits.clear();
+  else
+    bits = PlaneBits(grid.size);
+  add_near_shadow(spheres, light, grid, bits);
 }
 
 // To the outer map, so that no seam is seen between the two.
@@ -276,22 +285,28 @@ Image<float> ratio_of(std::span<const PlaneBits> bits, std::span<const glm::ivec
 }
 
 float outer_extent(std::span<const LightDirection> light, const SphereSet& spheres,
-                   const PlaneGrid& grid) {
+                   const PlaneGrid& grid, const NearPlane& near_plane) {
   const glm::dvec4 ball = bounding_ball(spheres);
   if (!(ball.w > 0)) return 0;
   const glm::dvec3 centre = glm::dvec3(ball) - glm::dvec3(glm::dvec2(grid.centre), 0);
-  const auto reaches = reaches_of(light, centre, ball.w);
+  std::vector<PlaneProjection> projections;
+  for (const LightDirection& l : light) {
+    const int i = near_plane.light_of(l.direction);
+    projections.push_back(i < 0 ? along(l.direction)
+                                : near_plane.projection(l.direction, i, grid.centre));
+  }
+  const auto reaches = reaches_of(projections, centre, ball.w);
   // From the farthest inwards, until what reaches that far in one sector of the plane can be seen.
   std::array<glm::dvec3, kSectors> lost{};
   const double inner = grid.extent;
   for (const auto& [reach, k] : reaches) {
     if (reach <= inner) return 0;
-    const glm::dvec3 d(light[k].direction);
+    const glm::dvec2 slope(projections[k].slope);
     // The ellipse lies along the line from below the ball away from the light; seen from the grid's
     // centre it is no wider than the ball at the nearest distance that counts.
     const double off = glm::length(glm::dvec2(centre)) + ball.w;
     const double half = std::asin(std::min(off / inner, 1.0)) + 0.5 * kSectorAngle;
-    const double middle = std::atan2(-d.y, -d.x);
+    const double middle = std::atan2(-slope.y, -slope.x);
     const int first = int(std::floor((middle - half) / kSectorAngle)),
               last = int(std::floor((middle + half) / kSectorAngle));
     for (int i = first; i <= std::min(last, first + kSectors - 1); ++i) {
@@ -314,7 +329,7 @@ void DirectionShadow::place(const SphereSet& spheres, const ShadowOptions& optio
 void DirectionShadow::make_bits() {
   const std::vector<LightDirection>& light = light_.directions();
   outer_ = {std::max(inner_.size / 2, std::min(inner_.size, kLeastOuter)), inner_.centre, 0};
-  if (options_.outer) outer_.extent = outer_extent(light, spheres_, inner_);
+  if (options_.outer) outer_.extent = outer_extent(light, spheres_, inner_, near_);
   const PlaneSpheres inner(spheres_, inner_);
   map_->ignored_spheres = inner.ignored();
   inner_bits_.resize(light.size());
@@ -324,17 +339,71 @@ void DirectionShadow::make_bits() {
   parallel_for(int(light.size()), kDirections, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       const glm::vec3 d = light[std::size_t(k)].direction;
-      cast_bits(inner, d, inner_.size, inner_bits_[std::size_t(k)]);
-      if (outer) cast_bits(*outer, d, outer_.size, outer_bits_[std::size_t(k)]);
+      PlaneBits &inner_bits = inner_bits_[std::size_t(k)],
+                *outer_bits = outer ? &outer_bits_[std::size_t(k)] : nullptr;
+      if (const int i = near_.light_of(d); i >= 0) {
+        const glm::dvec3 at = near_.position(d, i);
+        cast_near_bits(spheres_, at, inner_, inner_bits);
+        if (outer) cast_near_bits(spheres_, at, outer_, *outer_bits);
+        continue;
+      }
+      cast_bits(inner, d, inner_.size, inner_bits);
+      if (outer) cast_bits(*outer, d, outer_.size, *outer_bits);
     }
   });
 }
 
+// As sum_shares(), where near lights give other points of the plane more or less than the centre of
+// the map: of what distant light leaves, and each of them.
+void DirectionShadow::sum_near(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares,
+                               const PlaneGrid& grid, Image<float>& ratio) const {
+  const std::vector<LightDirection>& light = light_.directions();
+  std::vector<glm::ivec4> own(shares.size());
+  const auto choose = [&](int i) {  // returns their sum
+    glm::vec3 sum(0);
+    for (std::size_t k = 0; k < shares.size(); ++k) {
+      own[k] = near_.light_of(light[k].direction) == i ? shares[k] : glm::ivec4(0);
+      sum += kShareUnit * glm::vec3(own[k]);
+    }
+    return sum;
+  };
+  choose(-1);
+  sum_shares(bits, own, ratio);
+  Image<float> lit(grid.size, grid.size, 3, 1.0f), left;  // by the light at the map's centre
+  for (int i = 0; i < near_.count(); ++i) {
+    const glm::vec3 sum = choose(i);
+    sum_shares(bits, own, left);
+    const float height = near_.height(i);
+    parallel_for(grid.size, kStrip, [&](int begin, int end) {
+      for (int y = begin; y < end; ++y)
+        for (int x = 0; x < grid.size; ++x) {
+          const glm::vec2 at(shared::plane_offset(x, float(grid.size)),
+                             shared::plane_offset(y, float(grid.size)));
+          const float here = height * near_.falloff(i, grid.centre + grid.extent * at);
+          for (int c = 0; c < 3; ++c) {
+            ratio.pixel(x, y)[c] -= here * (1 - left.pixel(x, y)[c]);
+            lit.pixel(x, y)[c] += (here - 1) * sum[c];
+          }
+        }
+    });
+  }
+  for (std::size_t k = 0; k < ratio.data.size(); ++k) {
+    const float lost = (1 - ratio.data[k]) / std::max(lit.data[k], 1e-6f);
+    ratio.data[k] = std::clamp(1 - lost, 0.0f, 1.0f);
+  }
+}
+
 void DirectionShadow::make_ratio() {
   const std::vector<glm::ivec4> shares = whole_shares(light_.directions());
-  sum_shares(inner_bits_, shares, map_->ratio, !options_.outer);
+  const auto make = [&](std::span<const PlaneBits> bits, const PlaneGrid& grid, bool fading,
+                        Image<float>& ratio) {
+    if (near_.count() == 0) return sum_shares(bits, shares, ratio, fading);
+    sum_near(bits, shares, grid, ratio);
+    if (fading) fade_border(ratio);
+  };
+  make(inner_bits_, inner_, !options_.outer, map_->ratio);
   if (outer_.extent > 0) {
-    sum_shares(outer_bits_, shares, map_->outer, true);
+    make(outer_bits_, outer_, true, map_->outer);
     map_->outer_extent = outer_.extent;
   } else {
     map_->outer = {};
@@ -357,10 +426,13 @@ void DirectionShadow::own_map() {
 
 std::shared_ptr<const ShadowMap> DirectionShadow::cast(const CubeMap& radiance,
                                                        const SphereSet& spheres,
-                                                       const ShadowOptions& options) {
+                                                       const ShadowOptions& options,
+                                                       const NearLights& near_lights) {
   check_options(options);
   const SteadyLight::Change change = light_.update(radiance);
-  const bool moved = map_->ratio.empty() || spheres != spheres_ || options != options_;
+  const bool elsewhere = !near_.still_right(near_lights);
+  if (elsewhere) near_ = NearPlane(near_lights);
+  const bool moved = map_->ratio.empty() || spheres != spheres_ || options != options_ || elsewhere;
   if (change == SteadyLight::Change::none && !moved) return map_;
   own_map();
   if (moved) place(spheres, options);

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "fastibl/core/image.h"
+#include "fastibl/shadow/near_plane.h"
 #include "fastibl/shadow/plane_bits.h"
 #include "fastibl/shadow/shadow_options.h"
 #include "fastibl/shadow/steady_light.h"
@@ -28,7 +29,7 @@ void sum_shares(std::span<const PlaneBits> bits, std::span<const glm::ivec4> sha
 // what of the light passes the spheres' bounding sphere; at most 8 times that of the grid. 0 where
 // the grid itself is enough.
 float outer_extent(std::span<const LightDirection> light, const SphereSet& spheres,
-                   const PlaneGrid& grid);
+                   const PlaneGrid& grid, const NearPlane& near_plane = {});
 
 // Casts the shadows of one object, frame by frame: the directions of light stay where they are, the
 // bits of a pose are kept as long as it does, and when nothing changed nothing is done.
@@ -36,20 +37,25 @@ class DirectionShadow {
  public:
   explicit DirectionShadow(int directions = 256) : light_(directions) {}
 
-  // The map that nobody else holds any more is made anew in its place.
+  // The map that nobody else holds any more is made anew in its place. near_lights: of the map;
+  // directions of their light are points, and each light varies over the plane as from its middle.
   std::shared_ptr<const ShadowMap> cast(const CubeMap& radiance, const SphereSet& spheres,
-                                        const ShadowOptions& options = {});
+                                        const ShadowOptions& options = {},
+                                        const NearLights& near_lights = {});
   const SteadyLight& light() const { return light_; }
 
  private:
   void place(const SphereSet& spheres, const ShadowOptions& options);
   void make_bits();
   void make_ratio();
+  void sum_near(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares,
+                const PlaneGrid& grid, Image<float>& ratio) const;
   void own_map();
 
   SteadyLight light_;
   SphereSet spheres_;
   ShadowOptions options_;
+  NearPlane near_;
   PlaneGrid inner_, outer_;
   std::vector<PlaneBits> inner_bits_, outer_bits_;  // of the directions; outer ones may be empty
   std::shared_ptr<ShadowMap> map_ = std::make_shared<ShadowMap>();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
@@ -21,21 +22,6 @@ constexpr float kSuddenly = 0.25f;  // share of the light that moved: new direct
 // up to 0.04 in a ratio, and so the fade by less than the light itself.
 constexpr float kPace = 4;
 constexpr float kUnfaded = 0.85f;  // of the outer map
-
-SparseCover draw_all(const ShadowTriangles& triangles, std::span<const glm::vec3> directions,
-                     const PlaneGrid& grid) {
-  std::vector<SparseCover::Source> sources(directions.size());
-  parallel_for(int(directions.size()), 4, [&](int begin, int end) {
-    ShadowTriangles::Scratch scratch;
-    PlaneBits image(grid.size);
-    for (int i = begin; i < end; ++i) {
-      image.clear();
-      triangles.draw(directions[std::size_t(i)], grid, image, scratch);
-      sources[std::size_t(i)] = SparseCover::source({&image, 1});
-    }
-  });
-  return SparseCover(grid.size, sources);
-}
 
 // From blocks, as SparseCover has them, to rows of pixels.
 Image<float> unblocked(std::span<const float> lost, int size) {
@@ -112,6 +98,40 @@ void MeshShadowLight::update(const CubeMap& radiance) {
   ++splits_;
 }
 
+// What was drawn of near lights is old once they or the object are elsewhere.
+void MeshShadowLight::place_lights(const NearLights& near_lights, const PlanePlace& place) {
+  const bool moved = near_.count() > 0 && place.offset != place_.offset;
+  const bool stale = moved || !near_.still_right(near_lights);
+  if (stale && !near_.still_right(near_lights)) near_ = NearPlane(near_lights);
+  if (stale || place.cos_sin != place_.cos_sin) {
+    now_.drawn = false;
+    if (before_) before_->drawn = false;
+  }
+  place_ = place;
+}
+
+PlaneProjection MeshShadowLight::projection(const Set& set, std::size_t k) const {
+  const glm::vec3 d = set.split.directions()[k];
+  const int light = set.near_light[k];
+  return light < 0 ? along(d) : near_.projection(d, light, place_.offset);
+}
+
+SparseCover MeshShadowLight::draw_directions(const ShadowTriangles& triangles, const Set& set,
+                                             std::span<const int> chosen,
+                                             const PlaneGrid& grid) const {
+  std::vector<SparseCover::Source> sources(chosen.size());
+  parallel_for(int(chosen.size()), 4, [&](int begin, int end) {
+    ShadowTriangles::Scratch scratch;
+    PlaneBits image(grid.size);
+    for (int i = begin; i < end; ++i) {
+      image.clear();
+      triangles.draw(projection(set, std::size_t(chosen[std::size_t(i)])), grid, image, scratch);
+      sources[std::size_t(i)] = SparseCover::source({&image, 1});
+    }
+  });
+  return SparseCover(grid.size, sources);
+}
+
 // Around the shadows that the compact lights of both sets cast; of extent 0 where it would be
 // hardly finer than the map, or reach beyond all.
 PlaneGrid MeshShadowLight::fine_grid(const MeshShadow& shadow, const ShadowTriangles& triangles) {
@@ -119,11 +139,13 @@ PlaneGrid MeshShadowLight::fine_grid(const MeshShadow& shadow, const ShadowTrian
   glm::vec2 lower(std::numeric_limits<float>::infinity()), upper(-lower);
   for (Set* set : {&now_, before_ ? &*before_ : nullptr})
     for (std::size_t k = 0; set && fine_ > 0 && k < set->compact.size(); ++k) {
-      const glm::vec3 d = set->split.directions()[std::size_t(set->compact[k])];
+      const PlaneProjection light = projection(*set, std::size_t(set->compact[k]));
+      // A light as low as the object throws its shadow beyond all.
+      if (!(box.upper.z * light.inverse_height < 0.99f)) return {fine_, {0, 0}, 0};
       for (const float z : {0.0f, box.upper.z}) {
-        const glm::vec2 shift = -z / d.z * glm::vec2(d);
-        lower = glm::min(lower, glm::vec2(box.lower) + shift);
-        upper = glm::max(upper, glm::vec2(box.upper) + shift);
+        const float scale = 1 / (1 - z * light.inverse_height);
+        lower = glm::min(lower, scale * (glm::vec2(box.lower) - z * light.slope));
+        upper = glm::max(upper, scale * (glm::vec2(box.upper) - z * light.slope));
       }
     }
   if (!(lower.x < upper.x)) return {fine_, {0, 0}, 0};
@@ -149,19 +171,92 @@ void MeshShadowLight::draw(const MeshShadow& shadow) {
   const ShadowTriangles moved =
       turn.turned() ? shadow.triangles().moved(turn.cos_sin, {0, 0}) : ShadowTriangles();
   const ShadowTriangles& triangles = turn.turned() ? moved : shadow.triangles();
+  for (Set* set : {&now_, before_ ? &*before_ : nullptr}) {
+    if (!set) continue;
+    set->near_light.clear();
+    for (const glm::vec3& d : set->split.directions()) set->near_light.push_back(near_.light_of(d));
+  }
   fine_map_ = fine_grid(shadow, triangles);
   for (Set* set : {&now_, before_ ? &*before_ : nullptr}) {
     if (!set) continue;
-    const std::vector<glm::vec3>& directions = set->split.directions();
+    std::vector<int> all(set->split.directions().size());
+    std::iota(all.begin(), all.end(), 0);
     if (!set->drawn) {
-      set->inner = draw_all(triangles, directions, inner);
-      set->outer = draw_all(triangles, directions, outer);
+      set->inner = draw_directions(triangles, *set, all, inner);
+      set->outer = draw_directions(triangles, *set, all, outer);
       set->drawn = true;
     }
-    std::vector<glm::vec3> compact;
-    for (const int k : set->compact) compact.push_back(directions[std::size_t(k)]);
-    set->fine = fine_map_.extent > 0 ? draw_all(triangles, compact, fine_map_) : SparseCover();
+    set->fine = fine_map_.extent > 0 ? draw_directions(triangles, *set, set->compact, fine_map_)
+                                     : SparseCover();
   }
+}
+
+// Weights of the directions of a cover: those of one near light, or, for −1, of distant light. Of
+// the fine map's cover, which holds the compact ones alone, these.
+std::vector<glm::vec4> MeshShadowLight::lights_of(const Set& set, Part part, int near_light) const {
+  std::vector<glm::vec4> lights(set.lights.size(), glm::vec4(0));
+  const std::vector<glm::vec3>& directions = set.split.directions();
+  for (std::size_t k = 0; k < lights.size(); ++k)
+    if (set.near_light[k] == near_light)
+      lights[k] = set.lights[k] * (near_light < 0 ? 1 : near_.height(directions[k], near_light));
+  if (part == Part::rest)
+    for (const int k : set.compact) lights[std::size_t(k)] = glm::vec4(0);
+  if (part != Part::compact) return lights;
+  std::vector<glm::vec4> compact;
+  for (const int k : set.compact) compact.push_back(lights[std::size_t(k)]);
+  return compact;
+}
+
+// Of distant light.
+void MeshShadowLight::add_lights(Cover cover, Part part, std::vector<float>& lost) const {
+  for (const Set* set : {&now_, before_ ? &*before_ : nullptr})
+    if (set && (part != Part::compact || !set->compact.empty()))
+      (set->*cover).add(lights_of(*set, part, -1), lost);
+}
+
+namespace {
+
+// Calls use(x, y, point) for the texels of a grid.
+template <class Use>
+void for_texels(const PlaneGrid& grid, const Use& use) {
+  const int n = grid.size;
+  parallel_for(n, 16, [&](int begin, int end) {
+    for (int y = begin; y < end; ++y)
+      for (int x = 0; x < n; ++x)
+        use(x, y,
+            grid.centre + grid.extent * glm::vec2(shared::plane_offset(x, float(n)),
+                                                  shared::plane_offset(y, float(n))));
+  });
+}
+
+}  // namespace
+
+// Of near lights. grid: of the image, in the marker frame.
+void MeshShadowLight::add_near(Cover cover, Part part, const PlaneGrid& grid,
+                               Image<float>& lost) const {
+  for (int i = 0; i < near_.count(); ++i) {
+    std::vector<float> own = no_loss(grid.size);
+    for (const Set* set : {&now_, before_ ? &*before_ : nullptr})
+      if (set && (part != Part::compact || !set->compact.empty()))
+        (set->*cover).add(lights_of(*set, part, i), own);
+    const Image<float> image = unblocked(own, grid.size);
+    for_texels(grid, [&](int x, int y, glm::vec2 point) {
+      const float *from = image.pixel(x, y), falloff = near_.falloff(i, point);
+      for (int c = 0; c < 3; ++c) lost.pixel(x, y)[c] += falloff * from[c];
+    });
+  }
+}
+
+// From light that is lost, by that of the map's centre, to that by the light of each place.
+void MeshShadowLight::divide_by_light(const PlaneGrid& grid, Image<float>& lost) const {
+  if (near_.count() == 0) return;
+  for_texels(grid, [&](int x, int y, glm::vec2 point) {
+    glm::vec3 light(1);
+    for (int i = 0; i < near_.count(); ++i)
+      light += near_.falloff(i, point) * near_plane_shares_[std::size_t(i)] -
+               near_shares_[std::size_t(i)];
+    for (int c = 0; c < 3; ++c) lost.pixel(x, y)[c] /= std::max(light[c], 1e-6f);
+  });
 }
 
 // From what is left by all other light, between the texels of its maps, and what the compact lights
@@ -169,14 +264,12 @@ void MeshShadowLight::draw(const MeshShadow& shadow) {
 void MeshShadowLight::add_fine(const ShadowMap& rest, ShadowMap& map) const {
   const int n = fine_map_.size;
   std::vector<float> lost = no_loss(n);
-  for (const Set* set : {&now_, before_ ? &*before_ : nullptr}) {
-    if (!set || set->compact.empty()) continue;
-    std::vector<glm::vec4> lights;
-    for (const int k : set->compact) lights.push_back(set->lights[std::size_t(k)]);
-    set->fine.add(lights, lost);
-  }
+  add_lights(&Set::fine, Part::compact, lost);
   map.fine = unblocked(lost, n);
   map.fine_centre = fine_map_.centre + place_.offset, map.fine_extent = fine_map_.extent;
+  const PlaneGrid grid{n, map.fine_centre, map.fine_extent};
+  add_near(&Set::fine, Part::compact, grid, map.fine);
+  divide_by_light(grid, map.fine);
   const ShadowLookUp look_up(rest);
   parallel_for(n, 16, [&](int begin, int end) {
     std::vector<glm::vec2> points(static_cast<std::size_t>(n));
@@ -212,20 +305,26 @@ std::vector<glm::vec4> MeshShadowLight::share_out(const MeshShadow& shadow, bool
   };
   if (before_) add(*before_, 1 - fade_);
   add(now_, before_ ? fade_ : 1);
+  near_shares_.assign(std::size_t(near_.count()), glm::vec3(0)), near_plane_shares_ = near_shares_;
+  for (const Set* set : {&now_, before_ ? &*before_ : nullptr})
+    for (std::size_t k = 0; set && k < set->lights.size(); ++k) {
+      const int i = set->near_light[k];
+      if (i < 0) continue;
+      const glm::vec3 share(set->lights[k]);
+      near_shares_[std::size_t(i)] += share;
+      near_plane_shares_[std::size_t(i)] += share * near_.height(set->split.directions()[k], i);
+    }
   return cells;
 }
 
 ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radiance,
-                                const Pose& marker_from_object) {
+                                const Pose& marker_from_object, const NearLights& near_lights) {
   const std::optional<PlanePlace> place = shadow.place(marker_from_object);
   check(place.has_value(), "expected an object that stands as its shadow was baked, got one tilted",
         " or lifted off the plane");
   check(radiance.size() > 0, "the radiance map is empty");
   update(radiance);
-  const bool turned = place->cos_sin != place_.cos_sin;
-  place_ = *place;
-  if (turned) now_.drawn = false;
-  if (turned && before_) before_->drawn = false;
+  place_lights(near_lights, *place);
   if (!now_.drawn || (before_ && !before_->drawn)) draw(shadow);
   const float turn = std::atan2(place_.cos_sin.y, place_.cos_sin.x);
   if (sums_.size() != now_.weights.rest_size || sums_.turn() != turn)
@@ -235,20 +334,13 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
   map.centre = place_ * shadow.inner().centre;
   map.extent = shadow.inner().extent, map.outer_extent = shadow.outer().extent;
   const std::vector<glm::vec4> cells = share_out(shadow, map.no_light);
+  const PlaneGrid inner{shadow.inner().size, map.centre, map.extent},
+      outer{shadow.outer().size, map.centre, map.outer_extent};
   ShadowMap soft;  // what the cells leave, where the object is turned
   const bool fine = fine_map_.extent > 0;
-  const auto add_lights = [&](std::vector<float>& lost, SparseCover Set::*cover, bool rest) {
-    for (const Set* set : {&now_, before_ ? &*before_ : nullptr}) {
-      if (!set) continue;
-      std::vector<glm::vec4> lights = set->lights;
-      for (const int k : set->compact)
-        if (rest) lights[std::size_t(k)] = glm::vec4(0);
-      (set->*cover).add(lights, lost);
-    }
-  };
   ShadowMap rest;  // without the compact lights that the fine map is of
-  const auto make = [&](const SparseCover& table, SparseCover Set::*cover, Image<float>& own,
-                        Image<float>& of_rest) {
+  const auto make = [&](const SparseCover& table, Cover cover, const PlaneGrid& grid,
+                        Image<float>& own, Image<float>& of_rest) {
     std::vector<float> lost = no_loss(table.size());
     table.add(cells, lost);
     if (place_.turned()) {
@@ -258,20 +350,24 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
     }
     if (fine) {
       std::vector<float> of_others = lost;
-      add_lights(of_others, cover, true);
+      add_lights(cover, Part::rest, of_others);
       of_rest = unblocked(of_others, table.size());
+      add_near(cover, Part::rest, grid, of_rest);
     }
-    add_lights(lost, cover, false);
-    return unblocked(lost, table.size());
+    add_lights(cover, Part::all, lost);
+    Image<float> image = unblocked(lost, table.size());
+    add_near(cover, Part::all, grid, image);
+    return image;
   };
-  map.ratio = make(shadow.tables().inner, &Set::inner, soft.ratio, rest.ratio);
-  map.outer = make(shadow.tables().outer, &Set::outer, soft.outer, rest.outer);
+  map.ratio = make(shadow.tables().inner, &Set::inner, inner, soft.ratio, rest.ratio);
+  map.outer = make(shadow.tables().outer, &Set::outer, outer, soft.outer, rest.outer);
   soft.extent = map.extent, soft.outer_extent = map.outer_extent;
   const auto finish = [&](ShadowMap& whole) {
     if (place_.turned()) {
       add_turned(soft, shadow.inner(), place_.cos_sin, whole.ratio);
       add_turned(soft, shadow.outer(), place_.cos_sin, whole.outer);
     }
+    divide_by_light(inner, whole.ratio), divide_by_light(outer, whole.outer);
     to_ratio(whole.ratio), to_ratio(whole.outer);
     fade_border(whole.outer);
   };

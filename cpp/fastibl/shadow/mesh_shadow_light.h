@@ -11,6 +11,7 @@
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/shadow_map.h"
 #include "fastibl/shadow/mesh_shadow.h"
+#include "fastibl/shadow/near_plane.h"
 #include "fastibl/shadow/sky_split.h"
 
 namespace fastibl {
@@ -27,8 +28,11 @@ class MeshShadowLight {
   // that nothing flickers; new ones are faded in over kFadeCasts casts, faster while much of the
   // light moves. Throws std::invalid_argument for a pose that MeshShadow::place refuses.
   // The map's outer image is faded to 1 at its border, so that no edge is seen there.
+  // near_lights: of the map. Directions of their light throw shadows from where they are, and each
+  // light varies over the plane as from its middle. What of it is not brighter than the threshold
+  // of SkySplitOptions stays distant, as does light that falls below the horizon of the centre.
   ShadowMap cast(const MeshShadow& shadow, const CubeMap& radiance,
-                 const Pose& marker_from_object = {});
+                 const Pose& marker_from_object = {}, const NearLights& near_lights = {});
 
   static constexpr float kCompactShare = 0.1f;
 
@@ -46,11 +50,22 @@ class MeshShadowLight {
     SparseCover fine;
     SkySplit::Weights weights;
     std::vector<glm::vec4> lights;  // weights of the directions, as shares of what is shown
+    std::vector<int> near_light;    // of each direction; −1: distant
   };
+  using Cover = SparseCover Set::*;
   void update(const CubeMap& radiance);
   void draw(const MeshShadow& shadow);
   PlaneGrid fine_grid(const MeshShadow& shadow, const ShadowTriangles& triangles);
   void add_fine(const ShadowMap& rest, ShadowMap& map) const;
+  void place_lights(const NearLights& near_lights, const PlanePlace& place);
+  PlaneProjection projection(const Set& set, std::size_t direction) const;
+  SparseCover draw_directions(const ShadowTriangles& triangles, const Set& set,
+                              std::span<const int> chosen, const PlaneGrid& grid) const;
+  enum class Part { all, compact, rest };  // of the directions
+  std::vector<glm::vec4> lights_of(const Set& set, Part part, int near_light) const;
+  void add_lights(Cover cover, Part part, std::vector<float>& lost) const;
+  void add_near(Cover cover, Part part, const PlaneGrid& grid, Image<float>& lost) const;
+  void divide_by_light(const PlaneGrid& grid, Image<float>& lost) const;
   // Weights of the cells, and of the directions in place.
   std::vector<glm::vec4> share_out(const MeshShadow& shadow, bool& no_light);
 
@@ -60,6 +75,9 @@ class MeshShadowLight {
   float fade_ = 1;             // of now_
   CellSums sums_;
   PlanePlace place_;
+  NearPlane near_;
+  // Of each near light: its share of the light that shares are of, and of that on the plane.
+  std::vector<glm::vec3> near_shares_, near_plane_shares_;
   int fine_ = 0;
   PlaneGrid fine_map_;  // of extent 0 if there is none
   int splits_ = 0;

@@ -5,7 +5,7 @@
 namespace fastibl {
 
 ShadowMap SceneShadow::cast(const CubeMap& radiance, glm::vec3 plane_irradiance, const Scene& scene,
-                            const ShadowOptions& options) {
+                            const ShadowOptions& options, const NearLights& near_lights) {
   ShadowOptions by_spheres = options;
   if (scene.shadow_method(options.method) == ShadowMethod::mesh) {
     check(scene.baked_shadow != nullptr,
@@ -13,10 +13,10 @@ ShadowMap SceneShadow::cast(const CubeMap& radiance, glm::vec3 plane_irradiance,
     if (baked_ != scene.baked_shadow || light_.fine() != options.settings.fine)
       baked_ = scene.baked_shadow, light_ = MeshShadowLight({}, options.settings.fine);
     if (baked_->place(scene.marker_from_object))
-      return light_.cast(*baked_, radiance, scene.marker_from_object);
+      return light_.cast(*baked_, radiance, scene.marker_from_object, near_lights);
     by_spheres.method = ShadowMethod::directions;
   }
-  return spheres_.cast(radiance, plane_irradiance, scene.placed_spheres(), by_spheres);
+  return spheres_.cast(radiance, plane_irradiance, scene.placed_spheres(), by_spheres, near_lights);
 }
 
 }  // namespace fastibl

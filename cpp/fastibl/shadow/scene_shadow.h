@@ -12,10 +12,10 @@ class SceneShadow {
  public:
   // By the `mesh` method, which `automatic` takes where there is one, the baked shadow; an object
   // that no longer stands as it was baked gets the shadow of its spheres, by the `directions`
-  // method. Throws std::invalid_argument for `mesh` where nothing is baked. options: place and size
-  // are the baked map's own.
+  // method. Throws std::invalid_argument for `mesh` where
+  // nothing is baked. options: place and size are the baked map's own.
   ShadowMap cast(const CubeMap& radiance, glm::vec3 plane_irradiance, const Scene& scene,
-                 const ShadowOptions& options = {});
+                 const ShadowOptions& options = {}, const NearLights& near_lights = {});
 
  private:
   ShadowCaster spheres_;

@@ -231,12 +231,13 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
 }
 
 ShadowMap ShadowCaster::cast(const CubeMap& radiance, glm::vec3 plane_irradiance,
-                             const SphereSet& spheres, const ShadowOptions& options) {
+                             const SphereSet& spheres, const ShadowOptions& options,
+                             const NearLights& near_lights) {
   if (resolved(options.method) != ShadowMethod::directions)
     return cast_shadow(radiance, plane_irradiance, spheres, options);
   const int count = options.settings.directions;
   if (!directions_ || directions_->light().count() != count) directions_.emplace(count);
-  return *directions_->cast(radiance, spheres, options);
+  return *directions_->cast(radiance, spheres, options, near_lights);
 }
 
 }  // namespace fastibl

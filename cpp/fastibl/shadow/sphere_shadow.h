@@ -33,8 +33,9 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
 // The same for one object, frame by frame: what is still right of the last map is kept.
 class ShadowCaster {
  public:
+  // near_lights: for the `directions` method; the caps take all light as distant.
   ShadowMap cast(const CubeMap& radiance, glm::vec3 plane_irradiance, const SphereSet& spheres,
-                 const ShadowOptions& options = {});
+                 const ShadowOptions& options = {}, const NearLights& near_lights = {});
 
  private:
   std::optional<DirectionShadow> directions_;

@@ -178,18 +178,73 @@ ShadowTriangles ShadowTriangles::moved(glm::vec2 cos_sin, glm::vec2 offset) cons
   return out;
 }
 
-void ShadowTriangles::draw(glm::vec3 direction, const PlaneGrid& grid, PlaneBits& bits,
+namespace {
+
+constexpr float kTop = 1 - 1e-3f;  // of a near light's height
+
+glm::vec2 thrown(glm::vec3 v, const PlaneProjection& light) {
+  return (glm::vec2(v) - v.z * light.slope) / (1 - v.z * light.inverse_height);
+}
+
+// The part of a triangle up to z = top: a polygon of up to four corners. Returns their number.
+int cut_above(const glm::vec3 (&corner)[3], float top, glm::vec3 (&polygon)[4]) {
+  int count = 0;
+  for (int k = 0; k < 3; ++k) {
+    const glm::vec3 p = corner[k], q = corner[(k + 1) % 3];
+    if (p.z <= top) polygon[count++] = p;
+    if ((p.z <= top) != (q.z <= top)) polygon[count++] = p + (q - p) * ((top - p.z) / (q.z - p.z));
+  }
+  return count;
+}
+
+}  // namespace
+
+void ShadowTriangles::draw_cut(std::size_t triangle, float top, const PlaneProjection& light,
+                               const PlaneGrid& grid, PlaneBits& bits) const {
+  const auto at = [&](std::int32_t i) {
+    const std::size_t v = std::size_t(i);
+    return glm::vec3(x_[v], y_[v], z_[v]);
+  };
+  const glm::vec3 corner[3] = {at(a_[triangle]), at(b_[triangle]), at(c_[triangle])};
+  glm::vec3 polygon[4];
+  const int count = cut_above(corner, top, polygon);
+  glm::vec2 on_grid[4];
+  for (int k = 0; k < count; ++k)
+    on_grid[k] =
+        glm::clamp(glm::vec2(grid.texels(glm::dvec2(thrown(polygon[k], light)))), -kFar, kFar);
+  for (int k = 2; k < count; ++k)
+    draw_triangle(on_grid[0], on_grid[k - 1], on_grid[k], bits.size(), bits.padded_rows(),
+                  bits.column(0));
+}
+
+void ShadowTriangles::draw(const PlaneProjection& light, const PlaneGrid& grid, PlaneBits& bits,
                            Scratch& scratch) const {
-  if (!(direction.z > 0) || bits.size() == 0) return;
+  if (bits.size() == 0) return;
   const int count = int(a_.size());
   scratch.x.resize(x_.size()), scratch.y.resize(x_.size()), scratch.rows.resize(a_.size());
   const float scale = float(1 / grid.texel());
-  const glm::vec2 slope = glm::vec2(direction) / direction.z, shift(grid.texels({0, 0}));
-  project(x_.data(), y_.data(), z_.data(), int(x_.size()), &slope.x, &shift.x, scale,
-          scratch.x.data(), scratch.y.data());
+  const glm::vec2 slope = light.slope, shift(grid.texels({0, 0}));
+  const bool near_light = light.inverse_height > 0;
+  const float top = near_light ? kTop / light.inverse_height : 0;
+  if (near_light)
+    for (std::size_t i = 0; i < x_.size(); ++i) {
+      const glm::vec2 p = scale * thrown({x_[i], y_[i], std::min(z_[i], top)}, light) + shift;
+      scratch.x[i] = std::min(kFar, std::max(-kFar, p.x));
+      scratch.y[i] = std::min(kFar, std::max(-kFar, p.y));
+    }
+  else
+    project(x_.data(), y_.data(), z_.data(), int(x_.size()), &slope.x, &shift.x, scale,
+            scratch.x.data(), scratch.y.data());
   const float last = float(bits.size() - 1);
   count_rows(a_.data(), b_.data(), c_.data(), count, scratch.x.data(), scratch.y.data(), last,
              scratch.rows.data());
+  if (near_light)
+    for (std::size_t k = 0; k < a_.size(); ++k) {
+      const auto higher = [&](std::int32_t v) { return z_[std::size_t(v)] > top; };
+      if (!higher(a_[k]) && !higher(b_[k]) && !higher(c_[k])) continue;
+      scratch.rows[k] = 0;
+      draw_cut(k, top, light, grid, bits);
+    }
   // Written in place, over what was read.
   int low = 0;
   std::int32_t* chosen = scratch.rows.data();

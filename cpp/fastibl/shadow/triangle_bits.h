@@ -11,6 +11,17 @@
 
 namespace fastibl {
 
+// Where light comes from, as what it makes of a point v above the plane: its shadow falls on
+// (v.xy − v.z slope) / (1 − v.z inverse_height).
+struct PlaneProjection {
+  glm::vec2 slope{0};
+  float inverse_height = 0;  // of the light above the plane, 1 / m; 0: infinitely far
+};
+// direction: towards the light, any length, z > 0.
+inline PlaneProjection along(glm::vec3 direction) {
+  return {glm::vec2(direction) / direction.z, 0};
+}
+
 // What a mesh has above the plane, ready to be drawn for many directions. Vertices of one place are
 // merged, so that neighbouring triangles share edges to the bit; parts below the plane are cut off.
 class ShadowTriangles {
@@ -34,9 +45,18 @@ class ShadowTriangles {
   // Sets the bits of the texels whose centres the shadow covers; bits that are set stay set.
   // direction: towards the light, any length, z > 0. A centre on the border is covered, so that no
   // gap is left between neighbouring triangles.
-  void draw(glm::vec3 direction, const PlaneGrid& grid, PlaneBits& bits, Scratch& scratch) const;
+  void draw(glm::vec3 direction, const PlaneGrid& grid, PlaneBits& bits, Scratch& scratch) const {
+    if (direction.z > 0) draw(along(direction), grid, bits, scratch);
+  }
+  // Of a near light too: triangles stay triangles. What is as high as the light throws no shadow;
+  // from a thousandth below, shadows are thrown so far that no map reaches there.
+  void draw(const PlaneProjection& light, const PlaneGrid& grid, PlaneBits& bits,
+            Scratch& scratch) const;
 
  private:
+  void draw_cut(std::size_t triangle, float top, const PlaneProjection& light,
+                const PlaneGrid& grid, PlaneBits& bits) const;
+
   std::vector<float> x_, y_, z_;         // vertices
   std::vector<std::int32_t> a_, b_, c_;  // triangles, corners in ascending order
 };

@@ -310,7 +310,7 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
   out.rotation = start;
   double log_gain = 0;
   // Of rotation = prior.rotation · exp([from_prior]×), to first order.
-  glm::dvec3 from_prior = vector_from_rotation(glm::transpose(prior.rotation) * start);
+  glm::dvec3 from_prior = rotation_vector(glm::transpose(prior.rotation) * start);
   const double gain_information = 1 / (options.gain_deviation * options.gain_deviation);
   for (int k = options.coarsest; k >= 0; --k) {
     Level level(map, fine, views, k, options);

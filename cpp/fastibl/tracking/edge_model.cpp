@@ -5,6 +5,7 @@
 #include "fastibl/tracking/fit.h"
 #include "fastibl/tracking/fit_edges.h"
 #include "fastibl/tracking/fit_pixels.h"
+#include "fastibl/tracking/roll_corners.h"
 
 namespace fastibl {
 namespace {
@@ -94,9 +95,10 @@ struct Choice {
   bool other = false;  // the mirrored pose won
 };
 
-// Both planar minima, refined with the edges; by likelihood and by what was expected before.
+// Both planar minima, refined with the edges; by likelihood and by what was expected before. rows:
+// of a rolling shutter.
 Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
-              const PosePrior& prior) {
+              const PosePrior& prior, const Rows* rows) {
   Choice choice{fit.camera_from_marker, 0, false};
   glm::dvec2 low(1e9), high(-1e9);
   for (std::size_t i = 0; i < points.size(); ++i)
@@ -121,6 +123,8 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
     choice.ambiguity = 1e-3;  // hundreds of deviations apart
     return choice;
   }
+  std::vector<EdgePoint> still;
+  if (rows) still = unrolled(points, lens, choice.pose, *rows), points = still;
   const auto other = refit_edges(points, fit, lens, start->camera_from_marker);
   if (!other || !differs(*other)) return choice;
   const double cost = edge_cost(points, fit, lens, choice.pose),
@@ -134,8 +138,8 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
 
 // Of the points' scatter, and of what they share: blur from neighbouring edges, ink and paper move
 // the edges of a side together.
-bool covariance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::size_t tags,
-                   double spread, std::array<double, 36>& covariance) {
+double variance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::size_t tags,
+                   double spread) {
   double used = 0, weights = 0, narrow = 0;
   for (std::size_t i = 0; i < points.size(); ++i)
     if (fit.used[i]) {
@@ -145,20 +149,62 @@ bool covariance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::s
   const double shared =
       kShared * (spread / kSharp) * (spread / kSharp) * (1 + kNarrow * narrow / weights);
   const double together = used / (kSides * double(std::max<std::size_t>(tags, 1)));
-  const double variance = 1 + shared * shared * std::max(1.0, together) * weights / used;
+  return 1 + shared * shared * std::max(1.0, together) * weights / used;
+}
+
+bool covariance_of(const EdgeFit& fit, double variance, std::array<double, 36>& covariance) {
   for (std::size_t c = 0; c < 6; ++c) {
     std::array<double, 6> unit{}, x{};
     unit[c] = variance;
-    if (!solve6(fit.information, unit, x)) return false;
+    if (!solve_symmetric<6>(fit.information, unit, x)) return false;
     for (std::size_t r = 0; r < 6; ++r) covariance[6 * r + c] = x[r];
   }
   return true;
 }
 
+// A picture taken row by row, while it is tracked: what the rows' motion is expected to be, in the
+// camera frame of the row that is taken when the middle of the board is.
+struct Rolling {
+  Rows rows;
+  RowPrior prior;
+};
+
+// start, prior: of the first row; become those of the board's middle one.
+Rolling rolling_of(const BoardPattern& pattern, const Camera& camera, const Lens& lens,
+                   PosePrior& prior, Pose& start) {
+  Rolling out;
+  out.prior = prior.rows.value_or(unknown_hand(start, camera.readout));
+  const RowMotion first = out.prior.motion;
+  out.rows.height = camera.height;
+  out.rows.share = middle_share(pattern, camera, lens, first.moved(start, 0.5));
+  out.prior = prior_of_row(out.prior, out.rows.share);
+  out.rows.motion = out.prior.motion;
+  start = first.moved(start, out.rows.share);
+  if (prior.rotation)
+    prior.rotation = rotation_from_vector(out.rows.share * first.turn) * *prior.rotation;
+  return out;
+}
+
+// From the pose of the board's middle row to that of the first, with what the motion's error adds.
+std::optional<RowState> to_first_row(const Rolling& rolling, const EdgeFit& fit, double variance,
+                                     Tracked& tracked) {
+  const Rows& rows = rolling.rows;
+  const auto covariance = joint_covariance(fit.row_information, variance, tracked.covariance);
+  if (!covariance) return std::nullopt;
+  const RowState state =
+      state_of_row({tracked.camera_from_marker, rows.motion, *covariance}, -rows.share);
+  tracked.camera_from_marker = state.pose;
+  tracked.last_row = state.motion.moved(state.pose, 1);
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t k = 0; k < 6; ++k)
+      tracked.covariance[6 * i + k] = state.covariance[kRowParameters * i + k];
+  return state;
+}
+
 // Whether a motion from the pose that edges gave lies within its covariance.
 bool agrees(const std::array<double, 36>& covariance, const std::array<double, 6>& motion) {
   std::array<double, 6> x{};
-  if (!solve6(covariance, motion, x)) return false;
+  if (!solve_symmetric<6>(covariance, motion, x)) return false;
   double distance = 0;
   for (std::size_t k = 0; k < 6; ++k) distance += x[k] * motion[k];
   return distance < kAgree;
@@ -209,11 +255,22 @@ EdgeModel::EdgeModel(const Board& board, const Camera& camera)
       colour_(camera.response, 3) {}
 
 std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, const Pose& start,
-                                        const PosePrior& prior,
-                                        const EdgeTrackingOptions& options) const {
+                                        const PosePrior& given, const EdgeTrackingOptions& options,
+                                        RowState* state) const {
   const LightReader light(picture, picture.channels == 1 ? grey_ : colour_);
-  const auto project = [&](const Pose& at) { return project_tags(pattern_, camera_, lens_, at); };
   Pose pose = start;
+  PosePrior prior = given;
+  std::optional<Rolling> rolling;
+  if (camera_.readout > 0) rolling = rolling_of(pattern_, camera_, lens_, prior, pose);
+  const auto project = [&](const Pose& at) {
+    return project_tags(pattern_, camera_, lens_, at, rolling ? &rolling->rows : nullptr);
+  };
+  const auto fit_to = [&](std::span<const EdgePoint> points) {
+    if (!rolling) return fit_edges(points, lens_, pose);
+    auto fit = fit_edges(points, lens_, pose, rolling->rows, rolling->prior);
+    if (fit) rolling->rows.motion = fit->row_motion;
+    return fit;
+  };
   Codes codes = read_codes(light, pattern_, project(pose));
   // What was found by a search may be a part of the board beside itself.
   const double share = codes.mean < kClose ? kProvenShare : kLeastShare;
@@ -228,7 +285,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   EdgeSearch search{false, options.most_edges / 4};  // all of them once they are near
   for (int round = 0; round < 2; ++round) {          // from pixels away
     const FoundEdges far = find_edges(light, pattern_, codes.shown, {true, kFarEdges});
-    const auto fit = fit_edges(far.points, lens_, pose);
+    const auto fit = fit_to(far.points);
     if (!fit) break;
     search.spread = spread_of(far.points);
     if (fit->motion < kNear) break;  // from there, close by is more exact
@@ -245,7 +302,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   for (int round = 0; round < rounds; ++round) {
     if (round > 0) codes = read_codes(light, pattern_, project(pose));
     near = find_edges(light, pattern_, codes.shown, search);
-    fit = fit_edges(near.points, lens_, pose);
+    fit = fit_to(near.points);
     if (!fit) return std::nullopt;
     pose = fit->camera_from_marker;
     const bool all = search.most == options.most_edges;
@@ -257,7 +314,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     const double still = kSettled * double(near.points.size()) / double(options.most_edges);
     const bool settled = (fit->motion <= still && all) || round + 1 == rounds;
     if (!settled && !doubtful) continue;
-    choice = choose(near.points, *fit, lens_, prior);
+    choice = choose(near.points, *fit, lens_, prior, rolling ? &rolling->rows : nullptr);
     if (settled && (!choice.other || switched)) break;
     if (!choice.other) continue;
     pose = choice.pose, switched = true;
@@ -272,8 +329,8 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   tracked.edges = int(used);
   tracked.residual_px = fit->residual;
   tracked.ambiguity = choice.ambiguity, tracked.ambiguous = choice.ambiguity > 0.5;
-  if (!covariance_of(*fit, near.points, codes.shown.size(), search.spread, tracked.covariance))
-    return std::nullopt;
+  double variance = variance_of(*fit, near.points, codes.shown.size(), search.spread);
+  if (!covariance_of(*fit, variance, tracked.covariance)) return std::nullopt;
   const auto& c = tracked.covariance;
   if (!(std::sqrt(c[0] + c[7] + c[14]) < options.largest_error * kDegree)) return std::nullopt;
   refine(light, pattern_, codes, project(pose), lens_, search.spread, tracked);
@@ -281,14 +338,20 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     search.most = kEdgesAlone;
     Codes again = read_codes(light, pattern_, project(pose));
     near = find_edges(light, pattern_, again.shown, search);
-    const auto more = fit_edges(near.points, lens_, pose);
+    const auto more = fit_to(near.points);
     auto covariance = tracked.covariance;
-    if (more && more->motion < kNear &&
-        covariance_of(*more, near.points, again.shown.size(), search.spread, covariance)) {
+    const double by = more ? variance_of(*more, near.points, again.shown.size(), search.spread) : 0;
+    if (more && more->motion < kNear && covariance_of(*more, by, covariance)) {
+      fit = more, variance = by;
       tracked.camera_from_marker = more->camera_from_marker, tracked.covariance = covariance;
       tracked.edges = int(std::count(more->used.begin(), more->used.end(), true));
       tracked.residual_px = more->residual;
     }
+  }
+  if (rolling) {
+    const auto found = to_first_row(*rolling, *fit, variance, tracked);
+    if (!found) return std::nullopt;
+    if (state) *state = *found;
   }
   const auto n = std::size_t(pattern_.modules), stride = n + 1;
   for (const ProjectedTag& tag : codes.shown)

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "fastibl/tracking/roll_corners.h"
+
 namespace fastibl {
 namespace {
 
@@ -13,7 +15,7 @@ constexpr double kUnknown = 0.2;     // the same without a velocity
 
 // From a to b, by a share of the way; beyond b for shares over 1.
 Pose between(const Pose& a, const Pose& b, double share) {
-  const glm::dvec3 turn = vector_from_rotation(b.rotation * glm::transpose(a.rotation));
+  const glm::dvec3 turn = rotation_vector(b.rotation * glm::transpose(a.rotation));
   return {rotation_from_vector(share * turn) * a.rotation,
           a.translation + share * (b.translation - a.translation)};
 }
@@ -41,24 +43,43 @@ Pose EdgeTracker::predicted(double time, const MotionHint& hint) const {
   return pose;
 }
 
+Pose EdgeTracker::predicted_rows(double time, const MotionHint& hint, PosePrior& prior) const {
+  const double readout = camera_.readout;
+  const double step = time - last_->time;
+  RowState state = after(rows_, step / readout, hand_jerk(readout));
+  if (hint.turn) {
+    state.pose.rotation = *hint.turn * last_->pose.rotation;
+    if (step > 0) state.motion.turn = rotation_vector(*hint.turn) * (readout / step);
+  }
+  prior.rows = prior_of(state, hand_jerk(readout));
+  return state.pose;
+}
+
 std::optional<Tracked> EdgeTracker::detect(const Picture& picture,
                                            ImageView<const std::uint8_t> bytes,
-                                           const PosePrior& prior, const Detector& detector) const {
+                                           const PosePrior& prior, const Detector& detector) {
   const Image<std::uint8_t> grey = grey_from(picture, camera_.response);
   TrackingOptions options;
   options.method = TrackingMethod::board;
   const auto start = fastibl::track(detector, grey.view(), board_, camera_, options);
   if (!start) return std::nullopt;
-  auto tracked = model_.track(bytes, start->camera_from_marker, prior, options_);
+  // Where corners tell of a motion, they tell it roughly: the pose between the first and the last
+  // row serves as that of all.
+  const Pose near = start->last_row ? between(start->camera_from_marker, *start->last_row, 0.5)
+                                    : start->camera_from_marker;
+  auto tracked = model_.track(bytes, near, prior, options_, &rows_);
   // Edges that cannot be followed leave the corners' word, if it is one.
   if (!tracked && (start->ambiguous || start->tags.size() < 2)) return std::nullopt;
   return tracked ? tracked : start;
 }
 
 void EdgeTracker::smooth(Tracked& tracked, double time) {
+  const Pose pose = tracked.camera_from_marker;
   if (options_.smoothing > 0 && shown_ && time > shown_->time)
     tracked.camera_from_marker = between(shown_->pose, tracked.camera_from_marker,
                                          1 - std::exp((shown_->time - time) / options_.smoothing));
+  if (options_.smoothing > 0 && tracked.last_row)
+    tracked.last_row = *tracked.last_row * pose.inverse() * tracked.camera_from_marker;
   shown_ = Moment{tracked.camera_from_marker, time};
 }
 
@@ -83,10 +104,12 @@ std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<
   if (hint.gravity && glm::length(*hint.gravity) > 0) prior.gravity = glm::normalize(*hint.gravity);
   std::optional<Tracked> tracked;
   if (last_) {
-    const Pose start = predicted(time, hint);
+    const bool rolling = camera_.readout > 0;
+    const Pose start = rolling ? predicted_rows(time, hint, prior) : predicted(time, hint);
     prior.rotation = start.rotation;
     prior.deviation = before_ || hint.turn ? kSlowest : kUnknown;
-    tracked = model_.track(bytes, start, prior, options_);
+    tracked = model_.track(bytes, start, prior, options_, &rows_);
+    prior.rows.reset();  // it led nowhere, or is no longer needed
   }
   if (tracked) {
     before_ = last_;

@@ -7,6 +7,7 @@
 
 #include "fastibl/scene/picture.h"
 #include "fastibl/tracking/light_reader.h"
+#include "fastibl/tracking/rows.h"
 #include "fastibl/tracking/tag_edges.h"
 #include "fastibl/tracking/tracker.h"
 
@@ -38,17 +39,22 @@ struct PosePrior {
   double deviation = 0.05;             // of it, radians
   std::optional<glm::dvec3> gravity;   // in the camera frame, unit length
   glm::dvec3 gravity_in_marker{0, 0, -1};
+  std::optional<RowPrior> rows;  // of a rolling shutter's first row
 };
 
 // What tracking by edges needs of a board and a camera, worked out once.
 class EdgeModel {
  public:
   EdgeModel(const Board& board, const Camera& camera);
-  // The pose near `start` that the picture's edges agree with. Nothing where too few tags show
-  // their codes there, or the pose stays uncertain. picture: 1 or 3 channels, encoded, of the
-  // camera's size.
+  // The pose near `start` that the picture's edges agree with, both of the first row where the
+  // camera has a readout; the rows' motion is fitted with it. Nothing where too few tags show their
+  // codes there, or the pose stays uncertain. picture: 1 or 3 channels, encoded, of the camera's
+  // size.
+  // state: null, or where to put what a rolling shutter's picture tells of pose and motion
+  // together.
   std::optional<Tracked> track(ImageView<const std::uint8_t> picture, const Pose& start,
-                               const PosePrior& prior, const EdgeTrackingOptions& options) const;
+                               const PosePrior& prior, const EdgeTrackingOptions& options,
+                               RowState* state = nullptr) const;
 
  private:
   BoardPattern pattern_;
@@ -77,8 +83,10 @@ class EdgeTracker {
     double time = 0;
   };
   Pose predicted(double time, const MotionHint& hint) const;
+  // By the pose and motion of a rolling shutter's last picture; also sets prior.rows.
+  Pose predicted_rows(double time, const MotionHint& hint, PosePrior& prior) const;
   std::optional<Tracked> detect(const Picture& picture, ImageView<const std::uint8_t> bytes,
-                                const PosePrior& prior, const Detector& detector) const;
+                                const PosePrior& prior, const Detector& detector);
   void smooth(Tracked& tracked, double time);
 
   Board board_;
@@ -86,6 +94,7 @@ class EdgeTracker {
   EdgeTrackingOptions options_;
   EdgeModel model_;
   std::optional<Moment> last_, before_, shown_;
+  RowState rows_;  // at last_, of a rolling shutter
 };
 
 }  // namespace fastibl

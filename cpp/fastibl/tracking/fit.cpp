@@ -80,33 +80,6 @@ double error_of(const Match& match, const Lens& lens, const Pose& pose) {
                : std::numeric_limits<double>::infinity();
 }
 
-bool solve6(const std::array<double, 36>& a, const std::array<double, 6>& b,
-            std::array<double, 6>& x) {
-  std::array<double, 36> l{};
-  for (std::size_t i = 0; i < 6; ++i)
-    for (std::size_t j = 0; j <= i; ++j) {
-      double sum = a[6 * i + j];
-      for (std::size_t k = 0; k < j; ++k) sum -= l[6 * i + k] * l[6 * j + k];
-      if (i != j) {
-        l[6 * i + j] = sum / l[6 * j + j];
-      } else {
-        if (!(sum > 1e-14 * a[7 * i])) return false;
-        l[7 * i] = std::sqrt(sum);
-      }
-    }
-  for (std::size_t i = 0; i < 6; ++i) {
-    double sum = b[i];
-    for (std::size_t k = 0; k < i; ++k) sum -= l[6 * i + k] * x[k];
-    x[i] = sum / l[7 * i];
-  }
-  for (std::size_t i = 6; i-- > 0;) {
-    double sum = x[i];
-    for (std::size_t k = i + 1; k < 6; ++k) sum -= l[6 * k + i] * x[k];
-    x[i] = sum / l[7 * i];
-  }
-  return true;
-}
-
 std::optional<PoseFit> fit_pose(std::span<const Match> matches, const Lens& lens, const Pose& start,
                                 const Loss& loss) {
   Pose pose = start;
@@ -117,7 +90,7 @@ std::optional<PoseFit> fit_pose(std::span<const Match> matches, const Lens& lens
     std::array<double, 36> a = n.a;
     for (std::size_t i = 0; i < 6; ++i) a[7 * i] *= 1 + damping;
     std::array<double, 6> x{};
-    if (!solve6(a, n.b, x)) {
+    if (!solve_symmetric<6>(a, n.b, x)) {
       damping = damping * 10 + 1e-9;
       continue;
     }

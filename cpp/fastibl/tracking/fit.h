@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fastibl/scene/camera.h"
+#include "fastibl/tracking/solve.h"
 
 namespace fastibl {
 
@@ -48,9 +49,5 @@ std::optional<Pose> pose_from_homography(std::span<const Match> matches, const L
 // The other pose that weak perspective cannot tell apart: the plane's normal mirrored about the
 // direction in which `centre` is seen.
 Pose mirrored_pose(const Pose& camera_from_marker, const glm::dvec2& centre);
-
-// Solves A x = b for symmetric positive definite A (6 × 6, row major). False where it is not.
-bool solve6(const std::array<double, 36>& a, const std::array<double, 6>& b,
-            std::array<double, 6>& x);
 
 }  // namespace fastibl

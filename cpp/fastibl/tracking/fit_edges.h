@@ -18,6 +18,10 @@ struct EdgeFit {
   double motion = 0;             // px: by how much the fit moved the points, root mean square
   std::vector<float> deviation;  // px: of each point, from the scatter of its kind
   std::vector<bool> used;        // points that agree
+  // Of a rolling shutter: the rows' motion, and what is known of it and of the pose together;
+  // `information` is then that of a known motion.
+  RowMotion row_motion;
+  UnknownMatrix row_information{};
 };
 
 // By a turn w and a shift d in the camera frame.
@@ -29,6 +33,24 @@ Pose moved(const Pose& pose, const std::array<double, 6>& x);
 // Nothing for fewer than 8 points or where they leave a motion open.
 std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
                                  const Pose& pose);
+
+// The same for a rolling shutter, with the motion of its rows. What the edges leave open is settled
+// by what is expected: of a plane, pose and motion are told apart by less than a pixel.
+std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
+                                 const Pose& pose, const Rows& rows, const RowPrior& prior);
+
+// What the points alone say of pose and motion, which measured them: the normal equations of a
+// change of all parameters.
+struct RowEvidence {
+  UnknownMatrix information{};
+  RowVector change{};  // information times the change that the points ask for
+};
+std::optional<RowEvidence> row_evidence(std::span<const EdgePoint> points, const Lens& lens,
+                                        const Pose& pose, const Rows& rows);
+
+// The points as a global shutter shows them that takes the whole picture with the row of the pose.
+std::vector<EdgePoint> unrolled(std::span<const EdgePoint> points, const Lens& lens,
+                                const Pose& pose, const Rows& rows);
 
 // Sum of squared distances of the found edges from where a pose puts them, by their deviations,
 // each at most as far as counts; of the points that the fit used.

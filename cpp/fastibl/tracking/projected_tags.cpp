@@ -31,26 +31,63 @@ double match_at(const LightReader& light, const BoardPattern& pattern,
   return sum;
 }
 
+// Rows and flow of the nodes lie between those of the corners; stops at the first that is not seen.
+void project_rolling(const TagPattern& tag, std::size_t stride, const Lens& lens, const Pose& pose,
+                     const Rows& rows, std::vector<glm::dvec2>& out) {
+  const std::size_t n = stride - 1, ends[4] = {0, n, n * stride, n * stride + n};
+  Rows::Seen corners[4];
+  double guess = 0;
+  for (int k = 0; k < 4; ++k) {
+    const auto seen = rows.project(lens, pose * glm::dvec3(tag.nodes[ends[k]], 0), guess);
+    if (!seen) return;
+    corners[k] = *seen, guess = seen->later;
+  }
+  for (std::size_t k = 0; k < tag.nodes.size(); ++k) {
+    const double x = double(k % stride) / double(n), y = double(k / stride) / double(n);
+    const double w[4] = {(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y};
+    double later = 0;
+    glm::dvec2 flow(0);
+    for (int c = 0; c < 4; ++c) later += w[c] * corners[c].later, flow += w[c] * corners[c].flow;
+    const auto pixel = rows.project(lens, pose * glm::dvec3(tag.nodes[k], 0), later, flow);
+    if (!pixel) return;
+    out.push_back(*pixel);
+  }
+}
+
 }  // namespace
 
 std::vector<ProjectedTag> project_tags(const BoardPattern& pattern, const Camera& camera,
-                                       const Lens& lens, const Pose& pose) {
+                                       const Lens& lens, const Pose& pose, const Rows* rows) {
   std::vector<ProjectedTag> tags;
   if (!(pose.inverse().translation.z > 0)) return tags;  // its back is no board
   tags.reserve(pattern.tags.size());
   for (std::size_t k = 0; k < pattern.tags.size(); ++k) {
     ProjectedTag tag{k, {}, 0};
     tag.nodes.reserve(pattern.tags[k].nodes.size());
-    for (const glm::dvec2& node : pattern.tags[k].nodes) {
-      const auto pixel = lens.project(pose * glm::dvec3(node, 0));
-      if (!pixel) break;
-      tag.nodes.push_back(*pixel);
+    if (rows) {
+      project_rolling(pattern.tags[k], std::size_t(pattern.nodes()), lens, pose, *rows, tag.nodes);
+    } else {
+      for (const glm::dvec2& node : pattern.tags[k].nodes) {
+        const auto pixel = lens.project(pose * glm::dvec3(node, 0));
+        if (!pixel) break;
+        tag.nodes.push_back(*pixel);
+      }
     }
     if (tag.nodes.size() != pattern.tags[k].nodes.size() || outside(tag, camera)) continue;
     tag.module = module_of(tag, pattern.nodes());
     if (std::isfinite(tag.module)) tags.push_back(std::move(tag));
   }
   return tags;
+}
+
+double middle_share(const BoardPattern& pattern, const Camera& camera, const Lens& lens,
+                    const Pose& pose) {
+  double sum = 0;
+  int count = 0;
+  for (const TagPattern& tag : pattern.tags)
+    if (const auto pixel = lens.project(pose * glm::dvec3(tag.nodes[tag.nodes.size() / 2], 0)))
+      if (camera.inside(*pixel)) sum += pixel->y / camera.height, ++count;
+  return count > 0 ? sum / count : 0.5;
 }
 
 double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag,

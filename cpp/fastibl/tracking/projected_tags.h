@@ -6,6 +6,7 @@
 
 #include "fastibl/scene/camera.h"
 #include "fastibl/tracking/light_reader.h"
+#include "fastibl/tracking/rows.h"
 #include "fastibl/tracking/tag_edges.h"
 
 namespace fastibl {
@@ -16,9 +17,14 @@ struct ProjectedTag {
   double module = 0;              // px, the shorter way across, at the tag's centre
 };
 
-// Those of which at least a part may be in the picture.
+// Those of which at least a part may be in the picture. rows: of a rolling shutter, null for none.
 std::vector<ProjectedTag> project_tags(const BoardPattern& pattern, const Camera& camera,
-                                       const Lens& lens, const Pose& camera_from_marker);
+                                       const Lens& lens, const Pose& camera_from_marker,
+                                       const Rows* rows = nullptr);
+
+// Share of the picture's height at which the board is, 0 to 1.
+double middle_share(const BoardPattern& pattern, const Camera& camera, const Lens& lens,
+                    const Pose& camera_from_marker);
 
 // Correlation of the picture at the data modules with the tag's code, −1 to 1; other codes of the
 // family reach 0.39. 0 where less than half of the tag is in the picture, or it is uniform there.

@@ -51,6 +51,9 @@ RotationTracker::RotationTracker(Rig rig, RotationTrackingOptions options)
       back_lens_(rig_.back),
       back_rays_(rig_.back, back_lens_) {
   rig_.back.validate();
+  check(rig_.back.model == CameraModel::perspective &&
+            (!rig_.front || rig_.front->model == CameraModel::perspective),
+        "a rotation is tracked with perspective cameras alone");
   if (rig_.front)
     rig_.front->validate(), front_lens_.emplace(*rig_.front),
         front_rays_.emplace(*rig_.front, *front_lens_);
@@ -83,7 +86,7 @@ Agreement RotationTracker::compare(const glm::dmat3& back_from_marker,
 // A new rotation, near that of `state`, with its own covariance; the velocity follows it.
 void RotationTracker::correct(State& state, const glm::dmat3& rotation,
                               const glm::dmat3& covariance) {
-  const glm::dvec3 w = vector_from_rotation(glm::transpose(state.rotation) * rotation);
+  const glm::dvec3 w = rotation_vector(glm::transpose(state.rotation) * rotation);
   const glm::dmat3 inverse = glm::inverse(state.ww), vw = glm::transpose(state.wv);
   const glm::dmat3 gain = vw * inverse;  // of the velocity
   state.velocity += gain * w;
@@ -122,7 +125,7 @@ RotationTracker::State RotationTracker::predicted(double time,
   s.time = time;
   if (turn) {
     const glm::dmat3 rotation = orthonormal(*turn * s.rotation);
-    const glm::dvec3 w = vector_from_rotation(glm::transpose(s.rotation) * rotation);
+    const glm::dvec3 w = rotation_vector(glm::transpose(s.rotation) * rotation);
     s.rotation = rotation;
     if (t > 0) {
       const double noise = options_.gyro_noise * options_.gyro_noise;

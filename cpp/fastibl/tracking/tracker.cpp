@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fastibl/tracking/fit.h"
+#include "fastibl/tracking/roll_corners.h"
 
 namespace fastibl {
 namespace {
@@ -11,6 +12,7 @@ namespace {
 constexpr std::size_t kMostStarts = 8;   // largest tags whose own pose is tried as a start
 constexpr double kSmallestNoise = 0.02;  // px; corners closer than this are not told apart
 constexpr double kUnmeasured = 8;        // noise of a detector's corner by that of a measured one
+constexpr double kRollingResidual = 4;   // px, at a degree or two in a readout
 constexpr double kAmbiguous = 0.5;       // ratio of costs, see tests/test_tracking.py
 constexpr double kSameMinimum =
     0.5 * std::numbers::pi / 180;  // choosing wrong costs less than this
@@ -162,7 +164,7 @@ bool invert(const std::array<double, 36>& a, std::array<double, 36>& inverse) {
   for (std::size_t c = 0; c < 6; ++c) {
     std::array<double, 6> unit{}, x{};
     unit[c] = 1;
-    if (!solve6(a, unit, x)) return false;
+    if (!solve_symmetric<6>(a, unit, x)) return false;
     for (std::size_t r = 0; r < 6; ++r) inverse[6 * r + c] = x[r];
   }
   return true;
@@ -211,9 +213,9 @@ std::optional<DetectedTag> expected_tag(const DetectedTag& seen, const Board& bo
   return tag;
 }
 
-std::optional<Tracked> fit_tags(const Detection& detection, std::span<const double> noise,
-                                const Board& board, const Camera& camera,
-                                const TrackingOptions& options) {
+std::optional<Tracked> fit_still(const Detection& detection, std::span<const double> noise,
+                                 const Board& board, const Camera& camera,
+                                 const TrackingOptions& options) {
   const double expected = noise.empty() ? options.detected_noise_px : options.refined_noise_px;
   const Lens lens(camera);
   std::vector<Seen> seen = seen_tags(detection.tags, noise, board);
@@ -268,6 +270,24 @@ std::optional<Tracked> fit_tags(const Detection& detection, std::span<const doub
   const double variance =
       std::max(expected * expected, fit.best->cost / std::max(2.0, 2.0 * double(good.size()) - 6));
   for (double& c : tracked.covariance) c *= variance;
+  return tracked;
+}
+
+// Of a rolling shutter: first as if all corners were seen at once, of which they may be pixels off.
+std::optional<Tracked> fit_tags(const Detection& detection, std::span<const double> noise,
+                                const Board& board, const Camera& camera,
+                                const TrackingOptions& options) {
+  if (!(camera.readout > 0)) return fit_still(detection, noise, board, camera, options);
+  TrackingOptions wider = options;
+  wider.largest_residual_px += kRollingResidual;
+  auto tracked = fit_still(detection, noise, board, camera, wider);
+  if (!tracked) return std::nullopt;
+  roll_corners(board, camera, noise.empty() ? options.detected_noise_px : options.refined_noise_px,
+               *tracked);
+  double largest = 0;
+  for (const DetectedTag& tag : tracked->tags) largest = std::max(largest, side_px(tag));
+  if (tracked->last_row && !(tracked->residual_px <= options.largest_residual_px + 0.02 * largest))
+    return std::nullopt;
   return tracked;
 }
 

@@ -24,7 +24,10 @@ struct TrackingOptions {
 };
 
 struct Tracked {
+  // When the picture's time is; of a rolling shutter: of the first row, in the middle of whose
+  // exposure that is.
   Pose camera_from_marker;
+  std::optional<Pose> last_row;  // Camera::readout later; nothing for a global shutter
   // RMS distance between seen and expected corners of `tags`; with `edges`, the median distance
   // between seen and expected edges.
   double residual_px = 0;

@@ -7,6 +7,6 @@ exit code 2.
 
 from __future__ import annotations
 
-from . import board, demo, export, render, simulate
+from . import board, calibrate, demo, export, live, record, render, simulate
 
-ALL = (demo, render, simulate, export, board)
+ALL = (demo, render, simulate, live, record, export, board, calibrate)

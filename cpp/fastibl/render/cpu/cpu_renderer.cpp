@@ -17,8 +17,8 @@ class CpuRenderer final : public Renderer {
         ShadowOptions options;
         options.method = in.methods.shadow;
         options.settings = in.methods.shadow_settings;
-        shadow_ =
-            caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance, in.scene, options);
+        shadow_ = caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance, in.scene,
+                               options, in.lighting.near_lights);
         return;
       }
       case PassId::shade: {

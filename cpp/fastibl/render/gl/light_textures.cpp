@@ -163,7 +163,8 @@ void LightTextures::bind_radiance(Gpu& gpu, const Program& p) const {
   glUniform1f(p.uniform("top_level"), float(radiance_levels_ - 1));
 }
 
-void LightTextures::bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe) {
+void LightTextures::bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe,
+                               const Lighting& lighting) {
   constexpr int n = GlossyLobe::kColumns, taps = GlossyLobe::kMaxTaps;
   std::vector<glm::vec4> table(std::size_t(n) * (taps + 2));
   for (int c = 0; c < n; ++c) {
@@ -179,14 +180,14 @@ void LightTextures::bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lob
   glUniform1f(p.uniform("exponent"), lobe.exponent);
   glUniform1f(p.uniform("harmonics_share"), lobe.harmonics);
   glUniform3fv(p.uniform("harmonics"), 25, &chain_->harmonics[0].x);
-  bind_lobes(gpu, p);
+  bind_lobes(gpu, p, lighting);
 }
 
-void LightTextures::bind_lobes(Gpu& gpu, const Program& p) const {
+void LightTextures::bind_lobes(Gpu& gpu, const Program& p, const Lighting& lighting) const {
   bind_radiance(gpu, p);
   gpu.bind("chain", lobes_, GL_TEXTURE_CUBE_MAP);
   gpu.bind("first_lobe", first_lobe_, GL_TEXTURE_CUBE_MAP);
-  const LightArrays lights = arrays_of(*chain_);
+  const LightArrays lights = arrays_of(lighting);
   std::array<glm::vec4, kMaxLights> places, fluxes;
   for (int i = 0; i < kMaxLights; ++i) {
     places[std::size_t(i)] = {lights.x[i], lights.y[i], lights.z[i], lights.variance[i]};
@@ -195,6 +196,7 @@ void LightTextures::bind_lobes(Gpu& gpu, const Program& p) const {
   glUniform1i(p.uniform("light_count"), lights.count);
   glUniform4fv(p.uniform("light_place"), kMaxLights, &places[0].x);
   glUniform4fv(p.uniform("light_flux"), kMaxLights, &fluxes[0].x);
+  glUniform1fv(p.uniform("light_distance"), kMaxLights, lights.inverse_distance);
 }
 
 void LightTextures::bind_baked(Gpu& gpu, const Program& p) const {

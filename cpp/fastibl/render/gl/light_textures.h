@@ -26,8 +26,9 @@ class LightTextures {
 
   // What was uploaded last, for the program in use.
   void bind_radiance(Gpu& gpu, const Program& p) const;
-  void bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe);
-  void bind_lobes(Gpu& gpu, const Program& p) const;  // of the chain, and its lights
+  void bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe, const Lighting& lighting);
+  // Of the chain that was uploaded, which is the lighting's, and its lights.
+  void bind_lobes(Gpu& gpu, const Program& p, const Lighting& lighting) const;
   void bind_baked(Gpu& gpu, const Program& p) const;
 
  private:

@@ -68,6 +68,18 @@ std::string distortion(const Camera& camera) {
   return Lens(camera).trivial() ? "DISTORTION 0" : "DISTORTION 1";
 }
 
+std::string box(const Lighting& lighting) { return lighting.box ? "BOX 1" : "BOX 0"; }
+
+// From where the map is seen, and of which walls.
+void set_surroundings(const Program& p, const Lighting& lighting) {
+  const glm::vec3 centre = lighting.near_lights.centre;
+  glUseProgram(p.id());
+  set(p, "map_centre", centre);
+  if (!lighting.box) return;
+  set(p, "box_lower", glm::vec3(lighting.box->lower - glm::dvec3(centre)));
+  set(p, "box_upper", glm::vec3(lighting.box->upper - glm::dvec3(centre)));
+}
+
 void set_projection(const Program& p, const RenderInput& in, const Pose& pose) {
   set(p, "camera_from_object", glm::mat3(pose.rotation));
   set(p, "camera_from_object_shift", glm::vec3(pose.translation));
@@ -162,9 +174,11 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
   const Irradiance& e = in.lighting.irradiance;
   const int variant =
       lit(m.diffuse) || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
-  const Program& p = gpu.use(
-      "shade", {"DIFFUSE " + std::to_string(variant), "GLOSSY " + std::to_string(int(glossy)),
-                paper ? "PAPER 1" : "PAPER 0", "HOLDOUT 0", distortion(in.camera)});
+  const Program& p =
+      gpu.use("shade", {"DIFFUSE " + std::to_string(variant),
+                        "GLOSSY " + std::to_string(int(glossy)), paper ? "PAPER 1" : "PAPER 0",
+                        "HOLDOUT 0", box(in.lighting), distortion(in.camera)});
+  set_surroundings(p, in.lighting);
   set(p, "emission", m.emission);
   set(p, "diffuse_albedo", m.diffuse);
   set(p, "glossy_albedo", m.glossy);
@@ -196,7 +210,8 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
       glUseProgram(p.id());
       light.bind_chain(gpu, p,
                        GlossyLobe(*in.lighting.chain, in.lighting.glossy_settings.taps,
-                                  std::max(m.exponent, 1.0f)));
+                                  std::max(m.exponent, 1.0f)),
+                       in.lighting);
       glUniform1f(p.uniform("matte_share"), std::max(1 - m.exponent, 0.0f));
   }
   set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
@@ -227,18 +242,19 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   else
     light.upload_radiance(gpu, in.lighting.radiance);
   material_.upload(gpu, in.scene.material);
-  const Program& p =
-      gpu.use("shade", {"DIFFUSE " + std::to_string(variant), chain ? "GLOSSY 7" : "GLOSSY 6",
-                        "PAPER 0", "HOLDOUT 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
-                        has("METALLIC_MAP", m.metallic_map != nullptr),
-                        has("ROUGHNESS_MAP", m.roughness_map != nullptr),
-                        has("EMISSION_MAP", m.emission_map != nullptr),
-                        has("NORMAL_MAP", m.normal_map != nullptr),
-                        has("ANISOTROPIC", m.anisotropy > 0), distortion(in.camera)});
+  const Program& p = gpu.use(
+      "shade",
+      {"DIFFUSE " + std::to_string(variant), chain ? "GLOSSY 7" : "GLOSSY 6", "PAPER 0",
+       "HOLDOUT 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
+       has("METALLIC_MAP", m.metallic_map != nullptr),
+       has("ROUGHNESS_MAP", m.roughness_map != nullptr),
+       has("EMISSION_MAP", m.emission_map != nullptr), has("NORMAL_MAP", m.normal_map != nullptr),
+       has("ANISOTROPIC", m.anisotropy > 0), box(in.lighting), distortion(in.camera)});
+  set_surroundings(p, in.lighting);
   set_irradiance(gpu, light, p, variant, e);
   glUseProgram(p.id());
   if (chain)
-    light.bind_lobes(gpu, p);
+    light.bind_lobes(gpu, p, in.lighting);
   else
     light.bind_radiance(gpu, p);
   glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
@@ -275,8 +291,8 @@ void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p,
 // Their ratios, where they are seen.
 void ShadePass::draw_holdout(Gpu& gpu, const RenderInput& in) {
   gpu.allocate(holdout_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
-  const Program& p =
-      gpu.use("shade", {"HOLDOUT 1", "DIFFUSE 0", "GLOSSY 0", "PAPER 0", distortion(in.camera)});
+  const Program& p = gpu.use(
+      "shade", {"HOLDOUT 1", "DIFFUSE 0", "GLOSSY 0", "PAPER 0", "BOX 0", distortion(in.camera)});
   set_projection(p, in, in.camera_from_marker);
   gpu.bind("visible", visible_);
   holdout_mesh_.bind(gpu);

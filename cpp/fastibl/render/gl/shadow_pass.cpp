@@ -32,7 +32,8 @@ void ShadowPass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   // A method without a shader is the CPU's. Of the others this gives place and size: a map of
   // 2 × 2 has border texels only, at which nothing is cast.
   options.resolution = caps ? 2 : 0;
-  shadow_ = caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance, in.scene, options);
+  shadow_ = caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance, in.scene, options,
+                         in.lighting.near_lights);
   read_ = true;
   if (!caps) {
     upload(gpu, shadow_.ratio, ratio_);

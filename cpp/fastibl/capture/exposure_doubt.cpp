@@ -1,0 +1,70 @@
+#include "fastibl/capture/exposure_doubt.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fastibl {
+namespace {
+
+constexpr double kTolerance = 0.18;  // ln: a fifth brighter or darker is nothing to wonder about
+constexpr double kUniform = 0.3;     // spread of ln within a picture that is off as a whole
+constexpr double kUsable = 0.6;      // the same of one that an exposure is read from
+constexpr double kSame = 0.15;       // ln: two pictures are off alike
+constexpr double kStays = 0.2;       // seconds, and
+constexpr int kPictures = 4;         // pictures: what is off as long is the place
+
+glm::dvec3 log_of(const PictureLevel& level, double told) {
+  return glm::dvec3(std::log(level.exposure / told)) + glm::log(level.tint);
+}
+double largest(const glm::dvec3& v) {
+  return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
+}
+
+}  // namespace
+
+Taken ExposureDoubt::without_word(std::span<const LevelProbe> probes) {
+  const std::optional<PictureLevel> level = fit_level(probes);
+  if (!level || level->spread > kUsable) {
+    // Only the first picture of a camera may set the scale of what it shows.
+    const bool first = !placed_ && int(probes.size()) < kLeastProbes;
+    return {first ? TakenAs::assumed : TakenAs::left_out, 1, glm::dvec3(1), 0, int(probes.size())};
+  }
+  return {TakenAs::estimated, level->exposure, glm::dvec3(1), level->deviation(), level->count};
+}
+
+// Whether pictures have been off alike for so long that it is the place. log_ratio: nothing where a
+// picture only tells that it is off.
+bool ExposureDoubt::confirmed(const std::optional<glm::dvec3>& log_ratio, double time) {
+  const bool same = doubt_ && (!log_ratio || !doubt_->log_ratio ||
+                               largest(*log_ratio - *doubt_->log_ratio) <= kSame);
+  if (!same) doubt_ = Doubt{log_ratio, time, 0};
+  if (log_ratio) doubt_->log_ratio = log_ratio;
+  ++doubt_->pictures;
+  return doubt_->pictures >= kPictures && time - doubt_->since >= kStays;
+}
+
+Taken ExposureDoubt::judge(std::span<const LevelProbe> probes, std::optional<double> told,
+                           double time) {
+  Taken taken;
+  if (!told) {
+    taken = without_word(probes);
+    placed_ |= taken.as != TakenAs::left_out;
+    return taken;
+  }
+  placed_ = true;
+  taken.exposure = *told, taken.probes = int(probes.size());
+  const std::optional<PictureLevel> level = fit_level(probes);
+  if (!level) {  // no word on past doubts either
+    if (is_far_off(probes, *told) && !confirmed({}, time)) taken.as = TakenAs::left_out;
+    return taken;
+  }
+  const glm::dvec3 ratio = log_of(*level, *told);
+  if (level->spread > kUniform || largest(ratio) <= kTolerance) {
+    doubt_.reset();
+    return taken;
+  }
+  if (confirmed(ratio, time)) return taken;
+  return {TakenAs::corrected, level->exposure, level->tint, level->deviation(), level->count};
+}
+
+}  // namespace fastibl

@@ -1,0 +1,120 @@
+#include "fastibl/capture/light_meter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "fastibl/capture/code_sums.h"
+#include "fastibl/scene/tag_codes.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kAcross = 40;              // places along the longer side of the page
+constexpr double kMargin = 0.004;        // metres of the page's border, where it may curl
+constexpr double kLeastPixels = 2.5;     // from a place to the nearest ink: more than lens blur
+constexpr std::size_t kLeastPlaces = 8;  // that tell an irradiance
+constexpr double kSteepest = 0.17;       // sine of the view above the plane: paper shines below
+
+double distance_to_segment(const glm::dvec2& p, const glm::dvec2& a, const glm::dvec2& b) {
+  const glm::dvec2 ab = b - a;
+  const double t = std::clamp(glm::dot(p - a, ab) / glm::dot(ab, ab), 0.0, 1.0);
+  return glm::length(p - (a + t * ab));
+}
+
+// Metres from a place to a tag's outline; negative inside.
+double distance_to(const glm::dvec2& p, const Tag& tag) {
+  double nearest = std::numeric_limits<double>::infinity();
+  bool inside = true;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const glm::dvec2 &a = tag.corners[k], &b = tag.corners[(k + 1) % 4];
+    nearest = std::min(nearest, distance_to_segment(p, a, b));
+    inside = inside && (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x) <= 0;  // clockwise
+  }
+  return inside ? -nearest : nearest;
+}
+
+// A pixel's encoded values, 0 to 1; of float pictures the linear ones.
+glm::vec3 pixel_of(const Picture& picture, int x, int y) {
+  const std::uint8_t* row = picture.row(y);
+  const auto of = [&](const auto* p, float white) {
+    return glm::vec3(p[3 * x], p[3 * x + 1], p[3 * x + 2]) / white;
+  };
+  switch (picture.type) {
+    case PixelType::uint8:
+      return of(row, 255.0f);
+    case PixelType::uint16:
+      return of(reinterpret_cast<const std::uint16_t*>(row), 65535.0f);
+    default:
+      return of(reinterpret_cast<const float*>(row), 1.0f);
+  }
+}
+
+}  // namespace
+
+LightMeter::LightMeter(const Board& board, double albedo) : albedo_(albedo) {
+  const double step = std::max(board.width, board.height) / kAcross;
+  const auto add = [&](glm::dvec2 at, double free, const Tag* within) {
+    for (const Tag& tag : board.tags)
+      if (&tag != within) free = std::min(free, distance_to(at, tag));
+    if (free > 0) places_.push_back({at, free});
+  };
+  for (double y = kMargin - board.height / 2; y <= board.height / 2 - kMargin; y += step)
+    for (double x = kMargin - board.width / 2; x <= board.width / 2 - kMargin; x += step)
+      add({x, y}, std::numeric_limits<double>::infinity(), nullptr);
+  // White modules of the tags: large ones leave little paper around them.
+  const int modules = kTagModules + 2 * board.border_bits;
+  for (const Tag& tag : board.tags)
+    for (int row = 0; row < kTagModules; ++row)
+      for (int column = 0; column < kTagModules; ++column) {
+        if (tag_module_black(tag.id, row, column)) continue;
+        const double u = (column + board.border_bits + 0.5) / modules,
+                     v = (row + board.border_bits + 0.5) / modules;
+        const glm::dvec2 upper = glm::mix(tag.corners[0], tag.corners[1], u),
+                         lower = glm::mix(tag.corners[3], tag.corners[2], u);
+        add(glm::mix(upper, lower, v), 0.5 * glm::length(tag.corners[1] - tag.corners[0]) / modules,
+            &tag);
+      }
+}
+
+std::optional<glm::dvec3> LightMeter::read(const Picture& picture, const Camera& camera,
+                                           const Lens& lens, const Pose& camera_from_marker,
+                                           double exposure) const {
+  const glm::dvec3 eye = camera_from_marker.inverse().translation;
+  if (!(eye.z > kSteepest * glm::length(eye))) return std::nullopt;
+  const bool encoded = picture.type != PixelType::float32;
+  constexpr float kClipped = CodeTable::kClippedCode / 255.0f;
+  std::vector<float> values[3];
+  std::size_t clipped = 0;  // of which only a bound is known
+  for (const Place& place : places_) {
+    const glm::dvec3 seen = camera_from_marker * glm::dvec3(place.at, 0);
+    const auto pixel = lens.project(seen);
+    if (!pixel) continue;
+    const int x = int(std::floor(pixel->x)), y = int(std::floor(pixel->y));
+    if (x < 1 || y < 1 || x >= camera.width - 1 || y >= camera.height - 1) continue;
+    // The plane is seen shortest along the view.
+    const double distance = glm::length(seen), sine = eye.z / distance;
+    if (place.free * sine * std::min(camera.fx, camera.fy) / distance < kLeastPixels) continue;
+    const glm::vec3 value = pixel_of(picture, x, y);
+    if (encoded && (value.x >= kClipped || value.y >= kClipped || value.z >= kClipped)) {
+      ++clipped;
+      continue;
+    }
+    const double scale =
+        std::numbers::pi / albedo_ / (exposure * camera.gain * camera.vignette({x + 0.5, y + 0.5}));
+    for (int c = 0; c < 3; ++c)
+      values[c].push_back(
+          float(scale * double(encoded ? camera.response.decode(value[c]) : value[c])));
+  }
+  if (values[0].size() < kLeastPlaces || clipped > values[0].size()) return std::nullopt;
+  glm::dvec3 out(0);
+  for (int c = 0; c < 3; ++c) {
+    const auto middle = values[c].begin() + std::ptrdiff_t(values[c].size() / 2);
+    std::nth_element(values[c].begin(), middle, values[c].end());
+    out[c] = double(*middle);
+  }
+  return out;
+}
+
+}  // namespace fastibl

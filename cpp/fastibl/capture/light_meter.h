@@ -1,0 +1,34 @@
+// The board's white paper as a light meter: what light falls on the plane.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "fastibl/core/pose.h"
+#include "fastibl/core/vector.h"
+#include "fastibl/scene/board.h"
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/picture.h"
+
+namespace fastibl {
+
+class LightMeter {
+ public:
+  // albedo: of the paper.
+  LightMeter(const Board& board, double albedo);
+
+  // Irradiance of the plane, RGB: the median of white places, so that less than half of them may be
+  // shadowed or hidden. Nothing where too few of them are seen large enough, or they are clipped.
+  std::optional<glm::dvec3> read(const Picture& picture, const Camera& camera, const Lens& lens,
+                                 const Pose& camera_from_marker, double exposure) const;
+
+ private:
+  struct Place {
+    glm::dvec2 at;  // metres, marker frame
+    double free;    // metres to the nearest ink
+  };
+  std::vector<Place> places_;
+  double albedo_;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,36 @@
+// A map that is known from before: it stands for what no picture has seen.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "fastibl/capture/texel_state.h"
+#include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/cube_tiles.h"
+
+namespace fastibl {
+
+class PriorMap {
+ public:
+  // Of another size than the grid's: its MIP level, or interpolated.
+  PriorMap(const CubeMap& map, TileGrid grid);
+
+  // Finds the brightness of the place now against then, by channel: the median of tiles that were
+  // seen nearly whole. True if it moved by more than a small share.
+  bool match(const std::vector<TileSums>& sums, std::span<const double> tile_angle,
+             std::span<const int> tiles);
+
+  // As the place is now.
+  glm::vec3 mean(int tile) const { return gain_ * means_[std::size_t(tile)]; }
+  glm::vec3 texel(int tile, int k) const {
+    return gain_ * texels_[std::size_t(tile) * stride_ + std::size_t(k)];
+  }
+  glm::vec3 gain() const { return gain_; }
+
+ private:
+  std::size_t stride_;
+  std::vector<glm::vec3> texels_, means_;
+  glm::vec3 gain_{1};
+};
+
+}  // namespace fastibl

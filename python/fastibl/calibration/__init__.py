@@ -1,0 +1,26 @@
+"""What a rig has to know of itself, measured: lenses, responses, the board, and how its cameras sit to each other
+and when they take what they show.
+
+Each figure comes with its standard deviation, and where the data cannot support it, with a refusal instead: a
+ValueError that says what to photograph.
+"""
+
+from .board import BoardCalibration, calibrate_board
+from .intrinsics import CameraCalibration, calibrate_camera
+from .response import ResponseCalibration, calibrate_response
+from .rig import RigCalibration, calibrate_rig
+from .timing import PosePath, TimingCalibration, calibrate_timing
+
+__all__ = [
+    "BoardCalibration",
+    "CameraCalibration",
+    "PosePath",
+    "ResponseCalibration",
+    "RigCalibration",
+    "TimingCalibration",
+    "calibrate_board",
+    "calibrate_camera",
+    "calibrate_response",
+    "calibrate_rig",
+    "calibrate_timing",
+]

@@ -1,0 +1,128 @@
+"""The printed board as it is: where its tags are, how flat it lies, whether the printer kept its scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._fastibl import Board, Camera
+from .corners import Seen, find_corners, size_of
+
+_LEAST_PICTURES = 5
+_MOST_DEVIATION = 0.001  # of the board's size: of a corner's place
+
+
+@dataclass(frozen=True)
+class BoardCalibration:
+    """A board, and how well it is known.
+
+    board: with its tags where they were found, as large on the whole as it was said to be, or as `measured` says.
+    stretch: of its height against its width (1.002: printed 0.2 % too high). flatness: (tags, 4) metres by which
+    corners lie above the mean plane; deviation: standard deviation of a corner's place, metres. residual: RMS of
+    corners in pictures, pixels. scale: of the board against what it was said to be.
+    """
+
+    board: Board
+    stretch: float
+    flatness: NDArray[np.float64]
+    deviation: float
+    residual: float
+    scale: float
+
+    def __str__(self) -> str:
+        bend = 1000 * float(np.ptp(self.flatness))
+        return (
+            f"height against width {self.stretch:.5f}, scale {self.scale:.5f}; flat within {bend:.2f} mm; corners "
+            f"+- {1e6 * self.deviation:.0f} um; residual {self.residual:.3f} px"
+        )
+
+
+def calibrate_board(
+    pictures: Sequence[ArrayLike], board: Board, camera: Camera, *, measured: tuple[int, int, float] | None = None
+) -> BoardCalibration:
+    """Where a printed board's tags are (Strobl and Hirzinger 2011, by OpenCV).
+
+    pictures: (h, w, 3) uint8 RGB of the camera's size, each showing the whole board, from different sides. camera: what
+    calibrate_camera() found; its lens is fitted again together with the board. measured: two tags' ids and the distance
+    of their centres in metres, by a ruler: pictures alone cannot tell a scale, and the board keeps that of its width
+    without. Raises ValueError for fewer than five pictures of the whole board, unknown ids, or a board known worse than
+    within 0.1 % of its size.
+    """
+    size = size_of(pictures)
+    if size != (camera.width, camera.height):
+        raise ValueError(
+            f"the pictures must be the camera's {camera.width} x {camera.height}, got {size[0]} x {size[1]}"
+        )
+    ids = [tag.id for tag in board.tags]
+    if measured is not None and not {*measured[:2]} <= {*ids}:
+        raise ValueError(f"tags {measured[0]} and {measured[1]} are not both on the board")
+    whole = [s for s in (find_corners(p, board, camera) for p in pictures) if len(s.ids) == len(ids)]
+    if len(whole) < _LEAST_PICTURES:
+        raise ValueError(
+            f"{len(whole)} of {len(pictures)} pictures show all {len(ids)} tags; expected at least {_LEAST_PICTURES}"
+        )
+    found, residual, deviation = _release(whole, ids, camera)
+    nominal = np.array([tag.corners for tag in board.tags], np.float64)
+    found = _aligned(found.reshape(-1, 3), nominal.reshape(-1, 2)).reshape(nominal.shape[0], 4, 3)
+    across, up = _extent(found, nominal)
+    scale = 1 / across  # as wide as it is said to be
+    if measured is not None:
+        a, b = (found[ids.index(i)].mean(axis=0) for i in measured[:2])
+        scale = measured[2] / float(np.linalg.norm(a - b))
+    largest = float(np.ptp(nominal.reshape(-1, 2), axis=0).max())
+    if not deviation <= _MOST_DEVIATION * largest:
+        raise ValueError(
+            f"corners are known within {1000 * deviation:.2f} mm only; expected "
+            f"{1000 * _MOST_DEVIATION * largest:.2f}: more pictures, nearer, from all sides"
+        )
+    tags = [(i, scale * found[k, :, :2]) for k, i in enumerate(ids)]
+    return BoardCalibration(
+        Board(tags, scale * across * board.width, scale * up * board.height, board.border_bits),
+        up / across,
+        scale * found[..., 2],
+        scale * deviation,
+        residual,
+        scale * across,
+    )
+
+
+def _release(whole: Sequence[Seen], ids: Sequence[int], camera: Camera) -> tuple[NDArray[np.float64], float, float]:
+    """Corners (tags, 4, 3), the residual, and the standard deviation of their places."""
+    import cv2
+
+    order = [[s.ids.index(i) for i in ids] for s in whole]
+    points = [s.points().reshape(-1, 4, 3)[o].reshape(-1, 3) for s, o in zip(whole, order, strict=True)]
+    pixels = [s.opencv_pixels().reshape(-1, 4, 2)[o].reshape(-1, 2) for s, o in zip(whole, order, strict=True)]
+    # A point of the board that is held, far from the first: the farther, the better conditioned.
+    fixed = int(np.argmax(np.abs(points[0] - points[0][0]).sum(axis=1)))
+    residual, *_, found, _, _, deviations, _ = cv2.calibrateCameraROExtended(
+        points,
+        pixels,
+        (camera.width, camera.height),
+        fixed,
+        camera.opencv_matrix.copy(),
+        np.array([*camera.distortion, 0, 0, 0, 0, 0][:5]),
+        # Version 5 counts parameters wrongly where it eliminates the poses.
+        flags=cv2.CALIB_USE_INTRINSIC_GUESS | getattr(cv2, "CALIB_DISABLE_SCHUR_COMPLEMENT", 0),
+    )
+    return np.asarray(found, np.float64).reshape(-1, 4, 3), float(residual), float(np.median(np.ravel(deviations)))
+
+
+def _aligned(found: NDArray, nominal: NDArray) -> NDArray[np.float64]:
+    """Moved, turned and scaled as a whole onto the nominal plane (Umeyama 1991)."""
+    to = np.pad(nominal, ((0, 0), (0, 1)))
+    a, b = found - found.mean(axis=0), to - to.mean(axis=0)
+    u, s, vt = np.linalg.svd(b.T @ a)
+    signs = np.diag([1, 1, np.sign(np.linalg.det(u @ vt))])
+    scale = (s * np.diag(signs)).sum() / (a**2).sum()
+    return scale * a @ (u @ signs @ vt).T + to.mean(axis=0)
+
+
+def _extent(found: NDArray, nominal: NDArray) -> tuple[float, float]:
+    """Found against nominal size, across and up."""
+    f, n = found.reshape(-1, 3)[:, :2], nominal.reshape(-1, 2)
+    f, n = f - f.mean(axis=0), n - n.mean(axis=0)
+    return tuple(((f * n).sum(axis=0) / (n * n).sum(axis=0)).tolist())  # type: ignore[return-value]

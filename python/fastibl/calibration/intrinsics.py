@@ -1,0 +1,189 @@
+"""A camera's lens from pictures of the board."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._fastibl import Board, Camera, Pose, Response
+from .corners import Seen, find_corners, size_of
+
+_LEAST_TAGS = 3  # in a picture that counts
+_LEAST_PICTURES = 5
+_CELLS = (8, 6)  # that the picture is cut into, to see which parts of the lens were looked through
+_LEAST_CELLS = 0.5  # share of them with corners
+_MOST_DEVIATION = 0.01  # of the focal lengths
+_MOST_RESIDUAL = 2.0  # pixels
+_LEAST_TILT = 25  # degrees between the boards of two pictures
+_OUTLIER = 6  # times the median residual of pictures: shaken or bent
+
+
+@dataclass(frozen=True)
+class CameraCalibration:
+    """A camera, and how well it is known.
+
+    deviations: standard deviation of fx, fy, cx, cy (pixels) and of each distortion coefficient, for corners whose
+    errors are independent. residual: RMS of corners, pixels. pictures: indices of those used. poses:
+    camera_from_marker of each.
+    """
+
+    camera: Camera
+    deviations: dict[str, float]
+    residual: float
+    pictures: tuple[int, ...]
+    poses: tuple[Pose, ...]
+
+    def __str__(self) -> str:
+        c, d = self.camera, self.deviations
+        lines = [f"{n} {getattr(c, n):9.3f} +- {d[n]:.3f} px" for n in ("fx", "fy", "cx", "cy")]
+        lines += [f"{n} {v:9.5f} +- {d[n]:.5f}" for n, v in zip(list(d)[4:], c.distortion, strict=True)]
+        return "\n".join([*lines, f"residual {self.residual:.3f} px of {len(self.pictures)} pictures"])
+
+
+def calibrate_camera(
+    pictures: Sequence[ArrayLike],
+    board: Board,
+    *,
+    model: str = "perspective",
+    terms: int = 5,
+    response: Response | None = None,
+) -> CameraCalibration:
+    """Focal lengths, principal point and distortion from pictures of a flat board (Zhang 2000, by OpenCV).
+
+    pictures: (h, w, 3) uint8 RGB, of one size: of the board at different places and tilts. model: "perspective", with
+    terms = 4 (k1 k2 p1 p2), 5 (and k3) or 8 coefficients; or "fisheye", always with four. response: of the camera, for
+    corners in linear light; sRGB by default. Raises ValueError where pictures show too little of the board or of the
+    lens, or do not tell the focal length within 1 %.
+    """
+    if model not in ("perspective", "fisheye") or terms not in (4, 5, 8):
+        raise ValueError(f"expected a perspective model of 4, 5 or 8 terms or a fisheye, got {model} of {terms}")
+    width, height = size_of(pictures)
+    guess = Camera(width, height, 0.9 * width, 0.9 * width, width / 2, height / 2, response=response)
+    solve = _solve_fisheye if model == "fisheye" else _solve
+    lens = guess
+    for _ in range(2):  # corners are found again with the lens of the first round
+        seen = [find_corners(p, board, lens) for p in pictures]
+        used = [k for k, s in enumerate(seen) if len(s.ids) >= min(_LEAST_TAGS, len(board.tags))]
+        _check_views([seen[k] for k in used], (width, height), len(pictures))
+        found = solve([seen[k] for k in used], used, (width, height), terms, response)
+        if model == "fisheye":
+            break  # over a tag it hardly bends an edge
+        lens = found.camera
+    if not found.residual <= _MOST_RESIDUAL:
+        raise ValueError(
+            f"corners are {found.residual:.1f} px off a {model} lens, expected at most {_MOST_RESIDUAL}: is the board "
+            "flat and the right one, are pictures sharp?"
+        )
+    _check_tilts(found)
+    return found
+
+
+def _check_views(seen: Sequence[Seen], size: tuple[int, int], given: int) -> None:
+    if len(seen) < _LEAST_PICTURES:
+        raise ValueError(
+            f"{len(seen)} of {given} pictures show {_LEAST_TAGS} tags or more; expected at least {_LEAST_PICTURES}"
+        )
+    cells = set()
+    for s in seen:
+        at = s.pixels.reshape(-1, 2) / size * _CELLS
+        cells |= set(map(tuple, np.clip(at.astype(int), 0, np.array(_CELLS) - 1)))
+    share = len(cells) / (_CELLS[0] * _CELLS[1])
+    if share < _LEAST_CELLS:
+        raise ValueError(
+            f"the board covered {share:.0%} of the picture's parts; expected {_LEAST_CELLS:.0%}: show it near, in the "
+            "corners too"
+        )
+
+
+def _check_tilts(found: CameraCalibration) -> None:
+    advice = "tilt the board by 30 to 45 degrees to the camera, in different directions"
+    # Of boards that all face the camera, a wrong focal length agrees with a wrong distance.
+    normals = np.array([pose.rotation[:, 2] for pose in found.poses])
+    widest = float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
+    if widest < _LEAST_TILT:
+        raise ValueError(f"the board was turned by {widest:.0f} degrees only, expected {_LEAST_TILT}: {advice}")
+    for name, value in (("fx", found.camera.fx), ("fy", found.camera.fy)):
+        deviation = found.deviations[name] / value
+        if not deviation <= _MOST_DEVIATION:
+            raise ValueError(f"the pictures tell {name} only within {deviation:.1%}: {advice}")
+
+
+def _poses(rotations: Any, translations: Any) -> tuple[Pose, ...]:
+    return tuple(
+        Pose.from_rotation_vector(np.ravel(r), np.ravel(t)) for r, t in zip(rotations, translations, strict=True)
+    )
+
+
+def _solve(
+    seen: Sequence[Seen], used: Sequence[int], size: tuple[int, int], terms: int, response: Response | None
+) -> CameraCalibration:
+    import cv2
+
+    flags = {4: cv2.CALIB_FIX_K3, 5: 0, 8: cv2.CALIB_RATIONAL_MODEL}[terms]
+    while True:
+        points, pixels = [s.points() for s in seen], [s.opencv_pixels() for s in seen]
+        residual, K, lens, rotations, translations, deviations, _, by_picture = cv2.calibrateCameraExtended(
+            points, pixels, size, None, None, flags=flags
+        )
+        good = np.ravel(by_picture) <= _OUTLIER * np.median(by_picture)
+        if good.all() or good.sum() < _LEAST_PICTURES:
+            break
+        seen = [s for s, g in zip(seen, good, strict=True) if g]
+        used = [k for k, g in zip(used, good, strict=True) if g]
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")[: 4 + terms]
+    return CameraCalibration(
+        Camera.from_opencv(K, np.ravel(lens)[:terms].tolist(), size, response=response),
+        dict(zip(names, np.ravel(deviations)[: len(names)].tolist(), strict=True)),
+        float(residual),
+        tuple(used),
+        _poses(rotations, translations),
+    )
+
+
+def _solve_fisheye(
+    seen: Sequence[Seen], used: Sequence[int], size: tuple[int, int], terms: int, response: Response | None
+) -> CameraCalibration:
+    import cv2
+
+    points = [s.points()[None].astype(np.float64) for s in seen]
+    pixels = [s.opencv_pixels()[None].astype(np.float64) for s in seen]
+    flags = _flag("CALIB_RECOMPUTE_EXTRINSIC") | _flag("CALIB_FIX_SKEW") | _flag("CALIB_USE_INTRINSIC_GUESS")
+    focal = max(size) / np.pi  # of a circle that sees 180 degrees
+    start = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]])
+    residual, K, lens, rotations, translations = cv2.fisheye.calibrate(
+        points, pixels, size, start, np.zeros((4, 1)), flags=flags
+    )
+    # OpenCV states no deviations of a fisheye: from the derivative of all corners by all parameters.
+    blocks = []
+    for p, r, t in zip(points, rotations, translations, strict=True):
+        _, j = cv2.fisheye.projectPoints(p, r, t, K, lens)
+        blocks.append((j[:, :8], j[:, 8:14]))
+    deviations = _deviations(blocks, float(residual))
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
+    return CameraCalibration(
+        Camera.from_opencv(K, np.ravel(lens).tolist(), size, response=response, model="fisheye"),
+        dict(zip(names, deviations.tolist(), strict=True)),
+        float(residual),
+        tuple(used),
+        _poses(rotations, translations),
+    )
+
+
+def _flag(name: str) -> int:
+    """A flag of cv2.fisheye, which version 5 keeps in cv2."""
+    import cv2
+
+    return int(getattr(cv2.fisheye, name, None) or getattr(cv2, name))
+
+
+def _deviations(blocks: Sequence[tuple[NDArray, NDArray]], residual: float) -> NDArray[np.float64]:
+    """Of the parameters that all pictures share, the poses of each eliminated. residual: RMS length, pixels."""
+    information = 0.0
+    for shared, own in blocks:
+        within = own @ np.linalg.lstsq(own, shared, rcond=None)[0]
+        information = information + shared.T @ (shared - within)
+    return residual / np.sqrt(2) * np.sqrt(np.diag(np.linalg.inv(information)))

@@ -1,0 +1,345 @@
+"""When pictures are taken: a rolling shutter's readout, and the offset between two clocks, from a board in motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._fastibl import Board, Camera, Pose, _row_evidence
+from ..tracking import Tracker
+
+_FIRST_READOUT = 0.02  # seconds, to start from
+_LEAST_READOUT = 1e-3  # that a camera is tracked with
+_ROUNDS = 6
+_SETTLED = 2e-5  # seconds
+_LONGEST_GAP = 0.2  # seconds between pictures that belong together
+_LEAST_FRAMES = 12
+_BLOCKS = 10  # of the jackknife
+_WORST_READOUT, _WORST_OFFSET = 2e-3, 5e-3  # seconds; standard deviations beyond which nothing is told
+_ACCELERATION = (8.0, 4.0)  # radians, metres a squared second: what a hand is trusted with
+_JERK = (200.0, 80.0)  # and a cubed one
+_RIVAL = 1.5  # times the least mean square, within which another offset is as good
+
+
+@dataclass(frozen=True)
+class TimingCalibration:
+    """Times of a camera, in seconds, each with its standard deviation.
+
+    readout: from a picture's first row to its last. clock_offset: a picture stamped `time` begins at `time` +
+    clock_offset of the other clock; None where no other clock was given. frames: pictures that were used.
+    times, poses: of the tracked pictures, camera_from_marker of the first row: a clock for other cameras.
+    """
+
+    readout: float
+    readout_deviation: float
+    clock_offset: float | None
+    clock_offset_deviation: float | None
+    frames: int
+    times: NDArray[np.float64]
+    poses: tuple[Pose, ...]
+
+    def __str__(self) -> str:
+        told = [f"readout {1e3 * self.readout:.2f} +- {1e3 * self.readout_deviation:.2f} ms"]
+        if self.clock_offset is not None and self.clock_offset_deviation is not None:
+            told.append(f"clock offset {1e3 * self.clock_offset:.2f} +- {1e3 * self.clock_offset_deviation:.2f} ms")
+        return f"{', '.join(told)}, from {self.frames} pictures"
+
+
+class PosePath:
+    """Poses of another clock, read at any time between the first and the last of them.
+
+    times: (n,) seconds, increasing. poses: n Pose, target_from_world. path(time) turns and moves the target evenly
+    between neighbours; ValueError outside the times.
+    """
+
+    def __init__(self, times: ArrayLike, poses: Sequence[Pose] | ArrayLike):
+        self.times = np.asarray(times, np.float64)
+        self.poses = [p if isinstance(p, Pose) else Pose(p) for p in poses]
+        if self.times.ndim != 1 or len(self.times) != len(self.poses) or len(self.poses) < 2:
+            raise ValueError(f"expected two or more times and as many poses, got {self.times.shape}, {len(self.poses)}")
+        if not np.all(np.diff(self.times) > 0):
+            raise ValueError("times must increase")
+
+    def __call__(self, time: float) -> Pose:
+        first, last = self.times[0], self.times[-1]
+        if not first <= time <= last:
+            raise ValueError(f"poses are known from {first:g} to {last:g} s, not at {time:g} s")
+        k = min(int(np.searchsorted(self.times, time, side="right")) - 1, len(self.poses) - 2)
+        share = (time - self.times[k]) / (self.times[k + 1] - self.times[k])
+        a, b = self.poses[k], self.poses[k + 1]
+        rotation = _exp(share * _log(b.rotation @ a.rotation.T)) @ a.rotation
+        eye = (1 - share) * a.inverse().translation + share * b.inverse().translation
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = rotation, -rotation @ eye
+        return Pose(matrix)
+
+
+def calibrate_timing(
+    frames: Iterable[tuple[float, NDArray[np.uint8]]],
+    camera: Camera,
+    board: Board,
+    *,
+    poses: tuple[ArrayLike, Sequence[Pose] | ArrayLike] | None = None,
+    gyro: tuple[ArrayLike, ArrayLike] | None = None,
+    longest_offset: float = 0.25,
+) -> TimingCalibration:
+    """Readout of a camera, and its clock against another one, from pictures of a board while the camera moves.
+
+    frames: (time, (h, w, 3) uint8 RGB) in order, of the whole board if possible; one to three seconds of brisk
+    turns in several directions. camera: its lens; what it says of its readout does not count. poses: (times, Pose
+    or (n, 4, 4) or (n, 3, 3)) of anything that is fixed to the camera, target_from_world, by the other clock: a
+    motion capture system's, an arm's, or another camera's (`.times`, `.poses` of its calibration). gyro: (times,
+    (n, 3) radians a second) of a gyroscope fixed to the camera, about its own axes. How either is mounted need not
+    be known.
+    longest_offset: seconds to both sides in which the clock's offset is looked for.
+
+    Each picture's edges say how far the board moved while its rows were read; the poses of the pictures before and
+    after say how fast it moved. The readout is the ratio. The offset is where the turns between pictures agree
+    with those of the other clock, whatever the fixed rotation in between.
+
+    Raises ValueError where the pictures cannot tell: fewer than 12 with a pose, a readout less certain than 2 ms
+    or from the last row up, an offset less certain than 5 ms, at the end of the range, or one among several.
+    """
+    if poses is not None and gyro is not None:
+        raise ValueError("give poses or gyro, not both")
+    if not (np.isfinite(longest_offset) and longest_offset > 0):
+        raise ValueError(f"longest_offset must be positive seconds, got {longest_offset}")
+    shots = [(float(time), np.asarray(image)) for time, image in frames]
+    if len(shots) < _LEAST_FRAMES:
+        raise ValueError(f"timing needs {_LEAST_FRAMES} pictures or more, got {len(shots)}")
+    readout = _FIRST_READOUT
+    for _ in range(_ROUNDS):
+        before = readout
+        track = _Track(shots, _with_readout(camera, max(readout, _LEAST_READOUT)), board)
+        readout, deviation, used = track.readout()
+        if abs(readout - before) < _SETTLED:
+            break
+    if not deviation < _WORST_READOUT:
+        raise ValueError(
+            f"the motion does not tell the readout: {1e3 * readout:.1f} ms with a standard deviation of "
+            f"{1e3 * deviation:.1f} ms; turn the camera faster, in several directions, with the board in view"
+        )
+    if readout < -4 * deviation:
+        raise ValueError(f"the readout came out as {1e3 * readout:.2f} ms: are the pictures upside down?")
+    offset = offset_deviation = None
+    if poses is not None:
+        offset, offset_deviation = _offset(track, *_rotations(*poses), longest_offset, False)
+    elif gyro is not None:
+        offset, offset_deviation = _offset(track, *_integrated(*gyro), longest_offset, True)
+    return TimingCalibration(
+        max(readout, 0.0), deviation, offset, offset_deviation, used, track.times.copy(), tuple(track.poses)
+    )  # fmt: skip
+
+
+class _Track:
+    """The pictures with poses, as a camera with some readout sees them."""
+
+    def __init__(self, shots: list[tuple[float, NDArray]], camera: Camera, board: Board):
+        tracker = Tracker(board, camera)
+        found = [(time, image, tracked) for time, image in shots if (tracked := tracker.track(image, time)) is not None]
+        if len(found) < _LEAST_FRAMES:
+            raise ValueError(f"the board has a pose in {len(found)} pictures only; {_LEAST_FRAMES} are needed")
+        self.camera, self.board = camera, board
+        self.times = np.array([time for time, _, _ in found])
+        self.images = [image for _, image, _ in found]
+        self.tracked = [tracked for _, _, tracked in found]
+        self.poses = [tracked.camera_from_marker for tracked in self.tracked]
+
+    def readout(self) -> tuple[float, float, int]:
+        """Seconds, standard deviation, pictures.
+
+        With v the motion over a readout T that a picture shows, of information A, and u the velocity that the poses
+        around it tell: the least squares of v - T u.
+        """
+        products, squares = [], []
+        for k in range(1, len(self.times) - 1):
+            sums = self._evidence(k)
+            if sums is not None:
+                products.append(sums[0]), squares.append(sums[1])
+        if len(products) < _LEAST_FRAMES - 2:
+            raise ValueError(f"the motion is known in {len(products)} pictures only; {_LEAST_FRAMES - 2} are needed")
+        top, bottom = np.array(products), np.array(squares)
+        if not bottom.sum() > 0:
+            raise ValueError("the board does not move in the pictures")
+        # Pictures that a wrong pose spoils are left out; at most a fifth.
+        error = top - top.sum() / bottom.sum() * bottom
+        size = np.abs(error) / np.sqrt(np.maximum(bottom, 1e-30))
+        good = size <= max(5 * np.median(size), np.percentile(size, 80))
+        top, bottom = top[good], bottom[good]
+        value = top.sum() / bottom.sum()
+        blocks = np.arange(len(top)) * min(_BLOCKS, len(top)) // len(top)
+        without = [top[blocks != b].sum() / max(bottom[blocks != b].sum(), 1e-30) for b in np.unique(blocks)]
+        n = len(without)
+        return float(value), float(np.sqrt((n - 1) / n * np.sum((np.array(without) - value) ** 2))), len(top)
+
+    def _evidence(self, k: int) -> tuple[float, float] | None:
+        times, readout = self.times, self.camera.readout
+        if max(times[k] - times[k - 1], times[k + 1] - times[k]) > _LONGEST_GAP:
+            return None
+        tracked = self.tracked[k]
+        if tracked.last_row is None:  # by corners alone
+            return None
+        found = _row_evidence(self.images[k], self.board, self.camera, tracked.camera_from_marker, tracked.last_row)
+        if found is None:
+            return None
+        share, pose, A, b = found
+        place = pose.translation
+        # Pose and accelerations are free, the latter within a hand's reach.
+        A = A.copy()
+        spread = _about_board(np.array(_ACCELERATION) * readout**2, place)
+        A[12:18, 12:18] += np.linalg.inv(spread @ spread.T)
+        spread = _about_board(np.array(_JERK) * readout**3, place)
+        A[18:, 18:] += np.linalg.inv(spread @ spread.T)
+        rest = np.r_[:6, 12:24]
+        gain = np.linalg.solve(A[np.ix_(rest, rest)], A[rest, 6:12])
+        information = A[6:12, 6:12] - A[6:12, rest] @ gain
+        change = b[6:12] - gain.T @ b[rest]
+        shown = _motion(tracked.camera_from_marker, tracked.last_row, place)
+        speed = self._speed(k, share * readout, place)
+        return float(speed @ (information @ shown + change)), float(speed @ information @ speed)
+
+    def _speed(self, k: int, later: float, place: NDArray) -> NDArray[np.float64]:
+        """Of the motion, a second, `later` than picture k: of the polynomial through it and up to two on each side."""
+        near = [k - 1, k + 1]
+        for step in (-1, 1):
+            j = k + 2 * step
+            if 0 <= j < len(self.times) and abs(self.times[j] - self.times[j - step]) <= _LONGEST_GAP:
+                near.append(j)
+        t = self.times[near] - self.times[k]
+        motions = np.stack([_motion(self.poses[k], self.poses[j], place) for j in near])
+        powers = np.arange(1, len(near) + 1)
+        factors = np.linalg.solve(t[:, None] ** powers, motions)
+        return (powers * later ** (powers - 1)) @ factors
+
+
+def _motion(first: Pose, last: Pose, place: NDArray) -> NDArray[np.float64]:
+    """(w, d): a steady turn about the camera and its shift, as they move a board at `place`."""
+    turned = last.rotation @ first.rotation.T
+    w = _log(turned)
+    return np.concatenate([w, turned.T @ last.translation - first.translation + np.cross(w, place)])
+
+
+def _about_board(deviations: NDArray, place: NDArray) -> NDArray[np.float64]:
+    """(6, 6) from turns and shifts about the camera to (w, d) of a board at `place`."""
+    x, y, z = place
+    turn = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # w -> w x place
+    out = np.zeros((6, 6))
+    out[:3, :3], out[3:, :3], out[3:, 3:] = np.eye(3), turn, np.eye(3)
+    return out * np.repeat(deviations, 3)
+
+
+def _rotations(times: ArrayLike, poses: Sequence[Pose] | ArrayLike) -> tuple[NDArray, NDArray]:
+    times = np.asarray(times, np.float64)
+    matrices = np.array([p.matrix if isinstance(p, Pose) else p for p in poses], np.float64)
+    if times.ndim != 1 or matrices.shape[:1] != times.shape or matrices.shape[1:] not in ((3, 3), (4, 4)):
+        raise ValueError(f"poses must be (n,) times and n poses, got {times.shape} and {matrices.shape}")
+    return _checked(times, matrices[:, :3, :3])
+
+
+def _integrated(times: ArrayLike, rates: ArrayLike) -> tuple[NDArray, NDArray]:
+    """body_from_world, of a body that turns by `rates` about its own axes."""
+    times, rates = np.asarray(times, np.float64), np.asarray(rates, np.float64)
+    if times.ndim != 1 or rates.shape != (*times.shape, 3):
+        raise ValueError(f"gyro must be (n,) times and (n, 3) rates, got {times.shape} and {rates.shape}")
+    steps = _exp(-0.5 * (rates[1:] + rates[:-1]) * np.diff(times)[:, None])
+    rotations = [np.eye(3)]
+    for step in steps:
+        rotations.append(step @ rotations[-1])
+    return _checked(times, np.array(rotations))
+
+
+def _checked(times: NDArray, rotations: NDArray) -> tuple[NDArray, NDArray]:
+    if len(times) < 2 or not np.all(np.diff(times) > 0) or not np.isfinite(rotations).all():
+        raise ValueError("the other clock's times must increase, and what it tells must be finite")
+    return times, rotations
+
+
+def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, bias: bool) -> tuple[float, float]:
+    """Seconds and standard deviation. bias: of a gyroscope, found along."""
+    pairs = np.flatnonzero(np.diff(track.times) <= _LONGEST_GAP)
+    begin, end = track.times[pairs], track.times[pairs + 1]
+    seen = np.array([p.rotation for p in track.poses])
+    turns = _log(seen[pairs + 1] @ seen[pairs].transpose(0, 2, 1))
+    low, high = max(-longest, times[0] - begin.max(initial=-np.inf)), min(longest, times[-1] - end.min(initial=np.inf))
+    inner = _log(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
+
+    def at(t: NDArray) -> NDArray:
+        k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
+        share = (t - times[k]) / (times[k + 1] - times[k])
+        return _exp(share[:, None] * inner[k]) @ rotations[k]
+
+    def compared(offset: float, within: tuple[float, float] | None = None) -> NDArray:
+        """What is left of the turns between pictures without those of the other clock. within: offsets that count."""
+        least, most = within or (offset, offset)
+        known = (begin + least >= times[0]) & (end + most <= times[-1])
+        there = _log(at(end[known] + offset) @ at(begin[known] + offset).transpose(0, 2, 1))
+        here, steps = turns[known], (end - begin)[known, None]
+        drift, mount = np.zeros(3), np.eye(3)
+        for _ in range(3 if bias else 1):
+            u, _, v = np.linalg.svd((here - steps * drift).T @ there)
+            mount = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
+            left = here - there @ mount.T
+            if bias:
+                drift = (steps * left).sum(0) / (steps**2).sum()
+        return here - there @ mount.T - steps * drift
+
+    def cost(offset: float) -> float:
+        left = compared(offset)
+        return float((left**2).sum(1).mean()) if len(left) >= _LEAST_FRAMES else np.inf
+
+    step = 0.2 * float(np.median(end - begin))
+    grid = np.arange(low, high + step, step)
+    costs = np.array([cost(float(o)) for o in grid])
+    if not np.isfinite(costs).any():
+        raise ValueError("the other clock's times do not cover enough of the pictures'")
+    best = int(np.argmin(costs))
+    a, b = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    if best in (0, len(grid) - 1):
+        raise ValueError(f"the clocks agree best {grid[best]:.3f} s apart, at the end of what was looked at")
+    for _ in range(40):  # golden section
+        c, d = b - 0.618 * (b - a), a + 0.618 * (b - a)
+        a, b = (a, d) if cost(c) < cost(d) else (c, b)
+    offset = 0.5 * (a + b)
+    left = compared(offset)
+    # What an offset and the mount change: the mount must not be free to hide the offset.
+    h = 0.25 * step
+    both = offset - h, offset + h
+    slope = (compared(both[1], both) - compared(both[0], both)) / (2 * h)
+    variance = (left**2).sum() / max(left.size - 7, 1)
+    steepness = float((slope**2).sum())
+    deviation = float(np.sqrt(variance / steepness)) if steepness > 0 else np.inf
+    if not deviation < _WORST_OFFSET:
+        raise ValueError(
+            f"the motion does not tell the clock's offset: a standard deviation of {1e3 * deviation:.1f} ms"
+        )
+    least = cost(offset)
+    minima = [i for i in range(1, len(grid) - 1) if costs[i] <= min(costs[i - 1], costs[i + 1])]
+    rivals = [grid[i] for i in minima if abs(grid[i] - offset) > 3 * step and costs[i] < _RIVAL * least]
+    if rivals:
+        raise ValueError(f"the motion repeats itself: offsets of {offset:.3f} and {rivals[0]:.3f} s fit alike")
+    return float(offset), deviation
+
+
+def _exp(w: NDArray) -> NDArray[np.float64]:
+    """(..., 3, 3) of rotation vectors (..., 3)."""
+    angle = np.linalg.norm(w, axis=-1)[..., None, None]
+    zero = np.zeros(w.shape[:-1])
+    x, y, z = w[..., 0], w[..., 1], w[..., 2]
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*w.shape[:-1], 3, 3)
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+
+
+def _log(r: NDArray) -> NDArray[np.float64]:
+    """Rotation vectors (..., 3) of less than half a turn."""
+    axis = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, np.trace(r, axis1=-2, axis2=-1)[..., None] - 1)
+    return axis * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 0.5)
+
+
+def _with_readout(camera: Camera, readout: float) -> Camera:
+    lens = {name: getattr(camera, name) for name in ("distortion", "response", "gain", "vignetting", "model")}
+    return Camera(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, **lens, readout=readout)

@@ -1,0 +1,283 @@
+"""fastibl calibrate: what a rig has to know of itself, measured."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ._arguments import parser
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .._fastibl import Board, Camera, Rig
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    made = parser(
+        commands,
+        "calibrate",
+        None,
+        "measure lenses, responses, the board and the rig",
+        "fastibl calibrate camera *.png",
+    )
+    subjects = made.add_subparsers(metavar="SUBJECT", required=True)
+
+    camera = parser(
+        subjects,
+        "camera",
+        run_camera,
+        "focal lengths, centre and distortion, from pictures of the board",
+        "fastibl calibrate camera shots/*.png --rig rig.yaml",
+    )
+    _pictures(camera)
+    camera.add_argument(
+        "--fisheye", action="store_true", help="a fisheye (Kannala and Brandt) instead of a perspective lens"
+    )
+    camera.add_argument(
+        "--terms", type=int, choices=(4, 5, 8), default=5, help="of the distortion (default: %(default)s)"
+    )
+    _board(camera)
+
+    response = parser(
+        subjects,
+        "response",
+        run_response,
+        "the curve from light to code, from exposures of one still place",
+        "fastibl calibrate response 1.png 2.png 3.png --exposures 1 4 16 --rig rig.yaml",
+    )
+    _pictures(response)
+    response.add_argument("--exposures", type=float, nargs="+", required=True, help="of each picture, in any unit")
+
+    board = parser(
+        subjects,
+        "board",
+        run_board,
+        "where the printed tags are, from pictures of the whole board",
+        "fastibl calibrate board shots/*.png --rig rig.yaml --measured 0 11 0.208 --out board.yaml",
+    )
+    _pictures(board)
+    _board(board)
+    board.add_argument(
+        "--measured", nargs=3, metavar=("TAG", "TAG", "METRES"), help="distance of two tags' centres by a ruler"
+    )
+    board.add_argument("--out", type=Path, default=Path("board.yaml"), help="default: %(default)s")
+
+    rig = parser(
+        subjects,
+        "rig",
+        run_rig,
+        "front_from_back, from a recording in which each camera sees a board of its own",
+        "fastibl calibrate rig my-recording --front-board second.yaml --rig rig.yaml",
+    )
+    rig.add_argument("recording", type=Path)
+    _board(rig)
+    rig.add_argument("--front-board", type=Path, required=True, help="board.yaml of the board before the front camera")
+    rig.add_argument(
+        "--rig", type=Path, default=Path("rig.yaml"), help="with both cameras, to be completed (%(default)s)"
+    )
+
+    timing = parser(
+        subjects,
+        "timing",
+        run_timing,
+        "the readout of a rolling shutter, from a recording in which the camera turns briskly before the board",
+        "fastibl calibrate timing my-recording --rig rig.yaml",
+    )
+    timing.add_argument("recording", type=Path)
+    timing.add_argument("--camera", choices=("back", "front"), default="back", help="which one (default: %(default)s)")
+    timing.add_argument("--rig", type=Path, default=Path("rig.yaml"), help="with the camera's lens (%(default)s)")
+    timing.add_argument(
+        "--against-back",
+        action="store_true",
+        help="with --camera front: also by how much the front camera's clock is ahead, where both see the board",
+    )
+    timing.add_argument(
+        "--gyro",
+        type=Path,
+        help="CSV of time and three rates in radians a second, without a header: also the offset to its clock",
+    )
+    _board(timing)
+
+
+def _pictures(to: argparse.ArgumentParser) -> None:
+    to.add_argument("pictures", type=Path, nargs="+", help="picture files, or one recording's folder")
+    to.add_argument("--camera", choices=("back", "front"), default="back", help="which one (default: %(default)s)")
+    to.add_argument("--rig", type=Path, default=Path("rig.yaml"), help="to read and to write (default: %(default)s)")
+    to.add_argument(
+        "--most", type=int, default=60, help="pictures of a recording, evenly chosen (default: %(default)s)"
+    )
+
+
+def _board(to: argparse.ArgumentParser) -> None:
+    to.add_argument("--board", type=Path, help="board.yaml (default: the default board)")
+
+
+def _read_pictures(arguments: argparse.Namespace) -> list[NDArray[Any]]:
+    paths: list[Path] = arguments.pictures
+    if len(paths) == 1 and paths[0].is_dir():
+        return list(_of_recording(paths[0], arguments.camera, arguments.most))
+    import cv2
+
+    pictures = []
+    for path in paths:
+        picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        if picture is None:
+            raise ValueError(f"{path} is not a picture that can be read")
+        pictures.append(picture[..., ::-1].copy())
+    return pictures
+
+
+def _of_recording(path: Path, camera: str, most: int) -> Iterator[NDArray[Any]]:
+    from ..recording import Recording
+
+    recording = Recording.open(path)
+    step = max(1, len(recording) // most)
+    for k in range(0, len(recording), step):
+        picture = getattr(recording[k], camera)
+        if picture is not None:
+            yield picture
+
+
+def _read_board(path: Path | None) -> Board:
+    from ..board import Board
+    from ..recording import read_board
+
+    if path is None:
+        return Board.default()
+    board = read_board(path)
+    if board is None:
+        raise ValueError(f"{path} lists no tags")
+    return board
+
+
+def _known_camera(arguments: argparse.Namespace) -> Camera:
+    from ..recording import read_rig
+
+    camera = getattr(read_rig(arguments.rig), arguments.camera)
+    if camera is None:
+        raise ValueError(f"{arguments.rig} has no {arguments.camera} camera: calibrate it first")
+    return camera
+
+
+def _keep(arguments: argparse.Namespace, camera: Camera) -> None:
+    """Puts a camera into rig.yaml, beside what is there."""
+    from .._fastibl import Pose, Rig
+    from ..recording import read_rig, write_rig
+
+    known: Rig | None = read_rig(arguments.rig) if arguments.rig.is_file() else None
+    if arguments.camera == "back":
+        rig = Rig(camera) if known is None or known.front is None else Rig(camera, known.front, known.front_from_back)
+    elif known is None:
+        raise ValueError(f"{arguments.rig} has no back camera yet: calibrate it first")
+    else:
+        # Looks the other way, until `calibrate rig` has measured how.
+        away = Pose.from_rotation_vector([0.0, 3.141592653589793, 0.0], [0.0, 0.0, 0.0])
+        rig = Rig(known.back, camera, known.front_from_back if known.front is not None else away)
+    write_rig(arguments.rig, rig)
+    print(f"wrote {arguments.rig}")
+
+
+def run_camera(arguments: argparse.Namespace) -> int:
+    from ..calibration import calibrate_camera
+    from ..recording import read_rig
+
+    known = getattr(read_rig(arguments.rig), arguments.camera) if arguments.rig.is_file() else None
+    found = calibrate_camera(
+        _read_pictures(arguments),
+        _read_board(arguments.board),
+        model="fisheye" if arguments.fisheye else "perspective",
+        terms=arguments.terms,
+        response=None if known is None else known.response,
+    )
+    print(found)
+    _keep(arguments, found.camera)
+    return 0
+
+
+def run_response(arguments: argparse.Namespace) -> int:
+    from .._fastibl import Camera
+    from ..calibration import calibrate_response
+
+    c = _known_camera(arguments)
+    found = calibrate_response(_read_pictures(arguments), arguments.exposures)
+    print(found)
+    lens = {name: getattr(c, name) for name in ("distortion", "gain", "vignetting", "readout", "model")}
+    _keep(arguments, Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, response=found.response))
+    return 0
+
+
+def run_board(arguments: argparse.Namespace) -> int:
+    from ..calibration import calibrate_board
+    from ..recording import write_board
+
+    measured = arguments.measured and (
+        int(arguments.measured[0]),
+        int(arguments.measured[1]),
+        float(arguments.measured[2]),
+    )
+    found = calibrate_board(
+        _read_pictures(arguments), _read_board(arguments.board), _known_camera(arguments), measured=measured
+    )
+    print(found)
+    write_board(arguments.out, found.board)
+    print(f"wrote {arguments.out}")
+    return 0
+
+
+def run_rig(arguments: argparse.Namespace) -> int:
+    from .._fastibl import Rig
+    from ..calibration import calibrate_rig
+    from ..recording import Recording, read_rig, write_rig
+    from ..tracking import Tracker
+
+    rig = read_rig(arguments.rig)
+    if rig.front is None:
+        raise ValueError(f"{arguments.rig} has no front camera: calibrate it first")
+    back = Tracker(_read_board(arguments.board), rig.back)
+    front = Tracker(_read_board(arguments.front_board), rig.front)
+    poses: tuple[list[Any], list[Any]] = [], []
+    for frame in Recording.open(arguments.recording):
+        for list_, tracker, picture in zip(poses, (back, front), (frame.back, frame.front), strict=True):
+            tracked = None if picture is None else tracker.track(picture, frame.time)
+            list_.append(None if tracked is None else tracked.camera_from_marker)
+    found = calibrate_rig(*poses)
+    print(found)
+    write_rig(arguments.rig, Rig(rig.back, rig.front, found.front_from_back))
+    print(f"wrote {arguments.rig}")
+    return 0
+
+
+def run_timing(arguments: argparse.Namespace) -> int:
+    import numpy as np
+
+    from .._fastibl import Camera
+    from ..calibration import calibrate_timing
+    from ..recording import Recording, read_rig
+
+    if arguments.against_back and (arguments.camera != "front" or arguments.gyro):
+        raise ValueError("--against-back needs --camera front, and no --gyro")
+    board, recording = _read_board(arguments.board), Recording.open(arguments.recording)
+
+    def film(camera: str) -> Iterator[tuple[float, NDArray[Any]]]:
+        return ((f.time, getattr(f, camera)) for f in recording if getattr(f, camera) is not None)
+
+    c = _known_camera(arguments)
+    gyro = poses = None
+    if arguments.gyro:
+        table = np.loadtxt(arguments.gyro, delimiter=",", ndmin=2)
+        if table.shape[1] != 4:
+            raise ValueError(f"{arguments.gyro} must have four columns, got {table.shape[1]}")
+        gyro = table[:, 0], table[:, 1:]
+    if arguments.against_back:
+        back = calibrate_timing(film("back"), read_rig(arguments.rig).back, board)
+        poses = back.times, back.poses
+    found = calibrate_timing(film(arguments.camera), c, board, poses=poses, gyro=gyro)
+    print(found)
+    lens = {name: getattr(c, name) for name in ("distortion", "response", "gain", "vignetting", "model")}
+    # What cannot be told from 0 is a global shutter's.
+    readout = found.readout if found.readout > 3 * found.readout_deviation else 0.0
+    _keep(arguments, Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, readout=readout))
+    return 0

@@ -1,0 +1,119 @@
+"""fastibl live: put an object before live cameras."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from ._arguments import parser, positive
+from .record import device
+
+_STOPS = (-14, 2)  # of the front camera's exposures around the one that it found itself
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    p = parser(
+        commands,
+        "live",
+        run,
+        "light an object by what live cameras see and write the video; goes on when a camera is unplugged",
+        "fastibl live --rig rig.yaml --back 0 --front 1 --object spot.obj --height 0.12 --out out.webm",
+    )
+    p.add_argument("--rig", type=Path, required=True, metavar="YAML", help="calibration of the cameras")
+    p.add_argument("--back", type=device, default=0, metavar="CAMERA", help="number, device path or URL (default: 0)")
+    p.add_argument("--front", type=device, metavar="CAMERA", help="the same of the front camera (default: none)")
+    p.add_argument("--board", type=Path, metavar="YAML", help="printed board (default: that of `fastibl board`)")
+    p.add_argument("--object", type=Path, help="mesh (.obj, .ply, .glb); by default the built-in figurine")
+    p.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
+    p.add_argument("--height", type=positive, default=0.15, help="of the object in metres (default: %(default)s)")
+    p.add_argument("--methods", choices=("auto", "paper"), default="auto", help="default: %(default)s")
+    p.add_argument("--backend", choices=("auto", "cpu", "gl"), default="auto", help="default: %(default)s")
+    p.add_argument("--distance", type=positive, default=float("inf"), help="rough distance of the walls in metres")
+    p.add_argument("--exposures", choices=("adaptive", "bracket", "constant"), default="adaptive", help="of the front")
+    p.add_argument("--seconds", type=positive, help="length (default: until Ctrl-C)")
+    p.add_argument(
+        "--patience", type=positive, default=10.0, help="seconds without a picture to end after (default: 10)"
+    )
+    p.add_argument("--fps", type=positive, default=30.0, help="of the video (default: 30)")
+    p.add_argument("--out", type=Path, default=Path("live.webm"), help="video to write (default: %(default)s)")
+
+
+class _FirstKnown:
+    """An AdaptiveExposure whose range is around the first exposure."""
+
+    def __init__(self, camera):
+        from ..exposure import AdaptiveExposure
+
+        self.schedule, self._begun = AdaptiveExposure(camera, 1e-9, 1e9), False
+
+    def __call__(self, last: float) -> float:
+        if not self._begun:
+            self._begun = True
+            self.schedule.shortest, self.schedule.longest = (last * 2.0**s for s in _STOPS)
+        return self.schedule(last)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from .. import shapes
+    from .._fastibl import Scene
+    from ..board import Board
+    from ..exposure import Bracket
+    from ..files import read_mesh, stand
+    from ..live import play
+    from ..recording import read_board, read_rig
+    from ..session import Session
+    from ..sources import CameraSource
+    from ..video import VideoWriter
+
+    rig = read_rig(arguments.rig)
+    board = Board.default() if arguments.board is None else read_board(arguments.board)
+    mesh = shapes.figurine() if arguments.object is None else read_mesh(arguments.object, arguments.up)
+    session = Session(
+        Scene(stand(mesh, arguments.height)),
+        rig,
+        board,
+        methods=arguments.methods,
+        backend=arguments.backend,
+        distance=arguments.distance,
+    )
+    adaptive = _FirstKnown(rig.front) if arguments.front is not None and arguments.exposures == "adaptive" else None
+    schedule = adaptive or (Bracket() if arguments.exposures == "bracket" else None)
+    source = CameraSource(
+        rig,
+        arguments.back,
+        arguments.front,
+        board,
+        schedules={"front": schedule} if schedule else None,
+        patience=arguments.patience,
+        log=lambda line: tqdm.write(f"fastibl: {line}"),
+    )
+    frames = posed = refused = 0
+    error, end = float("nan"), None
+    with source, VideoWriter(arguments.out, arguments.fps) as video, tqdm(desc="live", unit="frame") as bar:
+        try:
+            for played in play(session, source):
+                end = end or (time.monotonic() + arguments.seconds if arguments.seconds else float("inf"))
+                refused += bool(played.refused)
+                result = played.result
+                if result is not None and played.frame.back is not None:
+                    video.add(result.image)
+                    pose, error = result.back_from_marker, result.predicted_error
+                    frames, posed = frames + 1, posed + (pose is not None)
+                    if adaptive and pose is not None:
+                        adaptive.schedule.update(session.capture, rig.front_from_back @ pose)
+                    bar.update()
+                    bar.set_postfix(error=f"{100 * error:.0f} %", dropped=source.dropped, refresh=False)
+                if time.monotonic() >= end:
+                    break
+        except KeyboardInterrupt:
+            pass
+    if not frames:
+        raise ValueError(f"the back camera gave no picture within {arguments.patience:g} s")
+    print(
+        f"{arguments.out}: {frames} frames, board seen in {posed}, {refused} with pictures left out, {source.dropped} "
+        f"pictures not asked for in time; predicted error of the irradiance {100 * error:.1f} %"
+    )
+    return 0

@@ -1,0 +1,100 @@
+"""fastibl record: a recording of live cameras."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ._arguments import parser, picture_size, positive
+
+_DEGREES = 65.0  # across the picture, of a camera that was not calibrated
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    p = parser(
+        commands,
+        "record",
+        run,
+        "record live cameras; what was written stays whole when the program is killed",
+        "fastibl record my-recording --rig rig.yaml --back 0 --front 1 --seconds 20 --bracket",
+    )
+    p.add_argument("out", metavar="OUT", type=Path, help="folder to write; a recording that is there is replaced")
+    p.add_argument("--back", type=device, metavar="CAMERA", help="number, device path or URL (default: 0)")
+    p.add_argument("--front", type=device, metavar="CAMERA", help="the same of the front camera (default: none)")
+    p.add_argument("--rig", type=Path, metavar="YAML", help="calibration (default: none; angles are then guessed)")
+    p.add_argument("--board", type=Path, metavar="YAML", help="printed board (default: that of `fastibl board`)")
+    p.add_argument("--size", type=picture_size, default=(640, 480), metavar="WxH", help="without --rig")
+    p.add_argument("--seconds", type=positive, help="length (default: until Ctrl-C)")
+    p.add_argument("--bracket", action="store_true", help="the front camera takes darker pictures in turn")
+    p.add_argument(
+        "--patience", type=positive, default=10.0, help="seconds without a picture to end after (default: 10)"
+    )
+
+
+def device(text: str) -> int | str:
+    return int(text) if text.isdecimal() else text
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from ..board import Board
+    from ..exposure import Bracket
+    from ..recorder import Recorder
+    from ..recording import read_board, read_rig
+    from ..sources import CameraSource
+
+    back = 0 if arguments.back is None and arguments.front is None else arguments.back
+    rig = (
+        _guessed_rig(arguments.size, arguments.front is not None) if arguments.rig is None else read_rig(arguments.rig)
+    )
+    if arguments.rig is None:
+        print("no --rig: the recording says cameras of 65 degrees; calibrate before light is measured", file=sys.stderr)
+    board = Board.default() if arguments.board is None else read_board(arguments.board)
+    schedules = {"front": Bracket()} if arguments.bracket else None
+    source = CameraSource(
+        rig,
+        back,
+        arguments.front,
+        board,
+        schedules=schedules,
+        patience=arguments.patience,
+        log=lambda line: tqdm.write(f"fastibl: {line}", file=sys.stderr),
+    )
+    with source, Recorder(arguments.out, rig, board) as recorder:
+        end = None
+        with tqdm(desc="record", unit="frame") as bar:
+            try:
+                for frame in source:
+                    recorder.add(frame)
+                    bar.update()
+                    bar.set_postfix(dropped=recorder.dropped + source.dropped, refresh=False)
+                    end = end or (time.monotonic() + arguments.seconds if arguments.seconds else np.inf)
+                    if time.monotonic() >= end:
+                        break
+            except KeyboardInterrupt:
+                pass
+    if recorder.error is not None:
+        raise recorder.error
+    print(
+        f"{arguments.out}: {recorder.written} frames, {recorder.dropped} dropped for lack of speed of the disk, "
+        f"{source.dropped} pictures not asked for in time"
+    )
+    if not recorder.written:
+        raise ValueError(f"no camera gave a picture within {arguments.patience:g} s")
+    return 0
+
+
+def _guessed_rig(size: tuple[int, int], front: bool):
+    from .._fastibl import Camera, Pose, Rig
+
+    width, height = size
+    f = width / 2 / np.tan(np.radians(_DEGREES / 2))
+    camera = Camera(width, height, f, f, width / 2, height / 2)
+    if not front:
+        return Rig(camera)
+    return Rig(camera, camera, Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0]))

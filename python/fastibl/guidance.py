@@ -1,0 +1,169 @@
+"""What is still unseen of a place, and where to turn to see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import Camera, CubeMap, Environment, Pose, texel_directions, texel_solid_angles
+from .comparison import level_at_most
+
+_GRID = 16  # texels along an edge of a face, for choosing
+_VIEW = np.radians(28)  # from the middle of a picture to what it shows for certain
+_NEAR = np.radians(90)  # a turn by this much more must show e times as much
+
+
+@dataclass(frozen=True)
+class Guidance:
+    """Where to look next.
+
+    direction: unit vector (3,), marker frame, in whose surroundings most light is thought to be unseen; None where
+    the sky was seen. share: of the sky's light that a picture there would add, as far as can be guessed. right, up:
+    degrees by which the camera has to turn, None where its pose was not given. image: (h, 2h, 3) uint8 RGB, the
+    map as an equirectangular picture (see docs/conventions.md), unseen parts striped, with the way to go.
+    """
+
+    direction: NDArray[np.float64] | None
+    share: float
+    right: float | None
+    up: float | None
+    image: NDArray[np.uint8]
+
+    def __str__(self) -> str:
+        if self.direction is None:
+            return "all of the sky was seen"
+        if self.right is None or self.up is None:
+            return f"look towards {np.round(self.direction, 2)}"
+        sides = ((self.right, "right", "left"), (self.up, "up", "down"))
+        ways = [f"{abs(by):.0f} degrees {plus if by > 0 else minus}" for by, plus, minus in sides if abs(by) >= 5]
+        return f"turn {' and '.join(ways)}" if ways else "hold still"
+
+
+def guide(
+    environment: Environment,
+    camera: Camera | None = None,
+    camera_from_marker: Pose | None = None,
+    height: int = 256,
+) -> Guidance:
+    """Where to look next, and a picture that shows it.
+
+    environment: what was captured so far. camera, camera_from_marker: of the camera that is to be turned, as it is
+    now; without them the best place of the whole sky is given. height: of the picture, pixels. Raises ValueError for
+    a pose without a camera or the reverse, or a height below 16.
+    """
+    if (camera is None) != (camera_from_marker is None):
+        raise ValueError("guide() needs both a camera and its pose, or neither")
+    if height < 16:
+        raise ValueError(f"height must be at least 16 pixels, got {height}")
+    looking = camera_from_marker.rotation[2] if camera_from_marker is not None else None
+    direction, share = _most_unseen(environment, looking)
+    right = up = None
+    if direction is not None and camera_from_marker is not None:
+        x, y, z = camera_from_marker.rotation @ direction
+        right, up = np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(-y, np.hypot(x, z)))
+    image = _picture(environment, camera, camera_from_marker, direction, height)
+    return Guidance(direction, share, right, up, image)
+
+
+@cache
+def _grid(size: int) -> tuple[NDArray, NDArray, NDArray]:
+    """Of texels above the horizon: which they are, directions, and solid angles where two see each other."""
+    directions = texel_directions(size).astype(np.float64)
+    sky = directions[..., 2] > 0
+    angles = np.broadcast_to(texel_solid_angles(size), sky.shape)[sky]
+    d = directions[sky]
+    return sky, d, (d @ d.T > np.cos(_VIEW)) * angles
+
+
+def _most_unseen(environment: Environment, looking: NDArray | None) -> tuple[NDArray | None, float]:
+    confidence = np.asarray(environment.confidence)
+    size = min(_GRID, confidence.shape[1])
+    sky, directions, views = _grid(size)
+    seen = level_at_most(CubeMap(np.repeat((confidence > 0)[..., None], 3, axis=-1).astype(np.float32)), size)
+    seen = seen[..., 0]
+    light = level_at_most(environment, size).mean(axis=-1)
+    size = seen.shape[1]
+    if size != sky.shape[1]:  # maps whose size is no power of two
+        sky, directions, views = _grid(size)
+    light = light[sky] + light[sky].mean()  # what it is, is a guess: any part may hold a lamp
+    unseen = (1 - seen[sky]).clip(0, 1)
+    gains = views @ (unseen * light)
+    share = gains / (2 * np.pi * light.mean())
+    if share.max() < 1e-3:
+        return None, 0.0
+    preferred = gains
+    if looking is not None:
+        preferred = gains * np.exp(-np.arccos(np.clip(directions @ looking, -1, 1)) / _NEAR)
+    best = int(np.argmax(preferred))
+    return directions[best], float(share[best])
+
+
+def _picture(
+    environment: Environment,
+    camera: Camera | None,
+    camera_from_marker: Pose | None,
+    target: NDArray | None,
+    height: int,
+) -> NDArray[np.uint8]:
+    import cv2
+
+    rays = _rays(height)
+    radiance = environment.radiance.sample(rays)
+    middle = float(np.median(radiance[::4, ::4].mean(axis=-1)))
+    shown = (radiance * np.float32(0.25 / middle if middle > 0 else 1)).clip(0, 1) ** np.float32(1 / 2.2)
+    confidence = np.asarray(environment.confidence)
+    known = CubeMap(np.repeat(confidence[..., None], 3, axis=-1)).sample(rays)[..., 0] > 0
+    y, x = np.mgrid[:height, : 2 * height]
+    stripes = ((x + y) // max(2, height // 32)) % 2
+    hidden = ~known & (y < height / 2)  # the table is no sky
+    shown[hidden] = 0.25 * shown[hidden] + (0.25 + 0.2 * stripes[hidden])[:, None]
+    image = np.ascontiguousarray((255 * shown).round().astype(np.uint8))
+    if camera is not None and camera_from_marker is not None:
+        frame = camera.unproject(_border(camera)) @ camera_from_marker.rotation
+        _line(image, frame[np.isfinite(frame).all(axis=-1)], (255, 255, 255))
+    if target is not None:
+        if camera_from_marker is not None:
+            from_, share = camera_from_marker.rotation[2], np.linspace(0, 1, 33)[:, None]
+            _line(image, (1 - share) * from_ + share * target, (255, 160, 0))
+        at = _pixels(target, height)
+        cv2.circle(image, (int(at[0]), int(at[1])), max(3, height // 24), (255, 160, 0), 2, cv2.LINE_AA)
+    return image
+
+
+@cache
+def _rays(height: int) -> NDArray[np.float32]:
+    """Directions (h, 2h, 3) through an equirectangular picture's pixels."""
+    y, x = (np.mgrid[:height, : 2 * height] + 0.5) / height
+    azimuth, zenith = np.pi * (x - 1), np.pi * y
+    across = np.sin(zenith)
+    return np.stack([across * np.sin(azimuth), across * np.cos(azimuth), np.cos(zenith)], axis=-1).astype(np.float32)
+
+
+def _border(camera: Camera) -> NDArray[np.float64]:
+    w, h, s = float(camera.width), float(camera.height), np.linspace(0.01, 0.99, 17)
+    sides = [(s * w, 0 * s + 0.01 * h), (0 * s + 0.99 * w, s * h), (s[::-1] * w, 0 * s + 0.99 * h)]
+    sides.append((0 * s + 0.01 * w, s[::-1] * h))
+    ring = np.concatenate([np.stack(side, axis=-1) for side in sides])
+    return np.concatenate([ring, ring[:1]])
+
+
+def _pixels(directions: NDArray, height: int) -> NDArray[np.float64]:
+    d = np.asarray(directions) / np.linalg.norm(directions, axis=-1, keepdims=True)
+    u = 0.5 + np.arctan2(d[..., 0], d[..., 1]) / (2 * np.pi)
+    return np.stack([u * 2 * height, np.arccos(np.clip(d[..., 2], -1, 1)) / np.pi * height], axis=-1)
+
+
+def _line(image: NDArray[np.uint8], directions: NDArray, colour: tuple[int, int, int]) -> None:
+    import cv2
+
+    at = _pixels(directions, image.shape[0])
+    for a, b in zip(at[:-1], at[1:], strict=True):
+        if abs(a[0] - b[0]) < image.shape[1] / 2:  # not across the picture's seam
+            ends = [(round(float(p[0])), round(float(p[1]))) for p in (a, b)]
+            cv2.line(image, ends[0], ends[1], colour, 2, cv2.LINE_AA)
+
+
+__all__ = ["Guidance", "guide"]

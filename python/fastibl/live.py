@@ -1,0 +1,79 @@
+"""A session that goes on: frames of any source, whatever is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import FrameResult
+from .recording import CAMERAS, Frame
+from .session import Session
+
+
+@dataclass(frozen=True)
+class Played:
+    """A frame as it was used, and what a session made of it. result: None where nothing could be used of it.
+    refused: by "back", "front" or "frame", why a picture or all of it was left out."""
+
+    frame: Frame
+    result: FrameResult | None
+    refused: dict[str, str]
+
+
+class _Watch:
+    """Leaves out pictures that say nothing of the moment."""
+
+    def __init__(self, rig: Any):
+        self._rig = rig
+        self._last: dict[str, NDArray | None] = dict.fromkeys(CAMERAS)
+
+    def usable(self, frame: Frame) -> tuple[Frame, dict[str, str]]:
+        used, refused = replace(frame), {}
+        for name in CAMERAS:
+            picture = getattr(frame, name)
+            if picture is None:
+                continue
+            why = self._wrong(name, picture, getattr(frame, f"{name}_exposure"))
+            if why:
+                setattr(used, name, None)
+                setattr(used, f"{name}_exposure", 1.0)
+                refused[name] = why
+            self._last[name] = picture if isinstance(picture, np.ndarray) else None
+        return used, refused
+
+    def _wrong(self, name: str, picture: NDArray, exposure: float | None) -> str | None:
+        camera = getattr(self._rig, name)
+        if camera is None:
+            return f"the rig has no {name} camera"
+        shape = (camera.height, camera.width, 3)
+        if getattr(picture, "shape", None) != shape:
+            return f"expected a picture of shape {shape}, got {getattr(picture, 'shape', type(picture).__name__)}"
+        if exposure is not None and not (exposure > 0 and np.isfinite(exposure)):
+            return f"an exposure must be positive and finite, got {exposure}"
+        # Sensors are noisy: no two pictures are the same to the bit.
+        last = self._last[name]
+        if last is not None and (picture is last or np.array_equal(picture, last)):
+            return "the same picture again: the camera froze"
+        return None
+
+
+def play(session: Session, source: Any) -> Iterator[Played]:
+    """Processes a live source's frames one by one; what cannot be used is left out and named, and the session goes on.
+
+    A picture of another size than the camera's, or one that repeats the last to the bit, is left out; the other
+    camera's still counts. A frame that the session refuses (time that runs backwards) is passed over whole.
+    """
+    watch = _Watch(source.rig)
+    for frame in source:
+        used, refused = watch.usable(frame)
+        result = None
+        if used.back is not None or used.front is not None:
+            try:
+                result = session.process(used)
+            except (ValueError, TypeError) as error:
+                refused["frame"] = str(error)
+        yield Played(used, result, refused)

@@ -1,0 +1,240 @@
+"""One camera, live: read in a thread, stamped when grabbed, opened again when it was unplugged."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+SECONDS_AT_ONE = 0.01  # exposure time of a live camera whose exposure is called 1
+_SETTLING = 15  # pictures in which a camera's own automatic finds its exposure, before it is held
+_LATENCY = 3  # pictures that may still be taken with the exposure before the one that was set
+_FAILURES = 3  # pictures in a row that do not come, until the camera counts as unplugged
+_MANUAL = {"V4L2": 1.0, "DSHOW": 0.25, "MSMF": 0.25}  # CAP_PROP_AUTO_EXPOSURE
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture of one camera. time: seconds when it was grabbed. image: (h, w, 3) uint8 RGB. exposure: multiplier of
+    radiance, None where the camera does not tell. number: counts all pictures of the camera. setting: how many calls
+    of set_exposure it follows."""
+
+    time: float
+    image: NDArray[np.uint8]
+    exposure: float | None
+    number: int
+    setting: int = 0
+
+
+class _Exposure:
+    """Exposure of an open capture: held constant, set and read back where its driver can."""
+
+    def __init__(self, capture: Any):
+        import cv2
+
+        self._capture, self._property = capture, cv2.CAP_PROP_EXPOSURE
+        self._backend = _backend(capture)
+        settled = capture.get(cv2.CAP_PROP_EXPOSURE)
+        manual = _MANUAL.get(self._backend, 1.0)
+        self.held = bool(capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, manual) and capture.set(self._property, settled))
+        self.white_held = bool(capture.set(cv2.CAP_PROP_AUTO_WB, 0))
+        self.settable = self.held and self.seconds(settled) is not None
+        self.value = self.read()
+
+    def seconds(self, units: float) -> float | None:
+        """Exposure time of a driver's value; None where its unit is not known."""
+        if self._backend == "V4L2":  # exposure_time_absolute, 100 microseconds
+            return units * 1e-4 if units > 0 else None
+        if self._backend in ("DSHOW", "MSMF"):  # a power of two seconds
+            return 2.0**units if -20 <= units <= 4 else None
+        return None
+
+    def read(self) -> float | None:
+        """The multiplier that holds now. One that is held but not told is 1; None: it may drift."""
+        if not self.held:
+            return None
+        seconds = self.seconds(self._capture.get(self._property))
+        return 1.0 if seconds is None else seconds / SECONDS_AT_ONE
+
+    def set(self, exposure: float) -> bool:
+        """Asks for a multiplier; `value` is then what the driver made of it."""
+        if not self.settable:
+            return False
+        seconds = exposure * SECONDS_AT_ONE
+        units = max(1.0, round(seconds * 1e4)) if self._backend == "V4L2" else round(np.log2(seconds))
+        done = bool(self._capture.set(self._property, float(units)))
+        self.value = self.read()
+        return done
+
+
+def _backend(capture: Any) -> str:
+    try:
+        return str(capture.getBackendName())
+    except Exception:  # not all versions have a name for all back ends
+        return ""
+
+
+def _open(device: int | str) -> Any:
+    import cv2
+
+    return cv2.VideoCapture(device)
+
+
+class LiveCamera:
+    """A camera by number, device path or URL, read in a thread of its own; a context manager.
+
+    size: (width, height) asked for. name: in messages. open_capture: called with the device, gives what behaves like
+    a cv2.VideoCapture. retry: seconds between attempts to open a camera that is not there. clock: seconds, the same
+    for all cameras. news: notified when a picture comes; may be shared. log: called with one line when the camera
+    comes, goes, or cannot hold its exposure.
+    The camera first finds its exposure by itself; then exposure and white balance are held, for radiance is compared
+    between pictures. An exposure of 1 is 10 ms where the driver tells times.
+    """
+
+    def __init__(
+        self,
+        device: int | str,
+        size: tuple[int, int] | None = None,
+        *,
+        name: str = "camera",
+        open_capture: Callable[[int | str], Any] = _open,
+        retry: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+        news: threading.Condition | None = None,
+        log: Callable[[str], None] = lambda line: None,
+    ):
+        self.device, self.name = device, name
+        self._size, self._open, self._retry, self._clock, self._log = size, open_capture, retry, clock, log
+        self._changed = news or threading.Condition()
+        self._stop = threading.Event()
+        self._shot: Shot | None = None
+        self._number = 0
+        self._wanted: float | None = None
+        self.settings = 0  # calls of set_exposure
+        self._connected = self._settable = False
+        self.dropped = 0  # pictures that nobody asked for before the next came
+        self.lost = 0  # times that it was unplugged
+        self._thread = threading.Thread(target=self._run, name=f"fastibl {name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def connected(self) -> bool:
+        """Whether it gives pictures now."""
+        return self._connected
+
+    @property
+    def settable(self) -> bool:
+        """Whether its driver takes exposure times; known once it gives pictures."""
+        return self._settable
+
+    def set_exposure(self, exposure: float) -> None:
+        """Use another exposure from about the next picture on; pictures between are of unknown exposure."""
+        if not (exposure > 0 and np.isfinite(exposure)):
+            raise ValueError(f"an exposure must be positive and finite, got {exposure}")
+        with self._changed:
+            self._wanted = float(exposure)
+            self.settings += 1
+
+    @property
+    def has_news(self) -> bool:
+        """Whether there is a picture that was not handed out yet."""
+        return self._shot is not None
+
+    def newest(self, timeout: float = 0.0) -> Shot | None:
+        """The latest picture, each once; waits up to `timeout` seconds for it. None if there is no new one."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._shot is not None or self._stop.is_set(), timeout)
+            shot, self._shot = self._shot, None
+            return shot
+
+    def close(self) -> None:
+        self._stop.set()
+        with self._changed:
+            self._changed.notify_all()
+        self._thread.join(timeout=5.0)  # a driver that hangs does not hold the program
+
+    def __enter__(self) -> LiveCamera:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        told = False  # that it does not open
+        while not self._stop.is_set():
+            capture = None
+            with contextlib.suppress(Exception):  # drivers raise what they like; it is tried again
+                capture = self._open(self.device)
+            if capture is None or not capture.isOpened():
+                if not told:
+                    self._log(f"the {self.name} camera {self.device} does not open; trying again")
+                told = True
+                self._stop.wait(self._retry)
+                continue
+            told = False
+            try:
+                self._read(capture)
+            except Exception as error:  # noqa: BLE001 - as above
+                self._log(f"the {self.name} camera {self.device} failed: {error}")
+            with contextlib.suppress(Exception):
+                capture.release()
+            gave, self._connected = self._connected, False
+            if gave and not self._stop.is_set():
+                self.lost += 1
+                self._log(f"the {self.name} camera {self.device} gives no more pictures; going on without it")
+            self._stop.wait(self._retry)
+
+    def _read(self, capture: Any) -> None:
+        """Reads until the camera fails or is closed."""
+        for image, _ in self._pictures(capture, _SETTLING, settle=True):
+            del image
+        exposure = _Exposure(capture)
+        if not exposure.held:
+            self._log(f"the {self.name} camera cannot hold its exposure: each picture's is estimated")
+        if not exposure.white_held:
+            self._log(f"the {self.name} camera cannot hold its white balance: measured colours drift with it")
+        self._settable = exposure.settable
+        known, unsure, setting = exposure.value, 0, self.settings
+        for image, grabbed in self._pictures(capture):
+            self._connected = True
+            with self._changed:
+                self._number += 1
+                self.dropped += self._shot is not None
+                self._shot = Shot(grabbed, image, None if unsure else known, self._number, setting)
+                self._changed.notify_all()
+                wanted, self._wanted = self._wanted, None
+                setting = self.settings
+            unsure = max(0, unsure - 1)
+            if wanted is not None and wanted != known and exposure.set(wanted):
+                if exposure.value != known:
+                    unsure = _LATENCY
+                known = exposure.value
+        # The one that waits was taken before the camera went: it stays good.
+
+    def _pictures(
+        self, capture: Any, count: int | None = None, settle: bool = False
+    ) -> Iterator[tuple[NDArray[np.uint8], float]]:
+        """(RGB picture, when it was grabbed), until `count` came or none comes any more."""
+        import cv2
+
+        if settle and self._size is not None:
+            capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])
+            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
+            capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # no old pictures
+        failed = 0
+        while failed < _FAILURES and count != 0 and not self._stop.is_set():
+            grabbed = capture.grab()
+            now = self._clock()
+            read, picture = capture.retrieve() if grabbed else (False, None)
+            if not read or picture is None or picture.ndim != 3:
+                failed += 1
+                continue
+            failed = 0
+            count = None if count is None else count - 1
+            yield np.ascontiguousarray(picture[..., ::-1]), now

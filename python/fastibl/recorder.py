@@ -1,0 +1,109 @@
+"""Records while a source runs: pictures are written in a thread of their own, so that cameras never wait."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+import time
+from collections import deque
+from typing import Any
+
+from ._fastibl import Rig
+from .recording import CAMERAS, Frame, RecordingWriter
+
+_BUFFER = 256 * 2**20  # bytes of pictures that may wait to be written
+_LEAST_FREE = 200 * 2**20  # bytes of the disk that are left to others
+_SYNC = 0.5  # seconds between calls that bring the list of pictures to the disk
+
+
+class Recorder:
+    """Writes frames to a recording as they come; a context manager.
+
+    path, rig, board: as RecordingWriter has them. buffer: bytes of pictures that may wait; a frame that finds no room
+    is dropped and counted. least_free: bytes that stay free on the disk: below, recording ends with .error. A process
+    that is killed loses what waited, and no more: every picture is whole before frames.csv names it.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        rig: Rig,
+        board: Any = None,
+        *,
+        buffer: int = _BUFFER,
+        least_free: int = _LEAST_FREE,
+    ):
+        self._buffer, self._least_free = buffer, least_free
+        self._writer = RecordingWriter(path, rig, board)
+        self.path = self._writer.path
+        self._check_disk()
+        self._queue: deque[Frame] = deque()
+        self._changed = threading.Condition()
+        self._waiting = 0  # bytes
+        self._closing = False
+        self.written = self.dropped = 0  # frames
+        self.error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="fastibl recorder", daemon=True)
+        self._thread.start()
+
+    def add(self, frame: Frame) -> bool:
+        """Takes a frame to be written; False where it was dropped. Raises what ended the recording, if anything did."""
+        if self.error is not None:
+            raise self.error
+        size = _bytes(frame)
+        with self._changed:
+            if self._queue and self._waiting + size > self._buffer:
+                self.dropped += 1
+                return False
+            self._queue.append(frame)
+            self._waiting += size
+            self._changed.notify_all()
+        return True
+
+    def close(self) -> None:
+        """Writes what waits."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+        self._writer.close()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _check_disk(self) -> None:
+        free = shutil.disk_usage(self.path).free
+        if free < self._least_free:
+            raise OSError(
+                f"{free / 2**20:.0f} MiB are free where {self.path} is, "
+                f"recording ends at {self._least_free / 2**20:.0f}"
+            )
+
+    def _run(self) -> None:
+        synced = time.monotonic()
+        try:
+            while True:
+                with self._changed:
+                    self._changed.wait_for(lambda: self._queue or self._closing)
+                    if not self._queue:
+                        return
+                    frame = self._queue[0]  # counts as waiting while it is written
+                self._writer.add(frame)
+                with self._changed:
+                    self._queue.popleft()
+                    self._waiting -= _bytes(frame)
+                self.written += 1
+                if time.monotonic() - synced > _SYNC:
+                    synced = time.monotonic()
+                    self._writer.sync()
+                    self._check_disk()
+        except Exception as error:  # noqa: BLE001 - whatever it is, add() tells
+            self.error = error
+
+
+def _bytes(frame: Frame) -> int:
+    return sum(picture.nbytes for picture in (getattr(frame, name) for name in CAMERAS) if picture is not None)

@@ -1,0 +1,334 @@
+"""Where frames come from: live cameras, videos, folders of pictures, recordings, the simulator. All are iterated alike.
+
+A source has .rig, .board (None where there is none) and gives Frames whose times never run backwards; close() ends what
+runs in the background. A Recording is one as it is.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import Rig
+from .live_camera import LiveCamera, Shot
+from .recording import CAMERAS, Frame, RecordingWarning
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+_WAIT = 0.1  # seconds between looks at whether the source was closed
+_ENDED = 3600.0  # seconds without any picture after which nobody waits any more
+
+
+class Source(Protocol):
+    """What gives frames."""
+
+    rig: Rig
+    board: Any
+
+    def __iter__(self) -> Iterator[Frame]: ...
+
+    def close(self) -> None: ...
+
+
+class _Closing:
+    """Sources are context managers."""
+
+    def close(self) -> None:
+        """Ends what runs in the background."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class CameraSource(_Closing):
+    """One or two live cameras, each read in a thread of its own.
+
+    rig: says what was calibrated; front=None leaves its front camera out. back, front: number, device path or URL, or
+    None. Gives the newest picture of each camera: what a slow reader has not asked for is dropped, and counted.
+    Pictures grabbed within `together` seconds make one Frame, others one each: cameras may have any rhythm. A camera
+    that is unplugged is missing from the frames until it is back; iteration ends only with close() or after
+    `patience` seconds without any picture. Times are seconds since the source was made.
+    schedules: by "back" or "front", a function from the exposure of a picture to that of the next, as a Bracket is;
+    without one it stays as the camera found it. A camera under a schedule gives no pictures on the way from one
+    exposure to the next. Where a camera does not hold its exposure, that of the Frame is None.
+    Others are as LiveCamera has them.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        back: int | str | None = 0,
+        front: int | str | None = None,
+        board: Any = None,
+        *,
+        together: float = 0.02,
+        patience: float = _ENDED,
+        schedules: Mapping[str, Callable[[float], float]] | None = None,
+        **options: Any,
+    ):
+        devices = {"back": back, "front": front}
+        if back is None and front is None:
+            raise ValueError("a camera is needed: back, front or both")
+        if front is not None and rig.front is None:
+            raise ValueError("a front camera was asked for, but the rig has none")
+        self.rig, self.board = rig, board
+        self._together, self._patience, self._schedules = together, patience, dict(schedules or {})
+        self._log = options.get("log", lambda line: None)
+        clock = options.pop("clock", time.monotonic)
+        begin = clock()
+        self._closed = False
+        self._news = threading.Condition()
+        self._told: set[str] = set()
+        self.refused = 0  # pictures of another size than the rig's
+        self.cameras = {
+            name: LiveCamera(
+                device,
+                (getattr(rig, name).width, getattr(rig, name).height),
+                name=name,
+                news=self._news,
+                clock=lambda: clock() - begin,
+                **options,
+            )
+            for name, device in devices.items()
+            if device is not None
+        }
+
+    @property
+    def dropped(self) -> int:
+        """Pictures that were replaced by newer ones before they were asked for."""
+        return sum(camera.dropped for camera in self.cameras.values())
+
+    def close(self) -> None:
+        self._closed = True
+        for camera in self.cameras.values():
+            camera.close()
+
+    def __iter__(self) -> Iterator[Frame]:
+        last, quiet = -np.inf, time.monotonic()
+        while not self._closed:
+            shots = self._newest()
+            if not shots:
+                if time.monotonic() - quiet > self._patience:
+                    return
+                continue
+            quiet = time.monotonic()
+            for group in _moments(shots, self._together):
+                # A picture that took long to decode comes after a later one: what counts is the order.
+                last = max(last, max(shot.time for shot in group.values()))
+                yield _frame(last, group)
+
+    def _newest(self) -> dict[str, Shot]:
+        """New pictures; a second camera gets the time that makes a pair."""
+        with self._news:
+            self._news.wait_for(lambda: self._closed or any(c.has_news for c in self.cameras.values()), _WAIT)
+            awaited = [c for c in self.cameras.values() if c.connected]
+            self._news.wait_for(lambda: all(c.has_news for c in awaited), self._together if len(awaited) > 1 else 0)
+        shots: dict[str, Shot] = {}
+        for name, camera in self.cameras.items():
+            shot = camera.newest()
+            if shot is None or not self._fits(name, shot):
+                continue
+            schedule = self._schedules.get(name)
+            if schedule is not None and camera.settable:
+                if shot.exposure is None:  # still on its way to the one that was set
+                    continue
+                if shot.setting == camera.settings:
+                    camera.set_exposure(schedule(shot.exposure))
+            shots[name] = shot
+        return shots
+
+    def _fits(self, name: str, shot: Shot) -> bool:
+        camera = getattr(self.rig, name)
+        if shot.image.shape[:2] == (camera.height, camera.width):
+            return True
+        self.refused += 1
+        if name not in self._told:
+            h, w = shot.image.shape[:2]
+            self._log(f"the {name} camera is calibrated for {camera.width} x {camera.height}, but gives {w} x {h}")
+            self._told.add(name)
+        return False
+
+
+def _moments(shots: dict[str, Shot], together: float) -> list[dict[str, Shot]]:
+    """Pictures in order of time, those of one moment together."""
+    ordered = sorted(shots.items(), key=lambda item: item[1].time)
+    if len(ordered) == 2 and ordered[1][1].time - ordered[0][1].time > together:
+        return [dict([item]) for item in ordered]
+    return [dict(ordered)]
+
+
+def _frame(moment: float, shots: Mapping[str, Shot]) -> Frame:
+    frame = Frame(moment)
+    for name, shot in shots.items():
+        setattr(frame, name, shot.image)
+        setattr(frame, f"{name}_exposure", shot.exposure)
+    return frame
+
+
+class VideoSource(_Closing):
+    """Video files of one or two cameras, read from the start, frame by frame; iterate as often as you like.
+
+    back, front: files. fps: pictures a second; None is what the file says. exposures: (back, front), constant;
+    None where a camera chose its own. A video that ends early or breaks off ends the frames of that camera, with a
+    RecordingWarning where it gave none.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        back: str | os.PathLike[str] | None = None,
+        front: str | os.PathLike[str] | None = None,
+        board: Any = None,
+        *,
+        fps: float | None = None,
+        exposures: tuple[float | None, float | None] = (1.0, 1.0),
+    ):
+        files = {"back": back, "front": front}
+        self._files = {name: Path(file) for name, file in files.items() if file is not None}
+        if not self._files:
+            raise ValueError("a video is needed: back, front or both")
+        if front is not None and rig.front is None:
+            raise ValueError("a front video was given, but the rig has no front camera")
+        for file in self._files.values():
+            if not file.is_file():
+                raise FileNotFoundError(f"no video at {file}")
+        self.rig, self.board, self._fps = rig, board, fps
+        self._exposures = dict(zip(CAMERAS, exposures, strict=True))
+
+    def __iter__(self) -> Iterator[Frame]:
+        import cv2
+
+        videos = {name: cv2.VideoCapture(str(file)) for name, file in self._files.items()}
+        try:
+            rates = {n: self._fps or v.get(cv2.CAP_PROP_FPS) or 30.0 for n, v in videos.items()}
+            upcoming = {name: (0.0, _next_picture(video)) for name, video in videos.items()}
+            for name, (_, picture) in upcoming.items():
+                if picture is None:
+                    warnings.warn(f"the video {self._files[name]} holds no picture", RecordingWarning, stacklevel=2)
+            counts = dict.fromkeys(videos, 0)
+            while any(picture is not None for _, picture in upcoming.values()):
+                moment = min(t for t, picture in upcoming.values() if picture is not None)
+                frame = Frame(moment)
+                for name, (t, picture) in list(upcoming.items()):
+                    if picture is None or t > moment + 0.25 / rates[name]:
+                        continue
+                    setattr(frame, name, picture)
+                    setattr(frame, f"{name}_exposure", self._exposures[name])
+                    counts[name] += 1
+                    upcoming[name] = counts[name] / rates[name], _next_picture(videos[name])
+                yield frame
+        finally:
+            for video in videos.values():
+                video.release()
+
+
+def _next_picture(video: Any) -> NDArray[np.uint8] | None:
+    read, picture = video.read()
+    return np.ascontiguousarray(picture[..., ::-1]) if read and picture is not None else None
+
+
+class FolderSource(_Closing):
+    """Pictures in folders, in the order of their names: those of the same place in the order make one Frame.
+
+    back, front: folders with .png, .jpg, … fps: of the times. exposures: as VideoSource has them. A picture that cannot
+    be read is passed over with a RecordingWarning.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        back: str | os.PathLike[str] | None = None,
+        front: str | os.PathLike[str] | None = None,
+        board: Any = None,
+        *,
+        fps: float = 30.0,
+        exposures: tuple[float | None, float | None] = (1.0, 1.0),
+    ):
+        if not (fps > 0 and np.isfinite(fps)):
+            raise ValueError(f"fps must be positive and finite, got {fps}")
+        if front is not None and rig.front is None:
+            raise ValueError("a front folder was given, but the rig has no front camera")
+        folders = {"back": back, "front": front}
+        self._files = {name: _pictures_in(Path(folder)) for name, folder in folders.items() if folder is not None}
+        if not self._files:
+            raise ValueError("a folder is needed: back, front or both")
+        self.rig, self.board, self._fps = rig, board, fps
+        self._exposures = dict(zip(CAMERAS, exposures, strict=True))
+
+    def __len__(self) -> int:
+        return max(len(files) for files in self._files.values())
+
+    def __iter__(self) -> Iterator[Frame]:
+        import cv2
+
+        for k in range(len(self)):
+            frame = Frame(k / self._fps)
+            for name, files in self._files.items():
+                if k >= len(files):
+                    continue
+                picture = cv2.imread(str(files[k]), cv2.IMREAD_COLOR)
+                if picture is None:
+                    warnings.warn(f"the picture {files[k]} cannot be read", RecordingWarning, stacklevel=2)
+                    continue
+                setattr(frame, name, np.ascontiguousarray(picture[..., ::-1]))
+                setattr(frame, f"{name}_exposure", self._exposures[name])
+            if frame.back is not None or frame.front is not None:
+                yield frame
+
+
+def _pictures_in(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        raise FileNotFoundError(f"no folder of pictures at {folder}")
+    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in PICTURES)
+    if not files:
+        raise ValueError(f"{folder} holds no pictures ({', '.join(PICTURES)})")
+    return files
+
+
+class Paced(_Closing):
+    """A source whose frames come no sooner than their times say, as live ones do. speed: 2 is twice as fast.
+
+    Frames that are late are given all the same: nothing is dropped.
+    """
+
+    def __init__(
+        self,
+        source: Any,
+        speed: float = 1.0,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ):
+        if not (speed > 0 and np.isfinite(speed)):
+            raise ValueError(f"speed must be positive and finite, got {speed}")
+        self.rig, self.board, self.source = source.rig, source.board, source
+        self._speed, self._clock, self._sleep = speed, clock, sleep
+
+    def close(self) -> None:
+        close(self.source)
+
+    def __iter__(self) -> Iterator[Frame]:
+        begin = first = None
+        for frame in self.source:
+            if begin is None:
+                begin, first = self._clock(), frame.time
+            wait = (frame.time - first) / self._speed - (self._clock() - begin)
+            if wait > 0:
+                self._sleep(wait)
+            yield frame
+
+
+def close(source: Any) -> None:
+    """Closes a source that can be: a Recording has nothing to close."""
+    if hasattr(source, "close"):
+        source.close()

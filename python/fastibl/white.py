@@ -1,0 +1,43 @@
+"""The white of the board ties the scale and the white balance of the two cameras together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import Environment, texel_directions, texel_solid_angles
+
+
+@dataclass(frozen=True)
+class CameraRatio:
+    """ratio: (3,) what the front camera makes of a radiance by what the back one makes of it, by channel. unseen: share
+    of the light on the board that rests on what no camera saw."""
+
+    ratio: NDArray[np.float64]
+    unseen: float
+
+
+def camera_ratio(environment: Environment) -> CameraRatio:
+    """What the front camera makes of light by what the back camera makes of it.
+
+    environment: captured with a board, all around: what lies above the horizon by the front camera, and the board's
+    white by the back one (`environment.plane_irradiance`). Give the ratio to a Session as `front_ratio`, or to
+    Capture.add as `tint`. It is as exact as the albedo of the paper, see Capture. Raises LookupError where no picture
+    showed enough of the board's white, ValueError for a dark map.
+    """
+    measured = environment.plane_irradiance
+    if measured is None:
+        raise LookupError("no picture showed enough of the board's white")
+    direction = texel_directions(environment.radiance.size)
+    weight = np.maximum(direction[..., 2], 0) * texel_solid_angles(environment.radiance.size)[None]
+    light = np.asarray(environment.radiance.faces, np.float64) * weight[..., None]
+    total = light.sum(axis=(0, 1, 2))
+    if not (total > 0).all():
+        raise ValueError("the map holds no light above the horizon")
+    unseen = light[environment.confidence <= 0].sum() / light.sum()
+    return CameraRatio(total / np.array(measured), float(unseen))
+
+
+__all__ = ["CameraRatio", "camera_ratio"]

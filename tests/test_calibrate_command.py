@@ -1,0 +1,80 @@
+"""The command that measures a rig, from pictures to rig.yaml and board.yaml."""
+
+import cv2
+import numpy as np
+import pytest
+from board_pictures import look_at, render
+from test_calibration import BOARD, CAMERA, VIEWS, board_pictures, off_by
+
+import fastibl
+from fastibl.__main__ import main
+from fastibl.recording import RecordingWriter, read_board, read_rig, write_board, write_rig
+
+FRONT = fastibl.Camera(400, 300, 330.0, 330.0, 200.0, 150.0)
+FRONT_FROM_BACK = fastibl.Pose.from_rotation_vector([0.02, np.pi - 0.04, 0.01], [0.01, -0.003, -0.008])
+BASE = fastibl.Pose.from_rotation_vector([np.pi, 0.0, 0.0], [0.0, 0.0, 0.3])  # above the middle of a board
+BOARDS = BASE.inverse() @ FRONT_FROM_BACK @ BASE  # front board from back board
+
+
+def write(folder, pictures):
+    folder.mkdir()
+    for k, picture in enumerate(pictures):
+        cv2.imwrite(str(folder / f"{k}.png"), np.ascontiguousarray(picture[..., ::-1]))
+    return [str(p) for p in sorted(folder.iterdir())]
+
+
+def test_lens_board_and_response(tmp_path, capsys):
+    shots = write(tmp_path / "shots", board_pictures(views=VIEWS[:8]))
+    rig, board = str(tmp_path / "rig.yaml"), str(tmp_path / "board.yaml")
+    write_board(board, BOARD)
+    assert main(["calibrate", "camera", *shots, "--board", board, "--terms", "4", "--rig", rig]) == 0
+    said = capsys.readouterr().out
+    assert "fx" in said and "+-" in said
+    assert read_rig(rig).back.fx == pytest.approx(CAMERA.fx, rel=2e-3)
+    whole = [(20 + 5 * (k % 4), 0.3, 60 * k, 45 * k) for k in range(6)]
+    shots = write(tmp_path / "whole", [render(BOARD, CAMERA, look_at(*v), seed=k, fine=2) for k, v in enumerate(whole)])
+    out = str(tmp_path / "measured.yaml")
+    assert main(["calibrate", "board", *shots, "--board", board, "--rig", rig, "--out", out]) == 0
+    assert len(read_board(out).tags) == len(BOARD.tags)
+    rng = np.random.default_rng(0)
+    scene = np.geomspace(0.01, 2, 300 * 200).reshape(200, 300, 1) * np.ones(3)
+    exposures = [0.25, 1.0, 4.0]
+    light = [np.clip(scene * e + 0.002 * rng.standard_normal(scene.shape), 0, 1) for e in exposures]
+    shots = write(tmp_path / "exposures", [np.rint(255 * x ** (1 / 1.8)).astype(np.uint8) for x in light])
+    assert main(["calibrate", "response", *shots, "--exposures", *map(str, exposures), "--rig", rig]) == 0
+    x = np.linspace(0.1, 0.9, 9).astype(np.float32)
+    np.testing.assert_allclose(read_rig(rig).back.response.decode(x), x**1.8, atol=0.015)
+    assert read_rig(rig).back.fx == pytest.approx(CAMERA.fx, rel=2e-3)  # the lens stayed
+
+
+def test_rig_from_a_recording(tmp_path, capsys):
+    away = fastibl.Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0])
+    writer = RecordingWriter(tmp_path / "film", fastibl.Rig(CAMERA, FRONT, away), BOARD)
+    for k in range(10):
+        turn = [0.25 * np.sin(1.9 * k), 0.25 * np.cos(2.3 * k), 0.2 * np.sin(k)]
+        pose = fastibl.Pose.from_rotation_vector(turn, [0.0, 0.0, 0.0]) @ BASE
+        front = FRONT_FROM_BACK @ pose @ BOARDS.inverse()
+        pictures = [render(BOARD, c, p.matrix, seed=k, fine=2) for c, p in ((CAMERA, pose), (FRONT, front))]
+        writer.add(fastibl.Frame(0.5 * k, *pictures))
+    writer.close()
+    rig, board = str(tmp_path / "rig.yaml"), str(tmp_path / "board.yaml")
+    write_rig(rig, fastibl.Rig(CAMERA, FRONT, away)), write_board(board, BOARD)
+    arguments = ["calibrate", "rig", str(tmp_path / "film"), "--board", board, "--front-board", board, "--rig", rig]
+    assert main(arguments) == 0, capsys.readouterr().err
+    degrees, metres = off_by(read_rig(rig).front_from_back, FRONT_FROM_BACK)
+    print(f"{capsys.readouterr().out}off by {degrees:.3f} degrees, {1000 * metres:.2f} mm")
+    assert degrees < 0.05 and metres < 0.001
+
+
+def test_errors_name_what_is_missing(tmp_path, capsys):
+    rig = str(tmp_path / "rig.yaml")
+    assert main(["calibrate", "camera", str(tmp_path / "none.png"), "--rig", rig]) == 2
+    assert "none.png" in capsys.readouterr().err
+    (picture,) = write(tmp_path / "one", [np.zeros((48, 64, 3), np.uint8)])
+    assert main(["calibrate", "camera", picture, "--rig", rig]) == 2
+    assert "expected at least 5" in capsys.readouterr().err
+    assert main(["calibrate", "response", picture, "--exposures", "1", "--rig", rig]) == 2
+    assert "rig.yaml" in capsys.readouterr().err
+    write_rig(rig, fastibl.Rig(CAMERA))
+    assert main(["calibrate", "rig", str(tmp_path), "--front-board", rig, "--rig", rig]) == 2
+    assert "no front camera" in capsys.readouterr().err

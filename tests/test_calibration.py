@@ -1,0 +1,231 @@
+"""Calibration against pictures and poses whose truth is known."""
+
+import cv2
+import numpy as np
+import pytest
+from board_pictures import look_at, render, srgb
+
+import fastibl
+from fastibl.calibration import calibrate_board, calibrate_camera, calibrate_response, calibrate_rig
+
+BOARD = fastibl.Board.grid(3, 4, 0.040, 0.012)
+CAMERA = fastibl.Camera(480, 360, 396.0, 399.0, 243.5, 176.0, distortion=[0.08, -0.12, 0.0008, -0.0005])
+VIEWS = [(25 + 4 * (k % 4), 0.2 + 0.01 * (k % 3), 47 * k, 80 * k) for k in range(12)]
+AIMS = [(0.04 * np.cos(2.4 * k), 0.03 * np.sin(2.4 * k)) for k in range(12)]
+
+
+def board_pictures(board=BOARD, camera=CAMERA, views=VIEWS, noise=0.004):
+    return [
+        render(board, camera, look_at(t, d, a, r, aim), seed=k, noise=noise, fine=3)
+        for k, ((t, d, a, r), aim) in enumerate(zip(views, AIMS, strict=False))
+    ]
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    return board_pictures()
+
+
+@pytest.fixture(scope="module")
+def calibrated(pictures):
+    return calibrate_camera(pictures, BOARD, terms=4)
+
+
+def test_a_lens_is_found_within_its_stated_deviations(calibrated):
+    found = calibrated
+    true = {n: getattr(CAMERA, n) for n in ("fx", "fy", "cx", "cy")} | dict(
+        zip(("k1", "k2", "p1", "p2"), CAMERA.distortion, strict=True)
+    )
+    values = {n: getattr(found.camera, n) for n in ("fx", "fy", "cx", "cy")} | dict(
+        zip(("k1", "k2", "p1", "p2"), found.camera.distortion, strict=True)
+    )
+    print(found)
+    off = {n: (values[n] - true[n]) / found.deviations[n] for n in true}
+    print("in deviations: " + ", ".join(f"{n} {o:+.1f}" for n, o in off.items()))
+    assert max(map(abs, off.values())) < 5 and np.sqrt(np.mean(np.square(list(off.values())))) < 3
+    assert abs(values["fx"] / true["fx"] - 1) < 1e-3 and found.residual < 0.15
+    d = found.camera.unproject(np.mgrid[20:460:9, 20:340:9].reshape(2, -1).T.astype(float))
+    error = np.abs(CAMERA.project(d) - np.mgrid[20:460:9, 20:340:9].reshape(2, -1).T)
+    print(f"pixels within {np.median(error):.3f} px (median), {error.max():.2f} px (worst)")
+    assert np.median(error) < 0.1 and error.max() < 1
+
+
+def test_a_fisheye_is_found():
+    camera = fastibl.Camera(480, 480, 170.0, 171.0, 242.0, 238.0, distortion=[0.02, -0.01, 0.001, 0.0], model="fisheye")
+    rng = np.random.default_rng(0)
+    on_board = np.array([tag.corners for tag in BOARD.tags])
+    from fastibl.calibration.corners import Seen
+    from fastibl.calibration.intrinsics import _solve_fisheye
+
+    seen = []
+    for k in range(14):
+        pose = look_at(
+            20 + 2 * k % 25, 0.16 + 0.01 * (k % 3), 51 * k, 30 * k, (0.06 * np.cos(2.0 * k), 0.06 * np.sin(k))
+        )
+        points = np.pad(on_board.reshape(-1, 2), ((0, 0), (0, 1))) @ pose[:3, :3].T + pose[:3, 3]
+        pixels = camera.project(points) + 0.05 * rng.standard_normal((len(points), 2))
+        assert np.isfinite(pixels).all()
+        seen.append(Seen(tuple(range(len(on_board))), on_board, pixels.reshape(-1, 4, 2)))
+    found = _solve_fisheye(seen, list(range(14)), (480, 480), 4, None)
+    off = [(getattr(found.camera, n) - getattr(camera, n)) / found.deviations[n] for n in ("fx", "fy", "cx", "cy")]
+    off += [
+        (a - b) / found.deviations[f"k{i}"]
+        for i, (a, b) in enumerate(zip(found.camera.distortion, camera.distortion, strict=True), 1)
+    ]
+    print(found, np.round(off, 1))
+    assert np.abs(off).max() < 4 and np.abs(off).max() > 0.1
+    assert found.residual == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
+
+
+def test_what_cannot_tell_a_lens_is_refused(pictures):
+    with pytest.raises(ValueError, match="expected at least 5"):
+        calibrate_camera(pictures[:3], BOARD)
+    with pytest.raises(ValueError, match="in the corners too"):
+        far = [(30, 0.75, 60 * k, 0) for k in range(6)]
+        calibrate_camera([render(BOARD, CAMERA, look_at(*v), seed=1, fine=2) for v in far], BOARD)
+    with pytest.raises(ValueError, match="one size"):
+        calibrate_camera([*pictures[:5], pictures[0][:100]], BOARD)
+    with pytest.raises(ValueError, match="5 or 8 terms"):
+        calibrate_camera(pictures, BOARD, terms=3)
+
+
+def test_flat_views_do_not_tell_the_focal_length():
+    flat = [(0, 0.2, 0, 90 * k) for k in range(8)]
+    with pytest.raises(ValueError, match="tilt the board"):
+        calibrate_camera(board_pictures(views=flat), BOARD, terms=4)
+
+
+def test_a_board_that_was_printed_wrong_is_found(calibrated):
+    """1 % too high, and the last tag half a millimetre to the right."""
+    tags = [(t.id, np.array(t.corners) * [1, 1.01]) for t in BOARD.tags]
+    tags[-1] = (tags[-1][0], tags[-1][1] + [0.0005, 0])
+    printed = fastibl.Board(tags, BOARD.width, BOARD.height * 1.01, BOARD.border_bits)
+    views = [(20 + 5 * (k % 4), 0.3, 60 * k, 45 * k) for k in range(10)]
+    shots = [render(printed, CAMERA, look_at(*v), seed=k, fine=3, dpi=600) for k, v in enumerate(views)]
+    found = calibrate_board(shots, BOARD, CAMERA)
+    print(found)
+    moved = np.array([np.mean(t.corners, axis=0) for t in found.board.tags])
+    true = np.array([np.mean(c, axis=0) for _, c in tags])
+    moved, true = moved - moved.mean(axis=0), true - true.mean(axis=0)
+    turn = np.arctan2((true[:, 0] * moved[:, 1] - true[:, 1] * moved[:, 0]).sum(), (true * moved).sum())
+    c, s = np.cos(turn), np.sin(turn)
+    off = np.abs(moved @ np.array([[c, -s], [s, c]]) - true)
+    print(f"tags within {1e6 * np.median(off):.0f} um (median), {1e6 * off.max():.0f} um (worst)")
+    assert abs(found.stretch - 1.01) < 0.0012 and off.max() < 0.0003
+    assert np.ptp(found.flatness) < 0.001
+    a, b = BOARD.tags[0].id, BOARD.tags[3].id
+    ruled = calibrate_board(shots, BOARD, CAMERA, measured=(a, b, 0.3))
+    centres = {t.id: np.mean(t.corners, axis=0) for t in ruled.board.tags}
+    assert np.linalg.norm(centres[a] - centres[b]) == pytest.approx(0.3, rel=1e-3)
+    assert ruled.scale == pytest.approx(0.3 / 0.156, rel=0.01)
+    with pytest.raises(ValueError, match="not both on the board"):
+        calibrate_board(shots, BOARD, CAMERA, measured=(a, 999, 0.3))
+    with pytest.raises(ValueError, match="expected at least 5"):
+        calibrate_board(shots[:3], BOARD, CAMERA)
+
+
+def s_curve(linear):
+    """sRGB with a toe and a shoulder, as telephones have."""
+    e = srgb(linear)
+    return e + 0.08 * np.sin(2 * np.pi * (e - 0.5)) * e * (1 - e)
+
+
+@pytest.mark.parametrize(
+    ("curve", "name"), [(srgb, "srgb"), (lambda x: np.clip(x, 0, 1) ** (1 / 2.2), "2.2"), (s_curve, "s")]
+)
+def test_a_response_is_found_within_one_percent(curve, name):
+    rng = np.random.default_rng(1)
+    scene = np.exp(cv2.GaussianBlur(rng.normal(size=(120, 160, 1)), (0, 0), 6).reshape(120, 160, 1) * 14)
+    scene = 0.2 * scene / np.median(scene) * np.array([1.0, 0.8, 0.6])
+    exposures = [1 / 16, 1 / 4, 1.0, 4.0, 16.0]
+    shots = []
+    for e in exposures:
+        light = np.clip(scene * e, 0, 2)
+        light = light + np.sqrt(light / 4000 + (6 / 4000) ** 2) * rng.standard_normal(light.shape)
+        shots.append(np.rint(255 * curve(np.clip(light, 0, 1))).astype(np.uint8))
+    found = calibrate_response(shots, exposures)
+    codes = np.arange(13, 243)
+    x = np.linspace(0, 1, 200001)
+    true = np.interp(codes / 255, curve(x), x)
+    got = found.response.decode((codes / 255).astype(np.float32))
+    error = np.abs(got - true)
+    print(f"{name}: {found}; curve within {error.mean():.2%} of white (mean), {error.max():.2%} (worst)")
+    assert error.max() < 0.01 or name == "s" and error.max() < 0.015
+
+
+def test_what_cannot_tell_a_response_is_refused():
+    grey = [np.full((20, 20, 3), v, np.uint8) for v in (40, 90, 200)]
+    with pytest.raises(ValueError, match="of the codes"):
+        calibrate_response(grey, [1, 2, 4])
+    with pytest.raises(ValueError, match="different exposures"):
+        calibrate_response(grey, [1, 1, 4])
+    with pytest.raises(ValueError, match="positive"):
+        calibrate_response(grey, [1, -2, 4])
+
+
+FRONT_FROM_BACK = fastibl.Pose.from_rotation_vector([0.03, np.pi - 0.05, 0.02], [0.012, -0.004, -0.009])
+BOARDS = fastibl.Pose.from_rotation_vector([2.8, 0.3, 0.4], [0.2, 0.1, 1.4])  # front board from back board
+
+
+def moments(count, noise_degrees=0.02, noise_metres=0.0003, about=(0, 1, 2), seed=0):
+    rng = np.random.default_rng(seed)
+    back, front = [], []
+    for _ in range(count):
+        turn = np.zeros(3)
+        turn[list(about)] = rng.uniform(-0.5, 0.5, len(about))
+        pose = fastibl.Pose.from_rotation_vector(turn, [0, 0, 0]) @ fastibl.Pose.from_rotation_vector(
+            [np.pi, 0, 0], [*rng.uniform(-0.1, 0.1, 2), rng.uniform(0.4, 0.7)]
+        )
+        seen = FRONT_FROM_BACK @ pose @ BOARDS.inverse()
+        noisy = [
+            fastibl.Pose.from_rotation_vector(np.radians(noise_degrees) * rng.standard_normal(3), [0, 0, 0]) @ p
+            for p in (pose, seen)
+        ]
+        for list_, p in zip((back, front), noisy, strict=True):
+            matrix = np.array(p.matrix)
+            matrix[:3, 3] += noise_metres * rng.standard_normal(3)
+            list_.append(fastibl.Pose(matrix))
+    return back, front
+
+
+def off_by(pose, truth):
+    turn = cv2.Rodrigues(np.ascontiguousarray(pose.rotation @ truth.rotation.T))[0]
+    return np.degrees(np.linalg.norm(turn)), np.linalg.norm(pose.translation - truth.translation)
+
+
+def test_a_rig_is_found_within_its_stated_deviations():
+    ratios = []
+    for seed in range(12):
+        back, front = moments(25, seed=seed)
+        back[3] = front[7] = None
+        found = calibrate_rig(back, front)
+        degrees, metres = off_by(found.front_from_back, FRONT_FROM_BACK)
+        ratios.append((degrees / found.degrees, metres / found.metres))
+    print(found)
+    ratios = np.array(ratios)
+    print(f"{degrees:.3f} degrees, {1000 * metres:.2f} mm off; in deviations: median {np.median(ratios, axis=0)}")
+    assert degrees < 0.05 and metres < 0.001
+    assert (np.median(ratios, axis=0) < 2.5).all() and (np.median(ratios, axis=0) > 0.3).all()
+
+
+def test_poses_without_noise_give_the_rig_exactly():
+    found = calibrate_rig(*moments(8, 0, 0))
+    degrees, metres = off_by(found.front_from_back, FRONT_FROM_BACK)
+    assert degrees < 1e-6 and metres < 1e-8 and found.degrees < 1e-4
+
+
+def test_one_moment_that_is_wrong_does_not_spoil_a_rig():
+    back, front = moments(25)
+    front[4] = fastibl.Pose.from_rotation_vector([0.5, 0.2, 0], [0.1, 0, 0]) @ front[4]
+    degrees, metres = off_by(calibrate_rig(back, front).front_from_back, FRONT_FROM_BACK)
+    print(f"{degrees:.3f} degrees, {1000 * metres:.2f} mm off")
+    assert degrees < 0.1 and metres < 0.002
+
+
+def test_what_cannot_tell_a_rig_is_refused():
+    with pytest.raises(ValueError, match="one axis"):
+        calibrate_rig(*moments(20, about=(1,)))
+    with pytest.raises(ValueError, match="at least 4"):
+        calibrate_rig(*moments(3))
+    with pytest.raises(ValueError, match="only: more moments"):
+        calibrate_rig(*moments(5, 3.0, 0.02))

@@ -1,0 +1,169 @@
+"""Exposures that are wrong or not told, judged by what the map knows; and which exposure a camera takes next."""
+
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl import Capture, Pose
+from fastibl.exposure import Bracket
+
+RNG = np.random.default_rng(2)
+CAMERA = fastibl.Camera(160, 120, 110, 110, 80, 60)
+OTHER = fastibl.Camera(160, 120, 100, 100, 80, 60)
+
+
+def place():
+    """Light with structure everywhere, 0.1 to 1."""
+    d = fastibl.texel_directions(64)
+    waves = sum(np.sin(k * d @ axis)[..., None] for k, axis in ((3, (1, 0.3, 0)), (5, (0, 1, 0.5)), (4, (0.2, 0, 1))))
+    return fastibl.CubeMap((np.exp(0.4 * waves) * [0.35, 0.3, 0.25]).astype(np.float32))
+
+
+PLACE = place()
+
+
+def looking_at(azimuth, up=0.5):
+    forward = np.array([np.cos(azimuth) * np.cos(up), np.sin(azimuth) * np.cos(up), np.sin(up)])
+    right = np.cross(forward, [0, 0, 1.0])
+    right /= np.linalg.norm(right)
+    turn = np.array([right, np.cross(forward, right), forward])
+    return Pose(np.vstack([np.column_stack([turn, -turn @ [0, 0, 0.05]]), [0, 0, 0, 1]]))
+
+
+def picture(pose, exposure, camera=CAMERA, light=PLACE, dtype=np.uint8):
+    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+    rays = camera.unproject(np.stack([x, y], axis=-1))
+    linear = light.sample(rays @ pose.rotation) * exposure
+    linear += RNG.normal(size=linear.shape) * np.sqrt(np.maximum(linear, 0) / 4000 + (6 / 4000) ** 2)
+    if dtype == np.float32:
+        return linear.astype(np.float32)
+    most = np.iinfo(dtype).max
+    return np.round(most * camera.response.encode(np.clip(linear, 0, 1))).astype(dtype)
+
+
+def warmed(**options):
+    """A capture that knows an azimuth of 0 to 0.6 well, the time after, and how to go on."""
+    capture = Capture(size=64, **{"doubt_exposures": True, **options})
+    for k in range(12):
+        pose = looking_at(0.05 * k)
+        assert capture.add(picture(pose, 0.8), CAMERA, pose, 0.8, time=k / 30).how == "told"
+    return capture, 12 / 30
+
+
+def seen_error(capture, light=PLACE):
+    env = capture.environment()
+    seen = env.confidence > 0
+    return float(np.median(np.abs(env.radiance.faces[seen] / light.faces[seen] - 1)))
+
+
+@pytest.mark.parametrize("factor", [1 / 64, 1 / 4, 4.0, 64.0])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_wrong_tag_is_corrected(factor, dtype):
+    capture, time = warmed()
+    pose = looking_at(0.4)
+    before = seen_error(capture)
+    taken = capture.add(picture(pose, 0.8, dtype=dtype), CAMERA, pose, 0.8 * factor, time)
+    print(f"{taken}, deviation {taken.deviation:.4f}; error of the map {before:.4f}, then {seen_error(capture):.4f}")
+    assert taken.how == "corrected" and taken.exposure == pytest.approx(0.8, rel=0.02)
+    np.testing.assert_allclose(taken.tint, 1, atol=0.02)
+    assert seen_error(capture) < before + 0.005
+    trusting, time = warmed(doubt_exposures=False)
+    assert trusting.add(picture(pose, 0.8), CAMERA, pose, 0.8 * factor, time).how == "told"
+    assert seen_error(trusting) > 0.1, "the map takes what it is told"
+
+
+def test_white_balance_that_jumps_is_corrected():
+    capture, time = warmed()
+    before, pose = seen_error(capture), looking_at(0.4)
+    gains = np.array([1.5, 1.0, 0.6])
+    tinted = fastibl.CubeMap(PLACE.faces * gains.astype(np.float32))
+    taken = capture.add(picture(pose, 0.5, light=tinted), CAMERA, pose, 0.5, time)
+    assert taken.how == "corrected"
+    np.testing.assert_allclose(taken.exposure / 0.5 * np.array(taken.tint), gains, rtol=0.02)
+    assert seen_error(capture) < before + 0.005
+
+
+def test_a_change_of_all_the_light_is_believed_when_it_stays():
+    capture, begin = warmed()
+    dimmed, hows = fastibl.CubeMap(PLACE.faces * np.float32(0.3)), []
+    for k in range(12):
+        pose = looking_at(0.3 + 0.002 * k)
+        hows.append(capture.add(picture(pose, 0.8, light=dimmed), CAMERA, pose, 0.8, begin + k / 30).how)
+    believed = hows.index("told")
+    print(f"believed after {believed} pictures, {believed / 30:.2f} s")
+    assert believed / 30 == pytest.approx(0.2, abs=0.04) and set(hows[believed:]) == {"told"}
+    ray = np.asarray(looking_at(0.3).rotation)[2]
+    np.testing.assert_allclose(capture.environment().radiance.sample(ray), 0.3 * PLACE.sample(ray), rtol=0.1)
+
+
+def test_what_changes_in_a_part_of_the_picture_comes_at_once():
+    capture, time = warmed()
+    pose = looking_at(0.3)
+    shown = picture(pose, 0.8)
+    shown[:, 80:] = picture(pose, 0.8 * 0.2)[:, 80:]
+    assert capture.add(shown, CAMERA, pose, 0.8, time).how == "told"
+
+
+def test_black_pictures_are_left_out():
+    capture, time = warmed()
+    pose, before = looking_at(0.3), capture.environment().radiance.faces.copy()
+    black = np.zeros((120, 160, 3), np.uint8)
+    assert capture.add(black, CAMERA, pose, 0.8, time).how == "left out"
+    np.testing.assert_array_equal(capture.environment().radiance.faces, before)
+    assert capture.add(black, CAMERA, pose, 0.8 / 1000, time + 0.03).how == "told", "a short exposure is dark"
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_exposures_that_are_not_told(dtype):
+    capture = Capture(size=64)
+    pose = looking_at(0)
+    first = capture.add(picture(pose, 0.5, dtype=dtype), CAMERA, pose, None, 0.0)
+    assert (first.how, first.exposure) == ("assumed", 1.0)
+    errors, stated = [], []
+    for k in range(1, 40):
+        pose, exposure = looking_at(0.1 * k), 0.5 * 2 ** (0.8 * np.sin(k / 5))  # as a camera's automatic goes
+        taken = capture.add(picture(pose, exposure, dtype=dtype), CAMERA, pose, None, k / 15)
+        assert taken.how == "estimated"
+        errors.append(np.log(taken.exposure / (exposure / 0.5))), stated.append(taken.deviation)
+    error = seen_error(capture, fastibl.CubeMap(PLACE.faces * np.float32(0.5)))
+    print(
+        f"errors of the exposure: median {np.median(np.abs(errors)):.4f}, worst {np.max(np.abs(errors)):.4f}, stated "
+        f"{np.median(stated):.4f}; of the map {error:.4f}"
+    )
+    assert np.max(np.abs(errors)) < 0.04 and error < 0.03
+
+
+def test_what_the_map_cannot_tell_is_left_out():
+    capture, time = warmed()
+    away = looking_at(2.4, 0.2)
+    assert capture.add(picture(away, 0.5, OTHER), OTHER, away, None, time).how == "assumed", (
+        "a new camera sets its scale"
+    )
+    away = looking_at(4.6, 0.2)
+    assert capture.add(picture(away, 0.5, OTHER), OTHER, away, None, time).how == "left out"
+    pose = looking_at(0.3)
+    assert capture.add(picture(pose, 0.5, OTHER), OTHER, pose, None, time).how == "estimated"
+    assert capture.add(np.zeros((120, 160, 3), np.uint8), CAMERA, pose, None, time).how == "left out"
+    clipped = np.full((120, 160, 3), 255, np.uint8)
+    assert capture.add(clipped, CAMERA, pose, None, time).how == "left out"
+
+
+def test_a_360_degree_camera_that_does_not_tell():
+    wide = fastibl.Camera.equirectangular(256, 128)
+    y, x = np.mgrid[:128, :256] + 0.5
+    rays = wide.unproject(np.stack([x, y], axis=-1))
+    pose = looking_at(0.2)
+    capture = Capture(size=64)
+    for k, exposure in enumerate((0.5, 0.8, 0.3)):
+        linear = PLACE.sample(rays @ pose.rotation) * exposure
+        shown = np.round(255 * wide.response.encode(np.clip(linear, 0, 1))).astype(np.uint8)
+        taken = capture.add(shown, wide, pose, None, k / 30)
+        assert taken.exposure == pytest.approx(exposure / 0.5, rel=0.02), taken
+        assert taken.how == ("estimated" if k else "assumed")
+
+
+def test_bracket():
+    bracket = Bracket((1, 1 / 4))
+    assert [bracket(0.8), bracket(0.2), bracket(0.8)] == pytest.approx([0.2, 0.8, 0.2])
+    with pytest.raises(ValueError, match="positive"):
+        Bracket((1, 0))

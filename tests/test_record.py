@@ -1,0 +1,142 @@
+"""Recording live: nothing waits for the disk, and what was written survives a killed program."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl import Frame, Recording, recorder
+from fastibl.__main__ import main
+from fastibl.recorder import Recorder
+from fastibl.recording import RecordingWarning, RecordingWriter
+
+CAMERA = fastibl.Camera(64, 48, 50, 50, 32, 24)
+RIG = fastibl.Rig(CAMERA)
+
+
+def frame(k, **others):
+    picture = np.random.default_rng(k).integers(0, 256, (48, 64, 3), np.uint8)
+    return Frame(k / 30, picture, **others)
+
+
+def test_what_is_added_is_recorded(tmp_path):
+    given = [frame(k, back_exposure=None if k == 2 else 0.5) for k in range(6)]
+    with Recorder(tmp_path / "r", RIG) as out:
+        assert all(out.add(f) for f in given)
+    assert (out.written, out.dropped, out.error) == (6, 0, None)
+    read = list(Recording.open(tmp_path / "r"))
+    assert read == given and read[2].back_exposure is None
+
+
+def test_a_slow_disk_drops_frames_and_keeps_memory(tmp_path, monkeypatch):
+    slow = RecordingWriter.add
+
+    def add(self, f):
+        time.sleep(0.02)
+        slow(self, f)
+
+    monkeypatch.setattr(RecordingWriter, "add", add)
+    size = frame(0).back.nbytes
+    with Recorder(tmp_path / "r", RIG, buffer=3 * size) as out:
+        kept = [out.add(frame(k)) for k in range(20)]
+    assert out.dropped == kept.count(False) >= 10 and out.written == kept.count(True) >= 3
+    assert len(Recording.open(tmp_path / "r")) == out.written
+
+
+def test_a_full_disk_ends_the_recording_and_says_so(tmp_path, monkeypatch):
+    with pytest.raises(OSError, match="MiB are free"):
+        Recorder(tmp_path / "r", RIG, least_free=2**62)
+    monkeypatch.setattr(recorder, "_SYNC", 0.0)
+    out = Recorder(tmp_path / "s", RIG)
+    out._least_free = 2**62
+    with pytest.raises(OSError, match="MiB are free"):
+        for k in range(1000):
+            out.add(frame(k))
+            time.sleep(0.002)
+    out.close()
+    assert 1 <= len(Recording.open(tmp_path / "s")) == out.written < 1000
+
+
+def test_a_line_that_was_cut_off_is_left_out(tmp_path):
+    with Recorder(tmp_path / "r", RIG) as out:
+        for k in range(3):
+            out.add(frame(k))
+    path = tmp_path / "r" / "frames.csv"
+    path.write_text(path.read_text() + "0.1,back,back/00003.png,0.")
+    with pytest.warns(RecordingWarning, match="cut off"):
+        assert len(Recording.open(tmp_path / "r")) == 3
+
+
+def endless_camera(path):
+    """A video that plays as a camera does: read to its end, it is opened again."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30, (64, 48))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no MJPG")
+    for k in range(3000):
+        writer.write(np.full((48, 64, 3), k % 256, np.uint8))
+    writer.release()
+    return str(path)
+
+
+def test_the_command(tmp_path, capsys):
+    out, video = tmp_path / "out", endless_camera(tmp_path / "camera.avi")
+    assert main(["record", str(out), "--back", video, "--size", "64x48", "--seconds", "0.3"]) == 0
+    assert "frames" in capsys.readouterr().out
+    recording = Recording.open(out)
+    assert len(recording) >= 3 and recording.board is not None and recording.rig.back.width == 64
+    times = [f.time for f in recording]
+    assert times == sorted(times)
+    assert main(["record", str(out), "--back", str(tmp_path / "none"), "--patience", "0.2"]) == 2
+    assert "no camera gave a picture" in capsys.readouterr().err
+
+
+def test_a_killed_program_leaves_a_recording(tmp_path):
+    out, video = tmp_path / "out", endless_camera(tmp_path / "camera.avi")
+    command = [sys.executable, "-m", "fastibl", "record", str(out), "--back", video, "--size", "64x48"]
+    path = os.pathsep.join([os.path.dirname(os.path.dirname(fastibl.__file__)), os.environ.get("PYTHONPATH", "")])
+    process = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, stderr=subprocess.DEVNULL)
+    try:
+        listed = out / "frames.csv"
+        begin = time.monotonic()
+        while not (listed.is_file() and listed.read_text().count("\n") > 30) and time.monotonic() < begin + 30:
+            time.sleep(0.05)
+        before = listed.read_text().count("\n") - 1
+        assert before > 10
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    recording = Recording.open(out)
+    frames = list(recording)
+    print(f"{before} frames were listed just before, {len(frames)} are read after")
+    assert len(frames) == len(recording) >= before
+    assert frames[-1].back.shape == (48, 64, 3)
+
+
+def test_live(tmp_path, capsys):
+    pytest.importorskip("av")
+    film = fastibl.simulate(seconds=2, fps=10, size=(320, 240), hand=False, lamp=False)
+    fastibl.recording.write_rig(tmp_path / "rig.yaml", film.rig)
+    cameras = {}
+    for name in ("back", "front"):
+        writer = cv2.VideoWriter(str(tmp_path / f"{name}.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 30, (320, 240))
+        if not writer.isOpened():
+            pytest.skip("this OpenCV writes no MJPG")
+        for _ in range(30):
+            for f in film:
+                writer.write(np.ascontiguousarray(getattr(f, name)[..., ::-1]))
+        writer.release()
+        cameras[name] = str(tmp_path / f"{name}.avi")
+    out, rig = tmp_path / "out.webm", str(tmp_path / "rig.yaml")
+    command = ["live", "--rig", rig, "--back", cameras["back"], "--front", cameras["front"], "--out", str(out)]
+    assert main([*command, "--seconds", "1.5"]) == 0
+    said = capsys.readouterr().out
+    print(said)
+    assert "board seen in" in said and "board seen in 0" not in said and out.stat().st_size > 1000
+    assert main(["live", "--rig", rig, "--back", str(tmp_path / "none"), "--patience", "0.2", "--out", str(out)]) == 2
+    assert "no picture" in capsys.readouterr().err

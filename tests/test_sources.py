@@ -1,0 +1,307 @@
+"""Frames from cameras, files and folders. FakeCapture plays cv2.VideoCapture's part: no camera is needed."""
+
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl import sources
+from fastibl.exposure import Bracket
+from fastibl.live_camera import LiveCamera
+
+CAMERA = fastibl.Camera(64, 48, 50, 50, 32, 24)
+TURN = fastibl.Pose.from_rotation_vector([0, np.pi, 0], [0, 0, 0])
+RIG = fastibl.Rig(CAMERA, CAMERA, TURN)
+
+
+class Driver:
+    """What several FakeCaptures share: a camera that can be unplugged. Its pictures count in their pixels."""
+
+    def __init__(self, period=0.004, backend="V4L2", size=(64, 48), tells=True):
+        self.period, self.backend, self.size, self.tells = period, backend, size, tells
+        self.plugged, self.count, self.opened = True, 0, 0
+        self.properties = {cv2.CAP_PROP_EXPOSURE: 80.0}  # 8 ms
+
+    def open(self, device):
+        self.opened += 1
+        return FakeCapture(self)
+
+
+class FakeCapture:
+    def __init__(self, driver):
+        self.driver, self.alive = driver, driver.plugged
+
+    def isOpened(self):  # noqa: N802 - OpenCV's names
+        return self.alive
+
+    def getBackendName(self):  # noqa: N802
+        return self.driver.backend
+
+    def get(self, which):
+        return self.driver.properties.get(which, 0.0) if self.driver.tells else 0.0
+
+    def set(self, which, value):
+        if not self.driver.tells and which in (cv2.CAP_PROP_EXPOSURE, cv2.CAP_PROP_AUTO_EXPOSURE):
+            return False
+        self.driver.properties[which] = value
+        return True
+
+    def grab(self):
+        time.sleep(self.driver.period)
+        self.alive &= self.driver.plugged
+        return self.alive
+
+    def retrieve(self):
+        if not self.alive:
+            return False, None
+        self.driver.count += 1
+        width, height = self.driver.size
+        picture = np.zeros((height, width, 3), np.uint8)
+        picture[..., 0], picture[..., 2] = 7, self.driver.count % 251  # BGR
+        return True, picture
+
+    def release(self):
+        self.alive = False
+
+
+def waited(condition, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.002)
+    return condition()
+
+
+def camera_source(drivers, **options):
+    """A source of cameras by name."""
+    names = list(drivers)
+    return sources.CameraSource(
+        RIG if "front" in names else fastibl.Rig(CAMERA),
+        back="back" if "back" in names else None,
+        front="front" if "front" in names else None,
+        open_capture=lambda device: drivers[device].open(device),
+        retry=0.02,
+        **options,
+    )
+
+
+def test_a_camera_gives_its_newest_picture():
+    driver = Driver()
+    with LiveCamera(0, (64, 48), open_capture=driver.open) as camera:
+        first = camera.newest(5.0)
+        assert first.image.shape == (48, 64, 3) and (first.image[..., 2] == 7).all()  # RGB
+        assert first.number == 1 and driver.count > 10, "a camera must find its exposure first"
+        time.sleep(0.1)
+        later = camera.newest(0.0)
+        assert later.number > 3 and camera.dropped >= later.number - 2
+        assert later.time > first.time and camera.newest(0.0) is None or camera.newest(0.0).number > later.number
+    assert not waited(lambda: camera.newest(0.0) is not None, 0.05)
+    assert driver.properties[cv2.CAP_PROP_FRAME_WIDTH] == 64 and driver.properties[cv2.CAP_PROP_AUTO_EXPOSURE] == 1
+    assert driver.properties[cv2.CAP_PROP_AUTO_WB] == 0
+
+
+@pytest.mark.parametrize(
+    "backend, units, exposure", [("V4L2", 80.0, 0.8), ("DSHOW", -7.0, 2**-7 / 0.01), ("UNKNOWN", 3.0, 1.0)]
+)
+def test_exposures_are_read_in_the_units_of_the_driver(backend, units, exposure):
+    driver = Driver(backend=backend)
+    driver.properties[cv2.CAP_PROP_EXPOSURE] = units
+    with LiveCamera(0, open_capture=driver.open) as camera:
+        assert camera.newest(5.0).exposure == pytest.approx(exposure)
+
+
+def test_an_exposure_that_is_not_told_is_unknown():
+    lines = []
+    with LiveCamera(0, open_capture=Driver(tells=False).open, log=lines.append) as camera:
+        assert camera.newest(5.0).exposure is None
+    assert "cannot hold its exposure" in lines[0]
+
+
+def test_a_set_exposure_is_unknown_until_it_holds():
+    driver = Driver()
+    with LiveCamera(0, open_capture=driver.open) as camera:
+        before = camera.newest(5.0)
+        assert before.exposure == pytest.approx(0.8)
+        camera.set_exposure(0.05)
+        seen = []
+        while len(seen) < 40 and (not seen or seen[-1].exposure != pytest.approx(0.05)):
+            seen.append(camera.newest(5.0))
+        exposures = [shot.exposure for shot in seen]
+        assert exposures[-1] == pytest.approx(0.05) and driver.properties[cv2.CAP_PROP_EXPOSURE] == 5
+        assert set(exposures[:-1]) <= {before.exposure, None}
+        with pytest.raises(ValueError, match="positive"):
+            camera.set_exposure(0)
+
+
+def test_unplugged_and_plugged_in_again():
+    driver, lines = Driver(), []
+    with LiveCamera(0, open_capture=driver.open, retry=0.02, log=lines.append) as camera:
+        assert camera.newest(5.0) is not None and camera.connected
+        driver.plugged = False
+        assert waited(lambda: not camera.connected)
+        camera.newest(0.0)
+        assert camera.newest(0.05) is None
+        driver.plugged = True
+        assert camera.newest(5.0) is not None and waited(lambda: camera.connected)
+        assert camera.lost == 1 and driver.opened > 2
+    assert any("gives no more pictures" in line for line in lines)
+
+
+def test_a_driver_that_raises_is_tried_again():
+    driver, calls = Driver(), []
+
+    def broken(device):
+        calls.append(device)
+        if len(calls) < 3:
+            raise RuntimeError("no such device")
+        return driver.open(device)
+
+    with LiveCamera("/dev/nowhere", open_capture=broken, retry=0.01) as camera:
+        assert camera.newest(5.0) is not None
+    assert len(calls) == 3
+
+
+def taken(source, count):
+    frames = []
+    for frame in source:
+        frames.append(frame)
+        if len(frames) == count:
+            break
+    return frames
+
+
+def test_two_cameras_in_step_make_pairs():
+    with camera_source({"back": Driver(0.03), "front": Driver(0.03)}, together=0.03) as source:
+        frames = taken(source, 12)
+    pairs = sum(f.back is not None and f.front is not None for f in frames)
+    assert pairs >= 6, [repr(f) for f in frames]
+    assert all(b.time >= a.time for a, b in zip(frames, frames[1:], strict=False))
+    assert frames[-1].back_exposure == pytest.approx(0.8)
+
+
+def test_cameras_of_other_rhythms_come_as_they_are():
+    with camera_source({"back": Driver(0.004), "front": Driver(0.02)}, together=0.001) as source:
+        assert waited(lambda: source.cameras["front"].connected)
+        frames = taken(source, 60)
+    assert any(f.front is not None for f in frames) and sum(f.back is not None for f in frames) > 40
+    assert all(b.time >= a.time for a, b in zip(frames, frames[1:], strict=False))
+
+
+def test_a_session_goes_on_without_an_unplugged_camera():
+    drivers = {"back": Driver(), "front": Driver()}
+    with camera_source(drivers) as source:
+        assert any(f.front is not None for f in taken(source, 20))
+        drivers["front"].plugged = False
+        assert waited(lambda: not source.cameras["front"].connected)
+        taken(source, 2)
+        assert all(f.front is None and f.back is not None for f in taken(source, 10))
+        drivers["front"].plugged = True
+        assert waited(lambda: any(f.front is not None for f in taken(source, 5)))
+
+
+def test_without_any_camera_it_ends_by_patience_or_close():
+    drivers = {"back": Driver()}
+    drivers["back"].plugged = False
+    with camera_source(drivers, patience=0.1) as source:
+        assert list(source) == []
+    with camera_source(drivers) as source:
+        threading.Timer(0.05, source.close).start()
+        assert list(source) == []
+
+
+def test_pictures_of_another_size_are_refused():
+    lines = []
+    with camera_source({"back": Driver(size=(32, 24))}, patience=0.2, log=lines.append) as source:
+        assert list(source) == [] and source.refused > 3
+    assert sum("calibrated for 64 x 48, but gives 32 x 24" in line for line in lines) == 1
+
+
+def test_a_schedule_is_asked_after_each_picture():
+    driver = Driver()
+    with camera_source({"back": driver}, schedules={"back": Bracket((1, 1 / 4, 1 / 16))}) as source:
+        exposures = [f.back_exposure for f in taken(source, 8)]
+    # One picture more of each may be on its way when the next exposure is set.
+    changes = [e for k, e in enumerate(exposures) if k == 0 or e != exposures[k - 1]]
+    assert len(changes) >= 4 and changes == pytest.approx(([0.8, 0.2, 0.05] * 3)[: len(changes)])
+
+
+def test_wrong_cameras():
+    with pytest.raises(ValueError, match="a camera is needed"):
+        sources.CameraSource(RIG, None, None)
+    with pytest.raises(ValueError, match="rig has none"):
+        sources.CameraSource(fastibl.Rig(CAMERA), None, 1)
+
+
+# Files
+
+
+def write_video(path, count, first=0, size=(64, 48)):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"FFV1"), 20, size)
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no FFV1")
+    for k in range(count):
+        picture = np.random.default_rng(k).integers(0, 256, (size[1], size[0], 3), np.uint8)
+        picture[0, 0, 2] = first + k
+        writer.write(picture)
+    writer.release()
+    return path
+
+
+def test_videos(tmp_path):
+    back, front = write_video(tmp_path / "back.avi", 5), write_video(tmp_path / "front.avi", 3, 100)
+    source = sources.VideoSource(RIG, back, front, exposures=(0.5, None))
+    for _ in range(2):  # again
+        frames = list(source)
+        assert [f.time for f in frames] == pytest.approx([0, 0.05, 0.1, 0.15, 0.2])
+        assert [f.back[0, 0, 0] for f in frames] == [0, 1, 2, 3, 4]
+        assert [None if f.front is None else f.front[0, 0, 0] for f in frames] == [100, 101, 102, None, None]
+        assert frames[0].back_exposure == 0.5 and frames[0].front_exposure is None
+    assert [f.time for f in sources.VideoSource(RIG, back, fps=10)] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        sources.VideoSource(RIG, tmp_path / "nowhere.avi")
+    (tmp_path / "empty.avi").write_bytes(b"")
+    with pytest.warns(fastibl.recording.RecordingWarning, match="no picture"):
+        assert list(sources.VideoSource(RIG, tmp_path / "empty.avi")) == []
+
+
+def test_a_truncated_video_gives_what_it_holds(tmp_path):
+    path = write_video(tmp_path / "back.avi", 30)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    frames = list(sources.VideoSource(RIG, path))
+    assert 5 < len(frames) < 30 and [f.back[0, 0, 0] for f in frames[:5]] == [0, 1, 2, 3, 4]
+
+
+def test_folders(tmp_path):
+    for name, count in (("back", 3), ("front", 2)):
+        (tmp_path / name).mkdir()
+        for k in range(count):
+            picture = np.full((48, 64, 3), (10, 20, k), np.uint8)
+            assert cv2.imwrite(str(tmp_path / name / f"{k:03d}.png"), picture)
+    source = sources.FolderSource(RIG, tmp_path / "back", tmp_path / "front", fps=10)
+    frames = list(source)
+    assert len(source) == 3 and [f.time for f in frames] == pytest.approx([0, 0.1, 0.2])
+    assert tuple(frames[1].back[0, 0]) == (1, 20, 10) and frames[2].front is None
+    (tmp_path / "back" / "001.png").write_bytes(b"broken")
+    with pytest.warns(fastibl.recording.RecordingWarning, match="001.png"):
+        frames = list(source)
+    assert [f.back is None for f in frames] == [False, True, False]
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        sources.FolderSource(RIG, tmp_path / "nowhere")
+    (tmp_path / "none").mkdir()
+    with pytest.raises(ValueError, match="no pictures"):
+        sources.FolderSource(RIG, tmp_path / "none")
+
+
+def test_pace():
+    frames = [fastibl.Frame(5 + k / 10, np.zeros((48, 64, 3), np.uint8)) for k in range(4)]
+    now = [0.0]
+
+    def sleep(seconds):
+        now[0] += seconds
+
+    source = sources.Paced(fastibl.Recording(RIG, frames), 2.0, clock=lambda: now[0], sleep=sleep)
+    given = [(frame.time, now[0]) for frame in source]
+    np.testing.assert_allclose(given, [(5, 0), (5.1, 0.05), (5.2, 0.1), (5.3, 0.15)], atol=1e-12)
+    source.close()
