@@ -13,5 +13,6 @@ from . import (  # noqa: F401
     rolling_tracking,
     sweep,
     tracking,
+    turning,
     wide,
 )

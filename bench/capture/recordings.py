@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import inspect
 import os
 import shutil
 from collections.abc import Iterator
@@ -26,8 +27,10 @@ _SOURCES = tuple(Path(module.__file__) for module in (recording, room, shutter, 
 def recorded(place: str, **options) -> fastibl.Recording:
     """fastibl.simulate(...) in a place by name, kept by its options and by the sources that make it."""
     path = {ROOM: None, FRESH: inputs.SUN_MAP}.get(place, inputs.MAPS.get(place))
-    parts = hashlib.sha256(repr((place, fastibl.__version__, sorted(options.items()))).encode())
-    for source in (*_SOURCES, *([path] if path else [])):
+    named = {name: getattr(value, "__qualname__", value) for name, value in options.items()}
+    parts = hashlib.sha256(repr((place, fastibl.__version__, sorted(named.items()))).encode())
+    given = [Path(inspect.getfile(value)) for value in options.values() if inspect.isfunction(value)]
+    for source in (*_SOURCES, *given, *([path] if path else [])):
         parts.update(source.read_bytes())
     folder = CACHE / f"recording-{parts.hexdigest()[:20]}"
     if not folder.is_dir():

@@ -97,7 +97,7 @@ Raises ValueError for values out of range.)")
           [](Capture& capture, const py::object& image, const Camera& camera,
              const py::object& camera_from_marker, const std::optional<double>& exposure,
              double time, const py::object& mask, const py::object& last_row,
-             const std::array<double, 3>& tint) {
+             const std::array<double, 3>& tint, bool plane) {
             py::array keep, keep_mask;
             const Picture picture = require_picture(image, "image", keep);
             const Pose pose = require_pose(camera_from_marker, "camera_from_marker");
@@ -118,11 +118,12 @@ Raises ValueError for values out of range.)")
             }
             const py::gil_scoped_release release;
             return capture.add(picture, camera, pose, exposure, time, view, last,
-                               {tint[0], tint[1], tint[2]});
+                               {tint[0], tint[1], tint[2]}, plane);
           },
           py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"),
           py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
           py::arg("last_row") = py::none(), py::arg("tint") = std::array<double, 3>{1, 1, 1},
+          py::arg("plane") = true,
           R"(Update the texels that a picture sees.
 
 image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
@@ -130,7 +131,8 @@ or (4, 4). exposure: multiplier; None where it is not known: the map tells it by
 picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
 what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
 row was taken; camera_from_marker is then that of the first row. tint: by channel, a known
-factor on the exposure, see fastibl.white. Returns Taken. Raises ValueError or TypeError, naming what was
+factor on the exposure, see fastibl.white. plane: False where the place of the camera is a guess: what was seen of the
+plane otherwise stays. Returns Taken. Raises ValueError or TypeError, naming what was
 expected and what came.)")
       .def(
           "next_exposure",
@@ -146,6 +148,15 @@ expected and what came.)")
 Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
 down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
 for another camera or a range that is none.)")
+      .def(
+          "turn",
+          [](Capture& capture, const Pose& new_from_old) {
+            const py::gil_scoped_release release;
+            capture.turn(new_from_old.rotation);
+          },
+          py::arg("new_from_old"),
+          "The marker was turned: what is above the horizon turns with the rotation of this Pose, "
+          "and lights are to be located anew; the plane is forgotten.")
       .def(
           "environment",
           [](Capture& capture) {

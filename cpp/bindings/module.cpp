@@ -17,6 +17,7 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_plane_exchange(module);
   bind_shading(module);
   bind_tracking(module);
+  bind_rotation_tracker(module);
   bind_plan(module);
   bind_render(module);
 #ifdef FASTIBL_WITH_GL

@@ -176,6 +176,7 @@ void bind_material(py::module_& module);
 void bind_scene(py::module_& module);
 void bind_environment(py::module_& module);
 void bind_tracking(py::module_& module);
+void bind_rotation_tracker(py::module_& module);
 void bind_capture(py::module_& module);
 void bind_lighting(py::module_& module);
 void bind_ggx(py::module_& module);

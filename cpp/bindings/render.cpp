@@ -148,6 +148,14 @@ its shadow from the plane behind them.)")
           "tracked", [](const Result& r) { return r.frame.tracked; },
           "Tracked, or None where the pose was given or the board is not seen.")
       .def_property_readonly(
+          "turned", [](const Result& r) { return r.frame.turned; },
+          "Turned, where the board is out of view and the surroundings tell how the cameras "
+          "turned: the map may be captured with it, but nothing is drawn. Else None.")
+      .def_property_readonly(
+          "board_moved", [](const Result& r) { return r.frame.board_moved; },
+          "True in the frame in which it is clear that the board was turned by hand: the map was "
+          "turned to where it lies now.")
+      .def_property_readonly(
           "back_taken", [](const Result& r) { return r.frame.back_taken; },
           "Taken: how the back picture went into the map; None where it did not.")
       .def_property_readonly(
@@ -183,7 +191,8 @@ its shadow from the plane behind them.)")
                        const std::string& backend, const Methods& methods, double error,
                        double milliseconds, int size, bool cast_shadow, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
-                       bool doubt_exposures, const std::array<double, 3>& front_ratio) {
+                       bool doubt_exposures, const std::array<double, 3>& front_ratio,
+                       bool follow_surroundings) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
@@ -197,12 +206,14 @@ its shadow from the plane behind them.)")
                                 distance,
                                 room_box(box),
                                 doubt_exposures,
-                                {front_ratio[0], front_ratio[1], front_ratio[2]}});
+                                {front_ratio[0], front_ratio[1], front_ratio[2]},
+                                follow_surroundings});
            }),
            py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
            py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
            py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
-           py::arg("box"), py::arg("doubt_exposures"), py::arg("front_ratio"))
+           py::arg("box"), py::arg("doubt_exposures"), py::arg("front_ratio"),
+           py::arg("follow_surroundings"))
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,

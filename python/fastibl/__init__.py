@@ -30,6 +30,7 @@ from ._fastibl import (
     Tag,
     Taken,
     Tracked,
+    Turned,
     __version__,
     ambient_occlusion,
     cast_shadow,
@@ -57,7 +58,7 @@ from .lighting import Lighting, Method, methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
 from .session import Session, make_plan
-from .tracking import Tracker
+from .tracking import RotationTracker, Tracker
 
 __all__ = [
     "Board",
@@ -85,6 +86,7 @@ __all__ = [
     "Recording",
     "Response",
     "Rig",
+    "RotationTracker",
     "Scene",
     "SelfShadow",
     "Session",
@@ -94,6 +96,7 @@ __all__ = [
     "Taken",
     "Tracked",
     "Tracker",
+    "Turned",
     "__version__",
     "ambient_occlusion",
     "cast_shadow",

@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Taken', 'Tracked', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Taken', 'Tracked', 'Turned', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -797,7 +797,7 @@ class Capture:
         ...
     def __repr__(self) -> str:
         ...
-    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, tint: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0]) -> Taken:
+    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, tint: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0], plane: bool = True) -> Taken:
         """
         Update the texels that a picture sees.
 
@@ -806,7 +806,8 @@ class Capture:
         picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
         what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
         row was taken; camera_from_marker is then that of the first row. tint: by channel, a known
-        factor on the exposure, see fastibl.white. Returns Taken. Raises ValueError or TypeError, naming what was
+        factor on the exposure, see fastibl.white. plane: False where the place of the camera is a guess: what was seen of the
+        plane otherwise stays. Returns Taken. Raises ValueError or TypeError, naming what was
         expected and what came.
         """
     def environment(self) -> Environment:
@@ -820,6 +821,10 @@ class Capture:
         Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
         down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
         for another camera or a range that is none.
+        """
+    def turn(self, new_from_old: Pose) -> None:
+        """
+        The marker was turned: what is above the horizon turns with the rotation of this Pose, and lights are to be located anew; the plane is forgotten.
         """
     @property
     def last_seen(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1177,6 +1182,78 @@ class _EdgeTracker:
     @property
     def following(self) -> bool:
         ...
+class Turned:
+    """
+    A pose that rests on the captured map: the board is out of view.
+
+    The rotation is measured; the camera's place is where the board was last seen from.
+    """
+    __hash__: typing.ClassVar[None] = None
+    def __eq__(self, arg0: Turned) -> bool:
+        ...
+    def __getstate__(self) -> tuple:
+        ...
+    def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
+        ...
+    @property
+    def agreeing(self) -> float:
+        """
+        Share of what was compared that agrees.
+        """
+    @property
+    def back_from_marker(self) -> Pose:
+        """
+        Pose.
+        """
+    @property
+    def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        (3, 3) float64 of w where the true rotation is exp([w]x) R: rad^2, back camera's frame; against the marker, with the drift of the map.
+        """
+    @property
+    def drift(self) -> float:
+        """
+        Standard deviation of the map's own rotation there, radians.
+        """
+    @property
+    def features(self) -> int:
+        """
+        Texels of the map that were compared.
+        """
+    @property
+    def gain(self) -> float:
+        """
+        By which the pictures are brighter than the map says.
+        """
+    @property
+    def position_deviation(self) -> float:
+        """
+        Metres; standard deviation of the camera's place, which is kept.
+        """
+    @property
+    def residual(self) -> float:
+        """
+        Difference of the pictures from the map by what is expected.
+        """
+    @property
+    def since(self) -> float:
+        """
+        Seconds since the pose was last known.
+        """
+class _RotationTracker:
+    def __init__(self, rig: Rig, options: dict = {}) -> None:
+        ...
+    def reset(self) -> None:
+        ...
+    def start(self, back_from_marker: typing.Any, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex) -> None:
+        ...
+    def track(self, environment: Environment, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex, front_exposure: typing.SupportsFloat | typing.SupportsIndex, time: typing.SupportsFloat | typing.SupportsIndex, turn: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] | None) -> Turned | None:
+        ...
+    @property
+    def following(self) -> bool:
+        ...
 class _Methods:
     """
     The named methods that a frame is made with.
@@ -1400,6 +1477,11 @@ class FrameResult:
         Taken: how the back picture went into the map; None where it did not.
         """
     @property
+    def board_moved(self) -> bool:
+        """
+        True in the frame in which it is clear that the board was turned by hand: the map was turned to where it lies now.
+        """
+    @property
     def environment(self) -> Environment:
         ...
     @property
@@ -1443,8 +1525,13 @@ class FrameResult:
         """
         Tracked, or None where the pose was given or the board is not seen.
         """
+    @property
+    def turned(self) -> Turned | None:
+        """
+        Turned, where the board is out of view and the surroundings tell how the cameras turned: the map may be captured with it, but nothing is drawn. Else None.
+        """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool) -> None:
         ...
     def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any, back_last_row: typing.Any = None) -> FrameResult:
         ...

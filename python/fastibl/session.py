@@ -60,6 +60,8 @@ class Session(_Session):
     box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame. doubt_exposures:
     a picture that is off from the map by one factor all over is taken for wrongly exposed at first, see Capture.
     front_ratio: by channel, what the front camera makes of light by what the back one makes of it, see fastibl.white.
+    follow_surroundings: whether the surroundings tell how the cameras turn while the board is out of view
+    (FrameResult.turned; the map is captured on), and that the board was turned by hand (FrameResult.board_moved).
     A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
     baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
     cannot start.
@@ -83,6 +85,7 @@ class Session(_Session):
         box: Sequence[Sequence[float]] | None = None,
         doubt_exposures: bool = True,
         front_ratio: Sequence[float] = (1.0, 1.0, 1.0),
+        follow_surroundings: bool = True,
     ):
         if isinstance(environment, CubeMap):
             environment = Environment(environment)
@@ -106,6 +109,7 @@ class Session(_Session):
             None if box is None else [[float(x) for x in corner] for corner in box],
             bool(doubt_exposures),
             [float(x) for x in front_ratio],
+            bool(follow_surroundings),
         )
 
     def process(self, frame: Frame) -> FrameResult:

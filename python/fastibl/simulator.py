@@ -352,6 +352,8 @@ class _Hand:
 def _place_of(environment: Any, albedo: ArrayLike | None) -> tuple[Place, bool]:
     if environment is None:
         return Room(albedo), True
+    if hasattr(environment, "radiance") and hasattr(environment, "truth"):
+        return environment, False
     if isinstance(environment, (str, os.PathLike)):
         return DistantPlace(_read_equirect(Path(environment)), albedo), False
     return DistantPlace(environment, albedo), False
@@ -367,7 +369,7 @@ def _read_equirect(path: Path) -> NDArray[np.float32]:
 
 
 def simulate(
-    environment: CubeMap | ArrayLike | str | os.PathLike[str] | None = None,
+    environment: CubeMap | ArrayLike | str | os.PathLike[str] | Place | None = None,
     seed: int = 0,
     seconds: float = 8.0,
     fps: float = 15.0,
@@ -396,7 +398,8 @@ def simulate(
     """Makes a recording of a place whose light is known.
 
     environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the
-    path of an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights. albedo: the
+    path of an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights; or a Place of your
+    own. albedo: the
     table's mean, a number or RGB; by default about that of the printed page. board: the printed page
     (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False none at all.
     size: width and height of the pictures. rig: cameras of your own, whatever `size` says. truth_size: texels

@@ -7,7 +7,20 @@ import threading
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Board, Camera, DetectedTag, Pose, Tracked, _EdgeTracker, _grey, _track
+from ._fastibl import (
+    Board,
+    Camera,
+    DetectedTag,
+    Environment,
+    Pose,
+    Rig,
+    Tracked,
+    Turned,
+    _EdgeTracker,
+    _grey,
+    _RotationTracker,
+    _track,
+)
 from .lighting import method_name
 
 
@@ -121,4 +134,69 @@ class Tracker:
         return f"Tracker({self.board!r}, {self.camera!r}, method={self.method!r}, refine={self.refine})"
 
 
-__all__ = ["DetectedTag", "Tracked", "Tracker", "detect"]
+class RotationTracker:
+    """Follows how a rig turns by what its cameras see of distant surroundings, from poses that are known at first.
+
+    rig: Rig, or a Camera for its back camera alone. Options, all keyword: acceleration (rad/s^2, standard deviation of
+    what a hand does), largest_error (degrees of stated deviation: beyond, there is no result), largest_residual and
+    least_agreeing (of Turned), longest_gap (seconds without a result after which it is lost until the next start),
+    wander (metres per square root of a second by which the place of the camera is taken to change unseen), sure
+    (degrees; less sure pictures give nothing to follow later). Raises ValueError for options out of range, TypeError
+    for others.
+    """
+
+    _OPTIONS = ("acceleration", "largest_error", "largest_residual", "least_agreeing", "longest_gap", "wander", "sure")
+
+    def __init__(self, rig: Rig | Camera, **options: float):
+        unknown = sorted(set(options) - set(self._OPTIONS))
+        if unknown:
+            raise TypeError(f"expected options of {', '.join(self._OPTIONS)}, got {', '.join(unknown)}")
+        self._core, self._lock = (
+            _RotationTracker(Rig(rig) if isinstance(rig, Camera) else rig, options),
+            threading.Lock(),
+        )
+
+    def start(
+        self,
+        back_from_marker: Pose | ArrayLike,
+        time: float,
+        back: ArrayLike | None = None,
+        front: ArrayLike | None = None,
+        back_exposure: float = 1.0,
+        front_exposure: float = 1.0,
+    ) -> None:
+        """Takes a known pose and what the pictures, where given, show then. time: seconds, not decreasing."""
+        with self._lock:
+            self._core.start(back_from_marker, time, back, front, back_exposure, front_exposure)
+
+    def track(
+        self,
+        environment: Environment,
+        time: float,
+        back: ArrayLike | None = None,
+        front: ArrayLike | None = None,
+        back_exposure: float = 1.0,
+        front_exposure: float = 1.0,
+        *,
+        turn: ArrayLike | None = None,
+    ) -> Turned | None:
+        """The pose under which the pictures agree with what was seen before and with the map; None if there is none.
+
+        environment: the map as it was before these pictures were added. turn: rotation vector (3,) of the back camera
+        since the last call, as a gyroscope integrates it. Raises ValueError for pictures of another size, exposures
+        that are not positive, or time that runs backwards; TypeError for other dtypes.
+        """
+        with self._lock:
+            step = None if turn is None else [float(x) for x in np.asarray(turn, np.float64).reshape(3)]
+            return self._core.track(environment, back, front, back_exposure, front_exposure, time, step)
+
+    def reset(self) -> None:
+        """Forgets the rotation."""
+        self._core.reset()
+
+    @property
+    def following(self) -> bool:
+        return self._core.following
+
+
+__all__ = ["DetectedTag", "RotationTracker", "Tracked", "Tracker", "Turned", "detect"]

@@ -142,7 +142,7 @@ Capture::Capture(CaptureOptions options)
   }
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
-  at_rim_.assign(tiles, 0);
+  at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0);
   if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
   if (options_.prior) {
     prior_.emplace(*options_.prior, grid_);
@@ -157,7 +157,7 @@ Capture::Capture(CaptureOptions options)
 
 Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
                    std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask,
-                   const std::optional<Pose>& last_row, const glm::dvec3& tint) {
+                   const std::optional<Pose>& last_row, const glm::dvec3& tint, bool plane) {
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
@@ -203,10 +203,11 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   }
   taken.tint *= tint;
   if (one)
-    any = take(picture, *one, poses, taken, mask, changed);
+    any = take(picture, *one, poses, taken, mask, plane, changed);
   else
     each_side([&](KnownCamera& side, const RowPoses& side_poses) {
-      any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), changed);
+      any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), plane,
+                  changed);
     });
   if (one) read_meter(picture, *one, poses, taken.exposure);
   if (any) take_changes(changed, refills);
@@ -214,11 +215,11 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
 }
 
 bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses,
-                   const Taken& taken, ImageView<const std::uint8_t> mask,
+                   const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
                    std::vector<int>& changed) {
   const Camera& camera = k.camera;
   const double exposure = taken.exposure;
-  if (options_.locate_lights) locate_lights(picture, k, poses, exposure);
+  if (options_.locate_lights && plane) locate_lights(picture, k, poses, exposure);
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
   if (options_.board)
@@ -247,6 +248,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
       tiles_.push_back(tile);
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
+  if (!plane) std::erase_if(tiles_, [&](int tile) { return plane_seen_[std::size_t(tile)] != 0; });
   if (tiles_.empty()) return false;
   find_bands(texels, float(camera.height));
   // Probes are four times as large as texels.
@@ -269,7 +271,10 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
     }
   });
   for (std::size_t i = 0; i < tiles_.size(); ++i)
-    if (changed_[i]) changed.push_back(tiles_[i]);
+    if (changed_[i]) {
+      changed.push_back(tiles_[i]);
+      if (plane && !unseen_.above(tiles_[i])) plane_seen_[std::size_t(tiles_[i])] = 1;
+    }
   return true;
 }
 

@@ -74,10 +74,16 @@ class Capture {
   // and 360° cameras the pose half-way is used). Throws
   // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
   // is not positive and finite, or a time before the last one. tint: by channel, a known factor on
-  // the exposure: of another camera's white balance and scale.
+  // the exposure: of another camera's white balance and scale. plane: false where the place of the
+  // camera is a guess: what was seen of the plane otherwise stays.
   Taken add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
             std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask = {},
-            const std::optional<Pose>& last_row = {}, const glm::dvec3& tint = glm::dvec3(1));
+            const std::optional<Pose>& last_row = {}, const glm::dvec3& tint = glm::dvec3(1),
+            bool plane = true);
+
+  // The marker was turned: what is above the horizon turns with new_from_old, and lights are to be
+  // located anew; the plane is forgotten.
+  void turn(const glm::dmat3& new_from_old);
 
   // The map at the time of the last picture, without holes: unseen texels take a mean of what
   // was seen near them on their side of the horizon, at confidence 0 and up to a second late.
@@ -128,7 +134,8 @@ class Capture {
   KnownWide& known_wide(const Camera& camera);
   // Of a perspective picture: adds tiles that changed; false if the map holds nothing of it.
   bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
-            const Taken& taken, ImageView<const std::uint8_t> mask, std::vector<int>& changed);
+            const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
+            std::vector<int>& changed);
   // Appends the parts of a picture that show what the map knows. In probe_level.cpp.
   void probe_level(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
                    ImageView<const std::uint8_t> mask, std::vector<LevelProbe>& probes) const;
@@ -172,6 +179,7 @@ class Capture {
   void prefetch_tile(int tile) const;
   void prefetch_rows(int tile, const CubeMap& map) const;
   void make_levels(int tile);
+  void renew_all();  // with turn(), in turn_map.cpp
   int refills_after(double time, const Camera& camera) const;
   bool is_small_refill(int tile) const;
   bool refill(int tile);
@@ -220,7 +228,8 @@ class Capture {
   std::vector<int> tiles_;  // that the picture may see
   std::vector<Roll> roll_;  // by tile
   std::vector<std::uint8_t> changed_, left_out_;
-  std::vector<std::uint8_t> at_rim_;  // tiles that show the rim of a light: read more finely
+  std::vector<std::uint8_t> plane_seen_;  // tiles of the plane that were seen from a known place
+  std::vector<std::uint8_t> at_rim_;      // tiles that show the rim of a light: read more finely
   std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, latest first
 };
 

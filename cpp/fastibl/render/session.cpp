@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "fastibl/core/clock.h"
 #include "fastibl/render/make_scene.h"
@@ -11,6 +12,9 @@ namespace {
 
 constexpr double kPoseLifetime =
     0.1 + 1e-6;  // seconds that a front picture may use an earlier pose, and times' rounding
+// Radians: a rotation by the surroundings that is less sure, drift of the map aside, is not
+// captured with; a third of a texel of 128.
+constexpr double kMostTurnDeviation = 0.5 * std::numbers::pi / 180;
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
@@ -32,6 +36,9 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   rig_.back.validate();
   if (rig_.front) rig_.front->validate();
   if (board_) board_->validate(), edge_tracker_.emplace(*board_, rig_.back);
+  const bool perspective = rig_.back.model == CameraModel::perspective &&
+                           (!rig_.front || rig_.front->model == CameraModel::perspective);
+  if (board_ && options_.follow_surroundings && perspective) rotation_tracker_.emplace(rig_);
   check(!board_ || detector_, "a session with a board needs a detector");
   check(renderer_ != nullptr, "a session needs a renderer");
   CaptureOptions capture;
@@ -141,6 +148,45 @@ std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) 
   return result.tracked->camera_from_marker;
 }
 
+// Where the board is in view: whether it lies where it lay. Where it is not: how the cameras
+// turned.
+void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
+  turned_.reset(), hold_capture_ = false;
+  RigPictures pictures;  // what is of unknown exposure cannot be compared
+  if (frame.back_exposure)
+    pictures.back = frame.back, pictures.back_exposure = *frame.back_exposure;
+  if (frame.front_exposure)
+    pictures.front = frame.front, pictures.front_exposure = *frame.front_exposure;
+  if (!rotation_tracker_ || !environment_) {
+    // Before there is a map there is a pose to start from.
+    if (rotation_tracker_ && result.tracked)
+      rotation_tracker_->start(*result.back_from_marker, frame.time, pictures);
+    return;
+  }
+  if (!result.tracked) {
+    // A front picture alone has the last pose for a while.
+    if (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime) return;
+    result.turned = rotation_tracker_->track(*environment_, pictures, frame.time);
+    if (result.turned && result.turned->own_deviation() < kMostTurnDeviation)
+      turned_ = result.turned->back_from_marker;
+    return;
+  }
+  const Pose& pose = *result.back_from_marker;
+  const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
+  std::optional<Turned> around;
+  if (agreement == Agreement::differs)
+    around = rotation_tracker_->track(*environment_, pictures, frame.time);
+  board_motion_.look(pose, agreement, around, frame.time);
+  hold_capture_ = board_motion_.moving();
+  if (const std::optional<glm::dmat3> moved = board_motion_.moved()) {
+    capture_->turn(*moved);
+    rotation_tracker_->forget();
+    result.board_moved = true;
+    stale_ |= product::light_pictures;
+  }
+  if (!board_motion_.moving()) rotation_tracker_->start(pose, frame.time, pictures);
+}
+
 // The paper's P_V is read from the scene, so there is nothing to keep for it.
 void Session::clear_shares() {
   light_shares_.clear();
@@ -211,11 +257,13 @@ void Session::find_holdout_ratios() {
 
 bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose) const {
   if (fixed_environment_) return false;
+  if (hold_capture_) return false;
   const bool front_usable =
       !frame.front.empty() && rig_.front &&
-      (pose || (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime));
+      (pose || turned_ ||
+       (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime));
   if (options_.methods.capture == CaptureMethod::continuous)
-    return front_usable || (pose && !frame.back.empty());
+    return front_usable || ((pose || turned_) && !frame.back.empty());
   return front_usable &&
          (!last_capture_time_ || (frame.time - *last_capture_time_ >= kSinglePeriod &&
                                   frame.front_exposure == *capture_exposure_));
@@ -247,22 +295,28 @@ Pose Session::drawn_pose(const FrameResult& result) const {
 void Session::capture_frame(const Frame& frame, FrameResult& result) {
   const bool continuous = options_.methods.capture == CaptureMethod::continuous;
   const std::optional<Pose>& pose = result.back_from_marker;
-  if (continuous && pose && !frame.back.empty()) {
-    result.back_taken = capture_->add(frame.back, rig_.back, *pose, frame.back_exposure, frame.time,
-                                      {}, result.back_last_row);
+  // Of what only turned, the place is not known: the plane that was seen from the board's pose
+  // stays as it was.
+  const bool plane = pose || !turned_;
+  if (continuous && (pose || turned_) && !frame.back.empty()) {
+    result.back_taken =
+        capture_->add(frame.back, rig_.back, pose ? *pose : *turned_, frame.back_exposure,
+                      frame.time, {}, result.back_last_row, glm::dvec3(1), plane);
     back_exposure_ = result.back_taken->exposure;
   }
   if (!frame.front.empty() && rig_.front) {
     const auto front_from_marker = [&](double time) {
+      if (!plane) return rig_.front_from_back * *turned_;
       const double later = time - last_pose_time_;
       return rig_.front_from_back *
              (motion_ && later > 0 ? motion_->later(*last_pose_, later) : *last_pose_);
     };
     std::optional<Pose> last_row;
-    if (rig_.front->readout > 0) last_row = front_from_marker(frame.time + rig_.front->readout);
+    if (plane && rig_.front->readout > 0)
+      last_row = front_from_marker(frame.time + rig_.front->readout);
     result.front_taken =
         capture_->add(frame.front, *rig_.front, front_from_marker(frame.time), frame.front_exposure,
-                      frame.time, {}, last_row, options_.front_ratio);
+                      frame.time, {}, last_row, options_.front_ratio, plane);
     last_capture_time_ = frame.time;
     if (!capture_exposure_) capture_exposure_ = frame.front_exposure;
   }
@@ -391,6 +445,7 @@ FrameResult Session::process(const Frame& frame) {
   else
     timed(PassId::track, [&] {
       result.back_from_marker = find_pose(frame, result);
+      follow_surroundings(frame, result);
       return true;
     });
   const std::optional<Pose>& pose = result.back_from_marker;
@@ -400,7 +455,8 @@ FrameResult Session::process(const Frame& frame) {
   const Pose drawn_from = pose ? drawn_pose(result) : Pose{};
 
   Products wanted = product::texels;
-  // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map.
+  // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map,
+  // and so do pictures whose rotation the surroundings tell.
   if (pose) wanted |= product::image;
   for (const PassId id : due_passes(plan_, wanted, stale_))
     timed(id, [&] { return run_pass(id, frame, result, drawn_from); });

@@ -23,8 +23,10 @@
 #include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/plane_exchange.h"
 #include "fastibl/shading/self_shadow.h"
+#include "fastibl/tracking/board_motion.h"
 #include "fastibl/tracking/detector.h"
 #include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/rotation_tracker.h"
 #include "fastibl/tracking/tracker.h"
 
 namespace fastibl {
@@ -49,6 +51,11 @@ struct FrameResult {
   std::optional<Tracked> tracked;     // where it was tracked, not given
   std::optional<Taken> back_taken,
       front_taken;  // how the pictures went into the map, where they did
+  // Where the board is out of view: what the surroundings tell. The map may be captured with it;
+  // nothing is drawn.
+  std::optional<Turned> turned;
+  // The board was moved by hand, and the map was turned to where it lies now.
+  bool board_moved = false;
   std::shared_ptr<const Environment> environment;
   std::shared_ptr<const Lighting> lighting;
   std::vector<PassId> passes;             // that ran
@@ -66,6 +73,9 @@ struct SessionOptions {
   bool doubt_exposures = true;                                // CaptureOptions::doubt_exposures
   // By channel: what the front camera makes of light by what the back one makes of it.
   glm::dvec3 front_ratio{1};
+  // Whether the surroundings tell how the cameras turn while the board is out of view, and that the
+  // board was moved by hand.
+  bool follow_surroundings = true;
 };
 
 class Session {
@@ -107,6 +117,7 @@ class Session {
   // drawn_from: the pose that the object is drawn with, see drawn_pose.
   bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
+  void follow_surroundings(const Frame& frame, FrameResult& result);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
   void capture_frame(const Frame& frame, FrameResult& result);
   void find_motion(const Frame& frame, FrameResult& result);
@@ -128,6 +139,10 @@ class Session {
   bool fixed_environment_;
   Detector detector_;
   std::optional<EdgeTracker> edge_tracker_;
+  std::optional<RotationTracker> rotation_tracker_;
+  BoardMotion board_motion_;
+  std::optional<Pose> turned_;  // of this frame, sure enough to capture with
+  bool hold_capture_ = false;   // the board seems to move
   std::unique_ptr<Renderer> renderer_;
   SessionOptions options_;
   std::optional<Capture> capture_;

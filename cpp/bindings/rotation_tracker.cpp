@@ -1,0 +1,122 @@
+#include "fastibl/tracking/rotation_tracker.h"
+
+#include <pybind11/operators.h>
+#include <pybind11/stl.h>
+
+#include "bindings/numpy.h"
+
+namespace fastibl::bindings {
+namespace {
+
+py::tuple turned_state(const Turned& t) {
+  return py::make_tuple(t.back_from_marker, t.covariance, t.drift, t.position_deviation, t.residual,
+                        t.agreeing, t.features, t.gain, t.since);
+}
+
+Turned turned_from(const py::tuple& t) {
+  return {t[0].cast<Pose>(),   t[1].cast<std::array<double, 9>>(),
+          t[2].cast<double>(), t[3].cast<double>(),
+          t[4].cast<double>(), t[5].cast<double>(),
+          t[6].cast<int>(),    t[7].cast<double>(),
+          t[8].cast<double>()};
+}
+
+RigPictures rig_pictures(const py::object& back, const py::object& front, double back_exposure,
+                         double front_exposure, py::array& keep_back, py::array& keep_front) {
+  RigPictures pictures;
+  if (!back.is_none()) pictures.back = require_picture(back, "back", keep_back);
+  if (!front.is_none()) pictures.front = require_picture(front, "front", keep_front);
+  pictures.back_exposure = back_exposure, pictures.front_exposure = front_exposure;
+  return pictures;
+}
+
+void bind_turned(py::module_& module) {
+  py::class_<Turned>(module, "Turned",
+                     R"(A pose that rests on the captured map: the board is out of view.
+
+The rotation is measured; the camera's place is where the board was last seen from.)")
+      .def_readonly("back_from_marker", &Turned::back_from_marker, "Pose.")
+      .def_property_readonly(
+          "covariance",
+          [](const Turned& t) {
+            Doubles out({3, 3});
+            std::copy(t.covariance.begin(), t.covariance.end(), out.mutable_data());
+            return out;
+          },
+          "(3, 3) float64 of w where the true rotation is exp([w]x) R: rad^2, back camera's frame; "
+          "against the marker, with the drift of the map.")
+      .def_readonly("drift", &Turned::drift,
+                    "Standard deviation of the map's own rotation there, radians.")
+      .def_readonly("position_deviation", &Turned::position_deviation,
+                    "Metres; standard deviation of the camera's place, which is kept.")
+      .def_readonly("residual", &Turned::residual,
+                    "Difference of the pictures from the map by what is expected.")
+      .def_readonly("agreeing", &Turned::agreeing, "Share of what was compared that agrees.")
+      .def_readonly("features", &Turned::features, "Texels of the map that were compared.")
+      .def_readonly("gain", &Turned::gain, "By which the pictures are brighter than the map says.")
+      .def_readonly("since", &Turned::since, "Seconds since the pose was last known.")
+      .def(py::self == py::self)
+      .def("__repr__",
+           [](const Turned& t) {
+             return "<fastibl.Turned by " + std::to_string(t.features) + " texels, residual " +
+                    std::string(py::str(py::float_(t.residual))) + ">";
+           })
+      .def(py::pickle(&turned_state, &turned_from));
+}
+
+}  // namespace
+
+void bind_rotation_tracker(py::module_& module) {
+  bind_turned(module);
+  py::class_<RotationTracker>(module, "_RotationTracker")
+      .def(py::init([](const Rig& rig, const py::dict& given) {
+             RotationTrackingOptions o;
+             const auto read = [&](const char* name, auto& value) {
+               if (given.contains(name))
+                 value = given[name].cast<std::remove_reference_t<decltype(value)>>();
+             };
+             read("acceleration", o.acceleration), read("largest_error", o.largest_error);
+             read("largest_residual", o.largest_residual);
+             read("least_agreeing", o.least_agreeing), read("longest_gap", o.longest_gap);
+             read("wander", o.wander), read("sure", o.sure);
+             read("coarsest", o.alignment.coarsest), read("rounds", o.alignment.rounds);
+             read("most", o.alignment.most), read("model_noise", o.alignment.model_noise);
+             read("gain_deviation", o.alignment.gain_deviation);
+             read("misfit", o.alignment.misfit), read("coarse_misfit", o.alignment.coarse_misfit), read("gyro_noise", o.gyro_noise);
+             read("independent", o.alignment.independent);
+             return std::make_unique<RotationTracker>(rig, o);
+           }),
+           py::arg("rig"), py::arg("options") = py::dict())
+      .def(
+          "start",
+          [](RotationTracker& t, const py::object& pose, double time, const py::object& back,
+             const py::object& front, double back_exposure, double front_exposure) {
+            py::array keep_back, keep_front;
+            const RigPictures pictures =
+                rig_pictures(back, front, back_exposure, front_exposure, keep_back, keep_front);
+            const Pose known = require_pose(pose, "back_from_marker");
+            const py::gil_scoped_release release;
+            t.start(known, time, pictures);
+          },
+          py::arg("back_from_marker"), py::arg("time"), py::arg("back"), py::arg("front"),
+          py::arg("back_exposure"), py::arg("front_exposure"))
+      .def(
+          "track",
+          [](RotationTracker& tracker, const Environment& environment, const py::object& back,
+             const py::object& front, double back_exposure, double front_exposure, double time,
+             const std::optional<std::array<double, 3>>& turn) {
+            py::array keep_back, keep_front;
+            const RigPictures pictures =
+                rig_pictures(back, front, back_exposure, front_exposure, keep_back, keep_front);
+            std::optional<glm::dmat3> rotation;
+            if (turn) rotation = rotation_from_vector({(*turn)[0], (*turn)[1], (*turn)[2]});
+            const py::gil_scoped_release release;
+            return tracker.track(environment, pictures, time, rotation);
+          },
+          py::arg("environment"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
+          py::arg("front_exposure"), py::arg("time"), py::arg("turn"))
+      .def("reset", &RotationTracker::reset)
+      .def_property_readonly("following", &RotationTracker::following);
+}
+
+}  // namespace fastibl::bindings

@@ -1,0 +1,372 @@
+#include "fastibl/tracking/align_rotation.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+namespace fastibl {
+namespace {
+
+constexpr std::size_t kFewest = 12;
+constexpr float kRelinearise = 0.01f;  // radians: beyond, pixels are projected anew
+constexpr float kDone = 2e-5f;         // radians
+constexpr float kTukey = 4.7f;         // robust standard deviations, 95 % efficient
+constexpr double kLeastScale = 0.5;
+// Of a pixel, linear: deviation in the dark, variance by light; a small sensor's, and codes of 8
+// bits. Sensors that cut noise off at 0 are too bright in the dark.
+constexpr float kReadNoise = 0.002f, kShotNoise = 1 / 3000.0f, kDarkBias = 0.4f;
+constexpr float kDarkest = 0.003f;  // of white: below there is only noise
+constexpr float kDark = 0.0005f;    // of white: differences below hardly count
+constexpr float kUsualBlock = 4;    // pixels
+constexpr float kWhite = 0.97f;     // linear; what is expected above it tells nothing
+
+// log2, within 1e-4.
+inline float fast_log2(float x) {
+  const std::uint32_t bits = std::bit_cast<std::uint32_t>(x);
+  const float e = float(int(bits >> 23) - 127);
+  const float m = std::bit_cast<float>((bits & 0x007fffffu) | 0x3f800000u);  // in [1, 2)
+  const float t = m - 1;
+  return e +
+         t * (1.44254494f +
+              t * (-0.71814525f +
+                   t * (0.45754919f + t * (-0.27790446f + t * (0.12197510f + t * -0.02602027f)))));
+}
+constexpr float kLn2 = 0.693147181f;
+
+// A feature in a picture: pixel at a rotation, and how it moves with w.
+struct Seen {
+  float x, y;
+  glm::vec3 move_x, move_y;  // of the pixel by w
+  glm::vec3 axis;            // of the logarithm
+  float log_light, inverse_deviation, dark, scale;
+  int level;
+  const MapFeature* feature;
+};
+
+glm::dmat3 cross_matrix(const glm::dvec3& w) { return {0, w.z, -w.y, -w.z, 0, w.x, w.y, -w.x, 0}; }
+
+struct Candidate {
+  float information;
+  const MapFeature* feature;
+};
+
+// How a picture shows light of the map.
+struct Sensor {
+  float white;  // radiance
+  float dark;   // radiance, is added before logarithms are taken
+  float off;    // widths of a feature by which it may be misplaced
+
+  // Of the logarithm, read in blocks of `block` pixels: about 2.25 block² of them.
+  float variance(const MapFeature& f, const AlignmentOptions& options, float block) const {
+    const float level = f.light / white, light = f.light + dark;
+    const float bias = kDarkBias * kReadNoise * std::max(0.0f, 1 - level / (1.5f * kReadNoise));
+    const float noise =
+        (kReadNoise * kReadNoise + kShotNoise * level) / (2.25f * block * block) + bias * bias;
+    const float misfit = off * f.width;
+    const float by_angle = misfit * misfit + f.drift;
+    const float model = float(options.model_noise * options.model_noise);
+    return model + (by_angle * glm::dot(f.axis, f.axis) +
+                    std::max(f.variance, 0.0f) * f.light * f.light + noise * white * white) /
+                       (light * light);
+  }
+};
+
+// Features near a direction, of tiles that a picture may show.
+class Candidates {
+ public:
+  Candidates(const Camera& camera, const Sensor& sensor, const glm::dvec3& axis,
+             const AlignmentOptions& options, std::vector<Candidate>& out)
+      : sensor_(sensor), axis_(axis), options_(options), out_(out) {
+    // Half the angle across the picture's diagonal, generously: lenses differ.
+    const double corner = std::hypot(std::max(camera.cx, camera.width - camera.cx) / camera.fx,
+                                     std::max(camera.cy, camera.height - camera.cy) / camera.fy);
+    half_ = std::min(std::atan(1.3 * corner) + 0.05, 1.5);
+    out_.clear();
+  }
+
+  bool shows(const glm::vec3& middle, float reach) const {
+    const double cosine = glm::dot(glm::dvec3(middle), axis_);
+    return cosine > std::cos(std::min(half_ + std::acos(double(reach)), 3.1));
+  }
+  void add(const std::vector<MapFeature>& features) {
+    for (const MapFeature& f : features) {
+      if (!(f.light > kDarkest * sensor_.white && f.light < kWhite * sensor_.white)) continue;
+      const float light = f.light + sensor_.dark;
+      const float variance = sensor_.variance(f, options_, kUsualBlock);
+      out_.push_back({glm::dot(f.axis, f.axis) / (light * light * variance), &f});
+    }
+  }
+  // Keeps those that tell most.
+  void limit(int most) {
+    if (int(out_.size()) <= most) return;
+    const auto middle = out_.begin() + most;
+    std::nth_element(out_.begin(), middle, out_.end(), [](const Candidate& a, const Candidate& b) {
+      return a.information > b.information;
+    });
+    out_.erase(middle, out_.end());
+  }
+
+ private:
+  const Sensor& sensor_;
+  glm::dvec3 axis_;
+  const AlignmentOptions& options_;
+  std::vector<Candidate>& out_;
+  double half_;
+};
+
+// Projects the features of a level that a picture shows.
+void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapView& view,
+               const glm::dmat3& rig_from_marker, int level, const AlignmentOptions& options,
+               std::vector<Candidate>& scratch, std::vector<Seen>& out) {
+  const Camera& camera = *view.camera;
+  const glm::dmat3 rotation = view.camera_from_rig * rig_from_marker;
+  const float white = float(1 / std::max(view.exposure * camera.gain, 1e-30));
+  const float dark = float(map.dark()) + kDark * white;
+  const float off = float(level == 0 ? options.misfit : options.coarse_misfit);
+  const Sensor whole{white, dark, off};
+  Candidates candidates(camera, whole, glm::transpose(rotation) * glm::dvec3(0, 0, 1), options,
+                        scratch);
+  for (const PictureFeatures::Tile& tile : fine.tiles())
+    if (!tile.features[level].empty() && candidates.shows(tile.middle, tile.reach))
+      candidates.add(tile.features[level]);
+  for (const MapFeatures::Tile& tile : map.tiles())
+    if (!tile.features[level].empty() && candidates.shows(tile.middle, tile.reach) &&
+        fine.around(tile.middle, level) == 0)
+      candidates.add(tile.features[level]);
+  if (level == 0) candidates.limit(options.most);
+  for (const Candidate& candidate : scratch) {
+    const MapFeature& f = *candidate.feature;
+    const glm::dvec3 d(f.direction);
+    glm::dmat2x3 derivative;
+    const auto pixel = view.lens->project(rotation * d, &derivative);
+    if (!pixel || !camera.inside(*pixel)) continue;
+    const double vignette = camera.vignetting.empty() ? 1.0 : camera.vignette(*pixel);
+    const Sensor sensor{float(double(white) / vignette), dark, off};
+    if (f.light > kWhite * sensor.white) continue;
+    // d(rotation exp([w]×) d) = rotation (w × d): rows of the pixel's derivative, in w.
+    const glm::dmat3 turned = rotation * cross_matrix(d) * -1.0;
+    const glm::dvec3 mx = derivative[0] * turned, my = derivative[1] * turned;
+    const double pixels = std::sqrt(glm::length(mx) * glm::length(my)) * double(f.width);
+    // A bilinear look-up in means of b pixels has the variance of a box of √3 b.
+    const double wanted =
+        std::log2(std::max(pixels / std::sqrt(3.0) / LightPyramid::kFirstBlock, 1.0));
+    const int read = std::clamp(int(wanted + 0.5), 0, LightPyramid::kLevels - 1);
+    const float variance = sensor.variance(f, options, float(view.light->level(read).block));
+    const float light = f.light + dark;
+    out.push_back({float(pixel->x), float(pixel->y), glm::vec3(mx), glm::vec3(my), f.axis / light,
+                   kLn2 * fast_log2(light), 1 / std::sqrt(variance), dark, sensor.white, read, &f});
+  }
+}
+
+// Of four parameters: w and the logarithm of the gain.
+struct Normal {
+  double a[4][4] = {}, b[4] = {};
+};
+
+bool solve4(Normal n, double (&x)[4]) {
+  for (int c = 0; c < 4; ++c) {  // Cholesky
+    for (int k = 0; k < c; ++k) n.a[c][c] -= n.a[c][k] * n.a[c][k];
+    if (!(n.a[c][c] > 0)) return false;
+    n.a[c][c] = std::sqrt(n.a[c][c]);
+    for (int r = c + 1; r < 4; ++r) {
+      for (int k = 0; k < c; ++k) n.a[r][c] -= n.a[r][k] * n.a[c][k];
+      n.a[r][c] /= n.a[c][c];
+    }
+  }
+  for (int r = 0; r < 4; ++r) {
+    x[r] = n.b[r];
+    for (int k = 0; k < r; ++k) x[r] -= n.a[r][k] * x[k];
+    x[r] /= n.a[r][r];
+  }
+  for (int r = 3; r >= 0; --r) {
+    for (int k = r + 1; k < 4; ++k) x[r] -= n.a[k][r] * x[k];
+    x[r] /= n.a[r][r];
+  }
+  return true;
+}
+
+class Level {
+ public:
+  Level(const MapFeatures& map, const PictureFeatures& fine, std::span<const MapView> views,
+        int level, const AlignmentOptions& options)
+      : map_(map), fine_(fine), views_(views), level_(level), options_(options) {}
+
+  void project(const glm::dmat3& rotation) {
+    seen_.clear(), begin_.clear();
+    for (const MapView& view : views_) {
+      begin_.push_back(seen_.size());
+      find_seen(map_, fine_, view, rotation, level_, options_, scratch_, seen_);
+    }
+    begin_.push_back(seen_.size());
+    residuals_.resize(seen_.size());
+  }
+
+  // At a rotation that w and a gain lead to from where features were projected. Returns how many
+  // could be read.
+  std::size_t read(const glm::vec3& w, float log_gain) {
+    sizes_.clear();
+    for (std::size_t v = 0; v + 1 < begin_.size(); ++v) {
+      const LightPyramid& light = *views_[v].light;
+      for (std::size_t i = begin_[v]; i < begin_[v + 1]; ++i) {
+        const Seen& s = seen_[i];
+        const float value =
+            light.read(s.level, s.x + glm::dot(s.move_x, w), s.y + glm::dot(s.move_y, w));
+        if (!(value >= 0 && value <= 1)) {
+          residuals_[i] = std::numeric_limits<float>::quiet_NaN();
+          continue;
+        }
+        const float logarithm = kLn2 * fast_log2(value * s.scale + s.dark);
+        residuals_[i] = (logarithm - s.log_light - log_gain) * s.inverse_deviation;
+        sizes_.push_back(std::abs(residuals_[i]));
+      }
+    }
+    return sizes_.size();
+  }
+
+  // Robust standard deviation of the residuals, of what is expected.
+  double scale() {
+    const auto middle = sizes_.begin() + std::ptrdiff_t(sizes_.size() / 2);
+    std::nth_element(sizes_.begin(), middle, sizes_.end());
+    return std::max(kLeastScale, 1.4826 * double(*middle));
+  }
+
+  Normal normal(float scale) const {
+    Normal n;
+    const float cut = kTukey * scale, inverse = 1 / (cut * cut);
+    float sums[14] = {};
+    for (std::size_t i = 0; i < seen_.size(); ++i) {
+      const float r = residuals_[i];
+      const float t = 1 - r * r * inverse;
+      if (!(t > 0)) continue;
+      const float deviation = seen_[i].inverse_deviation, weight = t * t;
+      const float j[4] = {-seen_[i].axis.x * deviation, -seen_[i].axis.y * deviation,
+                          -seen_[i].axis.z * deviation, deviation};
+      int k = 0;
+      for (int a = 0; a < 4; ++a)
+        for (int b = 0; b <= a; ++b) sums[k++] += weight * j[a] * j[b];
+      for (int a = 0; a < 4; ++a) sums[k++] += weight * j[a] * r;
+    }
+    int k = 0;
+    for (int a = 0; a < 4; ++a)
+      for (int b = 0; b <= a; ++b) n.a[a][b] = n.a[b][a] = double(sums[k++]);
+    for (int a = 0; a < 4; ++a) n.b[a] = double(sums[k++]);
+    return n;
+  }
+
+  // Of the map where the features are.
+  double drift() const {
+    double all = 0, sum = 0;
+    for (std::size_t i = 0; i < seen_.size(); ++i) {
+      if (!(residuals_[i] == residuals_[i])) continue;
+      const double deviation = double(seen_[i].inverse_deviation);
+      const double weight = double(glm::dot(seen_[i].axis, seen_[i].axis)) * deviation * deviation;
+      all += weight, sum += weight * double(seen_[i].feature->drift);
+    }
+    return all > 0 ? sum / all : 0;
+  }
+
+  // Which features did not agree.
+  void note(double scale) const {
+    for (std::size_t i = 0; i < seen_.size(); ++i) {
+      if (!(residuals_[i] == residuals_[i])) continue;
+      const bool agrees = std::abs(double(residuals_[i])) < double(kTukey) * scale;
+      seen_[i].feature->missed = agrees ? 0 : seen_[i].feature->missed + 1;
+    }
+  }
+
+  // Share of what was read, by its weight in the fit, that agrees.
+  double agreeing(double scale) const {
+    double all = 0, good = 0;
+    for (std::size_t i = 0; i < seen_.size(); ++i) {
+      if (!(residuals_[i] == residuals_[i])) continue;
+      const double weight = double(glm::length(seen_[i].axis) * seen_[i].inverse_deviation);
+      all += weight;
+      if (std::abs(double(residuals_[i])) < 3 * scale) good += weight;
+    }
+    return all > 0 ? good / all : 0;
+  }
+
+ private:
+  const MapFeatures& map_;
+  const PictureFeatures& fine_;
+  std::span<const MapView> views_;
+  int level_;
+  const AlignmentOptions& options_;
+  std::vector<Candidate> scratch_;
+  std::vector<Seen> seen_;
+  std::vector<std::size_t> begin_;  // of the pictures
+  std::vector<float> residuals_, sizes_;
+};
+
+}  // namespace
+
+std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFeatures& fine,
+                                        std::span<const MapView> views, const glm::dmat3& start,
+                                        const RotationPrior& prior,
+                                        const AlignmentOptions& options) {
+  Alignment out;
+  out.rotation = start;
+  double log_gain = 0;
+  // Of rotation = prior.rotation · exp([from_prior]×), to first order.
+  glm::dvec3 from_prior = rotation_vector(glm::transpose(prior.rotation) * start);
+  const double gain_information = 1 / (options.gain_deviation * options.gain_deviation);
+  for (int k = options.coarsest; k >= 0; --k) {
+    Level level(map, fine, views, k, options);
+    level.project(out.rotation);
+    glm::dvec3 w(0);  // since features were projected
+    const auto move = [&] {
+      out.rotation = out.rotation * rotation_from_vector(w);
+      from_prior += w;
+      w = glm::dvec3(0);
+    };
+    std::size_t count = level.read(glm::vec3(0), float(log_gain));
+    if (count < kFewest) {
+      if (k == 0) return std::nullopt;
+      continue;
+    }
+    double scale = level.scale();
+    const double alike = 1 / options.independent;
+    for (int round = 0; round < options.rounds; ++round) {
+      Normal n = level.normal(float(scale));
+      const double s2 = scale * scale * alike;
+      for (int a = 0; a < 3; ++a) {
+        for (int b = 0; b < 3; ++b) n.a[a][b] += s2 * prior.information[b][a];
+        const glm::dvec3 off = from_prior + w;
+        n.b[a] -= s2 * (prior.information[0][a] * off.x + prior.information[1][a] * off.y +
+                        prior.information[2][a] * off.z);
+      }
+      n.a[3][3] += s2 * gain_information, n.b[3] -= s2 * gain_information * log_gain;
+      double step[4];
+      if (!solve4(n, step)) return std::nullopt;
+      const glm::dvec3 dw(step[0], step[1], step[2]);
+      w += dw, log_gain += step[3];
+      if (glm::length(w) > double(kRelinearise)) {
+        move();
+        level.project(out.rotation);
+      }
+      count = level.read(glm::vec3(w), float(log_gain));
+      if (count < kFewest) return std::nullopt;
+      scale = level.scale();
+      if (glm::length(dw) < double(kDone)) break;
+    }
+    move();
+    if (k > 0) continue;
+    const Normal n = level.normal(float(scale));
+    const double s2 = scale * scale / options.independent;
+    // The gain is fitted too: what is left of the rotation (Schur).
+    const double gain = n.a[3][3] + gain_information * s2;
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b)
+        out.information[b][a] =
+            (n.a[a][b] - n.a[a][3] * n.a[b][3] / gain) / s2 + prior.information[b][a];
+    out.residual = scale, out.features = int(count), out.agreeing = level.agreeing(scale);
+    out.drift = level.drift();
+    if (options.note) level.note(scale);
+  }
+  out.gain = std::exp(log_gain);
+  return out;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,47 @@
+// Whether somebody moves the board: it turns against its surroundings.
+#pragma once
+
+#include <optional>
+
+#include "fastibl/core/pose.h"
+#include "fastibl/tracking/rotation_tracker.h"
+
+namespace fastibl {
+
+struct BoardMotionOptions {
+  double least = 1.5;  // degrees by which the board must have turned; and 5 standard deviations
+  // Metres to the surroundings, which seem to turn as the camera moves: at least; and where board
+  // and surroundings agreed while the camera moved by `proof` metres.
+  double nearest = 1.5, far = 10, proof = 0.15;
+  int frames = 5;       // in a row that must say the same
+  double steady = 1.0;  // degrees within which these agree; or 3 standard deviations
+  double longest = 2;   // seconds without a word of the surroundings after which the board counts
+};
+
+// Compares, frame by frame, the pose by the board with what the surroundings say. Two poses that
+// are steadily apart mean that the board lies elsewhere; while they are apart and not steady, it
+// moves. Only its turning is seen, not that it was pushed along.
+class BoardMotion {
+ public:
+  explicit BoardMotion(BoardMotionOptions options = {}) : options_(options) {}
+
+  // around: the pose by the surroundings, where they do not agree and one was found.
+  void look(const Pose& board, Agreement agreement, const std::optional<Turned>& around,
+            double time);
+  bool moving() const { return apart_ > 0; }
+  // newmarker_from_oldmarker, once.
+  std::optional<glm::dmat3> moved();
+
+ private:
+  BoardMotionOptions options_;
+  glm::dvec3 eye_{0};  // place of the camera when they last agreed, marker frame
+  bool has_eye_ = false;
+  glm::dvec3 anchor_{0};       // where they began to agree, marker frame
+  double way_ = 0;             // metres from there, at most
+  int apart_ = 0, alike_ = 0;  // frames in a row
+  glm::dmat3 offset_{1.0};     // newmarker_from_oldmarker
+  double told_ = 0;            // seconds: when the surroundings last told anything
+  std::optional<glm::dmat3> moved_;
+};
+
+}  // namespace fastibl

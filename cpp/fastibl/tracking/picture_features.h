@@ -1,0 +1,65 @@
+// Places of single pictures by which later ones are aligned: finer than the map's texels, and as
+// old as they can be, so that what follows them does not drift.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "fastibl/scene/camera.h"
+#include "fastibl/tracking/light_pyramid.h"
+#include "fastibl/tracking/map_features.h"
+
+namespace fastibl {
+
+// A picture of a rig's camera.
+struct MapView {
+  const LightPyramid* light = nullptr;
+  const Camera* camera = nullptr;
+  const Lens* lens = nullptr;
+  glm::dmat3 camera_from_rig{1.0};
+  double exposure = 1;
+};
+
+// Rays of the middles of blocks of the levels that features are taken of, unit length; null where
+// the lens does not reach.
+struct BlockRays {
+  static constexpr int kFirst = 1;  // of LightPyramid: blocks of 4 pixels
+  std::array<std::vector<glm::vec3>, MapFeatures::kLevels> rays;
+  BlockRays(const Camera& camera, const Lens& lens);
+};
+
+class PictureFeatures {
+ public:
+  static constexpr int kLevels = MapFeatures::kLevels;
+  static constexpr int kPerTile[kLevels] = {8, 4, 2};  // of 16 × 16 tiles a face
+  static constexpr int kMostMissed = 8;
+
+  PictureFeatures();
+  void clear();
+  // Takes features of a picture above the horizon where there are too few yet. drift: variance of
+  // the picture's rotation, rad². dark: see MapFeatures.
+  void add(const MapView& view, const BlockRays& rays, const glm::dmat3& rig_from_marker,
+           float drift, double dark);
+  // Features of a tile that did not agree for kMostMissed pictures in a row are forgotten.
+  void forget_missed();
+
+  struct Tile {
+    glm::vec3 middle{0, 0, 1};
+    float reach = 0;  // cosine
+    std::vector<MapFeature> features[kLevels];
+  };
+  const std::vector<Tile>& tiles() const { return tiles_; }
+  // Number of features of the tile around a direction.
+  int around(const glm::vec3& direction, int level) const {
+    return int(tiles_[index(direction)].features[level].size());
+  }
+
+ private:
+  std::size_t index(const glm::vec3& direction) const;
+  void consider(const MapView& view, const BlockRays& rays, const glm::mat3& marker_from_camera,
+                int level, int x0, int y0, float drift, float dark);
+  TileGrid grid_{16};
+  std::vector<Tile> tiles_;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,228 @@
+#include "fastibl/tracking/rotation_tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "fastibl/core/check.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kFewToCompare = 300;  // features of a picture, to see whether it agrees
+constexpr double kAgrees = 0.75, kAgreeing = 0.93;  // of Alignment::residual and agreeing
+constexpr int kFewestToAgree = 50;                  // features
+constexpr int kAttempts = 2;              // each goes on from what the one before made of it
+constexpr double kLongestStep = 0.3;      // seconds between poses that give a velocity
+constexpr double kKnown = 3e-4;           // radians: deviation of a known pose
+constexpr double kUnknownVelocity = 1.0;  // rad/s
+// Largest eigenvalue of a symmetric positive matrix.
+double largest_eigenvalue(const glm::dmat3& m) {
+  glm::dmat3 a = m;
+  for (int sweep = 0; sweep < 12; ++sweep)  // Jacobi
+    for (int p = 0; p < 2; ++p)
+      for (int q = p + 1; q < 3; ++q) {
+        if (std::abs(a[p][q]) < 1e-300) continue;
+        const double theta = 0.5 * std::atan2(2 * a[p][q], a[q][q] - a[p][p]);
+        glm::dmat3 g(1.0);
+        g[p][p] = g[q][q] = std::cos(theta);
+        g[p][q] = -std::sin(theta), g[q][p] = std::sin(theta);
+        a = glm::transpose(g) * a * g;
+      }
+  return std::max({a[0][0], a[1][1], a[2][2]});
+}
+
+double mean_variance(const glm::dmat3& covariance) {
+  return (covariance[0][0] + covariance[1][1] + covariance[2][2]) / 3;
+}
+
+// Rounding of many products.
+glm::dmat3 orthonormal(const glm::dmat3& r) {
+  const glm::dvec3 x = glm::normalize(r[0]);
+  const glm::dvec3 y = glm::normalize(r[1] - glm::dot(r[1], x) * x);
+  return {x, y, glm::cross(x, y)};
+}
+
+}  // namespace
+
+RotationTracker::RotationTracker(Rig rig, RotationTrackingOptions options)
+    : rig_(std::move(rig)),
+      options_(options),
+      back_lens_(rig_.back),
+      back_rays_(rig_.back, back_lens_) {
+  rig_.back.validate();
+  check(rig_.back.model == CameraModel::perspective &&
+            (!rig_.front || rig_.front->model == CameraModel::perspective),
+        "a rotation is tracked with perspective cameras alone");
+  if (rig_.front)
+    rig_.front->validate(), front_lens_.emplace(*rig_.front),
+        front_rays_.emplace(*rig_.front, *front_lens_);
+  check(options_.acceleration > 0 && options_.largest_error > 0 && options_.longest_gap > 0,
+        "acceleration, largest_error and longest_gap must be positive, got ", options_.acceleration,
+        " ", options_.largest_error, " ", options_.longest_gap);
+}
+
+void RotationTracker::reset() { state_.reset(); }
+
+void RotationTracker::forget() {
+  reset();
+  features_.clear(), fine_.clear();
+  last_drift_ = 0;
+}
+
+Agreement RotationTracker::compare(const glm::dmat3& back_from_marker,
+                                   const RigPictures& pictures) {
+  AlignmentOptions options = options_.alignment;
+  options.coarsest = options.rounds = 0;
+  options.note = false;
+  options.most = kFewToCompare;
+  const auto found = align_rotation(features_, fine_, views(pictures), back_from_marker,
+                                    {back_from_marker, glm::dmat3(1e12)}, options);
+  if (!found || found->features < kFewestToAgree) return Agreement::nothing;
+  const bool agrees = found->residual <= kAgrees && found->agreeing >= kAgreeing;
+  return agrees ? Agreement::agrees : Agreement::differs;
+}
+
+// A new rotation, near that of `state`, with its own covariance; the velocity follows it.
+void RotationTracker::correct(State& state, const glm::dmat3& rotation,
+                              const glm::dmat3& covariance) {
+  const glm::dvec3 w = rotation_vector(glm::transpose(state.rotation) * rotation);
+  const glm::dmat3 inverse = glm::inverse(state.ww), vw = glm::transpose(state.wv);
+  const glm::dmat3 gain = vw * inverse;  // of the velocity
+  state.velocity += gain * w;
+  state.vv -= gain * (state.ww - covariance) * glm::transpose(gain);
+  state.wv = covariance * inverse * state.wv;
+  state.ww = covariance;
+  state.rotation = rotation;
+}
+
+void RotationTracker::start(const Pose& back_from_marker, double time,
+                            const RigPictures& pictures) {
+  check(std::isfinite(time) && (!state_ || time >= state_->time),
+        "time must not run backwards: ", time, " s after ", state_ ? state_->time : 0, " s");
+  const glm::dmat3 known(kKnown * kKnown);
+  if (state_ && time > state_->time && time - state_->time <= kLongestStep) {
+    state_ = predicted(time, {});
+    correct(*state_, back_from_marker.rotation, known);
+  } else {
+    state_ = State{back_from_marker.rotation,
+                   glm::dvec3(0),
+                   known,
+                   glm::dmat3(0.0),
+                   glm::dmat3(kUnknownVelocity * kUnknownVelocity),
+                   time};
+  }
+  eye_ = back_from_marker.inverse().translation;
+  known_ = found_ = time, last_drift_ = 0;
+  add_features(views(pictures));
+}
+
+// Constant angular velocity but for a hand's accelerations; or a gyroscope's turn.
+RotationTracker::State RotationTracker::predicted(double time,
+                                                  const std::optional<glm::dmat3>& turn) const {
+  State s = *state_;
+  const double t = time - s.time;
+  s.time = time;
+  if (turn) {
+    const glm::dmat3 rotation = orthonormal(*turn * s.rotation);
+    const glm::dvec3 w = rotation_vector(glm::transpose(s.rotation) * rotation);
+    s.rotation = rotation;
+    if (t > 0) {
+      const double noise = options_.gyro_noise * options_.gyro_noise;
+      s.velocity = w / t;
+      s.ww += glm::dmat3(noise * t), s.wv = glm::dmat3(0.0), s.vv = glm::dmat3(noise / t);
+    }
+    return s;
+  }
+  s.rotation = orthonormal(s.rotation * rotation_from_vector(s.velocity * t));
+  const double a2 = options_.acceleration * options_.acceleration;
+  s.ww += t * (s.wv + glm::transpose(s.wv)) + t * t * s.vv + glm::dmat3(a2 * t * t * t * t / 4);
+  s.wv += t * s.vv + glm::dmat3(a2 * t * t * t / 2);
+  s.vv += glm::dmat3(a2 * t * t);
+  return s;
+}
+
+void RotationTracker::add_features(const std::vector<MapView>& views) {
+  for (const MapView& view : views)
+    fine_.add(view, view.camera == &rig_.back ? back_rays_ : *front_rays_, state_->rotation,
+              float(last_drift_), features_.dark());
+}
+
+std::vector<MapView> RotationTracker::views(const RigPictures& pictures) {
+  std::vector<MapView> views;
+  const auto add = [&](const Picture& picture, const Camera& camera, const Lens& lens,
+                       LightPyramid& light, const glm::dmat3& camera_from_rig, double exposure) {
+    check(picture.width == camera.width && picture.height == camera.height,
+          "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
+          picture.width, " × ", picture.height);
+    check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
+          exposure);
+    light.make(picture, camera.response);
+    views.push_back({&light, &camera, &lens, camera_from_rig, exposure});
+  };
+  if (!pictures.back.empty())
+    add(pictures.back, rig_.back, back_lens_, back_light_, glm::dmat3(1.0), pictures.back_exposure);
+  if (!pictures.front.empty()) {
+    check(rig_.front.has_value(), "a front picture came, but the rig has no front camera");
+    add(pictures.front, *rig_.front, *front_lens_, front_light_, rig_.front_from_back.rotation,
+        pictures.front_exposure);
+  }
+  return views;
+}
+
+std::optional<Turned> RotationTracker::judged(const Alignment& found, double time) const {
+  const glm::dmat3 covariance = glm::inverse(found.information);
+  const double total = largest_eigenvalue(covariance) + found.drift;
+  const double most = options_.largest_error * std::numbers::pi / 180;
+  if (!(total <= most * most)) return std::nullopt;
+  if (!(found.residual <= options_.largest_residual && found.agreeing >= options_.least_agreeing))
+    return std::nullopt;
+  Turned out;
+  const glm::dmat3 rotation = orthonormal(found.rotation);
+  out.back_from_marker = {rotation, -(rotation * eye_)};
+  const glm::dmat3 seen =
+      rotation * (covariance + glm::dmat3(found.drift)) * glm::transpose(rotation);
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) out.covariance[std::size_t(3 * r + c)] = seen[c][r];
+  out.drift = std::sqrt(found.drift);
+  out.since = time - known_;
+  out.position_deviation = options_.wander * std::sqrt(std::max(0.0, out.since));
+  out.residual = found.residual, out.agreeing = found.agreeing, out.features = found.features;
+  out.gain = found.gain;
+  return out;
+}
+
+std::optional<Turned> RotationTracker::track(const Environment& environment,
+                                             const RigPictures& pictures, double time,
+                                             const std::optional<glm::dmat3>& turn) {
+  check(std::isfinite(time) && (!state_ || time >= state_->time),
+        "time must not run backwards: ", time, " s after ", state_ ? state_->time : 0, " s");
+  if (!state_) return std::nullopt;
+  state_ = predicted(time, turn);
+  if (time - found_ > options_.longest_gap && !turn) {
+    reset();
+    return std::nullopt;
+  }
+  features_.update(environment, last_drift_);
+  const std::vector<MapView> seen = views(pictures);
+  if (seen.empty()) return std::nullopt;
+  const RotationPrior prior{state_->rotation, glm::inverse(state_->ww)};
+  std::optional<Alignment> found;
+  std::optional<Turned> turned;
+  for (int attempt = 0; attempt < kAttempts && !turned; ++attempt) {
+    found = align_rotation(features_, fine_, seen, found ? found->rotation : prior.rotation, prior,
+                           options_.alignment);
+    if (!found) return std::nullopt;
+    turned = judged(*found, time);
+  }
+  if (!turned) return std::nullopt;
+  correct(*state_, turned->back_from_marker.rotation, glm::inverse(found->information));
+  found_ = time;
+  last_drift_ = mean_variance(state_->ww) + found->drift;
+  fine_.forget_missed();
+  const double sure = options_.sure * std::numbers::pi / 180;
+  if (3 * mean_variance(state_->ww) < sure * sure) add_features(seen);
+  return turned;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,120 @@
+// Where a rig looks while the board is out of view: its rotation against the captured map (Wagner,
+// Mulloni, Langlotz and Schmalstieg 2010, Real-time panoramic mapping and tracking on mobile
+// phones), in linear light of any exposure and without keyframes.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/environment.h"
+#include "fastibl/scene/picture.h"
+#include "fastibl/tracking/align_rotation.h"
+#include "fastibl/tracking/light_pyramid.h"
+#include "fastibl/tracking/map_features.h"
+#include "fastibl/tracking/picture_features.h"
+
+namespace fastibl {
+
+struct RotationTrackingOptions {
+  AlignmentOptions alignment;
+  double acceleration = 6;   // rad/s², standard deviation of what a hand does
+  double gyro_noise = 0.01;  // rad/√s, where a frame brings a turn
+  double largest_error = 1;  // degrees; stated deviation of the rotation: beyond, there is none
+  double largest_residual = 1.0;  // of Alignment::residual; usual is 0.5
+  double least_agreeing = 0.85;   // of Alignment::agreeing; usual is 0.97
+  double longest_gap = 0.5;       // seconds without a result after which it is lost
+  // Metres/√s by which the place of the camera is taken to wander unseen (standard deviation).
+  double wander = 0.05;
+  // Degrees: pictures whose own rotation is less sure give no features of their own.
+  double sure = 0.15;
+};
+
+// Pictures of one moment; either may be empty.
+struct RigPictures {
+  Picture back, front;
+  double back_exposure = 1, front_exposure = 1;
+};
+
+// A pose that rests on the map and not on the board: the rotation is measured, the place of the
+// camera is where the board was last seen from.
+struct Turned {
+  Pose back_from_marker;
+  // Of w where the true rotation is exp([w]×) R: rad², back camera's frame, row major; against the
+  // marker, with the drift of the map.
+  std::array<double, 9> covariance{};
+  double drift = 0;               // standard deviation of the map's own rotation there, radians
+  double position_deviation = 0;  // metres
+  double residual = 0;            // see Alignment; near 1 where all is as expected
+  double agreeing = 0;
+  int features = 0;
+  double gain = 1;   // by which the pictures are brighter than the map says
+  double since = 0;  // seconds since the pose was last known
+  bool operator==(const Turned&) const = default;
+
+  double deviation() const {  // of the rotation, radians, over all axes
+    return std::sqrt(covariance[0] + covariance[4] + covariance[8]);
+  }
+  double own_deviation() const {  // the same without the drift of the map
+    return std::sqrt(
+        std::max(0.0, covariance[0] + covariance[4] + covariance[8] - 3 * drift * drift));
+  }
+};
+
+enum class Agreement { nothing, agrees, differs };  // nothing: too little to compare
+
+class RotationTracker {
+ public:
+  explicit RotationTracker(Rig rig, RotationTrackingOptions options = {});
+
+  // Takes a known pose, from which to go on, and what the pictures show then. Time: seconds, not
+  // decreasing.
+  void start(const Pose& back_from_marker, double time, const RigPictures& pictures = {});
+  // The rotation at which the pictures agree with the map, which is as it was before these pictures
+  // were added. turn: now_from_before of the back camera since the last frame, where a gyroscope
+  // tells. Nothing before a start, where nothing known is in view, it has too little structure, or
+  // does not agree; after a while of that it is lost until the next start.
+  std::optional<Turned> track(const Environment& environment, const RigPictures& pictures,
+                              double time, const std::optional<glm::dmat3>& turn = {});
+  // Whether pictures agree with what was seen before, under a rotation that is known otherwise; a
+  // fast test.
+  Agreement compare(const glm::dmat3& back_from_marker, const RigPictures& pictures);
+  void reset();   // forgets the rotation
+  void forget();  // and what was seen
+  bool following() const { return state_.has_value(); }
+
+ private:
+  // Rotation and its velocity with their errors (a Kalman filter): the true ones are
+  // rotation · exp([w]×) and velocity + v, marker frame.
+  struct State {
+    glm::dmat3 rotation{1.0};  // back_from_marker
+    glm::dvec3 velocity{0};    // rad/s: rotation · exp([velocity · t]×)
+    glm::dmat3 ww{0.0}, wv{0.0}, vv{0.0};
+    double time = 0;
+  };
+  State predicted(double time, const std::optional<glm::dmat3>& turn) const;
+  static void correct(State& state, const glm::dmat3& rotation, const glm::dmat3& covariance);
+  std::vector<MapView> views(const RigPictures& pictures);
+  void add_features(const std::vector<MapView>& views);
+  std::optional<Turned> judged(const Alignment& found, double time) const;
+
+  Rig rig_;
+  RotationTrackingOptions options_;
+  Lens back_lens_;
+  std::optional<Lens> front_lens_;
+  LightPyramid back_light_, front_light_;
+  BlockRays back_rays_;
+  std::optional<BlockRays> front_rays_;
+  MapFeatures features_;
+  PictureFeatures fine_;
+  std::optional<State> state_;  // of the last frame, whether or not it gave a result
+  glm::dvec3 eye_{0};           // of the back camera, marker frame, metres
+  double known_ = 0;            // seconds: when a pose was last known
+  double found_ = 0;            // and when one was last found
+  double last_drift_ = 0;
+};
+
+}  // namespace fastibl

@@ -1,0 +1,252 @@
+"""Rotation by the surroundings while the board is out of view, and the board turned by hand."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl.simulator import DistantPlace, HandPath, simulate
+
+EYE = np.array([0.0, -0.36, 0.38])
+SIZE = (320, 240)
+
+
+def textured(size=64, seed=0):
+    """A place with structure everywhere: blurred noise over a decade of radiance."""
+    noise = fastibl.CubeMap(np.exp(np.random.default_rng(seed).normal(0, 1, (6, size, size, 3))).astype(np.float32))
+    directions = fastibl.texel_directions(128)
+    return fastibl.CubeMap(noise.sample(directions, level=1.0) * np.float32([1.0, 0.9, 0.8]))
+
+
+def looking(heading, elevation):
+    across = np.cos(elevation)
+    forward = np.array([np.sin(heading) * across, np.cos(heading) * across, np.sin(elevation)])
+    right = np.array([np.cos(heading), -np.sin(heading), 0.0])
+    look = np.eye(4)
+    look[:3, :3] = right, np.cross(forward, right), forward
+    look[:3, 3] = -look[:3, :3] @ EYE
+    return fastibl.Pose(look)
+
+
+def turning(time):
+    """Board in view at first, then up and round."""
+    share = np.clip((time - 0.5) / 0.6, 0, 1)
+    rise = share * share * (3 - 2 * share)
+    return looking(0.9 * max(0.0, time - 1.0), np.radians(-46 + 66 * rise))
+
+
+def angle(a, b):
+    return np.degrees(np.arccos(np.clip((np.trace(a.rotation @ b.rotation.T) - 1) / 2, -1, 1)))
+
+
+@pytest.fixture(scope="module")
+def film():
+    return simulate(textured(), seconds=3, fps=20, size=SIZE, hand=False, lamp=False, path=turning)
+
+
+def scene():
+    return fastibl.Scene(fastibl.shapes.figurine(0.2), spheres=8)
+
+
+def test_session_follows_the_surroundings(film):
+    session = fastibl.Session(scene(), film.rig, film.board, size=64)
+    errors, turned_after_loss = [], 0
+    for frame in film:
+        result = session.process(frame)
+        if result.back_from_marker is None:
+            # The picture is the camera's own: nothing is drawn by a pose that is not the board's.
+            assert np.array_equal(result.image, frame.back) and result.tracked is None
+            if result.turned is not None:
+                errors.append(angle(result.turned.back_from_marker, film.truth.pose(frame.time)))
+                turned_after_loss += 1
+        else:
+            assert result.turned is None
+        assert not result.board_moved
+    print(f"rotation: median {np.median(errors):.3f}, worst {max(errors):.3f} degrees, {turned_after_loss} frames")
+    assert turned_after_loss >= 30 and np.median(errors) < 0.2 and max(errors) < 0.5
+
+
+def test_switched_off(film):
+    session = fastibl.Session(scene(), film.rig, film.board, size=64, follow_surroundings=False)
+    coverage = 0.0
+    for frame in film:
+        result = session.process(frame)
+        assert result.turned is None
+        if result.back_from_marker is not None:
+            coverage = result.environment.coverage
+    assert result.back_from_marker is None and result.environment.coverage == coverage
+
+
+def follow(film, rig, options=None, turn=False, blank_after=None, gain=1.0):
+    """The tracker alone: poses known until 0.8 s. Returns [(time, Turned or None)]."""
+    tracker = fastibl.RotationTracker(rig, **(options or {}))
+    capture = fastibl.Capture(size=64, board=film.board)
+    out, before = [], None
+    for frame in film:
+        true = film.truth.pose(frame.time)
+        back, front = frame.back, frame.front if rig.front is not None else None
+        if blank_after is not None and frame.time > blank_after:
+            back, front = np.full_like(back, 90), None
+        pictures = {"back": back, "front": front, "front_exposure": frame.front_exposure}
+        pictures["back_exposure"] = frame.back_exposure * gain
+        if frame.time < 0.8:
+            tracker.start(true, frame.time, **pictures)
+            pose = true
+        else:
+            step = None
+            if turn:
+                r = true.rotation @ before.rotation.T
+                step = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+            result = tracker.track(capture.environment(), frame.time, turn=step, **pictures)
+            out.append((frame.time, result))
+            pose = None if result is None else result.back_from_marker
+        before = true
+        if pose is not None:
+            capture.add(frame.back, rig.back, pose, frame.back_exposure, frame.time)
+    return out
+
+
+def test_tracker_alone_states_its_error(film):
+    found = [(t, r) for t, r in follow(film, film.rig) if r is not None]
+    assert len(found) > 30
+    errors = np.radians([angle(r.back_from_marker, film.truth.pose(t)) for t, r in found])
+    stated = np.array([np.sqrt(np.trace(r.covariance)) for _, r in found])
+    ratio = errors / stated
+    print(f"error by what is stated: median {np.median(ratio):.2f}, 95 % {np.percentile(ratio, 95):.2f}")
+    assert np.percentile(ratio, 95) < 3
+    assert all(b.position_deviation >= a.position_deviation for (_, a), (_, b) in zip(found, found[1:], strict=False))
+    assert pickle.loads(pickle.dumps(found[0][1])) == found[0][1]
+
+
+def test_a_blank_wall_is_given_up(film):
+    results = follow(film, film.rig, blank_after=1.5)
+    assert any(r is not None for t, r in results if t < 1.5)
+    assert all(r is None for t, r in results if t > 1.5)
+
+
+def test_a_gyroscope_helps_over_a_gap(film):
+    results = follow(film, film.rig, turn=True)
+    errors = [angle(r.back_from_marker, film.truth.pose(t)) for t, r in results if r is not None]
+    assert len(errors) > 30 and max(errors) < 0.5
+
+
+def test_same_bits_for_any_number_of_threads(film):
+    def poses():
+        return [r for _, r in follow(film, film.rig)]
+
+    fastibl.set_threads(1)
+    first = poses()
+    fastibl.set_threads(2)
+    assert poses() == first
+
+
+def test_nothing_without_a_start_and_after_a_black_map(film):
+    frame = next(iter(film))
+    tracker = fastibl.RotationTracker(film.rig)
+    black = fastibl.Environment(fastibl.CubeMap(np.zeros((6, 16, 16, 3), np.float32)))
+    assert not tracker.following
+    assert tracker.track(black, 0.0, back=frame.back) is None
+    tracker.start(film.truth.pose(0.0), 0.0)
+    assert tracker.following
+    assert tracker.track(black, 0.05, back=np.zeros_like(frame.back)) is None
+    assert tracker.track(black, 0.1, back=np.full_like(frame.back, 255)) is None
+    tracker.reset()
+    assert not tracker.following
+
+
+def test_a_given_map_is_enough():
+    """A prior map, known everywhere, and pictures of it: no pose but the first."""
+    place, truth = textured(), turning(2.0)
+    film = simulate(
+        place, seconds=0.5, fps=20, size=SIZE, hand=False, lamp=False, path=lambda t: turning(2.0 + 0.2 * t)
+    )
+    tracker = fastibl.RotationTracker(fastibl.Rig(film.rig.back))
+    tracker.start(truth, 0.0)
+    environment = fastibl.Environment(place)
+    errors = []
+    for frame in list(film)[1:]:
+        result = tracker.track(environment, frame.time, back=frame.back, back_exposure=frame.back_exposure)
+        errors.append(angle(result.back_from_marker, film.truth.pose(frame.time)))
+    print(f"against a given map: worst {max(errors):.3f} degrees")
+    assert max(errors) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("kind", "call"),
+    [
+        (ValueError, lambda t, e, f: t.track(e, 0.05, back=f.back[:100])),
+        (ValueError, lambda t, e, f: t.track(e, 0.05, back=f.back, back_exposure=0.0)),
+        (ValueError, lambda t, e, f: t.track(e, -1.0, back=f.back)),
+        (ValueError, lambda t, e, f: t.start(np.zeros((4, 4)), 1.0)),
+        (TypeError, lambda t, e, f: t.track(e, 0.05, back=f.back.astype(np.int32))),
+    ],
+)
+def test_refuses(film, kind, call):
+    frame = next(iter(film))
+    tracker = fastibl.RotationTracker(film.rig)
+    tracker.start(film.truth.pose(0.0), 0.0)
+    with pytest.raises(kind):
+        call(tracker, fastibl.Environment(textured(16)), frame)
+
+
+def test_refuses_options(film):
+    with pytest.raises(ValueError):
+        fastibl.RotationTracker(film.rig, largest_error=-1.0)
+    with pytest.raises(TypeError):
+        fastibl.RotationTracker(film.rig, nonsense=1.0)
+
+
+def about_z(a):
+    c, s = np.cos(a), np.sin(a)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+class TurnedPlace(DistantPlace):
+    turned = 0.0
+
+    def _sky(self, d):
+        return super()._sky(np.ascontiguousarray(d @ about_z(self.turned).T.astype(np.float32)))
+
+
+@pytest.mark.parametrize("degrees", [25.0, 0.0])
+def test_board_turned_by_hand(degrees):
+    place, hand = TurnedPlace(textured()), HandPath(np.random.default_rng(0), 12.0)
+
+    def path(time):
+        place.turned = np.radians(degrees) * np.clip((time - 1.2) / 0.4, 0, 1)
+        turn = np.eye(4)
+        turn[:3, :3] = about_z(place.turned)
+        return hand.back_from_marker(time) @ fastibl.Pose(turn)
+
+    film = simulate(place, seconds=2.8, fps=15, size=SIZE, hand=False, lamp=False, path=path)
+    session = fastibl.Session(scene(), film.rig, film.board, size=64)
+    when = [frame.time for frame in film if session.process(frame).board_moved]
+    print(f"turned by {degrees:g} degrees at 1.2 s: noticed at {when}")
+    assert len(when) == (degrees != 0)
+    assert all(1.2 < t < 2.7 for t in when)
+
+
+def test_capture_turns_with_the_marker(film):
+    capture = fastibl.Capture(size=64, centre=(0, 0, 0.1))
+    for frame in list(film)[:6]:
+        pose = film.rig.front_from_back @ film.truth.pose(frame.time)
+        capture.add(frame.front, film.rig.front, pose, frame.front_exposure, frame.time)
+    before = capture.environment()
+    seen = np.isfinite(capture.last_seen)
+    angle_z = np.radians(90)  # texels fall on texels
+    turn = np.eye(4)
+    turn[:3, :3] = about_z(angle_z)
+    capture.turn(fastibl.Pose(turn))
+    after = capture.environment()
+    d = fastibl.texel_directions(64).astype(np.float64)
+    old = d @ about_z(angle_z)  # old_from_new applied to rows
+    inner = (np.abs(d).max(axis=-1) / np.linalg.norm(d, axis=-1) > 0.72) & (d[..., 2] > 0.1)
+    kept = np.isfinite(capture.last_seen) & inner
+    assert kept.sum() > 0.8 * (seen & inner).sum() > 100
+    # A tent over the texel and its neighbours: as smooth as the map is.
+    expected = before.radiance.sample(old)[kept]
+    error = np.abs(after.radiance.faces[kept] - expected).mean() / expected.mean()
+    print(f"turned map against the old one: {100 * error:.2f} % of the mean")
+    assert error < 0.05
+    assert not np.isfinite(capture.last_seen[d[..., 2] < 0]).any()  # the plane is forgotten
