@@ -5,6 +5,7 @@ import pytest
 
 import fastibl
 from fastibl.comparison import irradiance_error
+from fastibl.simulator import PAPER
 from views import camera_of, exposed, looking, picture_of, place_light, place_map
 
 SIZE = 64
@@ -83,3 +84,15 @@ def test_a_black_prior():
     capture = fastibl.Capture(size=SIZE, prior=fastibl.CubeMap(np.zeros((6, SIZE, SIZE, 3), np.float32)))
     sweep(capture, [(1, 0.3, 0.5)])
     assert np.isfinite(capture.environment().radiance.faces).all()
+
+
+def test_a_session_starts_with_its_prior():
+    film = fastibl.simulate(seconds=0.2, fps=10, size=(320, 240), hand=False, lamp=False)
+    scene = fastibl.Scene(fastibl.shapes.figurine(detail=0.9))
+    prior = film.truth.environment(0)
+    session = fastibl.Session(scene, film.rig, film.board, prior=prior, size=64, paper_albedo=PAPER)
+    result = session.process(film[0])
+    assert result.environment.knowledge["prior_flux"] > 0.2
+    error = irradiance_error(result.environment, prior)
+    print(f"after one frame the irradiance is {error:.2%} off")
+    assert error < 0.1

@@ -46,6 +46,8 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   capture.board = board_;
   capture.distance = options_.distance;
   capture.box = options_.box;
+  capture.prior = options_.prior;
+  capture.paper_albedo = options_.paper_albedo;
   capture.doubt_exposures = options_.doubt_exposures;
   // The map is the light at the object: half-way up, where it stands.
   const Bounds box = bounds(scene_.mesh.vertices);

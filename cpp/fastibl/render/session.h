@@ -76,6 +76,8 @@ struct SessionOptions {
   // Whether the surroundings tell how the cameras turn while the board is out of view, and that the
   // board was moved by hand.
   bool follow_surroundings = true;
+  std::shared_ptr<const CubeMap> prior = {};  // CaptureOptions::prior, and
+  double paper_albedo = 0.85;                 // its paper_albedo
 };
 
 class Session {
