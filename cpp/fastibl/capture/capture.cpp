@@ -209,7 +209,7 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
       any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), plane,
                   changed);
     });
-  if (one) read_meter(picture, *one, poses, taken.exposure);
+  if (one && plane) read_meter(picture, *one, poses, taken.exposure);
   if (any) take_changes(changed, refills);
   return taken;
 }

@@ -15,6 +15,9 @@ constexpr double kPoseLifetime =
 // Radians: a rotation by the surroundings that is less sure, drift of the map aside, is not
 // captured with; a third of a texel of 128.
 constexpr double kMostTurnDeviation = 0.5 * std::numbers::pi / 180;
+// Seconds between looks around while the board is in view and does not move: where surroundings
+// agree with it, and where they do not because they are near, which takes longer to find out.
+constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
@@ -168,17 +171,26 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   if (!result.tracked) {
     // A front picture alone has the last pose for a while.
     if (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime) return;
+    if (between_looks_) rotation_tracker_->start(between_looks_->pose, between_looks_->time);
+    between_looks_.reset();
     result.turned = rotation_tracker_->track(*environment_, pictures, frame.time);
     if (result.turned && result.turned->own_deviation() < kMostTurnDeviation)
       turned_ = result.turned->back_from_marker;
     return;
   }
   const Pose& pose = *result.back_from_marker;
+  if (!board_motion_.moving() && frame.time < look_again_) {
+    between_looks_ = {pose, frame.time};
+    return;
+  }
+  between_looks_.reset();  // by the board: whether it lies still is the question
   const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
   std::optional<Turned> around;
   if (agreement == Agreement::differs)
     around = rotation_tracker_->track(*environment_, pictures, frame.time);
   board_motion_.look(pose, agreement, around, frame.time);
+  look_again_ =
+      frame.time + (agreement == Agreement::differs ? kLookAroundNear : kLookAround) - 1e-6;
   hold_capture_ = board_motion_.moving();
   if (const std::optional<glm::dmat3> moved = board_motion_.moved()) {
     capture_->turn(*moved);

@@ -143,8 +143,14 @@ class Session {
   std::optional<EdgeTracker> edge_tracker_;
   std::optional<RotationTracker> rotation_tracker_;
   BoardMotion board_motion_;
-  std::optional<Pose> turned_;  // of this frame, sure enough to capture with
-  bool hold_capture_ = false;   // the board seems to move
+  double look_again_ = -1e30;  // seconds
+  struct TimedPose {
+    Pose pose;
+    double time;
+  };
+  std::optional<TimedPose> between_looks_;  // the last pose since
+  std::optional<Pose> turned_;              // of this frame, sure enough to capture with
+  bool hold_capture_ = false;               // the board seems to move
   std::unique_ptr<Renderer> renderer_;
   SessionOptions options_;
   std::optional<Capture> capture_;
