@@ -18,6 +18,7 @@ constexpr double kMostTurnDeviation = 0.5 * std::numbers::pi / 180;
 // Seconds between looks around while the board is in view and does not move: where surroundings
 // agree with it, and where they do not because they are near, which takes longer to find out.
 constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
+constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
@@ -189,8 +190,8 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   if (agreement == Agreement::differs)
     around = rotation_tracker_->track(*environment_, pictures, frame.time);
   board_motion_.look(pose, agreement, around, frame.time);
-  look_again_ =
-      frame.time + (agreement == Agreement::differs ? kLookAroundNear : kLookAround) - 1e-6;
+  if (agreement != Agreement::differs) agreed_ = frame.time;
+  look_again_ = frame.time + (frame.time - agreed_ < kDoubt ? kLookAround : kLookAroundNear) - 1e-6;
   hold_capture_ = board_motion_.moving();
   if (const std::optional<glm::dmat3> moved = board_motion_.moved()) {
     capture_->turn(*moved);

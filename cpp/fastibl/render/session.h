@@ -143,7 +143,7 @@ class Session {
   std::optional<EdgeTracker> edge_tracker_;
   std::optional<RotationTracker> rotation_tracker_;
   BoardMotion board_motion_;
-  double look_again_ = -1e30;  // seconds
+  double look_again_ = -1e30, agreed_ = -1e30;  // seconds
   struct TimedPose {
     Pose pose;
     double time;
