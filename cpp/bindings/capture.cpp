@@ -72,8 +72,12 @@ Raises ValueError for values out of range.)")
                        double plane_albedo, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
                        bool locate_lights, const CubeMap* prior, bool doubt_exposures,
-                       double paper_albedo) {
+                       double paper_albedo, double most_boost) {
              CaptureOptions options;
+most_boost: for cameras that cannot bracket. Largest factor, by channel, by which what clipped above the horizon in
+every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default) leaves it a
+lower bound. One factor for all that clips in all channels: one reading cannot tell lights apart. Without a board, or
+where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says how much of the light it is.
              options.size = size;
              options.board = board;
              options.centre = {centre[0], centre[1], centre[2]};
@@ -91,7 +95,8 @@ Raises ValueError for values out of range.)")
            py::arg("distance") = std::numeric_limits<double>::infinity(),
            py::arg("box") = py::none(), py::arg("locate_lights") = true,
            py::arg("prior") = py::none(), py::arg("doubt_exposures") = false,
-           py::arg("paper_albedo") = 0.85)
+             options.most_boost = most_boost;
+           py::arg("paper_albedo") = 0.85, py::arg("most_boost") = 1.0)
       .def(
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,
