@@ -6,6 +6,7 @@ from . import (  # noqa: F401
     cost,
     exposures,
     faults,
+    flicker,
     lights,
     merge,
     near,

@@ -763,10 +763,17 @@ class Taken:
         Multiplier that was used.
         """
     @property
+    def flicker(self) -> float:
+        """
+        Relative standard deviation of the light between pictures of this exposure, where it was averaged; else 0.
+        """
+    @property
     def how(self) -> str:
         """
         "told": with the exposure that came with it. "corrected": that contradicts the map all over
-        the picture, and what the map says was used. "estimated": none came, and the map told it. "assumed": none came with the
+        the picture, and what the map says was used. "estimated": none came, and the map told it. "averaged":
+        pictures of this exposure differ up and down all over, as lamps on the mains make short ones: the picture was taken as
+        bright as the map, which moves towards their mean. "assumed": none came with the
         camera's first picture, of which the map knows nothing, and 1 was used. "left out": it shows nothing of what it should,
         or no exposure came and the map cannot tell it.
         """
@@ -795,6 +802,10 @@ class Capture:
     picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
     doubt_exposures: whether a picture of a perspective camera that is
     brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
+    most_boost: for cameras that cannot bracket. Largest factor, by channel, by which what clipped above the horizon in
+    every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default) leaves it a
+    lower bound. One factor for all that clips in all channels: one reading cannot tell lights apart. Without a board, or
+    where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says how much of the light it is.
     Raises ValueError for values out of range.
     """
     def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85, most_boost: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> None:
@@ -802,10 +813,6 @@ class Capture:
     def __repr__(self) -> str:
         ...
     def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, tint: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0], plane: bool = True) -> Taken:
-    most_boost: for cameras that cannot bracket. Largest factor, by channel, by which what clipped above the horizon in
-    every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default) leaves it a
-    lower bound. One factor for all that clips in all channels: one reading cannot tell lights apart. Without a board, or
-    where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says how much of the light it is.
         """
         Update the texels that a picture sees.
 
