@@ -140,15 +140,13 @@ void UnseenTiles::find_brightness(const std::vector<TileSums>& sums,
                                   const std::vector<double>& tile_projected,
                                   std::vector<int>& refilled) {
   if (!plane_ || given_sky_) return;
-  glm::dvec3 seen(0), unseen(0);  // irradiance of the plane
+  glm::dvec3 seen(0);  // irradiance of the plane
   for (std::size_t i = 0; i < sums.size(); ++i)
-    if (above_[i]) {
-      seen += sums[i].irradiance;
-      unseen += (tile_projected[i] - sums[i].projected) * glm::dvec3(fill_[i]);
-    }
+    if (above_[i]) seen += sums[i].irradiance;
+  const glm::dvec3 unseen = sky_irradiance(sums, tile_projected);
   glm::vec3 brightness(1);
   for (int c = 0; c < 3; ++c) {
-    const double unsure = plane_deviation_ * (*plane_)[c], square = unseen[c] * unseen[c];
+    const double unsure = plane_deviation_[c], square = unseen[c] * unseen[c];
     const double missing = (*plane_)[c] - seen[c] - unseen[c];
     if (square > 0)
       brightness[c] = float(std::clamp(1 + unseen[c] * missing / (square + unsure * unsure),
@@ -160,6 +158,14 @@ void UnseenTiles::find_brightness(const std::vector<TileSums>& sums,
     const std::size_t i = std::size_t(tile);
     if (above_[i] && sums[i].count < tile_rect(grid_, tile).texels()) refilled.push_back(tile);
   }
+}
+
+glm::dvec3 UnseenTiles::sky_irradiance(const std::vector<TileSums>& sums,
+                                       const std::vector<double>& tile_projected) const {
+  glm::dvec3 out(0);
+  for (std::size_t i = 0; i < sums.size(); ++i)
+    if (above_[i]) out += (tile_projected[i] - sums[i].projected) * glm::dvec3(fill_[i]);
+  return out;
 }
 
 // A uniform sky that would light the plane as it looks.

@@ -52,6 +52,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   capture.box = options_.box;
   capture.prior = options_.prior;
   capture.paper_albedo = options_.paper_albedo;
+  capture.most_boost = options_.most_boost;
   capture.doubt_exposures = options_.doubt_exposures;
   // The map is the light at the object: half-way up, where it stands.
   const Bounds box = bounds(scene_.mesh.vertices);

@@ -78,6 +78,7 @@ struct SessionOptions {
   bool follow_surroundings = true;
   std::shared_ptr<const CubeMap> prior = {};  // CaptureOptions::prior, and
   double paper_albedo = 0.85;                 // its paper_albedo
+  double most_boost = 1;                      // its most_boost
 };
 
 class Session {
