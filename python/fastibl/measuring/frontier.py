@@ -13,6 +13,11 @@ from dataclasses import dataclass
 from .rows import Row
 
 
+def label(method: str, setting: str) -> str:
+    """ "sh9-lobes lobes=4"; "directions=64" alone where the setting names the method."""
+    return setting if setting.startswith(f"{method}=") else f"{method} {setting}".strip()
+
+
 @dataclass(frozen=True)
 class Point:
     method: str
@@ -22,7 +27,7 @@ class Point:
 
     @property
     def label(self) -> str:
-        return f"{self.method} {self.setting}".strip()
+        return label(self.method, self.setting)
 
 
 def points(rows: Iterable[Row]) -> dict[str, list[Point]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -49,14 +49,23 @@ def timing(walls: Iterable[float], cpus: Iterable[float]) -> Timing:
 
 
 @contextmanager
-def one_core() -> Iterator[None]:
-    """The library on one thread, as a block or, with @one_core(), a whole function."""
+def _on(count: int) -> Iterator[None]:
     before = threads()
-    set_threads(1)
+    set_threads(count)
     try:
         yield
     finally:
         set_threads(before)
+
+
+def one_core() -> AbstractContextManager:
+    """The library on one thread, as a block or, with @one_core(), a whole function."""
+    return _on(1)
+
+
+def all_cores() -> AbstractContextManager:
+    """The library on all cores, for truths."""
+    return _on(0)
 
 
 def measure(call: Callable[..., Any], inputs: Sequence[Any], repetitions: int = 15, warm: int = 2) -> Timing:
