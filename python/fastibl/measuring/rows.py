@@ -139,7 +139,7 @@ def table(rows: Sequence[Row]) -> str:
 
 def seconds_text(seconds: float) -> str:
     """ "12.3 ms": three digits in the unit that suits."""
-    for unit, scale in (("s", 1), ("ms", 1e3), ("us", 1e6)):
+    for unit, scale in (("s", 1), ("ms", 1e3), ("µs", 1e6)):
         if seconds * scale >= 1:
             return f"{seconds * scale:.3g} {unit}"
     return f"{seconds * 1e9:.3g} ns"

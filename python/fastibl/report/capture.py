@@ -86,9 +86,7 @@ def measure(inputs: Inputs) -> Section:
         }
         error = float(np.mean(np.sqrt(((given - true) ** 2).mean(axis=-1))) / true.mean())
         bias = float(given.mean() / true.mean() - 1)
-        results.append(
-            Result(method, f"size={size}", {place: error}, {place: bias}, found.time, mark, extra)
-        )
+        results.append(Result(method, f"size={size}", {place: error}, {place: bias}, found.time, mark, extra))
     note = "Predicted: what fastibl says of its own error, without knowing the truth. Size: texels along a cube face."
     step_section(section, "capture", "mean error of the irradiance", "time of a frame's pictures", results, 0.004, note)
     ours, theirs = kept["continuous", 128], kept[PAPER.capture, 128]

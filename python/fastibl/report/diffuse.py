@@ -10,7 +10,7 @@ from ..measuring import one_core, row, seconds_text, side_by_side
 from .inputs import Inputs
 from .section import Section
 from .spheres import strip
-from .steps import CHOSEN, Result, compared, setting_of, step_section, units, worst_place
+from .steps import CHOSEN, Result, chosen_in, compared, setting_of, step_section, units, worst_place
 from .steps import PAPER as BY_PAPER
 
 _WHAT = """How much light falls on a surface, depending on where it faces: what a matte object shows. A method prepares
@@ -40,7 +40,7 @@ def measure(inputs: Inputs) -> Section:
         name = m.name
         mark = CHOSEN if name == "auto" else BY_PAPER if name == PAPER.diffuse and not m.settings else ""
         fit = timings[f"fit {m}"].of_cpu
-        note = " / ".join(sorted({_short(l.methods["diffuse"]) for l in lit.values()})) if name == "auto" else ""
+        note = chosen_in([l.methods["diffuse"] for l in lit.values()]) if name == "auto" else ""
         use = timings[f"use {m}"].of_cpu.scaled(effort.batch)
         results.append(
             Result(name, setting_of(m), errors, biases, use, mark, {"to prepare": seconds_text(fit.median)}, note)
@@ -62,7 +62,3 @@ def measure(inputs: Inputs) -> Section:
         )
     )
     return section
-
-
-def _short(m: Method) -> str:
-    return f"{m.name} {setting_of(m)}".strip()

@@ -34,7 +34,9 @@ this frame (lighting, shadow, shading, compositing), on one core."""
 
 def variants() -> dict[str, Methods]:
     """Choices of methods: the default, the paper's, and the default with one step as the paper has it."""
-    each: dict[str, Methods] = {f"auto but {step}={getattr(PAPER, step)}": {step: getattr(PAPER, step)} for step in _STEPS}
+    each: dict[str, Methods] = {
+        f"auto but {step}={getattr(PAPER, step)}": {step: getattr(PAPER, step)} for step in _STEPS
+    }
     return {"auto": "auto", **each, "paper": "paper"}
 
 
@@ -150,7 +152,7 @@ def _strip(view: _View, place: str, pictures: Mapping[str, NDArray]) -> Strip:
         apart = picture.astype(np.float64) - true.image
         return np.clip(127.5 + 10 * apart / 2, 0, 255).astype(np.uint8)
 
-    shown = [("the camera's picture", large(back)), ("truth, by brute force", large(true.image))]
+    shown = [("truth, by brute force", large(true.image))]
     for name, picture in pictures.items():
         title = "the paper's" if name == "paper" else name
         shown.append((f"{title} methods" if name != "paper" else "the paper's methods", large(picture)))
@@ -216,7 +218,13 @@ def _everything(section: Section, inputs: Inputs) -> None:
         Table(
             ["methods", "back end", "threads", "time of a frame", "frames a second"],
             [
-                [m, b, str(t), seconds_text((s.cpu if t == 1 else s.median)), f"{1 / (s.cpu if t == 1 else s.median):.0f}"]
+                [
+                    m,
+                    b,
+                    str(t),
+                    seconds_text(s.cpu if t == 1 else s.median),
+                    f"{1 / (s.cpu if t == 1 else s.median):.0f}",
+                ]
                 for (m, b, t), s in whole.items()
             ],
             {k: CHOSEN if m == "auto" else BY_PAPER for k, (m, _, _) in enumerate(whole)},
@@ -243,4 +251,3 @@ def _everything(section: Section, inputs: Inputs) -> None:
 
 def _milliseconds(seconds: float) -> str:
     return "–" if seconds == 0 else seconds_text(seconds)
-

@@ -11,7 +11,7 @@ from ..measuring import one_core, side_by_side
 from .inputs import Inputs
 from .section import Section, percent
 from .spheres import strip
-from .steps import CHOSEN, Result, compared, setting_of, step_section, units
+from .steps import CHOSEN, Result, chosen_in, compared, setting_of, step_section, units
 from .steps import PAPER as BY_PAPER
 
 ANGLES = (0, 30, 60, 75, 85)  # degrees between normal and view
@@ -58,7 +58,6 @@ def measure(inputs: Inputs) -> Section:
             extra[f"s = {s}"] = percent(float(np.mean(list(e.values()))))
             by_exponent[m.name, setting_of(m), s] = e
         mark = CHOSEN if m.name == "auto" else BY_PAPER if m.name == PAPER.glossy and not m.settings else ""
-        chosen = lit[m][first].methods["glossy"]
         results.append(
             Result(
                 m.name,
@@ -68,12 +67,13 @@ def measure(inputs: Inputs) -> Section:
                 timings[str(m)].of_cpu.scaled(len(normals)),
                 mark,
                 extra,
-                f"{chosen.name} {setting_of(chosen)}".strip() if m.name == "auto" else "",
+                chosen_in([l.methods["glossy"] for l in lit[m].values()]) if m.name == "auto" else "",
             )
         )
     step_section(section, "glossy", "mean error of the glossy light", "time of one pair", results, yard)
     s, place = max(
-        ((s, name) for s in effort.exponents for name in inputs.places), key=lambda k: by_exponent["auto", "", k[0]][k[1]]
+        ((s, name) for s in effort.exponents for name in inputs.places),
+        key=lambda k: by_exponent["auto", "", k[0]][k[1]],
     )
     cube = inputs.places[place]
     faces = level_at_most(cube, 32 if s < 100 else 64)

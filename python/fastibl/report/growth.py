@@ -103,9 +103,9 @@ def _pixels(inputs: Inputs) -> Calls:
         for name, methods in (("default", "auto"), ("paper", "paper")):
             session = Session(inputs.scene, Rig(camera), None, cube, methods=methods)
             first = Frame(0.0, back=back, back_from_marker=_pose(0.0))
-            out[name][width * height] = lambda k, s=session, f=first: s.process(
-                replace(f, time=float(k + 1), back_from_marker=_pose(0.01 * k))
-            ).image
+            out[name][width * height] = lambda k, s=session, f=first: (
+                s.process(replace(f, time=float(k + 1), back_from_marker=_pose(0.01 * k))).image
+            )
     return out
 
 

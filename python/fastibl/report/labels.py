@@ -48,7 +48,7 @@ def _candidates(at: NDArray, size: NDArray) -> list[tuple[float, NDArray]]:
     return out
 
 
-def place(axes: Any, labels: list[Label], avoid: NDArray, size: float = 8.0) -> None:
+def place(axes: Any, labels: list[Label], avoid: NDArray, size: float = 8.5) -> None:
     """Draws labels. avoid: (n, 2) data points besides those of the labels that should stay in sight."""
     figure = axes.figure
     figure.canvas.draw()

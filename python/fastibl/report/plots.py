@@ -51,7 +51,16 @@ class Lines:
     colours: Mapping[str, str] = field(default_factory=dict)
 
 
-Chart = Frontier | Lines
+@dataclass(frozen=True)
+class Dumbbells:
+    """A plot of pairs, one a line: title, (error, seconds) by default, and by the paper's method or None."""
+
+    name: str
+    title: str
+    pairs: Sequence[tuple[str, tuple[float, float], tuple[float, float] | None]]
+
+
+Chart = Frontier | Lines | Dumbbells
 
 
 def _figure(width: float, height: float) -> Any:
@@ -115,7 +124,7 @@ def _labels(points: Sequence[Point], marked: Mapping[str, str], colour: Mapping[
     return out
 
 
-def draw_frontier(chart: Frontier, width: float = 7.4, height: float = 4.7) -> Any:
+def draw_frontier(chart: Frontier, width: float = 6.5, height: float = 4.7) -> Any:
     """The figure: a step line joins what nothing beats in both; ours is a filled star, the paper's a hollow diamond."""
     # An exact result has no place on a log axis; nothing here resolves errors below this.
     points = [Point(p.method, p.setting, p.seconds, max(p.error, 1e-7)) for p in chart.points]
@@ -133,7 +142,8 @@ def draw_frontier(chart: Frontier, width: float = 7.4, height: float = 4.7) -> A
     for m in methods:
         mine = sorted((p for p in points if p.method == m), key=lambda p: p.seconds)
         plain = [p for p in mine if p.label not in (*chart.paper, *chart.chosen)]
-        axes.plot([p.seconds for p in mine], [p.error for p in mine], color=colour[m], lw=0.8, alpha=0.35, zorder=2)
+        if series := _series(mine):
+            axes.plot(*zip(*series, strict=True), color=colour[m], lw=0.9, alpha=0.4, zorder=2)
         axes.scatter([p.seconds for p in plain], [p.error for p in plain], s=34, color=colour[m], zorder=3)
     marks: dict[str, str] = {}
     for names, shape, face, size in ((chart.paper, "D", False, 62), (chart.chosen, "*", True, 230)):
@@ -150,6 +160,14 @@ def draw_frontier(chart: Frontier, width: float = 7.4, height: float = 4.7) -> A
     return figure
 
 
+def _series(points: Sequence[Point]) -> list[tuple[float, float]]:
+    """The points of a method along its one setting, where it has one with whole numbers; none where it has more."""
+    found = [(p.setting.partition("="), p) for p in points if p.setting]
+    if len({key for (key, _, _), _ in found}) != 1 or not all(v.isdigit() for (_, _, v), _ in found):
+        return []
+    return [(p.seconds, p.error) for _, p in sorted(found, key=lambda f: int(f[0][2]))]
+
+
 def _along(a: tuple[float, float], b: tuple[float, float]) -> np.ndarray:
     """Points on a step of the frontier: along x, then along y."""
     x, y = np.geomspace(a[0], b[0], 12), np.geomspace(a[1], b[1], 12)
@@ -160,7 +178,7 @@ def _legend(axes: Any, chart: Frontier) -> None:
     from matplotlib.lines import Line2D
 
     plain = {"ls": "none", "color": _SOFT, "mec": _SOFT}
-    entries = [Line2D([], [], color="#c9d1d9", lw=3, label="frontier: nothing else is both faster and more exact")]
+    entries = [Line2D([], [], color="#c9d1d9", lw=3, label="frontier: nothing is faster and more exact")]
     if chart.chosen:
         entries.insert(0, Line2D([], [], marker="*", ms=13, label="chosen by default", **plain))
     if chart.paper:
@@ -168,7 +186,7 @@ def _legend(axes: Any, chart: Frontier) -> None:
         entries.insert(len(entries) - 1, diamond)
     axes.legend(
         handles=entries, ncol=len(entries), loc="lower left", bbox_to_anchor=(-0.02, 1.0), frameon=False,
-        fontsize=8.5, labelcolor="#4a545e", handletextpad=0.5, columnspacing=1.6,
+        fontsize=8, labelcolor="#4a545e", handletextpad=0.5, columnspacing=1.2,
     )  # fmt: skip
 
 
@@ -209,8 +227,34 @@ def draw_lines(chart: Lines, width: float = 4.9, height: float = 3.5) -> Any:
     return figure
 
 
+def draw_dumbbells(chart: Dumbbells, width: float = 10.4) -> Any:
+    """Errors at the left, times at the right: the default's star and the paper's diamond, joined."""
+    from matplotlib.ticker import EngFormatter
+
+    figure = _figure(width, 0.75 + 0.42 * len(chart.pairs))
+    left, right = figure.subplots(1, 2, sharey=True)
+    for k, axes in enumerate((left, right)):
+        values = [p[k] for _, *both in chart.pairs for p in both if p is not None]
+        limits = _limits([max(v, 1e-7) for v in values], 0.08, 0.08)
+        axes.set(xscale="log", xlim=limits)
+        for line, (_, ours, theirs) in enumerate(chart.pairs):
+            if theirs is not None:
+                axes.plot([ours[k], theirs[k]], [line, line], color="#c9d1d9", lw=4, zorder=1, solid_capstyle="round")
+                axes.scatter(theirs[k], line, s=52, marker="D", fc="white", ec=COLOURS[1], lw=1.8, zorder=3)
+            axes.scatter(ours[k], line, s=190, marker="*", color=COLOURS[0], zorder=4)
+        _log_axis(axes.xaxis, _share("%") if k == 0 else EngFormatter("s"), *limits)
+        _dress(axes, "error" if k == 0 else "time", "")
+        axes.grid(False, axis="y"), axes.spines["left"].set_visible(False)
+    left.set_yticks(range(len(chart.pairs)), [title for title, *_ in chart.pairs])
+    left.tick_params(axis="y", length=0, labelsize=10), right.tick_params(axis="y", length=0)
+    left.set_ylim(len(chart.pairs) - 0.5, -0.5)
+    return figure
+
+
 def draw(chart: Chart) -> Any:
-    return draw_frontier(chart) if isinstance(chart, Frontier) else draw_lines(chart)
+    if isinstance(chart, Frontier):
+        return draw_frontier(chart)
+    return draw_lines(chart) if isinstance(chart, Lines) else draw_dumbbells(chart)
 
 
 def svg(figure: Any) -> bytes:

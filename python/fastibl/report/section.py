@@ -15,13 +15,15 @@ from .plots import Chart
 
 @dataclass(frozen=True)
 class Table:
-    """head, rows: texts; the first column is the name. marked: by index of a row, "chosen" or "paper". note: below."""
+    """head, rows: texts; the first column is the name. marked: by index of a row, "chosen" or "paper". note: below. compact: beside a
+    plot."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     marked: dict[int, str] = field(default_factory=dict)
     note: str = ""
     title: str = ""
+    compact: bool = False
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import MeshShadow, ShadowMap, cast_shadow
+from .. import CubeMap, MeshShadow, ShadowMap, cast_shadow
+from ..comparison import level_at_most
 from ..lighting import PAPER
 from ..measuring import one_core, side_by_side
 from .inputs import HEIGHT, Inputs
@@ -66,13 +68,12 @@ def measure(inputs: Inputs) -> Section:
         {f"{m} {s}": lambda k, cast=cast: cast(cubes[k % len(cubes)]) for (m, s), cast in casts.items()},
         max(3, effort.rounds // 2),
     )
-    results, maps = [], {}
+    results = []
     for (method, setting), cast in casts.items():
         errors, biases = {}, {}
         for name, cube in inputs.places.items():
             shadow: ShadowMap = cast(cube)
             ratio, true = shadow.sample(points).astype(np.float64), truths[name]
-            maps[method, setting, name] = ratio
             errors[name] = float(np.sqrt(((ratio - true) ** 2).mean()))
             # Of the light that is missing: a shadow that is too weak has a bias below 0.
             biases[name] = float((1 - ratio).sum() / max((1 - true).sum(), 1e-12) - 1)
@@ -84,11 +85,15 @@ def measure(inputs: Inputs) -> Section:
     chosen = next(r for r in results if r.mark == CHOSEN)
     place = max(chosen.errors, key=lambda name: chosen.errors[name])
     shown = {"default": default, "the paper's": (PAPER.shadow, "spheres=50")}
-    pictures = [("truth", _picture(truths[place], effort.grid))]
-    for name, (method, setting) in shown.items():
-        ratio = maps[method, setting, place]
-        pictures.append((name, _picture(ratio, effort.grid)))
-        difference = (ratio - truths[place]).reshape(effort.grid, effort.grid, 3)[::-1]
+    count = 48 if effort.name == "quick" else 96
+    points = grid(count, extent)
+    coarse = CubeMap(level_at_most(inputs.places[place], 64).astype(np.float32))
+    true = Sky(replace(inputs, places={place: coarse})).plane_ratio(inputs.mesh, points)
+    pictures = [("truth", _picture(true, count))]
+    for name, key in shown.items():
+        ratio = casts[key](coarse).sample(points).astype(np.float64)
+        pictures.append((name, _picture(ratio, count)))
+        difference = (ratio - true).reshape(count, count, 3)[::-1]
         pictures.append((f"{name}: difference × 10", enlarged(tenfold(difference, 1.0))))
     section.strips.append(
         Strip(

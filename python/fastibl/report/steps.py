@@ -49,6 +49,16 @@ def setting_of(method: Method) -> str:
     return " ".join(f"{key}={value}" for key, value in method.settings.items())
 
 
+def chosen_in(given: list[Method]) -> str:
+    """What "auto" took in the places: "sh9-lobes lobes=1/4/6"."""
+    out = []
+    for name in sorted({m.name for m in given}):
+        settings = [m.settings for m in given if m.name == name]
+        values = {key: "/".join(map(str, sorted({s[key] for s in settings}))) for key in settings[0]}
+        out.append(" ".join([name, *(f"{key}={value}" for key, value in values.items())]))
+    return " or ".join(out)
+
+
 def sample_errors(estimated: NDArray, true: NDArray) -> NDArray:
     """RMS over RGB of the difference, by the mean of the truth; (n,)."""
     return np.sqrt(((np.asarray(estimated, np.float64) - true) ** 2).mean(axis=-1)) / true.mean()
@@ -76,10 +86,10 @@ def rows_of(step: str, metric: str, results: Sequence[Result], yard: float, thre
     return out
 
 
-def table_of(results: Sequence[Result], error: str, ahead: set[str], note: str = "") -> Table:
+def table_of(results: Sequence[Result], ahead: set[str], note: str = "") -> Table:
     """The methods from fast to slow; those on the frontier carry a dot."""
     extra = list(dict.fromkeys(key for r in results for key in r.extra))
-    head = ["method", error, "worst place", "bias", "time", *extra]
+    head = ["method", "error", "worst place", "bias", "time", *extra]
     ordered = sorted(results, key=lambda r: r.time.median if r.time else np.inf)
     rows = [
         [
@@ -94,7 +104,7 @@ def table_of(results: Sequence[Result], error: str, ahead: set[str], note: str =
     ]
     marked = {k: r.mark for k, r in enumerate(ordered) if r.mark}
     legend = "★ chosen by default, ◇ the paper's, ● on the frontier. Worst place: the largest of the places' means."
-    return Table(head, rows, marked, f"{legend} {note}".strip())
+    return Table(head, rows, marked, f"{legend} {note}".strip(), compact=True)
 
 
 def step_section(
@@ -110,7 +120,7 @@ def step_section(
         Frontier(f"{name}-error-against-time", section.title, time, error, found, marked[PAPER], marked[CHOSEN])
     )
     ahead = {p.label for p in frontier(found)}
-    section.tables.append(table_of(results, error, ahead, note))
+    section.tables.append(table_of(results, ahead, note))
     section.seen += sentences(results)
     section.best = {r.mark: r for r in results if r.mark}
     return section
