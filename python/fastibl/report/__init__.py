@@ -84,7 +84,7 @@ def gathered(
     else:
         name, follow = recording
         sweep = follow
-    title, shape = mesh or ("figurine", built_in_mesh())
+    title, shape = mesh or ("figurine", built_in_mesh(effort))
     return Inputs(places or built_in_places(), shape, title, follow, sweep, name, effort, built_in=places is None)
 
 

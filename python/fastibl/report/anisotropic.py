@@ -40,7 +40,7 @@ def _truth(inputs: Inputs, n: NDArray, t: NDArray, v: NDArray, alpha: tuple[floa
         return reference.ggx(inputs.channels, n[part], v[part], tangents=t[part], alpha=alpha)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return inputs.by_place(np.concatenate(list(pool.map(some, np.array_split(np.arange(len(n)), 8)))))
+        return inputs.by_place(np.concatenate(list(pool.map(some, np.array_split(np.arange(len(n)), min(8, len(n)))))))
 
 
 @one_core()

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from .. import Frame, Scene, Session
 from .._fastibl import Environment
 from ..comparison import irradiance_over_sphere, relative_errors
-from ..demo import picture_of_map
+from ..demo import DISTANCE, picture_of_map
 from ..lighting import PAPER
 from ..measuring import Timing, one_core, timing
 from ..recording import Recording
-from .inputs import Inputs
+from .inputs import Inputs, truth_of
 from .plots import COLOURS, Lines
 from .section import Section, Strip, percent
 from .spheres import tenfold
@@ -40,10 +40,11 @@ class _Captured:
     predicted: list[float] = field(default_factory=list)
 
 
-def _capture(recording: Recording, scene: Scene, method: str, size: int) -> _Captured:
+def _capture(recording: Recording, scene: Scene, method: str, size: int, distance: float) -> _Captured:
     session = Session(
-        scene, recording.rig, None, methods={"capture": method}, size=size, cast_shadow=False, follow_surroundings=False
-    )
+        scene, recording.rig, None, methods={"capture": method}, size=size, cast_shadow=False, distance=distance,
+        follow_surroundings=False,
+    )  # fmt: skip
     out, spent, truths = _Captured(), [], {}
     for frame in recording:
         pose = recording.truth.pose(frame.time)
@@ -69,25 +70,30 @@ def measure(inputs: Inputs) -> Section:
     recording = inputs.sweep
     what = _WHAT.format(count=len(recording), seconds=recording.duration, name=inputs.recording_name)
     section = Section("capture", "Capturing the light", what)
-    if not recording.truth.maps or not recording.truth.poses:
+    if not truth_of(recording).maps or not truth_of(recording).poses:
         section.missing = "The recording holds no true light or poses to compare with."
         return section
     true_map = recording.truth.environment(recording.times[-1])
     true = irradiance_over_sphere(true_map)
-    candidates = [("continuous", n) for n in _SIZES] + [(PAPER.capture, _SIZES[-1])]
+    infinite = float("inf")
+    candidates = [("continuous", n, infinite) for n in _SIZES]
+    candidates += [("continuous", _SIZES[-1], DISTANCE), (PAPER.capture, _SIZES[-1], infinite)]
     results, kept, place = [], {}, inputs.recording_name
-    for method, size in candidates:
-        found = kept[method, size] = _capture(recording, inputs.scene, method, size)
+    for method, size, distance in candidates:
+        found = _capture(recording, inputs.scene, method, size, distance)
+        kept.setdefault((method, size), found)
         given = irradiance_over_sphere(found.environment)
-        mark = CHOSEN if (method, size) == ("continuous", 128) else BY_PAPER if method == PAPER.capture else ""
+        walls = "" if distance == infinite else f" walls={distance:g}m"
+        mark = BY_PAPER if method == PAPER.capture else CHOSEN if size == 128 and not walls else ""
         extra = {
             "sphere seen": percent(found.environment.coverage),
             "predicted": percent(found.environment.predicted_error),
         }
         error = float(np.mean(np.sqrt(((given - true) ** 2).mean(axis=-1))) / true.mean())
         bias = float(given.mean() / true.mean() - 1)
-        results.append(Result(method, f"size={size}", {place: error}, {place: bias}, found.time, mark, extra))
-    note = "Predicted: what fastibl says of its own error, without knowing the truth. Size: texels along a cube face."
+        results.append(Result(method, f"size={size}{walls}", {place: error}, {place: bias}, found.time, mark, extra))
+    note = "Predicted: what fastibl says of its own error, without knowing the truth. Size: texels along a cube face. "
+    note += "Walls: a guess of how far the room reaches; without one all light is taken to come from far away."
     step_section(section, "capture", "mean error of the irradiance", "time of a frame's pictures", results, 0.004, note)
     ours, theirs = kept["continuous", 128], kept[PAPER.capture, 128]
     lines = {
@@ -111,7 +117,7 @@ def _maps(ours: Environment, theirs: Environment, true: object) -> Strip:
     pictures = [
         ("true light, all directions, up at the top", picture_of_map(true, scale, 160)),
         ("as captured (unseen parts dimmed)", picture_of_map(ours, scale, 160)),
-        ("difference × 10, default", _difference(ours, true, scale)),
+        ("as captured: difference × 2", _difference(ours, true, scale)),
         ("as captured by the paper's method", picture_of_map(theirs, scale, 160)),
     ]
     return Strip("All light of the place", pictures, "Differences: grey is none, brighter is too bright.")
@@ -121,4 +127,4 @@ def _difference(environment: Environment, true: object, scale: float, height: in
     from .._fastibl import equirect_from_cubemap
 
     ours = equirect_from_cubemap(environment.radiance, height).astype(np.float64)
-    return tenfold(ours - equirect_from_cubemap(true, height), scale)
+    return tenfold(ours - equirect_from_cubemap(true, height), scale, 2.0)

@@ -18,7 +18,7 @@ from ..measuring import Row, Timing, all_cores, one_core, row, seconds_text, sid
 from ..recording import Recording
 from ..session import Methods
 from ..truth import TruePicture, TrueRenderer, picture_error
-from .inputs import Inputs
+from .inputs import Inputs, truth_of
 from .section import Section, Strip, Table
 from .steps import CHOSEN, Result, step_section
 from .steps import PAPER as BY_PAPER
@@ -52,10 +52,10 @@ class _View:
 def _view(inputs: Inputs, places: Mapping[str, CubeMap]) -> _View:
     recording, effort = inputs.follow, inputs.effort
     with all_cores():
-        renderer = TrueRenderer(inputs.scene, extent=0.3, grid=40 if effort.name == "quick" else 64)
+        renderer = TrueRenderer(inputs.scene, extent=0.25, grid=40 if effort.name != "full" else 64)
         frames = [f for f in recording if f.back is not None]
         frame = frames[-1]
-        pose = recording.truth.pose(frame.time) if recording.truth.poses else frame.back_from_marker
+        pose = recording.truth.pose(frame.time) if truth_of(recording).poses else frame.back_from_marker
         given = Frame(frame.time, frame.back, back_exposure=_exposure(frame), back_from_marker=pose)
         truths = {
             name: renderer.render(given.back, given.back_exposure, recording.rig.back, pose, cube)
@@ -107,6 +107,13 @@ def _bias(image: NDArray, true: TruePicture, back: NDArray, response: object) ->
     return float(response.decode(image / 255.0)[where].mean(dtype=np.float64) / truth.mean() - 1)
 
 
+def _of_truth(cube: CubeMap) -> CubeMap:
+    """A map in the resolution that truth sums over."""
+    faces = level_at_most(cube, 32).astype(np.float32)
+    times = max(1, 32 // faces.shape[1])
+    return CubeMap(np.repeat(np.repeat(faces, times, axis=1), times, axis=2))
+
+
 @one_core()
 def measure(inputs: Inputs) -> Section:
     recording = inputs.follow
@@ -114,13 +121,13 @@ def measure(inputs: Inputs) -> Section:
     height = 100 * float(np.ptp(inputs.mesh.vertices[:, 2]))
     what = _WHAT.format(name=inputs.mesh_name, height=height, width=camera.width, picture_height=camera.height)
     section = Section("frame", "The whole frame", what)
-    posed = recording.truth.poses or any(f.back_from_marker is not None for f in recording)
+    posed = truth_of(recording).poses or any(f.back_from_marker is not None for f in recording)
     if not posed or not any(f.back is not None for f in recording):
         section.missing = "The recording holds no back pictures with known poses to render into."
         return section
     # Truth sums over 32 squared texels a face, so the methods get the map in that resolution: the errors are theirs.
     chosen = list(inputs.places.items())[: inputs.effort.frame_maps]
-    places = {name: CubeMap(level_at_most(cube, 32).astype(np.float32)) for name, cube in chosen}
+    places = {name: _of_truth(cube) for name, cube in chosen}
     view = _view(inputs, places)
     timings, yard = _times(inputs, view)
     results, pictures = [], {}
@@ -196,9 +203,9 @@ def _everything(section: Section, inputs: Inputs) -> None:
     rows: list[Row] = []
     whole: dict[tuple[str, str, int], Timing] = {}
     parts: dict[str, dict[str, float]] = {}
-    rounds = 1 if inputs.effort.name == "quick" else 3
+    rounds = 3 if inputs.effort.name == "full" else 1
     settings = [("auto", "cpu", 1), ("paper", "cpu", 1), ("auto", "cpu", 2)]
-    if with_gl and inputs.effort.name != "quick":
+    if with_gl and inputs.effort.name == "full":
         settings.append(("auto", "gl", 2))
     for methods, backend, threads in settings:
         try:

@@ -95,12 +95,12 @@ def _spheres(inputs: Inputs) -> Calls:
 
 
 def _pixels(inputs: Inputs) -> Calls:
-    cube, out = _room(inputs), {"default": {}, "paper": {}}
+    cube, out = _room(inputs), {"default": {}, "the paper's": {}}
     for width in inputs.effort.pixels:
         height = width * 3 // 4
         camera = Camera(width, height, 0.9 * width, 0.9 * width, width / 2, height / 2)
         back = np.full((height, width, 3), 128, np.uint8)
-        for name, methods in (("default", "auto"), ("paper", "paper")):
+        for name, methods in (("default", "auto"), ("the paper's", "paper")):
             session = Session(inputs.scene, Rig(camera), None, cube, methods=methods)
             first = Frame(0.0, back=back, back_from_marker=_pose(0.0))
             out[name][width * height] = lambda k, s=session, f=first: (
@@ -141,7 +141,7 @@ def _vertices(inputs: Inputs) -> Calls:
 
     lights = [Lighting(Environment(cube)) for cube in inputs.places.values()]
     out: dict[int, Callable] = {}
-    for detail in _DETAIL[: 3 if inputs.effort.name == "quick" else 4]:
+    for detail in _DETAIL[: 4 if inputs.effort.name == "full" else 3]:
         ball = trimesh.creation.icosphere(detail, 1.0)
         baked = SelfShadow(Mesh(ball.vertices, ball.faces))
         out[len(ball.vertices)] = lambda k, b=baked: b.irradiance(lights[k % len(lights)])

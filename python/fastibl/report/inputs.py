@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .. import shapes
 from .._fastibl import CubeMap, Material, Mesh, Scene, fit_spheres, texel_directions
 from ..mesh_shadow import MeshShadow
-from ..recording import Recording
+from ..recording import Recording, Truth
 
 SIZE = 128  # face edge of the maps, texels
 HEIGHT = 0.12  # of the object, metres
@@ -46,12 +46,12 @@ class Effort:
 
 
 QUICK = Effort(
-    "quick", 300, 4, (8, 64), ((0.1, 0.4), (0.3, 0.3)), 16, 28, 120, 5, 50_000, (1.0, 10), (8.0, 2), (320, 240), 1, 40,
+    "quick", 300, 4, (8, 64), ((0.1, 0.4), (0.3, 0.3)), 16, 22, 80, 5, 50_000, (1.0, 10), (8.0, 2), (320, 240), 1, 40,
     (1, 1e2, 1e4, 1e6, 1e8), (16, 32, 64, 128, 256), (320, 640), 60,
 )  # fmt: skip
 FULL = Effort(
     "full", 2000, 8, (8, 32, 128, 512), ((0.05, 0.3), (0.1, 0.4), (0.25, 0.6), (0.1, 0.1), (0.3, 0.3)), 60, 48, 500, 11,
-    200_000, (3.0, 15), (12.0, 15), (640, 480), 7, 96, (1, 10, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8),
+    200_000, (2.0, 15), (12.0, 8), (480, 360), 7, 72, (1, 10, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8),
     (16, 32, 64, 128, 256, 512), (160, 320, 640, 1280), 900,
 )  # fmt: skip
 
@@ -121,8 +121,14 @@ class Inputs:
         return {name: values[..., 3 * k : 3 * k + 3] for k, name in enumerate(self.places)}
 
 
-def built_in_mesh() -> Mesh:
-    return shapes.figurine(HEIGHT)
+def built_in_mesh(effort: Effort = FULL) -> Mesh:
+    """The figurine; for a quick report of the fewest triangles that it can have."""
+    return shapes.figurine(HEIGHT, 0.9 if effort.name != "full" else 1.0)
+
+
+def truth_of(recording: Recording) -> Truth:
+    """What is known of a recording; nothing is of most."""
+    return recording.truth or Truth()
 
 
 def simulated(effort: Effort, environment: object = None) -> tuple[Recording, Recording]:

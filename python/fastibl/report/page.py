@@ -34,7 +34,7 @@ section { border-top: 1px solid var(--line); margin-top: 2.8rem; padding-top: 2.
 .seen { background: var(--blue); border-left: 3px solid var(--accent); padding: .65rem 1rem; border-radius: 0 6px 6px 0; max-width: 62rem; margin: .8rem 0 1rem; }
 .seen p { margin: .15rem 0; } .missing { background: var(--wash); padding: .7rem 1rem; border-radius: 6px; color: var(--soft); }
 .side { display: grid; grid-template-columns: minmax(0, 1.06fr) minmax(0, 1fr); gap: 1.6rem; align-items: start; }
-.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(320px, 1fr)); gap: 1rem; } .charts .wide { grid-column: 1 / -1; }
+.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(320px, 1fr)); gap: 1rem; } .charts .wide { grid-column: 1 / -1; } .charts.single { grid-template-columns: minmax(0, 640px); }
 img.plot { border-radius: 0; }
 .scroll { overflow-x: auto; } table { font-size: .9rem; } th { vertical-align: bottom; line-height: 1.25; }
 td:first-child { min-width: 8.5rem; } td { white-space: nowrap; } td.text { white-space: normal; min-width: 11rem; text-align: left; } th.text { text-align: left; }
@@ -54,7 +54,7 @@ footer { border-top: 1px solid var(--line); margin-top: 3rem; padding-top: 1rem;
 @media (max-width: 1080px) { .page { grid-template-columns: minmax(0, 1fr); } nav { position: static; height: auto; padding: 1.2rem 0 0; }
   nav ol { display: flex; flex-wrap: wrap; gap: 0 .3rem; } main { padding-top: 1rem; } .side { grid-template-columns: minmax(0, 1fr); } }
 @media (max-width: 560px) { .page { padding: 0 .9rem; } h1 { font-size: 1.75rem; } table { font-size: .82rem; } th, td { padding: .3rem .4rem; }
-  .strip, .strip.large { grid-template-columns: repeat(2, minmax(0, 1fr)); } .charts { grid-template-columns: minmax(0, 1fr); } }
+  .strip, .strip.large { grid-template-columns: repeat(2, minmax(0, 1fr)); } .strip.hero { grid-template-columns: repeat(3, minmax(0, 1fr)); } .charts { grid-template-columns: minmax(0, 1fr); } }
 @media print { nav { display: none; } .page { display: block; } section { break-inside: avoid-page; } }
 """
 )
@@ -113,7 +113,7 @@ def section_html(s: Section, drawn: dict[str, bytes]) -> str:
     out += [_image(c.name, c.title, drawn[c.name]) for c in s.charts if isinstance(c, Dumbbells)]
     if lines:
         out.append(
-            f'<div class="charts">{"".join(_image(c.name, c.title, drawn[c.name], c.wide) for c in lines)}</div>'
+            f'<div class="charts{" single" * (len(lines) == 1)}">{"".join(_image(c.name, c.title, drawn[c.name], c.wide) for c in lines)}</div>'
         )
     out += [_strip(strip) for strip in s.strips]
     short, long = [t for t in tables if len(t.rows) <= 16], [t for t in tables if len(t.rows) > 16]
@@ -146,7 +146,7 @@ def write_page(report: Report, out: Path) -> Path:
 that can be done by several methods. This page measures all of them on this machine: how far each is from the truth, worked out
 by brute force, and how long it takes; against the methods of the paper that it started from (Fast Image-Based Lighting, 2014).</p>
 <p class="meta">{html.escape(meta)}<br>Places: {places}. Object: {html.escape(head["mesh"])}.</p>
-<div class="strip large">{shown}</div>
+<div class="strip large hero">{shown}</div>
 {body}
 <footer>Written by <code>{html.escape(head["command"])}</code>. Every number is a row of report.json; every plot lies in plots/ as
 SVG and PNG. <code>fastibl report --against report.json</code> later says what became better or worse.</footer>

@@ -85,7 +85,7 @@ def measure(inputs: Inputs) -> Section:
     chosen = next(r for r in results if r.mark == CHOSEN)
     place = max(chosen.errors, key=lambda name: chosen.errors[name])
     shown = {"default": default, "the paper's": (PAPER.shadow, "spheres=50")}
-    count = 48 if effort.name == "quick" else 96
+    count = 36 if effort.name != "full" else 80
     points = grid(count, extent)
     coarse = CubeMap(level_at_most(inputs.places[place], 64).astype(np.float32))
     true = Sky(replace(inputs, places={place: coarse})).plane_ratio(inputs.mesh, points)

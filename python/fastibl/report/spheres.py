@@ -30,9 +30,9 @@ def encoded(linear: NDArray, scale: float) -> NDArray[np.uint8]:
     return (np.clip(np.asarray(linear, np.float64) * scale, 0, 1) ** (1 / 2.2) * 255).astype(np.uint8)
 
 
-def tenfold(difference: NDArray, scale: float) -> NDArray[np.uint8]:
-    """Ten times a difference of linear radiance: grey is none, brighter is too bright."""
-    return (np.clip(0.5 + 5 * np.asarray(difference, np.float64) * scale, 0, 1) * 255).astype(np.uint8)
+def tenfold(difference: NDArray, scale: float, times: float = 10.0) -> NDArray[np.uint8]:
+    """`times` a difference of linear radiance: grey is none, brighter is too bright."""
+    return (np.clip(0.5 + times / 2 * np.asarray(difference, np.float64) * scale, 0, 1) * 255).astype(np.uint8)
 
 
 def _laid(values: NDArray[np.uint8]) -> NDArray[np.uint8]:

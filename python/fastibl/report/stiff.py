@@ -37,7 +37,7 @@ def measure(inputs: Inputs) -> Section:
     found = {
         "diffuse": _diffuse(here, max(150, inputs.effort.normals // 4)),
         "glossy": _glossy(here, max(3, inputs.effort.pairs // 2)),
-        "shadow": _shadow(here, min(inputs.effort.grid, 24)),
+        "shadow": _shadow(here, min(inputs.effort.grid, 20)),
     }
     titles = {"diffuse": "Matte surfaces", "glossy": "Glossy surfaces", "shadow": "Shadow (RMS of the ratio)"}
     table, broken = [], 0

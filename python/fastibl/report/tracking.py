@@ -9,7 +9,7 @@ from .. import Tracker, methods
 from ..lighting import AUTO, PAPER
 from ..measuring import Point, one_core, row, seconds_text, timing
 from ..recording import Frame, Recording
-from .inputs import Inputs
+from .inputs import Inputs, truth_of
 from .plots import Frontier
 from .section import Section, Table
 
@@ -30,7 +30,7 @@ def measure(inputs: Inputs) -> Section:
     if recording.board is None or len(frames) < 2:
         section.missing = "The recording has no board or fewer than two pictures of the back camera."
         return section
-    known = bool(recording.truth.poses)
+    known = bool(truth_of(recording).poses)
     section.what = _WHAT.format(
         count=len(frames), width=camera.width, height=camera.height, name=inputs.recording_name,
         truth=_TRUE if known else _UNKNOWN,
@@ -77,7 +77,7 @@ def _compare(section: Section, recording: Recording, frames: list[Frame], known:
                           seconds_text(time.median)])  # fmt: skip
     head = ["method", f"{unit}, median", f"{unit}, worst", "shift, median", "not found", "time"]
     legend = "★ chosen by default, ◇ the paper's: the four corners of one tag as the detector gives them."
-    section.tables.append(Table(head, table, marked, legend))
+    section.tables.append(Table(head, table, marked, legend, compact=True))
     if points:
         section.charts.append(
             Frontier(
