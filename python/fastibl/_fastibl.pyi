@@ -218,6 +218,10 @@ class Camera:
         """
         Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind a perspective camera and beyond the lens model.
         """
+    def replace(self, **kwargs) -> Camera:
+        """
+        The same camera with some arguments of the constructor changed: camera.replace(readout=0.03). Raises what the constructor raises.
+        """
     def unproject(self, pixels: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
         Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, else of unit length; NaN beyond the lens model.

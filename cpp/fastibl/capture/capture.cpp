@@ -59,7 +59,8 @@ Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignet
       pixel_vignette(std::move(vignette)),
       lens(given),
       bounds(picture_bounds(given, lens)),
-      noise(given.response) {}
+      noise(given.response),
+      bytes(given.response) {}
 
 Capture::KnownCamera& Capture::known(const Camera& camera) {
   for (KnownCamera& k : cameras_)
@@ -281,7 +282,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
 void Capture::read_meter(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
                          double exposure) {
   if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return;
-  const auto read = meter_->read(picture, k.camera, k.lens, poses.at(0.5), exposure);
+  const auto read = meter_->read(k.pixels(picture), k.camera, k.lens, poses.at(0.5), exposure);
   if (!read) return;
   metered_ = time_, plane_irradiance_ = read;
   unseen_.measure_plane(*read, kMeterDeviation);
@@ -402,8 +403,7 @@ bool Capture::refill(int tile) {
 void Capture::refill_from_prior(int tile) {
   const FaceRect r = tile_rect(grid_, tile);
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  const float* angles =
-      &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())];
+  const float* angles = angles_of(tile);
   glm::dvec3 flux(0);
   double angle = 0;
   for (int k = 0; k < r.texels(); ++k) {
@@ -593,13 +593,20 @@ bool Capture::add_tile(const View& view, int tile) {
   TileSums& sums = sums_[std::size_t(tile)];
   if (whole) state_.last_seen.set(tile, time_);
   relate_variances(state_, start, r.texels());
-  sums = sum_tile(state_, start, r.texels(),
-                  state_.last_seen.same(tile) ? nullptr : state_.last_seen.texels(tile),
-                  &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
-                  &projected_[start]);
+  sums = sum_of(tile);
   quiet_.took(tile, shown, unsure, whole, sums.bound_angle > 0);
   if (sums.count == r.texels()) make_levels(tile);
   return true;
+}
+
+const float* Capture::angles_of(int tile) const {
+  return &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())];
+}
+
+TileSums Capture::sum_of(int tile) const {
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  return sum_tile(state_, start, tile_rect(grid_, tile).texels(), state_.last_seen.own(tile),
+                  angles_of(tile), &projected_[start]);
 }
 
 std::vector<double> Capture::last_seen() const {

@@ -26,7 +26,7 @@
 #include "fastibl/scene/board.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
-#include "fastibl/scene/picture.h"
+#include "fastibl/scene/pixel_reader.h"
 
 namespace fastibl {
 
@@ -111,12 +111,13 @@ class Capture {
                  ? camera.vignette({x, y})
                  : double(pixel_vignette[std::size_t(int(y) * camera.width + int(x))]);
     }
+    PixelReader pixels(const Picture& picture) const { return {picture, camera.response, bytes}; }
     Camera camera;
     std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
     PictureBounds bounds;
     SensorNoise noise;
-    std::optional<ByteResponse> bytes;  // made when first asked for
+    ByteResponse bytes;
     ExposureDoubt doubt;
     glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
     double looked_at = kNever;  // and when, seconds
@@ -137,8 +138,9 @@ class Capture {
             const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
             std::vector<int>& changed);
   // Appends the parts of a picture that show what the map knows. In probe_level.cpp.
-  void probe_level(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
-                   ImageView<const std::uint8_t> mask, std::vector<LevelProbe>& probes) const;
+  void probe_level(const Picture& picture, const KnownCamera& camera,
+                   const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask,
+                   std::vector<LevelProbe>& probes) const;
   void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
                   double exposure);
   void take_changes(const std::vector<int>& changed, int refills);
@@ -179,6 +181,8 @@ class Capture {
   void prefetch_tile(int tile) const;
   void prefetch_rows(int tile, const CubeMap& map) const;
   void make_levels(int tile);
+  const float* angles_of(int tile) const;  // solid angles of its texels
+  TileSums sum_of(int tile) const;
   void renew_all();  // with turn(), in turn_map.cpp
   int refills_after(double time, const Camera& camera) const;
   bool is_small_refill(int tile) const;

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "fastibl/core/simd.h"
-#include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/tile_cone.h"
 
 namespace fastibl {
 namespace {
@@ -56,10 +56,7 @@ FASTIBL_CLONES void sum_nearness(const float* const from[7], int count, const fl
 UnseenTiles::UnseenTiles(TileGrid grid, float plane_albedo)
     : grid_(grid), plane_albedo_(plane_albedo) {
   for (int tile = 0; tile < grid.count(); ++tile) {
-    const FaceRect r = tile_rect(grid, tile);
-    const float n = float(grid.size);
-    const glm::vec3 d = glm::normalize(
-        face_direction(r.face, 0.5f * float(r.x0 + r.x1) / n, 0.5f * float(r.y0 + r.y1) / n));
+    const glm::vec3 d = tile_cone(grid, tile).middle;
     x_.push_back(d.x), y_.push_back(d.y), z_.push_back(d.z);
     above_.push_back(d.z >= 0);
   }

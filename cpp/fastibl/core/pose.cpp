@@ -54,6 +54,12 @@ glm::dvec3 rotation_vector(const glm::dmat3& r) {
   return sine > 1e-12 ? axis * (angle / sine) : 0.5 * axis;
 }
 
+glm::dmat3 orthonormal(const glm::dmat3& r) {
+  const glm::dvec3 x = glm::normalize(r[0]);
+  const glm::dvec3 y = glm::normalize(r[1] - glm::dot(x, r[1]) * x);
+  return {x, y, glm::cross(x, y)};
+}
+
 double rotation_angle(const glm::dmat3& a, const glm::dmat3& b) {
   const glm::dmat3 r = glm::transpose(a) * b;
   const glm::dvec3 axis(r[1][2] - r[2][1], r[2][0] - r[0][2], r[0][1] - r[1][0]);

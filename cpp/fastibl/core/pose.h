@@ -29,6 +29,8 @@ inline glm::dvec3 operator*(const Pose& pose, const glm::dvec3& point) {
 glm::dmat3 rotation_from_vector(const glm::dvec3& w);
 // Its inverse for less than half a turn.
 glm::dvec3 rotation_vector(const glm::dmat3& r);
+// The rotation that rounding has bent a little.
+glm::dmat3 orthonormal(const glm::dmat3& r);
 // Angle in radians of the rotation between the two, stable near 0 and π.
 double rotation_angle(const glm::dmat3& a, const glm::dmat3& b);
 

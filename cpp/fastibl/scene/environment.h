@@ -36,6 +36,10 @@ class TexelTimes {
     return same(tile) ? common_[std::size_t(tile)]
                       : times_[std::size_t(tile) * stride_ + std::size_t(texel)];
   }
+  // By texel; null where all of the tile have the same.
+  const double* own(int tile) const {
+    return same(tile) ? nullptr : &times_[std::size_t(tile) * stride_];
+  }
   void set(int tile, double time) {
     common_[std::size_t(tile)] = time, same_[std::size_t(tile)] = 1;
   }

@@ -46,10 +46,8 @@ struct Lattice {
 };
 
 glm::vec3 nearest_texel(const CubeLevel& level, glm::vec3 direction) {
-  const FacePoint p = face_point(direction);
-  const int n = level.size();
-  return level.texel(p.face, std::clamp(int(p.s * float(n)), 0, n - 1),
-                     std::clamp(int(p.t * float(n)), 0, n - 1));
+  const TexelPlace at = texel_at(direction, level.size());
+  return level.texel(at.face, at.x, at.y);
 }
 
 // Mean over about the solid angle around a unit direction.
