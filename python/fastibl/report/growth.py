@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from .. import Camera, CubeMap, Environment, Frame, Lighting, Mesh, Pose, Rig, SelfShadow, Session, cast_shadow
+from .. import Camera, CubeMap, Environment, Frame, Lighting, Mesh, Rig, SelfShadow, Session, cast_shadow
 from ..lighting import PAPER
 from ..measuring import one_core, row, seconds_text, side_by_side
-from .inputs import Inputs
+from .inputs import Inputs, pose_around
 from .plots import Lines
 from .section import Section, Table
 from .steps import units
@@ -102,24 +102,11 @@ def _pixels(inputs: Inputs) -> Calls:
         back = np.full((height, width, 3), 128, np.uint8)
         for name, methods in (("default", "auto"), ("the paper's", "paper")):
             session = Session(inputs.scene, Rig(camera), None, cube, methods=methods)
-            first = Frame(0.0, back=back, back_from_marker=_pose(0.0))
+            first = Frame(0.0, back=back, back_from_marker=pose_around(0.0))
             out[name][width * height] = lambda k, s=session, f=first: (
-                s.process(replace(f, time=float(k + 1), back_from_marker=_pose(0.01 * k))).image
+                s.process(replace(f, time=float(k + 1), back_from_marker=pose_around(0.01 * k))).image
             )
     return out
-
-
-def _pose(turn: float) -> Pose:
-    """Of a camera half a metre away that looks down at the object, turned around it."""
-    eye = np.array([0.5 * np.sin(turn), -0.5 * np.cos(turn), 0.35])
-    forward = np.array([0.0, 0.0, 0.05]) - eye
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([right, np.cross(forward, right), forward])
-    matrix[:3, 3] = -matrix[:3, :3] @ eye
-    return Pose(matrix)
 
 
 def _lights(inputs: Inputs) -> Calls:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import shapes
-from .._fastibl import CubeMap, Material, Mesh, Scene, fit_spheres, texel_directions
+from .._fastibl import CubeMap, Material, Mesh, Pose, Scene, fit_spheres, texel_directions
 from ..mesh_shadow import MeshShadow
 from ..recording import Recording, Truth
 
@@ -124,6 +124,19 @@ class Inputs:
 def built_in_mesh(effort: Effort = FULL) -> Mesh:
     """The figurine; for a quick report of the fewest triangles that it can have."""
     return shapes.figurine(HEIGHT, 0.9 if effort.name != "full" else 1.0)
+
+
+def pose_around(turn: float = 0.0) -> Pose:
+    """Of a camera half a metre away that looks down at the object, turned around it."""
+    eye = np.array([0.5 * np.sin(turn), -0.5 * np.cos(turn), 0.35])
+    forward = np.array([0.0, 0.0, 0.05]) - eye
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([right, np.cross(forward, right), forward])
+    matrix[:3, 3] = -matrix[:3, :3] @ eye
+    return Pose(matrix)
 
 
 def truth_of(recording: Recording) -> Truth:

@@ -8,8 +8,7 @@ import numpy as np
 
 from .. import CubeMap, Environment, Frame, Material, Plan, Pose, Rig, Scene, Session
 from ..measuring import one_core, row, seconds_text, side_by_side
-from .growth import _pose
-from .inputs import MATERIAL, Inputs
+from .inputs import MATERIAL, Inputs, pose_around
 from .section import Section, Table, percent
 
 _WHAT = """Most scenes do not need every step. Before a frame, a plan strikes out what cannot be seen, and says why and
@@ -51,7 +50,7 @@ def measure(inputs: Inputs) -> Section:
             if light == "uniform":
                 session.set_environment(Environment(CubeMap(np.full((6, 128, 128, 3), 1 + 0.01 * (k % 2), np.float32))))
             last[1] += 1
-            pose = _pose(0.0 if light == "all stays" else 0.01 * last[1])
+            pose = pose_around(0.0 if light == "all stays" else 0.01 * last[1])
             frame = Frame(float(last[1]), back=back, back_from_marker=pose)
             result = session.process(replace(frame))
             result.image  # noqa: B018 - the picture has to arrive
