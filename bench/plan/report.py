@@ -2,7 +2,8 @@
 
 Mitsuba renders the same mesh under the same map by the same camera, without plane and bounces where the object is
 judged, with a white plane where its shadow is. Its noise falls with the square root of time: from two pictures with
-their own random numbers, the time for 1 % of noise (RMS over the object's pixels, by their mean) at 640 x 480 is extrapolated.
+their own random numbers, the time for 1 % of noise (RMS over the object's pixels, by their mean) at 640 x 480 is
+extrapolated.
 """
 
 from __future__ import annotations
