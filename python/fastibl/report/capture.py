@@ -22,7 +22,7 @@ from .spheres import tenfold
 from .steps import CHOSEN, Result, cpu_of, step_section
 from .steps import PAPER as BY_PAPER
 
-_SIZES = (32, 64, 128)
+_SIZES = (32, 128)
 _WHAT = """Both cameras see parts of the room; every picture paints the directions that it sees into a map of all light.
 The front camera changes its exposure, so that lamps and windows keep their true brightness. {count} pictures of
 each camera over {seconds:.0f} s of {name}; the poses are given, so that capture is judged alone. The error is that of

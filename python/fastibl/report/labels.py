@@ -52,6 +52,7 @@ def place(axes: Any, labels: list[Label], avoid: NDArray, size: float = 8.5) -> 
     """Draws labels. avoid: (n, 2) data points besides those of the labels that should stay in sight."""
     figure = axes.figure
     figure.canvas.draw()
+    figure.set_layout_engine("none")  # the axes stay where labels are placed for
     renderer, unit = figure.canvas.get_renderer(), figure.dpi / 100
     frame = axes.get_window_extent(renderer)
     points = axes.transData.transform([(label.x, label.y) for label in labels])
@@ -77,8 +78,7 @@ def place(axes: Any, labels: list[Label], avoid: NDArray, size: float = 8.5) -> 
         placed = np.vstack([placed, best])
         x, y = axes.transData.inverted().transform(((best[0] + best[2]) / 2, (best[1] + best[3]) / 2))
         arrow = {"arrowstyle": "-", "color": label.colour, "lw": 0.5, "alpha": 0.6, "shrinkA": 0, "shrinkB": 3}
-        written = axes.annotate(
+        axes.annotate(
             label.text, (label.x, label.y), (x, y), ha="center", va="center",
             arrowprops=arrow if best_away > _LEADER * unit else None, **style,
         )  # fmt: skip
-        written.set_in_layout(False)  # the axes stay where labels were placed for

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .. import CubeMap, Environment, Frame, Material, Plan, Pose, Rig, Scene, Session
+from .. import CubeMap, Environment, Frame, Material, Plan, Pose, Rig, Session
 from ..measuring import one_core, row, seconds_text, side_by_side
 from .inputs import MATERIAL, Inputs, pose_around
 from .section import Section, Table, percent
@@ -37,11 +37,12 @@ def measure(inputs: Inputs) -> Section:
     }
     calls, plans, passes = {}, {}, {}
     for name, (material, shadow, light, away) in cases.items():
-        matrix = np.eye(4)
-        matrix[1, 3] = -away  # behind the camera
-        scene = Scene(inputs.mesh, material, Pose(matrix))
-        scene.baked_shadow = inputs.scene.baked_shadow
-        session = Session(scene, rig, None, CubeMap(cubes[0]), cast_shadow=shadow)
+        session = Session(inputs.scene, rig, None, CubeMap(cubes[0]), cast_shadow=shadow)
+        session.set_material(material)
+        if away:
+            matrix = np.eye(4)
+            matrix[1, 3] = -away  # behind the camera
+            session.move(Pose(matrix))
         last: list = [None, 0]
 
         def call(k: int, session=session, light=light, name=name, last=last) -> None:
