@@ -187,6 +187,16 @@ def test_a_recording_without_truth_says_what_is_not_known(tmp_path):
     assert not told.missing and "in pixels" in told.what and told.charts[0].unit == " px"
 
 
+def test_recordings_are_cut_to_what_is_needed():
+    rig = fastibl.Rig(fastibl.Camera(16, 12, 14, 14, 8, 6))
+    frames = [fastibl.Frame(0.1 * k, back=np.zeros((12, 16, 3), np.uint8)) for k in range(40)]
+    long = fastibl.Recording(rig, frames)
+    assert inputs.beginning(long, inputs.QUICK).times == long.times[:8]
+    spread = inputs.thinned(long, inputs.QUICK).times
+    assert len(spread) == 16 and (spread[0], spread[-1]) == (long.times[0], long.times[-1])
+    assert len(inputs.thinned(fastibl.Recording(rig, frames[:3]), inputs.QUICK)) == 3
+
+
 def test_visibility_against_the_reference():
     """Rays only towards the bounding sphere, and bright texels cut finer, against every texel of the reference."""
     mesh = fastibl.shapes.figurine(0.12, 0.9)

@@ -33,7 +33,7 @@ from . import (
     tracking,
 )
 from .compare import Comparison, comparison_section
-from .inputs import FULL, QUICK, Effort, Inputs, built_in_mesh, built_in_places, simulated
+from .inputs import FULL, QUICK, Effort, Inputs, beginning, built_in_mesh, built_in_places, simulated, thinned
 from .machine import machine
 from .overview import biases, overview
 from .section import Section
@@ -82,8 +82,8 @@ def gathered(
         follow, sweep = simulated(effort)
         name = "a simulated walk through the built-in room"
     else:
-        name, follow = recording
-        sweep = follow
+        name, given = recording
+        follow, sweep = beginning(given, effort), thinned(given, effort)
     title, shape = mesh or ("figurine", built_in_mesh(effort))
     return Inputs(places or built_in_places(), shape, title, follow, sweep, name, effort, built_in=places is None)
 

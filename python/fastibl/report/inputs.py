@@ -144,6 +144,20 @@ def truth_of(recording: Recording) -> Truth:
     return recording.truth or Truth()
 
 
+def beginning(recording: Recording, effort: Effort) -> Recording:
+    """The first frames of a recording, as many as are tracked in a simulated one."""
+    count = max(2, round(effort.follow[0] * effort.follow[1]))
+    frames = [recording[k] for k in range(min(count, len(recording)))]
+    return Recording(recording.rig, frames, recording.board, recording.truth)
+
+
+def thinned(recording: Recording, effort: Effort) -> Recording:
+    """Frames from all of a recording, as many as are captured from in a simulated one."""
+    count = max(2, round(effort.sweep[0] * effort.sweep[1]))
+    chosen = np.unique(np.linspace(0, len(recording) - 1, min(count, len(recording))).round().astype(int))
+    return Recording(recording.rig, [recording[int(k)] for k in chosen], recording.board, recording.truth)
+
+
 def simulated(effort: Effort, environment: object = None) -> tuple[Recording, Recording]:
     """The recordings that are tracked and captured from: in the built-in room, or another place."""
     from ..simulator import simulate
