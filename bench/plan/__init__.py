@@ -2,4 +2,5 @@
 
 from . import (
     extremes,  # noqa: F401
+    report,  # noqa: F401
 )
