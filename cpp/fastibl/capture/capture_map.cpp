@@ -26,9 +26,7 @@ bool moved(const glm::vec3& from, const glm::vec3& to) {
 FASTIBL_CLONES void interleave(const float* const channels[3], int width, int height,
                                std::ptrdiff_t stride, float* __restrict map) {
   const float *r = channels[0], *g = channels[1], *b = channels[2];
-  const auto at = [](const float* p) -> const Float8& {
-    return *reinterpret_cast<const Float8*>(p);
-  };
+  const auto at = [](const float* p) -> Float8 { return *reinterpret_cast<const Float8*>(p); };
   for (int row = 0; row < height; ++row, map += stride) {
     float* out = map;
     int i = 0;

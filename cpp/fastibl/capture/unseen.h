@@ -41,7 +41,7 @@ class UnseenTiles {
 
   glm::vec3 fill(int tile) const {
     const std::size_t i = std::size_t(tile);
-    return above_[i] ? brightness_ * fill_[i] : fill_[i];
+    return above_[i] ? glm::min(brightness_ * fill_[i], kRadianceCap) : fill_[i];
   }
   // Irradiance of the plane by what was not seen of the sky, without what the plane says of it.
   glm::dvec3 sky_irradiance(const std::vector<TileSums>& sums,

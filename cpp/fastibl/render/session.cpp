@@ -224,7 +224,7 @@ void Session::find_near_shares() {
   const SharesOf of = light_shares_.empty()                 ? SharesOf::visibility
                       : plan_.includes(PassId::self_shadow) ? SharesOf::directions
                                                             : SharesOf::all;
-  near_shares_ = near_shares(scene_, *lighting_, of);
+  near_shares_ = near_share_maker_.update(scene_, *lighting_, of);
 }
 
 // Of the light of the map, and what near lights change of them.

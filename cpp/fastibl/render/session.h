@@ -158,6 +158,7 @@ class Session {
   std::shared_ptr<const Lighting> lighting_;
   CellLight cell_light_;
   std::vector<glm::vec4> light_shares_;    // of RenderInput, by the map alone
+  NearShares near_share_maker_;
   std::vector<glm::vec3> near_shares_;     // what near lights change of them
   std::vector<glm::vec4> changed_shares_;  // with that and the bounce
   std::optional<PlaneExchange> exchange_;  // of the object as it stood last
