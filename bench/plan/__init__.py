@@ -1,5 +1,6 @@
-"""Goals of plan, report and extremes: table "plan". One file a subject; each adds its rows when it is imported."""
+"""Goals of the plan, the report and the extremes: table "plan". One file a subject; each adds rows when imported."""
 
 from . import (
+    extremes,  # noqa: F401
     report,  # noqa: F401
 )

@@ -62,7 +62,8 @@ class Session(_Session):
     front_ratio: by channel, what the front camera makes of light by what the back one makes of it, see fastibl.white.
     follow_surroundings: whether the surroundings tell how the cameras turn while the board is out of view
     (FrameResult.turned; the map is captured on), and that the board was turned by hand (FrameResult.board_moved).
-    prior: CubeMap of the place from before; paper_albedo: of the board's white; both as Capture has them.
+    prior: CubeMap of the place from before; paper_albedo: of the board's white; most_boost: of lights that clip in
+    every exposure; all as Capture has them.
     A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
     baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
     cannot start.
@@ -89,6 +90,7 @@ class Session(_Session):
         follow_surroundings: bool = True,
         prior: CubeMap | None = None,
         paper_albedo: float = 0.85,
+        most_boost: float = 1.0,
     ):
         if isinstance(environment, CubeMap):
             environment = Environment(environment)
@@ -115,6 +117,7 @@ class Session(_Session):
             bool(follow_surroundings),
             prior,
             float(paper_albedo),
+            float(most_boost),
         )
 
     def process(self, frame: Frame) -> FrameResult:

@@ -20,11 +20,10 @@ constexpr std::size_t kCameras = 4;    // whose tables are kept
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 4;
-constexpr double kMeterPause = 0.1;       // seconds between readings of the board's white
-constexpr double kMeterDeviation = 0.08;  // of a reading: albedo, gloss, what stands around
-constexpr int kPicturesPerFill = 2;       // between looks at what such values should be
-constexpr double kRimOfLight = 0.25;      // of the radiance of a light: at the rim of one
-constexpr double kLargestScale = 1e30;    // of linear values: no exposure is so short
+constexpr double kMeterPause = 0.1;     // seconds between readings of the board's white
+constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
+constexpr double kRimOfLight = 0.25;    // of the radiance of a light: at the rim of one
+constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 // Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
 // differ by 0.1 degrees.
 constexpr int kBands = 16;
@@ -99,6 +98,8 @@ CaptureOptions checked(CaptureOptions options) {
         "the paper's albedo must be in (0, 1], got ", options.paper_albedo);
   check(options.plane_albedo > 0 && options.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
+  check(options.most_boost >= 1 && std::isfinite(options.most_boost),
+        "lights may be boosted by a finite factor of at least 1, got ", options.most_boost);
   return options;
 }
 
@@ -285,21 +286,23 @@ void Capture::read_meter(const Picture& picture, const KnownCamera& k, const Row
   const auto read = meter_->read(k.pixels(picture), k.camera, k.lens, poses.at(0.5), exposure);
   if (!read) return;
   metered_ = time_, plane_irradiance_ = read;
-  unseen_.measure_plane(*read, kMeterDeviation);
+  unseen_.measure_plane(*read, kMeterDeviation * *read);
 }
 
 // refills: see refills_after().
 void Capture::take_changes(const std::vector<int>& changed, int refills) {
   const bool all_refills = refills == grid_.count();
-  std::vector<int> refilled;
+  std::vector<int> refilled, boosted;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
   if (all_refills || ++pictures_ % kPicturesPerFill == 0) {
     if (prior_) match_prior(refilled);
+    if (options_.most_boost > 1) boost_lights(boosted);
     unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);
     new_sums_.clear();
   }
   const std::uint64_t version = new_tile_version();
   for (const int tile : changed) versions_[std::size_t(tile)] = version, refill(tile);
+  for (const int tile : boosted) versions_[std::size_t(tile)] = version, make_levels(tile);
   for (const int tile : refilled) stale_fill_[std::size_t(tile)] = 1;
   int small_refills = all_refills ? refills : refills / kSmallLater;
   for (int i = 0; i < grid_.count() && refills > 0; ++i) {
@@ -362,10 +365,8 @@ bool Capture::is_small_refill(int tile) const {
 
 // Of a tile of which any texel was seen.
 void Capture::make_levels(int tile) {
-  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  const float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
-                                 &state_.value[2][start]};
-  pyramids_.make(tile, value);
+  std::vector<float> room;
+  pyramids_.make(tile, shown_texels(tile, room).data());
   quiet_.place_probes(tile, pyramids_);
 }
 

@@ -1,12 +1,14 @@
 // From camera pictures with known poses to the light of the place.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
 
+#include "fastibl/capture/boost_lights.h"
 #include "fastibl/capture/exposure_doubt.h"
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/light_meter.h"
@@ -47,6 +49,10 @@ struct CaptureOptions {
   // Whether pictures that are off by one factor all over are taken for wrongly exposed at first:
   // see ExposureDoubt. Of perspective cameras.
   bool doubt_exposures = false;
+  // Largest factor by which texels above the horizon that clipped in every exposure are made
+  // brighter, until the map lights the plane as the board's white shows it; 1: not at all. For
+  // cameras with one exposure: see boost_of().
+  double most_boost = 1;
   double paper_albedo = 0.85;  // of the board's white, by which it is a light meter
   double plane_albedo = 0.5;   // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
@@ -144,6 +150,11 @@ class Capture {
   void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
                   double exposure);
   void take_changes(const std::vector<int>& changed, int refills);
+  // Renews boost_; appends tiles that show it. In capture_map.cpp.
+  void boost_lights(std::vector<int>& shown);
+  glm::dvec3 boosted_flux() const;
+  // The tile's texels as maps have them, by channel; boosted ones are put into `room`.
+  std::array<const float*, 3> shown_texels(int tile, std::vector<float>& room) const;
   // True if it shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
@@ -215,6 +226,7 @@ class Capture {
   std::optional<LightMeter> meter_;
   double metered_ = kNever;                     // seconds
   std::optional<glm::dvec3> plane_irradiance_;  // that it read last
+  LightBoost boost_;
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map

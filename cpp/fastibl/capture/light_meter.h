@@ -12,6 +12,9 @@
 
 namespace fastibl {
 
+// Relative standard deviation of a reading: albedo, gloss, what stands around.
+inline constexpr double kMeterDeviation = 0.08;
+
 class LightMeter {
  public:
   // albedo: of the paper.

@@ -28,7 +28,7 @@ Response Response::from_curve(std::vector<float> curve) {
 }
 
 float Response::decode(float encoded) const {
-  const float e = std::clamp(encoded, 0.0f, 1.0f);
+  const float e = encoded > 0 ? std::min(encoded, 1.0f) : 0.0f;  // NaN gives 0
   if (curve.empty()) return e <= 0.04045f ? e / 12.92f : std::pow((e + 0.055f) / 1.055f, 2.4f);
   const float x = e * float(curve.size() - 1);
   const std::size_t i = std::min(std::size_t(x), curve.size() - 2);

@@ -17,7 +17,7 @@ struct Response {
   static Response gamma(double exponent);                // linear = encoded^exponent
   static Response from_curve(std::vector<float> curve);  // throws unless it is as stated above
 
-  float decode(float encoded) const;  // clamped to [0, 1] before
+  float decode(float encoded) const;  // clamped to [0, 1] before; NaN gives 0
   float encode(float linear) const;   // clamped to [0, 1] before; NaN gives 0
   bool operator==(const Response&) const = default;
 };

@@ -100,7 +100,8 @@ glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 n, glm::vec3 v, float s, in
     sum += weight * filtered(map, l, 4 * vh * half.solid_angle, nearest);
     total += weight;
   }
-  return total > 0 ? sum / total : map.sample(mirror, 0);
+  // Below: all taps graze, and their light, times such weights, would vanish in float.
+  return total > 1e-12f ? sum / total : map.sample(mirror, 0);
 }
 
 }  // namespace fastibl

@@ -168,7 +168,7 @@ SurfacePoint point_of(const Fragment& f, const PbrMaterial& m) {
 }
 
 glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting& lighting,
-                    glm::vec3 eye) {
+                    const GgxShading& ggx, glm::vec3 eye) {
   const PbrMaterial& m = *material.pbr;
   const SurfacePoint p = point_of(f, m);
   const glm::vec3 view = glm::normalize(eye - f.position);
@@ -181,8 +181,8 @@ glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting&
   if (diffuse != glm::vec3(0))
     colour += diffuse * (glm::vec3(f.share) / kPi) * evaluate(lighting.irradiance, p.frame.normal);
   return colour + f.share.w * reflectance *
-                      evaluate_ggx(lighting, p.frame, view, ggx_alpha(p.roughness, m.anisotropy),
-                                   GgxOptions::for_shading(m.anisotropy), &f.position);
+                      ggx(p.frame, view, ggx_alpha(p.roughness, m.anisotropy),
+                          GgxOptions::for_shading(m.anisotropy), &f.position);
 }
 
 float exposure_at(const Camera& camera, double exposure, int x, int y) {
@@ -261,6 +261,7 @@ ObjectLayer shade(std::span<const FragmentBand> bands, const Material& material,
                   const Lighting& lighting, glm::vec3 eye) {
   ObjectLayer layer = layer_around(bands, &FragmentBand::object);
   const BatchShading batches(material, lighting, eye);
+  const GgxShading ggx(lighting);
   // Bands share no pixel.
   parallel_for(int(bands.size()), 1, [&](int begin, int end) {
     for (int i = begin; i < end; ++i) {
@@ -269,7 +270,7 @@ ObjectLayer shade(std::span<const FragmentBand> bands, const Material& material,
         batches(fragments, layer);
         continue;
       }
-      for (const Fragment& f : fragments) add(f, shade_pbr(f, material, lighting, eye), layer);
+      for (const Fragment& f : fragments) add(f, shade_pbr(f, material, lighting, ggx, eye), layer);
     }
   });
   return layer;

@@ -23,6 +23,20 @@ def add(commands: argparse._SubParsersAction) -> None:
     add_cameras(p)
     add_object(p)
     p.add_argument("--exposures", choices=("adaptive", "bracket", "constant"), default="adaptive", help="of the front")
+    p.add_argument(
+        "--flicker",
+        type=float,
+        default=0.0,
+        metavar="HZ",
+        help="of the lamps, 100 or 120: adaptive exposures last whole periods where they can (default: 0)",
+    )
+    p.add_argument(
+        "--most-boost",
+        type=positive,
+        default=1.0,
+        metavar="FACTOR",
+        help="for constant exposures: most that clipped light is made brighter by the board's white (default: 1)",
+    )
     p.add_argument("--fps", type=positive, default=30.0, help="of the video (default: 30)")
     p.add_argument("--out", type=Path, default=Path("live.webm"), help="video to write (default: %(default)s)")
 
@@ -30,10 +44,10 @@ def add(commands: argparse._SubParsersAction) -> None:
 class _FirstKnown:
     """An AdaptiveExposure whose range is around the first exposure."""
 
-    def __init__(self, camera):
+    def __init__(self, camera, flicker: float):
         from ..exposure import AdaptiveExposure
 
-        self.schedule, self._begun = AdaptiveExposure(camera, 1e-9, 1e9), False
+        self.schedule, self._begun = AdaptiveExposure(camera, 1e-9, 1e9, flicker), False
 
     def __call__(self, last: float) -> float:
         if not self._begun:
@@ -62,8 +76,10 @@ def run(arguments: argparse.Namespace) -> int:
         methods=arguments.methods,
         backend=arguments.backend,
         distance=arguments.distance,
+        most_boost=arguments.most_boost,
     )
-    adaptive = _FirstKnown(rig.front) if arguments.front is not None and arguments.exposures == "adaptive" else None
+    adapts = arguments.front is not None and arguments.exposures == "adaptive"
+    adaptive = _FirstKnown(rig.front, arguments.flicker) if adapts else None
     schedule = adaptive or (Bracket() if arguments.exposures == "bracket" else None)
     source = CameraSource(
         rig,
