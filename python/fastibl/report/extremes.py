@@ -10,7 +10,7 @@ from .section import Section, Table
 
 _WHAT = """Suns a hundred million times as bright as the sky, black maps, maps with holes, mirrors and chalk, objects that
 are no objects, cameras at grazing angles: each case states what must hold, and what came out. “Digits lost”: decimal
-digits by which a result is less exact than single precision can store it. `fastibl extremes` runs them alone."""
+digits by which a result is less exact than single precision can store it. The command “fastibl extremes” runs them alone."""
 
 
 def measure(inputs: Inputs) -> Section:

@@ -73,7 +73,8 @@ def _figure(width: float, height: float) -> Any:
 
 
 def _number(value: float) -> str:
-    return f"{value:.3g}" if value < 1e4 else f"{value:.0e}".replace("e+0", "e")
+    rounded = float(f"{value:.3g}")
+    return f"{rounded:g}" if rounded < 1e5 else f"{rounded:.0e}".replace("e+0", "e")
 
 
 def _share(unit: str):
