@@ -81,7 +81,8 @@ def flicker() -> Iterator[Goal]:
             f"median <= {percent(goal)}",
             middle <= goal,
             (
-                f"all exposures believed: median {percent(believed)}, worst {percent(most)}; steady light {percent(calm)}",
+                f"all exposures believed: median {percent(believed)}, worst {percent(most)}; "
+                f"steady light {percent(calm)}",
                 "by place: "
                 + ", ".join(
                     f"{p} {percent(r.error)} ({r.averaged} of {r.pictures} pictures averaged; believed: "

@@ -249,7 +249,7 @@ def draw_dumbbells(chart: Dumbbells, width: float = 10.4) -> Any:
     left, right = figure.subplots(1, 2, sharey=True)
     for k, axes in enumerate((left, right)):
         values = [p[k] for _, *both in chart.pairs for p in both if p is not None]
-        limits = _limits([max(v, 1e-7) for v in values], 0.08, 0.08)
+        limits = _limits([max(v, 1e-12) for v in values], 0.08, 0.08)
         axes.set(xscale="log", xlim=limits)
         for line, (_, ours, theirs) in enumerate(chart.pairs):
             if theirs is not None:
