@@ -34,7 +34,7 @@ section { border-top: 1px solid var(--line); margin-top: 2.8rem; padding-top: 2.
 .seen { background: var(--blue); border-left: 3px solid var(--accent); padding: .65rem 1rem; border-radius: 0 6px 6px 0; max-width: 62rem; margin: .8rem 0 1rem; }
 .seen p { margin: .15rem 0; } .missing { background: var(--wash); padding: .7rem 1rem; border-radius: 6px; color: var(--soft); }
 .side { display: grid; grid-template-columns: minmax(0, 1.06fr) minmax(0, 1fr); gap: 1.6rem; align-items: start; }
-.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(320px, 1fr)); gap: 1rem; } .charts .wide { grid-column: 1 / -1; } .charts.single { grid-template-columns: minmax(0, 640px); }
+.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(320px, 1fr)); gap: 1rem; } .over { max-width: 720px; } .charts .wide { grid-column: 1 / -1; } .charts.single { grid-template-columns: minmax(0, 640px); }
 img.plot { border-radius: 0; }
 .scroll { overflow-x: auto; } table { font-size: .9rem; } th { vertical-align: bottom; line-height: 1.25; }
 td:first-child { min-width: 8.5rem; } td { white-space: nowrap; } td.text { white-space: normal; min-width: 11rem; text-align: left; } th.text { text-align: left; }
@@ -59,6 +59,7 @@ footer { border-top: 1px solid var(--line); margin-top: 3rem; padding-top: 1rem;
 """
 )
 
+_BESIDE = 7  # columns that a table beside a plot may have
 _LONG = 26  # characters from which on a column of a table is prose
 
 
@@ -108,8 +109,12 @@ def section_html(s: Section, drawn: dict[str, bytes]) -> str:
     fronts = [c for c in s.charts if isinstance(c, Frontier)]
     lines = [c for c in s.charts if isinstance(c, Lines)]
     for c in fronts:
-        beside = _table(tables.pop(0)) if tables else ""
-        out.append(f'<div class="side"><div>{_image(c.name, c.title, drawn[c.name])}</div><div>{beside}</div></div>')
+        table = tables.pop(0) if tables else Table((), ())
+        plot, beside = _image(c.name, c.title, drawn[c.name]), _table(table)
+        if len(table.head) > _BESIDE:
+            out.append(f'<div class="over">{plot}</div>{beside}')
+        else:
+            out.append(f'<div class="side"><div>{plot}</div><div>{beside}</div></div>')
     out += [_image(c.name, c.title, drawn[c.name]) for c in s.charts if isinstance(c, Dumbbells)]
     if lines:
         out.append(

@@ -73,7 +73,8 @@ def _figure(width: float, height: float) -> Any:
 
 
 def _number(value: float) -> str:
-    return f"{value:.3g}" if value < 1e4 else f"{value:.0e}".replace("e+0", "e")
+    rounded = float(f"{value:.3g}")
+    return f"{rounded:g}" if rounded < 1e5 else f"{rounded:.0e}".replace("e+0", "e")
 
 
 def _share(unit: str):
@@ -86,12 +87,25 @@ def _share(unit: str):
     return FuncFormatter(lambda v, _: _number(100 * v) + " %" if unit == "%" else f"{_number(v)}{unit}")
 
 
-def _log_axis(axis: Any, formatter: Any, low: float, high: float) -> None:
-    """Ticks at 1, 2, 5 within two decades, else at the powers of ten."""
-    from matplotlib.ticker import LogLocator, NullFormatter
+_STEPS = ((1,), (1, 3), (1, 2, 5), (1, 1.5, 2, 3, 5, 7), (1, 1.2, 1.4, 1.6, 1.8, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9))
 
-    few = np.log10(high / low) < 2.2
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,), numticks=12))
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Round numbers on a log axis: the coarsest steps that give three."""
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    found: list[float] = []
+    for steps in _STEPS:
+        found = [float(f"{m}e{k}") for k in decades for m in steps]
+        found = [v for v in found if low <= v <= high]
+        if len(found) >= 3:
+            break
+    return found[:: -(-len(found) // 8) or 1]
+
+
+def _log_axis(axis: Any, formatter: Any, low: float, high: float) -> None:
+    from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
+
+    axis.set_major_locator(FixedLocator(_ticks(low, high)))
     axis.set_minor_locator(LogLocator(subs=tuple(range(2, 10)), numticks=50))
     axis.set_major_formatter(formatter)
     axis.set_minor_formatter(NullFormatter())
@@ -235,7 +249,7 @@ def draw_dumbbells(chart: Dumbbells, width: float = 10.4) -> Any:
     left, right = figure.subplots(1, 2, sharey=True)
     for k, axes in enumerate((left, right)):
         values = [p[k] for _, *both in chart.pairs for p in both if p is not None]
-        limits = _limits([max(v, 1e-7) for v in values], 0.08, 0.08)
+        limits = _limits([max(v, 1e-12) for v in values], 0.08, 0.08)
         axes.set(xscale="log", xlim=limits)
         for line, (_, ours, theirs) in enumerate(chart.pairs):
             if theirs is not None:

@@ -63,11 +63,11 @@ def measure(inputs: Inputs) -> Section:
         Table(head, table, note="A sun of one texel, by its strength; worst: of both sizes.", title="")
     )
     worst = {step: max(by["default"]) for step, by in found.items()}
+    count = sum(len(errors) for by_method in found.values() for errors in by_method.values())
     section.seen.append(
         "Over eight orders of magnitude of the sun the default stays within "
         + ", ".join(f"{percent(e)} ({step})" for step, e in worst.items())
-        + f"; {broken or 'no'} result{'' if broken == 1 else 's'} of {sum(len(e) for b in found.values() for e in b.values())}"
-        " were not finite."
+        + f"; {count - broken} of {count} results are finite."
     )
     return section
 
