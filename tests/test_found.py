@@ -159,3 +159,12 @@ def test_a_map_of_a_size_that_nobody_believes(tmp_path):
     path = tmp_path / "map.hdr"
     path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000000 +X 2000000000\n")
     same_error(lambda: fastibl.read_environment(path), ValueError, "map.hdr")
+
+
+def test_tags_of_other_ids_than_numbers():
+    corners = np.array([(-0.02, 0.02), (0.02, 0.02), (0.02, -0.02), (-0.02, -0.02)])
+    for id in (0.0, "0", None):
+        same_error(lambda id=id: fastibl.Board([(id, corners)], 0.1, 0.1), TypeError, "whole number")
+    for id in (-1, 587, 1 << 31, 1 << 80):
+        same_error(lambda id=id: fastibl.Board([(id, corners)], 0.1, 0.1), ValueError)
+    assert fastibl.Board([(np.int64(3), corners)], 0.1, 0.1).tags[0].id == 3

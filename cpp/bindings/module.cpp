@@ -2,8 +2,17 @@
 
 PYBIND11_MODULE(_fastibl, module) {
   using namespace fastibl::bindings;
+  namespace py = pybind11;
   module.doc() = "fastibl's C++ core. Import fastibl instead.";
   module.attr("__version__") = FASTIBL_VERSION;
+  // What came is of another type: pybind11 makes it a RuntimeError.
+  py::register_exception_translator([](std::exception_ptr thrown) {
+    try {
+      if (thrown) std::rethrow_exception(thrown);
+    } catch (const py::cast_error& error) {
+      py::set_error(PyExc_TypeError, error.what());
+    }
+  });
   bind_core(module);
   bind_scene(module);
   bind_environment(module);

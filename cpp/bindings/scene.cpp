@@ -1,7 +1,9 @@
 #include <pybind11/operators.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "bindings/numpy.h"
@@ -487,6 +489,15 @@ Doubles corners_of(const Tag& tag) {
   return out;
 }
 
+int tag_id(const py::object& id) {
+  if (!PyIndex_Check(id.ptr()))
+    throw py::type_error("a tag's id must be a whole number, got " +
+                         std::string(py::str(py::type::handle_of(id).attr("__name__"))));
+  const Py_ssize_t value = PyNumber_AsSsize_t(id.ptr(), PyExc_ValueError);
+  if (value == -1 && PyErr_Occurred()) throw py::error_already_set();
+  return int(std::clamp<Py_ssize_t>(value, -1, std::numeric_limits<int>::max()));
+}
+
 Board board_from(const py::sequence& tags, double width, double height, int border_bits) {
   Board board;
   board.border_bits = border_bits, board.width = width, board.height = height;
@@ -498,7 +509,7 @@ Board board_from(const py::sequence& tags, double width, double height, int bord
     const Doubles c = require_floats<double>(py::object(pair[1]), "corners");
     if (c.ndim() != 2 || c.shape(0) != 4 || c.shape(1) != 2)
       throw py::value_error("corners must have shape (4, 2), got " + shape_of(c));
-    Tag tag{py::object(pair[0]).cast<int>(), {}};
+    Tag tag{tag_id(pair[0]), {}};
     for (int i = 0; i < 4; ++i) tag.corners[std::size_t(i)] = {c.at(i, 0), c.at(i, 1)};
     board.tags.push_back(tag);
   }

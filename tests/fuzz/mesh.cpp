@@ -64,13 +64,15 @@ void cast(Input& in, const Mesh& mesh) {
 void draw(Input& in, const Mesh& mesh) {
   const Scene scene = make_scene(mesh, {}, in.pose(), {0, 0, 0, false});
   const Camera camera = small_camera(in, 16, false);
-  for (const Fragment& f : rasterize(scene, camera, in.pose()).object) {
-    require(f.x >= 0 && f.x < camera.width && f.y >= 0 && f.y < camera.height,
-            "pixel of a fragment");
-    require(f.coverage > 0 && f.coverage <= 1, "coverage");
-    require(finite(f.position) && std::fabs(glm::length(f.normal) - 1) < 1e-2f,
-            "surface in a pixel");
-  }
+  Rasterizer rasterizer;
+  for (const FragmentBand& band : rasterizer.rasterize(scene, camera, in.pose()))
+    for (const Fragment& f : band.object) {
+      require(f.x >= 0 && f.x < camera.width && f.y >= 0 && f.y < camera.height,
+              "pixel of a fragment");
+      require(f.coverage > 0 && f.coverage <= 1, "coverage");
+      require(finite(f.position) && std::fabs(glm::length(f.normal) - 1) < 1e-2f,
+              "surface in a pixel");
+    }
 }
 
 }  // namespace

@@ -40,9 +40,10 @@ float NearPlane::falloff(int i, glm::vec2 point) const {
   const NearLight& light = near_lights_.lights[std::size_t(i)];
   const glm::vec3 arrow = shared::near_arrow(light.direction, light.inverse_distance,
                                              glm::vec3(point, 0) - near_lights_.centre);
-  // Nothing is nearer than the light's surface, nor than a ten-thousandth of its distance.
-  const float length2 =
-      std::max({glm::dot(arrow, arrow), light.sin_radius * light.sin_radius, 1e-8f});
+  // Nothing is nearer than the light's surface, nor than a ten-thousandth of its distance; nor NaN,
+  // of a point as far as floats reach.
+  const float least = std::max(light.sin_radius * light.sin_radius, 1e-8f);
+  const float square = glm::dot(arrow, arrow), length2 = square > least ? square : least;
   return 1 / (length2 * std::sqrt(length2));
 }
 
