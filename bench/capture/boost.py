@@ -66,7 +66,8 @@ def on_plane(cube: fastibl.CubeMap) -> np.ndarray:
 
 @cache
 def moments(place: str, brighter: float, path: str, seed: int, most: float) -> list[Moment]:
-    """Of each frame of 6 s with one exposure of the front camera, `brighter` times the usual."""
+    """Of each third frame of 6 s with one exposure of the front camera, `brighter` times the usual; where nothing is
+    boosted of the last one."""
     film = recorded(
         place,
         seconds=6,
@@ -88,6 +89,9 @@ def moments(place: str, brighter: float, path: str, seed: int, most: float) -> l
         if index:  # the first has another exposure
             turned = film.rig.front_from_back @ pose
             capture.add(frame.front, film.rig.front, turned, exposure=frame.front_exposure, time=frame.time)
+        last = index == len(film) - 1
+        if not last and (index % 3 or most == 1):
+            continue
         environment = capture.environment()
         low, high = environment.predicted_interval
         off = on_plane(environment.radiance) / plane - 1
@@ -128,12 +132,14 @@ def boost() -> Iterator[Goal]:
         clipped, ours = (np.array([pair[k].error for pair in ends.values()]) for k in (0, 1))
         planes = [[pair[k].plane for pair in ends.values()] for k in (0, 1)]
         yield Goal(
-            f"{what}, sky exposed to {brighter * _EXPOSED:.1f} of white: irradiance, median and worst of {len(places)} "
-            "places, against clipped maps",
-            f"{percent(float(np.median(ours)))}, {percent(ours.max())} against {percent(float(np.median(clipped)))}, "
-            f"{percent(clipped.max())}",
-            "median <= 0.7 of clipped",
-            bool(np.median(ours) <= 0.7 * np.median(clipped)),
+            f"{what}, sky exposed to {brighter * _EXPOSED:.1f} of white: irradiance, mean, median and worst of "
+            f"{len(places)} places, against clipped maps",
+            " against ".join(
+                f"{percent(float(e.mean()))}, {percent(float(np.median(e)))}, {percent(e.max())}"
+                for e in (ours, clipped)
+            ),
+            "mean <= 0.7 of clipped",
+            bool(ours.mean() <= 0.7 * clipped.mean()),
             (
                 f"on the plane: median {percent(float(np.median(planes[1])))} against "
                 f"{percent(float(np.median(planes[0])))}; without studio: median "
@@ -145,7 +151,7 @@ def boost() -> Iterator[Goal]:
             ),
         )
     films = {
-        p: [m for path in ("sweep", "hand") for b in _ALL for m in moments(p, b, path, 0, MOST) if m.coverage > 0]
+        p: [m for path, b in (*(("sweep", b) for b in _ALL), ("hand", _ALL[1])) for m in moments(p, b, path, 0, MOST)]
         for p in places
     }
     for low, high in BANDS:

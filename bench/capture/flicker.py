@@ -47,17 +47,18 @@ def swept(place: str, fps: float, doubt: bool = True, **timing: float) -> Run:
         **timing,
     )
     true = film.truth.environment(0.0)
-    session = fastibl.Session(inputs.scene(), film.rig, film.board, doubt_exposures=doubt)
-    errors, averaged, pictures = [], 0, 0
-    for frame in film:
-        frame.back_from_marker = film.truth.pose(frame.time)
-        if film.rig.back.readout > 0:
-            frame.back_last_row = film.truth.pose(frame.time + film.rig.back.readout)
-        result = session.process(frame)
-        taken = [t for t in (result.back_taken, result.front_taken) if t is not None]
-        averaged, pictures = averaged + sum(t.how == "averaged" for t in taken), pictures + len(taken)
-        errors.append(irradiance_error(result.environment, true))
-    return Run(float(np.mean(errors[-10:])), averaged, pictures)
+    capture = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT, doubt_exposures=doubt)
+    errors, averaged = [], 0
+    for index, frame in enumerate(film):
+        for name in ("back", "front"):
+            camera, turned = getattr(film.rig, name), fastibl.Pose() if name == "back" else film.rig.front_from_back
+            first, last = (turned @ film.truth.pose(frame.time + later) for later in (0, camera.readout))
+            image, exposure = getattr(frame, name), getattr(frame, f"{name}_exposure")
+            row = last if camera.readout > 0 else None
+            averaged += capture.add(image, camera, first, exposure, frame.time, last_row=row).how == "averaged"
+        if index >= len(film) - 10:
+            errors.append(irradiance_error(capture.environment(), true))
+    return Run(float(np.mean(errors)), averaged, 2 * len(film))
 
 
 @row("capture", "mains flicker")
@@ -66,14 +67,13 @@ def flicker() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped(what, inputs.NO_MAPS)
         return
-    places = [*inputs.MAPS, ROOM]
+    places = [*list(inputs.MAPS)[::3], ROOM]
     for label, fps, goal, timing in CASES:
         ours = {place: swept(place, fps, flicker=100.0, **timing) for place in places}
         blind = {place: swept(place, fps, doubt=False, flicker=100.0, **timing) for place in places}
-        steady = {place: swept(place, fps, **timing) for place in places}
-        (middle, worst), (believed, most), (calm, _) = (
+        (middle, worst), (believed, most) = (
             (float(np.median([r.error for r in runs.values()])), max(r.error for r in runs.values()))
-            for runs in (ours, blind, steady)
+            for runs in (ours, blind)
         )
         yield Goal(
             f"{what}, {label}: irradiance after {_FRAMES} frames, median, worst of {len(places)} places",
@@ -81,16 +81,24 @@ def flicker() -> Iterator[Goal]:
             f"median <= {percent(goal)}",
             middle <= goal,
             (
-                f"all exposures believed: median {percent(believed)}, worst {percent(most)}; "
-                f"steady light {percent(calm)}",
+                f"all exposures believed: median {percent(believed)}, worst {percent(most)}",
                 "by place: "
                 + ", ".join(
                     f"{p} {percent(r.error)} ({r.averaged} of {r.pictures} pictures averaged; believed: "
-                    f"{percent(blind[p].error)}; steady: {percent(steady[p].error)}, {steady[p].averaged} averaged)"
+                    f"{percent(blind[p].error)})"
                     for p, r in ours.items()
                 ),
             ),
         )
+    steady = {place: swept(place, 15) for place in places}
+    wrongly = sum(r.averaged for r in steady.values())
+    yield Goal(
+        "steady light, the same films: pictures that are averaged",
+        f"{wrongly} of {sum(r.pictures for r in steady.values())}",
+        "<= 1 %",
+        wrongly <= 0.01 * sum(r.pictures for r in steady.values()),
+        ("irradiance: " + ", ".join(f"{p} {percent(r.error)}" for p, r in steady.items()),),
+    )
     aliased = swept(ROOM, 15, flicker=120.0)
     yield Goal(
         "120 swings a second, 15 pictures a second at the same height of each: irradiance in the room",

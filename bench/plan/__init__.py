@@ -2,5 +2,6 @@
 
 from . import (
     extremes,  # noqa: F401
+    frame,  # noqa: F401
     report,  # noqa: F401
 )
