@@ -121,7 +121,7 @@ def test_a_bounce_that_cannot_matter_is_left_out(scenes, marked):
     assert "no diffuse light" in mirror.reason and mirror.bound == 0
     dark = fastibl.Scene(hollow_mesh(), fastibl.Material(diffuse=(0.0001, 0.0001, 0)), spheres=8)
     assert line(dark).included and line(dark, marked).included  # nothing is known of the light, or no error allowed
-    assert line(dark, marked, error=0.0005).included
+    assert line(dark, marked, error=0.0005, methods={"bounce": "one-bounce"}).included
     out = line(dark, marked, error=0.02)
     assert "too dark" in out.reason and 0.0001 <= out.bound <= 0.002
     assert "drawn as it is" in line(dark, marked, "plane", error=0.02).reason
@@ -384,13 +384,16 @@ def test_a_session_equals_a_fresh_one_after_any_changes(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_capturing_session_equals_one_that_never_changed(seed):
-    """Whatever was switched between the frames: the next picture is that of a session which saw the same frames."""
+    """Whatever was switched between the frames: the next picture is that of a session which saw the same frames.
+
+    Without an error budget: with one, what is used stays while other methods are hardly better.
+    """
     rng = np.random.default_rng(seed)
     camera = camera_of(64, 48, 50.0)
     rig, base = fastibl.Rig(camera), fastibl.Scene(hollow_mesh(), spheres=8)
     choices = [c for c in CHOICES if c != "paper"]  # it captures other frames
     state = dict(material=0, place=0, methods=0, cast=True)
-    session, frames = fastibl.Session(base, rig, size=16), []
+    session, frames = fastibl.Session(base, rig, size=16, error=None), []
     for step in range(24):
         if rng.random() < 0.4:
             state["material"] = int(rng.integers(len(MATERIALS)))
@@ -414,7 +417,9 @@ def test_a_capturing_session_equals_one_that_never_changed(seed):
         result = session.process(frames[-1])
         if step % 4 != 3:
             continue
-        fresh = fastibl.Session(base, rig, size=16, methods=choices[state["methods"]], cast_shadow=state["cast"])
+        fresh = fastibl.Session(
+            base, rig, size=16, error=None, methods=choices[state["methods"]], cast_shadow=state["cast"]
+        )
         fresh.set_material(MATERIALS[state["material"]])
         fresh.move(placed(state["place"]))
         for frame in frames:

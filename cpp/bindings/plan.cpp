@@ -8,8 +8,12 @@
 #include <set>
 #include <sstream>
 
+#include "bindings/costs.h"
 #include "bindings/numpy.h"
+#include "fastibl/core/clock.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/render/measure_costs.h"
+#include "fastibl/render/measure_errors.h"
 
 namespace fastibl::bindings {
 namespace {
@@ -52,31 +56,53 @@ Products products_of(const std::set<std::string>& names) {
   return products;
 }
 
-// Reads like a bill: pass, method, expected error, or why it is left out.
+// Reads like a bill: pass, method, expected error and time, or why it is left out.
 std::string bill(const Plan& plan) {
   std::ostringstream text;
-  const auto percent = [](double value) {
-    char buffer[32];
-    std::snprintf(buffer, sizeof buffer, "%.2g %%", 100 * value);
+  const auto number = [](double value, const char* unit) {
+    char buffer[48];
+    std::snprintf(buffer, sizeof buffer, "%.2g %s", value, unit);
+    return std::string(buffer);
+  };
+  const auto percent = [&](double value) { return number(100 * value, "%"); };
+  const auto milliseconds = [](double value) {
+    char buffer[48];
+    std::snprintf(buffer, sizeof buffer, "%.2f ms", value);
     return std::string(buffer);
   };
   const auto column = [&](const std::string& value, std::size_t width) {
     text << value << std::string(value.size() < width ? width - value.size() : 1, ' ');
   };
-  column("pass", 12), column("method", 24), text << "expected error\n";
+  column("pass", 12), column("method", 40), column("expected error", 16), text << "expected time\n";
   for (const PlannedPass& p : plan.passes) {
     column(std::string(name(p.pass.id)), 12);
-    if (p.included)
-      column(p.method.empty() ? "-" : p.method, 24),
-          text << (p.error ? percent(*p.error) : "-") << "\n";
-    else
-      column("left out", 24), text << "at most " << percent(p.bound) << ": " << p.reason << "\n";
+    if (p.included) {
+      column(p.method.empty() ? "-" : p.method, 40);
+      column(p.error ? percent(*p.error) : "-", 16);
+      text << (p.milliseconds ? milliseconds(*p.milliseconds) : "-") << "\n";
+    } else {
+      column("left out", 40), text << "at most " << percent(p.bound) << ": " << p.reason << "\n";
+    }
   }
-  column("in all", 36), text << percent(plan.expected_error()) << " known, "
-                             << percent(plan.omission_bound()) << " at most from what is left out";
-  if (plan.error_budget > 0)
-    text << (plan.expected_error() <= plan.error_budget ? "\nwithin" : "\nNOT within")
-         << " the error budget of " << percent(plan.error_budget);
+  column("in all", 52);
+  if (plan.picture_error) {
+    column(percent(plan.expected_error()), 16);
+    text << milliseconds(plan.milliseconds) << " a frame\nthe picture is within "
+         << percent(plan.assured_error());
+  } else {
+    text << percent(plan.expected_error()) << " known, " << percent(plan.omission_bound())
+         << " at most from what is left out";
+  }
+  if (plan.error_budget > 0) {
+    text << (plan.meets_error() ? "\nwithin" : "\nNOT within") << " the error budget of "
+         << percent(plan.error_budget);
+    if (!plan.meets_error() && plan.best_error)
+      text << ": the best methods leave " << percent(*plan.best_error) << ", within "
+           << percent(plan.best_assured);
+  }
+  if (plan.milliseconds_budget > 0)
+    text << (plan.meets_milliseconds() ? "\nwithin" : "\nNOT within") << " the time budget of "
+         << milliseconds(plan.milliseconds_budget);
   return text.str();
 }
 
@@ -197,7 +223,11 @@ void bind_plan(py::module_& module) {
                     "Why the pass was left out; empty if it was not.")
       .def_readonly("bound", &PlannedPass::bound,
                     "Largest relative error that leaving it out makes.")
-      .def_readonly("error", &PlannedPass::error, "Expected relative error, or None where unknown.")
+      .def_readonly("error", &PlannedPass::error,
+                    "Expected error that its method alone makes, or None where unknown: of the "
+                    "picture where errors were measured, else of the irradiance.")
+      .def_readonly("milliseconds", &PlannedPass::milliseconds,
+                    "Expected CPU time of one run, or None where unknown or left out.")
       .def_property_readonly("reads", [](const PlannedPass& p) { return names_of(p.pass.reads); })
       .def_property_readonly("needs", [](const PlannedPass& p) { return names_of(p.pass.needs); })
       .def_property_readonly("writes", [](const PlannedPass& p) { return names_of(p.pass.writes); })
@@ -212,7 +242,20 @@ void bind_plan(py::module_& module) {
       .def_readonly("methods", &Plan::methods)
       .def_property_readonly(
           "expected_error", &Plan::expected_error,
-          "Relative error that the included passes are expected to make, where known.")
+          "Expected error of the picture, all methods together: RMS over RGB and over the pixels "
+          "that the object covers or its shadow changes by more than 1/255, linear light, by the "
+          "truth's mean there. Without a budget or samples of the scene that of the irradiance.")
+      .def_property_readonly("assured_error", &Plan::assured_error,
+                             "What the picture's error is not expected to exceed.")
+      .def_readonly("best_error", &Plan::best_error,
+                    "The least expected error that any methods have; None where none was measured.")
+      .def_readonly("error_budget", &Plan::error_budget, "0: none was asked for.")
+      .def_readonly("milliseconds_budget", &Plan::milliseconds_budget)
+      .def_readonly("milliseconds", &Plan::milliseconds, "Expected CPU time of a frame.")
+      .def_property_readonly("meets_error", &Plan::meets_error,
+                             "Whether the assured error is within the budget; True without one.")
+      .def_property_readonly("meets_milliseconds", &Plan::meets_milliseconds)
+      .def_property_readonly("meets_budget", &Plan::meets_budget, "Both of them.")
       .def_property_readonly("omission_bound", &Plan::omission_bound,
                              "Largest relative error that leaving passes out makes.")
       .def("__str__", &bill)
@@ -221,9 +264,18 @@ void bind_plan(py::module_& module) {
       "_make_plan",
       [](const Scene& scene, const std::shared_ptr<Environment>& environment,
          const Methods& methods, bool track, bool capture, bool cast_shadow, double error,
-         double milliseconds) {
+         double milliseconds, const std::map<std::string, double>& costs) {
+        const py::gil_scoped_release release;
         PlanOptions options{methods, track, capture, cast_shadow, error, milliseconds, nullptr};
+        options.costs = costs_from(costs);
+        Workload& work = options.workload;
+        work.object_pixels = 0.1 * work.width * work.height;
+        work.shadow_pixels = 0.2 * work.width * work.height;
+        work.vertices = int(scene.mesh.vertices.size()), work.light_changes = capture;
+        work.pbr = scene.material.pbr != nullptr, work.glossy = scene.material.reads_radiance();
+        work.diffuse = scene.material.reads_irradiance();
         Lighting lighting;
+        MeasuredErrors measured;
         if (environment) {
           // What is chosen for this map, and its own error, so that the bill can be judged before
           // anything is rendered.
@@ -234,11 +286,95 @@ void bind_plan(py::module_& module) {
           choice.glossy_settings = methods.glossy_settings;
           lighting = fit_lighting({environment, &environment->radiance}, choice);
           options.lighting = &lighting;
+          if (error > 0 || milliseconds > 0)
+            measured = measure_errors(scene, {environment, &environment->radiance}, methods,
+                                      candidates(methods, {!capture, scene.baked_shadow != nullptr,
+                                                           scene.material.reads_radiance()}),
+                                      cast_shadow);
+          options.measured = &measured;
         }
         return make_plan(scene, environment.get(), options);
       },
       py::arg("scene"), py::arg("environment"), py::arg("methods"), py::arg("track"),
-      py::arg("capture"), py::arg("cast_shadow"), py::arg("error"), py::arg("milliseconds"));
+      py::arg("capture"), py::arg("cast_shadow"), py::arg("error"), py::arg("milliseconds"),
+      py::arg("costs"));
+  module.def(
+      "_measure_costs",
+      [] {
+        const py::gil_scoped_release release;
+        return costs_map(measure_costs());
+      },
+      "Unit costs of this machine in nanoseconds, by name; some three seconds.");
+  module.def(
+      "_due_seconds",
+      [](const Plan& plan, int repetitions) {
+        const py::gil_scoped_release release;
+        std::size_t ran = 0;
+        const ProcessorClock clock;
+        for (int k = 0; k < repetitions; ++k) {
+          Products stale = product::pose | product::back_picture;
+          ran += due_passes(plan, product::image, stale).size();
+        }
+        check(ran > 0, "nothing was due");
+        return clock.seconds() / repetitions;
+      },
+      py::arg("plan"), py::arg("repetitions"), "CPU seconds of due_passes for a usual frame.");
+  module.def(
+      "_plan_seconds",
+      [](const Scene& scene, const std::shared_ptr<Environment>& environment, int repetitions) {
+        const py::gil_scoped_release release;
+        const Methods methods;
+        const ProcessorClock measuring;
+        const MeasuredErrors measured =
+            measure_errors(scene, {environment, &environment->radiance}, methods,
+                           candidates(methods, {false, scene.baked_shadow != nullptr}), true);
+        const double first = measuring.seconds();
+        PlanOptions options;
+        options.error = 0.02, options.measured = &measured;
+        std::size_t lines = 0;
+        const ProcessorClock clock;
+        for (int k = 0; k < repetitions; ++k)
+          lines += make_plan(scene, environment.get(), options).passes.size();
+        check(lines > 0, "an empty plan");
+        return std::pair(clock.seconds() / repetitions, first);
+      },
+      py::arg("scene"), py::arg("environment"), py::arg("repetitions"),
+      "CPU seconds of make_plan with measured errors, and of measuring them for light that "
+      "changes.");
+  module.def(
+      "_default_costs", [] { return costs_map({}); }, "The built-in cost table.");
+  module.def(
+      "_measured_errors",
+      [](const Scene& scene, const std::shared_ptr<Environment>& environment,
+         const Methods& methods, bool cast_shadow) {
+        MeasuredErrors errors;
+        {
+          const py::gil_scoped_release release;
+          errors = measure_errors(scene, {environment, &environment->radiance}, methods,
+                                  candidates(methods, {true, scene.baked_shadow != nullptr,
+                                                       scene.material.reads_radiance()}),
+                                  cast_shadow);
+        }
+        const Candidates& c = errors.candidates;
+        py::list diffuse, glossy, self_shadow, shadow, bounce;
+        for (const auto& d : c.diffuse) diffuse.append(described(d.method, d.settings));
+        for (const auto& g : c.glossy) glossy.append(described(g.method, g.settings));
+        for (const auto s : c.self_shadow) self_shadow.append(std::string(name(s)));
+        for (const auto& s : c.shadow) shadow.append(described(s.method, s.settings));
+        for (const auto b : c.bounce) bounce.append(std::string(name(b)));
+        py::dict result;
+        result["diffuse"] = py::make_tuple(diffuse, errors.diffuse);
+        result["glossy"] = py::make_tuple(glossy, errors.glossy);
+        result["self_shadow"] = py::make_tuple(self_shadow, errors.self_shadow);
+        result["shadow"] = py::make_tuple(shadow, errors.shadow);
+        result["bounce"] = py::make_tuple(bounce, errors.bounce);
+        result["object"] = errors.object, result["object_worst"] = errors.object_worst;
+        result["plane"] = errors.plane;
+        return result;
+      },
+      py::arg("scene"), py::arg("environment"), py::arg("methods"), py::arg("cast_shadow") = true,
+      "Squares of the picture's errors by candidate, of each step alone, and of all of the object "
+      "and the plane, for light that stays: what a plan chooses from.");
   module.def(
       "due_passes",
       [](const Plan& plan, const std::set<std::string>& wanted,

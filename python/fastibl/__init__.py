@@ -50,6 +50,7 @@ from ._fastibl import (
 )
 from .board import Board
 from .comparison import compare
+from .costs import default_costs, machine_costs
 from .environment_files import read_environment, write_environment
 from .export import export_light
 from .files import read_mesh, read_object, stand
@@ -103,6 +104,7 @@ __all__ = [
     "compare",
     "cubemap_from_equirect",
     "directional_albedo",
+    "default_costs",
     "due_passes",
     "equirect_from_cubemap",
     "export_light",
@@ -111,6 +113,7 @@ __all__ = [
     "light_directions",
     "ggx_albedo",
     "main_lights",
+    "machine_costs",
     "make_plan",
     "methods",
     "read_environment",

@@ -1333,7 +1333,7 @@ class PlannedPass:
     @property
     def error(self) -> float | None:
         """
-        Expected relative error, or None where unknown.
+        Expected error that its method alone makes, or None where unknown: of the picture where errors were measured, else of the irradiance.
         """
     @property
     def included(self) -> bool:
@@ -1341,6 +1341,11 @@ class PlannedPass:
     @property
     def method(self) -> str:
         ...
+    @property
+    def milliseconds(self) -> float | None:
+        """
+        Expected CPU time of one run, or None where unknown or left out.
+        """
     @property
     def name(self) -> str:
         ...
@@ -1367,12 +1372,48 @@ class Plan:
     def __str__(self) -> str:
         ...
     @property
-    def expected_error(self) -> float:
+    def assured_error(self) -> float:
         """
-        Relative error that the included passes are expected to make, where known.
+        What the picture's error is not expected to exceed.
         """
     @property
+    def best_error(self) -> float | None:
+        """
+        The least expected error that any methods have; None where none was measured.
+        """
+    @property
+    def error_budget(self) -> float:
+        """
+        0: none was asked for.
+        """
+    @property
+    def expected_error(self) -> float:
+        """
+        Expected error of the picture, all methods together: RMS over RGB and over the pixels that the object covers or its shadow changes by more than 1/255, linear light, by the truth's mean there. Without a budget or samples of the scene that of the irradiance.
+        """
+    @property
+    def meets_budget(self) -> bool:
+        """
+        Both of them.
+        """
+    @property
+    def meets_error(self) -> bool:
+        """
+        Whether the assured error is within the budget; True without one.
+        """
+    @property
+    def meets_milliseconds(self) -> bool:
+        ...
+    @property
     def methods(self) -> _Methods:
+        ...
+    @property
+    def milliseconds(self) -> float:
+        """
+        Expected CPU time of a frame.
+        """
+    @property
+    def milliseconds_budget(self) -> float:
         ...
     @property
     def omission_bound(self) -> float:
@@ -1546,7 +1587,7 @@ class FrameResult:
         Turned, where the board is out of view and the surroundings tell how the cameras turned: the map may be captured with it, but nothing is drawn. Else None.
         """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool, prior: CubeMap, paper_albedo: typing.SupportsFloat | typing.SupportsIndex, most_boost: typing.SupportsFloat | typing.SupportsIndex) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool, prior: CubeMap, paper_albedo: typing.SupportsFloat | typing.SupportsIndex, most_boost: typing.SupportsFloat | typing.SupportsIndex, adapt: bool, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex]) -> None:
         ...
     def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any, back_last_row: typing.Any = None) -> FrameResult:
         ...
@@ -1609,6 +1650,14 @@ class _Session:
         """
         ShadowMap of the last frame: .image, .extent.
         """
+def _default_costs() -> dict[str, float]:
+    """
+    The built-in cost table.
+    """
+def _due_seconds(plan: Plan, repetitions: typing.SupportsInt | typing.SupportsIndex) -> float:
+    """
+    CPU seconds of due_passes for a usual frame.
+    """
 def _edge_points(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], board: Board, camera: Camera, pose: Pose, far: bool = False, spread: typing.SupportsFloat | typing.SupportsIndex = 1.1) -> numpy.typing.NDArray[numpy.float64]:
     """
     Edges measured against where a pose puts them: (n, 9) point, pixel, normal, offset, noise, steepness.
@@ -1619,13 +1668,25 @@ def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8
     """
 def _level_parameters(mapping: str, count: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     ...
-def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex) -> Plan:
+def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex]) -> Plan:
     ...
+def _measure_costs() -> dict[str, float]:
+    """
+    Unit costs of this machine in nanoseconds, by name; some three seconds.
+    """
+def _measured_errors(scene: ..., environment: Environment, methods: _Methods, cast_shadow: bool = True) -> dict:
+    """
+    Squares of the picture's errors by candidate, of each step alone, and of all of the object and the plane, for light that stays: what a plan chooses from.
+    """
 def _method_names(step: str) -> list[str]:
     ...
 def _method_settings(step: str, method: str) -> dict:
     """
     Names of a method's settings, with the values that are worth comparing beside the default.
+    """
+def _plan_seconds(scene: ..., environment: Environment, repetitions: typing.SupportsInt | typing.SupportsIndex) -> tuple[float, float]:
+    """
+    CPU seconds of make_plan with measured errors, and of measuring them for light that changes.
     """
 def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex, bool]], model: str, error: typing.SupportsFloat | typing.SupportsIndex) -> list[CubeMap]:
     ...

@@ -25,12 +25,17 @@ def make_plan(
     track: bool = True,
     capture: bool | None = None,
     cast_shadow: bool = True,
+    costs: Mapping[str, float] | None = None,
 ) -> Plan:
-    """Plan of a frame: print it for the bill.
+    """Plan of a frame of 640 x 480 pixels: print it for the bill.
+
+    With a budget and an environment, steps whose method is "auto" get the cheapest one within it: all are tried on
+    this light at places of this scene whose true light is known by rays, and timed by `costs`.
 
     environment: what is known of the light; a CubeMap is a map known everywhere. error, milliseconds: budgets, 0 for
     none. methods: "auto", "paper" or a mapping from step to method. track, capture: whether poses and map come from
-    pictures; capture defaults to whether no environment is given. Raises ValueError for unknown names or negative
+    pictures; capture defaults to whether no environment is given. costs: nanoseconds by name of this machine, see
+    fastibl.costs.machine_costs; a built-in table by default. Raises ValueError for unknown names or negative
     budgets.
     """
     if isinstance(environment, CubeMap):
@@ -46,6 +51,7 @@ def make_plan(
         cast_shadow,
         float(error),
         float(milliseconds),
+        dict(costs or {}),
     )
 
 
@@ -64,6 +70,9 @@ class Session(_Session):
     (FrameResult.turned; the map is captured on), and that the board was turned by hand (FrameResult.board_moved).
     prior: CubeMap of the place from before; paper_albedo: of the board's white; most_boost: of lights that clip in
     every exposure; all as Capture has them.
+    adapt: frames that take longer than `milliseconds`, or much less, change the methods; off for a replay to the same
+    bits. Choices by `error` alone never depend on time. costs: nanoseconds by name of this machine, for `milliseconds`,
+    see fastibl.costs.machine_costs; a built-in table by default.
     A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
     baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
     cannot start.
@@ -91,6 +100,8 @@ class Session(_Session):
         prior: CubeMap | None = None,
         paper_albedo: float = 0.85,
         most_boost: float = 1.0,
+        adapt: bool = True,
+        costs: Mapping[str, float] | None = None,
     ):
         if isinstance(environment, CubeMap):
             environment = Environment(environment)
@@ -118,6 +129,8 @@ class Session(_Session):
             prior,
             float(paper_albedo),
             float(most_boost),
+            bool(adapt),
+            dict(costs or {}),
         )
 
     def process(self, frame: Frame) -> FrameResult:

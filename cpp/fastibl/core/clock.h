@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <ctime>
 
 namespace fastibl {
 
@@ -13,6 +14,15 @@ class Stopwatch {
 
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+// CPU time of the whole process, all threads.
+class ProcessorClock {
+ public:
+  double seconds() const { return double(std::clock() - start_) / CLOCKS_PER_SEC; }
+
+ private:
+  std::clock_t start_ = std::clock();
 };
 
 }  // namespace fastibl

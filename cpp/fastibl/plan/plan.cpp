@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fastibl/core/check.h"
+#include "fastibl/plan/choose_methods.h"
 
 namespace fastibl {
 namespace {
@@ -51,10 +52,7 @@ Pass pass_of(PassId id, const Scene& scene) {
 }
 
 // Why the self-shadow is not worked out from the light; empty where it is.
-std::string no_transfer(const Scene& scene, const Methods& methods) {
-  if (methods.self_shadow == SelfShadowMethod::none) return "no self-shadow was asked for";
-  if (methods.self_shadow == SelfShadowMethod::ambient)
-    return "P_V of the mesh stands for it, whatever the light";
+std::string no_transfer(const Scene& scene) {
   if (!scene.directions) return "what the object hides was not worked out";
   if (scene.directions->blocks_nothing()) return "the object hides nothing of itself";
   if (!scene.material.reads_irradiance()) return "k_L = 0: nothing reads it";
@@ -88,7 +86,6 @@ std::optional<double> bounce_bound(const Scene& scene, const Lighting* lighting)
 constexpr double kBounceBudget = 0.1;
 
 std::string no_bounce(const Scene& scene, const PlanOptions& options, double& bound) {
-  if (options.methods.bounce == BounceMethod::none) return "no bounce was asked for";
   if (!options.cast_shadow || !scene.casts_shadow()) return "there is no shadow to go with it";
   if (!scene.directions) return "what the object hides was not worked out";
   const std::optional<double> most = bounce_bound(scene, options.lighting);
@@ -145,11 +142,22 @@ bool Plan::includes(PassId id) const {
 }
 
 double Plan::expected_error() const {
-  double sum = 0;
+  double sum = picture_error ? *picture_error * *picture_error : 0;
   for (const PlannedPass& p : passes)
-    if (p.included && p.error) sum += *p.error * *p.error;
+    if (p.included && p.error && (!picture_error || p.pass.id == PassId::capture))
+      sum += *p.error * *p.error;
   return std::sqrt(sum);
 }
+
+double Plan::assured_error() const {
+  if (!picture_error) return expected_error();
+  double sum = picture_assured * picture_assured;
+  for (const PlannedPass& p : passes)
+    if (p.included && p.error && p.pass.id == PassId::capture) sum += *p.error * *p.error;
+  return std::sqrt(sum);
+}
+
+bool Plan::meets_error() const { return error_budget == 0 || assured_error() <= error_budget; }
 
 double Plan::omission_bound() const {
   double sum = 0;
@@ -158,12 +166,79 @@ double Plan::omission_bound() const {
   return sum;
 }
 
+namespace {
+
+constexpr const char* kWithinBudget = "the picture is within the error budget without it";
+
+// Methods by what they leave wrong under this light, where that was measured and there is a budget.
+std::optional<Choice> chosen(const Scene& scene, const PlanOptions& options) {
+  if (!options.measured || options.measured->empty()) return std::nullopt;
+  if (options.error == 0 && options.milliseconds == 0) return std::nullopt;
+  ChoiceOptions choice;
+  choice.error = options.error, choice.milliseconds = options.milliseconds;
+  choice.assurance = Plan::kAssurance, choice.slowdown = options.slowdown;
+  choice.keep = options.keep, choice.settled = options.settled;
+  choice.transfer = no_transfer(scene).empty();
+  choice.cast_shadow = options.cast_shadow && scene.casts_shadow();
+  const auto other = [&](PassId id) {
+    choice.other_milliseconds +=
+        pass_milliseconds(options.costs, id, options.methods, options.workload) *
+        runs_per_frame(id, options.workload);
+  };
+  other(PassId::composite);
+  if (options.track) other(PassId::track);
+  if (options.capture) other(PassId::capture), other(PassId::mips);
+  return choose_methods(options.methods, *options.measured, options.costs, options.workload,
+                        choice);
+}
+
+// What a pass's method alone leaves wrong, or what leaving the pass out does.
+void set_measured_error(const Choice& choice, const MeasuredErrors& measured, const Methods& asked,
+                        PlannedPass& line) {
+  const auto set = [&](double squared) {
+    (line.included ? line.error.emplace() : line.bound) = std::sqrt(squared);
+  };
+  switch (line.pass.id) {
+    case PassId::irradiance:
+      if (line.included) set(measured.diffuse[choice.diffuse]);
+      return;
+    case PassId::shadow:
+      if (line.included) set(measured.shadow[choice.shadow]);
+      return;
+    case PassId::self_shadow:
+      // What was asked for is no error.
+      if (line.included || (asked.self_shadow == SelfShadowMethod::automatic &&
+                            choice.methods.self_shadow != SelfShadowMethod::transfer))
+        set(measured.self_shadow[choice.self_shadow]);
+      return;
+    case PassId::bounce:
+      if (line.included || (asked.bounce == BounceMethod::automatic && line.bound == 0 &&
+                            choice.methods.bounce == BounceMethod::none))
+        set(measured.bounce[choice.bounce]);
+      return;
+    case PassId::shade:
+      if (line.included) set(measured.glossy[choice.glossy]);
+      return;
+    default:
+      return;
+  }
+}
+
+}  // namespace
+
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options) {
   check(options.error >= 0, "an error budget must be at least 0, got ", options.error);
   check(options.milliseconds >= 0, "a time budget must be at least 0 ms, got ",
         options.milliseconds);
   Plan plan;
   plan.methods = options.methods;
+  const std::optional<Choice> choice = chosen(scene, options);
+  if (choice) {
+    plan.methods = choice->methods;
+    plan.picture_error = choice->error, plan.best_error = choice->best_error;
+    plan.picture_assured = choice->assured, plan.best_assured = choice->best_assured;
+  }
+  const Methods& methods = plan.methods;
   plan.error_budget = options.error, plan.milliseconds_budget = options.milliseconds;
   for (const PassId id : kPasses) {
     PlannedPass line{pass_of(id, scene), true, "", "", 0, std::nullopt};
@@ -172,13 +247,12 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     };
     switch (id) {
       case PassId::track:
-        line.method =
-            name(options.methods.tracking == TrackingMethod::automatic ? TrackingMethod::edges
-                                                                       : options.methods.tracking);
+        line.method = name(methods.tracking == TrackingMethod::automatic ? TrackingMethod::edges
+                                                                         : methods.tracking);
         if (!options.track) leave_out("poses are given");
         break;
       case PassId::capture:
-        line.method = name(options.methods.capture);
+        line.method = name(methods.capture);
         if (environment && options.capture) line.error = environment->predicted_error;
         if (!options.capture) leave_out("the environment is given");
         break;
@@ -186,8 +260,8 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         if (!options.capture) leave_out("the environment is given with its chain");
         break;
       case PassId::irradiance: {
-        line.method = described(options.methods.diffuse, options.methods.diffuse_settings);
-        if (const Lighting* l = options.lighting) {
+        line.method = described(methods.diffuse, methods.diffuse_settings);
+        if (const Lighting* l = options.lighting; l && !choice) {
           line.method = described(l->irradiance.method, l->irradiance.settings);
           line.error = l->irradiance_error;
         }
@@ -197,8 +271,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
       }
       case PassId::shadow:
-        line.method =
-            described(scene.shadow_method(options.methods.shadow), options.methods.shadow_settings);
+        line.method = described(scene.shadow_method(methods.shadow), methods.shadow_settings);
         if (!options.cast_shadow)
           leave_out("no shadow was asked for");
         else if (!scene.casts_shadow())
@@ -206,8 +279,14 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
       case PassId::self_shadow:
         line.method = name(SelfShadowMethod::transfer);
-        if (const std::string reason = no_transfer(scene, options.methods); !reason.empty())
+        if (const std::string reason = no_transfer(scene); !reason.empty())
           leave_out(reason);
+        else if (methods.self_shadow == SelfShadowMethod::none)
+          leave_out(options.methods.self_shadow == methods.self_shadow
+                        ? "no self-shadow was asked for"
+                        : kWithinBudget);
+        else if (methods.self_shadow == SelfShadowMethod::ambient)
+          leave_out("P_V of the mesh stands for it, whatever the light");
         break;
       case PassId::near_light:
         line.method = "spheres";
@@ -217,8 +296,12 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
       case PassId::bounce:
         line.method = name(BounceMethod::one);
-        if (const std::string reason = no_bounce(scene, options, line.bound); !reason.empty())
+        if (options.methods.bounce == BounceMethod::none)
+          leave_out("no bounce was asked for");
+        else if (const std::string reason = no_bounce(scene, options, line.bound); !reason.empty())
           leave_out(reason);
+        else if (methods.bounce == BounceMethod::none)
+          leave_out(kWithinBudget);
         break;
       case PassId::plane: {
         const bool bounced = plan.includes(PassId::bounce), look = scene.shadow_look.changes();
@@ -249,15 +332,21 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         if (m.glossy != glm::vec3(0))
           line.method +=
               " (" +
-              (options.lighting
+              (options.lighting && !choice
                    ? described(options.lighting->glossy, options.lighting->glossy_settings)
-                   : described(options.methods.glossy, options.methods.glossy_settings)) +
+                   : described(methods.glossy, methods.glossy_settings)) +
               ")";
         break;
       }
       default:
         break;
     }
+    if (choice) set_measured_error(*choice, *options.measured, options.methods, line);
+    line.milliseconds = pass_milliseconds(options.costs, id, methods, options.workload);
+    if (*line.milliseconds == 0 || !line.included) line.milliseconds.reset();
+    if (line.milliseconds)
+      plan.milliseconds +=
+          *line.milliseconds * runs_per_frame(id, options.workload) * options.slowdown;
     plan.passes.push_back(std::move(line));
   }
   return plan;

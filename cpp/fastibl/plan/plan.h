@@ -1,13 +1,13 @@
 // Which steps a frame needs, which it does not, and why.
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
+#include "fastibl/plan/candidates.h"
+#include "fastibl/plan/costs.h"
+#include "fastibl/plan/pass.h"
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/lighting.h"
 #include "fastibl/scene/methods.h"
@@ -15,52 +15,17 @@
 
 namespace fastibl {
 
-// What passes read and write, as bits. The first row comes from outside.
-using Products = std::uint32_t;
-namespace product {
-inline constexpr Products back_picture = 1, light_pictures = 2, placement = 4, material = 8;
-inline constexpr Products pose = 16, texels = 32, radiance = 64, irradiance = 128, shadow = 256,
-                          object = 512, image = 1024, self_shadow = 2048, bounce = 4096,
-                          plane = 8192, holdout = 16384, near_light = 32768;
-inline constexpr Products inputs = 15, all = 65535;
-}  // namespace product
-
-enum class PassId {
-  track,
-  capture,
-  mips,
-  irradiance,
-  shadow,
-  self_shadow,
-  near_light,  // the object's light by where its parts are, not only by how they are turned
-  bounce,
-  plane,    // what the plane's picture is multiplied by, where that is not the shadow as it is
-  holdout,  // the shadow on real objects
-  shade,
-  composite
-};
-inline constexpr std::array kPasses = {PassId::track,      PassId::capture, PassId::mips,
-                                       PassId::irradiance, PassId::shadow,  PassId::self_shadow,
-                                       PassId::near_light, PassId::bounce,  PassId::plane,
-                                       PassId::holdout,    PassId::shade,   PassId::composite};
-std::string_view name(PassId id);
-
-struct Pass {
-  PassId id;
-  Products reads;  // a change of these makes what it writes stale
-  Products
-      needs;  // must be fresh before it runs, but do not make it run: pictures bring their own pose
-  Products writes;
-};
-
 // One line of the plan.
 struct PlannedPass {
   Pass pass;
   bool included;
-  std::string method;           // of an included pass, where there is a choice
-  std::string reason;           // why a pass was left out
-  double bound = 0;             // of a pass left out: largest relative error that this makes
-  std::optional<double> error;  // of an included pass: expected relative error, where known
+  std::string method;  // of an included pass, where there is a choice
+  std::string reason;  // why a pass was left out
+  double bound = 0;    // of a pass left out: largest relative error that this makes
+  // Of an included pass, where known: what its method alone leaves wrong of the picture (of capture
+  // and, where nothing was measured, of irradiance: of the irradiance).
+  std::optional<double> error;
+  std::optional<double> milliseconds = {};  // of an included pass: of one run, where known
 };
 
 struct Plan {
@@ -68,9 +33,24 @@ struct Plan {
   std::vector<PlannedPass> passes;  // all, in the order in which they run
   double error_budget = 0;          // relative; 0: none was asked for
   double milliseconds_budget = 0;
+  // Where errors were measured: of the whole picture, all methods together, and the least that any
+  // of the candidates leave.
+  std::optional<double> picture_error = {}, best_error = {};
+  double picture_assured = 0, best_assured = 0;  // the same that errors are hardly ever beyond
+  double milliseconds = 0;  // of a frame, by the cost table, of the passes that run in every one
   bool includes(PassId id) const;
-  double expected_error() const;  // root of the sum of squares of the known ones
+  // picture_error, else the root of the sum of squares of the known ones; and with that of capture.
+  double expected_error() const;
   double omission_bound() const;  // sum over the passes left out
+  // What the picture's error is not expected to exceed, whatever the view.
+  double assured_error() const;
+  // Whether the budgets that were asked for hold; true without any.
+  bool meets_error() const;
+  bool meets_milliseconds() const {
+    return milliseconds_budget == 0 || milliseconds <= milliseconds_budget;
+  }
+  bool meets_budget() const { return meets_error() && meets_milliseconds(); }
+  static constexpr double kAssurance = 1.6;  // times what the worst of the samples' views has
 };
 
 struct PlanOptions {
@@ -80,6 +60,15 @@ struct PlanOptions {
   bool cast_shadow = true;
   double error = 0, milliseconds = 0;  // budgets, 0 for none
   const Lighting* lighting = nullptr;  // as fitted to the map, where there is one
+  // Of candidates() for these methods under the light that there is: what is chosen from. Null or
+  // empty: steps that are `automatic` stay so.
+  const MeasuredErrors* measured = nullptr;
+  Costs costs = {};
+  Workload workload = {};
+  double slowdown = 1;  // of this machine, now, by the cost table
+  // Methods of the plan before, which stay where others are hardly better; settled: in any case.
+  const Methods* keep = nullptr;
+  bool settled = false;
 };
 
 // environment may be null: nothing is known of the light yet.

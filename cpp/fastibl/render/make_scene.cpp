@@ -3,6 +3,7 @@
 #include <array>
 #include <map>
 
+#include "fastibl/render/scene_samples.h"
 #include "fastibl/shading/ambient_occlusion.h"
 #include "fastibl/shading/bake_visibility.h"
 #include "fastibl/shadow/fit_spheres.h"
@@ -68,6 +69,7 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
   scene.mesh = std::move(mesh);
   scene.material = material;
   scene.marker_from_object = marker_from_object;
+  scene.samples = sample_scene(scene);
   return scene;
 }
 

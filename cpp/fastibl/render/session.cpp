@@ -19,6 +19,8 @@ constexpr double kMostTurnDeviation = 0.5 * std::numbers::pi / 180;
 // agree with it, and where they do not because they are near, which takes longer to find out.
 constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
+// Share of the light that differs when methods are chosen anew.
+constexpr float kOtherLight = 0.25f;
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
@@ -64,7 +66,13 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
 }
 
 void Session::replan() {
+  measured_ = {}, measure_due_ = true;
   update_plan();
+  make_stale();
+  if (plan_.includes(PassId::bounce)) place_exchange();  // now rather than in the first frame
+}
+
+void Session::make_stale() {
   // What was left out may come back, and what was made by another method is old.
   for (const PlannedPass& p : plan_.passes) {
     if (!p.included && (p.pass.id == PassId::shadow || p.pass.id == PassId::shade))
@@ -75,11 +83,71 @@ void Session::replan() {
   near_shares_.clear();
   bounce_ = {}, plane_gain_ = nullptr;
   holdout_ratios_.clear();
-  if (plan_.includes(PassId::bounce)) place_exchange();        // now rather than in the first frame
   if (!plan_.includes(PassId::irradiance)) lighting_.reset();  // it may be another method's
 }
 
-void Session::update_plan() {
+// Of a picture: an object a tenth of it and a shadow twice as large, whatever the pose, so that the
+// same light gives the same choice.
+Workload Session::workload() const {
+  constexpr double kObject = 0.1, kShadow = 0.2;
+  Workload w;
+  w.width = rig_.back.width, w.height = rig_.back.height;
+  w.object_pixels = kObject * w.width * w.height, w.shadow_pixels = kShadow * w.width * w.height;
+  w.vertices = int(scene_.mesh.vertices.size());
+  w.light_changes = !fixed_environment_;
+  w.pbr = scene_.material.pbr != nullptr;
+  w.glossy = scene_.material.reads_radiance(), w.diffuse = scene_.material.reads_irradiance();
+  return w;
+}
+
+namespace {
+
+// Mean radiance of the faces.
+std::vector<glm::vec3> faces_of(const CubeMap& map) {
+  const CubeLevel& top = map.level(map.level_count() - 1);
+  std::vector<glm::vec3> faces;
+  for (int f = 0; f < 6; ++f) faces.push_back(top.texel(f, 0, 0));
+  return faces;
+}
+
+// By so much of its light the map differs from another.
+float difference(const std::vector<glm::vec3>& a, const std::vector<glm::vec3>& b) {
+  float off = 0, all = 0;
+  for (std::size_t f = 0; f < a.size(); ++f)
+    for (int c = 0; c < 3; ++c)
+      off += std::abs(a[f][c] - b[f][c]), all += std::max(a[f][c], b[f][c]);
+  return all > 0 ? off / all : 0;
+}
+
+}  // namespace
+
+void Session::choose_methods() {
+  if (measure_due_ && environment_ && (options_.error > 0 || options_.milliseconds > 0)) {
+    measure_due_ = false, choose_due_ = true;
+    const CandidateOptions kind{fixed_environment_, scene_.baked_shadow != nullptr,
+                                scene_.material.reads_radiance()};
+    const auto radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
+    measured_ = measure_errors(scene_, radiance, options_.methods,
+                               candidates(options_.methods, kind), options_.cast_shadow);
+    measured_light_ = faces_of(environment_->radiance);
+  }
+  if (!choose_due_) return;
+  choose_due_ = false;
+  if (measured_.empty()) return;
+  const Methods before = plan_.methods;
+  update_plan(true);
+  if (plan_.methods == before) return;
+  make_stale();
+  time_.restart();
+}
+
+// Steps of the time budget; never where the same bits are to come again.
+void Session::watch_time(double milliseconds) {
+  if (options_.milliseconds == 0 || !options_.adapt) return;
+  if (time_.add(milliseconds, options_.milliseconds)) choose_due_ = true;
+}
+
+void Session::update_plan(bool choose) {
   PlanOptions options;
   options.methods = options_.methods;
   options.track = board_.has_value();
@@ -87,6 +155,13 @@ void Session::update_plan() {
   options.cast_shadow = options_.cast_shadow;
   options.error = options_.error, options.milliseconds = options_.milliseconds;
   options.lighting = lighting_.get();
+  options.measured = &measured_;
+  options.costs = options_.costs, options.workload = workload();
+  options.slowdown = time_.slowdown();
+  // Of light that stays, what is chosen must not depend on what was before.
+  const Methods before = plan_.methods;
+  options.settled = !choose && plan_.picture_error;
+  if (options.settled || (!fixed_environment_ && plan_.picture_error)) options.keep = &before;
   const bool bounced = plan_.includes(PassId::bounce), near_ = plan_.includes(PassId::near_light);
   plan_ = make_plan(scene_, environment_.get(), options);
   // The light came to matter, or no longer does.
@@ -206,7 +281,7 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
 // The paper's P_V is read from the scene, so there is nothing to keep for it.
 void Session::clear_shares() {
   light_shares_.clear();
-  const SelfShadowMethod method = options_.methods.self_shadow;
+  const SelfShadowMethod method = plan_.methods.self_shadow;
   const bool paper = method == SelfShadowMethod::ambient || !scene_.directions;
   if (method == SelfShadowMethod::none || !paper)
     light_shares_.assign(scene_.mesh.vertices.size(), glm::vec4(1));
@@ -239,8 +314,8 @@ std::vector<glm::vec4> Session::own_shares() const {
 
 // Of every view anew.
 void Session::find_glossy_shares(const Pose& camera_from_marker) {
-  const bool transfer = options_.methods.self_shadow == SelfShadowMethod::transfer ||
-                        options_.methods.self_shadow == SelfShadowMethod::automatic;
+  const bool transfer = plan_.methods.self_shadow == SelfShadowMethod::transfer ||
+                        plan_.methods.self_shadow == SelfShadowMethod::automatic;
   const std::optional<float> exponent = scene_.material.lobe_exponent();
   if (!transfer || !exponent || !scene_.directions || scene_.directions->blocks_nothing()) return;
   const Pose object_from_camera = (camera_from_marker * scene_.marker_from_object).inverse();
@@ -362,11 +437,11 @@ void Session::check_frame(const Frame& frame) const {
 
 LightingOptions Session::lighting_options() const {
   LightingOptions options;
-  options.diffuse = options_.methods.diffuse;
-  options.diffuse_settings = options_.methods.diffuse_settings;
-  options.glossy = options_.methods.glossy;
-  options.glossy_settings = options_.methods.glossy_settings;
-  options.normalization = options_.methods.normalization;
+  options.diffuse = plan_.methods.diffuse;
+  options.diffuse_settings = plan_.methods.diffuse_settings;
+  options.glossy = plan_.methods.glossy;
+  options.glossy_settings = plan_.methods.glossy_settings;
+  options.normalization = plan_.methods.normalization;
   options.chain = scene_.material.reads_radiance();
   options.follows = true;
   options.environment = environment_.get();
@@ -436,7 +511,7 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
   renderer_->run(
-      id, {scene_, options_.methods, *lighting_, rig_.back, drawn_from, frame.back, back_exposure_,
+      id, {scene_, plan_.methods, *lighting_, rig_.back, drawn_from, frame.back, back_exposure_,
            bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_, plane_gain_,
            holdout_ratios_});
   return true;
@@ -447,6 +522,7 @@ FrameResult Session::process(const Frame& frame) {
   last_time_ = frame.time;
   if (frame.back_exposure) back_exposure_ = *frame.back_exposure;
   const Stopwatch total;
+  const ProcessorClock processor;
   FrameResult result;
   const auto timed = [&](PassId id, auto&& body) {
     const Stopwatch watch;
@@ -470,12 +546,17 @@ FrameResult Session::process(const Frame& frame) {
   if (pose) find_motion(frame, result);
   const Pose drawn_from = pose ? drawn_pose(result) : Pose{};
 
+  choose_methods();
   Products wanted = product::texels;
   // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map,
   // and so do pictures whose rotation the surroundings tell.
   if (pose) wanted |= product::image;
   for (const PassId id : due_passes(plan_, wanted, stale_))
     timed(id, [&] { return run_pass(id, frame, result, drawn_from); });
+  if (!fixed_environment_ && environment_ && !measured_light_.empty() &&
+      difference(faces_of(environment_->radiance), measured_light_) > kOtherLight)
+    measure_due_ = true;
+  if (!fixed_environment_ && environment_ && measured_light_.empty()) measure_due_ = true;
   update_plan();  // its errors, now that this frame's light is known
   if (pose)
     result.image = renderer_->image();
@@ -489,6 +570,7 @@ FrameResult Session::process(const Frame& frame) {
     result.predicted_error =
         std::hypot(environment_->predicted_error, lighting_->irradiance_error.value_or(0));
   result.timings["total"] = total.seconds();
+  watch_time(1e3 * processor.seconds());
   return result;
 }
 

@@ -12,8 +12,10 @@
 #include "fastibl/capture/capture.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/plan.h"
+#include "fastibl/render/measure_errors.h"
 #include "fastibl/render/recent_motion.h"
 #include "fastibl/render/renderer.h"
+#include "fastibl/render/time_budget.h"
 #include "fastibl/scene/board.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
@@ -65,7 +67,10 @@ struct FrameResult {
 
 struct SessionOptions {
   Methods methods;
-  double error = 0.02, milliseconds = 0;  // budgets, 0 for none
+  // Budgets, 0 for none. Steps whose method is `automatic` get what keeps to them under the light
+  // that there is, and other methods when it has changed. By `error` alone all choices are by the
+  // light and the scene, the same on every machine.
+  double error = 0.02, milliseconds = 0;
   int map_size = 128;
   bool cast_shadow = true;
   double distance = std::numeric_limits<double>::infinity();  // CaptureOptions::distance
@@ -79,6 +84,9 @@ struct SessionOptions {
   std::shared_ptr<const CubeMap> prior = {};  // CaptureOptions::prior, and
   double paper_albedo = 0.85;                 // its paper_albedo
   double most_boost = 1;                      // its most_boost
+  // Whether frames that take longer than `milliseconds`, or much less, change the methods, too.
+  bool adapt = true;
+  Costs costs = {};  // of this machine, see measure_costs.h; of interest for `milliseconds` alone
 };
 
 class Session {
@@ -113,8 +121,12 @@ class Session {
   void set_renderer(std::unique_ptr<Renderer> renderer);
 
  private:
-  void update_plan();  // the lines and their errors
-  void replan();       // after a change of what is wanted: makes stale what it concerns
+  void update_plan(bool choose = false);  // the lines and their errors; and methods anew
+  void choose_methods();                  // where the light has changed, or the time is up
+  void make_stale();                      // all that methods make
+  void watch_time(double milliseconds);
+  Workload workload() const;
+  void replan();  // after a change of what is wanted: makes stale what it concerns
   void check_frame(const Frame& frame) const;
   LightingOptions lighting_options() const;
   // drawn_from: the pose that the object is drawn with, see drawn_pose.
@@ -169,6 +181,10 @@ class Session {
   CellLight holdout_light_;
   std::vector<glm::vec4> holdout_ratios_;  // of RenderInput
   Plan plan_;
+  MeasuredErrors measured_;
+  std::vector<glm::vec3> measured_light_;  // face by face
+  bool measure_due_ = true, choose_due_ = false;
+  TimeBudget time_;
   Products stale_ = product::all & ~product::inputs;
   RecentMotion recent_;
   std::optional<MotionRate> motion_;  // of the back camera at last_pose_

@@ -16,6 +16,7 @@
 namespace fastibl {
 
 class MeshShadow;
+class SceneSamples;
 
 struct Scene {
   Mesh mesh;  // marker frame, moved by marker_from_object
@@ -29,6 +30,8 @@ struct Scene {
   SphereSet spheres;  // proxies of the mesh, in its frame
   // What the mesh hides of the sky, for the `mesh` shadow, see shadow/mesh_shadow.h; may be null.
   std::shared_ptr<const MeshShadow> baked_shadow = nullptr;
+  // What a plan is judged by, see render/scene_samples.h; may be null.
+  std::shared_ptr<const SceneSamples> samples = nullptr;
   ShadowLook shadow_look;
   // Real objects that hide this one and receive its shadow, see make_holdouts(); null: none.
   std::shared_ptr<const Holdouts> holdouts = nullptr;

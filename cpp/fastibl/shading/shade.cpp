@@ -6,7 +6,6 @@
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
-#include "fastibl/scene/glossy.h"
 #include "fastibl/scene/shadow_look_up.h"
 #include "fastibl/scene/shared_formulas.h"
 
@@ -211,66 +210,57 @@ void add(const F& f, glm::vec3 value, ObjectLayer& layer) {
   p[3] += f.coverage;
 }
 
-// Fragments of a material that is not pbr, a few hundred at a time.
-class BatchShading {
- public:
-  BatchShading(const Material& material, const Lighting& lighting, glm::vec3 eye)
-      : material_(material),
-        lighting_(lighting),
-        eye_(eye),
-        glossy_(lighting, material.exponent),
-        irradiance_(material.diffuse != glm::vec3(0)),
-        shines_(material.glossy != glm::vec3(0)) {}
-
-  void operator()(std::span<const Fragment> fragments, ObjectLayer& layer) const {
-    for (std::size_t i = 0; i < fragments.size(); i += kBatch)
-      batch(fragments.subspan(i, std::min(kBatch, fragments.size() - i)), layer);
-  }
-
- private:
-  static constexpr std::size_t kBatch = 256;
-
-  void batch(std::span<const Fragment> fragments, ObjectLayer& layer) const {
-    glm::vec3 normals[kBatch], irradiance[kBatch];
-    if (irradiance_) {
-      for (std::size_t i = 0; i < fragments.size(); ++i) normals[i] = fragments[i].normal;
-      evaluate(lighting_.irradiance, std::span(normals).first(fragments.size()),
-               std::span(irradiance).first(fragments.size()));
-    }
-    for (std::size_t i = 0; i < fragments.size(); ++i) {
-      const Fragment& f = fragments[i];
-      glm::vec3 colour = material_.emission;
-      if (irradiance_) colour += material_.diffuse * (glm::vec3(f.share) / kPi) * irradiance[i];
-      if (shines_)
-        colour += f.share.w * material_.glossy *
-                  glossy_(f.normal, glm::normalize(eye_ - f.position), f.position);
-      add(f, colour, layer);
-    }
-  }
-
-  const Material& material_;
-  const Lighting& lighting_;
-  glm::vec3 eye_;
-  GlossyShading glossy_;
-  bool irradiance_, shines_;
-};
-
 }  // namespace
+
+SurfaceShading::SurfaceShading(const Material& material, const Lighting& lighting)
+    : material_(&material),
+      lighting_(&lighting),
+      glossy_(lighting, material.exponent),
+      ggx_(lighting) {}
+
+void SurfaceShading::operator()(std::span<const Fragment> fragments, glm::vec3 eye,
+                                std::span<glm::vec3> colours) const {
+  constexpr std::size_t kBatch = 256;
+  const Material& m = *material_;
+  if (m.pbr) {
+    for (std::size_t i = 0; i < fragments.size(); ++i)
+      colours[i] = shade_pbr(fragments[i], m, *lighting_, ggx_, eye);
+    return;
+  }
+  if (fragments.size() > kBatch) {
+    const std::size_t rest = fragments.size() - kBatch;
+    (*this)(fragments.first(kBatch), eye, colours.first(kBatch));
+    return (*this)(fragments.last(rest), eye, colours.last(rest));
+  }
+  const bool diffuse = m.diffuse != glm::vec3(0), glossy = m.glossy != glm::vec3(0);
+  glm::vec3 normals[kBatch], irradiance[kBatch];
+  if (diffuse) {
+    for (std::size_t i = 0; i < fragments.size(); ++i) normals[i] = fragments[i].normal;
+    evaluate(lighting_->irradiance, std::span(normals).first(fragments.size()),
+             std::span(irradiance).first(fragments.size()));
+  }
+  for (std::size_t i = 0; i < fragments.size(); ++i) {
+    const Fragment& f = fragments[i];
+    colours[i] = m.emission;
+    if (diffuse) colours[i] += m.diffuse * (glm::vec3(f.share) / kPi) * irradiance[i];
+    if (glossy)
+      colours[i] +=
+          f.share.w * m.glossy * glossy_(f.normal, glm::normalize(eye - f.position), f.position);
+  }
+}
 
 ObjectLayer shade(std::span<const FragmentBand> bands, const Material& material,
                   const Lighting& lighting, glm::vec3 eye) {
   ObjectLayer layer = layer_around(bands, &FragmentBand::object);
-  const BatchShading batches(material, lighting, eye);
-  const GgxShading ggx(lighting);
+  const SurfaceShading shading(material, lighting);
   // Bands share no pixel.
   parallel_for(int(bands.size()), 1, [&](int begin, int end) {
+    std::vector<glm::vec3> colours;
     for (int i = begin; i < end; ++i) {
       const std::vector<Fragment>& fragments = bands[std::size_t(i)].object;
-      if (!material.pbr) {
-        batches(fragments, layer);
-        continue;
-      }
-      for (const Fragment& f : fragments) add(f, shade_pbr(f, material, lighting, ggx, eye), layer);
+      colours.resize(fragments.size());
+      shading(fragments, eye, colours);
+      for (std::size_t k = 0; k < fragments.size(); ++k) add(fragments[k], colours[k], layer);
     }
   });
   return layer;

@@ -6,6 +6,8 @@
 
 #include "fastibl/core/image.h"
 #include "fastibl/scene/camera.h"
+#include "fastibl/scene/ggx.h"
+#include "fastibl/scene/glossy.h"
 #include "fastibl/scene/lighting.h"
 #include "fastibl/scene/object_layer.h"
 #include "fastibl/scene/picture.h"
@@ -14,9 +16,22 @@
 
 namespace fastibl {
 
-// L = emission + k_L · share · E/π + k_G · share · glossy, towards `eye` (marker frame), with the
+// L = emission + k_L · share · E/π + k_G · share · glossy, towards an eye (marker frame), with the
 // shares of the fragment (P_V and 1 in the paper); of a pbr material emission + diffuse · share ·
-// E/π + reflectance · share · (average over the GGX lobe).
+// E/π + reflectance · share · (average over the GGX lobe). Keeps pointers to what it is made of.
+class SurfaceShading {
+ public:
+  SurfaceShading(const Material& material, const Lighting& lighting);
+  // One colour a fragment.
+  void operator()(std::span<const Fragment> fragments, glm::vec3 eye,
+                  std::span<glm::vec3> colours) const;
+
+ private:
+  const Material* material_;
+  const Lighting* lighting_;
+  GlossyShading glossy_;
+  GgxShading ggx_;
+};
 ObjectLayer shade(std::span<const FragmentBand> bands, const Material& material,
                   const Lighting& lighting, glm::vec3 eye);
 

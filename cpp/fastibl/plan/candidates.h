@@ -1,0 +1,69 @@
+// The methods that a plan chooses from, and how wrong the picture is with each.
+#pragma once
+
+#include <vector>
+
+#include "fastibl/scene/methods.h"
+
+namespace fastibl {
+
+struct DiffuseCandidate {
+  DiffuseMethod method;
+  DiffuseSettings settings;
+};
+struct GlossyCandidate {
+  GlossyMethod method;
+  GlossySettings settings;
+};
+struct ShadowCandidate {
+  ShadowMethod method;
+  ShadowSettings settings;
+};
+
+// Of each step; one alone where it was asked for by name.
+struct Candidates {
+  std::vector<DiffuseCandidate> diffuse;
+  std::vector<GlossyCandidate> glossy;
+  std::vector<SelfShadowMethod> self_shadow;
+  std::vector<ShadowCandidate> shadow;
+  std::vector<BounceMethod> bounce;
+};
+
+struct CandidateOptions {
+  bool light_stays = false;  // one map for many frames: what takes long to fit is worth it
+  bool baked_shadow = false;
+  bool glossy = true;  // false: nothing glossy is shaded, and the default stays
+};
+// Those on the frontier of error and time on real maps (docs/light.md, docs/shadow.md); for light
+// that changes only what changes as little as it does: `sh9-lobes` jump by 0.3 %.
+Candidates candidates(const Methods& asked, const CandidateOptions& options);
+
+// Squares of errors of the picture, linear light: RMS over RGB and over the pixels that the object
+// covers or its shadow changes by more than 1/255, by the truth's mean there. They were measured
+// on samples of the scene, see render/measure_errors.h.
+struct MeasuredErrors {
+  Candidates candidates;
+  // Of the object's pixels, [diffuse][glossy][self_shadow][bounce], mean over all views and in the
+  // worst of them, and of the plane's, [shadow][bounce]; the picture's is the sum of one of each.
+  std::vector<double> object, object_worst, plane;
+  // Of each step by itself: what its method alone leaves wrong.
+  std::vector<double> diffuse, glossy, self_shadow, shadow, bounce;
+  double object_share = 0;  // of the pixels that count
+  bool empty() const { return object.empty(); }
+
+  std::size_t index(std::size_t d, std::size_t g, std::size_t s, std::size_t b) const {
+    const Candidates& c = candidates;
+    return ((d * c.glossy.size() + g) * c.self_shadow.size() + s) * c.bounce.size() + b;
+  }
+  // What a view is to be expected to have: half-way to the worst, for what is chosen is rather what
+  // looks better on the samples than it is.
+  double object_at(std::size_t d, std::size_t g, std::size_t s, std::size_t b) const {
+    const std::size_t i = index(d, g, s, b);
+    return 0.5 * (object[i] + object_worst[i]);
+  }
+  double plane_at(std::size_t sh, std::size_t b) const {
+    return plane[sh * candidates.bounce.size() + b];
+  }
+};
+
+}  // namespace fastibl

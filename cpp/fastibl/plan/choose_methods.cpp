@@ -1,0 +1,103 @@
+#include "fastibl/plan/choose_methods.h"
+
+#include <cmath>
+#include <limits>
+
+namespace fastibl {
+namespace {
+
+constexpr double kAsGood = 1.1;  // times the least error: no eye sees the difference
+
+// All combinations, each with its squared error and its time.
+template <typename Visit>
+void for_each(const MeasuredErrors& errors, Visit&& visit) {
+  const Candidates& c = errors.candidates;
+  for (std::size_t d = 0; d < c.diffuse.size(); ++d)
+    for (std::size_t g = 0; g < c.glossy.size(); ++g)
+      for (std::size_t s = 0; s < c.self_shadow.size(); ++s)
+        for (std::size_t b = 0; b < c.bounce.size(); ++b)
+          for (std::size_t sh = 0; sh < c.shadow.size(); ++sh) visit(d, g, s, sh, b);
+}
+
+}  // namespace
+
+Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const Costs& costs,
+                      const Workload& workload, const ChoiceOptions& options) {
+  const Candidates& c = errors.candidates;
+  const auto with = [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh,
+                        std::size_t b) {
+    Methods m = asked;
+    m.diffuse = c.diffuse[d].method, m.diffuse_settings = c.diffuse[d].settings;
+    m.glossy = c.glossy[g].method, m.glossy_settings = c.glossy[g].settings;
+    m.self_shadow = c.self_shadow[s], m.bounce = c.bounce[b];
+    m.shadow = c.shadow[sh].method, m.shadow_settings = c.shadow[sh].settings;
+    return m;
+  };
+  const auto cost = [&](PassId pass, const Methods& m) {
+    return pass_milliseconds(costs, pass, m, workload) * runs_per_frame(pass, workload);
+  };
+  const auto milliseconds = [&](const Methods& m) {
+    double sum = cost(PassId::irradiance, m) + cost(PassId::shade, m);
+    if (options.transfer && m.self_shadow == SelfShadowMethod::transfer)
+      sum += cost(PassId::self_shadow, m);
+    if (options.cast_shadow) sum += cost(PassId::shadow, m);
+    if (options.cast_shadow && m.bounce == BounceMethod::one) sum += cost(PassId::bounce, m);
+    return sum;
+  };
+  const auto error = [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh,
+                         std::size_t b) {
+    return std::sqrt(errors.object_at(d, g, s, b) + errors.plane_at(sh, b));
+  };
+  const auto assured = [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh,
+                           std::size_t b) {
+    return options.assurance *
+           std::sqrt(errors.object_worst[errors.index(d, g, s, b)] + errors.plane_at(sh, b));
+  };
+  double best = std::numeric_limits<double>::infinity(), best_assured = best;
+  for_each(errors, [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh, std::size_t b) {
+    best = std::min(best, error(d, g, s, sh, b));
+    best_assured = std::min(best_assured, assured(d, g, s, sh, b));
+  });
+  // Within reach: what the budget allows, or where that is less than any leaves, as good as the
+  // best.
+  const double bar = options.error > 0 && best_assured <= options.error ? 0 : kAsGood * best;
+  struct Rank {
+    int group;      // lower is better
+    double value;   // then this
+    double second;  // then this
+    bool operator<(const Rank& o) const {
+      return group != o.group   ? group < o.group
+             : value != o.value ? value < o.value
+                                : second < o.second;
+    }
+  };
+  Choice choice, kept;
+  Rank first{99, 0, 0}, last{99, 0, 0};
+  const auto look = [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh,
+                        std::size_t b) {
+    const Methods m = with(d, g, s, sh, b);
+    const bool is_kept = options.keep && m == *options.keep;
+    if (options.settled && options.keep && !is_kept) return;
+    const double e = error(d, g, s, sh, b), ms = milliseconds(m);
+    const double sure = assured(d, g, s, sh, b);
+    const bool good = bar > 0 ? e <= bar : sure <= options.error;
+    const bool quick = options.milliseconds == 0 ||
+                       (ms + options.other_milliseconds) * options.slowdown <= options.milliseconds;
+    const bool by_time = options.error > 0 || options.milliseconds == 0;
+    const Rank rank = good && quick ? Rank{0, by_time ? ms : e, by_time ? e : ms}
+                      : quick       ? Rank{1, e, ms}
+                                    : Rank{2, ms, e};
+    const Choice here{m, d, g, s, sh, b, e, sure, 0, 0, ms};
+    if (is_kept) kept = here, last = rank;
+    if (rank < first) choice = here, first = rank;
+  };
+  for_each(errors, look);
+  constexpr double kWorthIt = 0.8;
+  const bool stays =
+      last.group == first.group && (options.settled || kWorthIt * last.value <= first.value);
+  if (stays) choice = kept;
+  choice.best_error = best, choice.best_assured = best_assured;
+  return choice;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,179 @@
+#include "fastibl/plan/costs.h"
+
+#include <algorithm>
+
+namespace fastibl {
+
+const std::array<CostField, 35>& cost_fields() {
+  static constexpr std::array<CostField, 35> fields = {
+      {{"fold", &Costs::fold},
+       {"faces", &Costs::faces},
+       {"sh9", &Costs::sh9},
+       {"lobes", &Costs::lobes},
+       {"lobe", &Costs::lobe},
+       {"cube", &Costs::cube},
+       {"chain", &Costs::chain},
+       {"lights", &Costs::lights},
+       {"exact_chain", &Costs::exact_chain},
+       {"mips", &Costs::mips},
+       {"read_faces", &Costs::read_faces},
+       {"read_sh9", &Costs::read_sh9},
+       {"read_lobe", &Costs::read_lobe},
+       {"read_cube", &Costs::read_cube},
+       {"mip", &Costs::mip},
+       {"look_up", &Costs::look_up},
+       {"more_look_ups", &Costs::more_look_ups},
+       {"light", &Costs::light},
+       {"sample", &Costs::sample},
+       {"ggx", &Costs::ggx},
+       {"raster_pixel", &Costs::raster_pixel},
+       {"raster_vertex", &Costs::raster_vertex},
+       {"composite_pixel", &Costs::composite_pixel},
+       {"shadow_pixel", &Costs::shadow_pixel},
+       {"mesh_shadow", &Costs::mesh_shadow},
+       {"fine_shadow", &Costs::fine_shadow},
+       {"direction", &Costs::direction},
+       {"caps", &Costs::caps},
+       {"cells", &Costs::cells},
+       {"share_vertex", &Costs::share_vertex},
+       {"glossy_vertex", &Costs::glossy_vertex},
+       {"bounce", &Costs::bounce},
+       {"bounce_vertex", &Costs::bounce_vertex},
+       {"track", &Costs::track},
+       {"capture_pixel", &Costs::capture_pixel}}};
+  return fields;
+}
+
+namespace {
+
+double irradiance_cost(const Costs& c, const Methods& m) {
+  const DiffuseSettings& s = m.diffuse_settings;
+  switch (m.diffuse) {
+    case DiffuseMethod::nearest_face:
+    case DiffuseMethod::six_face:
+    case DiffuseMethod::six_face_exact:
+      return c.fold + c.faces;
+    case DiffuseMethod::sh9:
+      return c.fold + c.sh9;
+    case DiffuseMethod::sh9_lobes:
+      return c.fold + c.sh9 + c.lobes + c.lobe * (s.lobes < 0 ? 4 : s.lobes);
+    default:
+      return c.fold +
+             c.cube * (s.size / 16.0) * (s.size / 16.0) * (s.source / 32.0) * (s.source / 32.0);
+  }
+}
+
+double chain_cost(const Costs& c, const Methods& m) {
+  switch (m.glossy) {
+    case GlossyMethod::mip:
+    case GlossyMethod::sampled:
+      return 0;
+    case GlossyMethod::prefiltered:
+      return c.exact_chain;
+    default:
+      return c.chain + (m.glossy_settings.lights == 0 ? 0 : c.lights);
+  }
+}
+
+double diffuse_pixel(const Costs& c, const Methods& m) {
+  switch (m.diffuse) {
+    case DiffuseMethod::sh9:
+      return c.read_sh9;
+    case DiffuseMethod::sh9_lobes:
+      return c.read_sh9 +
+             c.read_lobe * (m.diffuse_settings.lobes < 0 ? 4 : m.diffuse_settings.lobes);
+    case DiffuseMethod::irradiance_cube:
+    case DiffuseMethod::automatic:
+      return c.read_cube;
+    default:
+      return c.read_faces;
+  }
+}
+
+double glossy_pixel(const Costs& c, const Methods& m, bool pbr) {
+  constexpr int kLights = 4;  // that a map has, about
+  const GlossySettings& s = m.glossy_settings;
+  const double lights = c.light * (s.lights < 0 ? kLights : s.lights);
+  if (pbr) return c.ggx;
+  switch (m.glossy) {
+    case GlossyMethod::mip:
+      return c.mip;
+    case GlossyMethod::stretched:
+      return c.look_up + c.more_look_ups * (std::max(s.taps, s.taps == 0 ? 3 : 1) - 1) + lights;
+    case GlossyMethod::sampled:
+      return c.sample * (s.taps == 0 ? 64 : s.taps);
+    case GlossyMethod::prefiltered:
+      return c.look_up + c.more_look_ups * ((s.taps == 0 ? 3 : s.taps) - 1);
+    default:
+      return c.look_up + lights;
+  }
+}
+
+double shadow_cost(const Costs& c, const Methods& m) {
+  switch (m.shadow) {
+    case ShadowMethod::mesh:
+      return m.shadow_settings.fine > 0 ? c.fine_shadow : c.mesh_shadow;
+    case ShadowMethod::cap_sum:
+    case ShadowMethod::cap_product:
+      return c.caps;
+    default:
+      return c.direction * m.shadow_settings.directions;
+  }
+}
+
+}  // namespace
+
+double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Workload& w) {
+  const double pixels = double(w.width) * w.height;
+  const bool transfer =
+      m.self_shadow == SelfShadowMethod::transfer || m.self_shadow == SelfShadowMethod::automatic;
+  double ns = 0;
+  switch (pass) {
+    case PassId::track:
+      ns = c.track;
+      break;
+    case PassId::capture:
+      ns = 2 * c.capture_pixel * pixels;  // two cameras
+      break;
+    case PassId::mips:
+      ns = c.mips;
+      break;
+    case PassId::irradiance:
+      ns = irradiance_cost(c, m) + (w.glossy ? chain_cost(c, m) : 0);
+      break;
+    case PassId::shadow:
+      ns = shadow_cost(c, m);
+      break;
+    case PassId::self_shadow:
+      ns = c.cells + c.share_vertex * w.vertices;
+      break;
+    case PassId::bounce:
+      ns = c.bounce + c.bounce_vertex * w.vertices;
+      break;
+    case PassId::shade:
+      ns = c.raster_vertex * w.vertices +
+           w.object_pixels * (c.raster_pixel + (w.diffuse ? diffuse_pixel(c, m) : 0) +
+                              (w.glossy ? glossy_pixel(c, m, w.pbr) : 0)) +
+           (w.glossy && transfer ? c.glossy_vertex * w.vertices : 0);
+      break;
+    case PassId::composite:
+      ns = c.composite_pixel * pixels + c.shadow_pixel * w.shadow_pixels;
+      break;
+    default:
+      break;  // a fraction of the bounce's
+  }
+  return ns * 1e-6;
+}
+
+double runs_per_frame(PassId pass, const Workload& workload) {
+  switch (pass) {
+    case PassId::track:
+    case PassId::shade:
+    case PassId::composite:
+      return 1;
+    default:
+      return workload.light_changes ? 1 : 1 / kFramesPerLight;
+  }
+}
+
+}  // namespace fastibl

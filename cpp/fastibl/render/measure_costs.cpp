@@ -1,0 +1,264 @@
+#include "fastibl/render/measure_costs.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+
+#include "fastibl/core/clock.h"
+#include "fastibl/core/parallel.h"
+#include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/render/make_scene.h"
+#include "fastibl/shading/bounce.h"
+#include "fastibl/shading/rasterize.h"
+#include "fastibl/shading/self_shadow.h"
+#include "fastibl/shading/shade.h"
+#include "fastibl/shadow/scene_shadow.h"
+
+namespace fastibl {
+namespace {
+
+constexpr double kLeastSeconds = 0.004;  // of one measurement: the clock has microseconds
+constexpr int kRepetitions = 5;
+
+// Nanoseconds of call(k), k counted up; the least of a few repetitions, which is that of a core
+// that nothing else holds up.
+template <typename Call>
+double nanoseconds(Call&& call) {
+  int k = 0, calls = 1;
+  call(k++);
+  double least = std::numeric_limits<double>::infinity();
+  for (int repetition = 0; repetition < kRepetitions; ++repetition) {
+    const ProcessorClock clock;
+    for (int i = 0; i < calls; ++i) call(k++);
+    const double seconds = clock.seconds();
+    if (seconds < kLeastSeconds && calls < 1 << 16) {
+      calls *= 2, repetition = -1;
+      continue;
+    }
+    least = std::min(least, seconds / calls);
+  }
+  return 1e9 * least;
+}
+
+double at_least(double value, double least) { return std::max(value, least); }
+
+// Two rooms with a window and a lamp, so that nothing is found ready.
+using Maps = std::array<std::shared_ptr<const CubeMap>, 2>;
+Maps maps() {
+  Maps result;
+  for (int m = 0; m < 2; ++m) {
+    constexpr int n = 128;
+    std::vector<glm::vec3> faces;
+    for (int f = 0; f < 6; ++f)
+      for (int y = 0; y < n; ++y)
+        for (int x = 0; x < n; ++x) {
+          const glm::vec3 d = glm::normalize(texel_direction(f, x, y, n));
+          glm::vec3 light = glm::vec3(0.5f + 0.2f * d.x, 0.5f, 0.5f - 0.1f * d.y);
+          const glm::vec3 lamp = glm::normalize(glm::vec3(0.3f, 0.4f + 0.01f * float(m), 0.85f));
+          const glm::vec3 window = glm::normalize(glm::vec3(-0.8f, 0.1f * float(m), 0.5f));
+          if (glm::dot(d, lamp) > 0.999f) light += glm::vec3(200);
+          if (glm::dot(d, window) > 0.96f) light += glm::vec3(4, 5, 7);
+          faces.push_back(light);
+        }
+    result[std::size_t(m)] = std::make_shared<const CubeMap>(n, faces);
+  }
+  return result;
+}
+
+// A ring on the plane: it hides light from itself.
+Mesh ring() {
+  constexpr int kAround = 60, kTube = 40;
+  constexpr float kRadius = 0.07f, kThickness = 0.03f;
+  Mesh mesh;
+  for (int i = 0; i < kAround; ++i)
+    for (int j = 0; j < kTube; ++j) {
+      const float a = 2 * std::numbers::pi_v<float> * float(i) / kAround;
+      const float b = 2 * std::numbers::pi_v<float> * float(j) / kTube;
+      const float r = kRadius + kThickness * std::cos(b);
+      mesh.vertices.emplace_back(r * std::cos(a), r * std::sin(a),
+                                 kThickness + kThickness * std::sin(b));
+      const auto at = [&](int u, int v) { return (u % kAround) * kTube + v % kTube; };
+      mesh.triangles.emplace_back(at(i, j), at(i + 1, j), at(i + 1, j + 1));
+      mesh.triangles.emplace_back(at(i, j), at(i + 1, j + 1), at(i, j + 1));
+    }
+  return mesh;
+}
+
+LightingOptions diffuse_by(DiffuseMethod method, DiffuseSettings settings = {}) {
+  LightingOptions options;
+  options.diffuse = method, options.diffuse_settings = settings;
+  options.glossy = GlossyMethod::mip;
+  return options;
+}
+LightingOptions glossy_by(GlossyMethod method, GlossySettings settings = {}) {
+  LightingOptions options = diffuse_by(DiffuseMethod::sh9);
+  options.glossy = method, options.glossy_settings = settings;
+  return options;
+}
+
+double fit(const Maps& maps, const LightingOptions& options) {
+  return nanoseconds([&](int k) { fit_lighting(maps[std::size_t(k % 2)], options); });
+}
+
+void measure_fits(const Maps& all, Costs& costs) {
+  const double faces = fit(all, diffuse_by(DiffuseMethod::six_face));
+  const double sh9 = fit(all, diffuse_by(DiffuseMethod::sh9));
+  const double two = fit(all, diffuse_by(DiffuseMethod::sh9_lobes, {2, 16, 32}));
+  const double eight = fit(all, diffuse_by(DiffuseMethod::sh9_lobes, {8, 16, 32}));
+  const double cube = fit(all, diffuse_by(DiffuseMethod::irradiance_cube));
+  costs.fold = at_least(faces - costs.faces, 1e3);
+  costs.sh9 = at_least(sh9 - costs.fold, 100);
+  costs.lobe = at_least((eight - two) / 6, 100);
+  costs.lobes = at_least(two - sh9 - 2 * costs.lobe, 100);
+  costs.cube = at_least(cube - costs.fold, 1e3);
+  const double plain = fit(all, glossy_by(GlossyMethod::centroid, {0, 0}));
+  const double lit = fit(all, glossy_by(GlossyMethod::centroid, {0, -1}));
+  costs.chain = at_least(plain - sh9, 1e3);
+  costs.lights = at_least(lit - plain, 0);
+  const ProcessorClock clock;
+  fit_lighting(all[0], glossy_by(GlossyMethod::prefiltered));
+  costs.exact_chain = 1e9 * clock.seconds();
+  CubeMap map = *all[0];
+  costs.mips = nanoseconds([&](int) { map.update(); });
+}
+
+struct View {
+  Camera camera;
+  Pose camera_from_marker;
+};
+View view() {
+  View v;
+  v.camera.width = 320, v.camera.height = 240;
+  v.camera.fx = v.camera.fy = 500, v.camera.cx = 160, v.camera.cy = 120;
+  const glm::dvec3 eye(0, -0.35, 0.3), z = glm::normalize(glm::dvec3(0, 0, 0.03) - eye);
+  const glm::dvec3 x = glm::normalize(glm::cross(z, glm::dvec3(0, 0, 1))), y = glm::cross(z, x);
+  const glm::dmat3 marker_from_camera(x, y, z);
+  v.camera_from_marker.rotation = glm::transpose(marker_from_camera);
+  v.camera_from_marker.translation = -(v.camera_from_marker.rotation * eye);
+  return v;
+}
+
+void measure_pixels(const Scene& scene, const Maps& all, Costs& costs) {
+  const View v = view();
+  Rasterizer rasterizer;
+  std::span<const FragmentBand> seen;
+  const double raster =
+      nanoseconds([&](int) { seen = rasterizer.rasterize(scene, v.camera, v.camera_from_marker); });
+  double count = 0;
+  for (const FragmentBand& band : seen) count += double(band.object.size());
+  const double pixels = at_least(count, 1);
+  const glm::vec3 eye(v.camera_from_marker.inverse().translation);
+  const auto shading = [&](const Material& material, const LightingOptions& options) {
+    const Lighting lighting = fit_lighting(all[0], options);
+    return nanoseconds([&](int) { shade(seen, material, lighting, eye); }) / pixels;
+  };
+  Material matte, mirror;
+  mirror.diffuse = glm::vec3(0), mirror.glossy = glm::vec3(0.8f), mirror.exponent = 64;
+  const double sh9 = shading(matte, diffuse_by(DiffuseMethod::sh9));
+  costs.raster_vertex = raster / 3 / double(scene.mesh.vertices.size());
+  costs.raster_pixel = raster * 2 / 3 / pixels + at_least(sh9 - costs.read_sh9, 1);
+  const double base = at_least(sh9 - costs.read_sh9, 1);
+  costs.read_cube = at_least(shading(matte, diffuse_by(DiffuseMethod::irradiance_cube)) - base, 1);
+  costs.read_faces = at_least(shading(matte, diffuse_by(DiffuseMethod::six_face)) - base, 1);
+  const double lobes = shading(matte, diffuse_by(DiffuseMethod::sh9_lobes, {8, 16, 32})) - base;
+  costs.read_lobe = at_least((lobes - costs.read_sh9) / 8, 0.05);
+  costs.mip = at_least(shading(mirror, glossy_by(GlossyMethod::mip)) - base, 1);
+  costs.look_up = at_least(shading(mirror, glossy_by(GlossyMethod::centroid, {0, 0})) - base, 1);
+  const double lit = shading(mirror, glossy_by(GlossyMethod::centroid, {0, -1})) - base;
+  costs.light = at_least((lit - costs.look_up) / 4, 0);
+  const double three = shading(mirror, glossy_by(GlossyMethod::stretched, {3, 0})) - base;
+  costs.more_look_ups = at_least((three - costs.look_up) / 2, 1);
+  costs.sample =
+      at_least(shading(mirror, glossy_by(GlossyMethod::sampled, {64, -1})) - base, 1) / 64;
+  PbrMaterial metal;
+  metal.metallic = 1, metal.roughness = 0.4f;
+  costs.ggx =
+      at_least(shading(Material::make_pbr(metal), glossy_by(GlossyMethod::centroid)) - base, 1);
+
+  const Lighting lighting = fit_lighting(all[0], diffuse_by(DiffuseMethod::sh9));
+  const ObjectLayer object = shade(seen, matte, lighting, eye);
+  SceneShadow caster;
+  const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
+  const PixelTable table(v.camera);
+  const std::vector<std::uint8_t> bytes(std::size_t(v.camera.width * v.camera.height * 3), 128);
+  Picture back;
+  back.width = v.camera.width, back.height = v.camera.height;
+  back.data = bytes.data(), back.row_bytes = 3 * v.camera.width;
+  const double all_pixels = double(v.camera.width) * v.camera.height;
+  const double bare = nanoseconds(
+      [&](int) { composite(back, 1, table, v.camera_from_marker, object, ShadowMap{}); });
+  const double shaded =
+      nanoseconds([&](int) { composite(back, 1, table, v.camera_from_marker, object, shadow); });
+  costs.composite_pixel = bare / all_pixels;
+  costs.shadow_pixel = at_least((shaded - bare) / all_pixels, 0.1);
+}
+
+void measure_shadows(const Scene& scene, const Maps& all, Costs& costs) {
+  const Lighting lighting = fit_lighting(all[0], diffuse_by(DiffuseMethod::sh9));
+  const auto shadow = [&](ShadowMethod method, ShadowSettings settings) {
+    SceneShadow caster;
+    ShadowOptions options;
+    options.method = method, options.settings = settings;
+    return nanoseconds([&](int k) {
+      caster.cast(*all[std::size_t(k % 2)], lighting.plane_irradiance, scene, options);
+    });
+  };
+  costs.mesh_shadow = shadow(ShadowMethod::mesh, {});
+  costs.fine_shadow = at_least(shadow(ShadowMethod::mesh, {256, 512}), costs.mesh_shadow);
+  costs.direction = shadow(ShadowMethod::directions, {64}) / 64;
+  costs.caps = shadow(ShadowMethod::cap_product, {});
+}
+
+void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
+  const Lighting lighting = fit_lighting(all[0], diffuse_by(DiffuseMethod::sh9));
+  CellLight light;
+  costs.cells = nanoseconds(
+      [&](int k) { light.update(*all[std::size_t(k % 2)], glm::mat3(1), scene.directions->size); });
+  const double count = double(scene.mesh.vertices.size());
+  std::vector<glm::vec4> shares(scene.mesh.vertices.size(), glm::vec4(1));
+  costs.share_vertex = nanoseconds([&](int) {
+                         diffuse_shares(*scene.directions, light, lighting.irradiance,
+                                        scene.normals, glm::mat3(1), shares);
+                       }) /
+                       count;
+  costs.glossy_vertex = nanoseconds([&](int) {
+                          glossy_shares(*scene.directions, scene.mesh.vertices, scene.normals,
+                                        {0, -0.35f, 0.3f}, blinn_width(64), shares);
+                        }) /
+                        count;
+  SceneShadow caster;
+  const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
+  const PlaneExchange exchange(scene.mesh, *scene.directions);
+  const double bounce = nanoseconds(
+      [&](int) { plane_gain(shadow, {}, find_bounce(exchange, scene, lighting, shadow, shares)); });
+  const double sums = nanoseconds([&](int) { plane_gain(shadow, {}, {}); });
+  costs.bounce = sums;
+  costs.bounce_vertex = at_least((bounce - sums) / count, 1);
+}
+
+}  // namespace
+
+Costs measure_costs() {
+  const int before = threads();
+  set_threads(1);
+  Costs costs;
+  const Maps all = maps();
+  SceneOptions options;
+  options.bake_shadow = true;
+  const Scene scene = make_scene(ring(), Material{}, {}, options);
+  measure_fits(all, costs);
+  measure_pixels(scene, all, costs);
+  measure_shadows(scene, all, costs);
+  measure_shares(scene, all, costs);
+  const Costs usual;
+  const double factor = (costs.fold + costs.cube + costs.chain + costs.cells) /
+                        (usual.fold + usual.cube + usual.chain + usual.cells);
+  costs.track = usual.track * factor, costs.capture_pixel = usual.capture_pixel * factor;
+  set_threads(before);
+  return costs;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,545 @@
+#include "fastibl/render/measure_errors.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "fastibl/core/parallel.h"
+#include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/scene/response.h"
+#include "fastibl/shading/self_shadow.h"
+#include "fastibl/shading/shade.h"
+#include "fastibl/shadow/scene_shadow.h"
+
+namespace fastibl {
+namespace {
+
+using Colours = std::vector<glm::vec3>;
+
+constexpr float kPlaneLevel = 0.35f;     // of the plane in the picture, by white
+constexpr float kBounceError = 0.06f;    // of the bounce's own size
+constexpr float kFallbackAlbedo = 0.5f;  // of the plane where the map is black below the horizon
+constexpr int kGrain = 8;
+
+// Radiance times solid angle by direction, channel by channel.
+struct Flux {
+  std::vector<float> channels[3];
+  glm::vec3 plane{0};  // E(z)
+};
+
+Flux flux_of(const CubeMap& map, const SceneSamples& samples) {
+  constexpr int n = SceneSamples::kLevelSize;
+  const CubeLevel& level = map.level_at_most(n);
+  Flux flux;
+  for (std::size_t k = 0; k < samples.direction_count(); ++k) {
+    const int face = int(k) / (n * n), y = int(k) / n % n, x = int(k) % n;
+    const glm::vec3 light =
+        samples.solid_angles[k] *
+        (level.size() == n ? level.texel(face, x, y) : level.sample(samples.directions[k]));
+    for (int c = 0; c < 3; ++c) flux.channels[c].push_back(light[c]);
+    flux.plane += std::max(samples.directions[k].z, 0.0f) * light;
+  }
+  return flux;
+}
+
+// What is true at the samples of the object.
+struct Truth {
+  Colours irradiance, open_irradiance;  // with what the object hides taken away, and without
+  Colours lobe, open_lobe;              // average radiance under the glossy lobe, likewise
+  Colours lost;                         // of the irradiance, to the shadow on the plane
+};
+
+// Height of a material's lobe towards a direction.
+struct Lobe {
+  float exponent = 0, alpha2 = 0, least = 0;  // below `least`, n·h, there is 1e-4 of the peak
+  bool ggx = false;
+
+  explicit Lobe(const Material& m)
+      : exponent(m.lobe_exponent().value_or(0)), ggx(m.pbr != nullptr) {
+    // Sharper ones fall between the directions.
+    constexpr float kSharpest = 600;
+    exponent = std::min(exponent, kSharpest);
+    if (ggx)
+      alpha2 = 2 / exponent;
+    else
+      least = std::exp2(std::log2(1e-4f) / std::max(exponent, 1e-3f));
+  }
+  float operator()(float cosine, float view, float half) const {
+    if (half < least) return 0;
+    if (!ggx) return std::exp2(exponent * std::log2(std::clamp(half, 1e-9f, 1.0f))) * cosine;
+    const float h2 = half * half, d = h2 * (alpha2 - 1) + 1;
+    const float mask = std::sqrt(alpha2 + (1 - alpha2) * cosine * cosine) * view +
+                       std::sqrt(alpha2 + (1 - alpha2) * view * view) * cosine;
+    return cosine / (d * d * std::max(mask, 1e-9f));
+  }
+};
+
+Truth truth_of(const SceneSamples& samples, const Flux& flux, const Material& material) {
+  const std::size_t count = samples.surface.size(), directions = samples.direction_count();
+  Truth truth{Colours(count), Colours(count), Colours(count), Colours(count), Colours(count)};
+  const bool glossy = material.lobe_exponent().has_value();
+  const Lobe lobe(material);
+  parallel_for(int(count), kGrain, [&](int begin, int end) {
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
+      const SceneSamples::Surface& s = samples.surface[i];
+      const glm::vec3 view = samples.views[std::size_t(s.view)];
+      const float nv = glm::dot(s.normal, view);
+      const std::uint8_t* free = &samples.free[i * directions];
+      double height = 0;
+      for (std::size_t k = 0; k < directions; ++k) {
+        const glm::vec3 d = samples.directions[k];
+        const float cosine = glm::dot(d, s.normal);
+        if (!(cosine > 0)) continue;
+        const glm::vec3 light(flux.channels[0][k], flux.channels[1][k], flux.channels[2][k]);
+        truth.open_irradiance[i] += cosine * light;
+        if (free[k]) truth.irradiance[i] += cosine * light;
+        if (!glossy) continue;
+        const float half = (cosine + nv) / std::sqrt(std::max(2 + 2 * glm::dot(d, view), 1e-9f));
+        const float w = lobe(cosine, std::max(nv, 1e-3f), half);
+        if (w == 0) continue;
+        height += double(w * samples.solid_angles[k]);
+        truth.open_lobe[i] += w * light;
+        if (free[k]) truth.lobe[i] += w * light;
+      }
+      if (height > 0) truth.lobe[i] /= float(height), truth.open_lobe[i] /= float(height);
+    }
+  });
+  return truth;
+}
+
+// What the plane's shadow keeps from the samples; every fourth direction stands for four.
+void find_lost(const SceneSamples& samples, const Flux& flux, const ShadowMap& shadow,
+               Truth& truth) {
+  constexpr std::size_t kStep = 4;
+  const std::size_t directions = samples.direction_count();
+  parallel_for(int(samples.surface.size()), kGrain, [&](int begin, int end) {
+    std::vector<glm::vec2> points;
+    std::vector<glm::vec3> weights, ratios;
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
+      const SceneSamples::Surface& s = samples.surface[i];
+      points.clear(), weights.clear();
+      for (std::size_t k = i % kStep; k < directions; k += kStep) {
+        const glm::vec3 d = samples.directions[k];
+        const float cosine = glm::dot(d, s.normal);
+        if (!samples.free[i * directions + k] || !(d.z < 0) || !(s.position.z > 0)) continue;
+        points.push_back(glm::vec2(s.position) - s.position.z / d.z * glm::vec2(d));
+        weights.push_back(float(kStep) * cosine *
+                          glm::vec3(flux.channels[0][k], flux.channels[1][k], flux.channels[2][k]));
+      }
+      ratios.assign(points.size(), glm::vec3(1));
+      shadow.sample(points, ratios);
+      for (std::size_t k = 0; k < points.size(); ++k)
+        truth.lost[i] += weights[k] * (1.0f - ratios[k]);
+    }
+  });
+}
+
+// Colours of the samples under some light: with all of their diffuse light and nothing glossy, or
+// the other way round.
+Colours colours(const SceneSamples& samples, const Material& material, const Lighting& lighting,
+                glm::vec4 share) {
+  Colours result;
+  const SurfaceShading shading(material, lighting);
+  for (const SceneSamples::Surface& s : samples.surface) {
+    Fragment f{};
+    f.coverage = 1, f.position = s.position, f.normal = s.normal, f.share = share;
+    f.tangent = s.tangent, f.uv = s.uv;
+    f.uv_dx = {0.02f, 0}, f.uv_dy = {0, 0.02f};  // a pixel's part of a texture, about
+    glm::vec3 colour;
+    shading({&f, 1}, s.position + samples.views[std::size_t(s.view)], {&colour, 1});
+    result.push_back(colour);
+  }
+  return result;
+}
+
+void subtract(Colours& from, const Colours& what) {
+  for (std::size_t i = 0; i < from.size(); ++i) from[i] -= what[i];
+}
+
+// Shares of its light that reach each sample, as each method has them.
+std::vector<glm::vec4> shares_of(SelfShadowMethod method, const SceneSamples& samples,
+                                 const CubeMap& map, const Irradiance& irradiance,
+                                 const Material& material) {
+  std::vector<glm::vec4> result(samples.surface.size(), glm::vec4(1));
+  if (method == SelfShadowMethod::none) return result;
+  if (method == SelfShadowMethod::ambient) {
+    for (std::size_t i = 0; i < result.size(); ++i) {
+      const SceneSamples::Surface& s = samples.surface[i];
+      float open = 0;
+      for (int k = 0; k < 3; ++k)
+        open += s.weights[k] * samples.openness[std::size_t(s.corners[k])];
+      result[i] = glm::vec4(glm::vec3(open), 1);
+    }
+    return result;
+  }
+  if (samples.visibility.blocks_nothing()) return result;
+  std::vector<glm::vec4> by_vertex(samples.vertices.size(), glm::vec4(1));
+  if (material.reads_irradiance()) {
+    CellLight light;
+    light.update(map, glm::transpose(samples.turned), samples.visibility.size);
+    diffuse_shares(samples.visibility, light, irradiance, samples.normals, samples.turned,
+                   by_vertex);
+  }
+  const std::optional<float> exponent = material.lobe_exponent();
+  const bool glossy = exponent && !samples.visibility.shares.empty();
+  for (std::size_t v = 0; v < samples.views.size(); ++v) {
+    constexpr float kFar = 1e4f;
+    if (glossy)
+      glossy_shares(samples.visibility, samples.vertices, samples.normals,
+                    kFar * (glm::transpose(samples.turned) * samples.views[v]),
+                    blinn_width(*exponent), by_vertex);
+    for (std::size_t i = 0; i < result.size(); ++i) {
+      const SceneSamples::Surface& s = samples.surface[i];
+      if (s.view != int(v)) continue;
+      result[i] = glm::vec4(0);
+      for (int k = 0; k < 3; ++k) result[i] += s.weights[k] * by_vertex[std::size_t(s.corners[k])];
+    }
+  }
+  return result;
+}
+
+// The plane: what is true there, and which places count.
+struct PlaneTruth {
+  Colours ratio, added;  // of the shadow, and what the object sends there by the plane's own light
+  std::vector<std::size_t> counted;
+};
+
+// Texels that hold so much of the plane's light that they are no point of a shadow: cut into 4 × 4.
+struct Bright {
+  static constexpr int kParts = 4;
+  struct Piece {
+    glm::vec3 direction, light;  // on the plane
+  };
+  std::vector<std::uint8_t> cut;  // by direction
+  std::vector<Piece> pieces;      // kParts² of each
+};
+
+Bright bright_texels(const CubeMap& map, const SceneSamples& samples, const Flux& flux) {
+  constexpr float kShare = 1 / 200.0f;
+  constexpr int n = SceneSamples::kLevelSize, parts = Bright::kParts;
+  Bright bright;
+  bright.cut.assign(samples.direction_count(), 0);
+  const CubeLevel& fine = map.level_at_most(n * parts);
+  for (std::size_t k = 0; k < samples.direction_count(); ++k) {
+    const float z = samples.directions[k].z;
+    glm::vec3 light(0);
+    for (int c = 0; c < 3; ++c) light[c] = z * flux.channels[c][k];
+    if (!(z > 0) || !(light.x > kShare * flux.plane.x || light.y > kShare * flux.plane.y ||
+                      light.z > kShare * flux.plane.z))
+      continue;
+    bright.cut[k] = 1;
+    const int face = int(k) / (n * n), y = int(k) / n % n, x = int(k) % n;
+    glm::vec3 sum(0);
+    const std::size_t first = bright.pieces.size();
+    for (int v = 0; v < parts; ++v)
+      for (int u = 0; u < parts; ++u) {
+        const glm::vec3 d =
+            glm::normalize(texel_direction(face, x * parts + u, y * parts + v, n * parts));
+        bright.pieces.push_back({d, std::max(d.z, 0.0f) * fine.sample(d)});
+        sum += bright.pieces.back().light;
+      }
+    for (std::size_t i = first; i < bright.pieces.size(); ++i)
+      for (int c = 0; c < 3; ++c)
+        bright.pieces[i].light[c] *= sum[c] > 0 ? light[c] / sum[c] : 0.0f;
+  }
+  return bright;
+}
+
+// What the object hides of them from a place.
+glm::vec3 hidden_light(const Bright& bright, const SceneSamples& samples, glm::vec2 place) {
+  const glm::vec3 from(place, samples.above), to = samples.centre - from;
+  const float distance = glm::length(to);
+  const float cosine = distance > samples.radius
+                           ? std::sqrt(1 - samples.radius * samples.radius / (distance * distance))
+                           : -1;
+  std::vector<std::size_t> asked;
+  for (std::size_t i = 0; i < bright.pieces.size(); ++i)
+    if (glm::dot(bright.pieces[i].direction, to) >= cosine * distance) asked.push_back(i);
+  glm::vec3 lost(0);
+  if (asked.empty()) return lost;
+  DirectionSet set(int(asked.size()));
+  for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), bright.pieces[asked[i]].direction);
+  std::vector<std::uint8_t> met(asked.size(), 0);
+  samples.bvh.occluded(from, set, 0, met);
+  for (std::size_t i = 0; i < asked.size(); ++i)
+    if (met[i]) lost += bright.pieces[asked[i]].light;
+  return lost;
+}
+
+PlaneTruth plane_truth(const SceneSamples& samples, const CubeMap& map, const Flux& flux,
+                       glm::vec3 sent) {
+  PlaneTruth truth;
+  const Response response;
+  const Bright bright = bright_texels(map, samples, flux);
+  for (std::size_t p = 0; p < samples.plane.size(); ++p) {
+    glm::vec3 lost = hidden_light(bright, samples, samples.plane[p]);
+    float factor = 0;
+    for (std::uint32_t e = samples.plane_first[p]; e < samples.plane_first[p + 1]; ++e) {
+      const std::size_t k = samples.hidden[e];
+      const float z = samples.directions[k].z;
+      if (!bright.cut[k])
+        for (int c = 0; c < 3; ++c) lost[c] += z * flux.channels[c][k];
+      factor += z * samples.solid_angles[k] / kPi;
+    }
+    glm::vec3 ratio(1), added(0);
+    bool counts = false;
+    for (int c = 0; c < 3; ++c) {
+      if (flux.plane[c] > 0) {
+        ratio[c] = std::max(1 - lost[c] / flux.plane[c], 0.0f);
+        added[c] = factor * sent[c] / flux.plane[c];
+      }
+      const float change =
+          response.encode(kPlaneLevel * (ratio[c] + added[c])) - response.encode(kPlaneLevel);
+      counts = counts || std::abs(change) > 1 / 255.0f;
+    }
+    truth.ratio.push_back(ratio), truth.added.push_back(added);
+    if (counts) truth.counted.push_back(p);
+  }
+  return truth;
+}
+
+double square(glm::vec3 difference) { return double(glm::dot(difference, difference)) / 3; }
+
+struct Judged {
+  const SceneSamples& samples;
+  Truth truth;
+  Colours emission, diffuse_factor, glossy_factor;  // of the material: colours by light of 1
+  PlaneTruth plane;
+  glm::vec3 plane_radiance{0};
+  float white = 0;
+  double object_weight = 0, plane_weight = 0;  // that make errors those of the picture
+
+  glm::vec3 cut(glm::vec3 colour) const { return glm::min(colour, glm::vec3(white)); }
+  glm::vec3 true_colour(std::size_t i) const {
+    return emission[i] + diffuse_factor[i] * (truth.irradiance[i] - truth.lost[i]) / kPi +
+           glossy_factor[i] * truth.lobe[i];
+  }
+};
+
+void weigh(Judged& j, bool cast_shadow) {
+  const std::size_t count = j.samples.surface.size();
+  double object = 0, plane = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const glm::vec3 c = j.cut(j.true_colour(i));
+    object += double(c.x + c.y + c.z) / 3 / double(count);
+  }
+  for (const std::size_t p : j.plane.counted) {
+    const glm::vec3 c = j.cut(j.plane_radiance * (j.plane.ratio[p] + j.plane.added[p]));
+    plane += double(c.x + c.y + c.z) / 3 / double(j.plane.counted.size());
+  }
+  const double own = j.samples.object_area;
+  const double beside = cast_shadow ? j.samples.plane_area * double(j.plane.counted.size()) /
+                                          double(std::max<std::size_t>(j.samples.plane.size(), 1))
+                                    : 0;
+  const double mean = (own * object + beside * plane) / std::max(own + beside, 1e-30);
+  if (!(mean > 0)) return;
+  j.object_weight = own / (own + beside) / (mean * mean) / double(count);
+  if (!j.plane.counted.empty())
+    j.plane_weight = beside / (own + beside) / (mean * mean) / double(j.plane.counted.size());
+}
+
+Colours diffuse_colours(const Judged& j, const Material& material, const Irradiance& irradiance) {
+  Colours result;
+  for (std::size_t i = 0; i < j.samples.surface.size(); ++i)
+    result.push_back(j.diffuse_factor[i] * evaluate(irradiance, j.samples.surface[i].normal) / kPi);
+  (void)material;
+  return result;
+}
+
+void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
+                  const std::vector<Colours>& glossy,
+                  const std::vector<std::vector<glm::vec4>>& shares, MeasuredErrors& errors) {
+  const Candidates& c = errors.candidates;
+  const std::size_t count = j.samples.surface.size();
+  Colours truth;
+  for (std::size_t i = 0; i < count; ++i) truth.push_back(j.cut(j.true_colour(i)));
+  std::array<double, SceneSamples::kViews> seen{};
+  for (const SceneSamples::Surface& s : j.samples.surface) seen[std::size_t(s.view)] += 1;
+  for (const Colours& d : diffuse)
+    for (const Colours& g : glossy)
+      for (const auto& s : shares)
+        for (const BounceMethod b : c.bounce) {
+          const float kept = b == BounceMethod::none ? 0.0f : 1 - kBounceError;
+          std::array<double, SceneSamples::kViews> sums{};
+          for (std::size_t i = 0; i < count; ++i) {
+            const glm::vec3 lost = j.diffuse_factor[i] * j.truth.lost[i] * (kept / kPi);
+            const glm::vec3 colour = j.emission[i] +
+                                     glm::max(d[i] * glm::vec3(s[i]) - lost, glm::vec3(0)) +
+                                     g[i] * s[i].w;
+            sums[std::size_t(j.samples.surface[i].view)] += square(j.cut(colour) - truth[i]);
+          }
+          double sum = 0, worst = 0;
+          for (std::size_t v = 0; v < sums.size(); ++v) {
+            sum += sums[v];
+            if (seen[v] > 0) worst = std::max(worst, sums[v] / seen[v] * double(count));
+          }
+          errors.object.push_back(sum * j.object_weight);
+          errors.object_worst.push_back(worst * j.object_weight);
+        }
+  // Of each step alone, the others as they truly are.
+  const auto alone = [&](auto&& colour) {
+    double sum = 0;
+    for (std::size_t i = 0; i < count; ++i) sum += square(j.cut(colour(i)) - truth[i]);
+    return sum * j.object_weight;
+  };
+  const auto share = [](glm::vec3 part, glm::vec3 whole) {
+    glm::vec3 result(1);
+    for (int k = 0; k < 3; ++k)
+      if (whole[k] > 0) result[k] = part[k] / whole[k];
+    return result;
+  };
+  for (const Colours& d : diffuse)
+    errors.diffuse.push_back(alone([&](std::size_t i) {
+      const glm::vec3 right = j.diffuse_factor[i] * j.truth.open_irradiance[i] / kPi;
+      return j.true_colour(i) +
+             (d[i] - right) * share(j.truth.irradiance[i], j.truth.open_irradiance[i]);
+    }));
+  for (const Colours& g : glossy)
+    errors.glossy.push_back(alone([&](std::size_t i) {
+      const glm::vec3 right = j.glossy_factor[i] * j.truth.open_lobe[i];
+      return j.true_colour(i) + (g[i] - right) * share(j.truth.lobe[i], j.truth.open_lobe[i]);
+    }));
+  for (const auto& s : shares)
+    errors.self_shadow.push_back(alone([&](std::size_t i) {
+      return j.true_colour(i) +
+             j.diffuse_factor[i] / kPi *
+                 (j.truth.open_irradiance[i] * glm::vec3(s[i]) - j.truth.irradiance[i]) +
+             j.glossy_factor[i] * (j.truth.open_lobe[i] * s[i].w - j.truth.lobe[i]);
+    }));
+  for (const BounceMethod b : c.bounce)
+    errors.bounce.push_back(alone([&](std::size_t i) {
+      const float off = b == BounceMethod::none ? 1.0f : kBounceError;
+      return j.true_colour(i) + j.diffuse_factor[i] * j.truth.lost[i] * (off / kPi);
+    }));
+}
+
+void judge_plane(const Judged& j, const std::vector<Colours>& ratios, MeasuredErrors& errors) {
+  const Candidates& c = errors.candidates;
+  const auto error = [&](const Colours& ratio, float missing) {
+    double sum = 0;
+    for (const std::size_t p : j.plane.counted) {
+      const glm::vec3 right = j.plane.ratio[p] + j.plane.added[p];
+      const glm::vec3 gain = ratio[p] + j.plane.added[p] * (1 - missing);
+      sum += square(j.cut(j.plane_radiance * gain) - j.cut(j.plane_radiance * right));
+    }
+    return sum * j.plane_weight;
+  };
+  const auto missing = [](BounceMethod b) { return b == BounceMethod::none ? 1.0f : kBounceError; };
+  for (const Colours& ratio : ratios) {
+    for (const BounceMethod b : c.bounce) errors.plane.push_back(error(ratio, missing(b)));
+    errors.shadow.push_back(error(ratio, 0));
+  }
+  for (std::size_t b = 0; b < c.bounce.size(); ++b)
+    errors.bounce[b] += error(j.plane.ratio, missing(c.bounce[b]));
+}
+
+std::vector<Colours> glossy_of(const Judged& j, const Material& material,
+                               const std::shared_ptr<const CubeMap>& map, const Methods& asked,
+                               const Candidates& candidates, const Lighting& reference) {
+  std::vector<Colours> result;
+  Lighting last;
+  for (const GlossyCandidate& g : candidates.glossy) {
+    if (!material.lobe_exponent()) {
+      result.emplace_back(j.samples.surface.size(), glm::vec3(0));
+      continue;
+    }
+    LightingOptions options;
+    options.glossy = g.method, options.glossy_settings = g.settings;
+    options.normalization = asked.normalization;
+    options.irradiance = false;
+    Lighting lighting = fit_lighting(map, options, last.radiance ? &last : nullptr);
+    lighting.irradiance = reference.irradiance;
+    result.push_back(colours(j.samples, material, lighting, {0, 0, 0, 1}));
+    subtract(result.back(), j.emission);
+    if (lighting.chain) last = std::move(lighting);
+  }
+  return result;
+}
+
+}  // namespace
+
+MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const CubeMap>& map,
+                              const Methods& asked, const Candidates& candidates,
+                              bool cast_shadow) {
+  MeasuredErrors errors;
+  if (!scene.samples || scene.samples->empty() || !map || map->size() == 0) return errors;
+  const SceneSamples& samples = *scene.samples;
+  const Material& material = scene.material;
+  const Flux flux = flux_of(*map, samples);
+  cast_shadow = cast_shadow && scene.casts_shadow();
+
+  Judged j{samples, truth_of(samples, flux, material), {}, {}, {}, {}};
+  LightingOptions plain;
+  plain.diffuse = DiffuseMethod::sh9, plain.glossy = GlossyMethod::mip;
+  plain.normalization = asked.normalization;
+  plain.measure_error = plain.chain = false;
+  const std::vector<glm::vec3> ones(6, glm::vec3(1));
+  const Lighting white = fit_lighting(std::make_shared<const CubeMap>(1, ones), plain);
+  j.emission = colours(samples, material, white, glm::vec4(0));
+  j.diffuse_factor = colours(samples, material, white, {1, 1, 1, 0});
+  j.glossy_factor = colours(samples, material, white, {0, 0, 0, 1});
+  subtract(j.diffuse_factor, j.emission), subtract(j.glossy_factor, j.emission);
+
+  // Shadows first: what the plane lacks, the object lacks.
+  LightingOptions finest = plain;
+  finest.diffuse = DiffuseMethod::irradiance_cube;
+  const Lighting reference = fit_lighting(map, finest);
+  glm::vec3 sent(0);
+  for (std::size_t i = 0; i < samples.surface.size(); ++i)
+    sent += (j.diffuse_factor[i] * j.truth.irradiance[i] + kPi * j.emission[i]) /
+            float(samples.surface.size());
+  std::vector<Colours> ratios;
+  Scene standing;  // of which a shadow reads no more
+  standing.spheres = scene.spheres, standing.baked_shadow = scene.baked_shadow;
+  standing.marker_from_object.rotation = glm::dmat3(samples.turned);
+  standing.marker_from_object.translation = {0, 0, scene.marker_from_object.translation.z};
+  if (cast_shadow) {
+    j.plane = plane_truth(samples, *map, flux, sent);
+    for (const ShadowCandidate& s : candidates.shadow) {
+      SceneShadow caster;
+      ShadowOptions options;
+      options.method = s.method, options.settings = s.settings;
+      const ShadowMap shadow = caster.cast(*map, reference.plane_irradiance, standing, options);
+      ratios.emplace_back(samples.plane.size(), glm::vec3(1));
+      shadow.sample(samples.plane, ratios.back());
+      if (ratios.size() == candidates.shadow.size())
+        find_lost(samples, flux, shadow, j.truth);  // the last is the finest
+    }
+  } else {
+    ratios.assign(candidates.shadow.size(), {});
+  }
+  j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
+  if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))
+    j.plane_radiance = kFallbackAlbedo / kPi * flux.plane;
+  j.white = (j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z) / 3 / kPlaneLevel;
+  if (!(j.white > 0)) return errors;
+  weigh(j, cast_shadow);
+  if (!(j.object_weight > 0)) return errors;
+
+  errors.candidates = candidates;
+  std::vector<Colours> diffuse;
+  for (const DiffuseCandidate& d : candidates.diffuse) {
+    LightingOptions options = plain;
+    options.diffuse = d.method, options.diffuse_settings = d.settings;
+    const bool reads = material.reads_irradiance();
+    diffuse.push_back(diffuse_colours(
+        j, material, reads ? fit_lighting(map, options).irradiance : reference.irradiance));
+  }
+  const std::vector<Colours> glossy = glossy_of(j, material, map, asked, candidates, reference);
+  std::vector<std::vector<glm::vec4>> shares;
+  for (const SelfShadowMethod s : candidates.self_shadow)
+    shares.push_back(shares_of(s, samples, *map, reference.irradiance, material));
+  judge_object(j, diffuse, glossy, shares, errors);
+  judge_plane(j, ratios, errors);
+  errors.object_share =
+      j.object_weight > 0
+          ? samples.object_area /
+                (samples.object_area +
+                 (cast_shadow ? samples.plane_area * double(j.plane.counted.size()) /
+                                    double(std::max<std::size_t>(samples.plane.size(), 1))
+                              : 0.0))
+          : 0;
+  return errors;
+}
+
+}  // namespace fastibl

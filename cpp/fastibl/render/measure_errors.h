@@ -1,0 +1,22 @@
+// How wrong a picture is with each method that could make it, under the light that there is.
+#pragma once
+
+#include <memory>
+
+#include "fastibl/plan/candidates.h"
+#include "fastibl/render/scene_samples.h"
+#include "fastibl/scene/cube_map.h"
+
+namespace fastibl {
+
+// Every candidate is run on the map and compared, at the samples of the scene, with sums over the
+// map by the samples' rays; the parts of a colour are linear in light, so that every combination
+// is a sum of parts. Of the bounce no brute force is at hand: it is taken for 6 % of its size
+// wrong where it is there (docs/shadow.md). What is brighter than white is cut, as in a picture
+// that is exposed so that the plane has 0.35 of white.
+// The same scene and map give the same bits. Empty where the scene has no samples, or the map no
+// light. 20 to 50 ms, and 50 more with `prefiltered` among the candidates.
+MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const CubeMap>& map,
+                              const Methods& asked, const Candidates& candidates, bool cast_shadow);
+
+}  // namespace fastibl

@@ -1,0 +1,235 @@
+#include "fastibl/render/scene_samples.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "fastibl/core/parallel.h"
+#include "fastibl/scene/cube_map.h"
+
+namespace fastibl {
+namespace {
+
+constexpr float kOffset = 1e-4f;  // of the object's size, that rays start above a surface
+constexpr float kPlaneReach =
+    3;  // half the edge of the plane that is looked at, by the object's size
+
+// Of start + index · step.
+float fraction(float start, int index, double step) {
+  const double value = double(start) + index * step;
+  return float(value - std::floor(value));
+}
+
+// Without its turn about z.
+Pose upright(const Pose& pose) {
+  const glm::dmat3& m = pose.rotation;
+  const double yaw = std::atan2(m[0][1], m[0][0]), c = std::cos(yaw), s = std::sin(yaw);
+  const glm::dmat3 back(glm::dvec3(c, -s, 0), glm::dvec3(s, c, 0), glm::dvec3(0, 0, 1));
+  Pose result = pose;
+  glm::dmat3 tilt = back * m;
+  double off = 0;  // a turn about z alone leaves nothing, whatever it was rounded to
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) off = std::max(off, std::abs(tilt[i][j] - (i == j ? 1.0 : 0.0)));
+  if (off < 1e-6) tilt = glm::dmat3(1);
+  result.rotation = tilt;
+  result.translation = {0, 0, pose.translation.z};
+  return result;
+}
+
+void set_directions(SceneSamples& samples) {
+  constexpr int n = SceneSamples::kLevelSize;
+  const std::vector<double> angles = texel_solid_angles(n);
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x) {
+        samples.directions.push_back(glm::normalize(texel_direction(f, x, y, n)));
+        samples.solid_angles.push_back(float(angles[std::size_t(y * n + x)]));
+      }
+}
+
+// Of the object where it stands.
+struct Standing {
+  Mesh mesh;
+  std::vector<glm::vec3> normals;
+  Bounds box;
+  float size;
+};
+
+void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
+                 SceneSamples& samples) {
+  const float radius = object.box.radius();
+  std::map<int, int> used;
+  int met = 0, tried = 0;
+  for (int v = 0; v < SceneSamples::kViews; ++v) {
+    const float azimuth = 2 * std::numbers::pi_v<float> * (float(v) + 0.3f) / SceneSamples::kViews;
+    const float c = std::cos(SceneSamples::kElevation), s = std::sin(SceneSamples::kElevation);
+    const glm::vec3 eye{c * std::cos(azimuth), c * std::sin(azimuth), s};
+    const glm::vec3 right = glm::normalize(glm::cross(glm::vec3(0, 0, 1), eye));
+    const glm::vec3 up = glm::cross(eye, right);
+    samples.views.push_back(eye);
+    int found = 0;
+    for (int k = 0; found < SceneSamples::kViewSamples && k < 40 * SceneSamples::kViewSamples;
+         ++k) {
+      // Evenly over the disc that holds the object, no view as another: Roberts 2018, R2.
+      const int index = k + v * 1009;
+      const float r = radius * std::sqrt(fraction(0.5f, index, 0.7548776662));
+      const float t = 2 * std::numbers::pi_v<float> * fraction(0.0f, index, 0.5698402910);
+      const glm::vec3 from =
+          object.box.centre() + 2 * radius * eye + r * std::cos(t) * right + r * std::sin(t) * up;
+      const Bvh::Hit hit = bvh.nearest({from, -eye});
+      ++tried;
+      if (hit.triangle < 0) continue;
+      ++met;
+      const glm::ivec3 triangle = object.mesh.triangles[std::size_t(hit.triangle)];
+      const glm::vec3 w(1 - hit.u - hit.v, hit.u, hit.v);
+      glm::vec3 n(0), p(0);
+      for (int i = 0; i < 3; ++i) {
+        n += w[i] * object.normals[std::size_t(triangle[i])];
+        p += w[i] * object.mesh.vertices[std::size_t(triangle[i])];
+      }
+      if (!(glm::dot(n, n) > 1e-12f)) continue;
+      n = glm::normalize(n);
+      const glm::vec3 &a = object.mesh.vertices[std::size_t(triangle[0])],
+                      &b = object.mesh.vertices[std::size_t(triangle[1])],
+                      &c2 = object.mesh.vertices[std::size_t(triangle[2])];
+      const float side = glm::dot(glm::cross(b - a, c2 - a), eye) < 0 ? -1.0f : 1.0f;
+      SceneSamples::Surface sample{{}, w, p, side * n, v, side, glm::vec4(0), glm::vec2(0)};
+      for (int i = 0; i < 3; ++i) {
+        const std::size_t corner = std::size_t(triangle[i]);
+        if (!scene.mesh.uvs.empty()) sample.uv += w[i] * scene.mesh.uvs[corner];
+        if (!scene.tangents.empty()) {
+          const glm::vec4& tangent = scene.tangents[corner];
+          sample.tangent += glm::vec4(w[i] * (samples.turned * glm::vec3(tangent)), 0);
+          sample.tangent.w = tangent.w;
+        }
+      }
+      for (int i = 0; i < 3; ++i)
+        sample.corners[i] = used.try_emplace(triangle[i], int(used.size())).first->second;
+      samples.surface.push_back(sample);
+      ++found;
+    }
+  }
+  samples.object_area =
+      tried ? std::numbers::pi * double(radius) * double(radius) * met / tried : 0.0;
+  // What is kept of each vertex, in the order in which samples came to them.
+  std::vector<int> order(used.size());
+  for (const auto& [vertex, place] : used) order[std::size_t(place)] = vertex;
+  const VertexVisibility& all = *scene.directions;
+  VertexVisibility& kept = samples.visibility;
+  kept.size = all.size, kept.first = {0};
+  for (const int vertex : order) {
+    const std::size_t i = std::size_t(vertex);
+    samples.vertices.push_back(scene.mesh.vertices[i]);
+    samples.normals.push_back(scene.normals[i]);
+    samples.openness.push_back(scene.visibility[i]);
+    kept.edges.insert(kept.edges.end(), all.edges.begin() + all.first[i],
+                      all.edges.begin() + all.first[i + 1]);
+    kept.first.push_back(std::uint32_t(kept.edges.size()));
+    const std::size_t count = VertexVisibility::kShareCount;
+    if (all.shares.size() >= (i + 1) * count)
+      kept.shares.insert(kept.shares.end(), all.shares.begin() + std::ptrdiff_t(i * count),
+                         all.shares.begin() + std::ptrdiff_t((i + 1) * count));
+  }
+}
+
+// Rays start on the round surface that the normals are of, not on flat triangles, which their own
+// neighbours hide: Hanika 2021, Hacking the Shadow Terminator.
+glm::vec3 ray_start(const Standing& object, const SceneSamples& samples,
+                    const SceneSamples::Surface& s, const glm::mat3& turned, glm::vec3 lifted) {
+  glm::vec3 start = s.position;
+  for (int i = 0; i < 3; ++i) {
+    const glm::vec3 n = s.side * (turned * samples.normals[std::size_t(s.corners[i])]);
+    const glm::vec3 p = turned * samples.vertices[std::size_t(s.corners[i])] + lifted;
+    start -= s.weights[i] * std::min(glm::dot(s.position - p, n), 0.0f) * n;
+  }
+  return start + kOffset * object.size * s.normal;
+}
+
+void trace_surface(const Standing& object, const Bvh& bvh, glm::vec3 lifted,
+                   SceneSamples& samples) {
+  const std::size_t count = samples.direction_count();
+  samples.free.assign(samples.surface.size() * count, 0);
+  parallel_for(int(samples.surface.size()), 4, [&](int begin, int end) {
+    std::vector<int> above;
+    std::vector<std::uint8_t> met;
+    for (int i = begin; i < end; ++i) {
+      const SceneSamples::Surface& s = samples.surface[std::size_t(i)];
+      above.clear();
+      for (std::size_t k = 0; k < count; ++k)
+        if (glm::dot(samples.directions[k], s.normal) > 0) above.push_back(int(k));
+      DirectionSet set(int(above.size()));
+      for (std::size_t k = 0; k < above.size(); ++k)
+        set.set(int(k), samples.directions[std::size_t(above[k])]);
+      met.assign(above.size(), 0);
+      bvh.occluded(ray_start(object, samples, s, samples.turned, lifted), set, 0, met);
+      std::uint8_t* free = &samples.free[std::size_t(i) * count];
+      for (std::size_t k = 0; k < above.size(); ++k) free[above[k]] = !met[k];
+    }
+  });
+}
+
+void trace_plane(const Standing& object, const Bvh& bvh, SceneSamples& samples) {
+  constexpr int n = SceneSamples::kPlaneSide;
+  const float reach = kPlaneReach * object.size, radius = object.box.radius();
+  const glm::vec3 centre = object.box.centre();
+  samples.plane_first = {0};
+  double seen = 0;
+  for (int y = 0; y < n; ++y)
+    for (int x = 0; x < n; ++x) {
+      const glm::vec2 a = (glm::vec2(float(x), float(y)) + 0.5f) / float(n) * 2.0f - 1.0f;
+      const glm::vec2 p = glm::vec2(centre) + reach * a;
+      const glm::vec3 from(p, samples.above);
+      if (bvh.occluded(Ray{from, {0, 0, 1}})) continue;
+      const glm::vec3 to = centre - from;
+      const float distance = glm::length(to);
+      const float cosine =
+          distance > radius ? std::sqrt(1 - radius * radius / (distance * distance)) : -1;
+      std::vector<int> asked;
+      for (std::size_t k = 0; k < samples.direction_count(); ++k)
+        if (samples.directions[k].z > 0 && glm::dot(samples.directions[k], to) >= cosine * distance)
+          asked.push_back(int(k));
+      samples.plane.push_back(p);
+      seen += 1;
+      if (!asked.empty()) {
+        DirectionSet set(int(asked.size()));
+        for (std::size_t k = 0; k < asked.size(); ++k)
+          set.set(int(k), samples.directions[std::size_t(asked[k])]);
+        std::vector<std::uint8_t> met(asked.size(), 0);
+        bvh.occluded(from, set, 0, met);
+        for (std::size_t k = 0; k < asked.size(); ++k)
+          if (met[k]) samples.hidden.push_back(std::uint16_t(asked[k]));
+      }
+      samples.plane_first.push_back(std::uint32_t(samples.hidden.size()));
+    }
+  const double edge = 2 * double(reach) / n;
+  samples.plane_area = seen * edge * edge * std::sin(double(SceneSamples::kElevation));
+}
+
+}  // namespace
+
+std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
+  if (!scene.directions || scene.mesh.triangles.empty()) return nullptr;
+  auto samples = std::make_shared<SceneSamples>();
+  const Pose pose = upright(scene.marker_from_object);
+  samples->turned = glm::mat3(pose.rotation);
+  Standing object{scene.mesh, scene.normals, {}, 0};
+  for (glm::vec3& p : object.mesh.vertices) p = glm::vec3(pose * glm::dvec3(p));
+  for (glm::vec3& n : object.normals) n = samples->turned * n;
+  object.box = bounds(object.mesh.vertices);
+  const glm::vec3 extent = object.box.upper - object.box.lower;
+  object.size = std::max({extent.x, extent.y, extent.z});
+  if (!(object.size > 0)) return nullptr;
+  samples->bvh = Bvh(object.mesh);
+  samples->centre = object.box.centre(), samples->radius = object.box.radius();
+  samples->above = 1e-5f * object.size;
+  const Bvh& bvh = samples->bvh;
+  set_directions(*samples);
+  add_surface(scene, object, bvh, *samples);
+  if (samples->empty()) return nullptr;
+  trace_surface(object, bvh, glm::vec3(pose.translation), *samples);
+  trace_plane(object, bvh, *samples);
+  return samples;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,66 @@
+// Places on an object and on the plane around it, with what rays tell of the sky from there: what
+// methods are compared with before one is chosen.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "fastibl/scene/bvh.h"
+#include "fastibl/scene/scene.h"
+
+namespace fastibl {
+
+// Of the object as it stands in `scene`, but for its turn about z: a scene that is only shifted and
+// turned keeps them.
+class SceneSamples {
+ public:
+  static constexpr int kLevelSize = 32;  // face edge of the level whose texels are the directions
+  static constexpr int kViews = 8, kViewSamples = 40, kPlaneSide = 20;
+  static constexpr float kElevation = 0.65f;  // of the views, radians
+
+  struct Surface {
+    int corners[3];  // in `vertices`
+    glm::vec3 weights;
+    glm::vec3 position, normal;  // where the object stands; unit, on the side that is seen
+    int view;                    // in `views`
+    float side;                  // −1 where the back of the triangle is seen
+    glm::vec4 tangent;           // see Fragment
+    glm::vec2 uv;
+  };
+  // What the views see of the object, each pixel of them equally often. eyes: so far away that
+  // directions are the same everywhere.
+  std::vector<Surface> surface;
+  std::vector<glm::vec3> views;  // unit, from the object to the eye
+  // Directions are the texels' centres of a level of kLevelSize, face by face and row by row.
+  std::vector<glm::vec3> directions;
+  std::vector<float> solid_angles;
+  std::vector<std::uint8_t>
+      free;  // [sample][direction]: above the tangent plane, and nothing there
+
+  std::vector<glm::vec2> plane;  // places on the plane that are not under the object
+  // Of each place, in `hidden`, and one more at the end: directions that the object hides.
+  std::vector<std::uint32_t> plane_first;
+  std::vector<std::uint16_t> hidden;
+  Bvh bvh;              // of the object as it stands
+  glm::vec3 centre{0};  // of the sphere around it
+  float radius = 0;
+  float above = 0;  // that rays from the plane start, metres
+  // Areas as a view of this elevation has them, m²: of the object, and of all of `plane`.
+  double object_area = 0, plane_area = 0;
+
+  // Of the vertices that samples lie between.
+  VertexVisibility visibility;
+  std::vector<glm::vec3> vertices, normals;  // mesh frame
+  std::vector<float> openness;               // P_V
+  glm::mat3 turned{1};                       // by how the object stands, without its turn about z
+
+  std::size_t direction_count() const { return directions.size(); }
+  bool empty() const { return surface.empty(); }
+};
+
+// Nothing where the directions that the object blocks were not worked out, or no view sees it. Some
+// 500 000 rays.
+std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene);
+
+}  // namespace fastibl

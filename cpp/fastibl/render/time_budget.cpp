@@ -1,0 +1,29 @@
+#include "fastibl/render/time_budget.h"
+
+#include <algorithm>
+
+namespace fastibl {
+
+bool TimeBudget::add(double milliseconds, double budget) {
+  constexpr double kUp = 1.25, kDown = 0.9, kLeast = 0.3, kMost = 1e3;
+  if (failed_ > 0 && ++since_failed_ > kForget) failed_ = 0;
+  times_.push_back(milliseconds);
+  int slow = 0;
+  for (const double t : times_) slow += t > budget;
+  double next = slowdown_;
+  if (slow > kFrames / 10) {
+    failed_ = slowdown_, since_failed_ = 0;
+    next = std::min(slowdown_ * kUp, kMost);
+  } else if (int(times_.size()) < kFrames) {
+    return false;
+  } else if (*std::max_element(times_.begin(), times_.end()) < kSlack * budget) {
+    next = std::max(slowdown_ * kDown, kLeast);
+    if (next <= failed_) next = slowdown_;
+  }
+  times_.clear();
+  if (next == slowdown_) return false;
+  slowdown_ = next;
+  return true;
+}
+
+}  // namespace fastibl

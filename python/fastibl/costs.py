@@ -1,0 +1,63 @@
+"""What each pass takes on this machine: measured once, kept on disk."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from pathlib import Path
+
+from ._fastibl import __version__, _default_costs, _measure_costs
+from .machine import cpu
+from .mesh_shadow import cache_folder
+
+
+def default_costs() -> dict[str, float]:
+    """The built-in table: nanoseconds by name. What is chosen by error alone goes by it, the same on every machine."""
+    return _default_costs()
+
+
+def costs_path() -> Path | None:
+    """Where this machine's table is kept: in the cache folder of baked shadows; None where FASTIBL_CACHE is 0."""
+    folder = cache_folder()
+    machine = hashlib.sha256(cpu().encode()).hexdigest()[:12]
+    return None if folder is None else folder / f"costs-{__version__}-{machine}.json"
+
+
+def machine_costs(measure: bool = True) -> dict[str, float]:
+    """This machine's table: nanoseconds of one core by name, for Session(costs=...) and make_plan(costs=...).
+
+    Read from costs_path(), or measured (some seconds) and written there; a file that is broken, or of other names, is
+    measured again, and one that cannot be written is no error. measure=False gives the built-in table instead of
+    measuring.
+    """
+    path = costs_path()
+    kept = None if path is None else _read(path)
+    if kept is not None:
+        return kept
+    if not measure:
+        return default_costs()
+    costs = _measure_costs()
+    if path is None:
+        return costs
+    text = json.dumps({"cpu": cpu(), "nanoseconds": costs}, indent=1)
+    part = path.with_suffix(f".{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+    return costs
+
+
+def _read(path: Path) -> dict[str, float] | None:
+    """The table of a file, or None where there is none, or none that can be used."""
+    try:
+        given = json.loads(path.read_text(encoding="utf-8"))["nanoseconds"]
+        costs = {str(name): float(value) for name, value in given.items()}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return None
+    good = set(costs) == set(default_costs()) and all(math.isfinite(v) and v >= 0 for v in costs.values())
+    return costs if good else None

@@ -1,0 +1,226 @@
+"""The plan's choices: within a budget the cheapest, the best where none is, the same in every process."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fastibl
+from conftest import same_error
+from fastibl import costs
+from fastibl._fastibl import _due_seconds, _measured_errors, _plan_seconds
+from fastibl.lighting import AUTO
+from views import camera_of, looking
+
+GLOSSY = fastibl.Material(diffuse=(0.4, 0.4, 0.4), glossy=(0.3, 0.3, 0.3), exponent=64)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)
+
+
+def room(lamp=40.0, size=32):
+    """Soft light, a lamp of some texels, and a table below the horizon."""
+    faces = np.full((6, size, size, 3), 0.4, np.float32)
+    faces[:, : size // 4] += np.float32([0.1, 0.2, 0.3])
+    faces[4, size // 3 : size // 3 + 3, size // 2 : size // 2 + 3] += lamp
+    faces[5] = 0.3
+    return fastibl.CubeMap(faces)
+
+
+def line(plan, name):
+    return next(p for p in plan.passes if p.name == name)
+
+
+def test_a_wider_budget_is_never_dearer_and_an_impossible_one_is_admitted(scene):
+    budgets = (1e-6, 0.005, 0.02, 0.05, 0.2, 0.8)
+    plans = [fastibl.make_plan(scene, room(), error=b) for b in budgets]
+    for budget, plan in zip(budgets, plans, strict=True):
+        print(
+            f"{budget}: {plan.expected_error:.4f} within {plan.assured_error:.4f}, {plan.milliseconds:.2f} ms, "
+            f"{plan.meets_budget}"
+        )
+        assert plan.meets_error == plan.meets_budget == (plan.assured_error <= budget)
+        assert plan.best_error <= plan.expected_error <= plan.assured_error
+        assert plan.error_budget == budget and plan.milliseconds_budget == 0
+    met = [p.milliseconds for p in plans if p.meets_error]
+    assert met == sorted(met, reverse=True) and len(met) >= 2
+    assert not plans[0].meets_error and plans[0].expected_error <= 1.1 * plans[0].best_error + 1e-9
+    assert "NOT within the error budget" in str(plans[0]) and "the best methods leave" in str(plans[0])
+    assert "within the error budget of 80 %" in str(plans[-1]) and "NOT" not in str(plans[-1])
+    for plan in plans:
+        assert plan.methods != AUTO
+        for p in plan.passes:
+            assert p.included or (p.reason and p.milliseconds is None)
+
+
+def test_time_budgets_take_the_best_that_fits(scene):
+    slow, quick, none = (fastibl.make_plan(scene, room(), milliseconds=ms, track=False) for ms in (1000, 6.5, 0.01))
+    assert slow.meets_milliseconds and slow.expected_error == pytest.approx(slow.best_error)
+    assert quick.milliseconds <= slow.milliseconds and quick.expected_error >= slow.expected_error
+    assert not none.meets_budget and "NOT within the time budget" in str(none)
+    assert none.milliseconds <= quick.milliseconds
+
+
+def test_methods_by_name_stay(scene):
+    plan = fastibl.make_plan(scene, room(), error=0.5, methods={"diffuse": "sh9", "glossy": "stretched"})
+    assert plan.methods.diffuse == "sh9" and plan.methods.glossy == "stretched"
+    paper = fastibl.make_plan(scene, room(), error=0.02, methods="paper")
+    assert paper.methods == fastibl.make_plan(scene, methods="paper").methods
+    assert paper.expected_error > 0.02 and not paper.meets_error
+    print(f"the paper's methods: {paper.expected_error:.3f}")
+
+
+def test_errors_grow_with_the_light_and_shrink_with_effort(scene):
+    def errors(cube):
+        found = _measured_errors(scene, fastibl.Environment(cube), AUTO)
+        return {step: dict(zip(*found[step], strict=True)) for step in ("diffuse", "glossy", "self_shadow", "bounce")}
+
+    soft, hard = errors(room(0.0)), errors(room(300.0))
+    assert hard["diffuse"]["sh9"] > 4 * soft["diffuse"]["sh9"]
+    assert hard["glossy"]["mip"] > 4 * soft["glossy"]["mip"]
+    for found in (soft, hard):
+        assert found["self_shadow"]["transfer"] < found["self_shadow"]["none"]
+        assert found["bounce"]["one-bounce"] < found["bounce"]["none"]
+        assert found["glossy"]["sampled [taps=256]"] < found["glossy"]["mip"]
+    plain = fastibl.CubeMap(np.full((6, 8, 8, 3), 0.5, np.float32))
+    assert max(errors(plain)["diffuse"].values()) < 1e-6
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-20, 1e6])
+def test_black_tiny_and_huge_maps(scene, value):
+    cube = fastibl.CubeMap(np.full((6, 4, 4, 3), value, np.float32))
+    plan = fastibl.make_plan(scene, cube, error=0.02)
+    assert np.isfinite(plan.expected_error) and np.isfinite(plan.assured_error) and str(plan)
+
+
+def test_a_sun_of_one_texel(scene):
+    faces = np.full((6, 64, 64, 3), 0.1, np.float32)
+    faces[4, 20, 20] = 1e6
+    plan = fastibl.make_plan(scene, fastibl.CubeMap(faces), error=0.02)
+    print(plan)
+    assert np.isfinite(plan.expected_error) and plan.expected_error > 0
+
+
+def test_a_scene_without_samples_keeps_the_defaults():
+    bare = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=8, visibility_rays=0)
+    plan = fastibl.make_plan(bare, room(), error=0.02)
+    assert plan.methods == AUTO and plan.best_error is None
+
+
+def frames(session, count=3):
+    eye = np.array([0.1, -0.4, 0.35])
+    pose = looking(np.array([0, 0, 0.08]) - eye, eye)
+    return [session.process(fastibl.Frame(0.1 * k, back_from_marker=pose)) for k in range(count)]
+
+
+def test_a_session_uses_what_its_plan_chose(scene):
+    def session(**options):
+        return fastibl.Session(scene, fastibl.Rig(camera_of(96, 72, 45.0)), environment=room(), **options)
+
+    loose, tight = session(error=0.4), session(error=0.01)
+    images = [frames(s)[-1].image.astype(int) for s in (loose, tight)]
+    assert loose.plan.methods != tight.plan.methods
+    assert loose.plan.expected_error > tight.plan.expected_error
+    m = loose.plan.methods
+    named = session(
+        error=None,
+        methods={
+            step: fastibl.Method(
+                getattr(m, step), **{k: v for k, v in getattr(m, f"{step}_settings", {}).items() if v >= 0}
+            )
+            for step in ("diffuse", "glossy", "shadow", "self_shadow", "bounce")
+        },
+    )
+    np.testing.assert_array_equal(images[0], frames(named)[-1].image)
+    off = np.sqrt(((images[0] - images[1]) ** 2).mean()) / 255
+    print(
+        f"loose against tight {off:.4f}; {loose.plan.expected_error:.3f} and {tight.plan.expected_error:.3f} expected"
+    )
+    assert 0 < off < 0.4
+
+
+def test_methods_stay_while_the_light_does(scene):
+    session = fastibl.Session(scene, fastibl.Rig(camera_of(64, 48, 45.0)), environment=room(), error=0.02)
+    plans = {repr(r.plan.methods) for r in frames(session, 6)}
+    assert len(plans) == 1
+    session.set_environment(fastibl.Environment(room(500.0)))
+    frames_after = [repr(session.plan.methods)]
+    assert frames_after
+
+
+def test_a_time_budget_lowers_methods_and_does_not_swing(scene):
+    """A budget that no methods keep to: they fall to the cheapest, and stay there."""
+    options = dict(environment=room(), error=None, milliseconds=0.05)
+    session = fastibl.Session(scene, fastibl.Rig(camera_of(64, 48, 45.0)), **options)
+    eye = np.array([0.1, -0.4, 0.35])
+    pose = looking(np.array([0, 0, 0.08]) - eye, eye)
+    seen = []
+    for k in range(80):
+        result = session.process(fastibl.Frame(0.1 * k, back_from_marker=pose))
+        seen.append(repr(result.plan.methods))
+        assert result.plan.assured_error > 0  # stated throughout
+    changes = sum(a != b for a, b in zip(seen, seen[1:], strict=False))
+    assert changes <= 4 and len(set(seen[-40:])) == 1 and not result.plan.meets_milliseconds
+    fixed = fastibl.Session(scene, fastibl.Rig(camera_of(64, 48, 45.0)), adapt=False, **options)
+    assert len({repr(r.plan.methods) for r in frames(fixed, 40)}) == 1
+
+
+REPLAY = """
+import sys
+import fastibl
+fastibl.set_threads(int(sys.argv[1]))
+sys.path.insert(0, "tests")
+from test_plan_budget import GLOSSY, room
+scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)
+for error in (0.005, 0.02, 0.1):
+    plan = fastibl.make_plan(scene, room(), error=error)
+    print(repr(plan.methods), plan.expected_error.hex(), plan.assured_error.hex())
+"""
+
+
+def test_fresh_processes_choose_the_same():
+    root = Path(__file__).resolve().parents[1]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(fastibl.__file__).parents[1]), str(root / "tests")])}
+    out = [
+        subprocess.run(
+            [sys.executable, "-c", REPLAY, n], env=env, cwd=root, capture_output=True, text=True, check=True
+        ).stdout
+        for n in ("1", "2")
+    ]
+    assert out[0] == out[1] and len(out[0].splitlines()) == 3
+
+
+def test_planning_is_quick(scene):
+    plan = fastibl.make_plan(scene, room(), error=0.02)
+    due = min(_due_seconds(plan, 20000) for _ in range(3))
+    making = min(_plan_seconds(scene, fastibl.Environment(room()), 20)[0] for _ in range(3))
+    print(f"due_passes {1e6 * due:.2f} us, make_plan {1e3 * making:.2f} ms")
+    assert due < 10e-6 and making < 10e-3  # the goals are a tenth of it, on a quiet machine
+
+
+def test_costs_are_kept_and_broken_files_measured_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("FASTIBL_CACHE", str(tmp_path))
+    calls = []
+    table = {**fastibl.default_costs(), "fold": 1234.0}
+    monkeypatch.setattr(costs, "_measure_costs", lambda: calls.append(1) or dict(table))
+    assert fastibl.machine_costs(measure=False) == fastibl.default_costs() and not calls
+    assert fastibl.machine_costs() == table == fastibl.machine_costs() and len(calls) == 1
+    path = costs.costs_path()
+    assert json.loads(path.read_text())["nanoseconds"] == table and list(tmp_path.iterdir()) == [path]
+    for broken in ("", "[]", "{", '{"nanoseconds": {"fold": 1}}', json.dumps({"nanoseconds": {**table, "fold": -1}})):
+        path.write_text(broken)
+        before = len(calls)
+        assert fastibl.machine_costs() == table and len(calls) == before + 1
+    monkeypatch.setenv("FASTIBL_CACHE", "0")
+    assert costs.costs_path() is None and fastibl.machine_costs() == table
+
+
+def test_bad_budgets_are_refused(scene):
+    same_error(lambda: fastibl.make_plan(scene, room(), error=-1), ValueError, "error budget")
+    same_error(lambda: fastibl.make_plan(scene, room(), milliseconds=float("nan")), ValueError, "time budget")
