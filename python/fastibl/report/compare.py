@@ -137,7 +137,7 @@ def comparison_section(c: Comparison) -> Section:
         "Worse is: an error more than 5 % (and 0.05 % absolute) above the old one; a time whose 10th percentile is more "
         "than 1.25 times the old 90th percentile, in yardsticks of its own run. Times of another machine do not count."
     )
-    section = Section("against", f"Against {c.name}", rule, seen=[summary(c) + "."])
+    section = Section("against", "Against an earlier report", f"{c.name}. {rule}", seen=[summary(c) + "."])
     rows = _lines([*c.worse[:_SHOWN], *c.better[:_SHOWN]])
     marks = {k: "worse" if k < len(c.worse[:_SHOWN]) else "better" for k in range(len(rows))}
     if rows:

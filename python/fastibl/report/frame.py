@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import CubeMap, Environment, Frame, Session
+from .. import CubeMap, Environment, Frame, Pose, Session, Tracker
 from .._fastibl import set_threads, with_gl
 from ..comparison import level_at_most
 from ..lighting import PAPER
@@ -49,13 +49,25 @@ class _View:
     renderer: TrueRenderer
 
 
+def _posed(recording: Recording) -> tuple[Frame, Pose] | None:
+    """The last frame with a back picture and a pose: true, given, or as tracked, which is as good to compare at."""
+    for frame in reversed([f for f in recording if f.back is not None]):
+        if truth_of(recording).poses:
+            return frame, recording.truth.pose(frame.time)
+        if frame.back_from_marker is not None:
+            return frame, frame.back_from_marker
+        if recording.board is not None:
+            tracked = Tracker(recording.board, recording.rig.back).track(frame.back)
+            if tracked is not None:
+                return frame, tracked.camera_from_marker
+    return None
+
+
 def _view(inputs: Inputs, places: Mapping[str, CubeMap]) -> _View:
     recording, effort = inputs.follow, inputs.effort
     with all_cores():
         renderer = TrueRenderer(inputs.scene, extent=0.25, grid=40 if effort.name != "full" else 64)
-        frames = [f for f in recording if f.back is not None]
-        frame = frames[-1]
-        pose = recording.truth.pose(frame.time) if truth_of(recording).poses else frame.back_from_marker
+        frame, pose = _posed(recording)
         given = Frame(frame.time, frame.back, back_exposure=_exposure(frame), back_from_marker=pose)
         truths = {
             name: renderer.render(given.back, given.back_exposure, recording.rig.back, pose, cube)
@@ -121,9 +133,8 @@ def measure(inputs: Inputs) -> Section:
     height = 100 * float(np.ptp(inputs.mesh.vertices[:, 2]))
     what = _WHAT.format(name=inputs.mesh_name, height=height, width=camera.width, picture_height=camera.height)
     section = Section("frame", "The whole frame", what)
-    posed = truth_of(recording).poses or any(f.back_from_marker is not None for f in recording)
-    if not posed or not any(f.back is not None for f in recording):
-        section.missing = "The recording holds no back pictures with known poses to render into."
+    if _posed(recording) is None:
+        section.missing = "The recording holds no back picture whose pose is known or can be tracked."
         return section
     # Truth sums over 32 squared texels a face, so the methods get the map in that resolution: the errors are theirs.
     chosen = list(inputs.places.items())[: inputs.effort.frame_maps]
