@@ -10,7 +10,7 @@ from .goals import Goal, skipped
 from .measure import ROOT
 
 
-def python(*arguments: str) -> subprocess.CompletedProcess[str]:
+def python(*arguments: str, limit: float = 400) -> subprocess.CompletedProcess[str]:
     """Runs Python that sees what this one sees, from the repository root."""
     path = os.pathsep.join(p for p in sys.path if p)
     return subprocess.run(
@@ -19,7 +19,7 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
         env={**os.environ, "PYTHONPATH": path},
         capture_output=True,
         text=True,
-        timeout=400,
+        timeout=limit,
     )
 
 

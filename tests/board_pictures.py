@@ -1,121 +1,12 @@
-"""Pictures of a board from known poses: a renderer for tests that shares nothing with the simulator.
-
-Each pixel is the mean of fine x fine rays through the full lens model; the board's page is looked up by ray,
-so there is no resampling of an already sampled picture.
-"""
+"""Pictures of a board from known poses, shared with `fastibl extremes`, and those that are stored in tests/data."""
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 import fastibl
-
-
-def look_at(tilt_degrees, distance, azimuth_degrees=0.0, roll_degrees=0.0, aim=(0.0, 0.0)):
-    """camera_from_marker (4, 4): the camera `distance` from the point `aim`, off the normal by `tilt`."""
-    tilt, azimuth, roll = np.radians([tilt_degrees, azimuth_degrees, roll_degrees])
-    out = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
-    z = -out
-    up = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    right = np.cross(z, up)
-    right /= np.linalg.norm(right)
-    down = np.cross(z, right)
-    rotation = np.stack([right, down, z])
-    turn = np.array([[np.cos(roll), -np.sin(roll), 0], [np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
-    pose = np.eye(4)
-    pose[:3, :3] = turn @ rotation
-    pose[:3, 3] = -pose[:3, :3] @ (np.array([*aim, 0.0]) + distance * out)
-    return pose
-
-
-def srgb(linear):
-    linear = np.clip(linear, 0, 1)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
-_pages = {}
-
-
-def page_of(board, dpi=300):
-    key = (repr(board), board.border_bits, dpi)
-    if key not in _pages:
-        _pages[key] = board.image(dpi).astype(np.float32) / 255
-    return _pages[key]
-
-
-def render(
-    board,
-    camera,
-    camera_from_marker,
-    *,
-    seed=0,
-    blur=0.5,
-    noise=0.004,
-    fine=4,
-    exposure=1.0,
-    black=0.04,
-    white=0.85,
-    table=0.25,
-    encode=srgb,
-    dpi=300,
-):
-    """(height, width, 3) uint8. blur: sigma in px, in linear light; noise: of a white pixel, linear."""
-    page = page_of(board, dpi)
-    y, x = (np.mgrid[: camera.height * fine, : camera.width * fine] + 0.5) / fine
-    rays = _rays(camera, fine, x, y)
-    pose = np.asarray(camera_from_marker, np.float64)
-    marker_from_camera = np.linalg.inv(pose)
-    directions = rays @ marker_from_camera[:3, :3].T.astype(np.float32)
-    origin = marker_from_camera[:3, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = -origin[2] / directions[..., 2]
-    px = (origin[0] + distance * directions[..., 0] + board.width / 2) / board.width * page.shape[1] - 0.5
-    py = (board.height / 2 - origin[1] - distance * directions[..., 1]) / board.height * page.shape[0] - 0.5
-    px[~(distance > 0)] = -10
-    ink = cv2.remap(
-        page,
-        px.astype(np.float32),
-        py.astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=-1,
-    )
-    light = np.where(ink < 0, table, black + (white - black) * np.clip(ink, 0, 1))
-    light = light.reshape(camera.height, fine, camera.width, fine).mean((1, 3)) * exposure
-    if blur:
-        light = cv2.GaussianBlur(light, (0, 0), blur)
-    rng = np.random.default_rng(seed)
-    light = light[..., None] + noise * np.sqrt(np.clip(light[..., None], 0, 1) + 0.05) * rng.standard_normal(
-        (*light.shape, 3)
-    )
-    return np.rint(255 * encode(light)).astype(np.uint8)
-
-
-_ray_cache = {}
-
-
-def _rays(camera, fine, x, y):
-    key = (camera.width, camera.height, camera.fx, camera.cx, camera.cy, camera.distortion, fine)
-    if key not in _ray_cache:
-        K = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
-        pixels = np.stack([x, y], -1).reshape(-1, 1, 2)
-        # OpenCV's own inverse of the lens model, not fastibl's; K is in the pixel convention of x and y.
-        ideal = cv2.undistortPoints(pixels, K, np.array(camera.distortion or (0.0,) * 4))
-        rays = np.concatenate([ideal.reshape(*x.shape, 2), np.ones((*x.shape, 1))], -1)
-        _ray_cache.clear()
-        _ray_cache[key] = rays.astype(np.float32)
-    return _ray_cache[key]
-
-
-def vga(distortion=()):
-    return fastibl.Camera(640, 480, 522.0, 522.0, 320.0, 240.0, distortion=distortion)
-
-
-def rotation_error_degrees(pose, truth):
-    rotation = np.asarray(pose)[:3, :3].T @ np.asarray(truth)[:3, :3]
-    axis = [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    return np.degrees(np.arctan2(np.linalg.norm(axis), np.trace(rotation) - 1))
+from fastibl.extremes.board_pictures import *  # noqa: F403
+from fastibl.extremes.board_pictures import look_at, project_tag, render
 
 
 def vectors():
@@ -124,12 +15,6 @@ def vectors():
     yield "grid", fastibl.Board.grid(3, 4, 0.03, 0.01), camera, look_at(35, 0.24, 30, 12, (0.005, -0.004))
     camera = fastibl.Camera(160, 120, 200.0, 200.0, 80.0, 60.0)
     yield "kalibr", fastibl.Board.kalibr(2, 2, 0.05, 0.3), camera, look_at(25, 0.26, 200, -5)
-
-
-def project_tag(tag, camera, pose):
-    pose = np.asarray(pose)
-    points = np.pad(tag.corners, ((0, 0), (0, 1))) @ pose[:3, :3].T + pose[:3, 3]
-    return camera.project(points)
 
 
 def write_vectors(folder):

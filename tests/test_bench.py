@@ -17,7 +17,7 @@ def numbered(count):
 
 
 def test_rows_round_trip_sorted_and_stable(tmp_path, monkeypatch):
-    monkeypatch.setattr(measure, "yardstick_seconds", lambda: 0.004)
+    monkeypatch.setattr("fastibl.measuring.rows.yardstick_seconds", lambda: 0.004)
     rows = [*numbered(3), measure.row("none", "a case without time", "RMS", 0.5), measure.row("mip", "only time")]
     path = measure.write_rows("example", rows[::-1], tmp_path)
     first = path.read_bytes()

@@ -253,3 +253,13 @@ def test_what_is_no_pose_is_refused():
     same_error(lambda: fastibl.Pose(3.0), TypeError, "array")
     same_error(lambda: fastibl.Pose() @ np.ones((2, 2)), ValueError, "(..., 3)")
     same_error(lambda: fastibl.Pose.from_rotation_vector(np.ones(4), np.ones(3)), ValueError, "(3,)")
+
+
+def test_replace_changes_what_is_named():
+    camera = camera_with(LENSES["five"], gain=2.0, vignetting=[0.1], readout=0.02, response=fastibl.Response.gamma(2.0))
+    changed = camera.replace(readout=0.03)
+    assert changed.readout == 0.03 and changed != camera and changed.replace(readout=0.02) == camera
+    with pytest.raises(ValueError, match="readout"):
+        camera.replace(readout=-1.0)
+    with pytest.raises(TypeError):
+        camera.replace(shutter=0.1)

@@ -35,6 +35,18 @@ def test_exposure_and_albedo_count():
     np.testing.assert_allclose(measured(pose, albedo=0.7), np.pi / 0.7 * WHITE, rtol=0.03)
 
 
+def test_broken_pixels_of_linear_pictures_count_as_dark():
+    pose = look_at(30, 0.35)
+    srgb = fastibl.Response.srgb().decode(render(BOARD, CAMERA, pose, exposure=1.0, white=WHITE, fine=2) / 255)
+    picture = np.asarray(srgb, np.float32)
+    rng = np.random.default_rng(0)
+    picture[rng.random(picture.shape[:2]) < 0.1] = np.nan
+    picture[rng.random(picture.shape[:2]) < 0.1] = -np.inf
+    capture = fastibl.Capture(size=16, board=BOARD)
+    capture.add(picture, CAMERA, fastibl.Pose(pose))
+    np.testing.assert_allclose(capture.environment().plane_irradiance, np.pi / 0.85 * WHITE, rtol=0.03)
+
+
 def test_what_tells_nothing():
     assert measured(look_at(30, 0.35), exposure=4.0) is None  # white is clipped
     assert measured(look_at(85, 0.35)) is None  # paper shines at grazing views

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fastibl
+from bench.mitsuba_scene import emitter_of, equirect_of
 from conftest import MAPS
 from fastibl import reference
 from views import camera_of, looking, rays_of
@@ -20,28 +21,6 @@ POSE = looking(CENTRE - EYE, EYE)
 @pytest.fixture(scope="module", autouse=True)
 def variant():
     mi.set_variant("scalar_rgb")
-
-
-def equirect_of(cube, height, poles=False):
-    """Values of the map at the middles of an equirectangular picture's pixels; `poles`: of rows from pole to pole."""
-    u = ((np.arange(2 * (height - poles)) + 0.5) / (2 * (height - poles)) - 0.5) * 2 * np.pi
-    v = (np.arange(height) / (height - 1) if poles else (np.arange(height) + 0.5) / height)[:, None] * np.pi
-    return cube.sample(np.stack(np.broadcast_arrays(np.sin(v) * np.sin(u), np.sin(v) * np.cos(u), np.cos(v)), axis=-1))
-
-
-def emitter_of(cube):
-    """A map as Mitsuba's emitter.
-
-    Ours: u = 1/2 + atan2(x, y) / 2 pi, v = acos(z) / pi. Mitsuba's, in its own frame (a, b, c):
-    u = atan2(a, -c) / 2 pi, v = acos(b) / pi. So (a, b, c) = (-x, z, y). Its first and last rows lie on the poles.
-    """
-    image = equirect_of(cube, 257, poles=True)
-    local_from_world = np.array([[-1.0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-    return {
-        "type": "envmap",
-        "bitmap": mi.Bitmap(np.ascontiguousarray(image, np.float32)),
-        "to_world": mi.ScalarTransform4f(local_from_world.T),
-    }
 
 
 def test_orientation_of_the_map(marked):

@@ -66,19 +66,24 @@ def hits(mesh, places):
     return EYE + t[:, None] * d
 
 
+def over_sphere(arrow, radius, count):
+    """Directions (count, 3) spread evenly over a sphere's outline as seen along `arrow`, and its solid angle."""
+    z = arrow / np.linalg.norm(arrow)
+    x = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.7 else [0, 1.0, 0])
+    x /= np.linalg.norm(x)
+    span = 1 - np.sqrt(1 - radius**2 / (arrow @ arrow))
+    c = 1 - span * (np.arange(count) + 0.5) / count
+    s, turn = np.sqrt(1 - c * c), np.arange(count) * np.pi * (3 - np.sqrt(5))
+    d = c[:, None] * z + s[:, None] * (np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * np.cross(z, x))
+    return d, 2 * np.pi * span
+
+
 def sphere_irradiance(points, normals, position, radius, radiance, count=4000):
     """By sums over directions within the sphere's outline."""
     out = []
     for p, n in zip(points, normals, strict=True):
-        arrow = position - p
-        z = arrow / np.linalg.norm(arrow)
-        x = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.7 else [0, 1.0, 0])
-        x /= np.linalg.norm(x)
-        span = 1 - np.sqrt(1 - radius**2 / (arrow @ arrow))
-        c = 1 - span * (np.arange(count) + 0.5) / count
-        s, turn = np.sqrt(1 - c * c), np.arange(count) * np.pi * (3 - np.sqrt(5))
-        cosine = c * (n @ z) + s * (np.cos(turn) * (n @ x) + np.sin(turn) * (n @ np.cross(z, x)))
-        out.append(radiance * 2 * np.pi * span * np.maximum(cosine, 0).mean())
+        d, solid_angle = over_sphere(position - p, radius, count)
+        out.append(radiance * solid_angle * np.maximum(d @ n, 0).mean())
     return np.array(out)
 
 
@@ -244,14 +249,8 @@ def true_ratio(points, mesh, position, radius, facing, centre, ambient=AMBIENT, 
         p = np.array([x, y, 1e-5])
         even = ambient * angles * sky[:, 2]
         arrow = position - p
-        z = arrow / np.linalg.norm(arrow)
-        side = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.7 else [0, 1.0, 0])
-        side /= np.linalg.norm(side)
-        span = 1 - np.sqrt(max(1 - radius**2 / (arrow @ arrow), 0))
-        c = 1 - span * (np.arange(count) + 0.5) / count
-        s, turn = np.sqrt(1 - c * c), np.arange(count) * np.pi * (3 - np.sqrt(5))
-        d = c[:, None] * z + s[:, None] * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * np.cross(z, side))
-        own = radiance * 2 * np.pi * span / count * np.maximum(d[:, 2], 0)
+        d, solid_angle = over_sphere(arrow, radius, count)
+        own = radiance * solid_angle / count * np.maximum(d[:, 2], 0)
         start = p.astype(np.float32)
         kept = (
             own[~bvh.occluded(start, d.astype(np.float32))].sum()
@@ -429,14 +428,8 @@ def spheres_ratio(points, spheres, position, radius, facing, ambient, count=200)
     for x, y in points:
         p = np.array([x, y, 0.0])
         arrow = position - p
-        z = arrow / np.linalg.norm(arrow)
-        side = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.7 else [0, 1.0, 0])
-        side /= np.linalg.norm(side)
-        span = 1 - np.sqrt(1 - radius**2 / (arrow @ arrow))
-        c = 1 - span * (np.arange(count) + 0.5) / count
-        s, turn = np.sqrt(1 - c * c), np.arange(count) * np.pi * (3 - np.sqrt(5))
-        d = c[:, None] * z + s[:, None] * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * np.cross(z, side))
-        own = radiance * 2 * np.pi * span / count * np.maximum(d[:, 2], 0)
+        d, solid_angle = over_sphere(arrow, radius, count)
+        own = radiance * solid_angle / count * np.maximum(d[:, 2], 0)
         even = ambient * angles * sky[:, 2]
         kept = own[~hidden(p, d, np.linalg.norm(arrow))].sum() + even[~hidden(p, sky)].sum()
         result.append(kept / (own.sum() + even.sum()))

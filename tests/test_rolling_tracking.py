@@ -9,7 +9,7 @@ import pytest
 
 import fastibl
 from bench.capture.board_film import CAMERA, HARD, Look, look_at, picture, rotation_error_degrees, small_turn
-from bench.capture.rolling_film import FPS, PATHS, READOUT, ROLLING, board_light, film, with_readout
+from bench.capture.rolling_film import FPS, PATHS, READOUT, ROLLING, board_light, film
 from fastibl.__main__ import main
 from fastibl._fastibl import _EdgeTracker
 from fastibl.calibration import PosePath, calibrate_timing
@@ -338,7 +338,7 @@ def test_the_readout_reaches_the_front_camera():
     light = np.kron(rng.uniform(20, 230, (30, 40, 3)), np.ones((16, 16, 1))).astype(np.uint8)
     maps = []
     for readout in (0.0, READOUT):
-        rig = fastibl.Rig(CAMERA, with_readout(CAMERA, readout), turn)
+        rig = fastibl.Rig(CAMERA, CAMERA.replace(readout=readout), turn)
         session = fastibl.Session(scene(), rig, None)
         expected = fastibl.Capture(size=128, centre=(0.005, 0.005, 0.12))
         for k in range(5):

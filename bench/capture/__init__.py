@@ -1,10 +1,12 @@
 """Goals of capture and tracking: table "capture". One file a subject; each adds its rows when it is imported."""
 
 from . import (  # noqa: F401
+    boost,
     change,
     cost,
     exposures,
     faults,
+    flicker,
     lights,
     merge,
     near,

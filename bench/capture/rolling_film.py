@@ -16,15 +16,7 @@ READOUT = 0.03  # seconds
 TURN = np.radians(60)  # a second
 Path = Callable[[float], NDArray]  # camera_from_marker (4, 4) of a time
 
-
-def with_readout(camera: fastibl.Camera, readout: float) -> fastibl.Camera:
-    return fastibl.Camera(
-        camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, response=camera.response,
-        readout=readout,
-    )  # fmt: skip
-
-
-ROLLING = with_readout(CAMERA, READOUT)
+ROLLING = CAMERA.replace(readout=READOUT)
 
 
 def board_light(board: fastibl.Board, pose_at: Path, time: float, camera: fastibl.Camera) -> NDArray[np.float32]:

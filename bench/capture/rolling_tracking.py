@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl.calibration import PosePath, TimingCalibration, calibrate_timing
-from fastibl.simulator import DistantPlace, default_rig, simulate
+from fastibl.simulator import DistantPlace, default_rig, simulate, with_readout
 
 from .. import inputs
 from ..goals import Goal, row, skipped
 from ..light.speed import looking
 from ..measure import one_core
 from .board_film import CAMERA, rotation_error_degrees
-from .rolling_film import PATHS, READOUT, ROLLING, TURN, Path, film, with_readout
+from .rolling_film import PATHS, READOUT, ROLLING, TURN, Path, film
 
 BOARD = fastibl.Board.default()
 SEEDS, FRAMES = 3, 40
@@ -121,7 +121,7 @@ def clocks() -> Iterator[Goal]:
         # The mount is known to whoever gives poses.
         mounted = matrices[0] @ np.linalg.inv(path(times[0] - OFFSET))
         known = PosePath(times, [fastibl.Pose(np.linalg.inv(mounted) @ m) for m in matrices])
-        tracker = fastibl.Tracker(BOARD, with_readout(CAMERA, timing.readout))
+        tracker = fastibl.Tracker(BOARD, CAMERA.replace(readout=timing.readout))
         for now, image in shots(name, seed):
             given.append(rotation_error_degrees(known(now + timing.clock_offset).matrix, path(now)))
             late.append(rotation_error_degrees(known(now).matrix, path(now)))
@@ -151,14 +151,6 @@ class Maps:
     ignored: float
     degrees: float
     timing: TimingCalibration
-
-
-def _rig(rig: fastibl.Rig, readout: float) -> fastibl.Rig:
-    def camera(c: fastibl.Camera) -> fastibl.Camera:
-        lens = {n: getattr(c, n) for n in ("distortion", "response", "gain", "vignetting")}
-        return fastibl.Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, readout=readout)
-
-    return fastibl.Rig(camera(rig.back), camera(rig.front), rig.front_from_back)
 
 
 @cache
@@ -191,12 +183,12 @@ def maps(name: str) -> Maps:
         faces = capture.environment().radiance.faces.astype(np.float64)
         return faces, np.isfinite(capture.last_seen), float(np.percentile(degrees, 95))
 
-    found = _rig(rolling.rig, timing.readout)
+    found = with_readout(rolling.rig, timing.readout)
     runs = (
         run(still, still.rig),
         run(rolling, found),
         run(rolling, found, lambda t: known(t + timing.clock_offset)),
-        run(rolling, _rig(rolling.rig, 0.0), known),
+        run(rolling, with_readout(rolling.rig, 0.0), known),
     )
     truth = DistantPlace(environment).truth((0.0, 0.0, 0.12), 128).faces.astype(np.float64)
     white = 1 / min(f.front_exposure for f in still)  # no picture tells more

@@ -17,6 +17,8 @@ std::string how(TakenAs as) {
       return "corrected";
     case TakenAs::estimated:
       return "estimated";
+    case TakenAs::averaged:
+      return "averaged";
     case TakenAs::assumed:
       return "assumed";
     case TakenAs::left_out:
@@ -30,7 +32,9 @@ void bind_taken(py::module_& module) {
       .def_property_readonly(
           "how", [](const Taken& t) { return how(t.as); },
           R"("told": with the exposure that came with it. "corrected": that contradicts the map all over
-the picture, and what the map says was used. "estimated": none came, and the map told it. "assumed": none came with the
+the picture, and what the map says was used. "estimated": none came, and the map told it. "averaged":
+pictures of this exposure differ up and down all over, as lamps on the mains make short ones: the picture was taken as
+bright as the map, which moves towards their mean. "assumed": none came with the
 camera's first picture, of which the map knows nothing, and 1 was used. "left out": it shows nothing of what it should,
 or no exposure came and the map cannot tell it.)")
       .def_readonly("exposure", &Taken::exposure, "Multiplier that was used.")
@@ -42,6 +46,9 @@ or no exposure came and the map cannot tell it.)")
           "By channel, a factor on it; as given, but where it was corrected.")
       .def_readonly("deviation", &Taken::deviation,
                     "Standard deviation of ln(exposure) where it rests on the map.")
+      .def_readonly("flicker", &Taken::flicker,
+                    "Relative standard deviation of the light between pictures of this exposure, "
+                    "where it was averaged; else 0.")
       .def_readonly("probes", &Taken::probes,
                     "Parts of the picture that the map was compared with.")
       .def("__repr__", [](const Taken& t) {
@@ -67,12 +74,16 @@ sees them, whatever `distance` and `box` say. prior: CubeMap of the place from b
 picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
 doubt_exposures: whether a picture of a perspective camera that is
 brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
+most_boost: for cameras that cannot bracket. Largest factor, by channel, by which what clipped above the horizon in
+every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default) leaves it a
+lower bound. One factor for all that clips in all channels: one reading cannot tell lights apart. Without a board, or
+where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says how much of the light it is.
 Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
                        double plane_albedo, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
                        bool locate_lights, const CubeMap* prior, bool doubt_exposures,
-                       double paper_albedo) {
+                       double paper_albedo, double most_boost) {
              CaptureOptions options;
              options.size = size;
              options.board = board;
@@ -84,6 +95,7 @@ Raises ValueError for values out of range.)")
              if (prior) options.prior = std::make_shared<const CubeMap>(*prior);
              options.doubt_exposures = doubt_exposures;
              options.paper_albedo = paper_albedo;
+             options.most_boost = most_boost;
              return Capture(options);
            }),
            py::arg("size") = 128, py::arg("board") = py::none(),
@@ -91,7 +103,7 @@ Raises ValueError for values out of range.)")
            py::arg("distance") = std::numeric_limits<double>::infinity(),
            py::arg("box") = py::none(), py::arg("locate_lights") = true,
            py::arg("prior") = py::none(), py::arg("doubt_exposures") = false,
-           py::arg("paper_albedo") = 0.85)
+           py::arg("paper_albedo") = 0.85, py::arg("most_boost") = 1.0)
       .def(
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,

@@ -174,13 +174,15 @@ not finite, or a box that does not hold it.)")
             out["bound_flux"] = e.knowledge.bound_flux;
             out["parallax"] = e.knowledge.parallax;
             out["prior_flux"] = e.knowledge.prior_flux;
+            out["boosted_flux"] = e.knowledge.boosted_flux;
             return out;
           },
           "What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux "
           "of "
           "the light in what was never seen, of which prior_flux is taken from a map from before, "
-          "bound_flux of the light known as a lower bound only, parallax put wrong because things "
-          "are near.")
+          "bound_flux of the light known as a lower bound only, boosted_flux of it that clipped "
+          "and "
+          "was put back (see Capture's most_boost), parallax put wrong because things are near.")
       .def("__repr__", [](const Environment& e) {
         return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
                std::to_string(e.coverage) + ">";

@@ -66,12 +66,13 @@ Floats ggx(Lighting& lighting, const py::object& normals, const py::object& view
   glm::vec3* to = vectors(out);
   {
     const py::gil_scoped_release release;
+    const GgxShading shading(lighting);
     parallel_for(int(pairs.size()), 512, [&](int begin, int end) {
       for (int i = begin; i < end; ++i) {
         const SurfaceFrame frame = frame_around(unit(vectors(n)[i]), vectors(t)[i]);
         const glm::vec3 view = unit(vectors(v)[i]);
         const glm::vec2 a = pairs[std::size_t(i)];
-        to[i] = evaluate_ggx(lighting, frame, view, a, options);
+        to[i] = shading(frame, view, a, options);
         if (!single) continue;
         const glm::dvec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
                                glm::dot(view, frame.normal));

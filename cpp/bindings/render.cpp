@@ -194,7 +194,7 @@ its shadow from the plane behind them.)")
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
                        bool doubt_exposures, const std::array<double, 3>& front_ratio,
                        bool follow_surroundings, const CubeMap* prior, double paper_albedo,
-                       bool adapt, const std::map<std::string, double>& costs) {
+                       double most_boost, bool adapt, const std::map<std::string, double>& costs) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
@@ -212,6 +212,7 @@ its shadow from the plane behind them.)")
                                 follow_surroundings,
                                 prior ? std::make_shared<const CubeMap>(*prior) : nullptr,
                                 paper_albedo,
+                                most_boost,
                                 adapt,
                                 costs_from(costs)});
            }),
@@ -220,7 +221,7 @@ its shadow from the plane behind them.)")
            py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
            py::arg("box"), py::arg("doubt_exposures"), py::arg("front_ratio"),
            py::arg("follow_surroundings"), py::arg("prior"), py::arg("paper_albedo"),
-           py::arg("adapt"), py::arg("costs"))
+           py::arg("most_boost"), py::arg("adapt"), py::arg("costs"))
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,

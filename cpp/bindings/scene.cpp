@@ -422,6 +422,18 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
                          ? ")"
                          : ", model='" + std::string(name(c.model)) + "')");
            })
+      .def(
+          "replace",
+          [](const py::object& self, const py::kwargs& changes) {
+            py::dict arguments;
+            for (const char* name : {"width", "height", "fx", "fy", "cx", "cy", "distortion",
+                                     "response", "gain", "vignetting", "readout", "model"})
+              arguments[name] = self.attr(name);
+            for (const auto& [name, value] : changes) arguments[name] = value;
+            return py::type::of(self)(**arguments).cast<Camera>();
+          },
+          "The same camera with some arguments of the constructor changed: "
+          "camera.replace(readout=0.03). Raises what the constructor raises.")
       .def("__copy__", [](const Camera& c) { return c; })
       .def(
           "__deepcopy__", [](const Camera& c, const py::dict&) { return c; }, py::arg("memo"))

@@ -9,6 +9,18 @@ import numpy as np
 from ._fastibl import Camera, Capture, Pose
 
 
+def whole_periods(exposure: float, flicker: float, seconds_at_one: float = 0.01) -> float:
+    """The longest exposure of at most `exposure` that lasts whole periods of lamps that flicker, so that each picture
+    takes their mean; `exposure` itself where it is shorter than one, or flicker is 0.
+
+    flicker: Hz, 100 or 120. seconds_at_one: exposure time of an exposure of 1. Raises ValueError for what is none.
+    """
+    if not (flicker >= 0 and np.isfinite(flicker) and seconds_at_one > 0 and np.isfinite(seconds_at_one)):
+        raise ValueError(f"flicker must be 0 Hz or more and times positive, got {flicker} Hz, {seconds_at_one} s")
+    periods = np.floor(exposure * seconds_at_one * flicker * (1 + 1e-9))
+    return float(periods / (flicker * seconds_at_one)) if periods >= 1 else float(exposure)
+
+
 class Bracket:
     """Exposures in turn, whatever they show: what CameraSource and simulate ask for the next one.
 
@@ -34,19 +46,27 @@ class AdaptiveExposure:
     """Exposures by what the map still lacks where a camera looks, see Capture.next_exposure.
 
     camera: a perspective one. shortest, longest: what its driver can. Call `update` with what was captured; it is asked
-    as a Bracket is. Before the first update the exposure stays as it is.
+    as a Bracket is. Before the first update the exposure stays as it is. flicker: Hz of lamps on the mains, 100 or 120:
+    exposures that are long enough are made whole periods, see whole_periods; 0 for daylight. seconds_at_one: exposure
+    time of an exposure of 1, 10 ms of live cameras.
     """
 
-    def __init__(self, camera: Camera, shortest: float, longest: float):
+    def __init__(
+        self, camera: Camera, shortest: float, longest: float, flicker: float = 0.0, seconds_at_one: float = 0.01
+    ):
         if not (0 < shortest <= longest and np.isfinite(longest)):
             raise ValueError(f"exposures must range from a positive one to a longer one, got {shortest} to {longest}")
         self.camera, self.shortest, self.longest = camera, float(shortest), float(longest)
+        self.flicker, self.seconds_at_one = float(flicker), float(seconds_at_one)
+        whole_periods(1.0, self.flicker, self.seconds_at_one)  # refuses what is none
         self._next: float | None = None
 
     def update(self, capture: Capture, camera_from_marker: Pose | None) -> None:
         """Chooses the next exposure. camera_from_marker: where the camera looks now; None keeps what was chosen."""
         if camera_from_marker is not None:
-            self._next = capture.next_exposure(self.camera, camera_from_marker, self.shortest, self.longest)
+            chosen = capture.next_exposure(self.camera, camera_from_marker, self.shortest, self.longest)
+            steady = whole_periods(chosen, self.flicker, self.seconds_at_one)
+            self._next = steady if steady >= self.shortest else chosen
 
     def __call__(self, last: float) -> float:
         """The exposure after `last`, both multipliers."""

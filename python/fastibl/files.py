@@ -25,11 +25,12 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:
         raise FileNotFoundError(f"no mesh at {path}")
     try:
         loaded = trimesh.load(path, force="mesh", process=False, skip_materials=True)
+        if len(getattr(loaded, "faces", ())) > 0:
+            loaded.merge_vertices(merge_tex=True, merge_norm=True)
     except Exception as error:  # trimesh raises what its loaders raise
         raise ValueError(f"{path} is not a mesh that can be read: {error}") from error
     if len(getattr(loaded, "faces", ())) == 0:
         raise ValueError(f"{path} holds no triangles")
-    loaded.merge_vertices(merge_tex=True, merge_norm=True)
     vertices = np.asarray(loaded.vertices, np.float64)
     if up == "y":
         vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]

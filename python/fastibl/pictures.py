@@ -28,7 +28,10 @@ def read_picture(path: Path) -> NDArray[np.float32]:
         return _read_exr(path)
     import cv2
 
-    image = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
+    try:
+        image = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
+    except cv2.error:  # a size that it does not believe
+        image = None
     if image is None:
         raise ValueError(f"{path} is not a picture that can be read; expected an equirectangular .hdr or .exr")
     if image.dtype != np.float32:

@@ -19,6 +19,7 @@ import json
 import os
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -418,9 +419,46 @@ def _number(node: cv2.FileNode, name: str, path: Path) -> float:
     return item.real()
 
 
-def _matrix(node: cv2.FileNode, name: str) -> NDArray | None:
+_MOST_VALUES = 1 << 16  # of a matrix in a calibration: none has more
+
+
+def _matrix(node: cv2.FileNode, name: str, path: Path) -> NDArray | None:
+    """float64 of an !!opencv-matrix, value by value: FileNode.mat() of a broken file may corrupt memory."""
     item = node.getNode(name)
-    return None if item.empty() else item.mat()
+    if item.empty():
+        return None
+    if not item.isMap():
+        raise ValueError(f"{path}: {name} must be a matrix")
+    rows, columns = _whole(item, "rows", path), _whole(item, "cols", path)
+    data = item.getNode("data")
+    if not data.isSeq() or not 0 < rows * columns <= _MOST_VALUES or data.size() != rows * columns:
+        raise ValueError(f"{path}: {name} must be a matrix of {rows} x {columns} values")
+    values = [data.at(i) for i in range(rows * columns)]
+    if not all(v.isInt() or v.isReal() for v in values):
+        raise ValueError(f"{path}: {name} must hold numbers")
+    return np.array([v.real() for v in values]).reshape(rows, columns)
+
+
+def _whole(node: cv2.FileNode, name: str, path: Path) -> int:
+    value = _number(node, name, path)
+    if not (abs(value) < 1 << 31 and value == int(value)):
+        raise ValueError(f"{path}: {name} must be a whole number, got {value}")
+    return int(value)
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[cv2.FileStorage]:
+    """A file of OpenCV's, whose own errors become ValueErrors that name it."""
+    import cv2
+
+    storage = _open_yaml(path)
+    try:
+        yield storage
+    except (cv2.error, SystemError, OverflowError) as error:
+        said = str(error).strip().splitlines()[0]
+        raise ValueError(f"{path} is not a file that OpenCV's FileStorage reads: {said}") from None
+    finally:
+        storage.release()
 
 
 def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
@@ -460,20 +498,18 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"the calibration {path} is missing")
-    storage = _open_yaml(path)
-    try:
-        back = _read_camera(storage.getNode("back"), "back", path)
+    with _reading(path) as storage:
+        root = storage.root()
+        back = _read_camera(root.getNode("back"), "back", path)
         if back is None:
             raise ValueError(f"{path} has no back camera")
-        front = _read_camera(storage.getNode("front"), "front", path)
-        pose = storage.getNode("front_from_back")
+        front = _read_camera(root.getNode("front"), "front", path)
         if front is None:
             return Rig(back)
-        if pose.empty():
+        pose = _matrix(root, "front_from_back", path)
+        if pose is None:
             raise ValueError(f"{path} has a front camera, but no front_from_back")
-        return Rig(back, front, Pose(pose.mat()))
-    finally:
-        storage.release()
+        return Rig(back, front, Pose(pose))
 
 
 def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
@@ -481,24 +517,24 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
         return None
     if not node.isMap():
         raise ValueError(f"{path}: {name} must be a map")
-    matrix = _matrix(node, "camera_matrix")
+    matrix = _matrix(node, "camera_matrix", path)
     if matrix is None:
         raise ValueError(f"{path} has no camera_matrix of the {name} camera")
-    distortion, vignetting = _matrix(node, "distortion"), _matrix(node, "vignetting")
+    distortion, vignetting = _matrix(node, "distortion", path), _matrix(node, "vignetting", path)
     response = node.getNode("response")
-    curve = None if response.empty() or response.isString() else response.mat()
+    curve = None if response.empty() or response.isString() else _matrix(node, "response", path)
     if response.isString() and response.string() != "srgb":
         raise ValueError(f'{path}: response must be "srgb" or a curve, got {response.string()!r}')
     gain, readout, model = node.getNode("gain"), node.getNode("readout"), node.getNode("model")
     return Camera.from_opencv(
-        np.asarray(matrix, np.float64),
+        matrix,
         [] if distortion is None else distortion.ravel().tolist(),
-        (int(_number(node, "width", path)), int(_number(node, "height", path))),
+        (_whole(node, "width", path), _whole(node, "height", path)),
         response=None if curve is None else Response.from_curve(curve.ravel()),
-        gain=1.0 if gain.empty() else gain.real(),
+        gain=1.0 if gain.empty() else _number(node, "gain", path),
         vignetting=[] if vignetting is None else vignetting.ravel().tolist(),
         readout=0.0 if readout.empty() else _number(node, "readout", path),
-        model="perspective" if model.empty() else model.string(),
+        model=model.string() if model.isString() else "perspective" if model.empty() else "?",
     )
 
 
@@ -518,19 +554,25 @@ def write_board(path: str | os.PathLike[str], board: Any) -> None:
 def read_board(path: str | os.PathLike[str]) -> Any:
     """Board of a board.yaml; None where it lists no tags."""
     path = Path(path)
-    storage = _open_yaml(path)
-    try:
+    with _reading(path) as storage:
         root = storage.root()
-        ids, corners = _matrix(root, "ids"), _matrix(root, "corners")
+        ids, corners = _matrix(root, "ids", path), _matrix(root, "corners", path)
         if ids is None:
             return None
         if corners is None or corners.size != 8 * ids.size:
             raise ValueError(f"{path}: expected four corners (x, y) for each of {ids.size} tags")
+        if not (np.abs(ids) < 1 << 31).all():
+            raise ValueError(f"{path}: ids must be whole numbers")
         tags = [(int(i), np.asarray(c)) for i, c in zip(ids.ravel(), corners.reshape(-1, 4, 2), strict=True)]
-        border = int(_number(root, "border_bits", path))
+        border = _whole(root, "border_bits", path)
         return Board(tags, _number(root, "width", path), _number(root, "height", path), border)
-    finally:
-        storage.release()
+
+
+def _load(path: Path) -> NDArray:
+    try:
+        return np.load(path, allow_pickle=False)
+    except Exception as error:  # NumPy raises what the parser of its header raises
+        raise ValueError(f"{path} is not an array that can be read: {error}") from error
 
 
 def _read_truth(folder: Path) -> Truth:
@@ -547,7 +589,7 @@ def _read_truth(folder: Path) -> Truth:
         for time, name in rows("maps.csv"):
             if not (folder / name).is_file():
                 raise FileNotFoundError(f"the true map {folder / name} is missing")
-            maps.append((float(time), CubeMap(np.load(folder / name))))
+            maps.append((float(time), CubeMap(_load(folder / name))))
         truth.maps = maps
         truth.poses = [
             (float(row[0]), Pose(np.vstack([np.array(row[1:], np.float64).reshape(3, 4), [0, 0, 0, 1]])))
@@ -559,6 +601,6 @@ def _read_truth(folder: Path) -> Truth:
             truth.hand = tuple(events["hand"]) if events.get("hand") else None
             truth.position = tuple(events.get("position", truth.position))
             truth.clock_offset = float(events.get("clock_offset", 0.0))
-    except ValueError as error:
-        raise ValueError(f"{folder} cannot be read: {error}") from error
+    except (ValueError, TypeError, LookupError, AttributeError, csv.Error) as error:
+        raise ValueError(f"{folder} cannot be read: {error!r}") from error
     return truth

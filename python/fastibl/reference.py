@@ -59,6 +59,7 @@ def samples(source: Any, split: int = 1) -> tuple[NDArray, NDArray, NDArray]:
 
     source: CubeMap, Environment, cube faces (6, n, n, 3) or equirectangular picture (h, 2h, 3). split: pieces of a
     texel along each axis.
+    Cube faces may have 3 k channels, k maps side by side: what sums over them then returns (..., 3 k).
     """
     if isinstance(source, Environment):
         source = source.radiance
@@ -98,10 +99,10 @@ def irradiance(source: Any, normals: ArrayLike) -> NDArray:
     directions, angles, radiance = samples(source)
     n = _units(normals, "normals")
     flat, flux = n.reshape(-1, 3), radiance * angles[:, None]
-    out = np.empty_like(flat)
+    out = np.empty((len(flat), flux.shape[1]))
     for i in range(0, len(flat), 64):
         out[i : i + 64] = np.maximum(flat[i : i + 64] @ directions.T, 0) @ flux
-    return out.reshape(n.shape)
+    return out.reshape(*n.shape[:-1], -1)
 
 
 def glossy(
@@ -126,7 +127,7 @@ def glossy(
         split = 1 if exponent < 256 else 4 if exponent < 1024 else 8
     directions, angles, radiance = samples(source)
     fine = samples(source, split) if split > 1 else None
-    out = np.empty((n.size // 3, 3))
+    out = np.empty((n.size // 3, radiance.shape[1]))
     for i, (normal, view) in enumerate(zip(n.reshape(-1, 3), v.reshape(-1, 3), strict=True)):
         d, a, l = directions, angles, radiance
         if fine is not None:
@@ -137,7 +138,7 @@ def glossy(
         weight = np.power(cosine, exponent) * np.maximum(d @ normal, 0) * a
         scale = (exponent + 8) / (8 * np.pi) if normalization == "paper" else 1 / max(weight.sum(), 1e-300)
         out[i] = scale * (weight @ l)
-    return out.reshape(n.shape)
+    return out.reshape(*n.shape[:-1], -1)
 
 
 def _refined(shape: tuple[int, ...], chosen: NDArray, angles: NDArray, split: int) -> tuple[NDArray, NDArray]:

@@ -68,7 +68,8 @@ class Session(_Session):
     front_ratio: by channel, what the front camera makes of light by what the back one makes of it, see fastibl.white.
     follow_surroundings: whether the surroundings tell how the cameras turn while the board is out of view
     (FrameResult.turned; the map is captured on), and that the board was turned by hand (FrameResult.board_moved).
-    prior: CubeMap of the place from before; paper_albedo: of the board's white; both as Capture has them.
+    prior: CubeMap of the place from before; paper_albedo: of the board's white; most_boost: of lights that clip in
+    every exposure; all as Capture has them.
     adapt: frames that take longer than `milliseconds`, or much less, change the methods; off for a replay to the same
     bits. Choices by `error` alone never depend on time. costs: nanoseconds by name of this machine, for `milliseconds`,
     see fastibl.costs.machine_costs; a built-in table by default.
@@ -98,6 +99,7 @@ class Session(_Session):
         follow_surroundings: bool = True,
         prior: CubeMap | None = None,
         paper_albedo: float = 0.85,
+        most_boost: float = 1.0,
         adapt: bool = True,
         costs: Mapping[str, float] | None = None,
     ):
@@ -126,6 +128,7 @@ class Session(_Session):
             bool(follow_surroundings),
             prior,
             float(paper_albedo),
+            float(most_boost),
             bool(adapt),
             dict(costs or {}),
         )

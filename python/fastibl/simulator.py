@@ -438,7 +438,7 @@ def simulate(
         raise ValueError(f"size must be (width, height), each at least 16 pixels, got {size}")
     timing = Shutter(shutter, flicker, flicker_depth, glare, clock_offset)
     rig = default_rig(tuple(size)) if rig is None else rig
-    rig = rig if readout is None else _with_readout(rig, readout)
+    rig = rig if readout is None else with_readout(rig, readout)
     longest = max(shutter, *(camera.readout for camera in (rig.back, rig.front) if camera is not None))
     if longest > 1 / fps:
         raise ValueError(f"shutter and readout must not exceed the {1 / fps:g} s between frames, got {longest} s")
@@ -487,12 +487,10 @@ def simulate(
     return Recording(rig, frames, board, truth)
 
 
-def _with_readout(rig: Rig, readout: float) -> Rig:
-    def camera(c: Camera) -> Camera:
-        lens = {name: getattr(c, name) for name in ("distortion", "response", "gain", "vignetting", "model")}
-        return Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, readout=readout)
-
-    return Rig(camera(rig.back)) if rig.front is None else Rig(camera(rig.back), camera(rig.front), rig.front_from_back)
+def with_readout(rig: Rig, readout: float) -> Rig:
+    """The same rig with rolling shutters: seconds from a picture's first row to its last."""
+    back = rig.back.replace(readout=readout)
+    return Rig(back) if rig.front is None else Rig(back, rig.front.replace(readout=readout), rig.front_from_back)
 
 
 class _LiveFrames:

@@ -108,10 +108,12 @@ FN float ggx_light(GgxLobe lobe, vec3 l, float variance) {
   vec3 h = normalize(vec3(l.x + v.x, l.y + v.y, l.z + v.z + 1e-6f));
   float hz = max(h.z, 1e-3f);
   float vh = max(dot(v, h), 5e-2f);
+  // Across the plane of v and l; any where there is none. Without a branch, for loops over lights.
   vec3 q = cross(v, l);
-  float size = dot(q, q);
-  vec3 other = abs(h.x) < 0.7f ? vec3(1.0f, 0.0f, 0.0f) : vec3(0.0f, 1.0f, 0.0f);
-  q = size > 1e-10f ? q / sqrt(size) : normalize(cross(h, other));
+  float any = dot(q, q) > 1e-10f ? 0.0f : 1.0f;
+  float first = abs(h.x) < 0.7f ? any : 0.0f;
+  q = q + cross(h, vec3(first, any - first, 0.0f));
+  q = q * (1.0f / sqrt(max(dot(q, q), 1e-20f)));
   vec3 p = cross(q, h);
   vec2 sp = vec2(p.x, p.y);
   vec2 sq = vec2(q.x, q.y) / vh;

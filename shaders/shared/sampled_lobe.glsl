@@ -53,5 +53,5 @@ vec3 sampled_lobe(vec3 n, vec3 v) {
     sum += vh * nl * filtered_tap(l, 4.0 * vh * 6.2831853 * power / count * c / u);
     total += vh * nl;
   }
-  return total > 0.0 ? sum / total : sample_radiance(2.0 * dot(n, v) * n - v, 0.0);
+  return total > 1e-12 ? sum / total : sample_radiance(2.0 * dot(n, v) * n - v, 0.0);
 }

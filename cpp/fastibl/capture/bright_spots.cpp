@@ -1,7 +1,6 @@
 #include "fastibl/capture/bright_spots.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 
@@ -14,40 +13,6 @@ constexpr int kLeastBlocks = 3;
 // Of white: thresholds between these can be told from noise, and from a block that is half white.
 constexpr double kLeastLinear = 0.003, kMostLinear = 0.4;
 
-// Pixels in linear light.
-class Reader {
- public:
-  Reader(const Picture& picture, const Response& response)
-      : picture_(picture), response_(response) {
-    if (picture.type == PixelType::uint8)
-      for (int code = 0; code < 256; ++code)
-        table_[std::size_t(code)] = response.decode(float(code) / 255);
-  }
-  double brightness(int x, int y) const {
-    double sum = 0;
-    for (int c = 0; c < 3; ++c) sum += double(channel(3 * x + c, y));
-    return sum / 3;
-  }
-
- private:
-  float channel(int i, int y) const {
-    const std::uint8_t* row = picture_.row(y);
-    switch (picture_.type) {
-      case PixelType::uint8:
-        return table_[row[i]];
-      case PixelType::uint16:
-        return response_.decode(float(reinterpret_cast<const std::uint16_t*>(row)[i]) / 65535);
-      default: {
-        const float value = reinterpret_cast<const float*>(row)[i];
-        return value > 0 ? std::min(value, 1e9f) : 0.0f;
-      }
-    }
-  }
-  const Picture& picture_;
-  const Response& response_;
-  std::array<float, 256> table_{};
-};
-
 struct Spot {
   glm::dvec3 sum{0};  // of directions in the camera frame, by solid angle
   double solid_angle = 0;
@@ -58,7 +23,7 @@ struct Spot {
 
 }  // namespace
 
-std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
+std::optional<std::vector<BrightSpot>> find_bright_spots(const PixelReader& pixels,
                                                          const Camera& camera, const Lens& lens,
                                                          const RowPoses& camera_from_marker,
                                                          double exposure, double radiance) {
@@ -67,14 +32,17 @@ std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
   const int step = std::max(1, (camera.width + kColumns / 2) / kColumns);
   const int width = camera.width / step, height = camera.height / step;
   if (width < 3 || height < 3) return std::nullopt;
-  const Reader reader(picture, camera.response);
   const auto middle = [&](int i) { return (i + 0.5) * step; };
+  const auto brightness = [&](int x, int y) {
+    const glm::dvec3 linear(pixels.linear(x, y));
+    return (linear.x + linear.y + linear.z) / 3;
+  };
   const auto block = [&](int x, int y) {
     double sum = 0;
     for (int v = 0; v < kSamples; ++v)
       for (int u = 0; u < kSamples; ++u)
-        sum += reader.brightness(x * step + (2 * u + 1) * step / (2 * kSamples),
-                                 y * step + (2 * v + 1) * step / (2 * kSamples));
+        sum += brightness(x * step + (2 * u + 1) * step / (2 * kSamples),
+                          y * step + (2 * v + 1) * step / (2 * kSamples));
     return sum / (kSamples * kSamples);
   };
 

@@ -6,7 +6,7 @@
 
 #include "fastibl/capture/row_poses.h"
 #include "fastibl/scene/camera.h"
-#include "fastibl/scene/picture.h"
+#include "fastibl/scene/pixel_reader.h"
 
 namespace fastibl {
 
@@ -18,7 +18,7 @@ struct BrightSpot {
 
 // Parts brighter than `radiance` (mean over RGB), as means over about 80 × 60 blocks. Nothing where
 // the exposure cannot tell: white is darker than that, or that is hardly above black.
-std::optional<std::vector<BrightSpot>> find_bright_spots(const Picture& picture,
+std::optional<std::vector<BrightSpot>> find_bright_spots(const PixelReader& pixels,
                                                          const Camera& camera, const Lens& lens,
                                                          const RowPoses& camera_from_marker,
                                                          double exposure, double radiance);

@@ -20,11 +20,10 @@ constexpr std::size_t kCameras = 4;    // whose tables are kept
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 4;
-constexpr double kMeterPause = 0.1;       // seconds between readings of the board's white
-constexpr double kMeterDeviation = 0.08;  // of a reading: albedo, gloss, what stands around
-constexpr int kPicturesPerFill = 2;       // between looks at what such values should be
-constexpr double kRimOfLight = 0.25;      // of the radiance of a light: at the rim of one
-constexpr double kLargestScale = 1e30;    // of linear values: no exposure is so short
+constexpr double kMeterPause = 0.1;     // seconds between readings of the board's white
+constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
+constexpr double kRimOfLight = 0.25;    // of the radiance of a light: at the rim of one
+constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 // Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
 // differ by 0.1 degrees.
 constexpr int kBands = 16;
@@ -59,7 +58,8 @@ Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignet
       pixel_vignette(std::move(vignette)),
       lens(given),
       bounds(picture_bounds(given, lens)),
-      noise(given.response) {}
+      noise(given.response),
+      bytes(given.response) {}
 
 Capture::KnownCamera& Capture::known(const Camera& camera) {
   for (KnownCamera& k : cameras_)
@@ -98,6 +98,8 @@ CaptureOptions checked(CaptureOptions options) {
         "the paper's albedo must be in (0, 1], got ", options.paper_albedo);
   check(options.plane_albedo > 0 && options.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
+  check(options.most_boost >= 1 && std::isfinite(options.most_boost),
+        "lights may be boosted by a finite factor of at least 1, got ", options.most_boost);
   return options;
 }
 
@@ -281,24 +283,26 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
 void Capture::read_meter(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
                          double exposure) {
   if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return;
-  const auto read = meter_->read(picture, k.camera, k.lens, poses.at(0.5), exposure);
+  const auto read = meter_->read(k.pixels(picture), k.camera, k.lens, poses.at(0.5), exposure);
   if (!read) return;
   metered_ = time_, plane_irradiance_ = read;
-  unseen_.measure_plane(*read, kMeterDeviation);
+  unseen_.measure_plane(*read, kMeterDeviation * *read);
 }
 
 // refills: see refills_after().
 void Capture::take_changes(const std::vector<int>& changed, int refills) {
   const bool all_refills = refills == grid_.count();
-  std::vector<int> refilled;
+  std::vector<int> refilled, boosted;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
   if (all_refills || ++pictures_ % kPicturesPerFill == 0) {
     if (prior_) match_prior(refilled);
+    if (options_.most_boost > 1) boost_lights(boosted);
     unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);
     new_sums_.clear();
   }
   const std::uint64_t version = new_tile_version();
   for (const int tile : changed) versions_[std::size_t(tile)] = version, refill(tile);
+  for (const int tile : boosted) versions_[std::size_t(tile)] = version, make_levels(tile);
   for (const int tile : refilled) stale_fill_[std::size_t(tile)] = 1;
   int small_refills = all_refills ? refills : refills / kSmallLater;
   for (int i = 0; i < grid_.count() && refills > 0; ++i) {
@@ -361,10 +365,8 @@ bool Capture::is_small_refill(int tile) const {
 
 // Of a tile of which any texel was seen.
 void Capture::make_levels(int tile) {
-  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  const float* const value[3] = {&state_.value[0][start], &state_.value[1][start],
-                                 &state_.value[2][start]};
-  pyramids_.make(tile, value);
+  std::vector<float> room;
+  pyramids_.make(tile, shown_texels(tile, room).data());
   quiet_.place_probes(tile, pyramids_);
 }
 
@@ -402,8 +404,7 @@ bool Capture::refill(int tile) {
 void Capture::refill_from_prior(int tile) {
   const FaceRect r = tile_rect(grid_, tile);
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  const float* angles =
-      &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())];
+  const float* angles = angles_of(tile);
   glm::dvec3 flux(0);
   double angle = 0;
   for (int k = 0; k < r.texels(); ++k) {
@@ -593,13 +594,20 @@ bool Capture::add_tile(const View& view, int tile) {
   TileSums& sums = sums_[std::size_t(tile)];
   if (whole) state_.last_seen.set(tile, time_);
   relate_variances(state_, start, r.texels());
-  sums = sum_tile(state_, start, r.texels(),
-                  state_.last_seen.same(tile) ? nullptr : state_.last_seen.texels(tile),
-                  &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
-                  &projected_[start]);
+  sums = sum_of(tile);
   quiet_.took(tile, shown, unsure, whole, sums.bound_angle > 0);
   if (sums.count == r.texels()) make_levels(tile);
   return true;
+}
+
+const float* Capture::angles_of(int tile) const {
+  return &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())];
+}
+
+TileSums Capture::sum_of(int tile) const {
+  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  return sum_tile(state_, start, tile_rect(grid_, tile).texels(), state_.last_seen.own(tile),
+                  angles_of(tile), &projected_[start]);
 }
 
 std::vector<double> Capture::last_seen() const {

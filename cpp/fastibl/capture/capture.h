@@ -1,12 +1,14 @@
 // From camera pictures with known poses to the light of the place.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
 
+#include "fastibl/capture/boost_lights.h"
 #include "fastibl/capture/exposure_doubt.h"
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/light_meter.h"
@@ -26,7 +28,7 @@
 #include "fastibl/scene/board.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
-#include "fastibl/scene/picture.h"
+#include "fastibl/scene/pixel_reader.h"
 
 namespace fastibl {
 
@@ -47,6 +49,10 @@ struct CaptureOptions {
   // Whether pictures that are off by one factor all over are taken for wrongly exposed at first:
   // see ExposureDoubt. Of perspective cameras.
   bool doubt_exposures = false;
+  // Largest factor by which texels above the horizon that clipped in every exposure are made
+  // brighter, until the map lights the plane as the board's white shows it; 1: not at all. For
+  // cameras with one exposure: see boost_of().
+  double most_boost = 1;
   double paper_albedo = 0.85;  // of the board's white, by which it is a light meter
   double plane_albedo = 0.5;   // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
@@ -111,12 +117,13 @@ class Capture {
                  ? camera.vignette({x, y})
                  : double(pixel_vignette[std::size_t(int(y) * camera.width + int(x))]);
     }
+    PixelReader pixels(const Picture& picture) const { return {picture, camera.response, bytes}; }
     Camera camera;
     std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
     PictureBounds bounds;
     SensorNoise noise;
-    std::optional<ByteResponse> bytes;  // made when first asked for
+    ByteResponse bytes;
     ExposureDoubt doubt;
     glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
     double looked_at = kNever;  // and when, seconds
@@ -137,11 +144,17 @@ class Capture {
             const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
             std::vector<int>& changed);
   // Appends the parts of a picture that show what the map knows. In probe_level.cpp.
-  void probe_level(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
-                   ImageView<const std::uint8_t> mask, std::vector<LevelProbe>& probes) const;
+  void probe_level(const Picture& picture, const KnownCamera& camera,
+                   const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask,
+                   std::vector<LevelProbe>& probes) const;
   void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
                   double exposure);
   void take_changes(const std::vector<int>& changed, int refills);
+  // Renews boost_; appends tiles that show it. In capture_map.cpp.
+  void boost_lights(std::vector<int>& shown);
+  glm::dvec3 boosted_flux() const;
+  // The tile's texels as maps have them, by channel; boosted ones are put into `room`.
+  std::array<const float*, 3> shown_texels(int tile, std::vector<float>& room) const;
   // True if it shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
@@ -179,6 +192,8 @@ class Capture {
   void prefetch_tile(int tile) const;
   void prefetch_rows(int tile, const CubeMap& map) const;
   void make_levels(int tile);
+  const float* angles_of(int tile) const;  // solid angles of its texels
+  TileSums sum_of(int tile) const;
   void renew_all();  // with turn(), in turn_map.cpp
   int refills_after(double time, const Camera& camera) const;
   bool is_small_refill(int tile) const;
@@ -211,6 +226,7 @@ class Capture {
   std::optional<LightMeter> meter_;
   double metered_ = kNever;                     // seconds
   std::optional<glm::dvec3> plane_irradiance_;  // that it read last
+  LightBoost boost_;
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map

@@ -15,14 +15,18 @@ namespace {
 
 constexpr std::size_t kSnapshots = 3;   // kept to be updated: in use by renderer, caller and us
 constexpr std::size_t kTilesAhead = 2;  // whose rows are asked for while a tile is written
+constexpr float kMovedBoost = 0.02f;    // share by which factors move before maps show it
+
+bool moved(const glm::vec3& from, const glm::vec3& to) {
+  const glm::vec3 difference = glm::abs(to - from), limit = kMovedBoost * from;
+  return difference.x > limit.x || difference.y > limit.y || difference.z > limit.z;
+}
 
 // Rows of `width` texels as the map has them, its rows `stride` floats apart.
 FASTIBL_CLONES void interleave(const float* const channels[3], int width, int height,
                                std::ptrdiff_t stride, float* __restrict map) {
   const float *r = channels[0], *g = channels[1], *b = channels[2];
-  const auto at = [](const float* p) -> const Float8& {
-    return *reinterpret_cast<const Float8*>(p);
-  };
+  const auto at = [](const float* p) -> Float8 { return *reinterpret_cast<const Float8*>(p); };
   for (int row = 0; row < height; ++row, map += stride) {
     float* out = map;
     int i = 0;
@@ -89,18 +93,69 @@ void Capture::update_snapshot(Environment& snapshot) const {
     from_prior += has_prior(tile) ? filled : 0;
     up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux, up_flux += all;
   }
+  const glm::dvec3 more = boosted_flux();
+  const double boosted = more.x + more.y + more.z;
+  flux += boosted, up_flux += boosted;
   snapshot.time = time_;
   snapshot.centre = options_.centre, snapshot.box = options_.box;
   snapshot.plane_irradiance = plane_irradiance_;
   snapshot.light_positions = tracks_.positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);
   snapshot.clipped = seen > 0 ? bound / seen : 0;
-  snapshot.knowledge = {1 - up_seen / up, flux > 0 ? fills / flux : 1,
-                        up_flux > 0 ? bound_flux / up_flux : 0, parallax(),
-                        flux > 0 ? from_prior / flux : 0};
+  snapshot.knowledge = {1 - up_seen / up,
+                        flux > 0 ? fills / flux : 1,
+                        up_flux > 0 ? bound_flux / up_flux : 0,
+                        parallax(),
+                        flux > 0 ? from_prior / flux : 0,
+                        up_flux > 0 ? boosted / up_flux : 0,
+                        options_.most_boost > 1 && plane_irradiance_};
   const ErrorInterval error = expected_error(snapshot.knowledge);
   snapshot.predicted_error = error.expected;
   snapshot.predicted_low = error.low, snapshot.predicted_high = error.high;
+}
+
+void Capture::boost_lights(std::vector<int>& shown) {
+  if (!plane_irradiance_) return;
+  BoundLight bounds;
+  glm::dvec3 seen(0);
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    const std::size_t i = std::size_t(tile), start = i * std::size_t(grid_.stride());
+    if (!unseen_.above(tile)) continue;
+    seen += sums_[i].irradiance;
+    if (!(sums_[i].bound_angle > 0)) continue;
+    bounds += sum_bounds(state_, start, tile_rect(grid_, tile).texels(), &projected_[start]);
+    shown.push_back(tile);
+  }
+  // What was not seen may be as much brighter, or not there.
+  const glm::dvec3 unseen = unseen_.sky_irradiance(sums_, tile_projected_),
+                   unsure = kMeterDeviation * *plane_irradiance_;
+  const LightBoost boost =
+      boost_of(bounds, *plane_irradiance_ - seen - unseen,
+               glm::sqrt(unseen * unseen + unsure * unsure), options_.most_boost);
+  // No light is counted twice: the rest of it may be in what was not seen.
+  unseen_.measure_plane(*plane_irradiance_ - added(boost, bounds), unsure);
+  if (moved(boost_.whole, boost.whole) || moved(boost_.part, boost.part))
+    boost_ = boost;
+  else
+    shown.clear();
+}
+
+glm::dvec3 Capture::boosted_flux() const {
+  BoundLight bounds;
+  for (int tile = 0; boost_.any() && tile < grid_.count(); ++tile)
+    if (unseen_.above(tile) && sums_[std::size_t(tile)].bound_angle > 0)
+      bounds += sum_bounds(
+          state_, std::size_t(tile) * std::size_t(grid_.stride()), tile_rect(grid_, tile).texels(),
+          &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())]);
+  return added(boost_, bounds);
+}
+
+std::array<const float*, 3> Capture::shown_texels(int tile, std::vector<float>& room) const {
+  const std::size_t stride = std::size_t(grid_.stride()), start = std::size_t(tile) * stride;
+  if (!boost_.any() || !unseen_.above(tile) || !(sums_[std::size_t(tile)].bound_angle > 0))
+    return {&state_.value[0][start], &state_.value[1][start], &state_.value[2][start]};
+  room = boosted(boost_, state_, start, tile_rect(grid_, tile).texels(), grid_.stride());
+  return {&room[0], &room[stride], &room[2 * stride]};
 }
 
 void Capture::prefetch_rows(int tile, const CubeMap& map) const {
@@ -118,14 +173,15 @@ void Capture::write_tile(int tile, Environment& snapshot) const {
   const FaceRect r = tile_rect(grid_, tile);
   CubeMap& map = snapshot.radiance;
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  const auto write = [&](int level, const float* const(&channels)[3]) {
+  const auto write = [&](int level, const std::array<const float*, 3>& channels) {
     CubeLevel& to = map.base(level);
-    interleave(channels, r.width() >> level, r.height() >> level, 3 * to.row_stride(),
+    interleave(channels.data(), r.width() >> level, r.height() >> level, 3 * to.row_stride(),
                &to.texel(r.face, r.x0 >> level, r.y0 >> level).x);
   };
   const bool seen = sums_[std::size_t(tile)].count > 0;
+  std::vector<float> room;
   if (seen || has_prior(tile))
-    write(0, {&state_.value[0][start], &state_.value[1][start], &state_.value[2][start]});
+    write(0, shown_texels(tile, room));
   else
     for (int y = r.y0; y < r.y1; ++y) {
       glm::vec3* row = &map.base(0).texel(r.face, r.x0, y);

@@ -27,9 +27,10 @@ Taken ExposureDoubt::without_word(std::span<const LevelProbe> probes) {
   if (!level || level->spread > kUsable) {
     // Only the first picture of a camera may set the scale of what it shows.
     const bool first = !placed_ && int(probes.size()) < kLeastProbes;
-    return {first ? TakenAs::assumed : TakenAs::left_out, 1, glm::dvec3(1), 0, int(probes.size())};
+    return {
+        first ? TakenAs::assumed : TakenAs::left_out, 1, glm::dvec3(1), 0, 0, int(probes.size())};
   }
-  return {TakenAs::estimated, level->exposure, glm::dvec3(1), level->deviation(), level->count};
+  return {TakenAs::estimated, level->exposure, glm::dvec3(1), level->deviation(), 0, level->count};
 }
 
 // Whether pictures have been off alike for so long that it is the place. log_ratio: nothing where a
@@ -59,12 +60,20 @@ Taken ExposureDoubt::judge(std::span<const LevelProbe> probes, std::optional<dou
     return taken;
   }
   const glm::dvec3 ratio = log_of(*level, *told);
+  FlickerWatch::Levelled levelled;
+  if (level->spread <= kUniform && flicker_.watch(*told, (ratio.x + ratio.y + ratio.z) / 3,
+                                                  level->deviation(), time, levelled)) {
+    doubt_.reset();
+    return {TakenAs::averaged, *told * std::exp(levelled.log_factor),
+            glm::dvec3(1),     level->deviation(),
+            levelled.swing,    level->count};
+  }
   if (level->spread > kUniform || largest(ratio) <= kTolerance) {
     doubt_.reset();
     return taken;
   }
   if (confirmed(ratio, time)) return taken;
-  return {TakenAs::corrected, level->exposure, level->tint, level->deviation(), level->count};
+  return {TakenAs::corrected, level->exposure, level->tint, level->deviation(), 0, level->count};
 }
 
 }  // namespace fastibl

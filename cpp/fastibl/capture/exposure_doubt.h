@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include "fastibl/capture/flicker_watch.h"
 #include "fastibl/capture/picture_level.h"
 
 namespace fastibl {
@@ -11,6 +12,7 @@ enum class TakenAs {
   told,       // with the exposure that came with the picture
   corrected,  // that contradicts the map all over the picture: with what the map says instead
   estimated,  // none came: from the map
+  averaged,   // the light flickers at this exposure: as bright as the map, and towards the mean
   assumed,    // none came with the camera's first picture, of which the map knows nothing: 1
   left_out,   // it shows nothing of what it should, or none came and the map cannot tell
 };
@@ -21,6 +23,7 @@ struct Taken {
   double exposure = 1;   // that was used
   glm::dvec3 tint{1};    // by channel, a factor on it, with the given one
   double deviation = 0;  // of ln(exposure), where it rests on the map
+  double flicker = 0;    // relative standard deviation of the light, where that was averaged
   int probes = 0;        // parts of the picture that were compared with the map
 };
 
@@ -41,6 +44,7 @@ class ExposureDoubt {
     int pictures = 0;
   };
   std::optional<Doubt> doubt_;
+  FlickerWatch flicker_;
   bool placed_ = false;  // whether any picture was taken
 };
 

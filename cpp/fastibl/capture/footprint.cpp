@@ -73,7 +73,7 @@ FASTIBL_CLONES void weigh_level(const float* __restrict chosen, const int* __res
 }
 
 FASTIBL_INLINE Float4 bilinear(const float* pixel, std::ptrdiff_t stride, float fx, float fy) {
-  const auto at = [&](std::ptrdiff_t i) -> const Float4& {
+  const auto at = [&](std::ptrdiff_t i) -> Float4 {
     return *reinterpret_cast<const Float4*>(pixel + i);
   };
   const Float4 upper = at(0) + fx * (at(4) - at(0));

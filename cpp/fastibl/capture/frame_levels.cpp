@@ -11,9 +11,7 @@ namespace {
 
 // Means of 2 × 2 pixels of four floats. False if the fourth is 0 everywhere.
 FASTIBL_CLONES bool halve_row(const float* a, const float* b, int count, float* out) {
-  const auto at = [](const float* p) -> const Float8& {
-    return *reinterpret_cast<const Float8*>(p);
-  };
+  const auto at = [](const float* p) -> Float8 { return *reinterpret_cast<const Float8*>(p); };
   Float4 most = {};
   for (int x = 0; x < count; ++x, a += 8, b += 8, out += 4) {
     const Float8 &upper = at(a), &lower = at(b);

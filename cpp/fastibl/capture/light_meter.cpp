@@ -35,22 +35,6 @@ double distance_to(const glm::dvec2& p, const Tag& tag) {
   return inside ? -nearest : nearest;
 }
 
-// A pixel's encoded values, 0 to 1; of float pictures the linear ones.
-glm::vec3 pixel_of(const Picture& picture, int x, int y) {
-  const std::uint8_t* row = picture.row(y);
-  const auto of = [&](const auto* p, float white) {
-    return glm::vec3(p[3 * x], p[3 * x + 1], p[3 * x + 2]) / white;
-  };
-  switch (picture.type) {
-    case PixelType::uint8:
-      return of(row, 255.0f);
-    case PixelType::uint16:
-      return of(reinterpret_cast<const std::uint16_t*>(row), 65535.0f);
-    default:
-      return of(reinterpret_cast<const float*>(row), 1.0f);
-  }
-}
-
 }  // namespace
 
 LightMeter::LightMeter(const Board& board, double albedo) : albedo_(albedo) {
@@ -78,13 +62,11 @@ LightMeter::LightMeter(const Board& board, double albedo) : albedo_(albedo) {
       }
 }
 
-std::optional<glm::dvec3> LightMeter::read(const Picture& picture, const Camera& camera,
+std::optional<glm::dvec3> LightMeter::read(const PixelReader& pixels, const Camera& camera,
                                            const Lens& lens, const Pose& camera_from_marker,
                                            double exposure) const {
   const glm::dvec3 eye = camera_from_marker.inverse().translation;
   if (!(eye.z > kSteepest * glm::length(eye))) return std::nullopt;
-  const bool encoded = picture.type != PixelType::float32;
-  constexpr float kClipped = CodeTable::kClippedCode / 255.0f;
   std::vector<float> values[3];
   std::size_t clipped = 0;  // of which only a bound is known
   for (const Place& place : places_) {
@@ -96,16 +78,14 @@ std::optional<glm::dvec3> LightMeter::read(const Picture& picture, const Camera&
     // The plane is seen shortest along the view.
     const double distance = glm::length(seen), sine = eye.z / distance;
     if (place.free * sine * std::min(camera.fx, camera.fy) / distance < kLeastPixels) continue;
-    const glm::vec3 value = pixel_of(picture, x, y);
-    if (encoded && (value.x >= kClipped || value.y >= kClipped || value.z >= kClipped)) {
+    if (pixels.reaches(x, y, CodeTable::kClippedCode)) {
       ++clipped;
       continue;
     }
     const double scale =
         std::numbers::pi / albedo_ / (exposure * camera.gain * camera.vignette({x + 0.5, y + 0.5}));
-    for (int c = 0; c < 3; ++c)
-      values[c].push_back(
-          float(scale * double(encoded ? camera.response.decode(value[c]) : value[c])));
+    const glm::vec3 linear = pixels.linear(x, y);
+    for (int c = 0; c < 3; ++c) values[c].push_back(float(scale * double(linear[c])));
   }
   if (values[0].size() < kLeastPlaces || clipped > values[0].size()) return std::nullopt;
   glm::dvec3 out(0);

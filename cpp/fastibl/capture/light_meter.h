@@ -8,9 +8,12 @@
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/board.h"
 #include "fastibl/scene/camera.h"
-#include "fastibl/scene/picture.h"
+#include "fastibl/scene/pixel_reader.h"
 
 namespace fastibl {
+
+// Relative standard deviation of a reading: albedo, gloss, what stands around.
+inline constexpr double kMeterDeviation = 0.08;
 
 class LightMeter {
  public:
@@ -19,7 +22,7 @@ class LightMeter {
 
   // Irradiance of the plane, RGB: the median of white places, so that less than half of them may be
   // shadowed or hidden. Nothing where too few of them are seen large enough, or they are clipped.
-  std::optional<glm::dvec3> read(const Picture& picture, const Camera& camera, const Lens& lens,
+  std::optional<glm::dvec3> read(const PixelReader& pixels, const Camera& camera, const Lens& lens,
                                  const Pose& camera_from_marker, double exposure) const;
 
  private:

@@ -34,8 +34,8 @@ void Capture::locate_lights(const Picture& picture, KnownCamera& known,
   const glm::dvec3 eye = half.inverse().translation;
   if (glm::length(eye - known.looked_from) < kStep && time_ - known.looked_at < kPause) return;
   const Camera& camera = known.camera;
-  const std::optional<std::vector<BrightSpot>> spots =
-      find_bright_spots(picture, camera, known.lens, camera_from_marker, exposure, bright_);
+  const std::optional<std::vector<BrightSpot>> spots = find_bright_spots(
+      known.pixels(picture), camera, known.lens, camera_from_marker, exposure, bright_);
   if (!spots) return;
   known.looked_from = eye, known.looked_at = time_;
   far_ += glm::length(eye - options_.centre), ++looks_;
@@ -119,10 +119,7 @@ bool Capture::forget_bright(int tile) {
     for (int c = 0; c < 3; ++c) state_.variance[c][at] = 0;
   }
   if (!last_seen) return false;
-  sums_[std::size_t(tile)] =
-      sum_tile(state_, start, r.texels(), last_seen,
-               &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
-               &projected_[start]);
+  sums_[std::size_t(tile)] = sum_of(tile);
   new_sums_.push_back(tile);
   refill(tile);
   return true;

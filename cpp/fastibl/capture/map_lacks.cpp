@@ -31,8 +31,7 @@ double Capture::next_exposure(const Camera& camera, const Pose& camera_from_mark
     const double pixels = texel * slope * slope * slope;
     const FaceRect r = tile_rect(grid_, tile);
     const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-    const float* angles =
-        &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())];
+    const float* angles = angles_of(tile);
     const double vignette = camera.vignette(*pixel);
     for (int k = 0; k < r.texels(); ++k) {
       const std::size_t at = start + std::size_t(k);

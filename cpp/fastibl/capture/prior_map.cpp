@@ -1,6 +1,7 @@
 #include "fastibl/capture/prior_map.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace fastibl {
 namespace {
@@ -45,7 +46,8 @@ bool PriorMap::match(const std::vector<TileSums>& sums, std::span<const double> 
       const std::size_t i = std::size_t(tile);
       const bool whole = sums[i].angle >= kNearlyWhole * tile_angle[i];
       if (!whole || sums[i].bound_angle > 0 || !(means_[i][c] > 0)) continue;
-      ratios.push_back(float(sums[i].flux[c] / sums[i].angle) / means_[i][c]);
+      const float ratio = float(sums[i].flux[c] / sums[i].angle) / means_[i][c];
+      if (std::isfinite(ratio)) ratios.push_back(ratio);
     }
     if (ratios.size() < kLeastTiles) return false;
     const auto middle = ratios.begin() + std::ptrdiff_t(ratios.size() / 2);

@@ -21,9 +21,11 @@ class PriorMap {
              std::span<const int> tiles);
 
   // As the place is now.
-  glm::vec3 mean(int tile) const { return gain_ * means_[std::size_t(tile)]; }
+  glm::vec3 mean(int tile) const {
+    return glm::min(gain_ * means_[std::size_t(tile)], kRadianceCap);
+  }
   glm::vec3 texel(int tile, int k) const {
-    return gain_ * texels_[std::size_t(tile) * stride_ + std::size_t(k)];
+    return glm::min(gain_ * texels_[std::size_t(tile) * stride_ + std::size_t(k)], kRadianceCap);
   }
   glm::vec3 gain() const { return gain_; }
 

@@ -15,6 +15,7 @@ constexpr float kChange = 4.0f;
 // with footprints of other shapes.
 constexpr float kRim = 0.3f;
 constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
+constexpr float kMostElapsed = 1e9f;    // seconds: what grows with them stays below that
 alignas(64) constexpr int kNoneClipped[kLanes] = {};
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
 
@@ -27,7 +28,8 @@ FASTIBL_CLONES void read_times(double* __restrict last_seen, const int* __restri
   for (int i = 0; i < n; ++i) {
     const int never = elapsed[i] > 1e30f;  // infinite
     first[i] = never;
-    elapsed[i] = never ? 0.0f : elapsed[i];
+    const float since = elapsed[i] < kMostElapsed ? elapsed[i] : kMostElapsed;
+    elapsed[i] = never ? 0.0f : since;
   }
   for (int i = 0; i < n; ++i) last_seen[i] = seen[i] ? time : last_seen[i];
 }
@@ -203,9 +205,7 @@ FASTIBL_CLONES void sum_group(const Arrays& in, int count, float* __restrict sum
     for (int i = 0; i < n; ++i) seen[i] = (i < count) & (last_seen[i] > -1e300) ? 1.0f : 0.0f;
   else
     for (int i = 0; i < n; ++i) seen[i] = i < count ? 1.0f : 0.0f;
-  const auto at = [](const float* p) -> const Float16& {
-    return *reinterpret_cast<const Float16*>(p);
-  };
+  const auto at = [](const float* p) -> Float16 { return *reinterpret_cast<const Float16*>(p); };
   const auto add = [&](int which, const Float16& sum) {
     *reinterpret_cast<Float16*>(sums + which * kPartial) += sum;
   };

@@ -149,7 +149,7 @@ FASTIBL_CLONES void find_tiles_of(const TexelView::Projection& p, const PictureB
     float any = 0;
     for (int k = i; k < i + 16; ++k) any += on_side[k];
     if (any == 0) continue;
-    const auto at = [i](const auto& values) -> const Float16& {
+    const auto at = [i](const auto& values) -> Float16 {
       return *reinterpret_cast<const Float16*>(&values[std::size_t(i)]);
     };
     Float16 left = none - 1e30f, right = left, top = left, bottom = left, front = left, most = none;

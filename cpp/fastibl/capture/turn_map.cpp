@@ -5,31 +5,6 @@
 #include "fastibl/capture/capture.h"
 
 namespace fastibl {
-namespace {
-
-// Where a direction falls: tile, and texel of the tile.
-struct Place {
-  int tile, texel;
-};
-
-Place place_of(const TileGrid& grid, const glm::vec3& direction) {
-  const FacePoint p = face_point(direction);
-  const auto texel = [&](float s) {
-    return std::clamp(int(s * float(grid.size)), 0, grid.size - 1);
-  };
-  const int x = texel(p.s), y = texel(p.t), edge = grid.per_edge();
-  const auto tile = [&](int i) {
-    int k = std::min(edge - 1, i * edge / grid.size);
-    while (k + 1 < edge && grid.begin(k + 1) <= i) ++k;
-    return k;
-  };
-  const int column = tile(x), row = tile(y), t = (p.face * edge + row) * edge + column;
-  const FaceRect r = tile_rect(grid, t);
-  return {t, (y - r.y0) * r.width() + (x - r.x0)};
-}
-
-}  // namespace
-
 void Capture::turn(const glm::dmat3& new_from_old) {
   const TexelState old = state_;
   state_ = TexelState(grid_);
@@ -48,7 +23,8 @@ void Capture::turn(const glm::dmat3& new_from_old) {
       const glm::vec3 d = direction + half * ((corner & 1 ? 1.0f : -1.0f) * side +
                                               (corner & 2 ? 1.0f : -1.0f) * other);
       if (!(d.z > 0)) continue;  // the plane
-      const Place from = place_of(grid_, d);
+      const TexelPlace at = texel_at(d, grid_.size);
+      const TilePlace from = tile_place(grid_, at.face, at.x, at.y);
       const double time = old.last_seen.at(from.tile, from.texel);
       if (!(time > kNever)) continue;
       const std::size_t i = std::size_t(from.tile) * stride + std::size_t(from.texel);
@@ -89,12 +65,8 @@ void Capture::renew_all() {
   unseen_ = UnseenTiles(grid_, float(options_.plane_albedo));
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-    const int count = tile_rect(grid_, tile).texels();
-    relate_variances(state_, start, count);
-    sums_[std::size_t(tile)] = sum_tile(
-        state_, start, count, state_.last_seen.same(tile) ? nullptr : state_.last_seen.texels(tile),
-        &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())],
-        &projected_[start]);
+    relate_variances(state_, start, tile_rect(grid_, tile).texels());
+    sums_[std::size_t(tile)] = sum_of(tile);
     if (state_.last_seen.same(tile) && state_.last_seen.at(tile, 0) == kNever)
       sums_[std::size_t(tile)] = TileSums{};
     all.push_back(tile);

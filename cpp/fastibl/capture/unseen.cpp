@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "fastibl/core/simd.h"
-#include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/tile_cone.h"
 
 namespace fastibl {
 namespace {
@@ -30,12 +30,16 @@ bool moved(const glm::vec3& from, const glm::vec3& to, float share) {
   return difference.x > limit.x || difference.y > limit.y || difference.z > limit.z;
 }
 
+// Of a tile's projected solid angle. Sums in float may exceed the whole by their rounding, and
+// light of the rest would be negative.
+double unseen_part(double projected, const TileSums& sums) {
+  return std::max(0.0, projected - sums.projected);
+}
+
 // Sums of weight / (|d − source|² + kNear2)⁴, and of that times the value.
 FASTIBL_CLONES void sum_nearness(const float* const from[7], int count, const float* d,
                                  float* __restrict total) {
-  const auto at = [](const float* p) -> const Float16& {
-    return *reinterpret_cast<const Float16*>(p);
-  };
+  const auto at = [](const float* p) -> Float16 { return *reinterpret_cast<const Float16*>(p); };
   Float16 sums[4] = {};
   for (int i = 0; i < count; i += kPartial) {
     const Float16 dot = at(from[0] + i) * d[0] + at(from[1] + i) * d[1] + at(from[2] + i) * d[2];
@@ -56,10 +60,7 @@ FASTIBL_CLONES void sum_nearness(const float* const from[7], int count, const fl
 UnseenTiles::UnseenTiles(TileGrid grid, float plane_albedo)
     : grid_(grid), plane_albedo_(plane_albedo) {
   for (int tile = 0; tile < grid.count(); ++tile) {
-    const FaceRect r = tile_rect(grid, tile);
-    const float n = float(grid.size);
-    const glm::vec3 d = glm::normalize(
-        face_direction(r.face, 0.5f * float(r.x0 + r.x1) / n, 0.5f * float(r.y0 + r.y1) / n));
+    const glm::vec3 d = tile_cone(grid, tile).middle;
     x_.push_back(d.x), y_.push_back(d.y), z_.push_back(d.z);
     above_.push_back(d.z >= 0);
   }
@@ -143,15 +144,13 @@ void UnseenTiles::find_brightness(const std::vector<TileSums>& sums,
                                   const std::vector<double>& tile_projected,
                                   std::vector<int>& refilled) {
   if (!plane_ || given_sky_) return;
-  glm::dvec3 seen(0), unseen(0);  // irradiance of the plane
+  glm::dvec3 seen(0);  // irradiance of the plane
   for (std::size_t i = 0; i < sums.size(); ++i)
-    if (above_[i]) {
-      seen += sums[i].irradiance;
-      unseen += (tile_projected[i] - sums[i].projected) * glm::dvec3(fill_[i]);
-    }
+    if (above_[i]) seen += sums[i].irradiance;
+  const glm::dvec3 unseen = sky_irradiance(sums, tile_projected);
   glm::vec3 brightness(1);
   for (int c = 0; c < 3; ++c) {
-    const double unsure = plane_deviation_ * (*plane_)[c], square = unseen[c] * unseen[c];
+    const double unsure = plane_deviation_[c], square = unseen[c] * unseen[c];
     const double missing = (*plane_)[c] - seen[c] - unseen[c];
     if (square > 0)
       brightness[c] = float(std::clamp(1 + unseen[c] * missing / (square + unsure * unsure),
@@ -163,6 +162,14 @@ void UnseenTiles::find_brightness(const std::vector<TileSums>& sums,
     const std::size_t i = std::size_t(tile);
     if (above_[i] && sums[i].count < tile_rect(grid_, tile).texels()) refilled.push_back(tile);
   }
+}
+
+glm::dvec3 UnseenTiles::sky_irradiance(const std::vector<TileSums>& sums,
+                                       const std::vector<double>& tile_projected) const {
+  glm::dvec3 out(0);
+  for (std::size_t i = 0; i < sums.size(); ++i)
+    if (above_[i]) out += unseen_part(tile_projected[i], sums[i]) * glm::dvec3(fill_[i]);
+  return out;
 }
 
 // A uniform sky that would light the plane as it looks.
@@ -195,7 +202,7 @@ void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSum
     for (std::size_t i = 0; i < sums.size(); ++i)
       if (above_[i])
         irradiance +=
-            sums[i].irradiance + (tile_projected[i] - sums[i].projected) * glm::dvec3(fill(int(i)));
+            sums[i].irradiance + unseen_part(tile_projected[i], sums[i]) * glm::dvec3(fill(int(i)));
     fill_half(false, glm::vec3(double(plane_albedo_) / std::numbers::pi * irradiance), refilled);
   }
 }

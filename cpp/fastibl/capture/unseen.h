@@ -21,11 +21,11 @@ class UnseenTiles {
  public:
   UnseenTiles(TileGrid grid, float plane_albedo);
 
-  // What falls on the plane, as its paper shows it, RGB; `deviation` relative to it. What no
-  // picture has seen of the sky is made so much brighter or darker that the sum agrees, as far as
-  // both are to be believed: by f of a standard deviation of 1 around 1. Holds until it is given
+  // What falls on the plane, as its paper shows it, RGB, and the standard deviation of that. What
+  // no picture has seen of the sky is made so much brighter or darker that the sum agrees, as far
+  // as both are to be believed: by f of a standard deviation of 1 around 1. Holds until it is given
   // again.
-  void measure_plane(const glm::dvec3& irradiance, double deviation) {
+  void measure_plane(const glm::dvec3& irradiance, const glm::dvec3& deviation) {
     plane_ = irradiance, plane_deviation_ = deviation;
   }
 
@@ -41,8 +41,11 @@ class UnseenTiles {
 
   glm::vec3 fill(int tile) const {
     const std::size_t i = std::size_t(tile);
-    return above_[i] ? brightness_ * fill_[i] : fill_[i];
+    return above_[i] ? glm::min(brightness_ * fill_[i], kRadianceCap) : fill_[i];
   }
+  // Irradiance of the plane by what was not seen of the sky, without what the plane says of it.
+  glm::dvec3 sky_irradiance(const std::vector<TileSums>& sums,
+                            const std::vector<double>& tile_projected) const;
   bool above(int tile) const { return above_[std::size_t(tile)]; }
 
  private:
@@ -67,7 +70,7 @@ class UnseenTiles {
   std::vector<glm::vec3> fill_;     // of the sky, without
   glm::vec3 brightness_{1};         // by which what the plane shows corrects it
   std::optional<glm::dvec3> plane_;
-  double plane_deviation_ = 0;
+  glm::dvec3 plane_deviation_{0};
   bool seen_[2] = {false, false};  // below, above
   bool given_sky_ = false;
   int calls_ = 0;

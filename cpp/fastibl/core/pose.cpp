@@ -50,8 +50,26 @@ glm::dmat3 rotation_from_vector(const glm::dvec3& w) {
 
 glm::dvec3 rotation_vector(const glm::dmat3& r) {
   const glm::dvec3 axis(r[1][2] - r[2][1], r[2][0] - r[0][2], r[0][1] - r[1][0]);
-  const double sine = glm::length(axis), angle = std::atan2(sine, r[0][0] + r[1][1] + r[2][2] - 1);
+  const double cosine = r[0][0] + r[1][1] + r[2][2] - 1;  // twice, as are the axis and its length
+  const double sine = glm::length(axis), angle = std::atan2(sine, cosine);
+  if (cosine < -1.9) {
+    // Near half a turn the axis is lost in the difference; R + Rᵀ − 2 cos I is (2 − 2 cos) u uᵀ,
+    // whose longest column is the axis but for its sign.
+    int longest = 0;
+    for (int c = 1; c < 3; ++c)
+      if (r[c][c] > r[longest][longest]) longest = c;
+    glm::dvec3 u = r[longest] + glm::dvec3(r[0][longest], r[1][longest], r[2][longest]);
+    u[longest] -= cosine;
+    u = glm::normalize(u);
+    return (glm::dot(u, axis) < 0 ? -angle : angle) * u;
+  }
   return sine > 1e-12 ? axis * (angle / sine) : 0.5 * axis;
+}
+
+glm::dmat3 orthonormal(const glm::dmat3& r) {
+  const glm::dvec3 x = glm::normalize(r[0]);
+  const glm::dvec3 y = glm::normalize(r[1] - glm::dot(x, r[1]) * x);
+  return {x, y, glm::cross(x, y)};
 }
 
 double rotation_angle(const glm::dmat3& a, const glm::dmat3& b) {

@@ -27,8 +27,10 @@ inline glm::dvec3 operator*(const Pose& pose, const glm::dvec3& point) {
 
 // Rotation by |w| radians about w (Rodrigues), stable for |w| → 0.
 glm::dmat3 rotation_from_vector(const glm::dvec3& w);
-// Its inverse for less than half a turn.
+// Its inverse up to half a turn; at just that, either of the two.
 glm::dvec3 rotation_vector(const glm::dmat3& r);
+// The rotation that rounding has bent a little.
+glm::dmat3 orthonormal(const glm::dmat3& r);
 // Angle in radians of the rotation between the two, stable near 0 and π.
 double rotation_angle(const glm::dmat3& a, const glm::dmat3& b);
 

@@ -27,8 +27,7 @@ Texel padded_texel(int face, int x, int y, int n) {
   };
   const int depth = x < 0 ? -1 - x : x >= n ? x - n : y < 0 ? -1 - y : y - n;
   const FacePoint p = face_point(face_direction(face, place(x), place(y)));
-  const int i = std::clamp(int(p.s * float(n)), 0, n - 1),
-            j = std::clamp(int(p.t * float(n)), 0, n - 1);
+  const int i = texel_at(p, n).x, j = texel_at(p, n).y;
   const float edge = std::min(std::min(p.s, 1 - p.s), std::min(p.t, 1 - p.t));
   if (p.s == edge) return {p.face, depth, j};
   if (1 - p.s == edge) return {p.face, n - 1 - depth, j};

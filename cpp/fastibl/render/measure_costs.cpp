@@ -143,13 +143,17 @@ View view() {
 
 void measure_pixels(const Scene& scene, const Maps& all, Costs& costs) {
   const View v = view();
-  const Fragments seen = rasterize(scene, v.camera, v.camera_from_marker);
-  const double pixels = at_least(double(seen.object.size()), 1);
-  const double raster = nanoseconds([&](int) { rasterize(scene, v.camera, v.camera_from_marker); });
+  Rasterizer rasterizer;
+  const double raster =
+      nanoseconds([&](int) { rasterizer.rasterize(scene, v.camera, v.camera_from_marker); });
+  const auto seen = rasterizer.rasterize(scene, v.camera, v.camera_from_marker);
+  std::size_t count = 0;
+  for (const FragmentBand& band : seen) count += band.object.size();
+  const double pixels = at_least(double(count), 1);
   const glm::vec3 eye(v.camera_from_marker.inverse().translation);
   const auto shading = [&](const Material& material, const LightingOptions& options) {
     const Lighting lighting = fit_lighting(all[0], options);
-    return nanoseconds([&](int) { shade(seen.object, material, lighting, eye); }) / pixels;
+    return nanoseconds([&](int) { shade(seen, material, lighting, eye); }) / pixels;
   };
   Material matte, mirror;
   mirror.diffuse = glm::vec3(0), mirror.glossy = glm::vec3(0.8f), mirror.exponent = 64;
@@ -175,10 +179,10 @@ void measure_pixels(const Scene& scene, const Maps& all, Costs& costs) {
       at_least(shading(Material::make_pbr(metal), glossy_by(GlossyMethod::centroid)) - base, 1);
 
   const Lighting lighting = fit_lighting(all[0], diffuse_by(DiffuseMethod::sh9));
-  const ObjectLayer object = shade(seen.object, matte, lighting, eye);
+  const ObjectLayer object = shade(seen, matte, lighting, eye);
   SceneShadow caster;
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
-  const RayTable table(v.camera);
+  const PixelTable table(v.camera);
   const std::vector<std::uint8_t> bytes(std::size_t(v.camera.width * v.camera.height * 3), 128);
   Picture back;
   back.width = v.camera.width, back.height = v.camera.height;

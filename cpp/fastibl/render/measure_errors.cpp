@@ -138,13 +138,26 @@ void find_lost(const SceneSamples& samples, const Flux& flux, const ShadowMap& s
 // the other way round.
 Colours colours(const SceneSamples& samples, const Material& material, const Lighting& lighting,
                 glm::vec4 share) {
-  Colours result;
-  for (const SceneSamples::Surface& s : samples.surface) {
-    Fragment f{};
-    f.coverage = 1, f.position = s.position, f.normal = s.normal, f.share = share;
-    f.tangent = s.tangent, f.uv = s.uv;
-    f.uv_dx = {0.02f, 0}, f.uv_dy = {0, 0.02f};  // a pixel's part of a texture, about
-    result.push_back(shade(f, material, lighting, s.position + samples.views[std::size_t(s.view)]));
+  constexpr float kFar = 1e4f;  // of an eye that all samples of a view see in one direction
+  Colours result(samples.surface.size());
+  for (std::size_t v = 0; v < samples.views.size(); ++v) {
+    FragmentBand band;  // as a row of pixels
+    for (std::size_t i = 0; i < samples.surface.size(); ++i) {
+      const SceneSamples::Surface& s = samples.surface[i];
+      if (s.view != int(v)) continue;
+      Fragment f{};
+      f.x = int(i), f.coverage = 1, f.position = s.position, f.normal = s.normal, f.share = share;
+      f.tangent = s.tangent, f.uv = s.uv;
+      f.uv_dx = {0.02f, 0}, f.uv_dy = {0, 0.02f};  // a pixel's part of a texture, about
+      band.object.push_back(f);
+    }
+    if (band.object.empty()) continue;
+    const ObjectLayer layer =
+        shade({&band, 1}, material, lighting, samples.centre + kFar * samples.views[v]);
+    for (const Fragment& f : band.object) {
+      const float* p = layer.rgba.pixel(f.x - layer.x, f.y - layer.y);
+      result[std::size_t(f.x)] = {p[0], p[1], p[2]};
+    }
   }
   return result;
 }

@@ -54,6 +54,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   capture.box = options_.box;
   capture.prior = options_.prior;
   capture.paper_albedo = options_.paper_albedo;
+  capture.most_boost = options_.most_boost;
   capture.doubt_exposures = options_.doubt_exposures;
   // The map is the light at the object: half-way up, where it stands.
   const Bounds box = bounds(scene_.mesh.vertices);
@@ -298,7 +299,7 @@ void Session::find_near_shares() {
   const SharesOf of = light_shares_.empty()                 ? SharesOf::visibility
                       : plan_.includes(PassId::self_shadow) ? SharesOf::directions
                                                             : SharesOf::all;
-  near_shares_ = near_shares(scene_, *lighting_, of);
+  near_shares_ = near_share_maker_.update(scene_, *lighting_, of);
 }
 
 // Of the light of the map, and what near lights change of them.

@@ -83,6 +83,7 @@ struct SessionOptions {
   bool follow_surroundings = true;
   std::shared_ptr<const CubeMap> prior = {};  // CaptureOptions::prior, and
   double paper_albedo = 0.85;                 // its paper_albedo
+  double most_boost = 1;                      // its most_boost
   // Whether frames that take longer than `milliseconds`, or much less, change the methods, too.
   bool adapt = true;
   Costs costs = {};  // of this machine, see measure_costs.h; of interest for `milliseconds` alone
@@ -169,6 +170,7 @@ class Session {
   std::shared_ptr<const Lighting> lighting_;
   CellLight cell_light_;
   std::vector<glm::vec4> light_shares_;    // of RenderInput, by the map alone
+  NearShares near_share_maker_;
   std::vector<glm::vec3> near_shares_;     // what near lights change of them
   std::vector<glm::vec4> changed_shares_;  // with that and the bounce
   std::optional<PlaneExchange> exchange_;  // of the object as it stood last

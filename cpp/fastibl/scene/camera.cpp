@@ -13,7 +13,12 @@ namespace fastibl {
 namespace {
 
 constexpr std::array<std::string_view, 3> kModels = {"perspective", "fisheye", "equirectangular"};
-constexpr double kSmallestDepth = 1e-9;  // metres or unit lengths: below, a point counts as behind
+// Pixels: of a picture's side (3 values of all its pixels are still counted in 32 bits), and of
+// what a calibration gives; beyond, it is of no camera, and products of it overflow.
+constexpr int kMostSide = 16384;
+constexpr double kLeastFocal = 1e-3, kMostPixels = 1e7;
+constexpr double kMostCoefficient = 1e9;  // of lenses and vignetting
+constexpr double kSmallestDepth = 1e-9;   // metres or unit lengths: below, a point counts as behind
 
 // Squared radius at which r · factor(r²) stops growing, looked for up to 89° off axis.
 double growth_limit(const double k[8]) {
@@ -39,10 +44,17 @@ double growth_limit(const double k[8]) {
 void Camera::validate() const {
   check(width > 0 && height > 0, "a camera's picture must be at least 1 × 1, got ", width, " × ",
         height);
+  check(width <= kMostSide && height <= kMostSide, "a camera's picture must be at most ", kMostSide,
+        " pixels wide and high, got ", width, " × ", height);
   check(std::isfinite(fx) && std::isfinite(fy) && fx > 0 && fy > 0,
         "focal lengths must be positive and finite, got ", fx, ", ", fy);
+  check(std::min(fx, fy) >= kLeastFocal && std::max(fx, fy) <= kMostPixels,
+        "focal lengths must be pixels, from ", kLeastFocal, " to ", kMostPixels, ", got ", fx, ", ",
+        fy);
   check(std::isfinite(cx) && std::isfinite(cy), "the principal point must be finite, got ", cx,
         ", ", cy);
+  check(std::max(std::abs(cx), std::abs(cy)) <= kMostPixels,
+        "the principal point must be pixels, at most ", kMostPixels, ", got ", cx, ", ", cy);
   const std::size_t n = distortion.size();
   if (model == CameraModel::perspective)
     check(n == 0 || n == 4 || n == 5 || n == 8,
@@ -51,8 +63,10 @@ void Camera::validate() const {
     check(n == 0 || n == 4, "a fisheye's distortion must be 0 or 4 numbers (k1 k2 k3 k4), got ", n);
   else
     check(n == 0, "an equirectangular camera has no distortion, got ", n, " numbers");
-  for (const double k : distortion) check(std::isfinite(k), "distortion must be finite, got ", k);
-  for (const double v : vignetting) check(std::isfinite(v), "vignetting must be finite, got ", v);
+  for (const double k : distortion)
+    check(std::abs(k) <= kMostCoefficient, "distortion must be finite, got ", k);
+  for (const double v : vignetting)
+    check(std::abs(v) <= kMostCoefficient, "vignetting must be finite, got ", v);
   check(gain > 0 && std::isfinite(gain), "a camera's gain must be positive and finite, got ", gain);
   check(readout >= 0 && std::isfinite(readout),
         "a camera's readout must be seconds, finite and not negative, got ", readout);
@@ -126,11 +140,14 @@ std::optional<glm::dvec2> Lens::project(const glm::dvec3& point, glm::dmat2x3* d
     (*derivative)[0] = fx_ * (d[0][0] * dx + d[1][0] * dy);
     (*derivative)[1] = fy_ * (d[0][1] * dx + d[1][1] * dy);
   }
-  return glm::dvec2(fx_ * distorted.x + cx_, fy_ * distorted.y + cy_);
+  const glm::dvec2 pixel(fx_ * distorted.x + cx_, fy_ * distorted.y + cy_);
+  if (!(std::isfinite(pixel.x) && std::isfinite(pixel.y))) return std::nullopt;
+  return pixel;
 }
 
 std::optional<glm::dvec3> Lens::unproject(const glm::dvec2& pixel) const {
   const glm::dvec2 target((pixel.x - cx_) / fx_, (pixel.y - cy_) / fy_);
+  if (!(std::isfinite(target.x) && std::isfinite(target.y))) return std::nullopt;
   if (trivial_) return glm::dvec3(target, 1);
   glm::dvec2 p = valid(target) ? target : target * (0.9 * std::sqrt(limit2_) / glm::length(target));
   for (int i = 0; i < 30; ++i) {  // Newton; steps are halved when they leave the valid disc

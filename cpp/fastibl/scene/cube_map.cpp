@@ -34,9 +34,8 @@ EdgeNeighbour find_neighbour(int face, CubeEdge edge) {
   const auto across = [&](int i) {
     const float s = edge == left ? -1e-4f : edge == right ? 1 + 1e-4f : (float(i) + 0.5f) / n;
     const float t = edge == top ? -1e-4f : edge == bottom ? 1 + 1e-4f : (float(i) + 0.5f) / n;
-    const FacePoint p = face_point(face_direction(face, s, t));
-    return std::array{p.face, std::clamp(int(p.s * n), 0, n - 1),
-                      std::clamp(int(p.t * n), 0, n - 1)};
+    const TexelPlace p = texel_at(face_direction(face, s, t), n);
+    return std::array{p.face, p.x, p.y};
   };
   const auto first = across(0), second = across(1);
   EdgeNeighbour found{

@@ -15,6 +15,7 @@
 //            +---------+
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -36,6 +37,17 @@ FacePoint face_point(glm::vec3 direction);             // any length but 0
 glm::vec3 face_direction(int face, float s, float t);  // not normalised: length in [1, √3]
 inline glm::vec3 texel_direction(int face, int x, int y, int size) {  // not normalised
   return face_direction(face, (float(x) + 0.5f) / float(size), (float(y) + 0.5f) / float(size));
+}
+// The texel of a map of `size` that a direction meets.
+struct TexelPlace {
+  int face, x, y;
+};
+inline TexelPlace texel_at(const FacePoint& p, int size) {
+  const auto along = [&](float s) { return std::clamp(int(s * float(size)), 0, size - 1); };
+  return {p.face, along(p.s), along(p.t)};
+}
+inline TexelPlace texel_at(const glm::vec3& direction, int size) {
+  return texel_at(face_point(direction), size);
 }
 
 // Solid angle of texel (x, y) of a face, exact (arctangent of the corners); the 6 n² sum to 4π.

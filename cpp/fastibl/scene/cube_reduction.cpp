@@ -17,9 +17,7 @@ FASTIBL_CLONES void reduce_row(const float* upper, const float* lower, const flo
                                const float* lower_weights, int count, float* out) {
   const float *u = upper, *l = lower, *wu = upper_weights, *wl = lower_weights;
   int x = 0;
-  const auto at = [](const float* p) -> const Float8& {
-    return *reinterpret_cast<const Float8*>(p);
-  };
+  const auto at = [](const float* p) -> Float8 { return *reinterpret_cast<const Float8*>(p); };
   for (; x + 4 <= count; x += 4, u += 24, l += 24, wu += 24, wl += 24, out += 12) {
     const Float8 a = at(u) * at(wu) + at(l) * at(wl);
     const Float8 b = at(u + 8) * at(wu + 8) + at(l + 8) * at(wl + 8);

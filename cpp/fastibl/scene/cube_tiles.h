@@ -30,6 +30,18 @@ struct FaceRect {
   int texels() const { return (x1 - x0) * (y1 - y0); }
 };
 
+// Where a texel of a face lies: its tile, and its number in that.
+struct TilePlace {
+  int tile, texel;
+};
+inline TilePlace tile_place(const TileGrid& grid, int face, int x, int y) {
+  const int edge = grid.per_edge();
+  const auto along = [&](int i) { return ((i + 1) * edge - 1) / grid.size; };  // inverse of begin()
+  const int column = along(x), row = along(y), x0 = grid.begin(column);
+  return {(face * edge + row) * edge + column,
+          (y - grid.begin(row)) * (grid.begin(column + 1) - x0) + x - x0};
+}
+
 inline FaceRect tile_rect(const TileGrid& grid, int tile) {
   const int edge = grid.per_edge(), in_face = tile % grid.per_face();
   const int x = in_face % edge, y = in_face / edge;

@@ -36,6 +36,10 @@ class TexelTimes {
     return same(tile) ? common_[std::size_t(tile)]
                       : times_[std::size_t(tile) * stride_ + std::size_t(texel)];
   }
+  // By texel; null where all of the tile have the same.
+  const double* own(int tile) const {
+    return same(tile) ? nullptr : &times_[std::size_t(tile) * stride_];
+  }
   void set(int tile, double time) {
     common_[std::size_t(tile)] = time, same_[std::size_t(tile)] = 1;
   }
@@ -65,7 +69,9 @@ struct MapKnowledge {
   double bound_flux = 0;   // share of the light above the horizon that is only a lower bound
   // Estimated share of the irradiance that is put wrong because things are near, and taken for far.
   double parallax = 0;
-  double prior_flux = 0;  // share of the light that a map from before stands for
+  double prior_flux = 0;    // share of the light that a map from before stands for
+  double boosted_flux = 0;  // share of the light above the horizon that clipped, and was put back
+  bool weighed = false;     // what is a bound was compared with the light that the plane shows
 };
 
 // Relative error of an irradiance: what is expected, and the ends of a 90 % interval.

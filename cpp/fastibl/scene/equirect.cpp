@@ -122,13 +122,11 @@ Image<float> equirect_from_cubemap(const CubeMap& cube, int height) {
         angle += ring.solid_angle * split;
         for (int x = 0; x < width; ++x)
           for (int i = x * split; i < (x + 1) * split; ++i) {
-            const FacePoint p =
-                face_point({ring.sine * azimuth.sine[std::size_t(i)],
-                            ring.sine * azimuth.cosine[std::size_t(i)], ring.cosine});
-            sums[std::size_t(x)] +=
-                ring.solid_angle *
-                glm::dvec3(base.texel(p.face, std::min(int(p.s * float(n)), n - 1),
-                                      std::min(int(p.t * float(n)), n - 1)));
+            const TexelPlace at =
+                texel_at(glm::vec3(ring.sine * azimuth.sine[std::size_t(i)],
+                                   ring.sine * azimuth.cosine[std::size_t(i)], ring.cosine),
+                         n);
+            sums[std::size_t(x)] += ring.solid_angle * glm::dvec3(base.texel(at.face, at.x, at.y));
           }
       }
       for (int x = 0; x < width; ++x) {

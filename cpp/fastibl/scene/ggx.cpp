@@ -5,6 +5,8 @@
 #include <mutex>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/simd.h"
+#include "fastibl/scene/isotropic_taps.h"
 #include "fastibl/scene/methods.h"
 #include "fastibl/scene/shared_formulas.h"
 
@@ -29,28 +31,28 @@ void add_gradient_taps(glm::vec3 v, glm::vec2 alpha, int most, GgxTaps& out) {
   }
 }
 
-// Light that the taps do not hold because its sources were taken out of the chain's levels, towards
-// the view (both in the surface's frame).
-glm::vec3 lights_of(const Lighting& lighting, const SurfaceFrame& frame,
-                    const shared::GgxLobe& lobe, const GgxTaps& taps,
-                    const std::array<float, kMostGgxTaps>& levels, glm::vec3 offset) {
-  const GlossyChain& chain = *lighting.chain;
-  glm::vec3 sum(0);
-  for (std::size_t i = 0; i < chain.lights.size(); ++i) {
-    float share = 0;
-    for (std::size_t k = 0; k < std::size_t(taps.count); ++k)
-      share += taps.taps[k].weight * shared::light_share(levels[k], chain.light_levels[i]);
-    const Light& light = chain.lights[i];
-    const float deviation = std::max(0.5f * light.angular_radius, 1e-3f);
-    const float nearness = i < lighting.light_distances.size() ? lighting.light_distances[i] : 0;
-    const shared::PlacedLight seen =
-        shared::placed_light(light.direction, nearness, deviation * deviation, offset);
-    const glm::vec3 local(glm::dot(seen.direction, frame.tangent),
-                          glm::dot(seen.direction, frame.bitangent),
-                          glm::dot(seen.direction, frame.normal));
-    sum += (share * seen.gain * shared::ggx_light(lobe, local, seen.variance)) * light.flux;
+// Sum of the lobe over all lights times the share of each that its tap levels do not hold.
+FASTIBL_CLONES
+void sum_lights(const LightArrays& lights, const shared::GgxLobe& lobe, const float* frame,
+                const float* level, const float* weight, int taps, float* rgb) {
+  float share[kMaxLights] = {}, value[kMaxLights];
+  for (int k = 0; k < taps; ++k)
+    for (int i = 0; i < kMaxLights; ++i)
+      share[i] += weight[k] * shared::light_share(level[k], lights.level[i]);
+  for (int i = 0; i < kMaxLights; ++i) {
+    const float x = lights.x[i], y = lights.y[i], z = lights.z[i];
+    const glm::vec3 local(frame[0] * x + frame[1] * y + frame[2] * z,
+                          frame[3] * x + frame[4] * y + frame[5] * z,
+                          frame[6] * x + frame[7] * y + frame[8] * z);
+    value[i] = share[i] * shared::ggx_light(lobe, local, lights.variance[i]);
   }
-  return sum / std::max(taps.albedo, 1e-4f);
+  float red = 0, green = 0, blue = 0;
+  for (int i = 0; i < kMaxLights; ++i) {  // unused ones are black
+    red += value[i] * lights.red[i];
+    green += value[i] * lights.green[i];
+    blue += value[i] * lights.blue[i];
+  }
+  rgb[0] = red, rgb[1] = green, rgb[2] = blue;
 }
 
 glm::vec3 unit_or(glm::vec3 v, glm::vec3 otherwise) {
@@ -110,33 +112,49 @@ SurfaceFrame frame_around(glm::vec3 normal, glm::vec3 tangent) {
   return {glm::cross(bitangent, normal), bitangent, normal};
 }
 
-glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm::vec3 view,
-                       glm::vec2 alpha, const GgxOptions& options, const glm::vec3* position) {
+GgxShading::GgxShading(const Lighting& lighting) : lighting_(&lighting) {
+  const GlossyChain* chain = lighting.chain.get();
+  if (chain && !chain->lights.empty()) lights_ = arrays_of(lighting);
+}
+
+glm::vec3 GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
+                                 const GgxOptions& options, const glm::vec3* position) const {
   const glm::vec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
                         glm::dot(view, frame.normal));
-  const GgxTaps taps = ggx_taps(local, alpha, options);
-  const CubeMap& map = *lighting.radiance;
-  const GlossyChain* chain = lighting.chain.get();
-  std::array<float, kMostGgxTaps> levels;
+  const bool round =
+      alpha.x == alpha.y && options.method == GgxMethod::taps && options.taps == kGgxTaps;
+  const GgxTaps taps = round ? IsotropicTaps::table().at(local, std::sqrt(alpha.x))
+                             : ggx_taps(local, alpha, options);
+  const CubeMap& map = *lighting_->radiance;
+  const GlossyChain* chain = lighting_->chain.get();
+  const glm::vec3 offset = position ? *position - lighting_->near_lights.centre : glm::vec3(0);
+  float levels[kMostGgxTaps], weights[kMostGgxTaps];
   glm::vec3 sum(0);
   for (std::size_t k = 0; k < std::size_t(taps.count); ++k) {
     const GgxTap& tap = taps.taps[k];
     glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
                   tap.direction.z * frame.normal;
-    if (position && lighting.box) {
-      const glm::dvec3 centre(lighting.near_lights.centre);
-      d = shared::box_direction(d, *position - lighting.near_lights.centre,
-                                glm::vec3(lighting.box->lower - centre),
-                                glm::vec3(lighting.box->upper - centre));
+    if (position && lighting_->box) {
+      const glm::dvec3 centre(lighting_->near_lights.centre);
+      d = shared::box_direction(d, offset, glm::vec3(lighting_->box->lower - centre),
+                                glm::vec3(lighting_->box->upper - centre));
     }
     levels[k] =
         chain ? chain->level_of(tap.width) : shared::blur_level(float(map.size()), tap.width);
+    weights[k] = tap.weight;
     sum += tap.weight * (chain ? chain->sample(d, levels[k]) : map.sample(d, levels[k]));
   }
-  if (chain && !chain->lights.empty())
-    sum += lights_of(lighting, frame, shared::ggx_lobe(local, alpha), taps, levels,
-                     position ? *position - lighting.near_lights.centre : glm::vec3(0));
-  return sum;
+  if (lights_.count == 0) return sum;
+  const float axes[9] = {frame.tangent.x,   frame.tangent.y,   frame.tangent.z,
+                         frame.bitangent.x, frame.bitangent.y, frame.bitangent.z,
+                         frame.normal.x,    frame.normal.y,    frame.normal.z};
+  float rgb[3];
+  LightArrays placed;
+  const bool near = position && lights_.any_near;
+  if (near) placed = seen_from(lights_, offset);
+  sum_lights(near ? placed : lights_, shared::ggx_lobe(local, alpha), axes, levels, weights,
+             taps.count, rgb);
+  return sum + glm::vec3(rgb[0], rgb[1], rgb[2]) / std::max(taps.albedo, 1e-4f);
 }
 
 glm::dvec2 integrate_ggx_albedo(glm::dvec3 v, glm::dvec2 alpha) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fastibl/core/vector.h"
+#include "fastibl/scene/light_arrays.h"
 #include "fastibl/scene/lighting.h"
 
 namespace fastibl {
@@ -61,11 +62,20 @@ SurfaceFrame frame_around(glm::vec3 unit_normal, glm::vec3 tangent);
 
 // Average of the map over the lobe D G2 of a surface whose Fresnel term is 1, divided by its
 // directional albedo: 1 for a constant map of radiance 1. Reads the lighting's chain and its lights
-// where it has one, else the MIP levels. unit_view: marker frame, surface to eye. position: marker
-// frame, from where its lights are seen where they are; null: all light as at the map's centre.
-glm::vec3 evaluate_ggx(const Lighting& lighting, const SurfaceFrame& frame, glm::vec3 unit_view,
-                       glm::vec2 alpha, const GgxOptions& options = {},
-                       const glm::vec3* position = nullptr);
+// where it has one, else the MIP levels. Keeps a pointer to the lighting.
+class GgxShading {
+ public:
+  explicit GgxShading(const Lighting& lighting);
+  // unit_view: marker frame, surface to eye. position: marker frame, from where its lights are seen
+  // where they are; null: all light as at the map's centre. Round lobes of as many taps as usual
+  // come from a table (IsotropicTaps).
+  glm::vec3 operator()(const SurfaceFrame& frame, glm::vec3 unit_view, glm::vec2 alpha,
+                       const GgxOptions& options = {}, const glm::vec3* position = nullptr) const;
+
+ private:
+  const Lighting* lighting_;
+  LightArrays lights_;
+};
 
 // Directional albedo of single scattering towards a view in the surface's frame, as the two numbers
 // of the split sum: f0 x + y with Fresnel by Schlick, x + y with Fresnel 1. Quadrature, within

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "fastibl/scene/directional_albedo.h"
+#include "fastibl/scene/light_arrays.h"
 #include "fastibl/scene/lighting.h"
 
 namespace fastibl {
@@ -29,18 +30,6 @@ struct GlossyLobe {
   GlossyLobe() = default;
   GlossyLobe(const GlossyChain& chain, int taps, float exponent);
 };
-
-// Lights side by side, for one loop over all of them; those beyond `count` give nothing.
-struct LightArrays {
-  int count = 0;
-  float finest = GlossyChain::kLevelCount;  // of the levels
-  float x[kMaxLights]{}, y[kMaxLights]{}, z[kMaxLights]{};
-  float variance[kMaxLights]{}, level[kMaxLights]{};
-  float red[kMaxLights]{}, green[kMaxLights]{}, blue[kMaxLights]{};
-  float inverse_distance[kMaxLights]{};  // 1 / m; 0: distant
-  bool any_near = false;
-};
-LightArrays arrays_of(const Lighting& lighting);  // which has a chain
 
 // The glossy term of one exponent, ready for many normals and views. Keeps a pointer to lighting,
 // which needs its map once it is called.

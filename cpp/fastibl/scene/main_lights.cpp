@@ -57,10 +57,8 @@ struct Texels {
   // Name of the texel at (x, y), which may be one beyond an edge of the face.
   int neighbour(int face, int x, int y) const {
     if (x < 0 || y < 0 || x >= size || y >= size) {
-      const FacePoint p = face_point(texel_direction(face, x, y, size));
-      face = p.face;
-      x = std::clamp(int(p.s * float(size)), 0, size - 1);
-      y = std::clamp(int(p.t * float(size)), 0, size - 1);
+      const TexelPlace at = texel_at(texel_direction(face, x, y, size), size);
+      face = at.face, x = at.x, y = at.y;
     }
     return name[std::size_t((face * size + y) * size + x)];
   }

@@ -12,24 +12,25 @@ bool finite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && st
 
 void normalize_all(std::vector<glm::vec3>& normals) {
   for (glm::vec3& n : normals) {
-    const float length = glm::length(n);
-    n = length > 0 ? n / length : glm::vec3(0, 0, 1);
+    const double length = glm::length(glm::dvec3(n));
+    n = length > 0 ? glm::vec3(glm::dvec3(n) / length) : glm::vec3(0, 0, 1);
   }
 }
 
-// Adds what f gives of each triangle to its three vertices, times the angle there.
+// Adds what f gives of each triangle to its three vertices, times the angle there. In double: an
+// area in float would overflow from edges of 1e10 on, and vanish below 1e-11.
 template <typename T, typename F>
 void add_by_angle(const Mesh& mesh, std::vector<T>& sums, F&& f) {
   for (const glm::ivec3& t : mesh.triangles) {
-    const glm::vec3 p[3] = {mesh.vertices[std::size_t(t[0])], mesh.vertices[std::size_t(t[1])],
-                            mesh.vertices[std::size_t(t[2])]};
-    const glm::vec3 area = glm::cross(p[1] - p[0], p[2] - p[0]);
-    const float length = glm::length(area);
+    const glm::dvec3 p[3] = {mesh.vertices[std::size_t(t[0])], mesh.vertices[std::size_t(t[1])],
+                             mesh.vertices[std::size_t(t[2])]};
+    const glm::dvec3 area = glm::cross(p[1] - p[0], p[2] - p[0]);
+    const double length = glm::length(area);
     if (!(length > 0)) continue;
-    const T value = f(t, p, area / length);
+    const T value = f(t, p, glm::vec3(area / length));
     for (int k = 0; k < 3; ++k) {
-      const glm::vec3 a = p[(k + 1) % 3] - p[k], b = p[(k + 2) % 3] - p[k];
-      sums[std::size_t(t[k])] += std::atan2(length, glm::dot(a, b)) * value;
+      const glm::dvec3 a = p[(k + 1) % 3] - p[k], b = p[(k + 2) % 3] - p[k];
+      sums[std::size_t(t[k])] += float(std::atan2(length, glm::dot(a, b))) * value;
     }
   }
 }
@@ -59,7 +60,8 @@ std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {
   std::vector<glm::vec3> normals = mesh.normals;
   if (normals.empty()) {
     normals.assign(mesh.vertices.size(), glm::vec3(0));
-    add_by_angle(mesh, normals, [](const glm::ivec3&, const glm::vec3*, glm::vec3 n) { return n; });
+    add_by_angle(mesh, normals,
+                 [](const glm::ivec3&, const glm::dvec3*, glm::vec3 n) { return n; });
   }
   normalize_all(normals);
   return normals;
@@ -68,15 +70,16 @@ std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {
 std::vector<glm::vec4> vertex_tangents(const Mesh& mesh, std::span<const glm::vec3> normals) {
   std::vector<glm::vec4> sums(mesh.vertices.size(), glm::vec4(0));
   if (!mesh.uvs.empty())
-    add_by_angle(mesh, sums, [&](const glm::ivec3& t, const glm::vec3* p, glm::vec3) {
-      const glm::vec2 a = mesh.uvs[std::size_t(t[1])] - mesh.uvs[std::size_t(t[0])],
-                      b = mesh.uvs[std::size_t(t[2])] - mesh.uvs[std::size_t(t[0])];
-      const float area = a.x * b.y - a.y * b.x;
-      const glm::vec3 along =
-          (b.y * (p[1] - p[0]) - a.y * (p[2] - p[0])) * (area < 0 ? -1.0f : 1.0f);
-      const float length = glm::length(along);
+    add_by_angle(mesh, sums, [&](const glm::ivec3& t, const glm::dvec3* p, glm::vec3) {
+      const glm::dvec2 uv(mesh.uvs[std::size_t(t[0])]);
+      const glm::dvec2 a = glm::dvec2(mesh.uvs[std::size_t(t[1])]) - uv,
+                       b = glm::dvec2(mesh.uvs[std::size_t(t[2])]) - uv;
+      const double area = a.x * b.y - a.y * b.x;
+      const glm::dvec3 along =
+          (b.y * (p[1] - p[0]) - a.y * (p[2] - p[0])) * (area < 0 ? -1.0 : 1.0);
+      const double length = glm::length(along);
       if (!(area != 0 && length > 0)) return glm::vec4(0);
-      return glm::vec4(along / length, area < 0 ? -1 : 1);
+      return glm::vec4(glm::vec3(along / length), area < 0 ? -1 : 1);
     });
   for (std::size_t i = 0; i < sums.size(); ++i) {
     const glm::vec3 n = normals[i], sum(sums[i]);

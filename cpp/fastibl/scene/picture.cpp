@@ -4,9 +4,21 @@
 #include <cmath>
 #include <cstring>
 
+#include "fastibl/core/simd.h"
 #include "fastibl/scene/cube_map.h"
 
 namespace fastibl {
+
+namespace {
+
+FASTIBL_CLONES
+void luma(const std::uint8_t* rgb, int count, std::uint8_t* grey) {
+  for (int i = 0; i < count; ++i)
+    grey[i] = std::uint8_t(
+        (rgb[3 * i] * 19595u + rgb[3 * i + 1] * 38470u + rgb[3 * i + 2] * 7471u + 32768u) >> 16);
+}
+
+}  // namespace
 
 Image<float> linear_from(const Picture& picture, const Response& response) {
   Image<float> out(picture.width, picture.height, 3);
@@ -57,12 +69,11 @@ Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response)
 }
 
 Image<std::uint8_t> grey_from(const Picture& picture, const Response& response) {
-  const Image<std::uint8_t> rgb = bytes_from(picture, response);
+  const bool bytes = picture.type == PixelType::uint8;
+  const Image<std::uint8_t> rgb = bytes ? Image<std::uint8_t>() : bytes_from(picture, response);
   Image<std::uint8_t> grey(picture.width, picture.height, 1);
-  for (std::size_t i = 0; i < grey.data.size(); ++i) {
-    const std::uint8_t* p = &rgb.data[3 * i];
-    grey.data[i] = std::uint8_t((p[0] * 19595u + p[1] * 38470u + p[2] * 7471u + 32768u) >> 16);
-  }
+  for (int y = 0; y < picture.height; ++y)
+    luma(bytes ? picture.row(y) : rgb.row(y), picture.width, grey.row(y));
   return grey;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/simd.h"
 
 namespace fastibl {
 
@@ -27,7 +28,7 @@ Response Response::from_curve(std::vector<float> curve) {
 }
 
 float Response::decode(float encoded) const {
-  const float e = std::clamp(encoded, 0.0f, 1.0f);
+  const float e = encoded > 0 ? std::min(encoded, 1.0f) : 0.0f;  // NaN gives 0
   if (curve.empty()) return e <= 0.04045f ? e / 12.92f : std::pow((e + 0.055f) / 1.055f, 2.4f);
   const float x = e * float(curve.size() - 1);
   const std::size_t i = std::min(std::size_t(x), curve.size() - 2);
@@ -44,6 +45,28 @@ float Response::encode(float linear) const {
   return (float(i) + (linear - curve[i]) / (curve[i + 1] - curve[i])) / float(curve.size() - 1);
 }
 
+namespace {
+
+FASTIBL_CLONES
+void look_up(const std::uint8_t* at, const float* table, std::size_t count, float* out) {
+  for (std::size_t i = 0; i < count; ++i) out[i] = table[int(at[i])];
+}
+
+// As ByteResponse::encode() where a guess is at most one code too low.
+FASTIBL_CLONES
+void encode_by_one_step(const float* linear, const std::int32_t* guess, const float* upper,
+                        int guesses, std::size_t count, std::uint8_t* out) {
+  const float most = 1 - 0x1p-24f, scale = float(guesses);
+  for (std::size_t i = 0; i < count; ++i) {
+    const float positive = linear[i] > 0 ? linear[i] : 0.0f;  // NaN too
+    const float value = positive < most ? positive : most;
+    const std::int32_t code = guess[int(value * scale)];
+    out[i] = std::uint8_t(code + (value >= upper[code]));
+  }
+}
+
+}  // namespace
+
 ByteResponse::ByteResponse(const Response& response) {
   for (int k = 0; k < 256; ++k) {
     decode_[std::size_t(k)] = response.decode(float(k) / 255.0f);
@@ -52,8 +75,21 @@ ByteResponse::ByteResponse(const Response& response) {
   int code = 0;
   for (int i = 0; i < kGuesses; ++i) {
     while (float(i) / kGuesses >= upper_[std::size_t(code)]) ++code;
-    guess_[std::size_t(i)] = std::uint8_t(code);
+    guess_[std::size_t(i)] = code;
+    if (i > 0) most_steps_ = std::max(most_steps_, code - guess_[std::size_t(i) - 1]);
   }
+  most_steps_ = std::max(most_steps_, 255 - code);
+}
+
+void ByteResponse::decode(const std::uint8_t* encoded, float* linear, std::size_t count) const {
+  look_up(encoded, decode_.data(), count, linear);
+}
+
+void ByteResponse::encode(const float* linear, std::uint8_t* encoded, std::size_t count) const {
+  if (most_steps_ <= 1)
+    encode_by_one_step(linear, guess_.data(), upper_.data(), kGuesses, count, encoded);
+  else
+    for (std::size_t i = 0; i < count; ++i) encoded[i] = encode(linear[i]);
 }
 
 }  // namespace fastibl

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -16,7 +17,7 @@ struct Response {
   static Response gamma(double exponent);                // linear = encoded^exponent
   static Response from_curve(std::vector<float> curve);  // throws unless it is as stated above
 
-  float decode(float encoded) const;  // clamped to [0, 1] before
+  float decode(float encoded) const;  // clamped to [0, 1] before; NaN gives 0
   float encode(float linear) const;   // clamped to [0, 1] before; NaN gives 0
   bool operator==(const Response&) const = default;
 };
@@ -34,12 +35,16 @@ class ByteResponse {
     while (linear >= upper_[std::size_t(code)]) ++code;
     return std::uint8_t(code);
   }
+  // Many at once: the same values and codes.
+  void decode(const std::uint8_t* encoded, float* linear, std::size_t count) const;
+  void encode(const float* linear, std::uint8_t* encoded, std::size_t count) const;
 
  private:
   static constexpr int kGuesses = 4096;
   std::array<float, 256> decode_{};
   std::array<float, 256> upper_{};              // linear value at which code k ends
-  std::array<std::uint8_t, kGuesses> guess_{};  // code at the lower end of each bin
+  std::array<std::int32_t, kGuesses> guess_{};  // code at the lower end of each bin
+  int most_steps_ = 0;                          // from a guess to the code
 };
 
 }  // namespace fastibl

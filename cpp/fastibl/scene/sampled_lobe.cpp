@@ -46,10 +46,8 @@ struct Lattice {
 };
 
 glm::vec3 nearest_texel(const CubeLevel& level, glm::vec3 direction) {
-  const FacePoint p = face_point(direction);
-  const int n = level.size();
-  return level.texel(p.face, std::clamp(int(p.s * float(n)), 0, n - 1),
-                     std::clamp(int(p.t * float(n)), 0, n - 1));
+  const TexelPlace at = texel_at(direction, level.size());
+  return level.texel(at.face, at.x, at.y);
 }
 
 // Mean over about the solid angle around a unit direction.
@@ -102,7 +100,8 @@ glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 n, glm::vec3 v, float s, in
     sum += weight * filtered(map, l, 4 * vh * half.solid_angle, nearest);
     total += weight;
   }
-  return total > 0 ? sum / total : map.sample(mirror, 0);
+  // Below: all taps graze, and their light, times such weights, would vanish in float.
+  return total > 1e-12f ? sum / total : map.sample(mirror, 0);
 }
 
 }  // namespace fastibl

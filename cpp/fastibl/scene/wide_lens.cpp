@@ -43,7 +43,7 @@ WideLens::WideLens(const Camera& camera)
 
 std::optional<glm::dvec2> WideLens::project(const glm::dvec3& p) const {
   const double across = std::hypot(p.x, p.y), length = std::hypot(across, p.z);
-  if (!(length > 0)) return std::nullopt;  // nor NaN
+  if (!(length > 0 && std::isfinite(length))) return std::nullopt;  // nor NaN
   if (!fisheye_)
     return glm::dvec2(cx_ + fx_ * std::atan2(p.x, p.z),
                       cy_ + fy_ * std::atan2(p.y, std::hypot(p.x, p.z)));

@@ -61,44 +61,74 @@ float free_part(const FreeCells& cells, const OctahedralGrid& grid, glm::vec3 no
   return seen > 0 ? free / float(seen) : 1.0f;
 }
 
+bool hardly_moved(const NearLight& a, const NearLight& b) {
+  constexpr float kMost = NearShares::kKeptAngle, kNearness = 0.003f, kSize = 0.01f;
+  const glm::vec3 turn = a.direction - b.direction;
+  return glm::dot(turn, turn) <= kMost * kMost &&
+         std::fabs(a.inverse_distance - b.inverse_distance) <= kNearness * a.inverse_distance &&
+         std::fabs(a.sin_radius - b.sin_radius) <= kSize * a.sin_radius;
+}
+
 }  // namespace
 
-std::vector<glm::vec3> near_shares(const Scene& scene, const Lighting& lighting, SharesOf of) {
+std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& lighting,
+                                          SharesOf of) {
   const std::size_t count = scene.mesh.vertices.size();
   const NearLights& near_lights = lighting.near_lights;
-  std::vector<glm::vec3> changes(count, glm::vec3(0));
-  if (near_lights.empty()) return changes;
+  std::vector<glm::vec3> shares(count, glm::vec3(0));
+  if (near_lights.empty()) return shares;
+  const VertexVisibility* visibility =
+      of == SharesOf::directions ? scene.directions.get() : nullptr;
+  const Basis basis{scene.mesh.vertices.data(), visibility,         count,
+                    scene.marker_from_object,   near_lights.centre, of};
+  if (!(basis == basis_)) basis_ = basis, kept_.clear();
   const glm::mat3 turn(scene.marker_from_object.rotation), back = glm::transpose(turn);
   const glm::vec3 shift(scene.marker_from_object.translation);
   std::vector<glm::vec3> normals(count), all(count);
   for (std::size_t i = 0; i < count; ++i) normals[i] = turn * scene.normals[i];
   evaluate(lighting.irradiance, normals, all);
-  const VertexVisibility* visibility =
-      of == SharesOf::directions ? scene.directions.get() : nullptr;
+
+  std::vector<Kept> now;
+  std::vector<std::size_t> moved;  // of those
+  for (const NearLight& light : near_lights.lights) {
+    const auto same = std::find_if(kept_.begin(), kept_.end(), [&](const Kept& k) {
+      return !k.changes.empty() && hardly_moved(k.light, light);
+    });
+    if (same == kept_.end()) moved.push_back(now.size());
+    now.push_back(same == kept_.end() ? Kept{light, std::vector<float>(count)} : std::move(*same));
+  }
+  kept_ = std::move(now);
+
   const OctahedralGrid* grid = visibility ? &octahedral_grid(visibility->size) : nullptr;
   parallel_for(int(count), kGrain, [&](int begin, int end) {
-    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
-      const glm::vec3 n = normals[i];
-      const glm::vec3 offset = turn * scene.mesh.vertices[i] + shift - near_lights.centre;
-      glm::vec3 change(0);
-      for (const NearLight& light : near_lights.lights) {
+    for (const std::size_t k : moved) {
+      Kept& kept = kept_[k];
+      const NearLight& light = kept.light;
+      for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
         const auto seen = [&](glm::vec3 arrow) {
-          const float all_of_it = shared::near_irradiance(arrow, light.sin_radius, n);
+          const float all_of_it = shared::near_irradiance(arrow, light.sin_radius, normals[i]);
           const float length = glm::length(arrow);
           if (!visibility || !(all_of_it > 0) || !(length > 1e-6f)) return all_of_it;
           return all_of_it * free_part(FreeCells(*visibility, i), *grid, scene.normals[i],
                                        back * (arrow / length),
                                        std::min(light.sin_radius / length, 1.0f));
         };
-        const glm::vec3 arrow = shared::near_arrow(light.direction, light.inverse_distance, offset);
-        change += (seen(arrow) - seen(light.direction)) * light.irradiance;
+        const glm::vec3 offset = turn * scene.mesh.vertices[i] + shift - near_lights.centre;
+        kept.changes[i] =
+            seen(shared::near_arrow(light.direction, light.inverse_distance, offset)) -
+            seen(light.direction);
       }
+    }
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
+      glm::vec3 change(0);
+      for (std::size_t k = 0; k < kept_.size(); ++k)
+        change += kept_[k].changes[i] * near_lights.lights[k].irradiance;
       if (of == SharesOf::visibility) change *= scene.visibility[i];
       for (int c = 0; c < 3; ++c)
-        changes[i][c] = all[i][c] > 0 ? std::clamp(change[c] / all[i][c], -1.0f, kMostShare) : 0.0f;
+        shares[i][c] = all[i][c] > 0 ? std::clamp(change[c] / all[i][c], -1.0f, kMostShare) : 0.0f;
     }
   });
-  return changes;
+  return shares;
 }
 
 }  // namespace fastibl

@@ -16,13 +16,15 @@ constexpr int kMostCells = 128;
 constexpr int kBlock = 64;       // vertices that one thread works out at a time
 constexpr double kSlack = 1e-3;  // of the object's size; radians
 
-// A third of each triangle's area.
-std::vector<float> vertex_areas(const Mesh& mesh) {
-  std::vector<float> areas(mesh.vertices.size(), 0.0f);
+bool finite(glm::vec2 v) { return std::isfinite(v.x) && std::isfinite(v.y); }
+
+// A third of each triangle's area. In double: that of a mesh of 1e20 m would overflow.
+std::vector<double> vertex_areas(const Mesh& mesh) {
+  std::vector<double> areas(mesh.vertices.size(), 0.0);
   for (const auto& t : mesh.triangles) {
-    const glm::vec3 a = mesh.vertices[std::size_t(t[0])], b = mesh.vertices[std::size_t(t[1])],
-                    c = mesh.vertices[std::size_t(t[2])];
-    const float area = 0.5f * glm::length(glm::cross(b - a, c - a));
+    const glm::dvec3 a = mesh.vertices[std::size_t(t[0])], b = mesh.vertices[std::size_t(t[1])],
+                     c = mesh.vertices[std::size_t(t[2])];
+    const double area = 0.5 * glm::length(glm::cross(b - a, c - a));
     for (int k = 0; k < 3; ++k) areas[std::size_t(t[k])] += area / 3;
   }
   return areas;
@@ -68,9 +70,13 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
   size_ = std::max({size.x, size.y, size.z});
   centre_ = 0.5f * glm::vec2(box.lower + box.upper);
   extent_ = kExtent * size_;
-  areas_ = vertex_areas(mesh);
-  const float cell_area = 4 * extent_ * extent_ / float(cells * cells);
-  for (float& area : areas_) area /= cell_area;
+  const double cell_area = 4.0 * double(extent_) * double(extent_) / (cells * cells);
+  areas_.assign(vertices.size(), 0.0f);
+  first_.assign(vertices.size() + 1, 0);
+  // A point, or a mesh as large as floats reach: it gives and takes nothing.
+  if (!(extent_ > 0 && std::isfinite(extent_) && finite(centre_))) return;
+  const std::vector<double> areas = vertex_areas(mesh);
+  for (std::size_t v = 0; v < areas.size(); ++v) areas_[v] = float(areas[v] / cell_area);
 
   const glm::mat3 marker_from_object(standing.rotation);
   const std::vector<glm::vec3> normals = vertex_normals(mesh);
@@ -110,7 +116,7 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
       met.clear();
     }
   });
-  first_.push_back(0);
+  first_.assign(1, 0);
   for (const Seen& seen : blocks) {
     for (const std::uint32_t n : seen.counts) first_.push_back(first_.back() + n);
     cell_.insert(cell_.end(), seen.cells.begin(), seen.cells.end());

@@ -1,40 +1,23 @@
 #include "fastibl/shading/rasterize.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdint>
+#include <cstring>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/core/simd.h"
 
 namespace fastibl {
 namespace {
 
-// Positions snap to 1/256 pixel and the four samples lie where GPUs put them, so that the GL back
-// end covers the same samples.
-constexpr int kSubpixel = 256;
-constexpr int kSamples = 4;
-constexpr int kSampleX[kSamples] = {96, 224, 32, 160}, kSampleY[kSamples] = {32, 96, 160, 224};
 constexpr int kBand = 16;              // rows that one thread fills at a time
 constexpr double kFarthest = 1 << 21;  // pixels: beyond, fixed-point edges would overflow
-
-struct Corner {
-  std::int64_t x, y;  // 1/256 pixel
-  float inverse_depth;
-  bool valid;
-};
-
-// Twice the signed area of (a, b, p); positive on one side of the edge.
-std::int64_t edge(const Corner& a, const Corner& b, std::int64_t px, std::int64_t py) {
-  return (b.x - a.x) * (py - a.y) - (b.y - a.y) * (px - a.x);
-}
-// A sample exactly on an edge belongs to one of the two triangles: the top-left rule.
-bool owns_edge(const Corner& a, const Corner& b) { return a.y == b.y ? b.x > a.x : b.y < a.y; }
+constexpr int kVertices = 1024;        // that one thread takes at a time
 
 // Shares of a triangle's three corners at a point of the picture, perspective-correct.
-glm::vec3 corner_weights(const Corner& a, const Corner& b, const Corner& c, std::int64_t px,
-                         std::int64_t py) {
+glm::vec3 corner_weights(const PictureCorner& a, const PictureCorner& b, const PictureCorner& c,
+                         std::int64_t px, std::int64_t py) {
   const float area = float(edge(a, b, c.x, c.y));
   glm::vec3 w(float(edge(b, c, px, py)) / area, float(edge(c, a, px, py)) / area, 0);
   w.z = 1 - w.x - w.y;
@@ -42,191 +25,193 @@ glm::vec3 corner_weights(const Corner& a, const Corner& b, const Corner& c, std:
   return w / (w.x + w.y + w.z);
 }
 
-struct Cell {
-  std::array<float, kSamples> inverse_depth{};  // 0: nothing
-  std::array<int, kSamples> triangle{-1, -1, -1, -1};
-};
-
 }  // namespace
 
-Fragments rasterize(const Scene& scene, const Camera& camera, const Pose& camera_from_marker,
-                    std::span<const glm::vec4> light_shares,
-                    std::span<const glm::vec4> holdout_ratios) {
+struct Rasterizer::Geometry {
+  const Scene& scene;
+  const Camera& camera;
+  const Mesh& holdout;  // may be empty
+  std::span<const glm::vec4> holdout_ratios;
+  bool surface;   // tangents are asked for
+  bool textured;  // places on the textures are
+
+  // Vertices and triangles of the holdouts follow the object's.
+  std::size_t own() const { return scene.mesh.vertices.size(); }
+  std::size_t own_triangles() const { return scene.mesh.triangles.size(); }
+  std::size_t triangles() const { return own_triangles() + holdout.triangles.size(); }
+  glm::ivec3 corners_of(std::size_t t) const {
+    return t < own_triangles() ? scene.mesh.triangles[t]
+                               : holdout.triangles[t - own_triangles()] + int(own());
+  }
+};
+
+void Rasterizer::project(const Geometry& g, const Pose& camera_from_marker) {
+  const Pose camera_from_object = camera_from_marker * g.scene.marker_from_object;
+  const Lens lens(g.camera);
+  corners_.resize(g.own() + g.holdout.vertices.size());
+  parallel_for(int(corners_.size()), kVertices, [&](int begin, int end) {
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
+      const glm::dvec3 p = i < g.own()
+                               ? camera_from_object * glm::dvec3(g.scene.mesh.vertices[i])
+                               : camera_from_marker * glm::dvec3(g.holdout.vertices[i - g.own()]);
+      const auto pixel = lens.project(p);
+      PictureCorner& corner = corners_[i];
+      corner.valid = pixel && std::abs(pixel->x) < kFarthest && std::abs(pixel->y) < kFarthest;
+      if (!corner.valid) continue;
+      corner.x = std::llround(pixel->x * kSubpixel), corner.y = std::llround(pixel->y * kSubpixel);
+      corner.inverse_depth = float(1 / p.z);
+    }
+  });
+  left_ = g.camera.width, right_ = -1, top_ = g.camera.height, bottom_ = -1;
+  for (const PictureCorner& corner : corners_) {
+    if (!corner.valid) continue;
+    const int x = int(corner.x / kSubpixel), y = int(corner.y / kSubpixel);
+    left_ = std::min(left_, x - 1), right_ = std::max(right_, x + 1);
+    top_ = std::min(top_, y - 1), bottom_ = std::max(bottom_, y + 1);
+  }
+  left_ = std::max(left_, 0), right_ = std::min(right_, g.camera.width - 1);
+  top_ = std::max(top_, 0), bottom_ = std::min(bottom_, g.camera.height - 1);
+}
+
+void Rasterizer::set_varyings(const Scene& scene, std::span<const glm::vec4> light_shares) {
+  const glm::mat3 marker_from_object(scene.marker_from_object.rotation);
+  varyings_.resize(scene.mesh.vertices.size());
+  parallel_for(int(varyings_.size()), kVertices, [&](int begin, int end) {
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
+      Varying& v = varyings_[i];
+      v.position = glm::vec3(scene.marker_from_object * glm::dvec3(scene.mesh.vertices[i]));
+      v.normal = marker_from_object * scene.normals[i];
+      v.share =
+          light_shares.empty() ? glm::vec4(glm::vec3(scene.visibility[i]), 1) : light_shares[i];
+      v.tangent =
+          scene.tangents.empty()
+              ? glm::vec4(0)
+              : glm::vec4(marker_from_object * glm::vec3(scene.tangents[i]), scene.tangents[i].w);
+      v.uv = scene.mesh.uvs.empty() ? glm::vec2(0) : scene.mesh.uvs[i];
+    }
+  });
+}
+
+void Rasterizer::sort_triangles(const Geometry& g, int bands) {
+  if (triangles_of_.size() < std::size_t(bands)) triangles_of_.resize(std::size_t(bands));
+  for (std::vector<int>& triangles : triangles_of_) triangles.clear();
+  for (std::size_t i = 0; i < g.triangles(); ++i) {
+    const glm::ivec3 index = g.corners_of(i);
+    const PictureCorner &a = corners_[std::size_t(index[0])], &b = corners_[std::size_t(index[1])],
+                        &c = corners_[std::size_t(index[2])];
+    if (!a.valid || !b.valid || !c.valid) continue;
+    const int y0 = std::max(int(std::min({a.y, b.y, c.y}) / kSubpixel) - top_, 0) / kBand;
+    const int y1 = std::min(int(std::max({a.y, b.y, c.y}) / kSubpixel), bottom_) - top_;
+    for (int band = y0; band <= y1 / kBand && y1 >= 0; ++band)
+      triangles_of_[std::size_t(band)].push_back(int(i));
+  }
+}
+
+// The part of pixel (x, y) that `count` samples of a triangle cover, whose middle is at px, py.
+void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, std::int64_t px,
+                     std::int64_t py, FragmentBand& band) const {
+  const glm::ivec3 index = g.corners_of(std::size_t(triangle));
+  const std::size_t i[3] = {std::size_t(index[0]), std::size_t(index[1]), std::size_t(index[2])};
+  const PictureCorner &a = corners_[i[0]], &b = corners_[i[1]], &c = corners_[i[2]];
+  const glm::vec3 w = corner_weights(a, b, c, px, py);
+  const float coverage = float(count) / kSamples;
+  if (std::size_t(triangle) >= g.own_triangles()) {
+    glm::vec3 ratio(1);
+    const std::size_t own = g.own();
+    if (!g.holdout_ratios.empty())
+      ratio = glm::vec3(w.x * g.holdout_ratios[i[0] - own] + w.y * g.holdout_ratios[i[1] - own] +
+                        w.z * g.holdout_ratios[i[2] - own]);
+    band.holdouts.push_back({x, y, coverage, ratio});
+    return;
+  }
+  // All sixteen numbers at once.
+  static_assert(sizeof(Varying) == sizeof(Float16));
+  Float16 at[3];
+  for (int k = 0; k < 3; ++k) std::memcpy(&at[k], &varyings_[i[k]], sizeof at[k]);
+  const Float16 mean = w.x * at[0] + w.y * at[1] + w.z * at[2];
+  Varying v;
+  std::memcpy(&v, &mean, sizeof v);
+  // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
+  if (edge(a, b, c.x, c.y) > 0) v.normal = -v.normal;
+  const float length = glm::length(v.normal);
+  Fragment& fragment = band.object.emplace_back(Fragment{
+      x, y, coverage, v.position, length > 0 ? v.normal / length : glm::vec3(0, 0, 1), v.share});
+  if (g.surface) fragment.tangent = glm::vec4(glm::vec3(v.tangent), v.tangent.w < 0 ? -1 : 1);
+  if (g.textured) {
+    const auto uv_at = [&](glm::vec3 u) {
+      return u.x * varyings_[i[0]].uv + u.y * varyings_[i[1]].uv + u.z * varyings_[i[2]].uv;
+    };
+    fragment.uv = v.uv;
+    fragment.uv_dx = uv_at(corner_weights(a, b, c, px + kSubpixel, py)) - v.uv;
+    fragment.uv_dy = uv_at(corner_weights(a, b, c, px, py + kSubpixel)) - v.uv;
+  }
+}
+
+// Once a triangle, at the middle of the samples that it covers.
+void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, FragmentBand& band) const {
+  const SampleCell* cell = window.cells;
+  for (int y = window.top; y <= window.bottom; ++y)
+    for (int x = window.left; x <= window.right; ++x, ++cell)
+      for (std::size_t s = 0; s < kSamples; ++s) {
+        const int t = cell->triangle[s];
+        if (t < 0) continue;
+        int count = 0;
+        bool before = false;
+        std::int64_t px = 0, py = 0;
+        for (std::size_t k = 0; k < kSamples; ++k) {
+          if (cell->triangle[k] != t) continue;
+          before = before || k < s;
+          px += kSampleX[k], py += kSampleY[k], ++count;
+        }
+        if (!before)
+          add(g, t, x, y, count, std::int64_t{x} * kSubpixel + px / count,
+              std::int64_t{y} * kSubpixel + py / count, band);
+      }
+}
+
+std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& camera,
+                                                    const Pose& camera_from_marker,
+                                                    std::span<const glm::vec4> light_shares,
+                                                    std::span<const glm::vec4> holdout_ratios) {
   check(light_shares.empty() || light_shares.size() == scene.mesh.vertices.size(),
         "there must be a share of the light for each vertex, ", scene.mesh.vertices.size(),
         ", got ", light_shares.size());
-  const auto share_of = [&](std::size_t i) {
-    return light_shares.empty() ? glm::vec4(glm::vec3(scene.visibility[i]), 1) : light_shares[i];
-  };
-  const Pose camera_from_object = camera_from_marker * scene.marker_from_object;
-  const Lens lens(camera);
-  const Mesh& mesh = scene.mesh;
   static const Mesh kNone;
   const Mesh& holdout = scene.has_holdouts() ? scene.holdouts->mesh : kNone;
   check(holdout_ratios.empty() || holdout_ratios.size() == holdout.vertices.size(),
         "there must be a ratio for each vertex of the holdouts, ", holdout.vertices.size(),
         ", got ", holdout_ratios.size());
-  // Those of the holdouts follow the object's, and so do their triangles.
-  const std::size_t own = mesh.vertices.size(), own_triangles = mesh.triangles.size();
-  const auto corners_of = [&](std::size_t t) {
-    return t < own_triangles ? mesh.triangles[t] : holdout.triangles[t - own_triangles] + int(own);
-  };
-  std::vector<Corner> corners(own + holdout.vertices.size());
-  int left = camera.width, right = -1, top = camera.height, bottom = -1;
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    const glm::dvec3 p = i < own ? camera_from_object * glm::dvec3(mesh.vertices[i])
-                                 : camera_from_marker * glm::dvec3(holdout.vertices[i - own]);
-    const auto pixel = lens.project(p);
-    corners[i].valid = pixel && std::abs(pixel->x) < kFarthest && std::abs(pixel->y) < kFarthest;
-    if (!corners[i].valid) continue;
-    corners[i].x = std::llround(pixel->x * kSubpixel),
-    corners[i].y = std::llround(pixel->y * kSubpixel);
-    corners[i].inverse_depth = float(1 / p.z);
-    left = std::min(left, int(std::floor(pixel->x)) - 1),
-    right = std::max(right, int(pixel->x) + 1);
-    top = std::min(top, int(std::floor(pixel->y)) - 1),
-    bottom = std::max(bottom, int(pixel->y) + 1);
-  }
-  left = std::max(left, 0), right = std::min(right, camera.width - 1);
-  top = std::max(top, 0), bottom = std::min(bottom, camera.height - 1);
-  if (left > right || top > bottom) return {};
-
-  const int width = right - left + 1, rows = bottom - top + 1, bands = (rows + kBand - 1) / kBand;
-  std::vector<std::vector<int>> triangles_of(static_cast<std::size_t>(bands));
-  for (std::size_t i = 0; i < own_triangles + holdout.triangles.size(); ++i) {
-    const glm::ivec3 index = corners_of(i);
-    const Corner &a = corners[std::size_t(index[0])], &b = corners[std::size_t(index[1])],
-                 &c = corners[std::size_t(index[2])];
-    if (!a.valid || !b.valid || !c.valid) continue;
-    const int y0 = std::max(int(std::min({a.y, b.y, c.y}) / kSubpixel) - top, 0) / kBand;
-    const int y1 = std::min(int(std::max({a.y, b.y, c.y}) / kSubpixel) - top, rows - 1);
-    for (int band = y0; band <= y1 / kBand && y1 >= 0; ++band)
-      triangles_of[std::size_t(band)].push_back(int(i));
-  }
-
-  const glm::dmat3 marker_from_object = scene.marker_from_object.rotation;
-  std::vector<Fragments> found(static_cast<std::size_t>(bands));
+  const Geometry geometry{scene,
+                          camera,
+                          holdout,
+                          holdout_ratios,
+                          !scene.tangents.empty() && scene.material.pbr != nullptr,
+                          !scene.mesh.uvs.empty() && scene.material.textured()};
+  project(geometry, camera_from_marker);
+  if (left_ > right_ || top_ > bottom_) return {};
+  set_varyings(scene, light_shares);
+  const int width = right_ - left_ + 1, bands = (bottom_ - top_) / kBand + 1;
+  sort_triangles(geometry, bands);
+  if (found_.size() < std::size_t(bands)) found_.resize(std::size_t(bands));
   parallel_for(bands, 1, [&](int begin, int end) {
-    std::vector<Cell> cells;
-    for (int band = begin; band < end; ++band) {
-      const int y_begin = top + band * kBand, y_end = std::min(y_begin + kBand, bottom + 1);
-      cells.assign(std::size_t(width) * kBand, Cell{});
-      for (const int t : triangles_of[std::size_t(band)]) {
-        const glm::ivec3 index = corners_of(std::size_t(t));
-        const Corner* v[3] = {&corners[std::size_t(index[0])], &corners[std::size_t(index[1])],
-                              &corners[std::size_t(index[2])]};
-        std::int64_t area = edge(*v[0], *v[1], v[2]->x, v[2]->y);
-        if (area == 0) continue;
-        if (area < 0) std::swap(v[1], v[2]), area = -area;
-        const std::int64_t bias[3] = {owns_edge(*v[1], *v[2]) ? 0 : -1,
-                                      owns_edge(*v[2], *v[0]) ? 0 : -1,
-                                      owns_edge(*v[0], *v[1]) ? 0 : -1};
-        const int x0 = std::max(int(std::min({v[0]->x, v[1]->x, v[2]->x}) / kSubpixel), left);
-        const int x1 = std::min(int(std::max({v[0]->x, v[1]->x, v[2]->x}) / kSubpixel), right);
-        const int y0 = std::max(int(std::min({v[0]->y, v[1]->y, v[2]->y}) / kSubpixel), y_begin);
-        const int y1 = std::min(int(std::max({v[0]->y, v[1]->y, v[2]->y}) / kSubpixel), y_end - 1);
-        const float per_area = 1 / float(area);
-        // Edge functions are linear: stepped from pixel to pixel, with a fixed offset for each
-        // sample. The third is what the other two leave of the area.
-        const std::int64_t dx0 = v[1]->y - v[2]->y, dy0 = v[2]->x - v[1]->x;
-        const std::int64_t dx1 = v[2]->y - v[0]->y, dy1 = v[0]->x - v[2]->x;
-        std::int64_t offset0[kSamples], offset1[kSamples];
-        for (int s = 0; s < kSamples; ++s) {
-          offset0[s] = dx0 * kSampleX[s] + dy0 * kSampleY[s];
-          offset1[s] = dx1 * kSampleX[s] + dy1 * kSampleY[s];
-        }
-        for (int y = y0; y <= y1; ++y) {
-          const std::int64_t px = std::int64_t{x0} * kSubpixel, py = std::int64_t{y} * kSubpixel;
-          std::int64_t row0 = edge(*v[1], *v[2], px, py), row1 = edge(*v[2], *v[0], px, py);
-          Cell* cell = &cells[std::size_t(y - y_begin) * width + std::size_t(x0 - left)];
-          for (int x = x0; x <= x1; ++x, ++cell, row0 += dx0 * kSubpixel, row1 += dx1 * kSubpixel)
-            for (int s = 0; s < kSamples; ++s) {
-              const std::int64_t e0 = row0 + offset0[s], e1 = row1 + offset1[s],
-                                 e2 = area - e0 - e1;
-              if (((e0 + bias[0]) | (e1 + bias[1]) | (e2 + bias[2])) < 0) continue;
-              const float depth =
-                  per_area * (float(e0) * v[0]->inverse_depth + float(e1) * v[1]->inverse_depth +
-                              float(e2) * v[2]->inverse_depth);
-              if (depth <= cell->inverse_depth[std::size_t(s)]) continue;
-              cell->inverse_depth[std::size_t(s)] = depth;
-              cell->triangle[std::size_t(s)] = t;
-            }
-        }
+    std::vector<SampleCell> cells;
+    for (int i = begin; i < end; ++i) {
+      FragmentBand& band = found_[std::size_t(i)];
+      band.object.clear(), band.holdouts.clear();
+      const std::vector<int>& triangles = triangles_of_[std::size_t(i)];
+      if (triangles.empty()) continue;
+      const int top = top_ + i * kBand, bottom = std::min(top + kBand - 1, bottom_);
+      cells.assign(std::size_t(width) * kBand, SampleCell{});
+      const SampleWindow window{cells.data(), left_, top, right_, bottom};
+      for (const int t : triangles) {
+        const glm::ivec3 index = geometry.corners_of(std::size_t(t));
+        fill_triangle(window, corners_[std::size_t(index[0])], corners_[std::size_t(index[1])],
+                      corners_[std::size_t(index[2])], t);
       }
-      for (int y = y_begin; y < y_end; ++y)
-        for (int x = left; x <= right; ++x) {
-          const Cell& cell = cells[std::size_t(y - y_begin) * width + std::size_t(x - left)];
-          for (int s = 0; s < kSamples; ++s) {
-            const int t = cell.triangle[std::size_t(s)];
-            if (t < 0) continue;
-            // Once a triangle, at the middle of the samples that it covers.
-            int count = 0;
-            bool before = false;
-            std::int64_t px = 0, py = 0;
-            for (int k = 0; k < kSamples; ++k) {
-              if (cell.triangle[std::size_t(k)] != t) continue;
-              before = before || k < s;
-              px += kSampleX[k], py += kSampleY[k], ++count;
-            }
-            if (before) continue;
-            px = std::int64_t{x} * kSubpixel + px / count,
-            py = std::int64_t{y} * kSubpixel + py / count;
-            const glm::ivec3 index = corners_of(std::size_t(t));
-            const std::size_t i[3] = {std::size_t(index[0]), std::size_t(index[1]),
-                                      std::size_t(index[2])};
-            const Corner &a = corners[i[0]], &b = corners[i[1]], &c = corners[i[2]];
-            const glm::vec3 w = corner_weights(a, b, c, px, py);
-            if (std::size_t(t) >= own_triangles) {
-              glm::vec3 ratio(1);
-              if (!holdout_ratios.empty())
-                ratio =
-                    glm::vec3(w.x * holdout_ratios[i[0] - own] + w.y * holdout_ratios[i[1] - own] +
-                              w.z * holdout_ratios[i[2] - own]);
-              found[std::size_t(band)].holdouts.push_back({x, y, float(count) / kSamples, ratio});
-              continue;
-            }
-            const glm::vec3 position =
-                w.x * mesh.vertices[i[0]] + w.y * mesh.vertices[i[1]] + w.z * mesh.vertices[i[2]];
-            glm::vec3 normal =
-                w.x * scene.normals[i[0]] + w.y * scene.normals[i[1]] + w.z * scene.normals[i[2]];
-            // In the picture, y down, a triangle seen from outside runs clockwise: its area is
-            // negative.
-            if (edge(a, b, c.x, c.y) > 0) normal = -normal;
-            normal = glm::mat3(marker_from_object) * normal;
-            const float length = glm::length(normal);
-            const glm::vec4 share =
-                w.x * share_of(i[0]) + w.y * share_of(i[1]) + w.z * share_of(i[2]);
-            Fragment fragment{x,
-                              y,
-                              float(count) / kSamples,
-                              glm::vec3(scene.marker_from_object * glm::dvec3(position)),
-                              length > 0 ? normal / length : glm::vec3(0, 0, 1),
-                              share};
-            if (!scene.tangents.empty() && scene.material.pbr) {
-              const auto tangent = w.x * scene.tangents[i[0]] + w.y * scene.tangents[i[1]] +
-                                   w.z * scene.tangents[i[2]];
-              fragment.tangent = glm::vec4(glm::mat3(marker_from_object) * glm::vec3(tangent),
-                                           tangent.w < 0 ? -1 : 1);
-            }
-            if (!mesh.uvs.empty() && scene.material.textured()) {
-              const auto uv_at = [&](glm::vec3 at) {
-                return at.x * mesh.uvs[i[0]] + at.y * mesh.uvs[i[1]] + at.z * mesh.uvs[i[2]];
-              };
-              fragment.uv = uv_at(w);
-              fragment.uv_dx = uv_at(corner_weights(a, b, c, px + kSubpixel, py)) - fragment.uv;
-              fragment.uv_dy = uv_at(corner_weights(a, b, c, px, py + kSubpixel)) - fragment.uv;
-            }
-            found[std::size_t(band)].object.push_back(fragment);
-          }
-        }
+      resolve(geometry, window, band);
     }
   });
-  Fragments all;
-  for (const Fragments& band : found) {
-    all.object.insert(all.object.end(), band.object.begin(), band.object.end());
-    all.holdouts.insert(all.holdouts.end(), band.holdouts.begin(), band.holdouts.end());
-  }
-  return all;
+  return std::span(found_).first(std::size_t(bands));
 }
 
 }  // namespace fastibl

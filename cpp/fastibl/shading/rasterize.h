@@ -7,6 +7,7 @@
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/scene.h"
+#include "fastibl/shading/sample_cells.h"
 
 namespace fastibl {
 
@@ -29,17 +30,45 @@ struct HoldoutFragment {
   glm::vec3 ratio;  // of its light that is left
 };
 
-struct Fragments {
+// Those of some rows of the picture, in order of rows, then columns.
+struct FragmentBand {
   std::vector<Fragment> object;
   std::vector<HoldoutFragment> holdouts;
 };
 
-// Fragments in order of rows, then columns. Vertices go through the full lens model; edges between
-// them are straight. Triangles with a vertex behind the camera or beyond the lens model are left
-// out. light_shares: of each vertex; empty: P_V of the scene, and all of the glossy light.
-// holdout_ratios: of each vertex of the holdouts; empty: 1.
-Fragments rasterize(const Scene& scene, const Camera& camera, const Pose& camera_from_marker,
-                    std::span<const glm::vec4> light_shares = {},
-                    std::span<const glm::vec4> holdout_ratios = {});
+// Keeps its memory from picture to picture.
+class Rasterizer {
+ public:
+  // Bands of rows from above, none where nothing is seen; valid until the next call. Vertices go
+  // through the full lens model; edges between them are straight. Triangles with a vertex behind
+  // the camera or beyond the lens model are left out. light_shares: of each vertex; empty: P_V of
+  // the scene, and all of the glossy light. holdout_ratios: of each vertex of the holdouts; empty:
+  // 1.
+  std::span<const FragmentBand> rasterize(const Scene& scene, const Camera& camera,
+                                          const Pose& camera_from_marker,
+                                          std::span<const glm::vec4> light_shares = {},
+                                          std::span<const glm::vec4> holdout_ratios = {});
+
+ private:
+  // What is interpolated over triangles, marker frame.
+  struct Varying {
+    glm::vec3 position, normal;
+    glm::vec4 share, tangent;
+    glm::vec2 uv;
+  };
+  struct Geometry;  // of one picture
+  void project(const Geometry& geometry, const Pose& camera_from_marker);
+  void set_varyings(const Scene& scene, std::span<const glm::vec4> light_shares);
+  void sort_triangles(const Geometry& geometry, int bands);
+  void resolve(const Geometry& geometry, const SampleWindow& window, FragmentBand& band) const;
+  void add(const Geometry& geometry, int triangle, int x, int y, int count, std::int64_t px,
+           std::int64_t py, FragmentBand& band) const;
+
+  std::vector<PictureCorner> corners_;          // of the object's vertices, then of the holdouts'
+  std::vector<Varying> varyings_;               // of the object's vertices
+  std::vector<std::vector<int>> triangles_of_;  // by band
+  std::vector<FragmentBand> found_;
+  int left_ = 0, right_ = -1, top_ = 0, bottom_ = -1;  // of all vertices, within the picture
+};
 
 }  // namespace fastibl

@@ -64,7 +64,7 @@ void meet_plane(const float* x, const float* y, int count, const float (&m)[12],
 // above the plane.
 class PlaneShadow {
  public:
-  PlaneShadow(const RayTable& table, const Pose& camera_from_marker, const ShadowMap& shadow)
+  PlaneShadow(const PixelTable& table, const Pose& camera_from_marker, const ShadowMap& shadow)
       : table_(table),
         look_up_(shadow),
         area_(shadowed_pixels(table.camera, camera_from_marker, shadow)) {
@@ -90,7 +90,7 @@ class PlaneShadow {
   }
 
  private:
-  const RayTable& table_;
+  const PixelTable& table_;
   ShadowLookUp look_up_;
   Rectangle area_;
   float transform_[12];
@@ -104,11 +104,27 @@ Rectangle around(const Rectangle& a, const ObjectLayer& object) {
   return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
 }
 
-glm::vec4 layer_at(const ObjectLayer& object, int x, int y) {
-  const int ox = x - object.x, oy = y - object.y;
-  if (ox < 0 || oy < 0 || ox >= object.rgba.width || oy >= object.rgba.height) return glm::vec4(0);
-  const float* p = object.rgba.pixel(ox, oy);
-  return {p[0], p[1], p[2], p[3]};
+// A row of a layer; columns count from x0.
+struct LayerRow {
+  LayerRow(const ObjectLayer& layer, int x0, int y) {
+    if (y < layer.y || y >= layer.y + layer.rgba.height) return;
+    begin = layer.x - x0, end = begin + layer.rgba.width;
+    pixels = layer.rgba.row(y - layer.y);
+  }
+  glm::vec4 at(int x) const {
+    if (x < begin || x >= end) return glm::vec4(0);
+    const float* p = pixels + 4 * (x - begin);
+    return {p[0], p[1], p[2], p[3]};
+  }
+  int begin = 0, end = 0;
+  const float* pixels = nullptr;
+};
+
+// Writes the codes of what is another value now; the rest stays as it was to the bit.
+FASTIBL_CLONES
+void keep_changed(const float* before, const float* after, const std::uint8_t* codes, int count,
+                  std::uint8_t* out) {
+  for (int i = 0; i < count; ++i) out[i] = after[i] == before[i] ? out[i] : codes[i];
 }
 
 // Ratio of what is seen beside the object, of which a real object h covers a part with its own.
@@ -152,7 +168,7 @@ SurfacePoint point_of(const Fragment& f, const PbrMaterial& m) {
 }
 
 glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting& lighting,
-                    glm::vec3 eye) {
+                    const GgxShading& ggx, glm::vec3 eye) {
   const PbrMaterial& m = *material.pbr;
   const SurfacePoint p = point_of(f, m);
   const glm::vec3 view = glm::normalize(eye - f.position);
@@ -165,8 +181,8 @@ glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting&
   if (diffuse != glm::vec3(0))
     colour += diffuse * (glm::vec3(f.share) / kPi) * evaluate(lighting.irradiance, p.frame.normal);
   return colour + f.share.w * reflectance *
-                      evaluate_ggx(lighting, p.frame, view, ggx_alpha(p.roughness, m.anisotropy),
-                                   GgxOptions::for_shading(m.anisotropy), &f.position);
+                      ggx(p.frame, view, ggx_alpha(p.roughness, m.anisotropy),
+                          GgxOptions::for_shading(m.anisotropy), &f.position);
 }
 
 float exposure_at(const Camera& camera, double exposure, int x, int y) {
@@ -174,36 +190,17 @@ float exposure_at(const Camera& camera, double exposure, int x, int y) {
   return float(camera.vignetting.empty() ? base : base * camera.vignette({x + 0.5, y + 0.5}));
 }
 
-glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lighting,
-                const GlossyShading& glossy, glm::vec3 eye) {
-  if (material.pbr) return shade_pbr(f, material, lighting, eye);
-  glm::vec3 colour = material.emission;
-  if (material.diffuse != glm::vec3(0))
-    colour +=
-        material.diffuse * (glm::vec3(f.share) / kPi) * evaluate(lighting.irradiance, f.normal);
-  if (material.glossy != glm::vec3(0))
-    colour += f.share.w * material.glossy *
-              glossy(f.normal, glm::normalize(eye - f.position), f.position);
-  return colour;
-}
-
-}  // namespace
-
-glm::vec3 shade(const Fragment& f, const Material& material, const Lighting& lighting,
-                glm::vec3 eye) {
-  return shade(f, material, lighting, GlossyShading(lighting, material.exponent), eye);
-}
-
-namespace {
-
-// An empty layer that holds all fragments.
-template <typename F>
-ObjectLayer layer_around(std::span<const F> fragments) {
-  int x0 = fragments[0].x, x1 = x0, y0 = fragments[0].y, y1 = y0;
-  for (const F& f : fragments) {
-    x0 = std::min(x0, f.x), x1 = std::max(x1, f.x);
-    y0 = std::min(y0, f.y), y1 = std::max(y1, f.y);
-  }
+// The layer that holds what `parts` of all bands cover, empty.
+template <typename Parts>
+ObjectLayer layer_around(std::span<const FragmentBand> bands, Parts parts) {
+  constexpr int kNone = std::numeric_limits<int>::max();
+  int x0 = kNone, x1 = -1, y0 = kNone, y1 = -1;
+  for (const FragmentBand& band : bands)
+    for (const auto& f : band.*parts) {
+      x0 = std::min(x0, f.x), x1 = std::max(x1, f.x);
+      y0 = std::min(y0, f.y), y1 = std::max(y1, f.y);
+    }
+  if (x1 < 0) return {};
   return {x0, y0, Image<float>(x1 - x0 + 1, y1 - y0 + 1, 4)};
 }
 
@@ -214,31 +211,83 @@ void add(const F& f, glm::vec3 value, ObjectLayer& layer) {
   p[3] += f.coverage;
 }
 
+// Fragments of a material that is not pbr, a few hundred at a time.
+class BatchShading {
+ public:
+  BatchShading(const Material& material, const Lighting& lighting, glm::vec3 eye)
+      : material_(material),
+        lighting_(lighting),
+        eye_(eye),
+        glossy_(lighting, material.exponent),
+        irradiance_(material.diffuse != glm::vec3(0)),
+        shines_(material.glossy != glm::vec3(0)) {}
+
+  void operator()(std::span<const Fragment> fragments, ObjectLayer& layer) const {
+    for (std::size_t i = 0; i < fragments.size(); i += kBatch)
+      batch(fragments.subspan(i, std::min(kBatch, fragments.size() - i)), layer);
+  }
+
+ private:
+  static constexpr std::size_t kBatch = 256;
+
+  void batch(std::span<const Fragment> fragments, ObjectLayer& layer) const {
+    glm::vec3 normals[kBatch], irradiance[kBatch];
+    if (irradiance_) {
+      for (std::size_t i = 0; i < fragments.size(); ++i) normals[i] = fragments[i].normal;
+      evaluate(lighting_.irradiance, std::span(normals).first(fragments.size()),
+               std::span(irradiance).first(fragments.size()));
+    }
+    for (std::size_t i = 0; i < fragments.size(); ++i) {
+      const Fragment& f = fragments[i];
+      glm::vec3 colour = material_.emission;
+      if (irradiance_) colour += material_.diffuse * (glm::vec3(f.share) / kPi) * irradiance[i];
+      if (shines_)
+        colour += f.share.w * material_.glossy *
+                  glossy_(f.normal, glm::normalize(eye_ - f.position), f.position);
+      add(f, colour, layer);
+    }
+  }
+
+  const Material& material_;
+  const Lighting& lighting_;
+  glm::vec3 eye_;
+  GlossyShading glossy_;
+  bool irradiance_, shines_;
+};
+
 }  // namespace
 
-ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
+ObjectLayer shade(std::span<const FragmentBand> bands, const Material& material,
                   const Lighting& lighting, glm::vec3 eye) {
-  if (fragments.empty()) return {};
-  ObjectLayer layer = layer_around(fragments);
-  std::vector<glm::vec3> colours(fragments.size());
-  const GlossyShading glossy(lighting, material.exponent);
-  parallel_for(int(fragments.size()), 2048, [&](int begin, int end) {
-    for (int i = begin; i < end; ++i)
-      colours[std::size_t(i)] = shade(fragments[std::size_t(i)], material, lighting, glossy, eye);
+  ObjectLayer layer = layer_around(bands, &FragmentBand::object);
+  const BatchShading batches(material, lighting, eye);
+  const GgxShading ggx(lighting);
+  // Bands share no pixel.
+  parallel_for(int(bands.size()), 1, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      const std::vector<Fragment>& fragments = bands[std::size_t(i)].object;
+      if (!material.pbr) {
+        batches(fragments, layer);
+        continue;
+      }
+      for (const Fragment& f : fragments) add(f, shade_pbr(f, material, lighting, ggx, eye), layer);
+    }
   });
-  for (std::size_t i = 0; i < fragments.size(); ++i) add(fragments[i], colours[i], layer);
   return layer;
 }
 
-ObjectLayer holdout_layer(std::span<const HoldoutFragment> fragments) {
-  if (fragments.empty()) return {};
-  ObjectLayer layer = layer_around(fragments);
-  for (const HoldoutFragment& f : fragments) add(f, f.ratio, layer);
+ObjectLayer holdout_layer(std::span<const FragmentBand> bands) {
+  ObjectLayer layer = layer_around(bands, &FragmentBand::holdouts);
+  for (const FragmentBand& band : bands)
+    for (const HoldoutFragment& f : band.holdouts) add(f, f.ratio, layer);
   return layer;
 }
 
-RayTable::RayTable(const Camera& c)
-    : camera(c), x(std::size_t(c.width) * std::size_t(c.height)), y(x.size()) {
+PixelTable::PixelTable(const Camera& c)
+    : camera(c),
+      response(c.response),
+      x(std::size_t(c.width) * std::size_t(c.height)),
+      y(x.size()) {
   const Lens lens(camera);
   parallel_for(camera.height, 16, [&](int begin, int end) {
     for (int row = begin; row < end; ++row)
@@ -251,57 +300,60 @@ RayTable::RayTable(const Camera& c)
   });
 }
 
-Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTable& table,
+Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
                               const ShadowMap& shadow, const ObjectLayer& holdout) {
   const Camera& camera = table.camera;
-  const ByteResponse response(camera.response);
   // 16-bit and float pictures are darkened in their rounded codes too: their output has 8 bits.
   Image<std::uint8_t> out = back.empty() ? Image<std::uint8_t>(camera.width, camera.height, 3)
                                          : bytes_from(back, camera.response);
   const PlaneShadow plane(table, camera_from_marker, shadow);
   const Rectangle area = around(around(plane.area(), object), holdout);
   parallel_for(area.y1 - area.y0, 16, [&](int begin, int end) {
-    std::vector<glm::vec3> ratios(std::size_t(area.x1 - area.x0));
+    const std::size_t width = std::size_t(area.x1 - area.x0);
+    std::vector<glm::vec3> ratios(width), before(width), after(width);
+    std::vector<std::uint8_t> codes(3 * width);
     for (int y = area.y0 + begin; y < area.y0 + end; ++y) {
       plane.row(y, area.x0, ratios);
-      for (int x = area.x0; x < area.x1; ++x) {
-        const glm::vec4 o = layer_at(object, x, y);
-        const glm::vec3 ratio =
-            with_holdout(ratios[std::size_t(x - area.x0)], o.w, layer_at(holdout, x, y));
-        if (o.w == 0 && ratio == glm::vec3(1)) continue;
-        std::uint8_t* p = out.pixel(x, y);
-        const float scale = o.w > 0 ? exposure_at(camera, exposure, x, y) : 0.0f;
-        for (int c = 0; c < 3; ++c)
-          p[c] = response.encode(scale * o[c] + (1 - o.w) * ratio[c] * response.decode(p[c]));
-      }
+      const LayerRow hidden(holdout, area.x0, y), drawn(object, area.x0, y);
+      for (int x = hidden.begin; x < hidden.end; ++x)
+        ratios[std::size_t(x)] = with_holdout(ratios[std::size_t(x)], drawn.at(x).w, hidden.at(x));
+      std::uint8_t* p = out.pixel(area.x0, y);
+      table.response.decode(p, &before[0].x, 3 * width);
+      for (std::size_t x = 0; x < width; ++x) after[x] = ratios[x] * before[x];
+      for (int x = drawn.begin; x < drawn.end; ++x)
+        if (const glm::vec4 o = drawn.at(x); o.w > 0)
+          after[std::size_t(x)] = exposure_at(camera, exposure, area.x0 + x, y) * glm::vec3(o) +
+                                  (1 - o.w) * after[std::size_t(x)];
+      table.response.encode(&after[0].x, codes.data(), 3 * width);
+      keep_changed(&before[0].x, &after[0].x, codes.data(), int(3 * width), p);
     }
   });
   return out;
 }
 
-Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& camera_from_marker,
+Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& camera_from_marker,
                           const ObjectLayer& object, const ShadowMap& shadow,
                           const ObjectLayer& holdout) {
   const Camera& camera = table.camera;
-  const ByteResponse response(camera.response);
   Image<std::uint8_t> out(camera.width, camera.height, 4);
   const PlaneShadow plane(table, camera_from_marker, shadow);
   const Rectangle area = around(around(plane.area(), object), holdout);
   std::vector<glm::vec3> ratios(std::size_t(area.x1 - area.x0));
   for (int y = area.y0; y < area.y1; ++y) {
     plane.row(y, area.x0, ratios);
+    const LayerRow hidden(holdout, area.x0, y), drawn(object, area.x0, y);
     for (int x = area.x0; x < area.x1; ++x) {
-      const glm::vec4 o = layer_at(object, x, y);
+      const glm::vec4 o = drawn.at(x - area.x0);
       const glm::vec3 ratio =
-          with_holdout(ratios[std::size_t(x - area.x0)], o.w, layer_at(holdout, x, y));
+          with_holdout(ratios[std::size_t(x - area.x0)], o.w, hidden.at(x - area.x0));
       // Straight alpha can only darken what is behind.
       const float darkness = std::max(1 - (ratio.x + ratio.y + ratio.z) / 3, 0.0f);
       const float alpha = o.w + (1 - o.w) * darkness;
       if (alpha <= 0) continue;
       std::uint8_t* p = out.pixel(x, y);
       for (int c = 0; c < 3; ++c)
-        p[c] = response.encode(exposure_at(camera, exposure, x, y) * o[c] / alpha);
+        p[c] = table.response.encode(exposure_at(camera, exposure, x, y) * o[c] / alpha);
       p[3] = std::uint8_t(std::lround(255 * alpha));
     }
   }

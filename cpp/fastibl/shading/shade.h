@@ -17,35 +17,34 @@ namespace fastibl {
 // L = emission + k_L · share · E/π + k_G · share · glossy, towards `eye` (marker frame), with the
 // shares of the fragment (P_V and 1 in the paper); of a pbr material emission + diffuse · share ·
 // E/π + reflectance · share · (average over the GGX lobe).
-glm::vec3 shade(const Fragment& fragment, const Material& material, const Lighting& lighting,
-                glm::vec3 eye);
-ObjectLayer shade(std::span<const Fragment> fragments, const Material& material,
+ObjectLayer shade(std::span<const FragmentBand> bands, const Material& material,
                   const Lighting& lighting, glm::vec3 eye);
 
 // Real objects before the virtual one, as a layer: what is left of their light times coverage, and
 // coverage.
-ObjectLayer holdout_layer(std::span<const HoldoutFragment> fragments);
+ObjectLayer holdout_layer(std::span<const FragmentBand> bands);
 
-// Directions (x, y, 1) through the pixels of a camera, camera frame, worked out once; NaN beyond
-// the lens model.
-struct RayTable {
+// What the pixels of a camera see and mean, worked out once.
+struct PixelTable {
   Camera camera;
-  std::vector<float> x, y;  // one a pixel, row by row
-  explicit RayTable(const Camera& c);
+  ByteResponse response;
+  // Directions (x, y, 1), camera frame; one a pixel, row by row; NaN beyond the lens model.
+  std::vector<float> x, y;
+  explicit PixelTable(const Camera& c);
 };
 
 // Back picture × shadow ratio (or the gain of the plane, which may exceed 1), the object over it,
 // in linear light, encoded with the camera's response. Pixels without object whose ratio is 1 keep
 // their bytes. An empty picture gives black there. holdout: real objects, whose picture is
 // multiplied by their own ratio, not the plane's.
-Image<std::uint8_t> composite(const Picture& back, double exposure, const RayTable& table,
+Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
                               const ShadowMap& shadow, const ObjectLayer& holdout = {});
 
 // Object and shadow without a picture behind: straight (not premultiplied) encoded RGB and alpha,
 // where a shadow is black with alpha 1 − ratio (mean over RGB; 0 where that
 // is negative).
-Image<std::uint8_t> matte(double exposure, const RayTable& table, const Pose& camera_from_marker,
+Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& camera_from_marker,
                           const ObjectLayer& object, const ShadowMap& shadow,
                           const ObjectLayer& holdout = {});
 

@@ -40,8 +40,9 @@ float NearPlane::falloff(int i, glm::vec2 point) const {
   const NearLight& light = near_lights_.lights[std::size_t(i)];
   const glm::vec3 arrow = shared::near_arrow(light.direction, light.inverse_distance,
                                              glm::vec3(point, 0) - near_lights_.centre);
-  // Nothing is nearer than the light's surface.
-  const float length2 = std::max(glm::dot(arrow, arrow), light.sin_radius * light.sin_radius);
+  // Nothing is nearer than the light's surface, nor than a ten-thousandth of its distance.
+  const float length2 =
+      std::max({glm::dot(arrow, arrow), light.sin_radius * light.sin_radius, 1e-8f});
   return 1 / (length2 * std::sqrt(length2));
 }
 

@@ -129,11 +129,11 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
   Candidates candidates(camera, whole, glm::transpose(rotation) * glm::dvec3(0, 0, 1), options,
                         scratch);
   for (const PictureFeatures::Tile& tile : fine.tiles())
-    if (!tile.features[level].empty() && candidates.shows(tile.middle, tile.reach))
+    if (!tile.features[level].empty() && candidates.shows(tile.cone.middle, tile.cone.reach))
       candidates.add(tile.features[level]);
   for (const MapFeatures::Tile& tile : map.tiles())
-    if (!tile.features[level].empty() && candidates.shows(tile.middle, tile.reach) &&
-        fine.around(tile.middle, level) == 0)
+    if (!tile.features[level].empty() && candidates.shows(tile.cone.middle, tile.cone.reach) &&
+        fine.around(tile.cone.middle, level) == 0)
       candidates.add(tile.features[level]);
   if (level == 0) candidates.limit(options.most);
   for (const Candidate& candidate : scratch) {

@@ -38,8 +38,9 @@ bool read_profile(const LightReader& light, const ExpectedEdge& e, Profile& prof
   float sum[n] = {}, line[n + 3];
   for (int k = first; k < last; ++k) {
     const double at = e.a[across] + (k + 0.5 - e.a[along]) * slope - 0.5;
-    const int i = int(std::floor(at)), begin = i - Reach - 1;
-    if (begin < 0 || begin + n + 3 > size) return false;
+    if (!(at >= Reach + 1)) return false;
+    const int i = int(at), begin = i - Reach - 1;
+    if (begin + n + 3 > size) return false;
     const float f = float(at - i), g = 1 - f;
     const float b0 = g * g * g / 6, b3 = f * f * f / 6, b1 = (4 - 6 * f * f + 3 * f * f * f) / 6,
                 b2 = 1 - b0 - b1 - b3;

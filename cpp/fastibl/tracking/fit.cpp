@@ -53,13 +53,6 @@ bool finite(const Pose& pose) {
 }
 
 // Rounding of many small turns is taken out, so that the result passes Pose::from_matrix.
-glm::dmat3 orthonormal(glm::dmat3 r) {
-  r[0] = glm::normalize(r[0]);
-  r[1] = glm::normalize(r[1] - glm::dot(r[0], r[1]) * r[0]);
-  r[2] = glm::cross(r[0], r[1]);
-  return r;
-}
-
 }  // namespace
 
 double Loss::cost(double e) const {

@@ -30,17 +30,36 @@ std::optional<Row> row_of(const EdgePoint& p, const Lens& lens, const Pose& pose
   return Row{r.x, r.y, r.z, g.x, g.y, g.z};
 }
 
-// Sums of w r rᵀ of rows r with weights w, added to a.
+typedef double Doubles __attribute__((vector_size(64), aligned(8)));
+constexpr std::size_t kDoubles = 8;
+
+// Adds the part right of First of row i of the sums of w r rᵀ to a.
+template <std::size_t First>
+FASTIBL_INLINE void add_row(const double* rows, const double* weights, std::size_t count,
+                            std::size_t i, double* a) {
+  constexpr std::size_t n = (kRowUnknowns - First) / kDoubles;
+  Doubles sums[n] = {};
+  for (std::size_t p = 0; p < count; ++p) {
+    const double* row = rows + kRowUnknowns * p;
+    const double w = weights[p] * row[i];
+    for (std::size_t k = 0; k < n; ++k)
+      sums[k] += w * *reinterpret_cast<const Doubles*>(row + First + kDoubles * k);
+  }
+  for (std::size_t k = 0; k < n; ++k)
+    *reinterpret_cast<Doubles*>(a + kRowUnknowns * i + First + kDoubles * k) += sums[k];
+}
+
+// Sums of w r rᵀ of rows r with weights w, added to a: of its upper triangle and a little more.
 FASTIBL_CLONES void add_products(const double* rows, const double* weights, std::size_t count,
                                  double* a) {
-  for (std::size_t i = 0; i < kRowUnknowns; ++i) {
-    double sums[kRowUnknowns] = {};
-    for (std::size_t p = 0; p < count; ++p) {
-      const double* row = rows + kRowUnknowns * p;
-      const double w = weights[p] * row[i];
-      for (std::size_t k = 0; k < kRowUnknowns; ++k) sums[k] += w * row[k];
-    }
-    for (std::size_t k = 0; k < kRowUnknowns; ++k) a[kRowUnknowns * i + k] += sums[k];
+  static_assert(kRowUnknowns == 3 * kDoubles);
+  constexpr std::size_t kChunk = 64;  // rows that stay in the nearest cache
+  for (std::size_t p = 0; p < count; p += kChunk) {
+    const double *r = rows + kRowUnknowns * p, *w = weights + p;
+    const std::size_t n = count - p < kChunk ? count - p : kChunk;
+    for (std::size_t i = 0; i < 8; ++i) add_row<0>(r, w, n, i, a);
+    for (std::size_t i = 8; i < 16; ++i) add_row<8>(r, w, n, i, a);
+    for (std::size_t i = 16; i < 24; ++i) add_row<16>(r, w, n, i, a);
   }
 }
 
@@ -52,7 +71,7 @@ struct Normal {
     for (std::size_t i = 0; i < N; ++i) {
       const double w = weight * j[i];
       b[i] += w * value;
-      for (std::size_t k = 0; k <= i; ++k) a[N * i + k] += w * j[k];
+      for (std::size_t k = i; k < N; ++k) a[N * i + k] += w * j[k];
     }
   }
   void add_all(const std::vector<std::array<double, N>>& rows, const std::vector<double>& weights,
@@ -68,7 +87,7 @@ struct Normal {
   }
   void mirror() {
     for (std::size_t i = 0; i < N; ++i)
-      for (std::size_t k = 0; k < i; ++k) a[N * k + i] = a[N * i + k];
+      for (std::size_t k = 0; k < i; ++k) a[N * i + k] = a[N * k + i];
   }
 };
 
@@ -134,7 +153,8 @@ std::optional<EdgeFit> fit(std::span<const EdgePoint> points,
                            const std::vector<std::array<double, N>>& rows, const Normal<N>& prior,
                            std::array<double, N>& x, Normal<N>& information) {
   const std::size_t count = points.size();
-  std::vector<float> residual(count), sizes(count);
+  std::vector<float> residual(count), sizes;
+  const std::size_t few = std::max<std::size_t>(1, count / kScalePoints);
   std::vector<double> weights(count);
   // The points' noise in pixels sets the floor of their scatter.
   double noise = 0;
@@ -168,7 +188,9 @@ std::optional<EdgeFit> fit(std::span<const EdgePoint> points,
   for (std::size_t i = 0; i < count; ++i) {
     const double step = dot(rows[i], kept);
     squares += step * step;
-    sizes[i] = float(std::abs(points[i].offset - (N > kRowParameters ? dot(rows[i], x) : step)));
+    if (i % few == 0)
+      sizes.push_back(
+          float(std::abs(points[i].offset - (N > kRowParameters ? dot(rows[i], x) : step))));
     weights[i] = fit.used[i] ? 1 / (fit.deviation[i] * fit.deviation[i]) : 0;
   }
   information.add_all(rows, weights, points);

@@ -189,6 +189,31 @@ Levels levels_of(std::span<const Block> blocks, const Expected* expected) {
   return levels;
 }
 
+// Up to 16 pixels of a module into the lanes of a block from `lane` on. fields: what they share;
+// own: what they do not, of the first of them, with 16 floats before it that may be read.
+FASTIBL_CLONES void put_lanes(const float* fields, const float* const* own, const int* own_fields,
+                              int own_count, int lane, int count, Block& block) {
+  const IntLanes index = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+  // 0 or all bits: differences below 0 have the upper one.
+  const IntLanes taken = ~((index - lane) >> 31) & ((index - (lane + count)) >> 31);
+  // Selections by comparison would be made lane by lane.
+  const auto set = [&](Lanes & to, const Lanes& value) __attribute__((always_inline)) {
+    to = reinterpret_cast<Lanes>((reinterpret_cast<IntLanes>(value) & taken) |
+                                 (reinterpret_cast<IntLanes>(to) & ~taken));
+  };
+  for (std::size_t k = 0; k < kFields; ++k) set(block[k], Lanes{} + fields[k]);
+  for (int k = 0; k < own_count; ++k) {
+    const Lanes value = *reinterpret_cast<const Float16*>(own[k] - lane);
+    set(block[std::size_t(own_fields[k])], value);
+  }
+}
+
+// Not below x; ceil() is a call where processors may lack it.
+int next_whole(double x) {
+  const int down = int(x);
+  return down + (x > down);
+}
+
 // Collects the pixels along the black side of edges.
 class Collector {
  public:
@@ -276,36 +301,54 @@ class Collector {
     const double side = (flat ? t.x > 0 : t.y < 0) ? 1 : -1;
     const double from = (kBest * blur_ - 0.5 * width) * thick,
                  to = (kBest * blur_ + 0.5 * width) * thick;
-    const int begin = std::max(0, int(std::ceil(std::min(a[i], b[i]) - 0.5))),
+    const int begin = std::max(0, next_whole(std::min(a[i], b[i]) - 0.5)),
               end = std::min(flat ? light_.width() : light_.height(),
-                             int(std::ceil(std::max(a[i], b[i]) - 0.5)));
+                             next_whole(std::max(a[i], b[i]) - 0.5));
     const int far = flat ? light_.height() : light_.width();
     if (begin >= end || !module_at(tag, printed, row, column, m)) return;
     for (int x = begin; x < end; ++x) {
       const double on = a[j] + (x + 0.5 - a[i]) * slope - 0.5;
       const double low = side > 0 ? on + from : on - to, high = low + to - from;
       if (!(low > -1 && high < far)) continue;
-      for (int y = std::max(0, int(std::ceil(low))); y < std::min(high, double(far)); ++y)
-        flat ? put(m, x, y) : put(m, y, x);
+      for (int y = std::max(0, next_whole(low)); y < std::min(high, double(far)); ++y) {
+        x_[found_] = flat ? x : y, y_[found_] = flat ? y : x;
+        if (++found_ == kMost) put(m);
+      }
     }
+    put(m);
   }
 
-  void put(Module& m, int x, int y) {
-    const glm::dvec2 off = glm::dvec2(x + 0.5, y + 0.5) - m.centre;
-    double u = glm::dot(m.du, off), v = glm::dot(m.dv, off);
-    const glm::dvec2 bent = u * v * m.twist;
-    u -= glm::dot(m.du, bent), v -= glm::dot(m.dv, bent);
-    const glm::vec3 at = m.at + float(u) * m.along_u + float(v) * m.along_v;
-    m.fields[kU] = float(u + 0.5), m.fields[kV] = float(v + 0.5);
-    m.fields[kPlace] = at.x, m.fields[kPlace + 1] = at.y, m.fields[kPlace + 2] = at.z;
-    if (light_.channels() == 1)
-      light_.read<1, 1>(x, y, false, &m.fields[kLight]);
-    else
-      light_.read<3, 1>(x, y, false, &m.fields[kLight]);
-    ++count_;
-    if (lane_ == kLanes) blocks_->emplace_back(), lane_ = 0;
-    float* out = reinterpret_cast<float*>(&blocks_->back()) + lane_++;
-    for (std::size_t k = 0; k < kFields; ++k) out[k * kLanes] = m.fields[k];
+  // The pixels that were found, all of one module.
+  void put(const Module& m) {
+    place_pixels(m);
+    for (int k = 0; k < found_; ++k)
+      if (light_.channels() == 1)
+        light_.read<1, 1>(x_[k], y_[k], false, own(kLightOfOwn) + k);
+      else
+        light_.read<3, 1>(x_[k], y_[k], false, own(kLightOfOwn) + k);
+    constexpr int fields[kOwn] = {kU, kV, kPlace, kPlace + 1, kPlace + 2, kLight};
+    for (int from = 0; from < found_;) {
+      if (lane_ == kLanes) blocks_->emplace_back(), lane_ = 0;
+      const int count = std::min(kLanes - lane_, found_ - from);
+      const float* values[kOwn];
+      for (int k = 0; k < kOwn; ++k) values[k] = own(k) + from;
+      put_lanes(m.fields.data(), values, fields, kOwn, lane_, count, blocks_->back());
+      lane_ += count, from += count;
+    }
+    count_ += std::size_t(found_), found_ = 0;
+  }
+
+  // Where they are in the module and on the board.
+  void place_pixels(const Module& m) {
+    for (int k = 0; k < found_; ++k) {
+      const double x = x_[k] + 0.5 - m.centre.x, y = y_[k] + 0.5 - m.centre.y;
+      double u = m.du.x * x + m.du.y * y, v = m.dv.x * x + m.dv.y * y;
+      const double bent_x = u * v * m.twist.x, bent_y = u * v * m.twist.y;
+      u -= m.du.x * bent_x + m.du.y * bent_y, v -= m.dv.x * bent_x + m.dv.y * bent_y;
+      own(0)[k] = float(u + 0.5), own(1)[k] = float(v + 0.5);
+      for (int i = 0; i < 3; ++i)
+        own(2 + i)[k] = m.at[i] + float(u) * m.along_u[i] + float(v) * m.along_v[i];
+    }
   }
 
   const LightReader& light_;
@@ -315,6 +358,11 @@ class Collector {
   double blur_;
   std::vector<float> white_;
   std::vector<Block>* blocks_ = nullptr;
+  // Pixels of one module, and what of their fields is their own.
+  static constexpr int kMost = 128, kOwn = 6, kLightOfOwn = 5;
+  int found_ = 0, x_[kMost], y_[kMost];
+  float own_[kOwn][kLanes + kMost + kLanes] = {};  // a register may begin before and end after
+  float* own(int k) { return own_[k] + kLanes; }
   int lane_ = kLanes;
   std::size_t count_ = 0;
 };

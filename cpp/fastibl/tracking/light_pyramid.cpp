@@ -19,7 +19,7 @@ void LightPyramid::make_first(const Picture& picture, const Response& response) 
     for (int y = 0; y < l.height; ++y) {
       const std::uint8_t* above = picture.row(2 * y) + 1;
       const std::uint8_t* below = picture.row(2 * y + 1) + 1;
-      float* out = &l.light[std::size_t(y) * std::size_t(l.width)];
+      float* out = l.light.data() + std::size_t(y) * std::size_t(l.width);
       for (int x = 0; x < l.width; ++x)
         out[x] = (table_[above[6 * x]] + table_[above[6 * x + 3]]) +
                  (table_[below[6 * x]] + table_[below[6 * x + 3]]);
@@ -45,7 +45,7 @@ void LightPyramid::halve(int k) {
   to.block = 2 * from.block, to.width = from.width / 2, to.height = from.height / 2;
   to.light.resize(std::size_t(to.width) * std::size_t(to.height));
   for (int y = 0; y < to.height; ++y) {
-    const float* above = &from.light[std::size_t(2 * y) * std::size_t(from.width)];
+    const float* above = from.light.data() + std::size_t(2 * y) * std::size_t(from.width);
     const float* below = above + from.width;
     float* out = to.light.data() + std::size_t(y) * std::size_t(to.width);
     for (int x = 0; x < to.width; ++x)

@@ -25,19 +25,7 @@ void MapFeatures::start(const Environment& environment) {
   versions_.assign(std::size_t(grid_.count()), 0);
   variance_.assign(6 * std::size_t(grid_.size) * std::size_t(grid_.size), -1.0f);
   tiles_.assign(std::size_t(grid_.count()), Tile{});
-  for (int t = 0; t < grid_.count(); ++t) {
-    const FaceRect r = tile_rect(grid_, t);
-    const float n = float(grid_.size);
-    Tile& tile = tiles_[std::size_t(t)];
-    tile.middle = glm::normalize(
-        face_direction(r.face, 0.5f * float(r.x0 + r.x1) / n, 0.5f * float(r.y0 + r.y1) / n));
-    tile.reach = 1;
-    for (const int x : {r.x0, r.x1})
-      for (const int y : {r.y0, r.y1})
-        tile.reach =
-            std::min(tile.reach, glm::dot(tile.middle, glm::normalize(face_direction(
-                                                           r.face, float(x) / n, float(y) / n))));
-  }
+  for (int t = 0; t < grid_.count(); ++t) tiles_[std::size_t(t)].cone = tile_cone(grid_, t);
 }
 
 bool MapFeatures::known(int level, int face, int x, int y) const {
@@ -145,7 +133,7 @@ void MapFeatures::update(const Environment& environment, double drift) {
   for (int t = 0; t < grid_.count(); ++t)
     if (versions_[std::size_t(t)] != map.tile_version(t)) {
       versions_[std::size_t(t)] = map.tile_version(t);
-      if (tiles_[std::size_t(t)].middle.z > 0) changed.push_back(t);
+      if (tiles_[std::size_t(t)].cone.middle.z > 0) changed.push_back(t);
     }
   for (const int t : changed) find_known(environment, t, float(drift));
   for (const int t : changed) find_features(environment, t);

@@ -7,6 +7,7 @@
 
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/environment.h"
+#include "fastibl/scene/tile_cone.h"
 
 namespace fastibl {
 
@@ -40,8 +41,7 @@ class MapFeatures {
   int size() const { return grid_.size; }
   const TileGrid& grid() const { return grid_; }
   struct Tile {
-    glm::vec3 middle{0, 0, 1};  // unit length
-    float reach = 0;            // cosine of the angle to its furthest corner
+    TileCone cone;
     std::vector<MapFeature> features[kLevels];
     bool known = false;  // any texel
     float drift = 0;     // variance of its rotation when it was first seen

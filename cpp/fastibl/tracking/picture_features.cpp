@@ -33,27 +33,12 @@ PictureFeatures::PictureFeatures() { clear(); }
 
 void PictureFeatures::clear() {
   tiles_.assign(std::size_t(grid_.count()), Tile{});
-  for (int t = 0; t < grid_.count(); ++t) {
-    const FaceRect r = tile_rect(grid_, t);
-    const float n = float(grid_.size);
-    Tile& tile = tiles_[std::size_t(t)];
-    tile.middle =
-        glm::normalize(face_direction(r.face, (float(r.x0) + 0.5f) / n, (float(r.y0) + 0.5f) / n));
-    tile.reach = 1;
-    for (const int x : {r.x0, r.x1})
-      for (const int y : {r.y0, r.y1})
-        tile.reach =
-            std::min(tile.reach, glm::dot(tile.middle, glm::normalize(face_direction(
-                                                           r.face, float(x) / n, float(y) / n))));
-  }
+  for (int t = 0; t < grid_.count(); ++t) tiles_[std::size_t(t)].cone = tile_cone(grid_, t);
 }
 
 std::size_t PictureFeatures::index(const glm::vec3& direction) const {
-  const FacePoint p = face_point(direction);
-  const auto along = [&](float s) {
-    return std::clamp(int(s * float(grid_.size)), 0, grid_.size - 1);
-  };
-  return std::size_t((p.face * grid_.size + along(p.t)) * grid_.size + along(p.s));
+  const TexelPlace at = texel_at(direction, grid_.size);
+  return std::size_t((at.face * grid_.size + at.y) * grid_.size + at.x);
 }
 
 // Takes the place of a cell whose light changes most.

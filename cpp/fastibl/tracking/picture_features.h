@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fastibl/scene/camera.h"
+#include "fastibl/scene/tile_cone.h"
 #include "fastibl/tracking/light_pyramid.h"
 #include "fastibl/tracking/map_features.h"
 
@@ -44,8 +45,7 @@ class PictureFeatures {
   void forget_missed();
 
   struct Tile {
-    glm::vec3 middle{0, 0, 1};
-    float reach = 0;  // cosine
+    TileCone cone;
     std::vector<MapFeature> features[kLevels];
   };
   const std::vector<Tile>& tiles() const { return tiles_; }

@@ -170,10 +170,10 @@ class Refiner {
   std::optional<Line> fit_side(const glm::dvec2& a, const glm::dvec2& b, double reach) const {
     const glm::dvec2 side = b - a;
     const double length = glm::length(side);
-    if (!(length > 0)) return std::nullopt;
+    if (!(length > 0 && length < 1e6)) return std::nullopt;  // nor NaN
     const glm::dvec2 t = side / length, n(t.y, -t.x);
     const double pixels = length * camera_.fx;
-    const int count = std::clamp(int(pixels), 8, options_.most_samples);
+    const int count = int(std::clamp(pixels, 8.0, double(options_.most_samples)));
     std::vector<EdgePoint> points;
     points.reserve(std::size_t(count));
     for (int i = 0; i < count; ++i) {

@@ -36,13 +36,6 @@ double mean_variance(const glm::dmat3& covariance) {
   return (covariance[0][0] + covariance[1][1] + covariance[2][2]) / 3;
 }
 
-// Rounding of many products.
-glm::dmat3 orthonormal(const glm::dmat3& r) {
-  const glm::dvec3 x = glm::normalize(r[0]);
-  const glm::dvec3 y = glm::normalize(r[1] - glm::dot(r[1], x) * x);
-  return {x, y, glm::cross(x, y)};
-}
-
 }  // namespace
 
 RotationTracker::RotationTracker(Rig rig, RotationTrackingOptions options)

@@ -7,11 +7,10 @@
 
 namespace fastibl {
 
-// Solves A x = b for symmetric positive definite A (row major). False where it is not.
+// L of A = L Lᵀ, for symmetric positive definite A (row major). False where it is not.
 template <std::size_t N>
-bool solve_symmetric(const std::array<double, N * N>& a, const std::array<double, N>& b,
-                     std::array<double, N>& x) {
-  std::array<double, N * N> l{};
+bool factor(const std::array<double, N * N>& a, std::array<double, N * N>& l) {
+  l.fill(0);
   for (std::size_t i = 0; i < N; ++i)
     for (std::size_t j = 0; j <= i; ++j) {
       double sum = a[N * i + j];
@@ -23,6 +22,13 @@ bool solve_symmetric(const std::array<double, N * N>& a, const std::array<double
         l[N * i + i] = std::sqrt(sum);
       }
     }
+  return true;
+}
+
+// Solves L Lᵀ x = b.
+template <std::size_t N>
+void substitute(const std::array<double, N * N>& l, const std::array<double, N>& b,
+                std::array<double, N>& x) {
   for (std::size_t i = 0; i < N; ++i) {
     double sum = b[i];
     for (std::size_t k = 0; k < i; ++k) sum -= l[N * i + k] * x[k];
@@ -33,6 +39,15 @@ bool solve_symmetric(const std::array<double, N * N>& a, const std::array<double
     for (std::size_t k = i + 1; k < N; ++k) sum -= l[N * k + i] * x[k];
     x[i] = sum / l[N * i + i];
   }
+}
+
+// Solves A x = b for symmetric positive definite A (row major). False where it is not.
+template <std::size_t N>
+bool solve_symmetric(const std::array<double, N * N>& a, const std::array<double, N>& b,
+                     std::array<double, N>& x) {
+  std::array<double, N * N> l;
+  if (!factor<N>(a, l)) return false;
+  substitute<N>(l, b, x);
   return true;
 }
 
@@ -40,10 +55,12 @@ bool solve_symmetric(const std::array<double, N * N>& a, const std::array<double
 template <std::size_t N>
 bool solve_columns(const std::array<double, N * N>& a, const std::array<double, N * N>& b,
                    std::array<double, N * N>& out) {
+  std::array<double, N * N> l;
+  if (!factor<N>(a, l)) return false;
   for (std::size_t c = 0; c < N; ++c) {
     std::array<double, N> right{}, x{};
     for (std::size_t r = 0; r < N; ++r) right[r] = b[N * r + c];
-    if (!solve_symmetric<N>(a, right, x)) return false;
+    substitute<N>(l, right, x);
     for (std::size_t r = 0; r < N; ++r) out[N * r + c] = x[r];
   }
   return true;

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._fastibl import Pose
+from .rotations import rotation_vectors
 
 _LEAST_MOMENTS = 4
 _LEAST_TURN = np.radians(5)  # RMS about a second axis
@@ -55,7 +56,7 @@ def calibrate_rig(back: Sequence[Pose | None], front: Sequence[Pose | None]) -> 
     if len(pairs) < _LEAST_MOMENTS:
         raise ValueError(f"both boards were seen at {len(pairs)} moments; expected at least {_LEAST_MOMENTS}")
     a, b = (np.array(side) for side in zip(*pairs, strict=True))
-    turns = np.array([_log(a[0, :3, :3].T @ r) for r in a[:, :3, :3]])
+    turns = rotation_vectors(a[0, :3, :3].T @ a[:, :3, :3])
     second = float(np.linalg.svd(turns, compute_uv=False)[1] / np.sqrt(len(turns)))
     if second < _LEAST_TURN:
         raise ValueError(
@@ -121,7 +122,7 @@ def _refine(a: NDArray, b: NDArray, x: NDArray, y: NDArray) -> tuple[NDArray, ND
 
 def _residuals(a: NDArray, b: NDArray, x: NDArray, y: NDArray) -> NDArray[np.float64]:
     left, right = b @ y, x @ a
-    turn = np.array([_log(r) for r in left[:, :3, :3] @ right[:, :3, :3].transpose(0, 2, 1)])
+    turn = rotation_vectors(left[:, :3, :3] @ right[:, :3, :3].transpose(0, 2, 1))
     return np.concatenate([turn, left[:, :3, 3] - right[:, :3, 3]], axis=1)
 
 
@@ -131,9 +132,3 @@ def _moved(pose: NDArray, delta: NDArray) -> NDArray[np.float64]:
     out[:3, :3] = step[:3, :3] @ pose[:3, :3]
     out[:3, 3] = pose[:3, 3] + delta[3:]
     return out
-
-
-def _log(rotation: NDArray) -> NDArray[np.float64]:
-    import cv2
-
-    return np.ravel(cv2.Rodrigues(np.ascontiguousarray(rotation))[0])

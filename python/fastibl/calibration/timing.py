@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera, Pose, _row_evidence
 from ..tracking import Tracker
+from .rotations import rotation_vectors, rotations_from
 
 _FIRST_READOUT = 0.02  # seconds, to start from
 _LEAST_READOUT = 1e-3  # that a camera is tracked with
@@ -70,7 +71,7 @@ class PosePath:
         k = min(int(np.searchsorted(self.times, time, side="right")) - 1, len(self.poses) - 2)
         share = (time - self.times[k]) / (self.times[k + 1] - self.times[k])
         a, b = self.poses[k], self.poses[k + 1]
-        rotation = _exp(share * _log(b.rotation @ a.rotation.T)) @ a.rotation
+        rotation = rotations_from(share * rotation_vectors(b.rotation @ a.rotation.T)) @ a.rotation
         eye = (1 - share) * a.inverse().translation + share * b.inverse().translation
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = rotation, -rotation @ eye
@@ -113,7 +114,7 @@ def calibrate_timing(
     readout = _FIRST_READOUT
     for _ in range(_ROUNDS):
         before = readout
-        track = _Track(shots, _with_readout(camera, max(readout, _LEAST_READOUT)), board)
+        track = _Track(shots, camera.replace(readout=max(readout, _LEAST_READOUT)), board)
         readout, deviation, used = track.readout()
         if abs(readout - before) < _SETTLED:
             break
@@ -218,7 +219,7 @@ class _Track:
 def _motion(first: Pose, last: Pose, place: NDArray) -> NDArray[np.float64]:
     """(w, d): a steady turn about the camera and its shift, as they move a board at `place`."""
     turned = last.rotation @ first.rotation.T
-    w = _log(turned)
+    w = rotation_vectors(turned)
     return np.concatenate([w, turned.T @ last.translation - first.translation + np.cross(w, place)])
 
 
@@ -244,7 +245,7 @@ def _integrated(times: ArrayLike, rates: ArrayLike) -> tuple[NDArray, NDArray]:
     times, rates = np.asarray(times, np.float64), np.asarray(rates, np.float64)
     if times.ndim != 1 or rates.shape != (*times.shape, 3):
         raise ValueError(f"gyro must be (n,) times and (n, 3) rates, got {times.shape} and {rates.shape}")
-    steps = _exp(-0.5 * (rates[1:] + rates[:-1]) * np.diff(times)[:, None])
+    steps = rotations_from(-0.5 * (rates[1:] + rates[:-1]) * np.diff(times)[:, None])
     rotations = [np.eye(3)]
     for step in steps:
         rotations.append(step @ rotations[-1])
@@ -262,20 +263,20 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, b
     pairs = np.flatnonzero(np.diff(track.times) <= _LONGEST_GAP)
     begin, end = track.times[pairs], track.times[pairs + 1]
     seen = np.array([p.rotation for p in track.poses])
-    turns = _log(seen[pairs + 1] @ seen[pairs].transpose(0, 2, 1))
+    turns = rotation_vectors(seen[pairs + 1] @ seen[pairs].transpose(0, 2, 1))
     low, high = max(-longest, times[0] - begin.max(initial=-np.inf)), min(longest, times[-1] - end.min(initial=np.inf))
-    inner = _log(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
+    inner = rotation_vectors(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
 
     def at(t: NDArray) -> NDArray:
         k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
         share = (t - times[k]) / (times[k + 1] - times[k])
-        return _exp(share[:, None] * inner[k]) @ rotations[k]
+        return rotations_from(share[:, None] * inner[k]) @ rotations[k]
 
     def compared(offset: float, within: tuple[float, float] | None = None) -> NDArray:
         """What is left of the turns between pictures without those of the other clock. within: offsets that count."""
         least, most = within or (offset, offset)
         known = (begin + least >= times[0]) & (end + most <= times[-1])
-        there = _log(at(end[known] + offset) @ at(begin[known] + offset).transpose(0, 2, 1))
+        there = rotation_vectors(at(end[known] + offset) @ at(begin[known] + offset).transpose(0, 2, 1))
         here, steps = turns[known], (end - begin)[known, None]
         drift, mount = np.zeros(3), np.eye(3)
         for _ in range(3 if bias else 1):
@@ -321,25 +322,3 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, b
     if rivals:
         raise ValueError(f"the motion repeats itself: offsets of {offset:.3f} and {rivals[0]:.3f} s fit alike")
     return float(offset), deviation
-
-
-def _exp(w: NDArray) -> NDArray[np.float64]:
-    """(..., 3, 3) of rotation vectors (..., 3)."""
-    angle = np.linalg.norm(w, axis=-1)[..., None, None]
-    zero = np.zeros(w.shape[:-1])
-    x, y, z = w[..., 0], w[..., 1], w[..., 2]
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*w.shape[:-1], 3, 3)
-    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
-
-
-def _log(r: NDArray) -> NDArray[np.float64]:
-    """Rotation vectors (..., 3) of less than half a turn."""
-    axis = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1)
-    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, np.trace(r, axis1=-2, axis2=-1)[..., None] - 1)
-    return axis * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 0.5)
-
-
-def _with_readout(camera: Camera, readout: float) -> Camera:
-    lens = {name: getattr(camera, name) for name in ("distortion", "response", "gain", "vignetting", "model")}
-    return Camera(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, **lens, readout=readout)

@@ -7,6 +7,6 @@ exit code 2.
 
 from __future__ import annotations
 
-from . import board, calibrate, demo, export, live, record, render, simulate
+from . import board, calibrate, demo, export, extremes, live, record, render, report, simulate
 
-ALL = (demo, render, simulate, live, record, export, board, calibrate)
+ALL = (demo, render, simulate, live, record, export, board, calibrate, report, extremes)

@@ -1,4 +1,4 @@
-"""What commands share: their parsers, and argument types that say what was expected."""
+"""What commands share: their parsers, argument types that say what was expected, and what several of them read."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import argparse
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .._fastibl import Board, Mesh
 
 
 def picture_size(text: str) -> tuple[int, int]:
@@ -24,6 +29,52 @@ def positive(text: str) -> float:
     if not (value > 0 and math.isfinite(value)):
         raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
     return value
+
+
+def device(text: str) -> int | str:
+    """A camera: its number, or a path or URL."""
+    return int(text) if text.isdecimal() else text
+
+
+def add_cameras(p: argparse.ArgumentParser) -> None:
+    """Options of live cameras and their board."""
+    p.add_argument("--back", type=device, metavar="CAMERA", help="number, device path or URL (default: 0)")
+    p.add_argument("--front", type=device, metavar="CAMERA", help="the same of the front camera (default: none)")
+    p.add_argument("--board", type=Path, metavar="YAML", help="printed board (default: that of `fastibl board`)")
+    p.add_argument("--seconds", type=positive, help="length (default: until Ctrl-C)")
+    p.add_argument(
+        "--patience", type=positive, default=10.0, help="seconds without a picture to end after (default: 10)"
+    )
+
+
+def add_object(p: argparse.ArgumentParser) -> None:
+    """Options of the virtual object and of how it is lit."""
+    p.add_argument("--object", type=Path, help="mesh (.obj, .ply, .glb); by default the built-in figurine")
+    p.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
+    p.add_argument("--height", type=positive, default=0.15, help="of the object in metres (default: %(default)s)")
+    p.add_argument("--methods", choices=("auto", "paper"), default="auto", help="default: %(default)s")
+    p.add_argument("--backend", choices=("auto", "cpu", "gl"), default="auto", help="default: %(default)s")
+    p.add_argument("--distance", type=positive, default=float("inf"), help="rough distance of the walls in metres")
+
+
+def object_of(arguments: argparse.Namespace) -> Mesh:
+    """The mesh of add_object's options, standing on the board."""
+    from .. import shapes
+    from ..files import read_mesh, stand
+
+    mesh = shapes.figurine() if arguments.object is None else read_mesh(arguments.object, arguments.up)
+    return stand(mesh, arguments.height)
+
+
+def board_of(path: Path | None) -> Board:
+    """The board of a file, by default that of `fastibl board`. Raises ValueError where it lists no tags."""
+    from ..board import Board
+    from ..recording import read_board
+
+    board = Board.default() if path is None else read_board(path)
+    if board is None:
+        raise ValueError(f"{path} lists no tags")
+    return board
 
 
 def parser(

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._arguments import parser
+from ._arguments import board_of, parser
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from .._fastibl import Board, Camera, Rig
+    from .._fastibl import Camera, Rig
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -141,18 +141,6 @@ def _of_recording(path: Path, camera: str, most: int) -> Iterator[NDArray[Any]]:
             yield picture
 
 
-def _read_board(path: Path | None) -> Board:
-    from ..board import Board
-    from ..recording import read_board
-
-    if path is None:
-        return Board.default()
-    board = read_board(path)
-    if board is None:
-        raise ValueError(f"{path} lists no tags")
-    return board
-
-
 def _known_camera(arguments: argparse.Namespace) -> Camera:
     from ..recording import read_rig
 
@@ -187,7 +175,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
     known = getattr(read_rig(arguments.rig), arguments.camera) if arguments.rig.is_file() else None
     found = calibrate_camera(
         _read_pictures(arguments),
-        _read_board(arguments.board),
+        board_of(arguments.board),
         model="fisheye" if arguments.fisheye else "perspective",
         terms=arguments.terms,
         response=None if known is None else known.response,
@@ -198,14 +186,12 @@ def run_camera(arguments: argparse.Namespace) -> int:
 
 
 def run_response(arguments: argparse.Namespace) -> int:
-    from .._fastibl import Camera
     from ..calibration import calibrate_response
 
-    c = _known_camera(arguments)
+    camera = _known_camera(arguments)
     found = calibrate_response(_read_pictures(arguments), arguments.exposures)
     print(found)
-    lens = {name: getattr(c, name) for name in ("distortion", "gain", "vignetting", "readout", "model")}
-    _keep(arguments, Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, response=found.response))
+    _keep(arguments, camera.replace(response=found.response))
     return 0
 
 
@@ -219,7 +205,7 @@ def run_board(arguments: argparse.Namespace) -> int:
         float(arguments.measured[2]),
     )
     found = calibrate_board(
-        _read_pictures(arguments), _read_board(arguments.board), _known_camera(arguments), measured=measured
+        _read_pictures(arguments), board_of(arguments.board), _known_camera(arguments), measured=measured
     )
     print(found)
     write_board(arguments.out, found.board)
@@ -236,8 +222,8 @@ def run_rig(arguments: argparse.Namespace) -> int:
     rig = read_rig(arguments.rig)
     if rig.front is None:
         raise ValueError(f"{arguments.rig} has no front camera: calibrate it first")
-    back = Tracker(_read_board(arguments.board), rig.back)
-    front = Tracker(_read_board(arguments.front_board), rig.front)
+    back = Tracker(board_of(arguments.board), rig.back)
+    front = Tracker(board_of(arguments.front_board), rig.front)
     poses: tuple[list[Any], list[Any]] = [], []
     for frame in Recording.open(arguments.recording):
         for list_, tracker, picture in zip(poses, (back, front), (frame.back, frame.front), strict=True):
@@ -253,18 +239,17 @@ def run_rig(arguments: argparse.Namespace) -> int:
 def run_timing(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from .._fastibl import Camera
     from ..calibration import calibrate_timing
     from ..recording import Recording, read_rig
 
     if arguments.against_back and (arguments.camera != "front" or arguments.gyro):
         raise ValueError("--against-back needs --camera front, and no --gyro")
-    board, recording = _read_board(arguments.board), Recording.open(arguments.recording)
+    board, recording = board_of(arguments.board), Recording.open(arguments.recording)
 
-    def film(camera: str) -> Iterator[tuple[float, NDArray[Any]]]:
-        return ((f.time, getattr(f, camera)) for f in recording if getattr(f, camera) is not None)
+    def film(name: str) -> Iterator[tuple[float, NDArray[Any]]]:
+        return ((f.time, getattr(f, name)) for f in recording if getattr(f, name) is not None)
 
-    c = _known_camera(arguments)
+    camera = _known_camera(arguments)
     gyro = poses = None
     if arguments.gyro:
         table = np.loadtxt(arguments.gyro, delimiter=",", ndmin=2)
@@ -274,10 +259,9 @@ def run_timing(arguments: argparse.Namespace) -> int:
     if arguments.against_back:
         back = calibrate_timing(film("back"), read_rig(arguments.rig).back, board)
         poses = back.times, back.poses
-    found = calibrate_timing(film(arguments.camera), c, board, poses=poses, gyro=gyro)
+    found = calibrate_timing(film(arguments.camera), camera, board, poses=poses, gyro=gyro)
     print(found)
-    lens = {name: getattr(c, name) for name in ("distortion", "response", "gain", "vignetting", "model")}
     # What cannot be told from 0 is a global shutter's.
     readout = found.readout if found.readout > 3 * found.readout_deviation else 0.0
-    _keep(arguments, Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, **lens, readout=readout))
+    _keep(arguments, camera.replace(readout=readout))
     return 0

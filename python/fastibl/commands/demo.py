@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
         import matplotlib  # noqa: F401
     except ImportError as error:
         raise ValueError("the report needs matplotlib: pip install fastibl[report]") from error
-    from ..report import write_report
+    from ..demo_report import write_report
 
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)

@@ -6,8 +6,7 @@ import argparse
 import time
 from pathlib import Path
 
-from ._arguments import parser, positive
-from .record import device
+from ._arguments import add_cameras, add_object, board_of, object_of, parser, positive
 
 _STOPS = (-14, 2)  # of the front camera's exposures around the one that it found itself
 
@@ -21,19 +20,22 @@ def add(commands: argparse._SubParsersAction) -> None:
         "fastibl live --rig rig.yaml --back 0 --front 1 --object spot.obj --height 0.12 --out out.webm",
     )
     p.add_argument("--rig", type=Path, required=True, metavar="YAML", help="calibration of the cameras")
-    p.add_argument("--back", type=device, default=0, metavar="CAMERA", help="number, device path or URL (default: 0)")
-    p.add_argument("--front", type=device, metavar="CAMERA", help="the same of the front camera (default: none)")
-    p.add_argument("--board", type=Path, metavar="YAML", help="printed board (default: that of `fastibl board`)")
-    p.add_argument("--object", type=Path, help="mesh (.obj, .ply, .glb); by default the built-in figurine")
-    p.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
-    p.add_argument("--height", type=positive, default=0.15, help="of the object in metres (default: %(default)s)")
-    p.add_argument("--methods", choices=("auto", "paper"), default="auto", help="default: %(default)s")
-    p.add_argument("--backend", choices=("auto", "cpu", "gl"), default="auto", help="default: %(default)s")
-    p.add_argument("--distance", type=positive, default=float("inf"), help="rough distance of the walls in metres")
+    add_cameras(p)
+    add_object(p)
     p.add_argument("--exposures", choices=("adaptive", "bracket", "constant"), default="adaptive", help="of the front")
-    p.add_argument("--seconds", type=positive, help="length (default: until Ctrl-C)")
     p.add_argument(
-        "--patience", type=positive, default=10.0, help="seconds without a picture to end after (default: 10)"
+        "--flicker",
+        type=float,
+        default=0.0,
+        metavar="HZ",
+        help="of the lamps, 100 or 120: adaptive exposures last whole periods where they can (default: 0)",
+    )
+    p.add_argument(
+        "--most-boost",
+        type=positive,
+        default=1.0,
+        metavar="FACTOR",
+        help="for constant exposures: most that clipped light is made brighter by the board's white (default: 1)",
     )
     p.add_argument("--fps", type=positive, default=30.0, help="of the video (default: 30)")
     p.add_argument("--out", type=Path, default=Path("live.webm"), help="video to write (default: %(default)s)")
@@ -42,10 +44,10 @@ def add(commands: argparse._SubParsersAction) -> None:
 class _FirstKnown:
     """An AdaptiveExposure whose range is around the first exposure."""
 
-    def __init__(self, camera):
+    def __init__(self, camera, flicker: float):
         from ..exposure import AdaptiveExposure
 
-        self.schedule, self._begun = AdaptiveExposure(camera, 1e-9, 1e9), False
+        self.schedule, self._begun = AdaptiveExposure(camera, 1e-9, 1e9, flicker), False
 
     def __call__(self, last: float) -> float:
         if not self._begun:
@@ -57,33 +59,31 @@ class _FirstKnown:
 def run(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
-    from .. import shapes
     from .._fastibl import Scene
-    from ..board import Board
     from ..exposure import Bracket
-    from ..files import read_mesh, stand
     from ..live import play
-    from ..recording import read_board, read_rig
+    from ..recording import read_rig
     from ..session import Session
     from ..sources import CameraSource
     from ..video import VideoWriter
 
     rig = read_rig(arguments.rig)
-    board = Board.default() if arguments.board is None else read_board(arguments.board)
-    mesh = shapes.figurine() if arguments.object is None else read_mesh(arguments.object, arguments.up)
+    board = board_of(arguments.board)
     session = Session(
-        Scene(stand(mesh, arguments.height)),
+        Scene(object_of(arguments)),
         rig,
         board,
         methods=arguments.methods,
         backend=arguments.backend,
         distance=arguments.distance,
+        most_boost=arguments.most_boost,
     )
-    adaptive = _FirstKnown(rig.front) if arguments.front is not None and arguments.exposures == "adaptive" else None
+    adapts = arguments.front is not None and arguments.exposures == "adaptive"
+    adaptive = _FirstKnown(rig.front, arguments.flicker) if adapts else None
     schedule = adaptive or (Bracket() if arguments.exposures == "bracket" else None)
     source = CameraSource(
         rig,
-        arguments.back,
+        0 if arguments.back is None else arguments.back,
         arguments.front,
         board,
         schedules={"front": schedule} if schedule else None,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ._arguments import parser, picture_size, positive
+from ._arguments import add_cameras, board_of, parser, picture_size
 
 _DEGREES = 65.0  # across the picture, of a camera that was not calibrated
 
@@ -23,29 +23,18 @@ def add(commands: argparse._SubParsersAction) -> None:
         "fastibl record my-recording --rig rig.yaml --back 0 --front 1 --seconds 20 --bracket",
     )
     p.add_argument("out", metavar="OUT", type=Path, help="folder to write; a recording that is there is replaced")
-    p.add_argument("--back", type=device, metavar="CAMERA", help="number, device path or URL (default: 0)")
-    p.add_argument("--front", type=device, metavar="CAMERA", help="the same of the front camera (default: none)")
+    add_cameras(p)
     p.add_argument("--rig", type=Path, metavar="YAML", help="calibration (default: none; angles are then guessed)")
-    p.add_argument("--board", type=Path, metavar="YAML", help="printed board (default: that of `fastibl board`)")
     p.add_argument("--size", type=picture_size, default=(640, 480), metavar="WxH", help="without --rig")
-    p.add_argument("--seconds", type=positive, help="length (default: until Ctrl-C)")
     p.add_argument("--bracket", action="store_true", help="the front camera takes darker pictures in turn")
-    p.add_argument(
-        "--patience", type=positive, default=10.0, help="seconds without a picture to end after (default: 10)"
-    )
-
-
-def device(text: str) -> int | str:
-    return int(text) if text.isdecimal() else text
 
 
 def run(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
-    from ..board import Board
     from ..exposure import Bracket
     from ..recorder import Recorder
-    from ..recording import read_board, read_rig
+    from ..recording import read_rig
     from ..sources import CameraSource
 
     back = 0 if arguments.back is None and arguments.front is None else arguments.back
@@ -54,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if arguments.rig is None:
         print("no --rig: the recording says cameras of 65 degrees; calibrate before light is measured", file=sys.stderr)
-    board = Board.default() if arguments.board is None else read_board(arguments.board)
+    board = board_of(arguments.board)
     schedules = {"front": Bracket()} if arguments.bracket else None
     source = CameraSource(
         rig,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ._arguments import parser
+from ._arguments import add_object, object_of, parser
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -17,12 +17,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "fastibl render my-recording --object spot.obj --height 0.12 --out out.webm",
     )
     made.add_argument("recording", type=Path, help="folder of a recording")
-    made.add_argument("--object", type=Path, help="mesh (.obj, .ply, .glb); by default the built-in figurine")
-    made.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
-    made.add_argument("--height", type=float, default=0.15, help="of the object in metres (default: %(default)s)")
-    made.add_argument("--methods", choices=("auto", "paper"), default="auto", help="default: %(default)s")
-    made.add_argument("--backend", choices=("auto", "cpu", "gl"), default="auto", help="default: %(default)s")
-    made.add_argument("--distance", type=float, default=float("inf"), help="rough distance of the walls in metres")
+    add_object(made)
     made.add_argument("--environment", type=Path, help="light by this .hdr instead of capturing")
     made.add_argument("--diffuse", type=float, default=0.7, help="k_L (default: %(default)s)")
     made.add_argument("--glossy", type=float, default=0.1, help="k_G (default: %(default)s)")
@@ -34,18 +29,15 @@ def run(arguments: argparse.Namespace) -> int:
     import numpy as np
     from tqdm import tqdm
 
-    from .. import shapes
     from .._fastibl import Material, Scene
     from ..environment_files import read_environment
-    from ..files import read_mesh, stand
     from ..recording import Recording
     from ..session import Session
     from ..video import VideoWriter
 
     recording = Recording.open(arguments.recording)
-    mesh = shapes.figurine() if arguments.object is None else read_mesh(arguments.object, arguments.up)
     material = Material([arguments.diffuse] * 3, [arguments.glossy] * 3, arguments.exponent)
-    scene = Scene(stand(mesh, arguments.height), material)
+    scene = Scene(object_of(arguments), material)
     environment = None if arguments.environment is None else read_environment(arguments.environment)
     session = Session(
         scene,

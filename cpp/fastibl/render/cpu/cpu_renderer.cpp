@@ -23,18 +23,18 @@ class CpuRenderer final : public Renderer {
       }
       case PassId::shade: {
         const glm::vec3 eye(in.camera_from_marker.inverse().translation);
-        const Fragments seen = rasterize(in.scene, in.camera, in.camera_from_marker,
-                                         in.light_shares, in.holdout_ratios);
-        object_ = shade(seen.object, in.scene.material, in.lighting, eye);
-        holdout_ = holdout_layer(seen.holdouts);
+        const std::span<const FragmentBand> seen = rasterizer_.rasterize(
+            in.scene, in.camera, in.camera_from_marker, in.light_shares, in.holdout_ratios);
+        object_ = shade(seen, in.scene.material, in.lighting, eye);
+        holdout_ = holdout_layer(seen);
         return;
       }
       case PassId::composite: {
         const ShadowMap& plane = in.plane_gain ? *in.plane_gain : shadow_;
-        if (!rays_ || rays_->camera != in.camera) rays_.emplace(in.camera);
+        if (!pixels_ || pixels_->camera != in.camera) pixels_.emplace(in.camera);
         image_ = in.back.empty()
-                     ? matte(in.exposure, *rays_, in.camera_from_marker, object_, plane, holdout_)
-                     : composite(in.back, in.exposure, *rays_, in.camera_from_marker, object_,
+                     ? matte(in.exposure, *pixels_, in.camera_from_marker, object_, plane, holdout_)
+                     : composite(in.back, in.exposure, *pixels_, in.camera_from_marker, object_,
                                  plane, holdout_);
         return;
       }
@@ -55,10 +55,11 @@ class CpuRenderer final : public Renderer {
 
  private:
   SceneShadow caster_;
+  Rasterizer rasterizer_;
   ShadowMap shadow_;
   ObjectLayer object_, holdout_;
   Image<std::uint8_t> image_;
-  std::optional<RayTable> rays_;
+  std::optional<PixelTable> pixels_;
 };
 
 }  // namespace

@@ -35,7 +35,7 @@ void CameraTextures::upload_response(Gpu& gpu, const Response& response) {
 
 void CameraTextures::upload_rays(Gpu& gpu, const Camera& camera) {
   if (rays_.id && camera == rays_of_) return;
-  const RayTable table(camera);
+  const PixelTable table(camera);
   std::vector<glm::vec2> xy;
   for (std::size_t i = 0; i < table.x.size(); ++i)
     xy.push_back(std::isnan(table.x[i]) ? glm::vec2(1e30f) : glm::vec2(table.x[i], table.y[i]));

@@ -2,66 +2,22 @@
 
 from __future__ import annotations
 
-import base64
 import html
-import io
 from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ._fastibl import __version__
 from .demo import DISTANCE, HEIGHT, DemoResult, Run
-
-_STYLE = """
-:root { --ink: #1c2430; --soft: #5c6773; --line: #dfe4ea; --accent: #0b6e99; --warm: #b4552d; }
-* { box-sizing: border-box; }
-body { font: 16px/1.55 system-ui, sans-serif; color: var(--ink); max-width: 1080px; margin: 2.5rem auto; padding: 0 1.2rem; }
-h1 { font-size: 2rem; margin: 0 0 .3rem; } h2 { margin: 2.6rem 0 .6rem; font-size: 1.35rem; }
-p.lead { font-size: 1.12rem; color: var(--soft); margin-top: 0; }
-table { border-collapse: collapse; width: 100%; margin: .8rem 0; font-variant-numeric: tabular-nums; }
-th, td { text-align: right; padding: .35rem .6rem; border-bottom: 1px solid var(--line); }
-th:first-child, th.note, td:first-child { text-align: left; } th { color: var(--soft); font-weight: 600; font-size: .9rem; }
-td.note { text-align: left; color: var(--soft); font-size: .9rem; }
-.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(240px, 1fr)); gap: .8rem; margin: .8rem 0; }
-figure { margin: 0; } figcaption { font-size: .88rem; color: var(--soft); }
-img, video { width: 100%; border-radius: 6px; display: block; background: #000; }
-img.plot { background: none; } code, pre { font-size: .88rem; } pre { background: #f5f7f9; padding: .9rem; overflow-x: auto; border-radius: 6px; }
-.numbers { display: grid; grid-template-columns: repeat(auto-fit, minmax(180px, 1fr)); gap: .8rem; margin: 1.2rem 0; }
-.numbers div { border: 1px solid var(--line); border-radius: 8px; padding: .7rem .9rem; }
-.numbers b { display: block; font-size: 1.5rem; color: var(--accent); } .numbers span { color: var(--soft); font-size: .9rem; }
-"""
-
-
-def _data(picture: NDArray[np.uint8], kind: str = "jpg") -> str:
-    options = [cv2.IMWRITE_JPEG_QUALITY, 90] if kind == "jpg" else []
-    ok, encoded = cv2.imencode(f".{kind}", np.ascontiguousarray(picture[..., ::-1]), options)
-    if not ok:
-        raise OSError("a picture of the report cannot be encoded")
-    mime = "jpeg" if kind == "jpg" else kind
-    return f"data:image/{mime};base64,{base64.b64encode(encoded.tobytes()).decode()}"
-
-
-def _figure(picture: NDArray[np.uint8], caption: str) -> str:
-    text = html.escape(caption)
-    return f'<figure><img src="{_data(picture)}" alt="{text}"><figcaption>{text}</figcaption></figure>'
-
-
-def _plot(figure) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", bbox_inches="tight")
-    return (
-        f'<img class="plot" alt="plot" src="data:image/svg+xml;base64,{base64.b64encode(buffer.getvalue()).decode()}">'
-    )
+from .pages import STYLE, figure, plot, table
 
 
 def _time_plots(result: DemoResult) -> str:
     from matplotlib.figure import Figure
 
     truth, times = result.recording.truth, result.times
-    figure = Figure(figsize=(10, 6.2))
-    axes = figure.subplots(3, 1, sharex=True)
+    drawn = Figure(figsize=(10, 6.2))
+    axes = drawn.subplots(3, 1, sharex=True)
     colours = {"default": "#0b6e99", "paper": "#b4552d"}
     for name, run in result.runs.items():
         label = "default" if name == "default" else "the paper's"
@@ -89,7 +45,7 @@ def _time_plots(result: DemoResult) -> str:
     if truth.lamp_time is not None:
         axes[0].text(truth.lamp_time, 0.9 * top, " lamp on", fontsize=9)
     axes[0].legend(ncol=2, fontsize=8, frameon=False, loc="upper right")
-    return _plot(figure)
+    return plot(drawn)
 
 
 def _percent(value: float) -> str:
@@ -147,19 +103,6 @@ def _error_rows(result: DemoResult) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _table(head: list[str], rows: list[tuple[str, ...]], note_last: bool = False) -> str:
-    heads = [f"<th>{html.escape(h)}</th>" for h in head]
-    if note_last:
-        heads[-1] = f'<th class="note">{html.escape(head[-1])}</th>'
-    out = ["<table><thead><tr>", *heads, "</tr></thead><tbody>"]
-    for row in rows:
-        cells = [f"<td>{html.escape(c)}</td>" for c in row]
-        if note_last:
-            cells[-1] = f'<td class="note">{html.escape(row[-1])}</td>'
-        out.append("<tr>" + "".join(cells) + "</tr>")
-    return "".join(out) + "</tbody></table>"
-
-
 def write_report(result: DemoResult, out: Path) -> Path:
     """Writes report.html to `out`, which holds the two videos already; returns its path."""
     default, paper = result.runs["default"], result.runs["paper"]
@@ -176,16 +119,16 @@ def write_report(result: DemoResult, out: Path) -> Path:
     stills = []
     for still in result.stills:
         figures = [
-            _figure(still.pictures["default"], "fastibl, default methods"),
-            _figure(still.pictures["paper"], "the paper's methods"),
+            figure(still.pictures["default"], "fastibl, default methods"),
+            figure(still.pictures["paper"], "the paper's methods"),
         ]
         if still.true is not None:
-            figures.append(_figure(still.true.image, "truth, by brute force"))
+            figures.append(figure(still.true.image, "truth, by brute force"))
         at = f"{result.times[still.index]:.1f} s"
         stills.append(
             f'<h3>{html.escape(still.title.capitalize())} ({at})</h3><div class="row">{"".join(figures)}</div>'
         )
-    maps = "".join(_figure(picture, name) for name, picture in result.maps.items())
+    maps = "".join(figure(picture, name) for name, picture in result.maps.items())
     truth = result.recording.truth
     events = []
     if truth.hand is not None:
@@ -195,7 +138,7 @@ def write_report(result: DemoResult, out: Path) -> Path:
     fps = 1000 / max(default.milliseconds("total"), 1e-6)
     page = f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>fastibl demo report</title><style>{_STYLE}</style></head><body>
+<title>fastibl demo report</title><style>{STYLE}</style></head><body>
 <h1>A virtual figurine, lit by the room it stands in</h1>
 <p class="lead">fastibl measured the light of a room with two ordinary cameras and a printed board, lit a virtual object
 with it, laid it over the camera's picture, and says here how wrong each step was.</p>
@@ -218,7 +161,7 @@ The room is simulated, so the truth is known: pose, light, and the picture that 
 <h2>Pictures</h2>{"".join(stills)}
 <h2>The light</h2><div class="row">{maps}</div>
 <h2>Error of each step</h2>
-{_table(["step", "default", "the paper's", "how it is measured"], _error_rows(result), note_last=True)}
+{table(["step", "default", "the paper's", "how it is measured"], _error_rows(result), note_last=True)}
 <p>The paper's own methods stay available by name, so that “better” is always measured against them. Its capture takes one
 picture of one exposure every five seconds; where that clips, the light is lost.</p>
 <h2>Over time</h2>{_time_plots(result)}
@@ -226,7 +169,7 @@ picture of one exposure every five seconds; where that clips, the light is lost.
 The map is put {DISTANCE:g} m away, a rough guess of the room's size; what is nearer or farther is displaced, which the
 prediction does not know yet.</p>
 <h2>Time of each pass</h2>
-{_table(["pass, median ms where it ran", "default", "the paper's", "the paper's ran in frames"], times)}
+{table(["pass, median ms where it ran", "default", "the paper's", "the paper's ran in frames"], times)}
 <p>{html.escape(result.machine)}; fastibl {html.escape(__version__)}.</p>
 <h2>The plan</h2><p>What a frame needs, by which method, and what was left out and why:</p>
 <div class="row"><pre>{html.escape(default.plan)}</pre><pre>{html.escape(paper.plan)}</pre></div>

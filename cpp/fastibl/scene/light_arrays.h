@@ -1,0 +1,23 @@
+// The lights of a glossy chain for loops over all of them.
+#pragma once
+
+#include "fastibl/scene/lighting.h"
+
+namespace fastibl {
+
+// Lights side by side, for one loop over all of them; those beyond `count` give nothing.
+struct LightArrays {
+  int count = 0;
+  float finest = GlossyChain::kLevelCount;  // of the levels
+  float x[kMaxLights]{}, y[kMaxLights]{}, z[kMaxLights]{};
+  float variance[kMaxLights]{}, level[kMaxLights]{};
+  float red[kMaxLights]{}, green[kMaxLights]{}, blue[kMaxLights]{};
+  float inverse_distance[kMaxLights]{};  // 1 / m; 0: distant
+  bool any_near = false;
+};
+LightArrays arrays_of(const Lighting& lighting);  // which has a chain
+// As they are seen beside the map's centre: turned, and as large and strong as their distance makes
+// them. Which levels hold them stays as it is.
+LightArrays seen_from(const LightArrays& lights, glm::vec3 offset);
+
+}  // namespace fastibl

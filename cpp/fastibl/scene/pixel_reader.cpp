@@ -1,0 +1,49 @@
+#include "fastibl/scene/pixel_reader.h"
+
+#include "fastibl/scene/cube_map.h"
+
+namespace fastibl {
+namespace {
+
+template <class Value>
+const Value* pixel_of(const Picture& picture, int x, int y) {
+  return reinterpret_cast<const Value*>(picture.row(y)) + 3 * x;
+}
+
+}  // namespace
+
+glm::vec3 PixelReader::linear(int x, int y) const {
+  switch (picture_.type) {
+    case PixelType::uint8: {
+      const std::uint8_t* p = pixel_of<std::uint8_t>(picture_, x, y);
+      return {bytes_.decode(p[0]), bytes_.decode(p[1]), bytes_.decode(p[2])};
+    }
+    case PixelType::uint16: {
+      const std::uint16_t* p = pixel_of<std::uint16_t>(picture_, x, y);
+      return {response_.decode(float(p[0]) / 65535), response_.decode(float(p[1]) / 65535),
+              response_.decode(float(p[2]) / 65535)};
+    }
+    default: {
+      const float* p = pixel_of<float>(picture_, x, y);
+      CleaningStatistics ignored;
+      return {clean_radiance(p[0], ignored), clean_radiance(p[1], ignored),
+              clean_radiance(p[2], ignored)};
+    }
+  }
+}
+
+bool PixelReader::reaches(int x, int y, int code) const {
+  const auto any = [](const auto* p, int limit) {
+    return p[0] >= limit || p[1] >= limit || p[2] >= limit;
+  };
+  switch (picture_.type) {
+    case PixelType::uint8:
+      return any(pixel_of<std::uint8_t>(picture_, x, y), code);
+    case PixelType::uint16:
+      return any(pixel_of<std::uint16_t>(picture_, x, y), 257 * code);
+    default:
+      return false;
+  }
+}
+
+}  // namespace fastibl

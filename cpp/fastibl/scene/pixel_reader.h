@@ -1,0 +1,26 @@
+// Single pixels of a picture; linear_from() reads whole ones.
+#pragma once
+
+#include "fastibl/core/vector.h"
+#include "fastibl/scene/picture.h"
+
+namespace fastibl {
+
+// Borrows all that it is given. `bytes` is of the same response.
+class PixelReader {
+ public:
+  PixelReader(const Picture& picture, const Response& response, const ByteResponse& bytes)
+      : picture_(picture), response_(response), bytes_(bytes) {}
+
+  // Linear, as linear_from() has it: float pictures are cleaned.
+  glm::vec3 linear(int x, int y) const;
+  // Whether a channel of an encoded picture is at least that code of 0 to 255.
+  bool reaches(int x, int y, int code) const;
+
+ private:
+  const Picture& picture_;
+  const Response& response_;
+  const ByteResponse& bytes_;
+};
+
+}  // namespace fastibl

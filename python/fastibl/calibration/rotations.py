@@ -1,0 +1,23 @@
+"""Rotation matrices and their vectors, many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def rotations_from(w: NDArray) -> NDArray[np.float64]:
+    """(..., 3, 3) of rotation vectors (..., 3), by Rodrigues."""
+    angle = np.linalg.norm(w, axis=-1)[..., None, None]
+    zero = np.zeros(w.shape[:-1])
+    x, y, z = w[..., 0], w[..., 1], w[..., 2]
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*w.shape[:-1], 3, 3)
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+
+
+def rotation_vectors(r: NDArray) -> NDArray[np.float64]:
+    """Rotation vectors (..., 3) of rotations (..., 3, 3) of less than half a turn."""
+    axis = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, np.trace(r, axis1=-2, axis2=-1)[..., None] - 1)
+    return axis * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 0.5)

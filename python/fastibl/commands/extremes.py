@@ -1,0 +1,59 @@
+"""fastibl extremes: stiff and extreme cases for every step, each with what is expected of it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from ._arguments import parser
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    p = parser(
+        commands,
+        "extremes",
+        run,
+        "run stiff and extreme cases of every step and print what came out (exit code 1 on a broken expectation)",
+        "fastibl extremes --only sun --json extremes.json",
+    )
+    p.add_argument("--only", default="", metavar="WORD", help="only cases that have this in their title")
+    p.add_argument("--backend", choices=("cpu", "gl", "all"), default="all", help="default: %(default)s")
+    p.add_argument("--json", type=Path, metavar="FILE", help="also write the rows there")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from .. import __version__, extremes
+    from ..machine import cpu
+
+    backend, missing = arguments.backend, ""
+    if backend != "cpu":
+        missing = extremes.gl_missing()
+        if missing and backend == "gl":
+            raise ValueError(f"the GL back end cannot run: {missing}")
+    cases = extremes.all_cases(arguments.only, "cpu" if missing else backend)
+    rows = []
+    with tqdm(cases, unit="case", leave=False, disable=None) as bar:
+        for case in bar:
+            bar.set_description(case.step)
+            rows.append(extremes.run_case(case))
+    print(extremes.table(rows))
+    broken = [row for row in rows if not row.held]
+    seconds = sum(row.seconds for row in rows)
+    print(f"\n{len(rows) - len(broken)} of {len(rows)} expectations hold; {seconds:.0f} s of processor time")
+    if missing:
+        print(f"not run on GL: {missing}")
+    if arguments.json:
+        found = {
+            "version": __version__,
+            "machine": cpu(),
+            "gl": missing or "run",
+            "cases": [row.as_dict() for row in rows],
+        }
+        arguments.json.write_text(json.dumps(found, indent=1, allow_nan=True) + "\n")
+        print(f"wrote {arguments.json}")
+    for row in broken:
+        print(f"broken: {row.step}: {row.name} [{row.backend}]: expected {row.expectation}; {row.outcome}")
+    return 1 if broken else 0

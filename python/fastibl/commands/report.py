@@ -1,0 +1,117 @@
+"""fastibl report: error against time of every method, on this machine."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+
+from ._arguments import parser
+
+_HEIGHT = 0.12
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    made = parser(
+        commands,
+        "report",
+        run,
+        "measure every method on this machine, error against time, and write a page, rows and plots",
+        "fastibl report --quick\n  fastibl report --environment room.hdr --mesh spot.obj --out my-report\n"
+        "  fastibl report --quick --against old/report.json",
+    )
+    made.add_argument(
+        "--environment", type=Path, action="append", nargs="+", metavar="HDR",
+        help="equirectangular maps to measure on, .hdr or .exr (default: the built-in room)",
+    )  # fmt: skip
+    made.add_argument("--mesh", type=Path, help="object (.obj, .ply, .glb); by default the built-in figurine")
+    made.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
+    made.add_argument("--recording", type=Path, help="folder of a recording (default: a simulated one)")
+    made.add_argument("--out", type=Path, default=Path("report"), help="folder to write (default: %(default)s)")
+    made.add_argument("--quick", action="store_true", help="about a minute instead of a quarter of an hour")
+    made.add_argument(
+        "--against", type=Path, metavar="JSON",
+        help="report.json of before: says what became better or worse; exit code 1 if something is clearly worse",
+    )  # fmt: skip
+    made.add_argument(
+        "--measured", type=Path, metavar="JSON", help="with --against: compare this report.json, measure nothing"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from .. import measuring
+
+    if arguments.measured is not None and arguments.against is None:
+        raise ValueError("--measured needs --against")
+    old = None if arguments.against is None else measuring.read_rows(arguments.against)
+    if arguments.measured is not None:
+        return _compared(old, measuring.read_rows(arguments.measured), arguments.against)[0]
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise ValueError("the report needs matplotlib: pip install fastibl[report]") from error
+    return _measured(arguments, old)
+
+
+def _compared(old: list, new: list, name: Path):
+    from ..report.compare import as_text, compare
+
+    found = compare(old, new, str(name))
+    print(as_text(found))
+    return (1 if found.worse else 0), found
+
+
+def _measured(arguments: argparse.Namespace, old: list | None) -> int:
+    from tqdm import tqdm
+
+    from .. import report
+
+    effort = report.QUICK if arguments.quick else report.FULL
+    places, mesh, recording = _given(arguments)
+    parts = ["inputs", *(name for name, _ in (*report.STEPS, *report.MORE)), "page"]
+    with tqdm(total=len(parts), unit="part", file=sys.stderr) as bar:
+        bar.set_description(parts[0])
+        inputs = report.gathered(places, mesh, recording, effort)
+
+        def progress(name: str) -> None:
+            bar.update(1), bar.set_description(name)
+
+        made = report.make_report(inputs, _command(arguments), progress)
+        progress(parts[-1])
+        code, against = (0, None) if old is None else _compared(old, made.rows, arguments.against)
+        path = report.write_report(made, arguments.out, against)
+        bar.update(1)
+    for section in made.sections:
+        if section.name in ("overview", "frame"):
+            print("\n".join(section.seen))
+    print(f"wrote {path}, {arguments.out / 'report.json'} ({len(made.rows)} rows), {arguments.out / 'plots'}")
+    return code
+
+
+def _given(arguments: argparse.Namespace):
+    """Places, mesh and recording that were asked for; None where the built-in ones are."""
+    from ..environment_files import read_environment
+    from ..files import read_mesh, stand
+    from ..recording import Recording
+
+    paths = [path for some in arguments.environment or () for path in some]
+    places = {path.stem.removesuffix("_1k"): read_environment(path, size=128) for path in paths} or None
+    mesh = None
+    if arguments.mesh is not None:
+        mesh = arguments.mesh.stem, stand(read_mesh(arguments.mesh, arguments.up), _HEIGHT)
+    recording = None
+    if arguments.recording is not None:
+        recording = f"the recording {arguments.recording.name}", Recording.open(arguments.recording)
+    return places, mesh, recording
+
+
+def _command(arguments: argparse.Namespace) -> str:
+    words = ["fastibl", "report"]
+    for path in (path for some in arguments.environment or () for path in some):
+        words += ["--environment", path.name]
+    if arguments.mesh is not None:
+        words += ["--mesh", arguments.mesh.name]
+    if arguments.recording is not None:
+        words += ["--recording", arguments.recording.name]
+    return shlex.join(words + ["--quick"] * arguments.quick)

@@ -1,0 +1,60 @@
+"""A suite of stiff and extreme cases for every step and both back ends, each with what is expected of it.
+
+`run` gives a row a case; `fastibl extremes` prints them. A broken expectation is a bug.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from .case import Case, Outcome, Row, run_case, table
+
+BACKENDS = ("cpu", "gl", "all")
+
+
+def gl_missing() -> str:
+    """Why the GL back end cannot run here; empty where it can."""
+    import numpy as np
+
+    from .._fastibl import Camera, Mesh, Rig, Scene
+    from ..session import Session
+
+    scene = Scene(Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]])), spheres=0, visibility_rays=0)
+    try:
+        Session(scene, Rig(Camera(8, 8, 8, 8, 4, 4)), backend="gl")
+    except (RuntimeError, ValueError) as error:
+        return str(error)
+    return ""
+
+
+def all_cases(only: str = "", backend: str = "all") -> list[Case]:
+    """Those whose title ("shadow: two that touch, directions [gl]") holds the word, of a back end.
+
+    Raises ValueError for another back end, and where no title holds the word.
+    """
+    if backend not in BACKENDS:
+        raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {backend!r}")
+    from . import boards, captures, light, maps, near, objects, pictures, plans, sessions, shadow
+
+    every = [
+        case
+        for module in (maps, light, shadow, objects, near, pictures, plans, boards, captures, sessions)
+        for case in module.cases()
+    ]
+    found = [c for c in every if only.lower() in c.title.lower() and backend in ("all", c.backend)]
+    if not found:
+        raise ValueError(
+            f"no case has {only!r} in its title; steps are: {', '.join(dict.fromkeys(c.step for c in every))}"
+        )
+    return found
+
+
+def run(only: str = "", backend: str = "all", progress: Callable[[Case], object] | None = None) -> Iterator[Row]:
+    """Runs the cases in order. progress: called with each before it is run."""
+    for case in all_cases(only, backend):
+        if progress:
+            progress(case)
+        yield run_case(case)
+
+
+__all__ = ["BACKENDS", "Case", "Outcome", "Row", "all_cases", "gl_missing", "run", "run_case", "table"]

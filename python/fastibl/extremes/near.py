@@ -1,0 +1,97 @@
+"""Lights that are near: 20 cm away, in the object, on the plane, at a vertex."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from .._fastibl import DirectionShadow, Environment, Material, Rig, Scene
+from ..lighting import Lighting
+from ..recording import Frame
+from ..session import Session
+from .case import Case, Outcome, both, is_light, is_ratio, refused
+from .worlds import FRONT, PICTURE, ball_mesh, map_named
+
+CENTRE = (0.0, 0.0, 0.06)
+PLACES = {
+    "20 cm away": (0.06, 0.04, 0.25, 0.06),
+    "2 cm above the object": (0.0, 0.0, 0.13, 0.005),
+    "in the object": (0.0, 0.01, 0.08, 0.01),
+    "on the plane": (0.2, 0.0, 0.0, 0.02),
+    "below the plane": (0.2, 0.0, -0.3, 0.02),
+    "at a vertex": (0.05, 0.0, 0.06, 0.01),
+    "of no radius": (0.06, 0.04, 0.25, 0.0),
+    "of negative radius": (0.06, 0.04, 0.25, -1.0),
+    "around the centre": (0.0, 0.0, 0.06, 1.0),
+    "at the centre": (0.0, 0.0, 0.06, 0.0),
+    "of NaN": (np.nan, 0.0, 0.25, 0.06),
+    "at infinity": (np.inf, 0.0, np.inf, 0.06),
+    "1e30 m away": (3e29, 2e29, 1e30, 1e28),
+    "1e-30 m away": (0.0, 0.0, 0.06 + 1e-30, 1e-31),
+    "where the map is dark": (-0.3, -0.2, -0.2, 0.05),
+}
+
+
+def cases() -> Iterator[Case]:
+    for name, place in PLACES.items():
+        for backend in ("cpu", "gl"):
+            yield Case(
+                "near light",
+                f"a lamp {name}: picture",
+                "finite; no more than from half of all directions",
+                lambda p=place, b=backend: _drawn(p, b),
+                backend,
+            )
+        yield Case("near light", f"a lamp {name}: shadow", "ratios in [0, 1]", lambda p=place: _shadow(p))
+    for name, options in (
+        ("a box that does not hold the centre", {"box": [(1, 1, 1), (2, 2, 2)]}),
+        ("a box of NaN", {"box": [(np.nan, -1, -1), (1, 1, 1)]}),
+        ("a box inside out", {"box": [(1, 1, 1), (-1, -1, -1)]}),
+        ("a centre of NaN", {"centre": (np.nan, 0, 0)}),
+        ("lights of three numbers", {"lights": [(0.0, 0.0, 1.0)]}),
+    ):
+        yield Case(
+            "near light",
+            name,
+            "ValueError",
+            lambda o=options: refused(lambda: Environment(map_named("lamp 20 cm away"), **o)),
+        )
+    for name, box in (("a narrow box", ((-0.2, -0.2, 0), (0.2, 0.2, 0.3))), ("a huge box", ((-1e9,) * 3, (1e9,) * 3))):
+        yield Case("near light", name, "finite light", lambda b=box: _boxed(b))
+
+
+def _environment(place) -> Environment:
+    return Environment(map_named("lamp 20 cm away"), centre=CENTRE, lights=[place])
+
+
+def _drawn(place, backend: str) -> Outcome:
+    material = Material(diffuse=(0.6, 0.6, 0.6), glossy=(0.3, 0.3, 0.3), exponent=200)
+    scene = Scene(ball_mesh(steps=12), material, spheres=4, visibility_rays=8)
+    session = Session(
+        scene, Rig(PICTURE), environment=_environment(place), methods={"shadow": "directions"}, backend=backend
+    )
+    session.process(Frame(time=0.0, back_from_marker=FRONT))
+    gain = session.plane_gain
+    # Half of all directions full of the lamp: what its flux would be at no distance.
+    return both(
+        is_light(session.object.rgba[..., :3], 100 * 400.0, "light"),
+        is_light(gain.image, 10.0, "gain of the plane"),
+    )
+
+
+def _shadow(place) -> Outcome:
+    shadow = DirectionShadow(64).cast(_environment(place), [(0, 0, 0.06, 0.05)], resolution=24)
+    return both(is_ratio(shadow.image), is_ratio(shadow.sample([(0.0, 0.0), (0.3, 0.1), (1e6, 0)])))
+
+
+def _boxed(box) -> Outcome:
+    environment = Environment(map_named("3 x 3 faces"), centre=CENTRE, box=box)
+    scene = Scene(ball_mesh(steps=12), Material(glossy=(1, 1, 1), exponent=1e9), spheres=0, visibility_rays=0)
+    session = Session(scene, Rig(PICTURE), environment=environment)
+    session.process(Frame(time=0.0, back_from_marker=FRONT))
+    lighting = Lighting(environment)
+    return both(
+        is_light(session.object.rgba, what="picture"),
+        is_light(lighting.glossy([[0.0, 0, 1]], [[0.0, 0, 1]], 1e9), what="light"),
+    )

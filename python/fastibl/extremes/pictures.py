@@ -1,0 +1,234 @@
+"""Whole pictures on both back ends: extreme maps, materials, objects, cameras and looks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+
+from .._fastibl import Camera, CubeMap, Environment, Material, Mesh, Rig, Scene
+from ..recording import Frame
+from ..session import Session
+from .case import Case, Outcome, both, equal, is_light, is_ratio, refused, result_or_refusal
+from .worlds import (
+    CONSTANT,
+    DEGENERATE,
+    FRONT,
+    MAPS,
+    PICTURE,
+    ball_mesh,
+    box_mesh,
+    degenerate,
+    map_named,
+    seen_from,
+)
+
+MATERIALS = {
+    "matte": Material(diffuse=(1, 1, 1)),
+    "rough": Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=3),
+    "glossy": Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=500),
+    "exponent 1e9": Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=1e9),
+    "mirror": Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=np.inf),
+    "metal of roughness 0": Material.pbr((1, 1, 1), 1.0, 0.0),
+    "plastic of roughness 1": Material.pbr((1, 1, 1), 0.0, 1.0),
+    "brushed metal": Material.pbr((1, 1, 1), 1.0, 0.1, anisotropy=1.0),
+}
+# By name; what each does to a constant map of 1 is known.
+WHITE = ("matte", "rough", "glossy", "exponent 1e9", "mirror")
+
+CAMERAS = {
+    "grazing the plane": (PICTURE, seen_from((0.0, -0.25, 0.002), (0, 0, 0.05))),
+    "straight above": (PICTURE, seen_from((0.0, 0.0, 0.4), (0, 0, 0))),
+    "in the object": (PICTURE, seen_from((0.0, 0.0, 0.06), (0.1, 0, 0.06))),
+    "on its surface": (PICTURE, seen_from((0.0, -0.05, 0.06), (0, 0, 0.06))),
+    "below the plane": (PICTURE, seen_from((0.0, -0.25, -0.1), (0, 0, 0.05))),
+    "object behind it": (PICTURE, seen_from((0.0, -0.25, 0.1), (0, -1, 0.1))),
+    "1 km away": (PICTURE, seen_from((0.0, -1000, 100), (0, 0, 0))),
+    "1e6 m away": (PICTURE, seen_from((0.0, -1e6, 1e5), (0, 0, 0))),
+    "1 x 1 pixels": (Camera(1, 1, 1, 1, 0.5, 0.5), FRONT),
+    "2000 x 1 pixels": (Camera(2000, 1, 1000, 1000, 1000, 0.5), FRONT),
+    "a focal length of 1e6": (Camera(64, 64, 1e6, 1e6, 32, 32), FRONT),
+    "a focal length of 1 pixel": (Camera(64, 64, 1, 1, 32, 32), FRONT),
+    "a lens that folds over": (Camera(64, 64, 20, 20, 32, 32, [-0.6, 0.2, 0, 0]), FRONT),
+}
+EXPOSURES = (1e-30, 1e-6, 1.0, 1e6, 1e30)
+
+
+def cases() -> Iterator[Case]:
+    for backend in ("cpu", "gl"):
+        for name in MAPS:
+            for material in MATERIALS:
+                yield Case(
+                    "render",
+                    f"{name}, {material}",
+                    "finite, never negative; a white object in an even map as bright as that",
+                    lambda n=name, m=material, b=backend: _lit(n, m, b),
+                    backend,
+                )
+        for name in DEGENERATE:
+            yield Case(
+                "render",
+                f"object: {name}",
+                "a picture, finite, or a ValueError",
+                lambda n=name, b=backend: result_or_refusal(lambda: _object(n, b)),
+                backend,
+            )
+        for name, (camera, pose) in CAMERAS.items():
+            yield Case(
+                "render",
+                f"camera: {name}",
+                "a picture of its size, finite",
+                lambda c=camera, p=pose, b=backend: _camera(c, p, b),
+                backend,
+            )
+        for exposure in EXPOSURES:
+            yield Case(
+                "composite",
+                f"exposure {exposure:g}",
+                "pixels without object and shadow keep their bytes",
+                lambda e=exposure, b=backend: _bytes(e, b),
+                backend,
+            )
+        for strength, colour in ((0.0, (0, 0, 0)), (1.0, (1, 1, 1)), (1.0, (0, 0, 0))):
+            yield Case(
+                "composite",
+                f"shadow of strength {strength:g}, colour {colour[0]}",
+                "the picture unchanged where nothing of it is left to draw",
+                lambda s=strength, c=colour, b=backend: _look(s, c, b),
+                backend,
+            )
+        yield Case(
+            "composite",
+            "a holdout that covers everything",
+            "the picture unchanged but for its shadow",
+            lambda b=backend: _holdout(b),
+            backend,
+        )
+    for name in ("matte", "mirror", "brushed metal"):
+        yield Case(
+            "render",
+            f"{name}, all maps: GL against CPU",
+            "99 % of the pixels within 2e-3 of the largest value",
+            lambda m=name: both(*(_agree(n, m) for n in MAPS)),
+            "gl",
+        )
+    for what, arguments in (
+        ("negative", {"diffuse": (-1, 0, 0)}),
+        ("of NaN", {"diffuse": (np.nan, 0, 0)}),
+        ("infinite", {"glossy": (np.inf, 0, 0)}),
+        ("of a negative exponent", {"exponent": -1}),
+        ("of exponent NaN", {"exponent": np.nan}),
+        ("of negative emission", {"emission": (0, 0, -1e-30)}),
+    ):
+        yield Case("render", f"a material {what}", "ValueError", lambda a=arguments: refused(lambda: Material(**a)))
+
+
+def _session(name_or_map, scene: Scene, backend: str, camera: Camera = PICTURE, methods=None) -> Session:
+    light = map_named(name_or_map) if isinstance(name_or_map, str) else name_or_map
+    return Session(scene, Rig(camera), environment=light, methods=methods or {"shadow": "directions"}, backend=backend)
+
+
+def _layer(name: str, material: str, backend: str) -> np.ndarray:
+    session = _lit_session(material, backend)
+    session.set_environment(Environment(map_named(name)))
+    session.process(Frame(time=0.0, back_from_marker=FRONT))
+    return session.object.rgba
+
+
+@cache
+def _lit_session(material: str, backend: str) -> Session:
+    """One for all maps: shaders are compiled once."""
+    return _session("black", Scene(_ball(), MATERIALS[material], spheres=0, visibility_rays=0), backend)
+
+
+@cache
+def _ball() -> Mesh:
+    return ball_mesh(steps=16)
+
+
+def _lit(name: str, material: str, backend: str) -> Outcome:
+    rgba = _layer(name, material, backend)
+    full = rgba[rgba[..., 3] == 1][:, :3]
+    most = 1.5 * map_named(name).faces.max()
+    found = both(Outcome(len(full) > 300, f"{len(full)} pixels"), is_light(full, max(most, 1e-30), "pixels"))
+    if found.held and name in CONSTANT and material in WHITE:
+        # GL keeps maps in half floats, scaled by their mean: 1e-30 is beyond what it can scale.
+        return equal(full, CONSTANT[name], 2e-5 if CONSTANT[name] > 1e-20 or backend == "cpu" else 1.0, "pixels")
+    return Outcome(found.held, found.text.split("; ")[-1]) if found.held else found
+
+
+def _agree(name: str, material: str) -> Outcome:
+    cpu, gl = _layer(name, material, "cpu"), _layer(name, material, "gl")
+    if cpu.shape != gl.shape:
+        return Outcome(False, f"{name}: {cpu.shape} and {gl.shape}")
+    largest = max(float(cpu.max()), 1e-20)
+    worst = float(np.quantile(np.abs(cpu - gl).max(axis=-1), 0.99)) / largest
+    return Outcome(worst <= 2e-3, f"{name}: {worst:.1e}" if worst > 2e-3 else "within 2e-3")
+
+
+def _object(name: str, backend: str) -> Outcome:
+    scene = Scene(degenerate(name), Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=8)
+    session = _session("sun of 1e6 in one texel", scene, backend)
+    result = session.process(Frame(time=0.0, back=_back(PICTURE), back_from_marker=FRONT))
+    return both(
+        Outcome(result.image.shape == (64, 64, 3), f"picture {result.image.shape}"),
+        is_light(session.object.rgba, what="object"),
+        is_ratio(session.shadow_map.image),
+        is_light(session.plane_gain.image, what="gain"),
+    )
+
+
+def _camera(camera: Camera, pose: np.ndarray, backend: str) -> Outcome:
+    scene = Scene(_ball(), Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=0)
+    session = _session("blue and red lamps", scene, backend, camera)
+    result = session.process(Frame(time=0.0, back=_back(camera), back_from_marker=pose))
+    return both(
+        Outcome(result.image.shape == (camera.height, camera.width, 3), f"picture {result.image.shape}"),
+        is_light(session.object.rgba, what="object"),
+    )
+
+
+def _back(camera: Camera) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (camera.height, camera.width, 3), np.uint8)
+
+
+def _bytes(exposure: float, backend: str) -> Outcome:
+    scene = Scene(_ball(), spheres=0, visibility_rays=0)
+    session = _session("blue and red lamps", scene, backend)
+    back = _back(PICTURE)
+    result = session.process(Frame(time=0.0, back=back, back_exposure=exposure, back_from_marker=FRONT))
+    layer, free = session.object, np.ones((64, 64), bool)
+    h, w = layer.rgba.shape[:2]
+    free[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba[..., 3] == 0
+    changed = int((result.image[free] != back[free]).any(axis=-1).sum())
+    return Outcome(changed == 0 and 0 < free.sum() < 4096, f"{changed} of {free.sum()} pixels changed")
+
+
+def _look(strength: float, colour, backend: str) -> Outcome:
+    scene = Scene(Mesh(*box_mesh(1e-4, 0.1)), spheres=0, visibility_rays=0)
+    scene = Scene(_ball(), spheres=6, visibility_rays=0)
+    scene.shadow_strength, scene.shadow_color = strength, colour
+    session = _session("sun of 1e6 in one texel", scene, backend, methods={"shadow": "directions", "bounce": "none"})
+    back = _back(PICTURE)
+    result = session.process(Frame(time=0.0, back=back, back_from_marker=FRONT))
+    layer, free = session.object, np.ones((64, 64), bool)
+    h, w = layer.rgba.shape[:2]
+    free[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba[..., 3] == 0
+    changed = int((result.image[free] != back[free]).any(axis=-1).sum())
+    nothing = strength == 0 or min(colour) == 1
+    brighter = int((result.image[free].astype(int) - back[free] > 1).any(axis=-1).sum())
+    return Outcome((changed == 0) == nothing and brighter == 0, f"{changed} pixels changed, {brighter} brighter")
+
+
+def _holdout(backend: str) -> Outcome:
+    scene = Scene(_ball(), spheres=0, visibility_rays=0)
+    wall = np.array([(-1, -0.12, 0), (1, -0.12, 0), (1, -0.12, 1), (-1, -0.12, 1.0)])
+    scene.holdouts = [Mesh(wall, np.array([(0, 1, 2), (0, 2, 3)]))]
+    light = CubeMap(np.ones((6, 4, 4, 3)))
+    session = _session(light, scene, backend, methods={"shadow": "directions", "bounce": "none"})
+    back = _back(PICTURE)
+    result = session.process(Frame(time=0.0, back=back, back_from_marker=FRONT))
+    visible = float(session.object.rgba[..., 3].max()) if session.object.rgba.size else 0.0
+    brighter = int((result.image.astype(int) - back > 1).sum())
+    return Outcome(visible == 0 and brighter == 0, f"object's coverage {visible:g}, {brighter} values brighter")

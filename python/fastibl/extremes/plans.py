@@ -1,0 +1,113 @@
+"""Plans: budgets that nothing meets, scenes without anything, products in any state."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from .._fastibl import Material, Scene, due_passes
+from ..lighting import Method, resolve_methods
+from ..session import make_plan
+from .case import Case, Outcome, refused, result_or_refusal
+from .worlds import MAPS, ball_mesh, map_named
+
+
+def _scenes() -> dict[str, Scene]:
+    ball = ball_mesh(steps=8)
+    return {
+        "matte": Scene(ball, spheres=4, visibility_rays=0),
+        "mirror": Scene(
+            ball, Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=np.inf), spheres=4, visibility_rays=0
+        ),
+        "black": Scene(ball, Material(diffuse=(0, 0, 0)), spheres=0, visibility_rays=0),
+        "glowing": Scene(ball, Material(diffuse=(0, 0, 0), emission=(1e9, 1e9, 1e9)), spheres=0, visibility_rays=0),
+        "all of it": Scene(ball, Material.pbr((1, 1, 1), 0.5, 0.5), spheres=4, visibility_rays=8),
+    }
+
+
+def cases() -> Iterator[Case]:
+    scenes = _scenes()
+    for name, budget in itertools.product(scenes, (0.0, 1e-30, 1e-3, 1.0, 1e30)):
+        yield Case(
+            "plan",
+            f"{name}, an error of {budget:g}",
+            "every pass is in it, or has a reason",
+            lambda s=scenes[name], b=budget: _complete(s, error=b),
+        )
+    for name, budget in itertools.product(("matte", "all of it"), (1e-30, 1e-3, 1e30)):
+        yield Case(
+            "plan",
+            f"{name}, {budget:g} ms",
+            "every pass is in it, or has a reason",
+            lambda s=scenes[name], b=budget: _complete(s, milliseconds=b),
+        )
+    for name in MAPS:
+        yield Case(
+            "plan",
+            f"{name}: errors and bounds",
+            "finite, never negative",
+            lambda s=scenes["all of it"], n=name: _complete(s, map_named(n), error=0.02),
+        )
+    for name in scenes:
+        yield Case(
+            "plan",
+            f"{name}: every state of the products",
+            "nothing is due twice; what is fresh is not made",
+            lambda s=scenes[name]: _due(s),
+        )
+    for name, value in (("NaN", np.nan), ("negative", -1.0), ("infinite", np.inf)):
+        yield Case(
+            "plan",
+            f"an error that is {name}",
+            "a plan, or ValueError",
+            lambda v=value: result_or_refusal(lambda: _complete(scenes["matte"], error=v)),
+        )
+    for what, call in (
+        ("an unknown method", lambda: resolve_methods("magic")),
+        ("an unknown step", lambda: resolve_methods({"magic": "auto"})),
+        ("a method of another step", lambda: resolve_methods({"diffuse": "mip"})),
+        ("an unknown setting", lambda: Method("sh9-lobes", magic=1)),
+        ("a setting of 1.5", lambda: Method("sh9-lobes", lobes=1.5)),
+        ("a setting of NaN", lambda: Method("sh9-lobes", lobes=np.nan)),
+        ("a setting of 1e30", lambda: make_plan(scenes["matte"], methods={"diffuse": Method("sh9-lobes", lobes=1e30)})),
+        ("-2 lobes", lambda: make_plan(scenes["matte"], methods={"diffuse": Method("sh9-lobes", lobes=-2)})),
+    ):
+        yield Case("plan", what, "an error that says what there is", lambda c=call: _refused(c))
+
+
+def _refused(call) -> Outcome:
+    return refused(call, (ValueError, TypeError, OverflowError))
+
+
+def _complete(scene: Scene, environment=None, **budget: float) -> Outcome:
+    plan = make_plan(scene, environment, **budget)
+    silent = [p.name for p in plan.passes if not p.included and not p.reason]
+    numbers = [plan.expected_error, plan.omission_bound, *(p.bound for p in plan.passes)]
+    numbers += [p.error for p in plan.passes if p.error is not None]
+    bad = [n for n in numbers if not (n >= 0 and np.isfinite(n))]
+    included = sum(p.included for p in plan.passes)
+    return Outcome(
+        not silent and not bad and bool(str(plan)),
+        f"{included} of {len(plan.passes)} passes"
+        + (f", no reason: {silent}" if silent else "")
+        + (f", numbers {bad}" if bad else ""),
+    )
+
+
+def _due(scene: Scene) -> Outcome:
+    plan = make_plan(scene)
+    products = sorted({product for p in plan.passes for product in p.writes | p.reads | p.needs})
+    rng = np.random.default_rng(0)
+    states = [set(), set(products)] + [set(rng.choice(products, rng.integers(1, len(products)))) for _ in range(500)]
+    inputs = set(products) - {product for p in plan.passes for product in p.writes}
+    for stale in states:
+        wanted = set(rng.choice(products, 3))
+        names, left = due_passes(plan, wanted, stale)
+        if not stale and names:
+            return Outcome(False, f"{names} ran though nothing was stale")
+        again, _ = due_passes(plan, wanted, left - inputs)
+        if again:
+            return Outcome(False, f"{again} are due again")
+    return Outcome(True, f"{len(states)} states")

@@ -1,0 +1,145 @@
+"""The row that every measurement is, and files of rows."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ..machine import cpu
+from .timing import Timing, yardstick_seconds
+
+_CHECKOUT = Path(__file__).resolve().parents[3]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement: how wrong a method was, and how long it took.
+
+    method, setting: by public name. case: what it was tried on. metric: what `error` is, with its unit; "" where
+    only time was measured. error: None where there is none. seconds: median of one call (or of one item, as `metric`
+    or `case` says), None where it was not timed. spread: 10th and 90th percentile of the same. yardsticks: seconds in
+    yardsticks of the same run. threads, backend: what was used. cpu: model and cores. commit: of the project, ""
+    outside git. step: of lighting an object, as "diffuse"; "" in files that are about one step.
+    """
+
+    method: str
+    setting: str
+    case: str
+    metric: str
+    error: float | None
+    seconds: float | None
+    spread: tuple[float, float] | None
+    yardsticks: float | None
+    threads: int
+    backend: str
+    cpu: str
+    commit: str
+    step: str = ""
+
+
+@cache
+def commit() -> str:
+    """Short hash of the commit that is checked out, with "+" where the library was changed since; "" outside git."""
+    if not (_CHECKOUT / ".git").exists():
+        return ""
+    try:
+        run = {"cwd": _CHECKOUT, "capture_output": True, "text": True, "check": True}
+        head = subprocess.run(["git", "rev-parse", "--short=10", "HEAD"], **run).stdout.strip()
+        changed = subprocess.run(["git", "status", "--porcelain", "--", "cpp", "python", "shaders"], **run).stdout
+        return head + ("+" if changed.strip() else "")
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
+
+def row(
+    method: str,
+    case: str,
+    metric: str = "",
+    error: float | None = None,
+    time: Timing | None = None,
+    *,
+    setting: str = "",
+    threads: int = 1,
+    backend: str = "cpu",
+    step: str = "",
+    yard: float | None = None,
+) -> Row:
+    """A Row of this run, machine and commit; numbers are kept to four digits.
+
+    yard: the yardstick's seconds while `time` was taken; by default those at the beginning of the run.
+    """
+    return Row(
+        method,
+        setting,
+        case,
+        metric,
+        _digits(error),
+        _digits(time.median) if time else None,
+        (_digits(time.low), _digits(time.high)) if time else None,
+        _digits(time.median / (yard or yardstick_seconds())) if time else None,
+        threads,
+        backend,
+        cpu(),
+        commit(),
+        step,
+    )
+
+
+def _digits(value: float | None) -> float | None:
+    return None if value is None else float(f"{float(value):.4g}")
+
+
+def write_rows(path: Path, rows: Sequence[Row], head: Mapping[str, Any]) -> Path:
+    """Writes a file of rows: `head`, the yardstick, and one row a line, sorted."""
+    ordered = sorted(rows, key=lambda r: (r.step, r.case, r.metric, r.method, r.setting, r.threads, r.backend))
+    first = {**head, "yardstick_seconds": _digits(yardstick_seconds())}
+    lines = ",\n".join("  " + json.dumps(_columns(r), ensure_ascii=False) for r in ordered)
+    text = json.dumps(first, indent=1, ensure_ascii=False)[:-2] + ',\n "rows": [\n' + lines + "\n ]\n}\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _columns(r: Row) -> dict[str, Any]:
+    """Without the step where there is none."""
+    return {key: value for key, value in asdict(r).items() if key != "step" or value}
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Rows of a file. Raises ValueError for a file of another schema."""
+    needed = {f.name for f in fields(Row) if f.default is MISSING}
+    known = {f.name for f in fields(Row)}
+    try:
+        given_rows = json.loads(path.read_text(encoding="utf-8"))["rows"]
+        wrong = not all(isinstance(given, dict) and needed <= set(given) <= known for given in given_rows)
+    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is no file of measurements: {error}") from error
+    if wrong:
+        raise ValueError(f"{path} does not have the columns {', '.join(sorted(needed))}")
+    return [
+        Row(**{**given, "spread": None if given["spread"] is None else tuple(given["spread"])}) for given in given_rows
+    ]
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Rows as text, for people."""
+    out = []
+    for r in rows:
+        error = "" if r.error is None else f"{r.error:.4g} {r.metric}"
+        seconds = "" if r.seconds is None else f"{seconds_text(r.seconds)} ({r.yardsticks:.3g} yardsticks)"
+        method = f"{r.method} {r.setting}".strip()
+        out.append(f"{r.case:34} {method:24} {r.backend}, {r.threads} threads  {error:52} {seconds}".rstrip())
+    return "\n".join(out)
+
+
+def seconds_text(seconds: float) -> str:
+    """ "12.3 ms": three digits in the unit that suits."""
+    for unit, scale in (("s", 1), ("ms", 1e3), ("µs", 1e6)):
+        if seconds * scale >= 1:
+            return f"{seconds * scale:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"

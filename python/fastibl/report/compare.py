@@ -1,0 +1,146 @@
+"""Two reports against each other: what became better or worse, beyond what their spread explains.
+
+The rule, for rows that both have (same step, method, setting, case, metric, threads and back end):
+
+- An error is worse where it is more than 5 % above the old one, and by more than 0.0005 (0.05 %); better likewise.
+- A bias is judged by its size, in the same way.
+- A time is worse where its 10th percentile is more than 1.25 times the old 90th percentile, both in yardsticks of
+  their own run, and longer than a microsecond; better likewise. Times from another machine are shown, but do not count.
+
+What is worse is a regression.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..measuring import Row, label, seconds_text
+from .section import Section, Table
+
+ERROR_FACTOR, ERROR_LEAST = 1.05, 5e-4
+TIME_FACTOR, TIME_LEAST = 1.25, 1e-6
+_SHOWN = 60
+_NO_ERRORS = ("MiB",)  # metrics whose values are no errors
+
+
+@dataclass(frozen=True)
+class Change:
+    """ratio: new by old, of the error or of the time in yardsticks. worse: None where it is within the spread."""
+
+    old: Row
+    new: Row
+    of: str  # "error", "bias" or "time"
+    ratio: float
+    worse: bool | None
+
+    def text(self, r: Row) -> str:
+        if self.of == "time":
+            low, high = r.spread or (r.seconds, r.seconds)
+            return f"{seconds_text(r.seconds)} ({seconds_text(low)} to {seconds_text(high)})"
+        return f"{r.error:.3g}"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """only_old, only_new: rows without a partner. same_machine: whether times count."""
+
+    changes: list[Change]
+    only_old: int
+    only_new: int
+    same_machine: bool
+    name: str = "the old report"
+
+    @property
+    def worse(self) -> list[Change]:
+        counted = [c for c in self.changes if c.worse and (c.of != "time" or self.same_machine)]
+        return sorted(counted, key=lambda c: -c.ratio)
+
+    @property
+    def better(self) -> list[Change]:
+        return sorted((c for c in self.changes if c.worse is False), key=lambda c: c.ratio)
+
+    @property
+    def not_counted(self) -> int:
+        """Times that are longer, on another machine."""
+        return 0 if self.same_machine else sum(bool(c.worse) for c in self.changes if c.of == "time")
+
+
+def _key(r: Row) -> tuple:
+    return r.step, r.method, r.setting, r.case, r.metric, r.threads, r.backend
+
+
+def compare(old: Sequence[Row], new: Sequence[Row], name: str = "the old report") -> Comparison:
+    """Compares rows by the rule above. Raises ValueError where no row is in both."""
+    before, after = {_key(r): r for r in old}, {_key(r): r for r in new}
+    both = [key for key in after if key in before]
+    if not both:
+        raise ValueError("the two reports have no row in common: they were made with other inputs, or of other methods")
+    changes = []
+    for key in both:
+        a, b = before[key], after[key]
+        if a.error is not None and b.error is not None and a.metric not in _NO_ERRORS:
+            changes.append(_error_change(a, b))
+        if a.yardsticks and b.yardsticks and a.spread and b.spread:
+            changes.append(_time_change(a, b))
+    machines = {r.cpu for r in (*old, *new)}
+    return Comparison(changes, len(before) - len(both), len(after) - len(both), len(machines) == 1, name)
+
+
+def _error_change(a: Row, b: Row) -> Change:
+    old, new = abs(a.error), abs(b.error)
+    least = ERROR_LEAST if "degrees" not in a.metric and "metres" not in a.metric else 0.0
+    worse = True if new > ERROR_FACTOR * old and new - old > least else None
+    if old > ERROR_FACTOR * new and old - new > least:
+        worse = False
+    return Change(a, b, "bias" if "bias" in a.metric else "error", new / old if old else 1.0 if not new else 1e9, worse)
+
+
+def _time_change(a: Row, b: Row) -> Change:
+    old, new = a.yardsticks / a.seconds, b.yardsticks / b.seconds  # yardsticks a second
+    long = max(a.seconds, b.seconds) >= TIME_LEAST or "time of one" in a.metric
+    worse = True if long and b.spread[0] * new > TIME_FACTOR * a.spread[1] * old else None
+    if long and a.spread[0] * old > TIME_FACTOR * b.spread[1] * new:
+        worse = False
+    return Change(a, b, "time", b.yardsticks / a.yardsticks, worse)
+
+
+def summary(c: Comparison) -> str:
+    """One line."""
+    machine = "" if c.same_machine else f"; another machine, so {c.not_counted} longer times do not count"
+    return (
+        f"{len(c.worse)} worse, {len(c.better)} better, of {len(c.changes)} values in both{machine}; "
+        f"{c.only_new} rows are new, {c.only_old} are gone"
+    )
+
+
+def _lines(changes: Sequence[Change]) -> list[list[str]]:
+    return [
+        [c.new.step, label(c.new.method, c.new.setting), c.new.case, c.new.metric if c.of != "time" else "time",
+         c.text(c.old), c.text(c.new), f"{c.ratio:.2f} ×"]
+        for c in changes
+    ]  # fmt: skip
+
+
+def as_text(c: Comparison) -> str:
+    """For people at a terminal: the worst first."""
+    out = []
+    for title, changes in (("worse", c.worse), ("better", c.better)):
+        for line in _lines(changes[:_SHOWN]):
+            step, method, case, what, old, new, ratio = line
+            out.append(f"{title:7} {step:14} {method:28} {case:28} {what}: {old} -> {new} ({ratio})")
+    return "\n".join([*out, summary(c)])
+
+
+def comparison_section(c: Comparison) -> Section:
+    rule = (
+        "Worse is: an error more than 5 % (and 0.05 % absolute) above the old one; a time whose 10th percentile is more "
+        "than 1.25 times the old 90th percentile, in yardsticks of its own run. Times of another machine do not count."
+    )
+    section = Section("against", f"Against {c.name}", rule, seen=[summary(c) + "."])
+    rows = _lines([*c.worse[:_SHOWN], *c.better[:_SHOWN]])
+    marks = {k: "worse" if k < len(c.worse[:_SHOWN]) else "better" for k in range(len(rows))}
+    if rows:
+        head = ["step", "method", "case", "what", "old", "new", "new by old"]
+        section.tables.append(Table(head, rows, marks, "Worst first, then best first."))
+    return section

@@ -1,0 +1,260 @@
+"""Whole frames: the picture against the one that a perfect system would make, and the time of every pass."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import CubeMap, Environment, Frame, Session
+from .._fastibl import set_threads, with_gl
+from ..comparison import level_at_most
+from ..lighting import PAPER
+from ..measuring import Row, Timing, all_cores, one_core, row, seconds_text, side_by_side, timing
+from ..recording import Recording
+from ..session import Methods
+from ..truth import TruePicture, TrueRenderer, picture_error
+from .inputs import Inputs, truth_of
+from .section import Section, Strip, Table
+from .steps import CHOSEN, Result, step_section
+from .steps import PAPER as BY_PAPER
+
+_STEPS = ("diffuse", "glossy", "shadow", "self_shadow", "bounce")
+_WHAT = """The finished picture: {name}, {height:.0f} cm high, laid over a camera picture of {width} × {picture_height}
+pixels. Truth: every direction of the true map with visibility by rays, one bounce between object and table included. The
+error is the root mean square over red, green and blue, in linear light, over the pixels that the object covers or its
+shadow changes, by the truth's mean there. Here light and pose are given, so the picture is judged alone; “auto but …”
+replaces one step by the paper's and shows what that step is worth. Time: everything that runs when the light changed in
+this frame (lighting, shadow, shading, compositing), on one core."""
+
+
+def variants() -> dict[str, Methods]:
+    """Choices of methods: the default, the paper's, and the default with one step as the paper has it."""
+    each: dict[str, Methods] = {
+        f"auto but {step}={getattr(PAPER, step)}": {step: getattr(PAPER, step)} for step in _STEPS
+    }
+    return {"auto": "auto", **each, "paper": "paper"}
+
+
+@dataclass
+class _View:
+    """A back picture, where it was taken, and the true picture for each place."""
+
+    frame: Frame
+    truths: Mapping[str, TruePicture]
+    renderer: TrueRenderer
+
+
+def _view(inputs: Inputs, places: Mapping[str, CubeMap]) -> _View:
+    recording, effort = inputs.follow, inputs.effort
+    with all_cores():
+        renderer = TrueRenderer(inputs.scene, extent=0.25, grid=40 if effort.name != "full" else 64)
+        frames = [f for f in recording if f.back is not None]
+        frame = frames[-1]
+        pose = recording.truth.pose(frame.time) if truth_of(recording).poses else frame.back_from_marker
+        given = Frame(frame.time, frame.back, back_exposure=_exposure(frame), back_from_marker=pose)
+        truths = {
+            name: renderer.render(given.back, given.back_exposure, recording.rig.back, pose, cube)
+            for name, cube in places.items()
+        }
+    return _View(given, truths, renderer)
+
+
+def _exposure(frame: Frame) -> float:
+    return 1.0 if frame.back_exposure is None else frame.back_exposure
+
+
+def _alone(inputs: Inputs, view: _View, methods: Methods, places: Mapping[str, CubeMap]):
+    """Pictures by place, their errors and biases."""
+    recording = inputs.follow
+    response = recording.rig.back.response
+    session = Session(inputs.scene, recording.rig, None, next(iter(places.values())), methods=methods)
+    pictures, errors, biases = {}, {}, {}
+    for k, (name, true) in enumerate(view.truths.items()):
+        session.set_environment(Environment(places[name]))
+        image = pictures[name] = session.process(replace(view.frame, time=0.1 * k)).image
+        errors[name] = picture_error(image, true, view.frame.back, response)
+        biases[name] = _bias(image, true, view.frame.back, response)
+    return pictures, errors, biases
+
+
+def _times(inputs: Inputs, view: _View) -> tuple[dict[str, Timing], float]:
+    """Of a frame in which the light changed, for each variant, side by side."""
+    cubes = list(inputs.places.values())
+    sessions = {
+        name: Session(inputs.scene, inputs.follow.rig, None, cubes[0], methods=methods)
+        for name, methods in variants().items()
+    }
+    clock = {name: 0.0 for name in sessions}
+
+    def one(name: str, k: int) -> None:
+        # A copy, so that one place alone counts as changed light too.
+        sessions[name].set_environment(Environment(CubeMap(cubes[k % len(cubes)].faces)))
+        clock[name] += 0.1
+        sessions[name].process(replace(view.frame, time=clock[name])).image  # noqa: B018 - the picture has to arrive
+
+    return side_by_side({name: lambda k, name=name: one(name, k) for name in sessions}, inputs.effort.rounds)
+
+
+def _bias(image: NDArray, true: TruePicture, back: NDArray, response: object) -> float:
+    """Mean of the picture by that of the truth, less 1, where the object or its shadow is, in linear light."""
+    where = (true.coverage > 0) | (np.abs(true.image.astype(int) - back).max(axis=-1) > 1)
+    truth = np.clip(true.linear[where], 0, 1)
+    return float(response.decode(image / 255.0)[where].mean(dtype=np.float64) / truth.mean() - 1)
+
+
+def _of_truth(cube: CubeMap) -> CubeMap:
+    """A map in the resolution that truth sums over."""
+    faces = level_at_most(cube, 32).astype(np.float32)
+    times = max(1, 32 // faces.shape[1])
+    return CubeMap(np.repeat(np.repeat(faces, times, axis=1), times, axis=2))
+
+
+@one_core()
+def measure(inputs: Inputs) -> Section:
+    recording = inputs.follow
+    camera = recording.rig.back
+    height = 100 * float(np.ptp(inputs.mesh.vertices[:, 2]))
+    what = _WHAT.format(name=inputs.mesh_name, height=height, width=camera.width, picture_height=camera.height)
+    section = Section("frame", "The whole frame", what)
+    posed = truth_of(recording).poses or any(f.back_from_marker is not None for f in recording)
+    if not posed or not any(f.back is not None for f in recording):
+        section.missing = "The recording holds no back pictures with known poses to render into."
+        return section
+    # Truth sums over 32 squared texels a face, so the methods get the map in that resolution: the errors are theirs.
+    chosen = list(inputs.places.items())[: inputs.effort.frame_maps]
+    places = {name: _of_truth(cube) for name, cube in chosen}
+    view = _view(inputs, places)
+    timings, yard = _times(inputs, view)
+    results, pictures = [], {}
+    for name, methods in variants().items():
+        method, _, setting = name.partition(" ")
+        shown, errors, biases = _alone(inputs, view, methods, places)
+        pictures[name] = shown
+        mark = CHOSEN if name == "auto" else BY_PAPER if name == "paper" else ""
+        results.append(Result(method, setting, errors, biases, timings[name].of_cpu, mark))
+    step_section(section, "frame", "error of the picture", "time of a frame", results, yard)
+    auto = results[0]
+    place = max(auto.errors, key=lambda p: auto.errors[p])
+    section.strips.append(_strip(view, place, {"default": pictures["auto"][place], "paper": pictures["paper"][place]}))
+    _everything(section, inputs)
+    return section
+
+
+def _strip(view: _View, place: str, pictures: Mapping[str, NDArray]) -> Strip:
+    """Truth, both choices and their differences, cut to where something happens."""
+    true, back = view.truths[place], view.frame.back
+    changed = np.argwhere((true.coverage > 0) | (np.abs(true.image.astype(int) - back).max(axis=-1) > 8))
+    (top, left), (bottom, right) = changed.min(axis=0), changed.max(axis=0) + 1
+    cut = slice(max(0, top - 12), bottom + 12), slice(max(0, left - 12), right + 12)
+
+    def large(picture: NDArray) -> NDArray:
+        return cv2.resize(picture[cut], None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+
+    def difference(picture: NDArray) -> NDArray[np.uint8]:
+        apart = picture.astype(np.float64) - true.image
+        return np.clip(127.5 + 10 * apart / 2, 0, 255).astype(np.uint8)
+
+    shown = [("truth, by brute force", large(true.image))]
+    for name, picture in pictures.items():
+        title = "the paper's" if name == "paper" else name
+        shown.append((f"{title} methods" if name != "paper" else "the paper's methods", large(picture)))
+        shown.append((f"{title}: difference × 10", large(difference(picture))))
+    return Strip(
+        f"The object lit by “{place}”, where the default errs most", shown,
+        "The object is lit by the place's map as it is, so it need not match the picture behind it. "
+        "Differences: grey is none, brighter is too bright.",
+    )  # fmt: skip
+
+
+def _steady(recording: Recording, inputs: Inputs, methods: str, backend: str, threads: int, rounds: int):
+    """Whole frames with tracking and capture in steady state: the whole, its passes, and the last result."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(threads), set_threads(threads)
+    try:
+        session = Session(inputs.scene, recording.rig, recording.board, methods=methods, backend=backend)
+        walls, cpus, passes, result = [], [], [], None
+        for k in range(rounds + 1):
+            for frame in recording:
+                later = Frame(
+                    frame.time + k * (recording.duration + 0.1), frame.back, frame.front, frame.back_exposure,
+                    frame.front_exposure,
+                )  # fmt: skip
+                wall, cpu = time.perf_counter(), time.process_time()
+                result = session.process(later)
+                result.image  # noqa: B018 - the picture has to arrive
+                wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+                if k:
+                    walls.append(wall), cpus.append(cpu), passes.append(dict(result.timings))
+        return timing(walls, cpus), passes, result
+    finally:
+        cv2.setNumThreads(before), set_threads(1)
+
+
+def _everything(section: Section, inputs: Inputs) -> None:
+    """Adds the time of frames with everything running, and of each pass."""
+    recording = inputs.follow
+    if recording.board is None:
+        return
+    rows: list[Row] = []
+    whole: dict[tuple[str, str, int], Timing] = {}
+    parts: dict[str, dict[str, float]] = {}
+    rounds = 3 if inputs.effort.name == "full" else 1
+    settings = [("auto", "cpu", 1), ("paper", "cpu", 1), ("auto", "cpu", 2)]
+    if with_gl and inputs.effort.name == "full":
+        settings.append(("auto", "gl", 2))
+    for methods, backend, threads in settings:
+        try:
+            spent, passes, _ = _steady(recording, inputs, methods, backend, threads, rounds)
+        except RuntimeError:  # the GL back end is built in, but cannot start here
+            continue
+        whole[methods, backend, threads] = spent
+        case = f"{recording.rig.back.width}x{recording.rig.back.height}, everything running"
+        time_ = spent.of_cpu if threads == 1 else spent
+        rows.append(row(methods, case, time=time_, step="frame", backend=backend, threads=threads))
+        if (backend, threads) == ("cpu", 1):
+            names = {name for p in passes for name in p} - {"total"}
+            slowed = spent.cpu / max(spent.median, 1e-9)  # by others on this machine
+            parts[methods] = {n: slowed * float(np.mean([p.get(n, 0.0) for p in passes])) for n in names}
+    section.rows += rows
+    section.tables.append(
+        Table(
+            ["methods", "back end", "threads", "time of a frame", "frames a second"],
+            [
+                [
+                    m,
+                    b,
+                    str(t),
+                    seconds_text(s.cpu if t == 1 else s.median),
+                    f"{1 / (s.cpu if t == 1 else s.median):.0f}",
+                ]
+                for (m, b, t), s in whole.items()
+            ],
+            {k: CHOSEN if m == "auto" else BY_PAPER for k, (m, _, _) in enumerate(whole)},
+            "Tracking and capture included, in steady state; one thread: CPU time, more: time that passes.",
+            "With everything running",
+        )
+    )
+    order = sorted(set().union(*parts.values()), key=lambda n: -parts.get("auto", {}).get(n, 0))
+    section.tables.append(
+        Table(
+            ["pass", "default", "the paper's"],
+            [[n, *(_milliseconds(parts.get(m, {}).get(n, 0.0)) for m in ("auto", "paper"))] for n in order],
+            title="What each pass takes of it",
+            note="Mean over frames, one core.",
+        )
+    )
+    if ("auto", "cpu", 1) in whole:
+        auto = whole["auto", "cpu", 1]
+        section.seen.append(
+            f"With tracking and capture, a frame takes {seconds_text(auto.cpu)} on one core: "
+            f"{1 / auto.cpu:.0f} frames a second."
+        )
+
+
+def _milliseconds(seconds: float) -> str:
+    return "–" if seconds == 0 else seconds_text(seconds)

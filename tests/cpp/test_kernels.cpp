@@ -1,0 +1,114 @@
+// Fast paths against the plain ones: many codes at once, small triangles, lights that are kept.
+#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "fastibl/render/make_scene.h"
+#include "fastibl/scene/response.h"
+#include "fastibl/shading/near_shares.h"
+#include "fastibl/shading/sample_cells.h"
+
+using namespace fastibl;
+
+TEST_CASE("rows of codes are decoded and encoded as single ones are") {
+  std::vector<float> steep = {0.0f, 1e-6f, 2e-6f, 0.5f, 1.0f};
+  std::mt19937 random(0);
+  std::uniform_real_distribution<float> light(-0.1f, 1.2f);
+  for (const Response& response : {Response::srgb(), Response::gamma(2.2), Response::gamma(0.3),
+                                   Response::from_curve(steep)}) {
+    const ByteResponse table(response);
+    std::vector<float> linear(4001);
+    for (float& v : linear) v = light(random);
+    linear[0] = std::numeric_limits<float>::quiet_NaN();
+    linear[1] = std::numeric_limits<float>::infinity(), linear[2] = -linear[1];
+    linear[3] = 1, linear[4] = std::nextafter(1.0f, 0.0f), linear[5] = 1e-30f, linear[6] = 0;
+    std::vector<std::uint8_t> codes(linear.size());
+    table.encode(linear.data(), codes.data(), codes.size());
+    std::vector<float> back(codes.size());
+    table.decode(codes.data(), back.data(), back.size());
+    int wrong = 0;
+    for (std::size_t i = 0; i < codes.size(); ++i)
+      wrong += codes[i] != table.encode(linear[i]) || back[i] != table.decode(codes[i]);
+    CHECK(wrong == 0);
+  }
+}
+
+TEST_CASE(
+    "triangles cover the samples that the exact edge functions say, without gaps or overlap") {
+  std::mt19937 random(1);
+  constexpr int kEdge = 96;  // pixels; larger triangles than 64 take another path
+  for (const int spread : {12, 60, 95}) {
+    std::uniform_int_distribution<int> place(0, spread * kSubpixel);
+    for (int round = 0; round < 60; ++round) {
+      PictureCorner v[4];
+      for (PictureCorner& c : v)
+        c.x = place(random), c.y = place(random), c.inverse_depth = 1, c.valid = true;
+      std::vector<SampleCell> cells(kEdge * kEdge);
+      const SampleWindow window{cells.data(), 0, 0, kEdge - 1, kEdge - 1};
+      fill_triangle(window, v[0], v[1], v[2], 7);
+      const std::int64_t area = edge(v[0], v[1], v[2].x, v[2].y);
+      int wrong = 0;
+      for (int y = 0; y < kEdge; ++y)
+        for (int x = 0; x < kEdge; ++x)
+          for (int s = 0; s < kSamples; ++s) {
+            const std::int64_t px = x * kSubpixel + kSampleX[s], py = y * kSubpixel + kSampleY[s];
+            bool in = area != 0, on = false;
+            for (int k = 0; k < 3; ++k) {
+              const std::int64_t e = edge(v[k], v[(k + 1) % 3], px, py) * (area < 0 ? -1 : 1);
+              in = in && e >= 0, on = on || e == 0;
+            }
+            const bool got = cells[std::size_t(y * kEdge + x)].triangle[std::size_t(s)] == 7;
+            wrong += on ? got && !in : got != in;
+          }
+      CHECK(wrong == 0);
+      // Two triangles of a quad: each sample on their common edge is one's.
+      std::vector<SampleCell> first(kEdge * kEdge), second(kEdge * kEdge);
+      fill_triangle({first.data(), 0, 0, kEdge - 1, kEdge - 1}, v[0], v[1], v[2], 1);
+      fill_triangle({second.data(), 0, 0, kEdge - 1, kEdge - 1}, v[2], v[1], v[3], 1);
+      const std::int64_t side = edge(v[1], v[2], v[3].x, v[3].y);
+      if ((area > 0) == (side > 0)) continue;  // they lie on the same side of it
+      for (std::size_t i = 0; i < first.size(); ++i)
+        for (std::size_t s = 0; s < kSamples; ++s)
+          wrong += first[i].triangle[s] == 1 && second[i].triangle[s] == 1;
+      CHECK(wrong == 0);
+    }
+  }
+}
+
+TEST_CASE("near lights that hardly moved are taken where they were, others are not") {
+  Mesh mesh;
+  mesh.vertices = {{0, 0, 0}, {0.1f, 0, 0}, {0, 0.1f, 0}, {0, 0, 0.1f}};
+  mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+  SceneOptions options;
+  options.sphere_count = 0;
+  const Scene scene = make_scene(mesh, Material{}, {}, options);
+  Lighting lighting;
+  lighting.irradiance.polynomial[0] = glm::vec3(1);
+  const auto light_at = [](float turn, float irradiance) {
+    return NearLight{{std::sin(turn), 0, std::cos(turn)}, 2.0f, 0.05f, glm::vec3(irradiance)};
+  };
+  NearShares kept;
+  lighting.near_lights.lights = {light_at(0.3f, 1)};
+  kept.update(scene, lighting, SharesOf::directions);
+  const auto differs = [&](NearLight light) {
+    lighting.near_lights.lights = {light};
+    const auto a = kept.update(scene, lighting, SharesOf::directions);
+    const auto b = NearShares().update(scene, lighting, SharesOf::directions);
+    float most = 0, largest = 0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+      most = std::max(most, std::abs(a[i].x - b[i].x)),
+      largest = std::max(largest, std::abs(b[i].x));
+    MESSAGE("off by ", most, " of ", largest);
+    REQUIRE(largest > 0.01f);
+    return most / largest;
+  };
+  CHECK(differs(light_at(0.3f, 3)) == 0);
+  const float small = differs(light_at(0.3f + 0.9f * NearShares::kKeptAngle, 3));
+  CHECK(small > 0);
+  CHECK(small < 0.01f);
+  CHECK(differs(light_at(0.3f + 3 * NearShares::kKeptAngle, 3)) == 0);
+  CHECK(differs(light_at(1.0f, 1)) == 0);
+}
