@@ -1,0 +1,176 @@
+"""Whether the plan keeps its promise: its choice, rendered, against rays; and whether a cheaper one would have done.
+
+FASTIBL_QUICK=1 looks at every eleventh case. Pictures are 160 x 120, before they are rounded to bytes.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fastibl
+
+from ..goals import Goal, percent, row
+from . import cases, render, truth
+from .cases import Case, Errors, Picture
+
+QUICK = bool(os.environ.get("FASTIBL_QUICK"))
+WITHIN, SAID = 0.98, 0.95
+
+
+class Kept(NamedTuple):
+    """One case and budget: what the plan said, and what came."""
+
+    case: Case
+    budget: float
+    said: bool
+    expected: float
+    assured: float
+    errors: Errors
+    flip: tuple[float, float] | None  # mean, 99th percentile
+
+
+def method(text: str) -> fastibl.Method:
+    """Of a name with settings as a plan prints it."""
+    name, _, rest = text.partition(" [")
+    pairs = (pair.split("=") for pair in rest.rstrip("]").split(", ") if pair)
+    return fastibl.Method(name, **{key: int(value) for key, value in pairs if int(value) >= 0})
+
+
+def chosen(plan: fastibl.Plan) -> dict[str, fastibl.Method]:
+    """A plan's methods by name, so that they can be asked for."""
+    m = plan.methods
+    steps = {step: getattr(m, step) for step in ("diffuse", "glossy", "shadow", "self_shadow", "bounce")}
+    settings = {step: getattr(m, f"{step}_settings", {}) for step in steps}
+    return {s: fastibl.Method(n, **{k: v for k, v in settings[s].items() if v >= 0}) for s, n in steps.items()}
+
+
+def flip(estimate: NDArray, true: NDArray) -> tuple[float, float] | None:
+    """Mean and 99th percentile of FLIP between displayed pictures; None without flip-evaluator."""
+    try:
+        import flip_evaluator
+    except ImportError:
+        return None
+    encode = cases.camera().response.encode
+    pair = [encode(x.astype(np.float32)).astype(np.float32) for x in (true, estimate)]
+    error, mean, _ = flip_evaluator.evaluate(*pair, "LDR", inputsRGB=True, applyMagma=False)
+    return float(mean), float(np.percentile(error, 99))
+
+
+def kept(case: Case, budget: float, rendered: dict[str, tuple[Picture, tuple | None]]) -> Kept:
+    scene = render.scene(case)
+    plan = fastibl.make_plan(scene, cases.environment(case.map), error=budget, track=False)
+    methods = chosen(plan)
+    key = repr(methods)
+    if key not in rendered:
+        estimate, true = render.render(case, methods), truth.truth(case.map, case.mesh, case.material)
+        shown = flip(cases.composite(estimate, case.map), cases.composite(true, case.map))
+        rendered[key] = (cases.errors(estimate, true, case.map), shown)
+    errors, shown = rendered[key]
+    return Kept(case, budget, plan.meets_error, plan.expected_error, plan.assured_error, errors, shown)
+
+
+@cache
+def results(quick: bool = QUICK) -> list[Kept]:
+    out = []
+    for case in cases.cases(quick):
+        rendered: dict = {}
+        out += [kept(case, budget, rendered) for budget in cases.BUDGETS]
+    return out
+
+
+def _share(values: Sequence[bool]) -> float:
+    return float(np.mean(values)) if len(values) else 1.0
+
+
+def _held(found: Sequence[Kept]) -> str:
+    return (
+        f"{percent(_share([k.errors.whole <= k.budget for k in found]))} of {len(found)} within, "
+        f"worst {max((k.errors.whole / k.budget for k in found), default=0):.2f} of the budget"
+    )
+
+
+@row("plan", "promise")
+def promise() -> Iterator[Goal]:
+    every = results()
+    said = [k for k in every if k.said]
+    worst = max((k.errors.whole / k.budget for k in said), default=0.0)
+    within = _share([k.errors.whole <= k.budget for k in said])
+    unseen = [k for k in said if not k.case.tuned]
+    notes = [
+        *(f"budget {percent(b)}: {_held([k for k in said if k.budget == b])}" for b in cases.BUDGETS),
+        *(f"{m}: {_held([k for k in said if k.case.map == m])}" for m in dict.fromkeys(k.case.map for k in every)),
+        *(f"{m}: {_held([k for k in said if k.case.mesh == m])}" for m in dict.fromkeys(k.case.mesh for k in every)),
+        f"without studio: {_held([k for k in said if 'studio' not in k.case.map])}",
+        f"maps and meshes that nothing was tuned on: {_held(unseen)}",
+    ]
+    yield Goal(
+        "plan keeps its promise where it says it can",
+        _held(said),
+        f"within in {percent(WITHIN)}, never beyond 2x",
+        within >= WITHIN and worst <= 2,
+        tuple(notes),
+    )
+    wide = [k for k in every if k.budget >= 0.02]
+    by_material = {
+        m: percent(_share([k.said for k in wide if k.case.material == m])) for m in dict.fromkeys(cases.MATERIALS)
+    }
+    by_mesh = {m: percent(_share([k.said for k in wide if k.case.mesh == m])) for m in cases.MESHES}
+    could = _share([k.errors.whole <= k.budget for k in wide])
+    yield Goal(
+        "it says that it can, budgets of 2 % and more",
+        percent(_share([k.said for k in wide])),
+        f">= {percent(SAID)}",
+        _share([k.said for k in wide]) >= SAID,
+        (
+            "by material: " + ", ".join(f"{m} {v}" for m, v in by_material.items()),
+            "by mesh: " + ", ".join(f"{m} {v}" for m, v in by_mesh.items()),
+            f"what it chose was within the budget in {percent(could)} of them",
+        ),
+    )
+    two = [k for k in every if k.budget == 0.02]
+    yield Goal(
+        "error at 2 %: picture, object, shadow (median)",
+        ", ".join(percent(float(np.median([getattr(k.errors, part) for k in two]))) for part in Errors._fields),
+        "for information",
+        None,
+        tuple(
+            f"{part}: 95th percentile {percent(float(np.percentile([getattr(k.errors, part) for k in two], 95)))}"
+            for part in Errors._fields
+        ),
+    )
+    shown = [k.flip for k in two if k.flip]
+    if shown:
+        yield Goal(
+            "FLIP at 2 %: mean, 99th percentile (median of cases)",
+            f"{np.median([s[0] for s in shown]):.4f}, {np.median([s[1] for s in shown]):.4f}",
+            "for information",
+            None,
+            (f"worst case: {max(s[0] for s in shown):.4f}, {max(s[1] for s in shown):.4f}",),
+        )
+    else:
+        yield Goal("FLIP at 2 %", "skipped", "pip install flip-evaluator", None)
+
+
+@row("plan", "predicted error")
+def predicted() -> Iterator[Goal]:
+    every = {(k.case, k.expected, k.errors.whole): k for k in results()}.values()
+    ratio = np.array([k.errors.whole / max(k.expected, 1e-9) for k in every])
+    unseen = np.array([not k.case.tuned for k in every])
+    near = (ratio > 0.5) & (ratio < 2)
+    quantiles = np.percentile(ratio, (1, 5, 50, 95, 99))
+    yield Goal(
+        "expected error against measured, within a factor 2",
+        percent(_share(near)),
+        ">= 90 %",
+        _share(near) >= 0.9,
+        (
+            "measured by expected, 1st, 5th, 50th, 95th, 99th percentile: " + ", ".join(f"{q:.2f}" for q in quantiles),
+            f"on maps and meshes that nothing was tuned on: {percent(_share(near[unseen]))}",
+        ),
+    )

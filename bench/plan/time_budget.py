@@ -1,0 +1,48 @@
+"""A session that is asked for 8 ms a frame."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+import fastibl
+
+from .. import inputs
+from ..goals import Goal, percent, row
+
+BUDGET = 8.0
+FRAMES = 1000
+
+
+@row("plan", "time budget")
+def time_budget() -> Iterator[Goal]:
+    recording = inputs.short_recording()
+    scene = fastibl.Scene(inputs.scene("figurine").mesh, fastibl.Material(glossy=(0.2, 0.2, 0.2), exponent=64))
+    session = fastibl.Session(scene, recording.rig, recording.board, milliseconds=BUDGET, costs=fastibl.machine_costs())
+    milliseconds, stated, changes, last = [], 0, 0, None
+    for k in range(FRAMES):
+        frame = recording[k % len(recording)]
+        frame = inputs.later(frame, (k // len(recording)) * (recording.duration + 0.1))
+        begin = time.process_time()
+        result = session.process(frame)
+        result.image  # noqa: B018 - the picture has to arrive
+        milliseconds.append(1e3 * (time.process_time() - begin))
+        plan = result.plan
+        stated += plan.best_error is not None and plan.assured_error > 0
+        methods = repr(plan.methods)
+        changes += last is not None and methods != last
+        last = methods
+    p95, after = np.percentile(milliseconds, 95), np.percentile(milliseconds[FRAMES // 2 :], 95)
+    yield Goal(
+        f"Session(milliseconds={BUDGET:g}), {FRAMES} frames: 95th percentile of CPU time",
+        f"{p95:.2f} ms",
+        f"<= {BUDGET:g} ms, error stated throughout",
+        bool(p95 <= BUDGET and stated >= 0.99 * FRAMES),
+        (
+            f"median {np.median(milliseconds):.2f} ms; second half, 95th percentile {after:.2f} ms",
+            f"error stated in {percent(stated / FRAMES)} of frames; methods changed {changes} times",
+            f"at the end: expected error {percent(plan.expected_error)}, within {percent(plan.assured_error)}",
+        ),
+    )
