@@ -21,6 +21,7 @@ constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
 // Share of the light that differs when methods are chosen anew.
 constexpr float kOtherLight = 0.25f;
+constexpr int kLeastFrames = 60;  // from one time to the next: it takes as long as some frames
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
@@ -123,7 +124,7 @@ float difference(const std::vector<glm::vec3>& a, const std::vector<glm::vec3>& 
 
 void Session::choose_methods() {
   if (measure_due_ && environment_ && (options_.error > 0 || options_.milliseconds > 0)) {
-    measure_due_ = false, choose_due_ = true;
+    measure_due_ = false, choose_due_ = true, since_measured_ = 0;
     const CandidateOptions kind{fixed_environment_, scene_.baked_shadow != nullptr,
                                 scene_.material.reads_radiance()};
     const auto radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
@@ -553,7 +554,9 @@ FrameResult Session::process(const Frame& frame) {
   if (pose) wanted |= product::image;
   for (const PassId id : due_passes(plan_, wanted, stale_))
     timed(id, [&] { return run_pass(id, frame, result, drawn_from); });
+  ++since_measured_;
   if (!fixed_environment_ && environment_ && !measured_light_.empty() &&
+      since_measured_ >= kLeastFrames &&
       difference(faces_of(environment_->radiance), measured_light_) > kOtherLight)
     measure_due_ = true;
   if (!fixed_environment_ && environment_ && measured_light_.empty()) measure_due_ = true;

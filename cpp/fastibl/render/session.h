@@ -184,6 +184,7 @@ class Session {
   MeasuredErrors measured_;
   std::vector<glm::vec3> measured_light_;  // face by face
   bool measure_due_ = true, choose_due_ = false;
+  int since_measured_ = 0;  // frames
   TimeBudget time_;
   Products stale_ = product::all & ~product::inputs;
   RecentMotion recent_;
