@@ -57,8 +57,8 @@ struct Texels {
   // Name of the texel at (x, y), which may be one beyond an edge of the face.
   int neighbour(int face, int x, int y) const {
     if (x < 0 || y < 0 || x >= size || y >= size) {
-      const TexelPlace at = texel_at(texel_direction(face, x, y, size), size);
-      face = at.face, x = at.x, y = at.y;
+      const TexelPlace there = texel_at(texel_direction(face, x, y, size), size);
+      face = there.face, x = there.x, y = there.y;
     }
     return name[std::size_t((face * size + y) * size + x)];
   }
