@@ -111,7 +111,9 @@ def _columns(r: Row) -> dict[str, Any]:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Rows of a file. Raises ValueError for a file of another schema."""
+    """Rows of a file. Raises ValueError for a file of another schema, FileNotFoundError for none."""
+    if not path.is_file():
+        raise FileNotFoundError(f"the measurements {path} are missing")
     needed = {f.name for f in fields(Row) if f.default is MISSING}
     known = {f.name for f in fields(Row)}
     try:
