@@ -168,3 +168,9 @@ def test_tags_of_other_ids_than_numbers():
     for id in (-1, 587, 1 << 31, 1 << 80):
         same_error(lambda id=id: fastibl.Board([(id, corners)], 0.1, 0.1), ValueError)
     assert fastibl.Board([(np.int64(3), corners)], 0.1, 0.1).tags[0].id == 3
+
+
+def test_a_mesh_of_two_coordinates_is_refused(tmp_path):
+    (tmp_path / "flat.obj").write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
+    with pytest.raises(ValueError, match="flat.obj must have vertices of 3 coordinates"):
+        fastibl.read_mesh(tmp_path / "flat.obj")

@@ -346,7 +346,7 @@ def session_of(methods="auto", material=MATTE, cube=None, mesh=None, backend="cp
     scene = fastibl.Scene(mesh or two_boxes(), material, spheres=0)
     camera = fastibl.Camera(160, 120, 150.0, 150.0, 80.0, 60.0)
     session = fastibl.Session(
-        scene, fastibl.Rig(camera), environment=cube or smooth_map(), methods=methods, backend=backend
+        scene, fastibl.Rig(camera), environment=cube or smooth_map(), error=None, methods=methods, backend=backend
     )
     pose = np.array([[1, 0, 0, -0.06], [0, -1, 0, 0.02], [0, 0, -1, 0.35], [0, 0, 0, 1.0]])
     return session, session.process(fastibl.Frame(0.0, back_from_marker=pose))

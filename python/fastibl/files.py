@@ -32,6 +32,8 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:
     if len(getattr(loaded, "faces", ())) == 0:
         raise ValueError(f"{path} holds no triangles")
     vertices = np.asarray(loaded.vertices, np.float64)
+    if vertices.shape[1:] != (3,):
+        raise ValueError(f"{path} must have vertices of 3 coordinates, got {vertices.shape[1:]}")
     if up == "y":
         vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
     return Mesh(vertices, np.asarray(loaded.faces, np.int64))

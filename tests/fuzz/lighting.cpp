@@ -62,11 +62,14 @@ void evaluate_all(Input& in, const Lighting& lighting, float most) {
     if (!std::isnan(s)) require_mean(evaluate_glossy(lighting, n, v, s), most, "glossy light");
     const SurfaceFrame frame = frame_around(n, in.chance(4) ? in.any3() : in.unit());
     const glm::vec2 alpha(in.within(kSmallestAlpha, 1), in.within(kSmallestAlpha, 1));
+    // Near a light, it may be any multiple of the map's.
     const glm::vec3 place = in.near3();
-    require_mean(
-        evaluate_ggx(lighting, frame, v, alpha, {GgxMethod(in.below(2)), in.between(1, 16)},
-                     in.chance(3) ? &place : nullptr),
-        in.chance(3) ? std::numeric_limits<float>::infinity() : most, "GGX light");
+    const bool placed = in.chance(3);
+    const GgxMethod method = GgxMethod(in.below(2));
+    const GgxOptions options{method, in.chance(2) ? kGgxTaps : in.between(1, kMostGgxTaps)};
+    const glm::vec2 shape = in.chance(2) ? glm::vec2(alpha.x) : alpha;  // round ones have a table
+    require_mean(GgxShading(lighting)(frame, v, shape, options, placed ? &place : nullptr),
+                 placed ? std::numeric_limits<float>::infinity() : most, "GGX light");
   }
 }
 
