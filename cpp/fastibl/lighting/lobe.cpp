@@ -53,7 +53,7 @@ double Lobe::half_height() const {
 }
 
 LobeTable::LobeTable(const Lobe& lobe) {
-  const int n = std::clamp(int(32 / std::sqrt(lobe.half_height())), 256, 1 << 16);
+  const int n = int(std::clamp(32 / std::sqrt(lobe.half_height()), 256.0, 65536.0));
   steps = float(n);
   height.resize(std::size_t(n) + 1);
   slope.resize(std::size_t(n) + 1);
