@@ -162,6 +162,10 @@ void write(const Block& block, std::span<const SymmetricTexel> sums, const float
   }
 }
 
+// 1 − cos θ at half the height of a lobe of a thousandth of the finest maps' texels: below, it may
+// meet none of them.
+constexpr double kMirror = 1e-13;
+
 // The map at another size, where it can be one of its levels.
 CubeMap resized(const CubeMap& map, int size) {
   if (size == map.size()) return map;
@@ -228,7 +232,7 @@ std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
         options.error);
   const bool ggx = options.model == LobeModel::ggx;
   const auto is_mirror = [&](double parameter) {
-    return ggx ? parameter == 0 : std::isinf(parameter);
+    return Lobe{options.model, parameter}.half_height() < kMirror;
   };
   int finest = 32;  // wide lobes over few texels
   for (const PrefilterLevel& level : levels) {
