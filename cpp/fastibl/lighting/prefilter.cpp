@@ -162,9 +162,9 @@ void write(const Block& block, std::span<const SymmetricTexel> sums, const float
   }
 }
 
-// 1 − cos θ at half the height of a lobe of a thousandth of the finest maps' texels: below, it may
-// meet none of them.
-constexpr double kMirror = 1e-13;
+// 1 − cos θ at half the height of a lobe of 1.4e-4 radians, a seventh of a texel of 2048²: narrower
+// ones may meet no texel of the tree.
+constexpr double kMirror = 1e-8;
 
 // The map at another size, where it can be one of its levels.
 CubeMap resized(const CubeMap& map, int size) {
