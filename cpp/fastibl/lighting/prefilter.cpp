@@ -182,6 +182,18 @@ CubeMap resized(const CubeMap& map, int size) {
   return resampled(map, size);
 }
 
+// What the map itself has there.
+void copy(const Block& block, const CubeMap& map,
+          const std::array<CubeSymmetry, kCubeSymmetries>& symmetries,
+          std::vector<glm::vec3>& faces) {
+  const int n = map.size();
+  for (const auto& texel : block.texels)
+    for (int g = 0; g < kCubeSymmetries; ++g) {
+      const int i = symmetries[std::size_t(g)][4](texel.x, texel.y), in_face = i % (n * n);
+      faces[std::size_t(i)] = map.level(0).texel(i / (n * n), in_face % n, in_face / n);
+    }
+}
+
 CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& lobe, int size,
                  double error) {
   const LobeTable table(lobe);
@@ -201,6 +213,9 @@ CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& 
 
   const auto symmetries = cube_symmetries(size, size, std::ptrdiff_t(size) * size);
   std::vector<glm::vec3> faces(6 * std::size_t(size) * size);
+  const bool gaps = std::any_of(choices.begin(), choices.end(),
+                                [](const TexelChoice& c) { return c.texels.empty(); });
+  const CubeMap looked_up = gaps ? resized(tree.map(), size) : CubeMap();
   parallel_for(int(all.size()), 1, [&](int begin, int end) {
     Weights weights;
     std::vector<std::uint32_t> slots;
@@ -210,6 +225,10 @@ CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& 
       const TexelChoice& choice = choices[std::size_t(i)];
       const int outputs = int(block.texels.size());
       weights.set(tree, lobe, choice, block);
+      if (weights.rows.empty()) {  // a lobe between texels, or an error that anything is within
+        copy(block, looked_up, symmetries, faces);
+        continue;
+      }
       slots.clear();
       for (const TexelRun& run : choice.runs)
         for (std::size_t k = run.first; k < run.first + run.count; ++k)
