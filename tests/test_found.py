@@ -174,3 +174,13 @@ def test_a_mesh_of_two_coordinates_is_refused(tmp_path):
     (tmp_path / "flat.obj").write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
     with pytest.raises(ValueError, match="flat.obj must have vertices of 3 coordinates"):
         fastibl.read_mesh(tmp_path / "flat.obj")
+
+
+@pytest.mark.parametrize("model, parameters", [("phong", [1e5, 1e7, 1e9, 1e12]), ("ggx", [0.02, 1e-3, 1e-5, 1e-9])])
+@pytest.mark.parametrize("size", [1, 4, 16])
+def test_lobes_between_texels_are_mirrors(model, parameters, size):
+    cube = fastibl.CubeMap(np.random.default_rng(3).uniform(0.5, 2, (6, size, size, 3)))
+    lighting = fastibl.Lighting(cube, diffuse="sh9", glossy="mip")
+    for finest in (size, 7, 64):
+        for level in lighting.prefiltered(finest, model=model, parameters=parameters):
+            assert level.faces.min() >= 0.5 - 1e-5 and level.faces.max() <= 2 + 1e-5  # false for NaN

@@ -144,14 +144,24 @@ struct Weights {
 };
 
 // A texel on a plane of symmetry is the image of itself: its sums, which differ by the error where
-// the choice of texels is lopsided, are averaged, so that a turned map gives the turned result.
-void write(const Block& block, std::span<const SymmetricTexel> sums, const float* totals,
-           const std::array<CubeSymmetry, kCubeSymmetries>& symmetries,
+// the choice of texels is lopsided, are averaged, so that a turned map gives the turned result. A
+// lobe that meets no texel, for it lies between them, is a mirror.
+void write(const Block& block, const CubeMap& map, int size, std::span<const SymmetricTexel> sums,
+           const float* totals, const std::array<CubeSymmetry, kCubeSymmetries>& symmetries,
            std::vector<glm::vec3>& faces) {
   for (std::size_t o = 0; o < block.texels.size(); ++o) {
     const auto image = [&](int g) {
       return symmetries[std::size_t(g)][4](block.texels[o].x, block.texels[o].y);
     };
+    if (!(totals[o] > 0)) {
+      for (int g = 0; g < kCubeSymmetries; ++g) {
+        const int i = int(image(g)), in_face = i % (size * size);
+        faces[std::size_t(i)] =
+            map.sample(texel_direction(i / (size * size), in_face % size, in_face / size, size),
+                       std::max(std::log2(float(map.size()) / float(size)), 0.0f));
+      }
+      continue;
+    }
     int repeated = 0;
     for (int g = 0; g < kCubeSymmetries; ++g) repeated += image(g) == image(0);
     const float scale = float(repeated) * totals[o];
@@ -161,10 +171,6 @@ void write(const Block& block, std::span<const SymmetricTexel> sums, const float
     }
   }
 }
-
-// 1 − cos θ at half the height of a lobe of 1.4e-4 radians, a seventh of a texel of 2048²: narrower
-// ones may meet no texel of the tree.
-constexpr double kMirror = 1e-8;
 
 // The map at another size, where it can be one of its levels.
 CubeMap resized(const CubeMap& map, int size) {
@@ -180,18 +186,6 @@ CubeMap resized(const CubeMap& map, int size) {
     return CubeMap(size, faces);
   }
   return resampled(map, size);
-}
-
-// What the map itself has there.
-void copy(const Block& block, const CubeMap& map,
-          const std::array<CubeSymmetry, kCubeSymmetries>& symmetries,
-          std::vector<glm::vec3>& faces) {
-  const int n = map.size();
-  for (const auto& texel : block.texels)
-    for (int g = 0; g < kCubeSymmetries; ++g) {
-      const int i = symmetries[std::size_t(g)][4](texel.x, texel.y), in_face = i % (n * n);
-      faces[std::size_t(i)] = map.level(0).texel(i / (n * n), in_face % n, in_face / n);
-    }
 }
 
 CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& lobe, int size,
@@ -213,9 +207,6 @@ CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& 
 
   const auto symmetries = cube_symmetries(size, size, std::ptrdiff_t(size) * size);
   std::vector<glm::vec3> faces(6 * std::size_t(size) * size);
-  const bool gaps = std::any_of(choices.begin(), choices.end(),
-                                [](const TexelChoice& c) { return c.texels.empty(); });
-  const CubeMap looked_up = gaps ? resized(tree.map(), size) : CubeMap();
   parallel_for(int(all.size()), 1, [&](int begin, int end) {
     Weights weights;
     std::vector<std::uint32_t> slots;
@@ -225,17 +216,15 @@ CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& 
       const TexelChoice& choice = choices[std::size_t(i)];
       const int outputs = int(block.texels.size());
       weights.set(tree, lobe, choice, block);
-      if (weights.rows.empty()) {  // a lobe between texels, or an error that anything is within
-        copy(block, looked_up, symmetries, faces);
-        continue;
-      }
       slots.clear();
       for (const TexelRun& run : choice.runs)
         for (std::size_t k = run.first; k < run.first + run.count; ++k)
           slots.push_back(values.slot_of(run.level, run.face, choice.texels[k]));
       std::fill(sums.begin(), sums.end(), SymmetricTexel{});
-      add_symmetric_sums(values.values(), slots, weights.rows.data()->values, outputs, sums.data());
-      write(block, sums, weights.totals.values, symmetries, faces);
+      if (!slots.empty())
+        add_symmetric_sums(values.values(), slots, weights.rows.data()->values, outputs,
+                           sums.data());
+      write(block, tree.map(), size, sums, weights.totals.values, symmetries, faces);
     }
   });
   return CubeMap(size, faces);
@@ -251,7 +240,7 @@ std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
         options.error);
   const bool ggx = options.model == LobeModel::ggx;
   const auto is_mirror = [&](double parameter) {
-    return Lobe{options.model, parameter}.half_height() < kMirror;
+    return ggx ? parameter == 0 : std::isinf(parameter);
   };
   int finest = 32;  // wide lobes over few texels
   for (const PrefilterLevel& level : levels) {
