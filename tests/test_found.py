@@ -184,3 +184,10 @@ def test_lobes_between_texels_are_mirrors(model, parameters, size):
     for finest in (size, 7, 64):
         for level in lighting.prefiltered(finest, model=model, parameters=parameters):
             assert level.faces.min() >= 0.5 - 1e-5 and level.faces.max() <= 2 + 1e-5  # false for NaN
+
+
+@pytest.mark.parametrize(("height", "width", "size"), [(16, 31, 7), (24, 21, 7), (8, 37, 7), (64, 128, 32)])
+def test_no_negative_radiance_beside_a_sun(height, width, size):
+    for seed in range(200):
+        image = np.random.default_rng(seed).choice([0, 1e-3, 1, 1e30], size=(height, width, 3)).astype(np.float32)
+        assert fastibl.cubemap_from_equirect(image, size=size).faces.min() >= 0

@@ -89,7 +89,8 @@ CubeMap cubemap_from_equirect(ImageView<const float> image, int size, EquirectFi
     resample_points(clean, cube.base());
   } else {
     resample_areas(clean, cube.base());
-    // Departures are a few 1e-6: a piece's edges are straight.
+    // Departures are a few 1e-6: a piece's edges are straight. Beside suns, differences of sums may
+    // fall below 0.
     const glm::dvec3 want = light_of(clean), have = cube.mean() * (4 * std::numbers::pi);
     glm::vec3 scale(1);
     for (int c = 0; c < 3; ++c)
@@ -97,7 +98,8 @@ CubeMap cubemap_from_equirect(ImageView<const float> image, int size, EquirectFi
     for (int f = 0; f < 6; ++f)
       for (int y = 0; y < size; ++y) {
         glm::vec3* row = &cube.base().texel(f, 0, y);
-        for (int x = 0; x < size; ++x) row[x] = glm::min(row[x] * scale, glm::vec3(kRadianceCap));
+        for (int x = 0; x < size; ++x)
+          row[x] = glm::clamp(row[x] * scale, glm::vec3(0), glm::vec3(kRadianceCap));
       }
   }
   cube.update();
