@@ -46,13 +46,7 @@ void sum_lights(const LightArrays& lights, const shared::GgxLobe& lobe, const fl
                           frame[6] * x + frame[7] * y + frame[8] * z);
     value[i] = share[i] * shared::ggx_light(lobe, local, lights.variance[i]);
   }
-  float red = 0, green = 0, blue = 0;
-  for (int i = 0; i < kMaxLights; ++i) {  // unused ones are black
-    red += value[i] * lights.red[i];
-    green += value[i] * lights.green[i];
-    blue += value[i] * lights.blue[i];
-  }
-  rgb[0] = red, rgb[1] = green, rgb[2] = blue;
+  sum_flux(lights, value, rgb);
 }
 
 glm::vec3 unit_or(glm::vec3 v, glm::vec3 otherwise) {

@@ -61,13 +61,7 @@ void sum_lights(const LightArrays& lights, float s, const Shares& shares, const 
     value[i] = share[i] * shared::light_lobe(s, lights.variance[i], glm::vec3(n[0], n[1], n[2]),
                                              glm::vec3(v[0], v[1], v[2]),
                                              glm::vec3(lights.x[i], lights.y[i], lights.z[i]));
-  float red = 0, green = 0, blue = 0;
-  for (int i = 0; i < kMaxLights; ++i) {  // unused ones are black
-    red += value[i] * lights.red[i];
-    green += value[i] * lights.green[i];
-    blue += value[i] * lights.blue[i];
-  }
-  rgb[0] = red, rgb[1] = green, rgb[2] = blue;
+  sum_flux(lights, value, rgb);
 }
 
 }  // namespace

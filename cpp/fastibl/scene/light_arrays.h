@@ -1,6 +1,7 @@
 // The lights of a glossy chain for loops over all of them.
 #pragma once
 
+#include "fastibl/core/simd.h"
 #include "fastibl/scene/lighting.h"
 
 namespace fastibl {
@@ -19,5 +20,16 @@ LightArrays arrays_of(const Lighting& lighting);  // which has a chain
 // As they are seen beside the map's centre: turned, and as large and strong as their distance makes
 // them. Which levels hold them stays as it is.
 LightArrays seen_from(const LightArrays& lights, glm::vec3 offset);
+
+// Sum of their flux times a value of each; unused ones are black.
+FASTIBL_INLINE void sum_flux(const LightArrays& lights, const float* value, float* rgb) {
+  float red = 0, green = 0, blue = 0;
+  for (int i = 0; i < kMaxLights; ++i) {
+    red += value[i] * lights.red[i];
+    green += value[i] * lights.green[i];
+    blue += value[i] * lights.blue[i];
+  }
+  rgb[0] = red, rgb[1] = green, rgb[2] = blue;
+}
 
 }  // namespace fastibl
