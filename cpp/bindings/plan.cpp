@@ -268,12 +268,7 @@ void bind_plan(py::module_& module) {
         const py::gil_scoped_release release;
         PlanOptions options{methods, track, capture, cast_shadow, error, milliseconds, nullptr};
         options.costs = costs_from(costs);
-        Workload& work = options.workload;
-        work.object_pixels = 0.1 * work.width * work.height;
-        work.shadow_pixels = 0.2 * work.width * work.height;
-        work.vertices = int(scene.mesh.vertices.size()), work.light_changes = capture;
-        work.pbr = scene.material.pbr != nullptr, work.glossy = scene.material.reads_radiance();
-        work.diffuse = scene.material.reads_irradiance();
+        options.workload = workload_of(scene, 640, 480, capture);
         Lighting lighting;
         MeasuredErrors measured;
         if (environment) {
@@ -288,8 +283,7 @@ void bind_plan(py::module_& module) {
           options.lighting = &lighting;
           if (error > 0 || milliseconds > 0)
             measured = measure_errors(scene, {environment, &environment->radiance}, methods,
-                                      candidates(methods, {!capture, scene.baked_shadow != nullptr,
-                                                           scene.material.reads_radiance()}),
+                                      candidates(methods, candidate_options(scene, !capture)),
                                       cast_shadow);
           options.measured = &measured;
         }
@@ -327,7 +321,7 @@ void bind_plan(py::module_& module) {
         const ProcessorClock measuring;
         const MeasuredErrors measured =
             measure_errors(scene, {environment, &environment->radiance}, methods,
-                           candidates(methods, {false, scene.baked_shadow != nullptr}), true);
+                           candidates(methods, candidate_options(scene, false)), true);
         const double first = measuring.seconds();
         PlanOptions options;
         options.error = 0.02, options.measured = &measured;
@@ -351,9 +345,7 @@ void bind_plan(py::module_& module) {
         {
           const py::gil_scoped_release release;
           errors = measure_errors(scene, {environment, &environment->radiance}, methods,
-                                  candidates(methods, {true, scene.baked_shadow != nullptr,
-                                                       scene.material.reads_radiance()}),
-                                  cast_shadow);
+                                  candidates(methods, candidate_options(scene, true)), cast_shadow);
         }
         const Candidates& c = errors.candidates;
         py::list diffuse, glossy, self_shadow, shadow, bounce;

@@ -38,6 +38,11 @@ struct CandidateOptions {
 // that changes only what changes as little as it does: `sh9-lobes` jump by 0.3 %.
 Candidates candidates(const Methods& asked, const CandidateOptions& options);
 
+// One of each, by its place there.
+struct Combination {
+  std::size_t diffuse = 0, glossy = 0, self_shadow = 0, shadow = 0, bounce = 0;
+};
+
 // Squares of errors of the picture, linear light: RMS over RGB and over the pixels that the object
 // covers or its shadow changes by more than 1/255, by the truth's mean there. They were measured
 // on samples of the scene, see render/measure_errors.h.
@@ -48,21 +53,21 @@ struct MeasuredErrors {
   std::vector<double> object, object_worst, plane;
   // Of each step by itself: what its method alone leaves wrong.
   std::vector<double> diffuse, glossy, self_shadow, shadow, bounce;
-  double object_share = 0;  // of the pixels that count
   bool empty() const { return object.empty(); }
 
-  std::size_t index(std::size_t d, std::size_t g, std::size_t s, std::size_t b) const {
+  std::size_t index(const Combination& at) const {
     const Candidates& c = candidates;
-    return ((d * c.glossy.size() + g) * c.self_shadow.size() + s) * c.bounce.size() + b;
+    return ((at.diffuse * c.glossy.size() + at.glossy) * c.self_shadow.size() + at.self_shadow) *
+               c.bounce.size() +
+           at.bounce;
   }
   // What a view is to be expected to have: half-way to the worst, for what is chosen is rather what
   // looks better on the samples than it is.
-  double object_at(std::size_t d, std::size_t g, std::size_t s, std::size_t b) const {
-    const std::size_t i = index(d, g, s, b);
-    return 0.5 * (object[i] + object_worst[i]);
+  double object_at(const Combination& at) const {
+    return 0.5 * (object[index(at)] + object_worst[index(at)]);
   }
-  double plane_at(std::size_t sh, std::size_t b) const {
-    return plane[sh * candidates.bounce.size() + b];
+  double plane_at(const Combination& at) const {
+    return plane[at.shadow * candidates.bounce.size() + at.bounce];
   }
 };
 

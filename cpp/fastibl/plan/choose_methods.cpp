@@ -8,7 +8,6 @@ namespace {
 
 constexpr double kAsGood = 1.1;  // times the least error: no eye sees the difference
 
-// All combinations, each with its squared error and its time.
 template <typename Visit>
 void for_each(const MeasuredErrors& errors, Visit&& visit) {
   const Candidates& c = errors.candidates;
@@ -16,7 +15,7 @@ void for_each(const MeasuredErrors& errors, Visit&& visit) {
     for (std::size_t g = 0; g < c.glossy.size(); ++g)
       for (std::size_t s = 0; s < c.self_shadow.size(); ++s)
         for (std::size_t b = 0; b < c.bounce.size(); ++b)
-          for (std::size_t sh = 0; sh < c.shadow.size(); ++sh) visit(d, g, s, sh, b);
+          for (std::size_t sh = 0; sh < c.shadow.size(); ++sh) visit(Combination{d, g, s, sh, b});
 }
 
 }  // namespace
@@ -24,13 +23,15 @@ void for_each(const MeasuredErrors& errors, Visit&& visit) {
 Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const Costs& costs,
                       const Workload& workload, const ChoiceOptions& options) {
   const Candidates& c = errors.candidates;
-  const auto with = [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh,
-                        std::size_t b) {
+  const auto with = [&](const Combination& at) {
     Methods m = asked;
-    m.diffuse = c.diffuse[d].method, m.diffuse_settings = c.diffuse[d].settings;
-    m.glossy = c.glossy[g].method, m.glossy_settings = c.glossy[g].settings;
-    m.self_shadow = c.self_shadow[s], m.bounce = c.bounce[b];
-    m.shadow = c.shadow[sh].method, m.shadow_settings = c.shadow[sh].settings;
+    const DiffuseCandidate& diffuse = c.diffuse[at.diffuse];
+    const GlossyCandidate& glossy = c.glossy[at.glossy];
+    const ShadowCandidate& shadow = c.shadow[at.shadow];
+    m.diffuse = diffuse.method, m.diffuse_settings = diffuse.settings;
+    m.glossy = glossy.method, m.glossy_settings = glossy.settings;
+    m.self_shadow = c.self_shadow[at.self_shadow], m.bounce = c.bounce[at.bounce];
+    m.shadow = shadow.method, m.shadow_settings = shadow.settings;
     return m;
   };
   const auto cost = [&](PassId pass, const Methods& m) {
@@ -44,19 +45,17 @@ Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const 
     if (options.cast_shadow && m.bounce == BounceMethod::one) sum += cost(PassId::bounce, m);
     return sum;
   };
-  const auto error = [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh,
-                         std::size_t b) {
-    return std::sqrt(errors.object_at(d, g, s, b) + errors.plane_at(sh, b));
+  const auto error = [&](const Combination& at) {
+    return std::sqrt(errors.object_at(at) + errors.plane_at(at));
   };
-  const auto assured = [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh,
-                           std::size_t b) {
+  const auto assured = [&](const Combination& at) {
     return options.assurance *
-           std::sqrt(errors.object_worst[errors.index(d, g, s, b)] + errors.plane_at(sh, b));
+           std::sqrt(errors.object_worst[errors.index(at)] + errors.plane_at(at));
   };
   double best = std::numeric_limits<double>::infinity(), best_assured = best;
-  for_each(errors, [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh, std::size_t b) {
-    best = std::min(best, error(d, g, s, sh, b));
-    best_assured = std::min(best_assured, assured(d, g, s, sh, b));
+  for_each(errors, [&](const Combination& at) {
+    best = std::min(best, error(at));
+    best_assured = std::min(best_assured, assured(at));
   });
   // Within reach: what the budget allows, or where that is less than any leaves, as good as the
   // best.
@@ -73,13 +72,11 @@ Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const 
   };
   Choice choice, kept;
   Rank first{99, 0, 0}, last{99, 0, 0};
-  const auto look = [&](std::size_t d, std::size_t g, std::size_t s, std::size_t sh,
-                        std::size_t b) {
-    const Methods m = with(d, g, s, sh, b);
+  for_each(errors, [&](const Combination& at) {
+    const Methods m = with(at);
     const bool is_kept = options.keep && m == *options.keep;
     if (options.settled && options.keep && !is_kept) return;
-    const double e = error(d, g, s, sh, b), ms = milliseconds(m);
-    const double sure = assured(d, g, s, sh, b);
+    const double e = error(at), ms = milliseconds(m), sure = assured(at);
     const bool good = bar > 0 ? e <= bar : sure <= options.error;
     const bool quick = options.milliseconds == 0 ||
                        (ms + options.other_milliseconds) * options.slowdown <= options.milliseconds;
@@ -87,11 +84,10 @@ Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const 
     const Rank rank = good && quick ? Rank{0, by_time ? ms : e, by_time ? e : ms}
                       : quick       ? Rank{1, e, ms}
                                     : Rank{2, ms, e};
-    const Choice here{m, d, g, s, sh, b, e, sure, 0, 0, ms};
+    const Choice here{m, at, e, sure, 0, 0, ms};
     if (is_kept) kept = here, last = rank;
     if (rank < first) choice = here, first = rank;
-  };
-  for_each(errors, look);
+  });
   constexpr double kWorthIt = 0.8;
   const bool stays =
       last.group == first.group && (options.settled || kWorthIt * last.value <= first.value);

@@ -19,7 +19,7 @@ struct ChoiceOptions {
 };
 struct Choice {
   Methods methods;
-  std::size_t diffuse = 0, glossy = 0, self_shadow = 0, shadow = 0, bounce = 0;  // of candidates
+  Combination at;  // of the candidates
   // Of the picture: expected, and what it is hardly ever beyond; the least that any combination
   // has.
   double error = 0, assured = 0, best_error = 0, best_assured = 0;

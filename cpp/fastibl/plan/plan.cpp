@@ -200,24 +200,24 @@ void set_measured_error(const Choice& choice, const MeasuredErrors& measured, co
   };
   switch (line.pass.id) {
     case PassId::irradiance:
-      if (line.included) set(measured.diffuse[choice.diffuse]);
+      if (line.included) set(measured.diffuse[choice.at.diffuse]);
       return;
     case PassId::shadow:
-      if (line.included) set(measured.shadow[choice.shadow]);
+      if (line.included) set(measured.shadow[choice.at.shadow]);
       return;
     case PassId::self_shadow:
       // What was asked for is no error.
       if (line.included || (asked.self_shadow == SelfShadowMethod::automatic &&
                             choice.methods.self_shadow != SelfShadowMethod::transfer))
-        set(measured.self_shadow[choice.self_shadow]);
+        set(measured.self_shadow[choice.at.self_shadow]);
       return;
     case PassId::bounce:
       if (line.included || (asked.bounce == BounceMethod::automatic && line.bound == 0 &&
                             choice.methods.bounce == BounceMethod::none))
-        set(measured.bounce[choice.bounce]);
+        set(measured.bounce[choice.at.bounce]);
       return;
     case PassId::shade:
-      if (line.included) set(measured.glossy[choice.glossy]);
+      if (line.included) set(measured.glossy[choice.at.glossy]);
       return;
     default:
       return;
@@ -225,6 +225,21 @@ void set_measured_error(const Choice& choice, const MeasuredErrors& measured, co
 }
 
 }  // namespace
+
+Workload workload_of(const Scene& scene, int width, int height, bool light_changes) {
+  constexpr double kObject = 0.1, kShadow = 0.2;
+  Workload work;
+  work.width = width, work.height = height;
+  work.object_pixels = kObject * width * height, work.shadow_pixels = kShadow * width * height;
+  work.vertices = int(scene.mesh.vertices.size()), work.light_changes = light_changes;
+  work.pbr = scene.material.pbr != nullptr;
+  work.glossy = scene.material.reads_radiance(), work.diffuse = scene.material.reads_irradiance();
+  return work;
+}
+
+CandidateOptions candidate_options(const Scene& scene, bool light_stays) {
+  return {light_stays, scene.baked_shadow != nullptr, scene.material.reads_radiance()};
+}
 
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options) {
   check(options.error >= 0, "an error budget must be at least 0, got ", options.error);

@@ -338,11 +338,10 @@ void weigh(Judged& j, bool cast_shadow) {
     j.plane_weight = beside / (own + beside) / (mean * mean) / double(j.plane.counted.size());
 }
 
-Colours diffuse_colours(const Judged& j, const Material& material, const Irradiance& irradiance) {
+Colours diffuse_colours(const Judged& j, const Irradiance& irradiance) {
   Colours result;
   for (std::size_t i = 0; i < j.samples.surface.size(); ++i)
     result.push_back(j.diffuse_factor[i] * evaluate(irradiance, j.samples.surface[i].normal) / kPi);
-  (void)material;
   return result;
 }
 
@@ -522,8 +521,8 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
     LightingOptions options = plain;
     options.diffuse = d.method, options.diffuse_settings = d.settings;
     const bool reads = material.reads_irradiance();
-    diffuse.push_back(diffuse_colours(
-        j, material, reads ? fit_lighting(map, options).irradiance : reference.irradiance));
+    diffuse.push_back(
+        diffuse_colours(j, reads ? fit_lighting(map, options).irradiance : reference.irradiance));
   }
   const std::vector<Colours> glossy = glossy_of(j, material, map, asked, candidates, reference);
   std::vector<std::vector<glm::vec4>> shares;
@@ -531,14 +530,6 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
     shares.push_back(shares_of(s, samples, *map, reference.irradiance, material));
   judge_object(j, diffuse, glossy, shares, errors);
   judge_plane(j, ratios, errors);
-  errors.object_share =
-      j.object_weight > 0
-          ? samples.object_area /
-                (samples.object_area +
-                 (cast_shadow ? samples.plane_area * double(j.plane.counted.size()) /
-                                    double(std::max<std::size_t>(samples.plane.size(), 1))
-                              : 0.0))
-          : 0;
   return errors;
 }
 

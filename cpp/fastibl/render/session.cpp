@@ -21,7 +21,7 @@ constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
 // Share of the light that differs when methods are chosen anew.
 constexpr float kOtherLight = 0.25f;
-constexpr int kLeastFrames = 60;  // from one time to the next: it takes as long as some frames
+constexpr int kLeastFrames = 60;     // from one time to the next: it takes as long as some frames
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
@@ -87,20 +87,6 @@ void Session::make_stale() {
   if (!plan_.includes(PassId::irradiance)) lighting_.reset();  // it may be another method's
 }
 
-// Of a picture: an object a tenth of it and a shadow twice as large, whatever the pose, so that the
-// same light gives the same choice.
-Workload Session::workload() const {
-  constexpr double kObject = 0.1, kShadow = 0.2;
-  Workload w;
-  w.width = rig_.back.width, w.height = rig_.back.height;
-  w.object_pixels = kObject * w.width * w.height, w.shadow_pixels = kShadow * w.width * w.height;
-  w.vertices = int(scene_.mesh.vertices.size());
-  w.light_changes = !fixed_environment_;
-  w.pbr = scene_.material.pbr != nullptr;
-  w.glossy = scene_.material.reads_radiance(), w.diffuse = scene_.material.reads_irradiance();
-  return w;
-}
-
 namespace {
 
 // Mean radiance of the faces.
@@ -125,11 +111,11 @@ float difference(const std::vector<glm::vec3>& a, const std::vector<glm::vec3>& 
 void Session::choose_methods() {
   if (measure_due_ && environment_ && (options_.error > 0 || options_.milliseconds > 0)) {
     measure_due_ = false, choose_due_ = true, since_measured_ = 0;
-    const CandidateOptions kind{fixed_environment_, scene_.baked_shadow != nullptr,
-                                scene_.material.reads_radiance()};
     const auto radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
-    measured_ = measure_errors(scene_, radiance, options_.methods,
-                               candidates(options_.methods, kind), options_.cast_shadow);
+    measured_ =
+        measure_errors(scene_, radiance, options_.methods,
+                       candidates(options_.methods, candidate_options(scene_, fixed_environment_)),
+                       options_.cast_shadow);
     measured_light_ = faces_of(environment_->radiance);
   }
   if (!choose_due_) return;
@@ -157,7 +143,8 @@ void Session::update_plan(bool choose) {
   options.error = options_.error, options.milliseconds = options_.milliseconds;
   options.lighting = lighting_.get();
   options.measured = &measured_;
-  options.costs = options_.costs, options.workload = workload();
+  options.costs = options_.costs;
+  options.workload = workload_of(scene_, rig_.back.width, rig_.back.height, !fixed_environment_);
   options.slowdown = time_.slowdown();
   // Of light that stays, what is chosen must not depend on what was before.
   const Methods before = plan_.methods;
@@ -555,11 +542,10 @@ FrameResult Session::process(const Frame& frame) {
   for (const PassId id : due_passes(plan_, wanted, stale_))
     timed(id, [&] { return run_pass(id, frame, result, drawn_from); });
   ++since_measured_;
-  if (!fixed_environment_ && environment_ && !measured_light_.empty() &&
-      since_measured_ >= kLeastFrames &&
-      difference(faces_of(environment_->radiance), measured_light_) > kOtherLight)
-    measure_due_ = true;
-  if (!fixed_environment_ && environment_ && measured_light_.empty()) measure_due_ = true;
+  if (!fixed_environment_ && environment_)
+    measure_due_ = measure_due_ || measured_light_.empty() ||
+                   (since_measured_ >= kLeastFrames &&
+                    difference(faces_of(environment_->radiance), measured_light_) > kOtherLight);
   update_plan();  // its errors, now that this frame's light is known
   if (pose)
     result.image = renderer_->image();

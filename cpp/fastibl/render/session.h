@@ -125,7 +125,6 @@ class Session {
   void choose_methods();                  // where the light has changed, or the time is up
   void make_stale();                      // all that methods make
   void watch_time(double milliseconds);
-  Workload workload() const;
   void replan();  // after a change of what is wanted: makes stale what it concerns
   void check_frame(const Frame& frame) const;
   LightingOptions lighting_options() const;
@@ -169,7 +168,7 @@ class Session {
   std::optional<Capture> capture_;
   std::shared_ptr<const Lighting> lighting_;
   CellLight cell_light_;
-  std::vector<glm::vec4> light_shares_;    // of RenderInput, by the map alone
+  std::vector<glm::vec4> light_shares_;  // of RenderInput, by the map alone
   NearShares near_share_maker_;
   std::vector<glm::vec3> near_shares_;     // what near lights change of them
   std::vector<glm::vec4> changed_shares_;  // with that and the bounce
