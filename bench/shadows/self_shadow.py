@@ -197,17 +197,24 @@ def glossy_errors(name: str, exponent: float) -> dict[str, float]:
         towards = towards[~blocked(name, origins[towards], view[towards])][::4]
         weights = np.stack([_lobe(normals[i], view[i], exponent) for i in towards])
         full.append(weights @ radiance), true.append((weights * seen[towards]) @ radiance)
-        share = self_shadow(name).glossy_shares(eye, exponent)[chosen(name)[towards]]
-        shares.append(np.stack([np.ones(len(towards)), occlusion(name)[chosen(name)[towards]], share], axis=-1))
-    full, true, shares = np.concatenate(full), np.concatenate(true), np.concatenate(shares)
+        places = chosen(name)[towards]
+        by_map = [self_shadow(name).glossy_shares(lighting(m), eye, exponent)[places] for m in inputs.real_maps()]
+        shares.append(np.stack([np.ones_like(by_map), [occlusion(name)[places]] * len(by_map), by_map]))
+    full, true, shares = np.concatenate(full), np.concatenate(true), np.concatenate(shares, axis=-1)
 
     def error(share: NDArray) -> float:
-        by_map = [slice(k, k + 3) for k in range(0, full.shape[1], 3)]
+        """share: (maps, points)."""
+        of = [slice(3 * k, 3 * k + 3) for k in range(len(share))]
         return float(
-            np.mean([brute.errors(full[:, m] * share[:, None], true[:, m], true[:, m].mean()) for m in by_map])
+            np.mean(
+                [
+                    brute.errors(full[:, m] * s[:, None], true[:, m], true[:, m].mean())
+                    for m, s in zip(of, share, strict=True)
+                ]
+            )
         )
 
-    return {"none": error(shares[:, 0]), "P_V": error(shares[:, 1]), "transfer": error(shares[:, 2])}
+    return {method: error(share) for method, share in zip(("none", "P_V", "transfer"), shares, strict=True)}
 
 
 @row("shadow", "self-shadow: glossy light against rays")
@@ -251,7 +258,7 @@ def times() -> Iterator[Goal]:
             taken = cpu_times(
                 [
                     lambda shadow=shadow: shadow.shares(light),
-                    lambda shadow=shadow: shadow.glossy_shares((0.5, 0.2, 0.8), 64.0),
+                    lambda shadow=shadow: shadow.glossy_shares(light, (0.5, 0.2, 0.8), 64.0),
                     lambda mesh=mesh, spheres=spheres: fastibl.SelfShadow.from_spheres(mesh, spheres),
                 ],
                 7,

@@ -5,6 +5,7 @@
 #include "fastibl/scene/octahedral.h"
 #include "fastibl/shading/ambient_occlusion.h"
 #include "fastibl/shading/bake_visibility.h"
+#include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/self_shadow.h"
 
 namespace fastibl::bindings {
@@ -15,9 +16,12 @@ struct SelfShadow {
   VertexVisibility visibility;
   CellLight light;
 
-  std::vector<glm::vec4> shares(const Lighting& lighting, const glm::mat3& marker_from_object) {
+  void update(const Lighting& lighting, const glm::mat3& marker_from_object) {
     check(lighting.radiance != nullptr, "self-shadow needs a lighting with its map");
     light.update(*lighting.radiance, glm::transpose(marker_from_object), visibility.size);
+  }
+  std::vector<glm::vec4> shares(const Lighting& lighting, const glm::mat3& marker_from_object) {
+    update(lighting, marker_from_object);
     std::vector<glm::vec4> result(vertices.size(), glm::vec4(1));
     diffuse_shares(visibility, light, lighting.irradiance, normals, marker_from_object, result);
     return result;
@@ -49,13 +53,15 @@ Floats colours(const std::vector<glm::vec4>& values) {
   return out;
 }
 
-Floats glossy(const SelfShadow& s, const py::object& eye, double exponent) {
+Floats glossy(SelfShadow& s, const Lighting& lighting, const py::object& eye, double exponent,
+              const py::object& marker_from_object) {
   const Floats at = require_vectors(eye, "eye");
   if (at.ndim() != 1) throw py::value_error("eye must have shape (3,), got " + shape_of(at));
   if (!(exponent >= 0))
     throw py::value_error("the exponent must be at least 0, got " + std::to_string(exponent));
   std::vector<glm::vec4> shares(s.vertices.size());
-  glossy_shares(s.visibility, s.vertices, s.normals, *vectors(at), blinn_width(float(exponent)),
+  s.update(lighting, rotation_of(marker_from_object));
+  glossy_shares(s.visibility, s.light, {float(exponent)}, s.vertices, s.normals, *vectors(at),
                 shares);
   Floats out(py::ssize_t(shares.size()));
   for (std::size_t i = 0; i < shares.size(); ++i) out.mutable_data()[i] = shares[i].w;
@@ -142,10 +148,13 @@ A sphere that contains a vertex does not hide it; spheres that are not finite or
           py::arg("lighting"), py::arg("marker_from_object") = py::none(),
           "Irradiance of each vertex with its self-shadow: (v, 3) float32.")
       .def(
-          "glossy_shares", &glossy, py::arg("eye"), py::arg("exponent") = 64.0,
-          R"(Share of a glossy lobe of this half-vector exponent that is free at each vertex: (v,) float32 in [0, 1].
+          "glossy_shares", &glossy, py::arg("lighting"), py::arg("eye"), py::arg("exponent") = 64.0,
+          py::arg("marker_from_object") = py::none(),
+          R"(Share of the light in a glossy lobe of this half-vector exponent that reaches each vertex: (v,) float32.
 
-eye: (3,) where it is seen from, in the mesh's frame. Raises ValueError for a negative exponent.)")
+eye: (3,) where it is seen from, in the mesh's frame. In [0, 1]: the lobe times the map's radiance (mean of its
+channels), summed over the free directions by that over all; 1 where the lobe meets no light, and where the vertex is
+seen from behind. Raises ValueError for a negative exponent.)")
       .def(
           "visible", &visible, py::arg("directions"),
           R"(Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
@@ -155,8 +164,7 @@ False below the vertex's tangent plane.)")
       .def_property_readonly(
           "nbytes",
           [](const SelfShadow& s) {
-            return s.visibility.edges.size() * 2 + s.visibility.first.size() * 4 +
-                   s.visibility.shares.size();
+            return s.visibility.edges.size() * 2 + s.visibility.first.size() * 4;
           },
           "Memory of the directions.")
       .def("__repr__", [](const SelfShadow& s) {

@@ -1070,11 +1070,13 @@ class SelfShadow:
         ...
     def __repr__(self) -> str:
         ...
-    def glossy_shares(self, eye: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex = 64.0) -> numpy.typing.NDArray[numpy.float32]:
+    def glossy_shares(self, lighting: _Lighting, eye: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex = 64.0, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Share of a glossy lobe of this half-vector exponent that is free at each vertex: (v,) float32 in [0, 1].
+        Share of the light in a glossy lobe of this half-vector exponent that reaches each vertex: (v,) float32.
 
-        eye: (3,) where it is seen from, in the mesh's frame. Raises ValueError for a negative exponent.
+        eye: (3,) where it is seen from, in the mesh's frame. In [0, 1]: the lobe times the map's radiance (mean of its
+        channels), summed over the free directions by that over all; 1 where the lobe meets no light, and where the vertex is
+        seen from behind. Raises ValueError for a negative exponent.
         """
     def irradiance(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
         """

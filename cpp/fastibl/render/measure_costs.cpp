@@ -12,6 +12,7 @@
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/shading/bounce.h"
+#include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/shade.h"
@@ -225,8 +226,8 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
                        }) /
                        count;
   costs.glossy_vertex = nanoseconds([&](int) {
-                          glossy_shares(*scene.directions, scene.mesh.vertices, scene.normals,
-                                        {0, -0.35f, 0.3f}, blinn_width(64), shares);
+                          glossy_shares(*scene.directions, light, {}, scene.mesh.vertices,
+                                        scene.normals, {0, -0.35f, 0.3f}, shares);
                         }) /
                         count;
   SceneShadow caster;

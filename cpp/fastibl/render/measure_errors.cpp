@@ -7,6 +7,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/scene/response.h"
+#include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/shade.h"
 #include "fastibl/shadow/scene_shadow.h"
@@ -55,7 +56,7 @@ struct Lobe {
   bool ggx = false;
 
   explicit Lobe(const Material& m)
-      : exponent(m.lobe_exponent().value_or(0)), ggx(m.pbr != nullptr) {
+      : exponent(m.lobe().value_or(LobeShape{0}).exponent), ggx(m.pbr != nullptr) {
     // Sharper ones fall between the directions.
     constexpr float kSharpest = 600;
     exponent = std::min(exponent, kSharpest);
@@ -77,7 +78,7 @@ struct Lobe {
 Truth truth_of(const SceneSamples& samples, const Flux& flux, const Material& material) {
   const std::size_t count = samples.surface.size(), directions = samples.direction_count();
   Truth truth{Colours(count), Colours(count), Colours(count), Colours(count), Colours(count)};
-  const bool glossy = material.lobe_exponent().has_value();
+  const bool glossy = material.lobe().has_value();
   const Lobe lobe(material);
   parallel_for(int(count), kGrain, [&](int begin, int end) {
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
@@ -174,20 +175,17 @@ std::vector<glm::vec4> shares_of(SelfShadowMethod method, const SceneSamples& sa
   }
   if (samples.visibility.blocks_nothing()) return result;
   std::vector<glm::vec4> by_vertex(samples.vertices.size(), glm::vec4(1));
-  if (material.reads_irradiance()) {
-    CellLight light;
-    light.update(map, glm::transpose(samples.turned), samples.visibility.size);
+  CellLight light;
+  light.update(map, glm::transpose(samples.turned), samples.visibility.size);
+  if (material.reads_irradiance())
     diffuse_shares(samples.visibility, light, irradiance, samples.normals, samples.turned,
                    by_vertex);
-  }
-  const std::optional<float> exponent = material.lobe_exponent();
-  const bool glossy = exponent && !samples.visibility.shares.empty();
+  const std::optional<LobeShape> lobe = material.lobe();
   for (std::size_t v = 0; v < samples.views.size(); ++v) {
     constexpr float kFar = 1e4f;
-    if (glossy)
-      glossy_shares(samples.visibility, samples.vertices, samples.normals,
-                    kFar * (glm::transpose(samples.turned) * samples.views[v]),
-                    blinn_width(*exponent), by_vertex);
+    if (lobe)
+      glossy_shares(samples.visibility, light, *lobe, samples.vertices, samples.normals,
+                    kFar * (glm::transpose(samples.turned) * samples.views[v]), by_vertex);
     for (std::size_t i = 0; i < result.size(); ++i) {
       const SceneSamples::Surface& s = samples.surface[i];
       if (s.view != int(v)) continue;
@@ -438,7 +436,7 @@ std::vector<Colours> glossy_of(const Judged& j, const Material& material,
   std::vector<Colours> result;
   Lighting last;
   for (const GlossyCandidate& g : candidates.glossy) {
-    if (!material.lobe_exponent()) {
+    if (!material.lobe()) {
       result.emplace_back(j.samples.surface.size(), glm::vec3(0));
       continue;
     }

@@ -126,10 +126,6 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
     kept.edges.insert(kept.edges.end(), all.edges.begin() + all.first[i],
                       all.edges.begin() + all.first[i + 1]);
     kept.first.push_back(std::uint32_t(kept.edges.size()));
-    const std::size_t count = VertexVisibility::kShareCount;
-    if (all.shares.size() >= (i + 1) * count)
-      kept.shares.insert(kept.shares.end(), all.shares.begin() + std::ptrdiff_t(i * count),
-                         all.shares.begin() + std::ptrdiff_t((i + 1) * count));
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include "fastibl/core/clock.h"
 #include "fastibl/render/make_scene.h"
+#include "fastibl/shading/glossy_shares.h"
 
 namespace fastibl {
 namespace {
@@ -275,10 +276,14 @@ void Session::clear_shares() {
     light_shares_.assign(scene_.mesh.vertices.size(), glm::vec4(1));
 }
 
+void Session::update_cell_light(const CubeMap& radiance) {
+  const glm::mat3 marker_from_object(scene_.marker_from_object.rotation);
+  cell_light_.update(radiance, glm::transpose(marker_from_object), scene_.directions->size);
+}
+
 void Session::find_diffuse_shares() {
   const glm::mat3 marker_from_object(scene_.marker_from_object.rotation);
-  cell_light_.update(*lighting_->radiance, glm::transpose(marker_from_object),
-                     scene_.directions->size);
+  update_cell_light(*lighting_->radiance);
   diffuse_shares(*scene_.directions, cell_light_, lighting_->irradiance, scene_.normals,
                  marker_from_object, light_shares_);
 }
@@ -304,11 +309,14 @@ std::vector<glm::vec4> Session::own_shares() const {
 void Session::find_glossy_shares(const Pose& camera_from_marker) {
   const bool transfer = plan_.methods.self_shadow == SelfShadowMethod::transfer ||
                         plan_.methods.self_shadow == SelfShadowMethod::automatic;
-  const std::optional<float> exponent = scene_.material.lobe_exponent();
-  if (!transfer || !exponent || !scene_.directions || scene_.directions->blocks_nothing()) return;
+  const std::optional<LobeShape> lobe = scene_.material.lobe();
+  if (!transfer || !lobe || !environment_ || !scene_.directions ||
+      scene_.directions->blocks_nothing())
+    return;
+  update_cell_light(environment_->radiance);
   const Pose object_from_camera = (camera_from_marker * scene_.marker_from_object).inverse();
-  glossy_shares(*scene_.directions, scene_.mesh.vertices, scene_.normals,
-                glm::vec3(object_from_camera.translation), blinn_width(*exponent), light_shares_);
+  glossy_shares(*scene_.directions, cell_light_, *lobe, scene_.mesh.vertices, scene_.normals,
+                glm::vec3(object_from_camera.translation), light_shares_);
 }
 
 // Form factors hold until the object is tilted or lifted.

@@ -138,6 +138,7 @@ class Session {
   // Of the row that shows the middle of the object.
   Pose drawn_pose(const FrameResult& result) const;
   void clear_shares();  // to what the method is without a map
+  void update_cell_light(const CubeMap& radiance);
   void find_diffuse_shares();
   void find_glossy_shares(const Pose& camera_from_marker);
   void place_exchange();

@@ -88,12 +88,14 @@ bool Material::reads_irradiance() const {
   return diffuse != glm::vec3(0) || (glossy != glm::vec3(0) && exponent == 0);
 }
 
-std::optional<float> Material::lobe_exponent() const {
-  if (!pbr) return glossy == glm::vec3(0) ? std::nullopt : std::optional(exponent);
+std::optional<LobeShape> Material::lobe() const {
+  if (!pbr)
+    return glossy == glm::vec3(0) ? std::nullopt : std::optional(LobeShape{exponent, false});
   const SurfaceTexture* map = pbr->roughness_map.get();
   const float mean = map ? map->sample({0.5f, 0.5f}, float(map->level_count() - 1)).x : 1;
   const float alpha = ggx_alpha(pbr->roughness * mean, 0).x;
-  return 2 / (alpha * alpha);  // Karis 2013 has 2/α² − 2: no less than 0 either
+  // Karis 2013 has 2/α² − 2: no less than 0 either.
+  return LobeShape{2 / (alpha * alpha), true};
 }
 
 bool Material::reads_radiance() const { return pbr || (glossy != glm::vec3(0) && exponent != 0); }

@@ -30,6 +30,13 @@ struct PbrMaterial {
   bool operator==(const PbrMaterial& other) const;
 };
 
+// About how a surface's glossy light is spread: half-vector exponent of Blinn's lobe, or of the GGX
+// lobe that is about as wide, of α² = 2/exponent.
+struct LobeShape {
+  float exponent = 64;
+  bool ggx = false;
+};
+
 // Reflectance of Eq. 3. Colours are linear; the object's colour is
 // emission + diffuse · P_V · E/π + glossy · (normalised lobe average of the radiance).
 struct Material {
@@ -48,9 +55,7 @@ struct Material {
   bool textured() const { return pbr && pbr->textured(); }
   bool reads_irradiance() const;  // does it reflect light diffusely; s = 0 is Lambert's law
   bool reads_radiance() const;    // does it need the chain that lobes are read from
-  // Half-vector exponent whose lobe is about as wide as that of its glossy light, where it has any;
-  // of textures their mean.
-  std::optional<float> lobe_exponent() const;
+  std::optional<LobeShape> lobe() const;  // where it has glossy light; of textures their mean
   bool operator==(const Material& other) const;
 };
 

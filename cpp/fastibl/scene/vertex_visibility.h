@@ -13,10 +13,6 @@ struct VertexVisibility {
   int size = 0;                      // cells along an edge of the grid; 0: nothing is known
   std::vector<std::uint32_t> first;  // of each vertex, in `edges`, and one more at the end
   std::vector<std::uint16_t> edges;  // first cell of a run, first behind it, and so on
-  // Of each vertex, by cells of 16², 8², 4², 2² and 1 grids: cosine-weighted share of what lies
-  // above the tangent plane that is free, 255 for all of it. What glossy lobes are looked up in.
-  std::vector<std::uint8_t> shares;
-  static constexpr int kShareSize = 16, kShareCount = 256 + 64 + 16 + 4 + 1;
 
   std::size_t vertex_count() const { return first.empty() ? 0 : first.size() - 1; }
   bool blocks_nothing() const { return edges.empty(); }

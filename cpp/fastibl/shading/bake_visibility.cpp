@@ -40,52 +40,18 @@ void append_runs(const Cells& blocked, Baked& baked) {
   baked.counts.push_back(std::uint32_t(baked.edges.size() - begin));
 }
 
-// Cosine-weighted share of each coarse cell that is free; what lies wholly below the tangent plane
-// has the share of the cell that it is part of, so that looking up between cells meets no step.
-void find_shares(const Cells& blocked, const std::vector<glm::vec3>& directions, glm::vec3 normal,
-                 std::uint8_t* shares) {
-  constexpr int kCount = VertexVisibility::kShareSize * VertexVisibility::kShareSize;
-  float free[VertexVisibility::kShareCount]{}, all[VertexVisibility::kShareCount]{};
-  const std::size_t parts = blocked.size() / kCount;
-  for (std::size_t k = 0; k < blocked.size(); ++k) {
-    const float cosine = std::max(glm::dot(normal, directions[k]), 0.0f);
-    all[k / parts] += cosine;
-    free[k / parts] += blocked[k] ? 0 : cosine;
-  }
-  int level[6] = {0};
-  for (int l = 0, count = kCount; count > 1; ++l, count /= 4) {
-    level[l + 1] = level[l] + count;
-    for (int k = 0; k < count; ++k) {
-      free[level[l + 1] + k / 4] += free[level[l] + k];
-      all[level[l + 1] + k / 4] += all[level[l] + k];
-    }
-  }
-  for (int l = 4; l >= 0; --l)
-    for (int k = level[l]; k < (l < 4 ? level[l + 1] : level[l] + 1); ++k) {
-      const int parent = l < 4 ? level[l + 1] + (k - level[l]) / 4 : k;
-      const float share = all[k] > 1e-6f ? free[k] / all[k] : 1;
-      shares[k] =
-          all[k] > 1e-6f || l == 4 ? std::uint8_t(std::lround(255 * share)) : shares[parent];
-    }
-}
-
 // blocked_around(vertex, normal, cells): fills the cells of one vertex.
 template <typename Around>
 VertexVisibility baked(std::size_t count, std::span<const glm::vec3> normals, int size,
                        Around&& blocked_around) {
-  const OctahedralGrid& grid = octahedral_grid(size);
   VertexVisibility result;
   result.size = size;
-  result.shares.resize(count * VertexVisibility::kShareCount);
   std::vector<Baked> blocks((count + kBlock - 1) / kBlock);
   parallel_for(int(blocks.size()), 1, [&](int begin, int end) {
     for (int b = begin; b < end; ++b)
       for (std::size_t i = std::size_t(b) * kBlock;
            i < std::min(count, std::size_t(b + 1) * kBlock); ++i) {
-        const Cells cells = blocked_around(i, normals[i]);
-        append_runs(cells, blocks[std::size_t(b)]);
-        find_shares(cells, grid.directions(), normals[i],
-                    &result.shares[i * VertexVisibility::kShareCount]);
+        append_runs(blocked_around(i, normals[i]), blocks[std::size_t(b)]);
       }
   });
   result.first.push_back(0);

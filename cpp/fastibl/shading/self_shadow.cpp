@@ -41,7 +41,8 @@ void CellLight::update_pieces(const glm::mat3& object_from_marker, int level_siz
       for (int x = 0; x < n; ++x) {
         const glm::vec3 d = object_from_marker * glm::normalize(texel_direction(f, x, y, n));
         const OctahedralGrid::Corners corners = grid.around(d);
-        Piece piece{float(angles[std::size_t(y) * std::size_t(n) + std::size_t(x)]) * d, {}, {}};
+        const float angle = float(angles[std::size_t(y) * std::size_t(n) + std::size_t(x)]);
+        Piece piece{angle * d, angle, {}, {}};
         for (int k = 0; k < 4; ++k)
           piece.cells[k] = std::uint16_t(corners.cells[k]), piece.shares[k] = corners.shares[k];
         pieces_.push_back(piece);
@@ -53,12 +54,20 @@ void CellLight::update(const CubeMap& radiance, const glm::mat3& object_from_mar
   check(radiance.size() > 0, "self-shadow needs a map");
   const CubeLevel& level = radiance.level_at_most(kLevelSize);
   const int n = level.size(), parts = std::max(1, kLevelSize / n);
-  if (size != size_ || n != level_size_ || object_from_marker != object_from_marker_) {
+  const std::span<const std::uint64_t> versions = radiance.tile_versions();
+  const bool same_cells =
+      size == size_ && n == level_size_ && object_from_marker == object_from_marker_;
+  if (same_cells &&
+      std::equal(versions.begin(), versions.end(), versions_.begin(), versions_.end()))
+    return;
+  versions_.assign(versions.begin(), versions.end());
+  if (!same_cells) {
     size_ = size;
     update_pieces(object_from_marker, n);
   }
   struct Cell {
     Float4 moments[3]{};
+    float flux = 0;
   };
   std::vector<Cell> cells(std::size_t(size) * std::size_t(size));
   const Piece* piece = pieces_.data();
@@ -67,11 +76,13 @@ void CellLight::update(const CubeMap& radiance, const glm::mat3& object_from_mar
       for (int x = 0; x < n * parts; ++x, ++piece) {
         const glm::vec3& texel = level.texel(f, x / parts, y / parts);
         const Float4 colour = {texel.x, texel.y, texel.z, 0};
+        const float flux = (texel.x + texel.y + texel.z) * piece->solid_angle;
         const glm::vec3 m = piece->moment;
         const Float4 moments[3] = {colour * m.x, colour * m.y, colour * m.z};
         for (int k = 0; k < 4; ++k) {
           Cell& cell = cells[piece->cells[k]];
           for (int c = 0; c < 3; ++c) cell.moments[c] += piece->shares[k] * moments[c];
+          cell.flux += piece->shares[k] * flux;
         }
       }
   // In double: a difference of two sums is exact within the rounding of the sums themselves, not of
@@ -83,6 +94,11 @@ void CellLight::update(const CubeMap& radiance, const glm::mat3& object_from_mar
       total[c] += double(cells[k].moments[c / 4][c % 4]);
       sums_[k + 1].values[c] = float(total[c]);
     }
+  double whole = 0;
+  for (const Cell& cell : cells) whole += double(cell.flux);
+  const double scale = whole > 0 ? 1 / whole : 0;
+  flux_.resize(cells.size());
+  for (std::size_t k = 0; k < cells.size(); ++k) flux_[k] = float(double(cells[k].flux) * scale);
 }
 
 void blocked_irradiance(const VertexVisibility& visibility, const CellLight& light,
@@ -117,51 +133,6 @@ void add_shares(std::span<const glm::vec3> changes, std::span<glm::vec4> shares)
         ", got ", changes.size());
   for (std::size_t i = 0; i < shares.size(); ++i)
     for (int c = 0; c < 3; ++c) shares[i][c] = std::max(shares[i][c] + changes[i][c], 0.0f);
-}
-
-float blinn_width(float exponent) { return 2 / std::sqrt(exponent); }  // infinite at 0
-
-void glossy_shares(const VertexVisibility& visibility, std::span<const glm::vec3> vertices,
-                   std::span<const glm::vec3> normals, glm::vec3 eye, float width,
-                   std::span<glm::vec4> shares) {
-  check(visibility.vertex_count() == vertices.size() && vertices.size() == normals.size() &&
-            shares.size() == normals.size(),
-        "there must be as many vertices, normals and shares, ", visibility.vertex_count(), ", got ",
-        vertices.size(), ", ", normals.size(), " and ", shares.size());
-  // A bilinear look-up in an n² grid weighs with a standard deviation of 1.77/n. The bulk of a lobe
-  // is narrower than its tails, and it is bent towards the normal, the more the wider it is; the
-  // factors are those with the least error against rays on spot and suzanne (exponents 2 to 512).
-  constexpr float kBulk = 0.63f, kBend = 1.4f;
-  const float sigma = std::min(width, 2.0f);
-  const float level = std::clamp(
-      std::log2(float(VertexVisibility::kShareSize) * std::max(kBulk * sigma, 1e-6f) / 1.77f), 0.0f,
-      4.0f);
-  const int fine = std::min(int(level), 3);
-  const float part = level - float(fine);
-  int first[2] = {0, 0};
-  for (int l = 0, count = 256; l <= fine; ++l, count /= 4) first[0] = first[1], first[1] += count;
-  const OctahedralGrid* grids[2] = {&octahedral_grid(16 >> fine), &octahedral_grid(8 >> fine)};
-  parallel_for(int(vertices.size()), kGrain, [&](int begin, int end) {
-    for (int i = begin; i < end; ++i) {
-      const std::size_t v = std::size_t(i);
-      const glm::vec3 n = normals[v], to = eye - vertices[v];
-      const float length = glm::length(to);
-      glm::vec3 view = length > 0 ? to / length : n;
-      float cosine = glm::dot(n, view);
-      if (cosine < 0) view -= 2 * cosine * n, cosine = -cosine;  // seen from behind
-      const glm::vec3 bent = (2 * cosine + kBend * sigma * sigma) * n - view;
-      const float size = glm::length(bent);
-      const glm::vec3 direction = size > 0 ? bent / size : n;
-      const std::uint8_t* table = &visibility.shares[v * VertexVisibility::kShareCount];
-      float share[2] = {0, 0};
-      for (int l = 0; l < 2; ++l) {
-        const OctahedralGrid::Corners corners = grids[l]->around(direction);
-        for (int k = 0; k < 4; ++k)
-          share[l] += corners.shares[k] * float(table[first[l] + corners.cells[k]]);
-      }
-      shares[v].w = std::clamp((share[0] + part * (share[1] - share[0])) / 255, 0.0f, 1.0f);
-    }
-  });
 }
 
 }  // namespace fastibl

@@ -14,7 +14,7 @@ namespace fastibl {
 // the curve.
 class CellLight {
  public:
-  // Keeps what depends on size and rotation alone for the next map.
+  // Keeps what depends on size and rotation alone for the next map, and all for the same map.
   void update(const CubeMap& radiance, const glm::mat3& object_from_marker, int size);
 
   int size() const { return size_; }
@@ -23,6 +23,8 @@ class CellLight {
     float values[16];
   };
   const Sum& before(int k) const { return sums_[std::size_t(k)]; }
+  // ∫ L dω of each cell, mean of the channels, by that of the whole sphere.
+  const std::vector<float>& flux() const { return flux_; }
 
  private:
   void update_pieces(const glm::mat3& object_from_marker, int level_size);
@@ -30,13 +32,16 @@ class CellLight {
   // Where a piece of a texel goes: its solid angle times its direction; cells and their shares.
   struct Piece {
     glm::vec3 moment;
+    float solid_angle;
     std::uint16_t cells[4];
     float shares[4];
   };
   int size_ = 0, level_size_ = 0;
   glm::mat3 object_from_marker_{0};
   std::vector<Piece> pieces_;
+  std::vector<std::uint64_t> versions_;  // of the map's tiles
   std::vector<Sum> sums_;
+  std::vector<float> flux_;
 };
 
 // Irradiance that the object keeps from each vertex: n · Σ ∫ L w dω over the blocked cells.
@@ -52,15 +57,5 @@ void diffuse_shares(const VertexVisibility& visibility, const CellLight& light,
 
 // Changes of shares are added in place, to the first three of each; none gets negative.
 void add_shares(std::span<const glm::vec3> changes, std::span<glm::vec4> shares);
-
-// Standard deviation along each axis, radians, of the lobe of half-vector exponent s ≥ 0, as the
-// levels of GlossyChain have it.
-float blinn_width(float exponent);
-
-// Share of a glossy lobe around the mirror direction that is free, to the fourth. width: standard
-// deviation of the lobe along each axis, radians. eye: in the frame of the mesh.
-void glossy_shares(const VertexVisibility& visibility, std::span<const glm::vec3> vertices,
-                   std::span<const glm::vec3> unit_normals, glm::vec3 eye, float width,
-                   std::span<glm::vec4> shares);
 
 }  // namespace fastibl

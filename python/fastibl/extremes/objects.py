@@ -151,7 +151,7 @@ def _self_shadow(name: str) -> Outcome:
     return both(
         is_ratio(ambient_occlusion(mesh, 32), "occlusion"),
         is_ratio(shadow.shares(lighting), "share"),
-        is_ratio(shadow.glossy_shares((0.0, 0.0, 1.0), 1e9), "glossy share"),
+        is_ratio(shadow.glossy_shares(lighting, (0.0, 0.0, 1.0), 1e9), "glossy share"),
         is_light(shadow.irradiance(lighting), what="E"),
     )
 

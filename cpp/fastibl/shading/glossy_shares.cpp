@@ -1,0 +1,241 @@
+#include "fastibl/shading/glossy_shares.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <vector>
+
+#include "fastibl/core/check.h"
+#include "fastibl/core/parallel.h"
+#include "fastibl/core/simd.h"
+#include "fastibl/scene/octahedral.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kLanes = 16;        // cells of a group: one cell of a grid of a quarter of the size
+constexpr int kGrain = 64;        // vertices
+constexpr int kFinest = 64;       // cells along an edge
+constexpr float kReach = 2.2f;  // of a Blinn lobe, standard deviations
+constexpr float kBehind = -0.25f;  // n · v of vertices that no pixel is seen between
+constexpr float kGrazing = 0.02f;
+
+// Middles of the cells of one grid in the order of the curve, and of its groups of 16.
+struct Cells {
+  int groups = 0;
+  std::vector<float> x, y, z, group_x, group_y, group_z;
+  float radius = 0;  // of a group, radians, from its middle
+};
+
+Cells make_cells(int size) {
+  const OctahedralGrid &grid = octahedral_grid(size), &coarse = octahedral_grid(size / 4);
+  Cells cells;
+  cells.groups = coarse.count();
+  float least = 1;
+  for (std::size_t k = 0; k < grid.directions().size(); ++k) {
+    const glm::vec3 d = grid.directions()[k];
+    cells.x.push_back(d.x), cells.y.push_back(d.y), cells.z.push_back(d.z);
+    least = std::min(least, glm::dot(d, coarse.directions()[k / kLanes]));
+  }
+  for (const glm::vec3& d : coarse.directions())
+    cells.group_x.push_back(d.x), cells.group_y.push_back(d.y), cells.group_z.push_back(d.z);
+  cells.radius = std::acos(least);
+  return cells;
+}
+
+const Cells& cells_of(int size) {
+  static const Cells all[3] = {make_cells(16), make_cells(32), make_cells(64)};
+  return all[size / 32];
+}
+
+// Flux of the cells of another grid than the light's own.
+struct Flux {
+  std::vector<float> cells, groups;
+};
+
+Flux flux_of(const CellLight& light, std::size_t count) {
+  const std::vector<float>& own = light.flux();
+  Flux flux{std::vector<float>(count, 0.0f), std::vector<float>(count / kLanes, 0.0f)};
+  for (std::size_t k = 0; k < std::max(count, own.size()); ++k)
+    flux.cells[k * count / std::max(count, own.size())] +=
+        own[k * own.size() / std::max(count, own.size())] *
+        (own.size() < count ? float(own.size()) / float(count) : 1.0f);
+  for (std::size_t k = 0; k < count; ++k) flux.groups[k / kLanes] += flux.cells[k];
+  return flux;
+}
+
+// A lobe seen from one vertex.
+struct View {
+  float nx, ny, nz, vx, vy, vz, nv;
+  float half_exponent;                // Blinn's; 0 for GGX
+  float alpha2, flatness, view_mask;  // GGX's: α², 1 − α², √(α² + (1 − α²)(n·v)²)
+};
+
+// Weight of the lobe in 16 directions: cos θ (n·h)^s, or cos θ D(h)/masking.
+FASTIBL_INLINE void weigh(const View& view, const float* x, const float* y, const float* z,
+                          float* weight) {
+  float cosine[kLanes], half2[kLanes];
+  for (int k = 0; k < kLanes; ++k) {
+    const float c = x[k] * view.nx + y[k] * view.ny + z[k] * view.nz;
+    const float to_view = x[k] * view.vx + y[k] * view.vy + z[k] * view.vz;
+    const float sum = c + view.nv;
+    cosine[k] = c > 0 ? c : 0;
+    const float length2 = 2 + 2 * to_view;
+    half2[k] = sum * sum / (length2 > 1e-6f ? length2 : 1e-6f);
+  }
+  if (view.half_exponent > 0) {
+    for (int k = 0; k < kLanes; ++k) {
+      // (n·h)^s = exp(s/2 ln(1 − u)), five terms of the logarithm's series: 5 % short at u = 0.7.
+      float u = 1 - half2[k];
+      u = u > 0 ? u : 0;
+      const float logarithm = u * (1 + u * (0.5f + u * (1 / 3.0f + u * (0.25f + u * 0.2f))));
+      float power = -1.44269504f * view.half_exponent * logarithm;  // of two
+      power = power > -80 ? power : -80;
+      const int whole = int(power) - 1;
+      const float f = power - float(whole);  // in (0, 1], 1 where power is 0
+      const float mantissa =
+          1 + f * (0.693147f + f * (0.240227f + f * (0.0558f + f * 0.0096f)));  // 1e-4 off
+      weight[k] = cosine[k] * mantissa * std::bit_cast<float>(std::int32_t(whole + 127) << 23);
+    }
+  } else {
+    for (int k = 0; k < kLanes; ++k) {
+      const float d = half2[k] * (view.alpha2 - 1) + 1;
+      const float mask = std::sqrt(view.alpha2 + view.flatness * cosine[k] * cosine[k]) * view.nv +
+                         view.view_mask * cosine[k];
+      weight[k] = cosine[k] / (d * d * (mask > 1e-6f ? mask : 1e-6f));
+    }
+  }
+}
+
+struct Sums {
+  float all = 0, lost = 0;
+};
+
+// What one vertex does not see.
+struct Blocked {
+  static constexpr int kMost = kFinest * kFinest / kLanes;
+  std::uint16_t masks[kMost];   // a bit for each cell of a group that is blocked
+  std::uint16_t groups[kMost];  // those with any
+  int count = 0;
+
+  // From the runs of a grid of `own` cells along an edge, for one of `size`; of finer runs, cells
+  // half blocked count as blocked.
+  void set(std::span<const std::uint16_t> edges, int own, int size);
+};
+
+void Blocked::set(std::span<const std::uint16_t> edges, int own, int size) {
+  std::fill_n(masks, size * size / kLanes, std::uint16_t(0));
+  count = 0;
+  const std::uint32_t finer = std::uint32_t(own / size) * std::uint32_t(own / size);
+  const std::uint32_t coarser = std::uint32_t(size / own) * std::uint32_t(size / own);
+  for (std::size_t e = 0; e + 1 < edges.size(); e += 2) {
+    std::uint32_t begin = edges[e], end = edges[e + 1];
+    if (own > size)
+      begin = (begin + finer / 2) / finer, end = (end + finer / 2) / finer;
+    else
+      begin *= coarser, end *= coarser;
+    while (begin < end) {
+      const std::uint32_t group = begin / kLanes, last = std::min(end, (group + 1) * kLanes);
+      const std::uint32_t bits = ((1u << (last - begin)) - 1) << (begin - group * kLanes);
+      if (masks[group] == 0) groups[count++] = std::uint16_t(group);
+      masks[group] = std::uint16_t(masks[group] | bits);
+      begin = last;
+    }
+  }
+}
+
+// axis: the lobe's middle; groups whose product with it is above `least` are looked at cell by
+// cell; `far`: the others as a whole.
+FASTIBL_CLONES void add_up(const Cells& cells, const Flux& flux, const View& view,
+                           const float* axis, float least, const Blocked& blocked, bool far,
+                           Sums* sums) {
+  float all[kLanes] = {}, lost[kLanes] = {};
+  float near[kLanes], weight[kLanes];
+  bool any = far;
+  for (int t = 0; t < blocked.count && !any; ++t) {
+    const std::size_t g = blocked.groups[t];
+    any = cells.group_x[g] * axis[0] + cells.group_y[g] * axis[1] + cells.group_z[g] * axis[2] >
+          least;
+  }
+  if (!any) return;
+  for (int first = 0; first < cells.groups; first += kLanes) {
+    const std::size_t at = std::size_t(first);
+    const float *gx = &cells.group_x[at], *gy = &cells.group_y[at], *gz = &cells.group_z[at];
+    for (int k = 0; k < kLanes; ++k) near[k] = gx[k] * axis[0] + gy[k] * axis[1] + gz[k] * axis[2];
+    if (far) {
+      weigh(view, gx, gy, gz, weight);
+      for (int k = 0; k < kLanes; ++k) {
+        const float w = near[k] > least ? 0 : weight[k] * flux.groups[at + std::size_t(k)];
+        all[k] += w;
+        lost[k] += w * float(std::popcount(blocked.masks[first + k])) * (1.0f / kLanes);
+      }
+    }
+    for (int j = 0; j < kLanes; ++j) {
+      if (!(near[j] > least)) continue;
+      const std::size_t cell = std::size_t(first + j) * kLanes;
+      weigh(view, &cells.x[cell], &cells.y[cell], &cells.z[cell], weight);
+      const int mask = blocked.masks[first + j];
+      for (int k = 0; k < kLanes; ++k) {
+        const float w = weight[k] * flux.cells[cell + std::size_t(k)];
+        all[k] += w;
+        lost[k] += (mask >> k) & 1 ? w : 0;
+      }
+    }
+  }
+  for (int k = 0; k < kLanes; ++k) sums->all += all[k], sums->lost += lost[k];
+}
+
+// Cells along an edge of which two are no wider than the lobe's standard deviation.
+int size_for(float width) { return width > 0.75f ? 16 : width > 0.24f ? 32 : kFinest; }
+
+}  // namespace
+
+void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
+                   const LobeShape& lobe, std::span<const glm::vec3> vertices,
+                   std::span<const glm::vec3> normals, glm::vec3 eye, std::span<glm::vec4> shares) {
+  check(visibility.size == light.size(), "light must have the cells of the visibility, ",
+        visibility.size, ", got ", light.size());
+  check(visibility.vertex_count() == vertices.size() && vertices.size() == normals.size() &&
+            shares.size() == normals.size(),
+        "there must be as many vertices, normals and shares, ", visibility.vertex_count(), ", got ",
+        vertices.size(), ", ", normals.size(), " and ", shares.size());
+  // Sharper ones fall between the middles of cells.
+  constexpr float kSharpest = 3600, kWidest = 1e-2f;
+  const float exponent = std::clamp(lobe.exponent, kWidest, kSharpest);
+  const float width = 2 / std::sqrt(exponent);
+  const int size = size_for(width);
+  const Cells& cells = cells_of(size);
+  const Flux flux = flux_of(light, cells.x.size());
+  const float reach = kReach * width + cells.radius;
+  const float least = reach < kPi ? std::cos(reach) : -2.0f;
+  View common{};
+  common.half_exponent = lobe.ggx ? 0 : 0.5f * exponent;
+  common.alpha2 = 2 / exponent, common.flatness = 1 - common.alpha2;
+  parallel_for(int(vertices.size()), kGrain, [&](int begin, int end) {
+    Blocked blocked;
+    for (int i = begin; i < end; ++i) {
+      const std::size_t v = std::size_t(i);
+      shares[v].w = 1;
+      const std::uint32_t first = visibility.first[v], last = visibility.first[v + 1];
+      const glm::vec3 n = normals[v], to = eye - vertices[v];
+      const float length = glm::length(to);
+      if (first == last || !(length > 0) || !std::isfinite(length)) continue;
+      glm::vec3 view = to / length;
+      const float cosine = glm::dot(n, view);
+      if (cosine < kBehind) continue;
+      if (cosine < kGrazing) view = glm::normalize(view + (kGrazing - cosine) * n);
+      blocked.set({visibility.edges.data() + first, last - first}, visibility.size, size);
+      View at = common;
+      at.nx = n.x, at.ny = n.y, at.nz = n.z, at.vx = view.x, at.vy = view.y, at.vz = view.z;
+      at.nv = std::max(glm::dot(n, view), 1e-3f);
+      at.view_mask = std::sqrt(at.alpha2 + at.flatness * at.nv * at.nv);
+      const glm::vec3 mirrored = 2 * at.nv * n - view;
+      Sums sums;
+      add_up(cells, flux, at, &mirrored.x, least, blocked, lobe.ggx, &sums);
+      if (sums.all > 0) shares[v].w = std::clamp(1 - sums.lost / sums.all, 0.0f, 1.0f);
+    }
+  });
+}
+
+}  // namespace fastibl
