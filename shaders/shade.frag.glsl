@@ -20,6 +20,7 @@ uniform ivec2 corner;             // first pixel of the area that is drawn
 uniform isampler2D triangles;     // vertices of each triangle
 uniform sampler2D vertices;       // position and normal, one vertex after the other
 uniform sampler2D shares;         // of the irradiance (RGB) and of the glossy light that reach a vertex
+uniform int backs;                // where those of the vertices' backs begin; 0: there are none
 uniform mat3 marker_from_object;
 uniform vec3 marker_from_object_shift;
 #if GLOSSY < 6
@@ -203,16 +204,18 @@ void main() {
     vec3 pa = project(a), pb = project(b), pc = project(c);
     vec3 w = corner_weights(pa, pb, pc, p);
     vec3 at = w.x * a + w.y * b + w.z * c;
-    vec4 share = w.x * texelFetch(shares, texel(index.x), 0) + w.y * texelFetch(shares, texel(index.y), 0) +
-                 w.z * texelFetch(shares, texel(index.z), 0);
+    // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
+    bool behind = edge(pb.xy - pa.xy, pc.xy - pa.xy) > 0.0;
+    ivec3 of = behind ? index + backs : index;
+    vec4 share = w.x * texelFetch(shares, texel(of.x), 0) + w.y * texelFetch(shares, texel(of.y), 0) +
+                 w.z * texelFetch(shares, texel(of.z), 0);
 #if HOLDOUT
     vec3 colour = share.rgb;
 #else
     vec3 n = w.x * texelFetch(vertices, texel(2 * index.x + 1), 0).xyz +
              w.y * texelFetch(vertices, texel(2 * index.y + 1), 0).xyz +
              w.z * texelFetch(vertices, texel(2 * index.z + 1), 0).xyz;
-    // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
-    n = marker_from_object * (edge(pb.xy - pa.xy, pc.xy - pa.xy) > 0.0 ? -n : n);
+    n = marker_from_object * (behind ? -n : n);
     float size = length(n);
     n = size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);
     vec3 position = marker_from_object * at + marker_from_object_shift;

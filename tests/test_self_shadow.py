@@ -252,10 +252,20 @@ def test_spheres_stand_for_a_mesh_that_deforms():
     light = fastibl.Lighting(constant())
     for radius, height in ((0.5, 1.0), (0.2, 1.0), (1.0, 3.0)):
         spheres = np.array([[0, 0, height, radius], [0, 0, 0, 0.4], [0, 0, -3, 1], [np.nan, 0, 1, 1], [0, 0, 1, -1]])
-        for size, limit in ((16, 0.08), (64, 0.01)):
+        for size, limit in ((16, 0.08), (64, 0.02)):  # straight above, whole rings of cells are in or out
             share = fastibl.SelfShadow.from_spheres(floor, spheres, size=size).shares(light)[0]
             print(f"sphere {radius} at {height}, {size} cells: {share[0]:.4f}, {1 - (radius / height) ** 2:.4f}")
             np.testing.assert_allclose(share, 1 - (radius / height) ** 2, atol=limit)
+    rng = np.random.default_rng(0)
+    for size, limit in ((16, 0.015), (64, 0.002)):
+        off = []
+        for _ in range(40):
+            turn, z, radius = rng.uniform(0, 2 * np.pi), rng.uniform(0.6, 1), rng.uniform(0.2, 0.5)
+            towards = np.array([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z])
+            shadow = fastibl.SelfShadow.from_spheres(floor, [[*towards, radius]], size=size)
+            off.append(shadow.shares(light)[0, 0] - (1 - radius**2 * z))
+        print(f"spheres anywhere, {size} cells: RMS {np.sqrt(np.mean(np.square(off))):.4f}")
+        assert np.sqrt(np.mean(np.square(off))) < limit
     mesh, cube = BOXES, smooth_map()
     spheres = np.array([[k, 0.3 * k, 0.5 * k, 0.05] for k in (0, 0.12)])  # those within the boxes
     true, _ = oracle("boxes")

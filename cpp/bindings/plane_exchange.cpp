@@ -1,5 +1,7 @@
 #include "fastibl/shading/plane_exchange.h"
 
+#include <algorithm>
+
 #include "bindings/numpy.h"
 #include "fastibl/core/check.h"
 #include "fastibl/shading/bake_visibility.h"
@@ -42,7 +44,7 @@ struct SceneBounce {
   void update(const Lighting& lighting, const ShadowMap& shadow) {
     check(lighting.radiance != nullptr, "a bounce needs a lighting with its map");
     const glm::mat3 marker_from_object(scene.marker_from_object.rotation);
-    shares.assign(scene.mesh.vertices.size(), glm::vec4(1));
+    shares.assign(scene.directions->entries(), glm::vec4(1));
     light.update(*lighting.radiance, glm::transpose(marker_from_object), scene.directions->size);
     diffuse_shares(*scene.directions, light, lighting.irradiance, scene.normals, marker_from_object,
                    shares);
@@ -106,14 +108,15 @@ scene: Scene, where it stands. Raises ValueError for one without visibility_rays
       .def_property_readonly(
           "shares",
           [](const SceneBounce& b) {
-            Floats out({py::ssize_t(b.shares.size()), py::ssize_t{3}});
-            for (std::size_t i = 0; i < b.shares.size(); ++i)
-              vectors(out)[i] = glm::vec3(b.shares[i]);
+            const std::size_t count =
+                std::min(b.shares.size(), b.scene.given_mesh().vertices.size());
+            Floats out({py::ssize_t(count), py::ssize_t{3}});
+            for (std::size_t i = 0; i < count; ++i) vectors(out)[i] = glm::vec3(b.shares[i]);
             return out;
           },
-          "Of the irradiance by the map that reaches each vertex (v, 3): without what the object "
-          "hides "
-          "and what its shadow takes from the plane below.")
+          "Of the irradiance by the map that reaches each vertex of the scene's mesh (v, 3): "
+          "without what "
+          "the object hides and what its shadow takes from the plane below.")
       .def_property_readonly(
           "plane_gain", [](const SceneBounce& b) { return b.gain; },
           "ShadowMap that the picture of the plane is multiplied by; it may exceed 1.");

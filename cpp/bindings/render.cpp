@@ -49,27 +49,34 @@ void bind_render(py::module_& module) {
 
 mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
 frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
-for no self-shadow at all.)")
+for no self-shadow at all. refine: split triangles where what the object hides of itself changes within them; the surface
+stays the same, the paper's P_V too.)")
       .def(py::init([](const Mesh& mesh, const std::optional<Material>& material,
-                       const py::object& marker_from_object, int spheres, int rays) {
+                       const py::object& marker_from_object, int spheres, int rays, bool refine) {
              const Pose pose = marker_from_object.is_none()
                                    ? Pose{}
                                    : require_pose(marker_from_object, "marker_from_object");
              const py::gil_scoped_release release;
-             return make_scene(mesh, material.value_or(Material{}), pose, {spheres, rays});
+             SceneOptions options{spheres, rays};
+             options.refine = refine;
+             return make_scene(mesh, material.value_or(Material{}), pose, options);
            }),
            py::arg("mesh"), py::arg("material") = py::none(),
            py::arg("marker_from_object") = py::none(), py::arg("spheres") = 50,
-           py::arg("visibility_rays") = 96)
-      .def_readonly("mesh", &Scene::mesh)
+           py::arg("visibility_rays") = 96, py::arg("refine") = true)
+      .def_property_readonly("mesh", &Scene::given_mesh, "As it was given.")
+      .def_readonly("refined_mesh", &Scene::mesh,
+                    "The same surface with vertices where what the object hides of itself changes: "
+                    "what is shaded. mesh where nothing had to be split.")
       .def_readonly("material", &Scene::material)
       .def_readonly("marker_from_object", &Scene::marker_from_object)
       .def_property_readonly(
           "visibility",
           [](const Scene& s) {
-            return py::array_t<float>(py::ssize_t(s.visibility.size()), s.visibility.data());
+            return py::array_t<float>(py::ssize_t(s.given_mesh().vertices.size()),
+                                      s.visibility.data());
           },
-          "P_V, (v,) float32.")
+          "P_V at the vertices of mesh, (v,) float32.")
       .def_property_readonly(
           "spheres",
           [](const Scene& s) {
@@ -119,8 +126,8 @@ Where one is nearer than the virtual object, the back picture stays; there it is
 leaves of the light on that surface. Set it before a Session is made. They keep no light from the virtual object, nor
 its shadow from the plane behind them.)")
       .def("__repr__", [](const Scene& s) {
-        return "<fastibl.Scene of " + std::to_string(s.mesh.triangles.size()) + " triangles, " +
-               std::to_string(s.spheres.size()) + " spheres>";
+        return "<fastibl.Scene of " + std::to_string(s.given_mesh().triangles.size()) +
+               " triangles, " + std::to_string(s.spheres.size()) + " spheres>";
       });
 
   py::class_<ObjectLayer>(module, "ObjectLayer",

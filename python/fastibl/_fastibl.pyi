@@ -1048,7 +1048,7 @@ class Bounce:
     @property
     def shares(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Of the irradiance by the map that reaches each vertex (v, 3): without what the object hides and what its shadow takes from the plane below.
+        Of the irradiance by the map that reaches each vertex of the scene's mesh (v, 3): without what the object hides and what its shadow takes from the plane below.
         """
 class SelfShadow:
     """
@@ -1433,9 +1433,10 @@ class Scene:
 
     mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
     frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
-    for no self-shadow at all.
+    for no self-shadow at all. refine: split triangles where what the object hides of itself changes within them; the surface
+    stays the same, the paper's P_V too.
     """
-    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96) -> None:
+    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96, refine: bool = True) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -1470,7 +1471,14 @@ class Scene:
         ...
     @property
     def mesh(self) -> Mesh:
-        ...
+        """
+        As it was given.
+        """
+    @property
+    def refined_mesh(self) -> Mesh:
+        """
+        The same surface with vertices where what the object hides of itself changes: what is shaded. mesh where nothing had to be split.
+        """
     @property
     def shadow_color(self) -> tuple:
         """
@@ -1495,7 +1503,7 @@ class Scene:
     @property
     def visibility(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        P_V, (v,) float32.
+        P_V at the vertices of mesh, (v,) float32.
         """
 class ObjectLayer:
     """

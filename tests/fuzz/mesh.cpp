@@ -5,6 +5,7 @@
 #include "fastibl/shading/bake_visibility.h"
 #include "fastibl/shading/plane_exchange.h"
 #include "fastibl/shading/rasterize.h"
+#include "fastibl/shading/refine_mesh.h"
 #include "fastibl/shadow/fit_spheres.h"
 #include "fastibl/shadow/mesh_shadow_light.h"
 #include "meshes.h"
@@ -49,6 +50,18 @@ void work_out(Input& in, const Mesh& mesh) {
       require(std::isfinite(v) && v >= 0, "light from object to plane");
 }
 
+void split(Input& in, const Mesh& mesh) {
+  const std::size_t most = mesh.vertices.size() + 60;
+  const RefinedMesh refined = refine(mesh, {in.share(), int(most), in.chance(2)});
+  refined.mesh.validate();
+  const std::size_t count = refined.mesh.vertices.size();
+  require(count <= most && count == mesh.vertices.size() + refined.parents.size() &&
+              refined.origins.size() == count && refined.back_origins.size() == count,
+          "vertices of a refined mesh");
+  for (std::size_t i = 0; i < count; ++i)
+    require(finite(refined.origins[i]) && finite(refined.back_origins[i]), "where rays start");
+}
+
 void cast(Input& in, const Mesh& mesh) {
   for (const glm::vec4& s : fit_spheres(mesh, {1 + in.below(6), 8, unsigned(in.byte())}))
     require(is_sphere(s), "fitted sphere");
@@ -87,6 +100,8 @@ void fuzz(Input& in) {
       return work_out(in, mesh);
     case 2:
       return cast(in, mesh);
+    case 3:
+      return split(in, mesh);
     default:
       return draw(in, mesh);
   }

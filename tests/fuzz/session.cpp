@@ -100,8 +100,9 @@ void check_result(Session& session, const FrameResult& result, const Camera& cam
 void fuzz(Input& in) {
   const Mesh mesh = in.chance(3) ? any_mesh(in) : tetrahedron(0.1f);
   const bool visible = in.chance(2);
-  const Scene scene = make_scene(mesh, material(in), in.chance(3) ? in.pose() : Pose{},
-                                 {in.chance(2) ? 3 : 0, visible ? 8 : 0, visible ? 16 : 0, false});
+  const Scene scene =
+      make_scene(mesh, material(in), in.chance(3) ? in.pose() : Pose{},
+                 {in.chance(2) ? 3 : 0, visible ? 8 : 0, visible ? 16 : 0, false, false});
   if (in.chance(4)) return plan_only(in, scene);
   Rig rig;
   rig.back = small_camera(in, 24, false);

@@ -6,6 +6,7 @@
 #include "fastibl/render/scene_samples.h"
 #include "fastibl/shading/ambient_occlusion.h"
 #include "fastibl/shading/bake_visibility.h"
+#include "fastibl/shading/refine_mesh.h"
 #include "fastibl/shadow/fit_spheres.h"
 #include "fastibl/shadow/mesh_shadow.h"
 
@@ -28,6 +29,37 @@ void share_at_seams(const Mesh& mesh, const std::vector<glm::vec3>& normals,
   }
 }
 
+// The directions that the object blocks, at vertices that are close enough together for them. P_V
+// stays what it was, interpolated: the paper's method is not changed by it.
+void add_directions(const SceneOptions& options, Scene& scene) {
+  const bool backs = !is_closed(scene.mesh);
+  RefineOptions finer;
+  finer.backs = backs;
+  if (!options.refine) finer.most_vertices = 0;
+  RefinedMesh refined = refine(scene.mesh, finer);
+  if (!refined.parents.empty()) {
+    interpolate(refined, scene.visibility);
+    scene.given = std::make_shared<const Mesh>(std::move(scene.mesh));
+    scene.mesh = std::move(refined.mesh);
+    scene.normals = vertex_normals(scene.mesh);
+  }
+
+  std::vector<glm::vec3>& points = scene.origins;
+  std::vector<glm::vec3> normals = scene.normals;
+  points = std::move(refined.origins);
+  if (backs) {
+    points.insert(points.end(), refined.back_origins.begin(), refined.back_origins.end());
+    for (const glm::vec3& n : scene.normals) normals.push_back(-n);
+  }
+  const int cells = options.direction_cells > 0          ? options.direction_cells
+                    : scene.mesh.vertices.size() > 20000 ? 32
+                                                         : 64;
+  VertexVisibility visibility = visibility_at(
+      Bvh(scene.given_mesh()), ray_offset(scene.given_mesh()), points, normals, cells);
+  visibility.sides = backs ? 2 : 1;
+  scene.directions = std::make_shared<const VertexVisibility>(std::move(visibility));
+}
+
 }  // namespace
 
 void check_fits(const Material& material, const Mesh& mesh) {
@@ -46,18 +78,12 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
         options.visibility_rays);
   Scene scene;
   scene.normals = vertex_normals(mesh);
-  scene.tangents = vertex_tangents(mesh, scene.normals);
   scene.visibility.assign(mesh.vertices.size(), 1.0f);
   if (options.visibility_rays > 0) {
     AmbientOcclusionOptions occlusion;
     occlusion.rays = options.visibility_rays;
     scene.visibility = ambient_occlusion(mesh, occlusion);
     if (!mesh.uvs.empty()) share_at_seams(mesh, scene.normals, scene.visibility);
-    const int cells = options.direction_cells >= 0   ? options.direction_cells
-                      : mesh.vertices.size() > 10000 ? 32
-                                                     : 64;
-    if (cells > 0)
-      scene.directions = std::make_shared<const VertexVisibility>(mesh_visibility(mesh, {cells}));
   }
   if (options.sphere_count > 0) {
     FitSpheresOptions spheres;
@@ -67,9 +93,12 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
   if (options.bake_shadow)
     scene.baked_shadow = std::make_shared<const MeshShadow>(*MeshShadow::bake(mesh));
   scene.mesh = std::move(mesh);
+  if (options.visibility_rays > 0 && options.direction_cells != 0) add_directions(options, scene);
+  scene.tangents = vertex_tangents(scene.mesh, scene.normals);
   scene.material = material;
   scene.marker_from_object = marker_from_object;
   scene.samples = sample_scene(scene);
+  if (scene.samples) scene.fewer_samples = thinned(*scene.samples);
   return scene;
 }
 

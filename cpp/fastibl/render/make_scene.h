@@ -9,9 +9,12 @@ struct SceneOptions {
   int sphere_count = 50;     // at most; 0: no shadow
   int visibility_rays = 96;  // for P_V; 0: nothing hides anything
   // Cells along an edge of the directions that the object blocks, see VisibilityOptions; 0: none;
-  // −1: 64, or 32 where there are more than 10 000 vertices.
+  // −1: 64, or 32 where there are more than 20 000 vertices.
   int direction_cells = -1;
   bool bake_shadow = false;  // for the `mesh` shadow, which `automatic` then takes: see MeshShadow
+  // Splits triangles where what the object hides changes within them, see refine(); not without
+  // directions. The surface stays the same.
+  bool refine = true;
 };
 
 // Throws what validate() throws, or for textures on a mesh without uvs.

@@ -258,7 +258,7 @@ glm::vec3 hidden_light(const Bright& bright, const SceneSamples& samples, glm::v
   DirectionSet set(int(asked.size()));
   for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), bright.pieces[asked[i]].direction);
   std::vector<std::uint8_t> met(asked.size(), 0);
-  samples.bvh.occluded(from, set, 0, met);
+  samples.bvh->occluded(from, set, 0, met);
   for (std::size_t i = 0; i < asked.size(); ++i)
     if (met[i]) lost += bright.pieces[asked[i]].light;
   return lost;
@@ -456,11 +456,12 @@ std::vector<Colours> glossy_of(const Judged& j, const Material& material,
 }  // namespace
 
 MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const CubeMap>& map,
-                              const Methods& asked, const Candidates& candidates,
-                              bool cast_shadow) {
+                              const Methods& asked, const Candidates& candidates, bool cast_shadow,
+                              bool fewer) {
   MeasuredErrors errors;
-  if (!scene.samples || scene.samples->empty() || !map || map->size() == 0) return errors;
-  const SceneSamples& samples = *scene.samples;
+  const auto& chosen = fewer ? scene.fewer_samples : scene.samples;
+  if (!chosen || chosen->empty() || !map || map->size() == 0) return errors;
+  const SceneSamples& samples = *chosen;
   const Material& material = scene.material;
   const Flux flux = flux_of(*map, samples);
   cast_shadow = cast_shadow && scene.casts_shadow();

@@ -26,8 +26,8 @@ struct RenderInput {
   const Pose& camera_from_marker;
   const Picture& back;  // empty: the object on transparent
   double exposure;
-  // What the object lets through of its own light at each vertex: of the irradiance (RGB), and of
-  // the glossy term. Empty: P_V of the scene, and all of it.
+  // What the object lets through of its own light at each vertex, and perhaps at their backs after
+  // them: of the irradiance (RGB), and of the glossy term. Empty: P_V of the scene, and all of it.
   std::span<const glm::vec4> light_shares = {};
   // What the plane's picture is multiplied by, where that is not the ratio of the shadow pass:
   // another object for another map.

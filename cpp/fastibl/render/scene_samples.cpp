@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <utility>
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/cube_map.h"
@@ -59,7 +60,7 @@ struct Standing {
 void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
                  SceneSamples& samples) {
   const float radius = object.box.radius();
-  std::map<int, int> used;
+  std::map<std::pair<int, bool>, int> used;  // vertices and whether their back is seen
   int met = 0, tried = 0;
   for (int v = 0; v < SceneSamples::kViews; ++v) {
     const float azimuth = 2 * std::numbers::pi_v<float> * (float(v) + 0.3f) / SceneSamples::kViews;
@@ -93,8 +94,8 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
       const glm::vec3 &a = object.mesh.vertices[std::size_t(triangle[0])],
                       &b = object.mesh.vertices[std::size_t(triangle[1])],
                       &c2 = object.mesh.vertices[std::size_t(triangle[2])];
-      const float side = glm::dot(glm::cross(b - a, c2 - a), eye) < 0 ? -1.0f : 1.0f;
-      SceneSamples::Surface sample{{}, w, p, side * n, v, side, glm::vec4(0), glm::vec2(0)};
+      const bool behind = glm::dot(glm::cross(b - a, c2 - a), eye) < 0;
+      SceneSamples::Surface sample{{}, w, p, behind ? -n : n, v, glm::vec4(0), glm::vec2(0)};
       for (int i = 0; i < 3; ++i) {
         const std::size_t corner = std::size_t(triangle[i]);
         if (!scene.mesh.uvs.empty()) sample.uv += w[i] * scene.mesh.uvs[corner];
@@ -105,7 +106,7 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
         }
       }
       for (int i = 0; i < 3; ++i)
-        sample.corners[i] = used.try_emplace(triangle[i], int(used.size())).first->second;
+        sample.corners[i] = used.try_emplace({triangle[i], behind}, int(used.size())).first->second;
       samples.surface.push_back(sample);
       ++found;
     }
@@ -113,31 +114,35 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
   samples.object_area =
       tried ? std::numbers::pi * double(radius) * double(radius) * met / tried : 0.0;
   // What is kept of each vertex, in the order in which samples came to them.
-  std::vector<int> order(used.size());
-  for (const auto& [vertex, place] : used) order[std::size_t(place)] = vertex;
+  std::vector<std::pair<int, bool>> order(used.size());
+  for (const auto& [side, place] : used) order[std::size_t(place)] = side;
   const VertexVisibility& all = *scene.directions;
   VertexVisibility& kept = samples.visibility;
   kept.size = all.size, kept.first = {0};
-  for (const int vertex : order) {
+  for (const auto& [vertex, behind] : order) {
     const std::size_t i = std::size_t(vertex);
+    const std::size_t entry = i + (behind && all.sides > 1 ? all.vertex_count() : 0);
     samples.vertices.push_back(scene.mesh.vertices[i]);
-    samples.normals.push_back(scene.normals[i]);
+    samples.normals.push_back(behind ? -scene.normals[i] : scene.normals[i]);
+    samples.origins.push_back(scene.origins[entry]);
     samples.openness.push_back(scene.visibility[i]);
-    kept.edges.insert(kept.edges.end(), all.edges.begin() + all.first[i],
-                      all.edges.begin() + all.first[i + 1]);
+    kept.edges.insert(kept.edges.end(), all.edges.begin() + all.first[entry],
+                      all.edges.begin() + all.first[entry + 1]);
     kept.first.push_back(std::uint32_t(kept.edges.size()));
   }
 }
 
 // Rays start on the round surface that the normals are of, not on flat triangles, which their own
-// neighbours hide: Hanika 2021, Hacking the Shadow Terminator.
+// neighbours hide: Hanika 2021, Hacking the Shadow Terminator. The corners' own origins are on it.
 glm::vec3 ray_start(const Standing& object, const SceneSamples& samples,
                     const SceneSamples::Surface& s, const glm::mat3& turned, glm::vec3 lifted) {
-  glm::vec3 start = s.position;
+  glm::vec3 start(0);
   for (int i = 0; i < 3; ++i) {
-    const glm::vec3 n = s.side * (turned * samples.normals[std::size_t(s.corners[i])]);
-    const glm::vec3 p = turned * samples.vertices[std::size_t(s.corners[i])] + lifted;
-    start -= s.weights[i] * std::min(glm::dot(s.position - p, n), 0.0f) * n;
+    const std::size_t corner = std::size_t(s.corners[i]);
+    const glm::vec3 n = turned * samples.normals[corner];
+    const glm::vec3 p = turned * samples.vertices[corner] + lifted;
+    start += s.weights[i] * (turned * samples.origins[corner] + lifted -
+                             std::min(glm::dot(s.position - p, n), 0.0f) * n);
   }
   return start + kOffset * object.size * s.normal;
 }
@@ -216,16 +221,29 @@ std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
   const glm::vec3 extent = object.box.upper - object.box.lower;
   object.size = std::max({extent.x, extent.y, extent.z});
   if (!(object.size > 0)) return nullptr;
-  samples->bvh = Bvh(object.mesh);
+  samples->bvh = std::make_shared<const Bvh>(object.mesh);
   samples->centre = object.box.centre(), samples->radius = object.box.radius();
   samples->above = 1e-5f * object.size;
-  const Bvh& bvh = samples->bvh;
+  const Bvh& bvh = *samples->bvh;
   set_directions(*samples);
   add_surface(scene, object, bvh, *samples);
   if (samples->empty()) return nullptr;
   trace_surface(object, bvh, glm::vec3(pose.translation), *samples);
   trace_plane(object, bvh, *samples);
   return samples;
+}
+
+std::shared_ptr<const SceneSamples> thinned(const SceneSamples& samples) {
+  constexpr std::size_t kStep = 3;
+  auto few = std::make_shared<SceneSamples>(samples);
+  const std::size_t count = samples.direction_count();
+  few->surface.clear(), few->free.clear();
+  for (std::size_t i = 0; i < samples.surface.size(); i += kStep) {
+    few->surface.push_back(samples.surface[i]);
+    const auto row = samples.free.begin() + std::ptrdiff_t(i * count);
+    few->free.insert(few->free.end(), row, row + std::ptrdiff_t(count));
+  }
+  return few;
 }
 
 }  // namespace fastibl

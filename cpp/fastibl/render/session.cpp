@@ -116,7 +116,7 @@ void Session::choose_methods() {
     measured_ =
         measure_errors(scene_, radiance, options_.methods,
                        candidates(options_.methods, candidate_options(scene_, fixed_environment_)),
-                       options_.cast_shadow);
+                       options_.cast_shadow, !fixed_environment_);
     measured_light_ = faces_of(environment_->radiance);
   }
   if (!choose_due_) return;
@@ -272,8 +272,10 @@ void Session::clear_shares() {
   light_shares_.clear();
   const SelfShadowMethod method = plan_.methods.self_shadow;
   const bool paper = method == SelfShadowMethod::ambient || !scene_.directions;
-  if (method == SelfShadowMethod::none || !paper)
+  if (method == SelfShadowMethod::none)
     light_shares_.assign(scene_.mesh.vertices.size(), glm::vec4(1));
+  else if (!paper)
+    light_shares_.assign(scene_.directions->entries(), glm::vec4(1));
 }
 
 void Session::update_cell_light(const CubeMap& radiance) {

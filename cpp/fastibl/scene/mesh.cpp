@@ -1,7 +1,10 @@
 #include "fastibl/scene/mesh.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
+#include <utility>
 
 #include "fastibl/core/check.h"
 
@@ -54,6 +57,20 @@ void Mesh::validate() const {
     for (int c = 0; c < 3; ++c)
       check(triangles[i][c] >= 0 && std::size_t(triangles[i][c]) < vertices.size(), "triangle ", i,
             " has vertex index ", triangles[i][c], ", expected 0 to ", vertices.size() - 1);
+}
+
+bool is_closed(const Mesh& mesh) {
+  std::map<std::array<float, 3>, int> places;
+  std::vector<int> place;
+  for (const glm::vec3& v : mesh.vertices)
+    place.push_back(places.try_emplace({v.x, v.y, v.z}, int(places.size())).first->second);
+  std::map<std::pair<int, int>, int> edges;  // times that it runs upwards, less downwards
+  for (const glm::ivec3& t : mesh.triangles)
+    for (int k = 0; k < 3; ++k) {
+      const int a = place[std::size_t(t[k])], b = place[std::size_t(t[(k + 1) % 3])];
+      if (a != b) edges[{std::min(a, b), std::max(a, b)}] += a < b ? 1 : -1;
+    }
+  return std::all_of(edges.begin(), edges.end(), [](const auto& edge) { return edge.second == 0; });
 }
 
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {

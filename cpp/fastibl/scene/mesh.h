@@ -20,6 +20,10 @@ struct Mesh {
   bool operator==(const Mesh&) const = default;
 };
 
+// Whether triangles leave no edge free, so that no back of one can be seen from outside: each edge
+// runs one way as often as the other. Vertices at one place count as one.
+bool is_closed(const Mesh& mesh);
+
 // Unit normals of the vertices: those given, else weighted by the angle of each triangle there; +z
 // where none is defined.
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh);

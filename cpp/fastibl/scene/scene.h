@@ -19,19 +19,23 @@ class MeshShadow;
 class SceneSamples;
 
 struct Scene {
-  Mesh mesh;  // marker frame, moved by marker_from_object
+  Mesh
+      mesh;  // marker frame, moved by marker_from_object; perhaps finer than the one that was given
+  std::shared_ptr<const Mesh> given;  // null: `mesh` is
   Material material;
   Pose marker_from_object;
   std::vector<glm::vec3> normals;   // one a vertex, unit
   std::vector<glm::vec4> tangents;  // one a vertex, see vertex_tangents
   std::vector<float> visibility;    // P_V of Eq. 8, one a vertex in [0, 1]
-  // Directions that the object blocks; null: none that is known.
+  // Directions that the object blocks, of an open mesh on both sides; null: none that is known.
   std::shared_ptr<const VertexVisibility> directions;
-  SphereSet spheres;  // proxies of the mesh, in its frame
+  std::vector<glm::vec3> origins;  // of each of its entries: where its rays started, but an offset
+  SphereSet spheres;               // proxies of the mesh, in its frame
   // What the mesh hides of the sky, for the `mesh` shadow, see shadow/mesh_shadow.h; may be null.
   std::shared_ptr<const MeshShadow> baked_shadow = nullptr;
   // What a plan is judged by, see render/scene_samples.h; may be null.
-  std::shared_ptr<const SceneSamples> samples = nullptr;
+  // fewer: a third of them, for light that changes while frames wait.
+  std::shared_ptr<const SceneSamples> samples = nullptr, fewer_samples = nullptr;
   ShadowLook shadow_look;
   // Real objects that hide this one and receive its shadow, see make_holdouts(); null: none.
   std::shared_ptr<const Holdouts> holdouts = nullptr;
@@ -41,6 +45,7 @@ struct Scene {
     if (asked != ShadowMethod::automatic) return asked;
     return baked_shadow ? ShadowMethod::mesh : ShadowMethod::directions;
   }
+  const Mesh& given_mesh() const { return given ? *given : mesh; }
   bool has_holdouts() const { return holdouts && !holdouts->mesh.triangles.empty(); }
   bool casts_shadow() const { return !spheres.empty() || baked_shadow; }
 

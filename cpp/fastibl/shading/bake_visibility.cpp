@@ -7,7 +7,6 @@
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
-#include "fastibl/scene/bvh.h"
 #include "fastibl/scene/octahedral.h"
 
 namespace fastibl {
@@ -50,9 +49,8 @@ VertexVisibility baked(std::size_t count, std::span<const glm::vec3> normals, in
   parallel_for(int(blocks.size()), 1, [&](int begin, int end) {
     for (int b = begin; b < end; ++b)
       for (std::size_t i = std::size_t(b) * kBlock;
-           i < std::min(count, std::size_t(b + 1) * kBlock); ++i) {
+           i < std::min(count, std::size_t(b + 1) * kBlock); ++i)
         append_runs(blocked_around(i, normals[i]), blocks[std::size_t(b)]);
-      }
   });
   result.first.push_back(0);
   for (const Baked& block : blocks) {
@@ -130,15 +128,22 @@ FASTIBL_CLONES void keep_above(const float* x, const float* y, const float* z, i
 
 }  // namespace
 
+float ray_offset(const Mesh& mesh) { return kOffset * bounds(mesh.vertices).radius(); }
+
+VertexVisibility visibility_at(const Bvh& bvh, float offset, std::span<const glm::vec3> points,
+                               std::span<const glm::vec3> normals, int size) {
+  check_size(size);
+  check(points.size() == normals.size(), "there must be as many normals as points, ", points.size(),
+        ", got ", normals.size());
+  return baked(points.size(), normals, size, [&](std::size_t i, glm::vec3 normal) {
+    return blocked_cells(bvh, points[i] + offset * normal, normal, size);
+  });
+}
+
 VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options) {
   mesh.validate();
-  check_size(options.size);
-  const Bvh bvh(mesh);
-  const std::vector<glm::vec3> normals = vertex_normals(mesh);
-  const float offset = kOffset * bounds(mesh.vertices).radius();
-  return baked(mesh.vertices.size(), normals, options.size, [&](std::size_t i, glm::vec3 normal) {
-    return blocked_cells(bvh, mesh.vertices[i] + offset * normal, normal, options.size);
-  });
+  return visibility_at(Bvh(mesh), ray_offset(mesh), mesh.vertices, vertex_normals(mesh),
+                       options.size);
 }
 
 VertexVisibility sphere_visibility(std::span<const glm::vec3> vertices,

@@ -3,6 +3,7 @@
 
 #include <span>
 
+#include "fastibl/scene/bvh.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/shadow_map.h"
 #include "fastibl/scene/vertex_visibility.h"
@@ -19,6 +20,11 @@ struct VisibilityOptions {
 // the mesh's radius along the normal. The marker plane is not included: below the horizon the map
 // holds the table. Deterministic.
 VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options = {});
+
+// The same around any points of a mesh, or near it. offset: along the normal.
+VertexVisibility visibility_at(const Bvh& bvh, float offset, std::span<const glm::vec3> points,
+                               std::span<const glm::vec3> unit_normals, int size);
+float ray_offset(const Mesh& mesh);
 
 // From spheres in its place, for an object that deforms: milliseconds. A sphere that contains a
 // vertex does not hide it, nor does one whose radius or centre is not finite.

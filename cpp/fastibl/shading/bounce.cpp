@@ -113,7 +113,7 @@ std::vector<Exitance> vertex_exitance(const Material& material, const Mesh& mesh
 Bounce find_bounce(const PlaneExchange& exchange, const Scene& scene, const Lighting& lighting,
                    const ShadowMap& shadow, std::span<const glm::vec4> shares) {
   const std::size_t count = scene.mesh.vertices.size();
-  check(exchange.vertex_count() == count && (shares.empty() || shares.size() == count),
+  check(exchange.vertex_count() == count && (shares.empty() || shares.size() % count == 0),
         "the exchange and the shares must be of the mesh's ", count, " vertices, got ",
         exchange.vertex_count(), " and ", shares.size());
   Bounce bounce;

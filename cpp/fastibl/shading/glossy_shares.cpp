@@ -14,10 +14,10 @@
 namespace fastibl {
 namespace {
 
-constexpr int kLanes = 16;        // cells of a group: one cell of a grid of a quarter of the size
-constexpr int kGrain = 64;        // vertices
-constexpr int kFinest = 64;       // cells along an edge
-constexpr float kReach = 2.2f;  // of a Blinn lobe, standard deviations
+constexpr int kLanes = 16;         // cells of a group: one cell of a grid of a quarter of the size
+constexpr int kGrain = 64;         // vertices
+constexpr int kFinest = 64;        // cells along an edge
+constexpr float kReach = 2.2f;     // of a Blinn lobe, standard deviations
 constexpr float kBehind = -0.25f;  // n · v of vertices that no pixel is seen between
 constexpr float kGrazing = 0.02f;
 
@@ -197,9 +197,10 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
   check(visibility.size == light.size(), "light must have the cells of the visibility, ",
         visibility.size, ", got ", light.size());
   check(visibility.vertex_count() == vertices.size() && vertices.size() == normals.size() &&
-            shares.size() == normals.size(),
-        "there must be as many vertices, normals and shares, ", visibility.vertex_count(), ", got ",
-        vertices.size(), ", ", normals.size(), " and ", shares.size());
+            shares.size() == visibility.entries(),
+        "there must be as many vertices and normals, ", visibility.vertex_count(),
+        ", and as many shares as entries, ", visibility.entries(), ", got ", vertices.size(), ", ",
+        normals.size(), " and ", shares.size());
   // Sharper ones fall between the middles of cells.
   constexpr float kSharpest = 3600, kWidest = 1e-2f;
   const float exponent = std::clamp(lobe.exponent, kWidest, kSharpest);
@@ -212,13 +213,13 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
   View common{};
   common.half_exponent = lobe.ggx ? 0 : 0.5f * exponent;
   common.alpha2 = 2 / exponent, common.flatness = 1 - common.alpha2;
-  parallel_for(int(vertices.size()), kGrain, [&](int begin, int end) {
+  parallel_for(int(shares.size()), kGrain, [&](int begin, int end) {
     Blocked blocked;
     for (int i = begin; i < end; ++i) {
-      const std::size_t v = std::size_t(i);
-      shares[v].w = 1;
-      const std::uint32_t first = visibility.first[v], last = visibility.first[v + 1];
-      const glm::vec3 n = normals[v], to = eye - vertices[v];
+      const std::size_t e = std::size_t(i), v = e % vertices.size();
+      shares[e].w = 1;
+      const std::uint32_t first = visibility.first[e], last = visibility.first[e + 1];
+      const glm::vec3 n = e == v ? normals[v] : -normals[v], to = eye - vertices[v];
       const float length = glm::length(to);
       if (first == last || !(length > 0) || !std::isfinite(length)) continue;
       glm::vec3 view = to / length;
@@ -233,7 +234,7 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
       const glm::vec3 mirrored = 2 * at.nv * n - view;
       Sums sums;
       add_up(cells, flux, at, &mirrored.x, least, blocked, lobe.ggx, &sums);
-      if (sums.all > 0) shares[v].w = std::clamp(1 - sums.lost / sums.all, 0.0f, 1.0f);
+      if (sums.all > 0) shares[e].w = std::clamp(1 - sums.lost / sums.all, 0.0f, 1.0f);
     }
   });
 }

@@ -30,7 +30,8 @@ glm::vec3 corner_weights(const PictureCorner& a, const PictureCorner& b, const P
 struct Rasterizer::Geometry {
   const Scene& scene;
   const Camera& camera;
-  const Mesh& holdout;  // may be empty
+  const Mesh& holdout;                     // may be empty
+  std::span<const glm::vec4> back_shares;  // may be empty
   std::span<const glm::vec4> holdout_ratios;
   bool surface;   // tangents are asked for
   bool textured;  // places on the textures are
@@ -132,7 +133,11 @@ void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, s
   Varying v;
   std::memcpy(&v, &mean, sizeof v);
   // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
-  if (edge(a, b, c.x, c.y) > 0) v.normal = -v.normal;
+  if (edge(a, b, c.x, c.y) > 0) {
+    v.normal = -v.normal;
+    if (!g.back_shares.empty())
+      v.share = w.x * g.back_shares[i[0]] + w.y * g.back_shares[i[1]] + w.z * g.back_shares[i[2]];
+  }
   const float length = glm::length(v.normal);
   Fragment& fragment = band.object.emplace_back(Fragment{
       x, y, coverage, v.position, length > 0 ? v.normal / length : glm::vec3(0, 0, 1), v.share});
@@ -173,9 +178,10 @@ std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Ca
                                                     const Pose& camera_from_marker,
                                                     std::span<const glm::vec4> light_shares,
                                                     std::span<const glm::vec4> holdout_ratios) {
-  check(light_shares.empty() || light_shares.size() == scene.mesh.vertices.size(),
-        "there must be a share of the light for each vertex, ", scene.mesh.vertices.size(),
-        ", got ", light_shares.size());
+  const std::size_t own = scene.mesh.vertices.size();
+  check(light_shares.empty() || light_shares.size() == own || light_shares.size() == 2 * own,
+        "there must be a share of the light for each vertex, or each side of them, ", own, ", got ",
+        light_shares.size());
   static const Mesh kNone;
   const Mesh& holdout = scene.has_holdouts() ? scene.holdouts->mesh : kNone;
   check(holdout_ratios.empty() || holdout_ratios.size() == holdout.vertices.size(),
@@ -184,6 +190,7 @@ std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Ca
   const Geometry geometry{scene,
                           camera,
                           holdout,
+                          light_shares.subspan(std::min(own, light_shares.size())),
                           holdout_ratios,
                           !scene.tangents.empty() && scene.material.pbr != nullptr,
                           !scene.mesh.uvs.empty() && scene.material.textured()};

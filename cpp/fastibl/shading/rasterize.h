@@ -41,9 +41,9 @@ class Rasterizer {
  public:
   // Bands of rows from above, none where nothing is seen; valid until the next call. Vertices go
   // through the full lens model; edges between them are straight. Triangles with a vertex behind
-  // the camera or beyond the lens model are left out. light_shares: of each vertex; empty: P_V of
-  // the scene, and all of the glossy light. holdout_ratios: of each vertex of the holdouts; empty:
-  // 1.
+  // the camera or beyond the lens model are left out. light_shares: of each vertex, and perhaps
+  // of their backs after them; empty: P_V of the scene, and all of the glossy light.
+  // holdout_ratios: of each vertex of the holdouts; empty: 1.
   std::span<const FragmentBand> rasterize(const Scene& scene, const Camera& camera,
                                           const Pose& camera_from_marker,
                                           std::span<const glm::vec4> light_shares = {},

@@ -11,8 +11,11 @@
 namespace fastibl {
 namespace {
 
-constexpr int kLevelSize = 32;  // of the map, whose texels are as wide as the finest cells
-constexpr int kGrain = 512;     // vertices
+constexpr int kGrain = 512;  // vertices
+
+bool is_fine(int cells) { return cells >= 64; }
+// Of the map, as wide as the cells or half as wide.
+int finest_level(int cells) { return is_fine(cells) ? 64 : 32; }
 
 // Adds up the runs of each vertex, and turns them into the light that falls on it.
 FASTIBL_CLONES void add_runs(const std::uint32_t* first, const std::uint16_t* edges,
@@ -30,30 +33,39 @@ FASTIBL_CLONES void add_runs(const std::uint32_t* first, const std::uint16_t* ed
 
 }  // namespace
 
+// Cells as fine as a map's texels take the pieces that lie in them; coarse ones, of which an object
+// blocks whole ones or none, share each piece with their neighbours.
 void CellLight::update_pieces(const glm::mat3& object_from_marker, int level_size) {
   const OctahedralGrid& grid = octahedral_grid(size_);
-  // Texels wider than the finest cells are cut, as squares of their face.
-  const int n = std::max(1, kLevelSize / level_size) * level_size;
+  const int parts = std::max(1, finest_level(size_) / level_size), n = parts * level_size;
   const std::vector<double> angles = texel_solid_angles(n);
   pieces_.clear();
+  const auto add = [&](int face, int x, int y) {
+    const glm::vec3 d = object_from_marker * glm::normalize(texel_direction(face, x, y, n));
+    const float angle = float(angles[std::size_t(y) * std::size_t(n) + std::size_t(x)]);
+    if (is_fine(size_)) {
+      const glm::vec2 p = float(size_) * octahedral_point(d);
+      const int cell = grid.cell(std::min(int(p.x), size_ - 1), std::min(int(p.y), size_ - 1));
+      pieces_.push_back({angle * d, angle, cell});
+      return;
+    }
+    const OctahedralGrid::Corners corners = grid.around(d);
+    for (int k = 0; k < 4; ++k)
+      pieces_.push_back(
+          {corners.shares[k] * angle * d, corners.shares[k] * angle, corners.cells[k]});
+  };
   for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < n; ++y)
-      for (int x = 0; x < n; ++x) {
-        const glm::vec3 d = object_from_marker * glm::normalize(texel_direction(f, x, y, n));
-        const OctahedralGrid::Corners corners = grid.around(d);
-        const float angle = float(angles[std::size_t(y) * std::size_t(n) + std::size_t(x)]);
-        Piece piece{angle * d, angle, {}, {}};
-        for (int k = 0; k < 4; ++k)
-          piece.cells[k] = std::uint16_t(corners.cells[k]), piece.shares[k] = corners.shares[k];
-        pieces_.push_back(piece);
-      }
+    for (int y = 0; y < level_size; ++y)
+      for (int x = 0; x < level_size; ++x)  // a wider texel is cut, as squares of its face
+        for (int k = 0; k < parts * parts; ++k)
+          add(f, x * parts + k % parts, y * parts + k / parts);
   level_size_ = level_size, object_from_marker_ = object_from_marker;
 }
 
 void CellLight::update(const CubeMap& radiance, const glm::mat3& object_from_marker, int size) {
   check(radiance.size() > 0, "self-shadow needs a map");
-  const CubeLevel& level = radiance.level_at_most(kLevelSize);
-  const int n = level.size(), parts = std::max(1, kLevelSize / n);
+  const CubeLevel& level = radiance.level_at_most(finest_level(size));
+  const int n = level.size();
   const std::span<const std::uint64_t> versions = radiance.tile_versions();
   const bool same_cells =
       size == size_ && n == level_size_ && object_from_marker == object_from_marker_;
@@ -71,18 +83,17 @@ void CellLight::update(const CubeMap& radiance, const glm::mat3& object_from_mar
   };
   std::vector<Cell> cells(std::size_t(size) * std::size_t(size));
   const Piece* piece = pieces_.data();
+  const std::size_t per_texel = pieces_.size() / (6 * std::size_t(n) * std::size_t(n));
   for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < n * parts; ++y)
-      for (int x = 0; x < n * parts; ++x, ++piece) {
-        const glm::vec3& texel = level.texel(f, x / parts, y / parts);
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x) {
+        const glm::vec3& texel = level.texel(f, x, y);
         const Float4 colour = {texel.x, texel.y, texel.z, 0};
-        const float flux = (texel.x + texel.y + texel.z) * piece->solid_angle;
-        const glm::vec3 m = piece->moment;
-        const Float4 moments[3] = {colour * m.x, colour * m.y, colour * m.z};
-        for (int k = 0; k < 4; ++k) {
-          Cell& cell = cells[piece->cells[k]];
-          for (int c = 0; c < 3; ++c) cell.moments[c] += piece->shares[k] * moments[c];
-          cell.flux += piece->shares[k] * flux;
+        const float sum = texel.x + texel.y + texel.z;
+        for (const Piece* end = piece + per_texel; piece < end; ++piece) {
+          Cell& cell = cells[std::size_t(piece->cell)];
+          for (int c = 0; c < 3; ++c) cell.moments[c] += colour * piece->moment[c];
+          cell.flux += sum * piece->solid_angle;
         }
       }
   // In double: a difference of two sums is exact within the rounding of the sums themselves, not of
@@ -105,33 +116,41 @@ void blocked_irradiance(const VertexVisibility& visibility, const CellLight& lig
                         std::span<const glm::vec3> normals, std::span<glm::vec3> blocked) {
   check(visibility.size == light.size(), "light must have the cells of the visibility, ",
         visibility.size, ", got ", light.size());
-  check(visibility.vertex_count() == normals.size() && normals.size() == blocked.size(),
-        "there must be as many normals and results as vertices, ", visibility.vertex_count(),
-        ", got ", normals.size(), " and ", blocked.size());
-  parallel_for(int(normals.size()), kGrain, [&](int begin, int end) {
-    add_runs(visibility.first.data() + begin, visibility.edges.data(), light.before(0).values,
-             &normals[std::size_t(begin)].x, end - begin, &blocked[std::size_t(begin)].x);
-  });
+  check(visibility.vertex_count() == normals.size() && visibility.entries() == blocked.size(),
+        "there must be as many normals as vertices and results as entries, ",
+        visibility.vertex_count(), " and ", visibility.entries(), ", got ", normals.size(), " and ",
+        blocked.size());
+  const int count = int(normals.size());
+  for (int side = 0; side < visibility.sides; ++side)
+    parallel_for(count, kGrain, [&](int begin, int end) {
+      const std::size_t at = std::size_t(side * count + begin);
+      add_runs(visibility.first.data() + at, visibility.edges.data(), light.before(0).values,
+               &normals[std::size_t(begin)].x, end - begin, &blocked[at].x);
+    });
+  for (std::size_t i = normals.size(); i < blocked.size(); ++i) blocked[i] = -blocked[i];
 }
 
 void diffuse_shares(const VertexVisibility& visibility, const CellLight& light,
                     const Irradiance& irradiance, std::span<const glm::vec3> normals,
                     const glm::mat3& marker_from_object, std::span<glm::vec4> shares) {
-  check(shares.size() == normals.size(), "there must be as many shares as vertices, ",
-        normals.size(), ", got ", shares.size());
-  std::vector<glm::vec3> blocked(normals.size()), turned(normals.size()), all(normals.size());
+  check(shares.size() == visibility.entries(), "there must be as many shares as entries, ",
+        visibility.entries(), ", got ", shares.size());
+  const std::size_t count = shares.size();
+  std::vector<glm::vec3> blocked(count), turned(count), all(count);
   blocked_irradiance(visibility, light, normals, blocked);
-  for (std::size_t i = 0; i < normals.size(); ++i) turned[i] = marker_from_object * normals[i];
+  for (std::size_t i = 0; i < count; ++i)
+    turned[i] = i < normals.size() ? marker_from_object * normals[i] : -turned[i - normals.size()];
   evaluate(irradiance, turned, all);
-  for (std::size_t i = 0; i < normals.size(); ++i)
+  for (std::size_t i = 0; i < count; ++i)
     for (int c = 0; c < 3; ++c)
       shares[i][c] = all[i][c] > 0 ? std::clamp(1 - blocked[i][c] / all[i][c], 0.0f, 1.0f) : 1.0f;
 }
 
 void add_shares(std::span<const glm::vec3> changes, std::span<glm::vec4> shares) {
-  check(changes.size() == shares.size(), "there must be as many changes as shares, ", shares.size(),
-        ", got ", changes.size());
-  for (std::size_t i = 0; i < shares.size(); ++i)
+  check(changes.size() == shares.size() || 2 * changes.size() == shares.size(),
+        "there must be as many changes as vertices, got ", changes.size(), " for ", shares.size(),
+        " shares");
+  for (std::size_t i = 0; i < changes.size(); ++i)
     for (int c = 0; c < 3; ++c) shares[i][c] = std::max(shares[i][c] + changes[i][c], 0.0f);
 }
 

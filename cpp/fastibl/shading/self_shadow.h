@@ -29,12 +29,11 @@ class CellLight {
  private:
   void update_pieces(const glm::mat3& object_from_marker, int level_size);
 
-  // Where a piece of a texel goes: its solid angle times its direction; cells and their shares.
+  // A piece of a texel, or a cell's share of it; as many of each texel.
   struct Piece {
-    glm::vec3 moment;
+    glm::vec3 moment;  // its solid angle times its direction
     float solid_angle;
-    std::uint16_t cells[4];
-    float shares[4];
+    int cell;
   };
   int size_ = 0, level_size_ = 0;
   glm::mat3 object_from_marker_{0};
@@ -44,18 +43,21 @@ class CellLight {
   std::vector<float> flux_;
 };
 
-// Irradiance that the object keeps from each vertex: n · Σ ∫ L w dω over the blocked cells.
-// normals: unit, mesh frame.
+// Results are one an entry of the visibility: of each vertex, and where it has two sides, of their
+// backs after them. normals: of the vertices, unit, mesh frame.
+
+// Irradiance that the object keeps from them: n · Σ ∫ L w dω over the blocked cells.
 void blocked_irradiance(const VertexVisibility& visibility, const CellLight& light,
                         std::span<const glm::vec3> unit_normals, std::span<glm::vec3> blocked);
 
-// Share of the irradiance that reaches each vertex, by channel, in [0, 1]: 1 − blocked/E(n), where
+// Share of the irradiance that reaches them, by channel, in [0, 1]: 1 − blocked/E(n), where
 // E is read from `irradiance`; 1 where there is no light. Written to the first three of `shares`.
 void diffuse_shares(const VertexVisibility& visibility, const CellLight& light,
                     const Irradiance& irradiance, std::span<const glm::vec3> unit_normals,
                     const glm::mat3& marker_from_object, std::span<glm::vec4> shares);
 
-// Changes of shares are added in place, to the first three of each; none gets negative.
+// Changes of the vertices' shares are added in place, to the first three of each, not to those of
+// backs; none gets negative.
 void add_shares(std::span<const glm::vec3> changes, std::span<glm::vec4> shares);
 
 }  // namespace fastibl

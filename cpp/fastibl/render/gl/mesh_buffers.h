@@ -19,6 +19,10 @@ class MeshBuffers {
   // What the object lets through of its light; empty: P_V of the scene.
   void upload_shares(Gpu& gpu, const Scene& scene, std::span<const glm::vec4> shares);
   const Mesh& mesh() const { return mesh_; }
+  // Where shares of the vertices' backs begin; 0: there are none.
+  int backs() const {
+    return share_.size() > mesh_.vertices.size() ? int(mesh_.vertices.size()) : 0;
+  }
   void bind(Gpu& gpu) const;      // the tables,
   void bind_uvs(Gpu& gpu) const;  // and those that pbr materials read besides
 

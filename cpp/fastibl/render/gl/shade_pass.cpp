@@ -296,6 +296,7 @@ void ShadePass::draw_holdout(Gpu& gpu, const RenderInput& in) {
   set_projection(p, in, in.camera_from_marker);
   gpu.bind("visible", visible_);
   holdout_mesh_.bind(gpu);
+  glUniform1i(p.uniform("backs"), holdout_mesh_.backs());
   glUniform2i(p.uniform("quarter"), visible_.width / 2, visible_.height / 2);
   glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   gpu.target(0, holdout_);
@@ -308,6 +309,7 @@ void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
   set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
   gpu.bind("visible", visible_);
   mesh_.bind(gpu);
+  glUniform1i(p.uniform("backs"), mesh_.backs());
   glUniform2i(p.uniform("quarter"), visible_.width / 2, visible_.height / 2);
   glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   gpu.target(0, object_);
