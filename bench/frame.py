@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import time
-
-import cv2
 import numpy as np
 
 import fastibl
 from fastibl._fastibl import with_gl
+from fastibl.measuring.frames import steady
 
 from . import inputs
 from .measure import Row, Timing, row, timing
@@ -22,25 +20,11 @@ def frame_times(
     The first round warms up and is not counted.
     """
     recording = inputs.short_recording()
-    before = fastibl.threads(), cv2.getNumThreads()
-    fastibl.set_threads(threads), cv2.setNumThreads(threads)
-    try:
-        session = fastibl.Session(scene, recording.rig, recording.board, methods=methods, backend=backend)
-        walls, cpus, passes = [], [], []
-        for k in range(rounds + 1):
-            for frame in recording:
-                frame = inputs.later(frame, k * (recording.duration + 0.1))
-                wall, cpu = time.perf_counter(), time.process_time()
-                result = session.process(frame)
-                result.image  # noqa: B018 - the picture has to arrive
-                wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-                if k:
-                    walls.append(wall), cpus.append(cpu), passes.append(dict(result.timings))
-        names = sorted({name for p in passes for name in p} - {"total"})
-        seconds = {name: [p.get(name, 0.0) for p in passes] for name in names}
-        return timing(walls, cpus), {name: timing(s, s) for name, s in seconds.items() if np.median(s) > 0}
-    finally:
-        fastibl.set_threads(before[0]), cv2.setNumThreads(before[1])
+    session = fastibl.Session(scene, recording.rig, recording.board, methods=methods, backend=backend)
+    whole, passes, _ = steady(session, recording, threads, rounds)
+    names = sorted({name for p in passes for name in p} - {"total"})
+    seconds = {name: [p.get(name, 0.0) for p in passes] for name in names}
+    return whole, {name: timing(s, s) for name, s in seconds.items() if np.median(s) > 0}
 
 
 def meshes() -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -79,8 +79,3 @@ def process(recording: fastibl.Recording, scene: fastibl.Scene, **options) -> Pr
 def swept(distance: float) -> Processed:
     """The demo's sweep, processed with walls at this distance."""
     return process(sweep(), scene(), distance=distance)
-
-
-def later(frame: fastibl.Frame, seconds: float) -> fastibl.Frame:
-    """The same pictures, taken later."""
-    return replace(frame, time=frame.time + seconds)

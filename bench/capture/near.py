@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl.room import LOWER, UPPER, Room, truth_map
+from fastibl.viewpoint import looking
 
 from ..goals import Goal, percent, row
 
@@ -165,14 +166,7 @@ def vertex_normals() -> NDArray:
 @cache
 def camera() -> tuple[fastibl.Camera, fastibl.Pose]:
     eye = np.array([0.05, -0.42, 0.24])
-    z = CENTRE - eye
-    z /= np.linalg.norm(z)
-    x = np.cross(z, [0, 0, 1.0])
-    x /= np.linalg.norm(x)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([x, np.cross(z, x), z])
-    matrix[:3, 3] = -matrix[:3, :3] @ eye
-    return fastibl.Camera(640, 640, 1680.0, 1680.0, 320.0, 320.0), fastibl.Pose(matrix)
+    return fastibl.Camera(640, 640, 1680.0, 1680.0, 320.0, 320.0), looking(CENTRE - eye, eye)
 
 
 @cache
@@ -322,17 +316,12 @@ def captured(distance: float) -> NDArray:
     for k in range(30):
         turn = away + np.radians(-70 + 140 * k / 29)
         eye = CENTRE + [0.4 * np.cos(turn), 0.4 * np.sin(turn), 0.25 + 0.05 * np.sin(k)]
-        z = lamp.position + 0.1 * distance * np.sin([k, 2.0 * k, 3.0 * k]) - eye
-        z /= np.linalg.norm(z)
-        right = np.cross(z, [0, 0, 1.0])
-        right /= np.linalg.norm(right)
-        matrix = np.eye(4)
-        matrix[:3, :3] = np.stack([right, np.cross(z, right), z])
-        matrix[:3, 3] = -matrix[:3, :3] @ eye
-        light = light_from(eye, rays @ matrix[:3, :3], lamp).reshape(240, 2, 320, 2, 3).mean(axis=(1, 3))
+        towards = lamp.position + 0.1 * distance * np.sin([k, 2.0 * k, 3.0 * k]) - eye
+        pose = looking(towards, eye)
+        light = light_from(eye, rays @ pose.rotation, lamp).reshape(240, 2, 320, 2, 3).mean(axis=(1, 3))
         exposure = (0.02, 0.7 / lamp.radiance)[k % 2]
         codes = np.round(lens.response.encode(np.clip(light * exposure, 0, 1)) * 255).astype(np.uint8)
-        capture.add(codes, lens, fastibl.Pose(matrix), exposure=exposure, time=k / 15)
+        capture.add(codes, lens, pose, exposure=exposure, time=k / 15)
     return np.asarray(capture.environment().light_positions)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
+from fastibl.viewpoint import looking
 
 from .. import inputs, measure
 from ..goals import Goal, percent, row
@@ -84,17 +85,6 @@ def place(name: str | None) -> Callable[[NDArray], NDArray]:
         return np.maximum(light, 0.01)[..., None] * (1, 0.8, 0.6)
 
     return radiance
-
-
-def looking(towards: NDArray, eye: NDArray) -> fastibl.Pose:
-    """camera_from_marker of a camera held upright."""
-    z = towards / np.linalg.norm(towards)
-    x = np.cross(z, (0, 0, 1))
-    x /= np.linalg.norm(x)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([x, np.cross(z, x), z])
-    matrix[:3, 3] = -matrix[:3, :3] @ eye
-    return fastibl.Pose(matrix)
 
 
 def lens(degrees: float, distorted: bool) -> fastibl.Camera:

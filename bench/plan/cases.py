@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl import reference
+from fastibl.viewpoint import looking
 
 from .. import inputs
 
@@ -81,13 +82,7 @@ def camera() -> fastibl.Camera:
 
 @cache
 def pose() -> fastibl.Pose:
-    z = (TARGET - EYE) / np.linalg.norm(TARGET - EYE)
-    x = np.cross(z, [0.0, 0, 1])
-    x /= np.linalg.norm(x)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([x, np.cross(z, x), z])
-    matrix[:3, 3] = -matrix[:3, :3] @ EYE
-    return fastibl.Pose(matrix)
+    return looking(TARGET - EYE, EYE)
 
 
 def rays(dx: float = 0.5, dy: float = 0.5) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import fastibl
+from fastibl.measuring.frames import later
 
 from .. import inputs
 from ..goals import Goal, percent, row
@@ -24,7 +25,7 @@ def time_budget() -> Iterator[Goal]:
     milliseconds, stated, changes, last = [], 0, 0, None
     for k in range(FRAMES):
         frame = recording[k % len(recording)]
-        frame = inputs.later(frame, (k // len(recording)) * (recording.duration + 0.1))
+        frame = later(frame, (k // len(recording)) * (recording.duration + 0.1))
         begin = time.process_time()
         result = session.process(frame)
         result.image  # noqa: B018 - the picture has to arrive

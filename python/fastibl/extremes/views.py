@@ -2,25 +2,14 @@
 
 import numpy as np
 
-from .._fastibl import Camera, Pose, texel_directions
+from .._fastibl import Camera, texel_directions
+from ..viewpoint import looking as looking
 
 
 def camera_of(width=128, height=96, degrees=80.0, **others):
     """A camera whose picture is `degrees` wide."""
     f = width / 2 / np.tan(np.radians(degrees / 2))
     return Camera(width, height, f, f, width / 2, height / 2, **others)
-
-
-def looking(towards, eye=(0.0, 0.0, 0.05)):
-    """camera_from_marker of a camera at `eye` (metres) that looks along `towards`, upright where it can be."""
-    z = np.asarray(towards, float) / np.linalg.norm(towards)
-    up = np.array([0.0, 0, 1]) if abs(z[2]) < 0.95 else np.array([0.0, 1, 0])
-    x = np.cross(z, up)
-    x /= np.linalg.norm(x)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([x, np.cross(z, x), z])
-    matrix[:3, 3] = -matrix[:3, :3] @ np.asarray(eye, float)
-    return Pose(matrix)
 
 
 def rays_of(camera, pose, split=1):

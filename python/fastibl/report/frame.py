@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -11,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import CubeMap, Environment, Frame, Pose, Session, Tracker
-from .._fastibl import set_threads, with_gl
+from .._fastibl import with_gl
 from ..comparison import level_at_most
 from ..lighting import PAPER
-from ..measuring import Row, Timing, all_cores, one_core, row, seconds_text, side_by_side, timing
+from ..measuring import Row, Timing, all_cores, one_core, row, seconds_text, side_by_side
+from ..measuring.frames import steady
 from ..recording import Recording
 from ..session import Methods
 from ..truth import TruePicture, TrueRenderer, picture_error
@@ -182,30 +182,6 @@ def _strip(view: _View, place: str, pictures: Mapping[str, NDArray]) -> Strip:
     )  # fmt: skip
 
 
-def _steady(recording: Recording, inputs: Inputs, methods: str, backend: str, threads: int, rounds: int):
-    """Whole frames with tracking and capture in steady state: the whole, its passes, and the last result."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(threads), set_threads(threads)
-    try:
-        session = Session(inputs.scene, recording.rig, recording.board, methods=methods, backend=backend)
-        walls, cpus, passes, result = [], [], [], None
-        for k in range(rounds + 1):
-            for frame in recording:
-                later = Frame(
-                    frame.time + k * (recording.duration + 0.1), frame.back, frame.front, frame.back_exposure,
-                    frame.front_exposure,
-                )  # fmt: skip
-                wall, cpu = time.perf_counter(), time.process_time()
-                result = session.process(later)
-                result.image  # noqa: B018 - the picture has to arrive
-                wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-                if k:
-                    walls.append(wall), cpus.append(cpu), passes.append(dict(result.timings))
-        return timing(walls, cpus), passes, result
-    finally:
-        cv2.setNumThreads(before), set_threads(1)
-
-
 def _everything(section: Section, inputs: Inputs) -> None:
     """Adds the time of frames with everything running, and of each pass."""
     recording = inputs.follow
@@ -220,7 +196,8 @@ def _everything(section: Section, inputs: Inputs) -> None:
         settings.append(("auto", "gl", 2))
     for methods, backend, threads in settings:
         try:
-            spent, passes, _ = _steady(recording, inputs, methods, backend, threads, rounds)
+            session = Session(inputs.scene, recording.rig, recording.board, methods=methods, backend=backend)
+            spent, passes, _ = steady(session, recording, threads, rounds)
         except RuntimeError:  # the GL back end is built in, but cannot start here
             continue
         whole[methods, backend, threads] = spent

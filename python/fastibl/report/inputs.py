@@ -13,6 +13,7 @@ from .. import shapes
 from .._fastibl import CubeMap, Material, Mesh, Pose, Scene, fit_spheres, texel_directions
 from ..mesh_shadow import MeshShadow
 from ..recording import Recording, Truth
+from ..viewpoint import looking
 
 SIZE = 128  # face edge of the maps, texels
 HEIGHT = 0.12  # of the object, metres
@@ -129,14 +130,7 @@ def built_in_mesh(effort: Effort = FULL) -> Mesh:
 def pose_around(turn: float = 0.0) -> Pose:
     """Of a camera half a metre away that looks down at the object, turned around it."""
     eye = np.array([0.5 * np.sin(turn), -0.5 * np.cos(turn), 0.35])
-    forward = np.array([0.0, 0.0, 0.05]) - eye
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([right, np.cross(forward, right), forward])
-    matrix[:3, 3] = -matrix[:3, :3] @ eye
-    return Pose(matrix)
+    return looking(np.array([0.0, 0.0, 0.05]) - eye, eye)
 
 
 def truth_of(recording: Recording) -> Truth:
