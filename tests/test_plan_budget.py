@@ -224,3 +224,23 @@ def test_costs_are_kept_and_broken_files_measured_again(tmp_path, monkeypatch):
 def test_bad_budgets_are_refused(scene):
     same_error(lambda: fastibl.make_plan(scene, room(), error=-1), ValueError, "error budget")
     same_error(lambda: fastibl.make_plan(scene, room(), milliseconds=float("nan")), ValueError, "time budget")
+
+
+def test_light_that_is_given_frame_after_frame_is_judged_where_much_of_it_is_new():
+    rig = fastibl.Rig(camera_of(64, 48, 45.0))
+    session = fastibl.Session(fastibl.Scene(fastibl.shapes.figurine(0.12)), rig, error=0.02)
+
+    def shown(cube, of=session):
+        of.set_environment(fastibl.Environment(cube))
+        return of.process(fastibl.Frame(0.0, back_from_marker=looking((0, 0.4, -0.3), (0, -0.4, 0.35)))).plan
+
+    def light(up, side):
+        d = fastibl.texel_directions(16)
+        return fastibl.CubeMap((0.2 + up * (d[..., 2:] > 0.9) + side * (d[..., :1] > 0.9)) * np.ones(3))
+
+    plans = [shown(light(5 + 0.1 * k, 0)) for k in range(6)]
+    assert {p.best_error for p in plans[2:]} == {plans[2].best_error}, "judged anew for light that hardly changed"
+    other, fresh = shown(light(0, 50)), fastibl.Session(session.scene, rig, error=0.02)
+    assert other.best_error != plans[-1].best_error
+    ratio = other.best_error / shown(light(0, 50), fresh).best_error
+    assert 0.5 < ratio < 2, "judged at a third of the places"

@@ -116,7 +116,7 @@ void Session::choose_methods() {
     measured_ =
         measure_errors(scene_, radiance, options_.methods,
                        candidates(options_.methods, candidate_options(scene_, fixed_environment_)),
-                       options_.cast_shadow, !fixed_environment_);
+                       options_.cast_shadow, !fixed_environment_ || set_in_a_row_ > 1);
     measured_light_ = faces_of(environment_->radiance);
   }
   if (!choose_due_) return;
@@ -189,12 +189,19 @@ void Session::set_shadow_look(const ShadowLook& look) {
   stale_ |= product::plane | product::holdout | product::image;
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
+  // Light that is set frame after frame is judged as captured light is: where much of it is new.
+  const bool follows = fixed_environment_ && environment && since_set_ <= 1;
+  set_in_a_row_ = follows ? set_in_a_row_ + 1 : 0, since_set_ = 0;
+  const bool kept = set_in_a_row_ > 1 && !measured_.empty() && !measure_due_ &&
+                    difference(faces_of(environment->radiance), measured_light_) <= kOtherLight;
   fixed_environment_ = environment != nullptr;
   environment_ = std::move(environment);
   // The light did not move there, it is another one: nothing is to fade.
   lighting_.reset();
   renderer_->clear(PassId::shadow);
-  replan();
+  if (!kept) return replan();
+  update_plan();
+  make_stale();
 }
 void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
   check(renderer != nullptr, "a session needs a renderer");
@@ -551,7 +558,7 @@ FrameResult Session::process(const Frame& frame) {
   if (pose) wanted |= product::image;
   for (const PassId id : due_passes(plan_, wanted, stale_))
     timed(id, [&] { return run_pass(id, frame, result, drawn_from); });
-  ++since_measured_;
+  ++since_measured_, ++since_set_;
   if (!fixed_environment_ && environment_)
     measure_due_ = measure_due_ || measured_light_.empty() ||
                    (since_measured_ >= kLeastFrames &&

@@ -184,7 +184,8 @@ class Session {
   MeasuredErrors measured_;
   std::vector<glm::vec3> measured_light_;  // face by face
   bool measure_due_ = true, choose_due_ = false;
-  int since_measured_ = 0;  // frames
+  int since_measured_ = 0, since_set_ = 0;  // frames: methods judged, light given
+  int set_in_a_row_ = 0;                    // times that light was given frame after frame
   TimeBudget time_;
   Products stale_ = product::all & ~product::inputs;
   RecentMotion recent_;
