@@ -22,6 +22,7 @@ constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
 // Share of the light that differs when methods are chosen anew.
 constexpr float kOtherLight = 0.25f;
+constexpr int kStream = 8;           // frames in a row that come with light of their own
 constexpr int kLeastFrames = 60;     // from one time to the next: it takes as long as some frames
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr int kBounceCells = 32;     // of the plane, along an edge
@@ -116,7 +117,7 @@ void Session::choose_methods() {
     measured_ =
         measure_errors(scene_, radiance, options_.methods,
                        candidates(options_.methods, candidate_options(scene_, fixed_environment_)),
-                       options_.cast_shadow, !fixed_environment_ || set_in_a_row_ > 1);
+                       options_.cast_shadow, !fixed_environment_ || set_in_a_row_ >= kStream);
     measured_light_ = faces_of(environment_->radiance);
   }
   if (!choose_due_) return;
@@ -189,10 +190,10 @@ void Session::set_shadow_look(const ShadowLook& look) {
   stale_ |= product::plane | product::holdout | product::image;
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
-  // Light that is set frame after frame is judged as captured light is: where much of it is new.
-  const bool follows = fixed_environment_ && environment && since_set_ <= 1;
+  // Light that comes frame after frame is judged as captured light is: where much of it is new.
+  const bool follows = fixed_environment_ && environment && since_set_ == 1;
   set_in_a_row_ = follows ? set_in_a_row_ + 1 : 0, since_set_ = 0;
-  const bool kept = set_in_a_row_ > 1 && !measured_.empty() && !measure_due_ &&
+  const bool kept = set_in_a_row_ >= kStream && !measured_.empty() && !measure_due_ &&
                     difference(faces_of(environment->radiance), measured_light_) <= kOtherLight;
   fixed_environment_ = environment != nullptr;
   environment_ = std::move(environment);
