@@ -3,6 +3,7 @@
 ./dev bench                   all
 ./dev bench lighting real     some of them
 ./dev bench shadow-pictures   docs/shadow.md and its pictures, which `all` leaves as they are
+./dev bench plan-pictures     the picture of docs/plan.md, likewise
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import time
 from .measure import ROOT, cpu, table, write_rows, yardstick_seconds
 from .plot import plot
 
-PICTURES = "shadow-pictures"
+PICTURES = {"shadow-pictures": "bench.shadows.pictures", "plan-pictures": "bench.plan.pictures"}
 NAMES = ("lighting", "shadow", "tracking", "frame", "real", "peers")
 
 
@@ -23,15 +24,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="./dev bench", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)} (default: all), {PICTURES}")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)} (default: all), {', '.join(PICTURES)}"
+    )
     given = parser.parse_args(arguments)
     for name in given.names:
-        if name not in (*NAMES, PICTURES):
-            parser.error(f"no benchmark {name!r}; there are: {', '.join((*NAMES, PICTURES))}")
+        if name not in (*NAMES, *PICTURES):
+            parser.error(f"no benchmark {name!r}; there are: {', '.join((*NAMES, *PICTURES))}")
     print(f"{cpu()}; yardstick {1e3 * yardstick_seconds():.2f} ms")
     for name in given.names or NAMES:
-        if name == PICTURES:
-            for drawn in importlib.import_module("bench.shadows.pictures").main():
+        if name in PICTURES:
+            for drawn in importlib.import_module(PICTURES[name]).main():
                 print(f"written: {drawn.relative_to(ROOT)}")
             continue
         begin = time.perf_counter()
