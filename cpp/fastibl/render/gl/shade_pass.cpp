@@ -8,14 +8,13 @@
 #include "fastibl/scene/glossy.h"
 #include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/shared_formulas.h"
+#include "fastibl/shading/sample_cells.h"
 
 namespace fastibl {
 namespace {
 
 constexpr unsigned kFirstHoldout = 0x80000000u;  // as in shade.frag.glsl
 constexpr int kBaked = 5, kLobes = 6;            // variants that read a cube map, and lobes
-// The four samples of a pixel in 1/256, where GPUs and the CPU's rasteriser put them.
-constexpr int kSampleX[4] = {96, 224, 32, 160}, kSampleY[4] = {32, 96, 160, 224};
 
 bool lit(glm::vec3 colour) { return colour != glm::vec3(0); }
 
