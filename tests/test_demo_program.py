@@ -123,7 +123,8 @@ def test_same_bytes_as_python(recording, folder, obj, methods, tmp_path):
 
 
 def test_tracks_the_board(recording, folder, tmp_path):
-    """Poses of its own detector: the same picture up to a small shift of the edges."""
+    """Poses of its own detector: the same picture up to a small shift of the edges, and what other pixels in the map make
+    of the choice of the shadow's directions."""
     matte = "--recording", folder, "--glossy", "0,0,0", "--headless", "--out"
     run(*matte, tmp_path / "track")
     run(*matte, tmp_path / "truth", "--poses", "truth")
@@ -131,7 +132,7 @@ def test_tracks_the_board(recording, folder, tmp_path):
     for a, b, frame in zip(tracked, true, recording, strict=True):
         difference = np.abs(a.astype(int) - b).mean()
         drawn = np.abs(b.astype(int) - frame.back).mean()
-        assert difference < 0.2 * drawn
+        assert difference < 0.3 * drawn
 
 
 def test_video_recording_gives_the_same(recording, folder, tmp_path):
