@@ -117,7 +117,7 @@ void Session::choose_methods() {
     measured_ =
         measure_errors(scene_, radiance, options_.methods,
                        candidates(options_.methods, candidate_options(scene_, fixed_environment_)),
-                       options_.cast_shadow, !fixed_environment_ || set_in_a_row_ >= kStream);
+                       options_.cast_shadow, !fixed_environment_);
     measured_light_ = faces_of(environment_->radiance);
   }
   if (!choose_due_) return;
