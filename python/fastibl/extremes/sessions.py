@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 
@@ -60,8 +61,10 @@ def cases() -> Iterator[Case]:
         )
 
 
-def _scene(material: Material | None = None) -> Scene:
-    return Scene(ball_mesh(steps=8), material or Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=8)
+@cache  # sessions have copies of it
+def _scene(matte: bool = False) -> Scene:
+    material = Material() if matte else Material(glossy=(0.2, 0.2, 0.2))
+    return Scene(ball_mesh(steps=8), material, spheres=4, visibility_rays=8)
 
 
 def _session(backend: str = "cpu", environment="blue and red lamps", **options) -> Session:
@@ -162,7 +165,7 @@ def _long_capture() -> Outcome:
     views = _sweep((0.5,))
     camera = views[0][1]
     methods = {**METHODS, "diffuse": "sh9", "bounce": "none", "self_shadow": "none"}
-    session = Session(_scene(Material()), Rig(camera), methods=methods, size=32)
+    session = Session(_scene(matte=True), Rig(camera), methods=methods, size=32)
     begin, mean = 0, 0.0
     for k in range(1000):
         picture, _, pose, exposure = views[k % len(views)]
