@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_gl import gl_missing
 from test_occlusion import soup
+from test_self_shadow import BOXES
 
 import fastibl
 from fastibl.extremes.views import looking
@@ -126,6 +127,13 @@ def test_a_refined_mesh_is_the_same_surface_without_cracks():
     np.testing.assert_array_equal(fine.vertices[: len(three)], closed.vertices)
     np.testing.assert_allclose(area(fine), area(closed), rtol=1e-5)
     edges = edges_of(fine)
+    assert all(edges[b, a] == count for (a, b), count in edges.items()), "an edge that ends in the middle of another"
+
+
+def test_no_cracks_along_creases_whose_faces_have_vertices_of_their_own():
+    fine = fastibl.Scene(BOXES, spheres=0).refined_mesh
+    edges = edges_of(fine)
+    assert len(fine.vertices) > 2 * len(BOXES.vertices)
     assert all(edges[b, a] == count for (a, b), count in edges.items()), "an edge that ends in the middle of another"
 
 

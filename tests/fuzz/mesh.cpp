@@ -52,7 +52,7 @@ void work_out(Input& in, const Mesh& mesh) {
 
 void split(Input& in, const Mesh& mesh) {
   const std::size_t most = mesh.vertices.size() + 60;
-  const RefinedMesh refined = refine(mesh, {in.share(), int(most), in.chance(2)});
+  const RefinedMesh refined = refine(mesh, Bvh(mesh), {in.share(), int(most), in.chance(2)});
   refined.mesh.validate();
   const std::size_t count = refined.mesh.vertices.size();
   require(count <= most && count == mesh.vertices.size() + refined.parents.size() &&

@@ -36,7 +36,9 @@ void add_directions(const SceneOptions& options, Scene& scene) {
   RefineOptions finer;
   finer.backs = backs;
   if (!options.refine) finer.most_vertices = 0;
-  RefinedMesh refined = refine(scene.mesh, finer);
+  const Bvh bvh(scene.mesh);
+  const float offset = ray_offset(scene.mesh);
+  RefinedMesh refined = refine(scene.mesh, bvh, finer);
   if (!refined.parents.empty()) {
     interpolate(refined, scene.visibility);
     scene.given = std::make_shared<const Mesh>(std::move(scene.mesh));
@@ -54,8 +56,7 @@ void add_directions(const SceneOptions& options, Scene& scene) {
   const int cells = options.direction_cells > 0          ? options.direction_cells
                     : scene.mesh.vertices.size() > 20000 ? 32
                                                          : 64;
-  VertexVisibility visibility = visibility_at(
-      Bvh(scene.given_mesh()), ray_offset(scene.given_mesh()), points, normals, cells);
+  VertexVisibility visibility = visibility_at(bvh, offset, points, normals, cells);
   visibility.sides = backs ? 2 : 1;
   scene.directions = std::make_shared<const VertexVisibility>(std::move(visibility));
 }

@@ -7,7 +7,6 @@
 #include <set>
 #include <utility>
 
-#include "fastibl/scene/bvh.h"
 #include "fastibl/scene/octahedral.h"
 #include "fastibl/shading/bake_visibility.h"
 
@@ -57,8 +56,8 @@ float missed(const Sky& middle, glm::vec3 normal, const Sky& a, glm::vec3 normal
 
 class Refiner {
  public:
-  Refiner(const Mesh& mesh, const RefineOptions& options)
-      : base_(mesh), options_(options), bvh_(mesh) {
+  Refiner(const Mesh& mesh, const Bvh& bvh, const RefineOptions& options)
+      : base_(mesh), options_(options), bvh_(bvh) {
     refined_.mesh = mesh;
     refined_.mesh.normals = base_.normals = vertex_normals(mesh);
     const Bounds box = bounds(mesh.vertices);
@@ -74,8 +73,7 @@ class Refiner {
   }
 
   RefinedMesh run() {
-    if (int(base_.vertices.size()) >= options_.most_vertices || !(area_ > 0))
-      return std::move(refined_);
+    if (!(area_ > 0)) return std::move(refined_);
     // Every edge may miss its share of what all may: some thousand of them.
     constexpr float kEdges = 3000;
     least_ = options_.error * options_.error * float(area_) / kEdges;
@@ -149,21 +147,36 @@ class Refiner {
     back_.insert(back_.end(), back.begin(), back.end());
   }
 
+  // Edges by place that are to be looked at: all that lie there then are, so that none is left
+  // whole beside one that is split.
+  std::set<Edge> doubtful_places() const {
+    std::set<Edge> doubtful;
+    for (const glm::ivec3& t : refined_.mesh.triangles)
+      for (int k = 0; k < 3; ++k) {
+        const std::size_t a = std::size_t(t[k]), b = std::size_t(t[(k + 1) % 3]);
+        const float length = glm::length(refined_.mesh.vertices[a] - refined_.mesh.vertices[b]);
+        if (!(length > kShortest * size_)) continue;
+        const Edge places = edge_of(place_[a], place_[b]);
+        if (kept_.contains(places) || doubtful.contains(places)) continue;
+        if (length >= kShort * size_ || !ends_agree(a, b, area(t) / 3)) doubtful.insert(places);
+      }
+    return doubtful;
+  }
+
   // Middles of edges that were not looked at before, with what is missed there.
   void find_candidates() {
     const Mesh& mesh = refined_.mesh;
+    const std::set<Edge> doubtful = doubtful_places();
     std::map<Edge, std::size_t> found;
     candidates_.clear();
     for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
       for (int k = 0; k < 3; ++k) {
         const Edge edge = edge_of(mesh.triangles[t][k], mesh.triangles[t][(k + 1) % 3]);
         const std::size_t a = std::size_t(edge.first), b = std::size_t(edge.second);
-        const float length = glm::length(mesh.vertices[a] - mesh.vertices[b]);
-        if (!(length > kShortest * size_)) continue;
         const Edge places = edge_of(place_[a], place_[b]);
+        if (!doubtful.contains(places)) continue;
+        const float length = glm::length(mesh.vertices[a] - mesh.vertices[b]);
         const float part = area(mesh.triangles[t]) / 3;
-        if (kept_.contains(places)) continue;
-        if (length < kShort * size_ && ends_agree(a, b, part)) continue;
         const auto [at, is_new] = found.try_emplace(edge, candidates_.size());
         if (!is_new) {
           candidates_[at->second].area += part;
@@ -301,7 +314,7 @@ class Refiner {
 
   Mesh base_;
   RefineOptions options_;
-  Bvh bvh_;
+  const Bvh& bvh_;
   float size_ = 0, offset_ = 0;
   double area_ = 0;
   float least_ = 0;      // error times area for which an edge is split
@@ -318,8 +331,10 @@ class Refiner {
 
 }  // namespace
 
-RefinedMesh refine(const Mesh& mesh, const RefineOptions& options) {
-  return Refiner(mesh, options).run();
+RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const RefineOptions& options) {
+  if (int(mesh.vertices.size()) >= options.most_vertices)
+    return {mesh, mesh.vertices, mesh.vertices, {}};
+  return Refiner(mesh, bvh, options).run();
 }
 
 }  // namespace fastibl

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "fastibl/scene/bvh.h"
 #include "fastibl/scene/mesh.h"
 
 namespace fastibl {
@@ -18,7 +19,7 @@ struct RefineOptions {
 // The same surface, its triangles split at the middle of edges: what was interpolated over a
 // triangle still is. Vertices of the mesh come first.
 struct RefinedMesh {
-  Mesh mesh;  // with normals
+  Mesh mesh;  // with normals, where anything was split
   // Of each vertex: where rays start, on the round surface that the normals are of, not on flat
   // triangles, which their own neighbours hide: Hanika 2021, Hacking the Shadow Terminator.
   std::vector<glm::vec3> origins, back_origins;
@@ -26,8 +27,8 @@ struct RefinedMesh {
 };
 
 // An edge is split where the share of the sky that is free at its middle differs from the mean of
-// its ends. 130 rays an edge that is longer than 1/60 of the mesh.
-RefinedMesh refine(const Mesh& mesh, const RefineOptions& options = {});
+// its ends. bvh: of the mesh. 130 rays an edge that is longer than 1/60 of the mesh.
+RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const RefineOptions& options = {});
 
 // A value of the new vertices from those of the old: the means along edges.
 template <typename T>
