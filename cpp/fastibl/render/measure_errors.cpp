@@ -55,8 +55,7 @@ struct Lobe {
   float exponent = 0, alpha2 = 0, least = 0;  // below `least`, n·h, there is 1e-4 of the peak
   bool ggx = false;
 
-  explicit Lobe(const Material& m)
-      : exponent(m.lobe().value_or(LobeShape{0}).exponent), ggx(m.pbr != nullptr) {
+  explicit Lobe(LobeShape shape) : exponent(shape.exponent), ggx(shape.ggx) {
     // Sharper ones fall between the directions.
     constexpr float kSharpest = 600;
     exponent = std::min(exponent, kSharpest);
@@ -79,7 +78,7 @@ Truth truth_of(const SceneSamples& samples, const Flux& flux, const Material& ma
   const std::size_t count = samples.surface.size(), directions = samples.direction_count();
   Truth truth{Colours(count), Colours(count), Colours(count), Colours(count), Colours(count)};
   const bool glossy = material.lobe().has_value();
-  const Lobe lobe(material);
+  const Lobe lobe(material.lobe().value_or(LobeShape{0}));
   parallel_for(int(count), kGrain, [&](int begin, int end) {
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
       const SceneSamples::Surface& s = samples.surface[i];

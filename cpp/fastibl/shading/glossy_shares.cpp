@@ -1,7 +1,6 @@
 #include "fastibl/shading/glossy_shares.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <vector>
@@ -57,10 +56,10 @@ struct Flux {
 Flux flux_of(const CellLight& light, std::size_t count) {
   const std::vector<float>& own = light.flux();
   Flux flux{std::vector<float>(count, 0.0f), std::vector<float>(count / kLanes, 0.0f)};
-  for (std::size_t k = 0; k < std::max(count, own.size()); ++k)
-    flux.cells[k * count / std::max(count, own.size())] +=
-        own[k * own.size() / std::max(count, own.size())] *
-        (own.size() < count ? float(own.size()) / float(count) : 1.0f);
+  const std::size_t finer = std::max(count, own.size());
+  const float part = float(own.size()) / float(finer);  // of an own cell
+  for (std::size_t k = 0; k < finer; ++k)
+    flux.cells[k * count / finer] += part * own[k * own.size() / finer];
   for (std::size_t k = 0; k < count; ++k) flux.groups[k / kLanes] += flux.cells[k];
   return flux;
 }
