@@ -123,16 +123,16 @@ def test_same_bytes_as_python(recording, folder, obj, methods, tmp_path):
 
 
 def test_tracks_the_board(recording, folder, tmp_path):
-    """Poses of its own detector: the same picture up to a small shift of the edges, and what other pixels in the map make
-    of the choice of the shadow's directions."""
-    matte = "--recording", folder, "--glossy", "0,0,0", "--headless", "--out"
+    """Poses of its own detector: the same picture up to a small shift of the edges. Without its shadow, whose
+    directions are chosen by maps that differ by some pixels."""
+    matte = "--recording", folder, "--glossy", "0,0,0", "--shadow-strength", 0, "--headless", "--out"
     run(*matte, tmp_path / "track")
     run(*matte, tmp_path / "truth", "--poses", "truth")
     tracked, true = pictures(tmp_path / "track"), pictures(tmp_path / "truth")
     for a, b, frame in zip(tracked, true, recording, strict=True):
         difference = np.abs(a.astype(int) - b).mean()
         drawn = np.abs(b.astype(int) - frame.back).mean()
-        assert difference < 0.3 * drawn
+        assert difference < 0.2 * drawn
 
 
 def test_video_recording_gives_the_same(recording, folder, tmp_path):
