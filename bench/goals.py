@@ -103,7 +103,7 @@ def formatted(title: str, goals: Sequence[Goal]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    from . import capture, light, paper, plan, shadows  # noqa: F401 - fill their tables
+    from . import capture, light, paper, plan, product, shadows  # noqa: F401 - fill their tables
     from .measure import commit, cpu, yardstick_seconds
 
     parser = argparse.ArgumentParser(
