@@ -59,6 +59,7 @@ from .lighting import Lighting, Method, methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
 from .session import Session, make_plan
+from .sh_files import write_sh
 from .tracking import RotationTracker, Tracker
 
 __all__ = [
@@ -129,6 +130,7 @@ __all__ = [
     "texel_solid_angles",
     "threads",
     "write_environment",
+    "write_sh",
 ]
 
 
