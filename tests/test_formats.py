@@ -1,5 +1,6 @@
 """File formats of maps and light: round trips, orientation by one marked map, files that are damaged or hostile."""
 
+import base64
 import json
 import struct
 import zlib
@@ -255,3 +256,232 @@ def test_faces_of_different_sizes(marked, tmp_path):
     same_error(lambda: fastibl.read_environment(paths[0]), ValueError, "m_ny.hdr", "7 x 7", "32 x 32")
     paths[3].unlink()
     same_error(lambda: fastibl.read_environment(paths[0]), FileNotFoundError, "m_ny.hdr")
+
+
+def triangle_gltf(**changed):
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], "<f4").tobytes()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(points).decode()
+    content = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}],
+        "images": [{"uri": "white.png"}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": kind} for kind in ("VEC3", "VEC2")],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": uri}],
+    }
+    return content | changed
+
+
+LAUGHS = [{"children": [k + 1, k + 1]} for k in range(64)] + [{"mesh": 0}]
+NO_VIEW = [{"componentType": 5126, "count": 1 << 31, "type": "VEC3"}] * 2
+HOSTILE_GLTF = {
+    "leaves": (dict(buffers=[{"byteLength": 36, "uri": "../points.bin"}]), "outside of its folder"),
+    "escapes": (dict(buffers=[{"byteLength": 36, "uri": "%2e%2e/points.bin"}]), "outside of its folder"),
+    "absolute": (dict(buffers=[{"byteLength": 36, "uri": "/dev/zero"}]), "outside of its folder"),
+    "missing": (dict(buffers=[{"byteLength": 36, "uri": "none.bin"}]), "not there"),
+    "laughs": (dict(nodes=LAUGHS), "nodes form"),
+    "ring": (dict(nodes=[{"mesh": 0, "children": [0]}]), "nodes form"),
+    "nothing": (dict(accessors=NO_VIEW), "accessors"),
+    "beyond": (dict(accessors=[{"bufferView": 0, "componentType": 5126, "count": 9, "type": "VEC3"}] * 2), ""),
+    "wrong": (dict(nodes=[7]), "damaged"),
+    "scenes": (dict(scenes=[[]]), "damaged"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HOSTILE_GLTF)
+def test_hostile_gltf_is_refused(name, tmp_path):
+    folder = tmp_path / "object"
+    folder.mkdir()
+    (tmp_path / "points.bin").write_bytes(bytes(36))
+    cv2.imwrite(str(folder / "white.png"), np.full((2, 2, 3), 255, np.uint8))
+    path = folder / "a.gltf"
+    path.write_text(json.dumps(triangle_gltf()))
+    assert len(fastibl.read_object(path)[0].triangles) == len(fastibl.read_mesh(path).triangles) == 1
+    changed, word = HOSTILE_GLTF[name]
+    path.write_text(json.dumps(triangle_gltf(**changed)))
+    for read in (fastibl.read_object, fastibl.read_mesh):
+        same_error(lambda read=read: read(path), ValueError, "a.gltf", word)
+
+
+@pytest.mark.parametrize(
+    "uri, word", [("../white.png", "outside"), ("bomb.png", "60000 x 60000"), ("text.png", "JPEG")]
+)
+def test_hostile_textures_are_refused(uri, word, tmp_path):
+    folder = tmp_path / "object"
+    folder.mkdir()
+    cv2.imwrite(str(tmp_path / "white.png"), np.full((2, 2, 3), 255, np.uint8))
+    (folder / "bomb.png").write_bytes(bomb_png(60000, 60000))
+    (folder / "text.png").write_text("no picture")
+    (folder / "a.gltf").write_text(json.dumps(triangle_gltf(images=[{"uri": uri}])))
+    same_error(lambda: fastibl.read_object(folder / "a.gltf"), ValueError, "a.gltf", word)
+    assert len(fastibl.read_mesh(folder / "a.gltf").triangles) == 1  # looks at no texture
+
+
+@pytest.mark.parametrize("content", [b"[" * 100000, b"[]", b"{}", b"glTF" + bytes(40)])
+def test_what_is_no_gltf(content, tmp_path):
+    for ending in (".glb", ".gltf"):
+        (tmp_path / f"a{ending}").write_bytes(content)
+        for read in (fastibl.read_object, fastibl.read_mesh):
+            same_error(lambda read=read, ending=ending: read(tmp_path / f"a{ending}"), ValueError, f"a{ending}")
+
+
+PLY = b"ply\nformat %b 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\nproperty float z\n"
+PLY += b"element face 2\nproperty list uint int vertex_indices\nend_header\n"
+HOSTILE_MESHES = {
+    "binary.ply": PLY % b"binary_little_endian" + bytes(100),
+    "ascii.ply": PLY % b"ascii" + b"0 0 0\n",
+    "list.ply": PLY.replace(b"4000000000", b"1") % b"binary_little_endian" + bytes(12) + struct.pack("<I", 4000000000),
+    "index.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4000000000\n",
+    "many.stl": bytes(80) + struct.pack("<I", 4000000000) + bytes(50),
+    "archive.zip": b"PK\3\4" + bytes(60),
+    "archive.3mf": b"PK\3\4" + bytes(60),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE_MESHES)
+def test_hostile_meshes_are_refused(name, tmp_path):
+    (tmp_path / name).write_bytes(HOSTILE_MESHES[name])
+    same_error(lambda: fastibl.read_mesh(tmp_path / name), ValueError, name)
+
+
+def test_large_files_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("fastibl.file_limits.MOST_BYTES", 99)
+    for name, read in (("a.ktx2", fastibl.read_environment), ("a.hdr", fastibl.read_environment),
+                       ("a.obj", fastibl.read_mesh), ("a.glb", fastibl.read_object)):  # fmt: skip
+        (tmp_path / name).write_bytes(bytes(100))
+        same_error(lambda name=name, read=read: read(tmp_path / name), ValueError, name, "100 bytes", "99")
+
+
+def glb(path):
+    data = path.read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def test_gltf_light(marked, tmp_path):
+    """Its picture bytes, decoded as Babylon.js does, and its harmonics, where the readers look them up."""
+    fastibl.write_gltf_light(tmp_path / "light.glb", marked, size=32)
+    content, body = glb(tmp_path / "light.glb")
+    light = content["extensions"]["EXT_lights_image_based"]["lights"][0]
+    assert content["scenes"][0]["extensions"]["EXT_lights_image_based"]["light"] == 0
+    assert light["specularImageSize"] == 32 and len(light["specularImages"]) == 2
+    faces = []
+    for index in light["specularImages"][0]:
+        view = content["bufferViews"][content["images"][index]["bufferView"]]
+        png = body[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+        bgra = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED) / 255
+        faces.append(bgra[..., 2::-1] ** 2.2 / bgra[..., 3:])
+    faces = np.array(faces)
+    for d in away_from_edges():
+        x, y, z = gltf(d)
+        np.testing.assert_allclose(opengl_lookup(faces, (-x, y, z)), opengl_lookup(marked.faces, d), rtol=0.02)
+    n = units(100)
+    x, y, z = np.moveaxis(gltf(n) * [-1, 1, 1], -1, 0)
+    # Peter-Pike Sloan 2008, Stupid Spherical Harmonics Tricks, appendix A2: with the Condon-Shortley phase.
+    basis = np.stack([0.282095 + 0 * x, -0.488603 * y, 0.488603 * z, -0.488603 * x, 1.092548 * x * y, -1.092548 * y * z,
+                      0.315392 * (3 * z * z - 1), -1.092548 * x * z, 0.546274 * (x * x - y * y)], axis=-1)  # fmt: skip
+    true = reference.irradiance(marked, n)
+    off = np.abs(basis @ np.array(light["irradianceCoefficients"]) - true).mean() / true.mean()
+    print(f"irradiance of the harmonics {100 * off:.2f} % off the sum")
+    assert off < 0.03
+
+    fastibl.write_gltf_light(tmp_path / "light.gltf", marked, size=32)
+    text = json.loads((tmp_path / "light.gltf").read_text())
+    assert text["extensions"] == content["extensions"]
+    assert (
+        base64.b64decode(text["images"][0]["uri"].partition(",")[2]) == body[: content["bufferViews"][0]["byteLength"]]
+    )
+    same_error(lambda: fastibl.write_gltf_light(tmp_path / "a.glb", marked, size=48), ValueError, "48", "power of two")
+    same_error(lambda: fastibl.write_gltf_light(tmp_path / "a.obj", marked), ValueError, "a.obj", ".glb")
+
+
+def test_rgbd_keeps_the_range():
+    from fastibl.gltf_light import rgbd
+
+    linear = np.geomspace(0.01, 255, 3000).astype(np.float32).reshape(-1, 1) * [1, 0.5, 0.25]
+    coded = rgbd(linear.astype(np.float32)) / 255
+    back = coded[:, :3] ** 2.2 / coded[:, 3:]
+    off = np.abs(back / linear - 1)
+    print(f"RGBD: at most {100 * off.max():.1f} % off, mean bias {100 * (back / linear - 1).mean():.3f} %")
+    assert off[linear.max(axis=1) > 1].max() < 0.02 and abs((back / linear - 1).mean()) < 1e-3
+    assert (rgbd(np.float32([[0, 0, 0], [1e6, 0, 0]])) == [[0, 0, 0, 255], [255, 0, 0, 1]]).all()
+
+
+@pytest.mark.parametrize("axes", ["marker", "gltf"])
+def test_usd_dome_light(marked, tmp_path, axes):
+    """Looked up through the transform and by the words of UsdLuxDomeLight: +z in the middle, +x to its left, +y up."""
+    usd, lux = (pytest.importorskip(f"pxr.{name}", reason="pip install usd-core") for name in ("Usd", "UsdLux"))
+    from pxr import UsdGeom
+
+    path, picture = fastibl.write_usd(tmp_path / "light.usda", marked, axes=axes, height=128)
+    stage = usd.Stage.Open(str(path))
+    assert UsdGeom.GetStageUpAxis(stage) == {"gltf": "Y", "marker": "Z"}[axes]
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1
+    (prim,) = (p for p in stage.Traverse() if p.IsA(lux.DomeLight))
+    light = lux.DomeLight(prim)
+    assert light.GetTextureFormatAttr().Get() == "latlong" and light.GetIntensityAttr().Get() == 1
+    file = light.GetTextureFileAttr().Get().resolvedPath
+    assert file == str(picture)
+    image = fastibl.pictures.read_picture(picture)
+    world_from_dome = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(usd.TimeCode.Default())).T[:3, :3]
+    checked = 0
+    for d in units(300):
+        x, y, z = world_from_dome.T @ (gltf(d) if axes == "gltf" else d)
+        row, column = int(np.arccos(y) / np.pi * 128), int((0.5 - np.arctan2(x, z) / (2 * np.pi)) * 256) % 256
+        around = image[max(row - 6, 0) : row + 7, np.arange(column - 7, column + 8) % 256]
+        if np.ptp(around, axis=(0, 1)).max() < 0.01:
+            np.testing.assert_allclose(image[row, column], opengl_lookup(marked.faces, d), rtol=0.02)
+            checked += 1
+    assert checked > 100
+    same_error(lambda: fastibl.write_usd(tmp_path / "a.usd", marked), ValueError, "a.usd", ".usda")
+    same_error(lambda: fastibl.write_usd(tmp_path / "a.usda", marked, axes="unity"), ValueError, "unity")
+    same_error(lambda: fastibl.write_usd(tmp_path / "a.usda", marked, format="png"), ValueError, "png")
+
+
+@pytest.fixture(scope="module")
+def shadow(marked):
+    spheres = np.array([[0.1, 0.05, 0.1, 0.1]], np.float32)
+    return fastibl.cast_shadow(marked, spheres, extent=0.4, resolution=32)
+
+
+def test_shadow_exr(shadow, tmp_path):
+    openexr = pytest.importorskip("OpenEXR", reason="pip install fastibl[exr]")
+    about = fastibl.write_shadow(tmp_path / "s.exr", shadow)
+    with openexr.File(str(tmp_path / "s.exr")) as file:
+        header, channels = dict(file.header()), {name: np.array(c.pixels) for name, c in file.channels().items()}
+    ratio, matte = channels["ratio"], channels["RGBA"]
+    n = len(ratio)
+    assert header["extent"] == pytest.approx(shadow.reach) and header["metresPerPixel"] == pytest.approx(
+        2 * shadow.reach / n
+    )
+    np.testing.assert_allclose(header["centre"], shadow.centre)
+    assert about["extent"] == pytest.approx(shadow.reach)
+    # Rows from the top are +y downwards.
+    for row, column in ((n // 2, n // 2), (n // 2 - 3, n // 2 + 5), (2, n - 5)):
+        x = (column + 0.5) / n * 2 * shadow.reach - shadow.reach + shadow.centre[0]
+        y = shadow.reach - (row + 0.5) / n * 2 * shadow.reach + shadow.centre[1]
+        np.testing.assert_allclose(ratio[row, column], shadow.sample([[x, y]])[0], atol=1e-5)
+    assert ratio.min() < 0.9 and (matte[..., :3] == 0).all()
+    # Over a white plate, premultiplied: the plate's luminance times the ratio's.
+    over = matte[..., :3] + (1 - matte[..., 3:])
+    np.testing.assert_allclose(over[..., 0], ratio @ [0.2126, 0.7152, 0.0722], atol=1e-5)
+
+
+def test_shadow_png(shadow, tmp_path):
+    fastibl.write_shadow(tmp_path / "s.png", shadow, extent=0.3, resolution=50)
+    rgba = cv2.imread(str(tmp_path / "s.png"), cv2.IMREAD_UNCHANGED)
+    about = json.loads((tmp_path / "s.json").read_text())
+    assert rgba.shape == (50, 50, 4) and rgba.dtype == np.uint16 and (rgba[..., :3] == 0).all()
+    assert about["extent"] == 0.3 and about["metresPerPixel"] == pytest.approx(0.012) and about["file"] == "s.png"
+    alpha = rgba[..., 3] / 65535
+    row, column = np.unravel_index(np.argmax(alpha), alpha.shape)
+    x, y = (column + 0.5) * 0.012 - 0.3 + shadow.centre[0], 0.3 - (row + 0.5) * 0.012 + shadow.centre[1]
+    np.testing.assert_allclose(alpha[row, column], 1 - shadow.sample([[x, y]])[0] @ [0.2126, 0.7152, 0.0722], atol=1e-4)
+    same_error(lambda: fastibl.write_shadow(tmp_path / "s.jpg", shadow), ValueError, "s.jpg", ".exr")
+    same_error(lambda: fastibl.write_shadow(tmp_path / "s.png", shadow, extent=0), ValueError, "extent")
+    same_error(lambda: fastibl.write_shadow(tmp_path / "s.png", shadow, resolution=9999), ValueError, "4096")
