@@ -12,7 +12,8 @@ from test_export import gltf, opengl_lookup
 
 import fastibl
 from conftest import same_error, units
-from fastibl import ktx2, reference, sh_files
+from fastibl import __main__, ktx2, reference, sh_files
+from fastibl.axes import to_axes
 from fastibl.file_limits import MOST_PIXELS
 
 
@@ -485,3 +486,54 @@ def test_shadow_png(shadow, tmp_path):
     same_error(lambda: fastibl.write_shadow(tmp_path / "s.jpg", shadow), ValueError, "s.jpg", ".exr")
     same_error(lambda: fastibl.write_shadow(tmp_path / "s.png", shadow, extent=0), ValueError, "extent")
     same_error(lambda: fastibl.write_shadow(tmp_path / "s.png", shadow, resolution=9999), ValueError, "4096")
+
+
+def test_export_as_one_ktx2(marked, tmp_path, capsys):
+    """The command's cubes are those of Lighting, looked up by their handedness."""
+    fastibl.write_environment(tmp_path / "room.ktx2", marked)
+    command = [
+        "export",
+        str(tmp_path / "room.ktx2"),
+        "--out",
+        str(tmp_path / "light"),
+        "--format",
+        "ktx2",
+        "--size",
+        "32",
+    ]
+    command += ["--levels", "4", "--sh", "filament", "three.js", "--gltf", "--usd"]
+    assert __main__.main(command) == 0
+    assert "light.glb" in capsys.readouterr().out
+    also = {"sh.txt", "sh.json", "probe.txt", "probe.json", "light.glb", "light.usda", "light_dome.hdr"}
+    cubes = {"environment.ktx2", "irradiance.ktx2", "prefiltered.ktx2"}
+    assert {p.name for p in (tmp_path / "light").iterdir()} == {"light.json"} | also | cubes
+    manifest = json.loads((tmp_path / "light" / "light.json").read_text())
+    assert set(manifest["also"]) == also and manifest["handedness"] == "left"
+    assert [level["files"] for level in manifest["prefiltered"]["levels"]] == [["prefiltered.ktx2"]] * 4
+    levels = ktx2.read_ktx2(tmp_path / "light" / "prefiltered.ktx2")
+    (even,) = ktx2.read_ktx2(tmp_path / "light" / "irradiance.ktx2")
+    read = fastibl.read_environment(tmp_path / "room.ktx2")
+    lighting = fastibl.Lighting(to_axes(read, "gltf"))
+    for made, expected in zip(
+        [even, *levels], [lighting.irradiance_cube(16), *lighting.prefiltered(32, 4)], strict=True
+    ):
+        for d in away_from_edges(50):
+            x, y, z = gltf(d)
+            np.testing.assert_allclose(
+                opengl_lookup(made, (-x, y, z)), opengl_lookup(expected.faces, (x, y, z)), rtol=1e-3
+            )
+    same_error(lambda: fastibl.export_light(marked, tmp_path, format="ktx2", size=4, levels=7), ValueError, "levels")
+    same_error(lambda: fastibl.export_light(marked, tmp_path, sh=["unity"]), ValueError, "unity", "filament")
+    same_error(lambda: fastibl.export_light(marked, tmp_path, format="ktx2", handedness="up"), ValueError, "up", "left")
+
+
+def test_command_reads_encoded_pictures(tmp_path, capsys):
+    cv2.imwrite(str(tmp_path / "room.png"), np.full((16, 32, 3), 188, np.uint8))
+    command = ["export", str(tmp_path / "room.png"), "--out", str(tmp_path / "light"), "--size", "8", "--levels", "2"]
+    assert __main__.main(command) == 2
+    assert "--response" in capsys.readouterr().err
+    assert __main__.main([*command, "--response", "srgb"]) == 0
+    manifest = json.loads((tmp_path / "light" / "light.json").read_text())
+    np.testing.assert_allclose(manifest["sh9"]["radiance"][0], [0.5029 * np.sqrt(4 * np.pi)] * 3, rtol=1e-3)
+    with pytest.raises(SystemExit):
+        __main__.main([*command, "--response", "film"])
