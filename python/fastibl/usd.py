@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ._fastibl import CubeMap, Environment, equirect_from_cubemap
+from ._fastibl import CubeMap, Environment
 from .axes import matrix, turned
+from .environment_files import averaged_equirect
 from .pictures import LINEAR, write_picture
 
 # A dome's own frame has its pole along +y, whatever is up in the stage, and its picture is as OpenEXR has it: longitude
@@ -47,8 +48,7 @@ def write_usd(
     picture_from_marker = _PICTURE_FROM_DOME @ _DOME_FROM_STAGE.get(axes, np.eye(3, dtype=int)) @ matrix(axes)
     radiance = cube.radiance if isinstance(cube, Environment) else cube
     picture = path.with_name(f"{path.stem}_dome.{format}")
-    image = equirect_from_cubemap(turned(radiance, picture_from_marker), height=height or 2 * radiance.size)
-    write_picture(picture, image)
+    write_picture(picture, averaged_equirect(turned(radiance, picture_from_marker), height))
     path.write_text(_stage(picture.name, axes), encoding="utf-8")
     return [path, picture]
 
