@@ -2,12 +2,15 @@
 
 import base64
 import json
+import re
 import struct
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
 from test_export import gltf, opengl_lookup
 
 import fastibl
@@ -15,6 +18,7 @@ from conftest import same_error, units
 from fastibl import __main__, ktx2, reference, sh_files
 from fastibl.axes import to_axes
 from fastibl.file_limits import MOST_PIXELS
+from hostile import MORE, is_light, mutated, outcome
 
 
 def away_from_edges(count=200):
@@ -202,6 +206,7 @@ HOSTILE = {
     "cut.png": (bomb_png(32, 16)[:50], "cut off"),
     "empty.png": (b"", "no PNG"),
     "huge.hdr": (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 200000\n" + bytes(99), "200000 x 100000"),
+    "liar.hdr": (b"#?RADIANCE\n-Y 2 +X 4\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 200000\n", "200000 x 100000"),
     "digits.hdr": (b"#?RADIANCE\n\n-Y " + b"9" * 5000 + b" +X 2\n", "no Radiance"),
     "cut.hdr": (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16 +X 32\n" + bytes(99), "cut off"),
     "huge.jpg": (b"\xff\xd8\xff\xc0\0\x11\x08\xff\xff\xff\xff\x03" + bytes(20) + b"\xff\xd9", "65535 x 65535"),
@@ -377,7 +382,7 @@ def test_gltf_light(marked, tmp_path):
         png = body[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
         bgra = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED) / 255
         faces.append(bgra[..., 2::-1] ** 2.2 / bgra[..., 3:])
-    faces = np.array(faces)
+    faces = np.array(faces)[:, ::-1]  # the reader puts each face upright
     for d in away_from_edges():
         x, y, z = gltf(d)
         np.testing.assert_allclose(opengl_lookup(faces, (-x, y, z)), opengl_lookup(marked.faces, d), rtol=0.02)
@@ -537,3 +542,42 @@ def test_command_reads_encoded_pictures(tmp_path, capsys):
     np.testing.assert_allclose(manifest["sh9"]["radiance"][0], [0.5029 * np.sqrt(4 * np.pi)] * 3, rtol=1e-3)
     with pytest.raises(SystemExit):
         __main__.main([*command, "--response", "film"])
+
+
+def test_the_examples_of_the_page_run(marked, tmp_path, monkeypatch):
+    page = Path(__file__).resolve().parents[1] / "docs" / "files.md"
+    if not page.is_file():
+        pytest.skip("needs the source tree")
+    pytest.importorskip("OpenEXR", reason="pip install fastibl[exr]")
+    monkeypatch.chdir(tmp_path)
+    fastibl.write_environment("room.hdr", marked)
+    cv2.imwrite("panorama.jpg", np.full((16, 32, 3), 200, np.uint8))
+    names = {}
+    for block in re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL):
+        exec(compile(block, str(page), "exec"), names)
+    made = {"room.exr", "room.ktx2", "sh.txt", "light.glb", "light.usda", "shadow.exr", "shadow.png", "shadow.json"}
+    assert made <= {p.name for p in tmp_path.iterdir()}
+
+
+@pytest.mark.parametrize("ending", ["dds", "png", "jpg"])
+def test_any_bytes_give_a_map_or_words(ending, tmp_path):
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(dds([with_alpha(np.ones((6, 4, 4, 3), np.float32))], "<f2"))
+    response = None
+    if ending != "dds":
+        cv2.imwrite(str(path), np.random.default_rng(0).integers(0, 256, (4, 8, 3), np.uint8))
+        response = fastibl.Response.srgb()
+    content, read = path.read_bytes(), 0
+
+    @MORE
+    @given(mutated(content))
+    def check(data):
+        nonlocal read
+        path.write_bytes(data)
+        cube = outcome(lambda: fastibl.read_environment(path, size=4, response=response))
+        if cube is not None:
+            is_light(cube.faces)
+            read += 1
+
+    check()
+    assert read > 0

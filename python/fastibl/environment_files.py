@@ -81,7 +81,7 @@ def write_environment(
     cube map of half floats (to 1/2048, up to 65504).
 
     axes: "marker", z up: an equirectangular picture has z at the top, its centre along +y, x to the right of it.
-    "gltf", as three.js, Filament and Khronos' viewer have it, y up: a direction (x, y, z) of the marker frame becomes
+    "gltf", as three.js and Khronos' viewer have it, y up: a direction (x, y, z) of the marker frame becomes
     (x, z, -y), and a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi.
     layout: "equirect", 2 height x height pixels, by default 4 x 2 face edges. Or cube faces in the axes' own order
     +x -x +y -y +z -z with OpenGL's orientation (row 0 of the side faces is y = +1, of +y z = -1, of -y z = +1):

@@ -1,8 +1,8 @@
 """glTF 2.0 files (.glb, .gltf) with a map as their light: extension EXT_lights_image_based.
 
 https://github.com/KhronosGroup/glTF/tree/main/extensions/2.0/Vendor/EXT_lights_image_based. Its text leaves open how
-RGBD is encoded, the sign of the harmonics and the handedness of the cube; here they are as Babylon.js reads them, which
-Microsoft and Adobe wrote the extension with.
+RGBD is encoded, how faces are flipped, the sign of the harmonics and the handedness of the cube; here they are as
+Babylon.js reads them, which Microsoft and Adobe wrote the extension with.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def write_gltf_light(
     # Cube coordinates of the extension's readers are left-handed, for the harmonics as for the faces.
     mirrored = [handed(level, "left").faces for level in levels]
     harmonics = Lighting(handed(turned, "left")).sh9.astype(np.float64) * (COSINE * _PHASE)[:, None]
-    pictures = [[_png(rgbd(face)) for face in faces] for faces in mirrored]
+    pictures = [[_png(rgbd(face[::-1])) for face in faces] for faces in mirrored]  # "flipped", as they are put upright
     _write(path, _light(size, harmonics, len(pictures)), sum(pictures, []))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import struct
 
-_RADIANCE = re.compile(rb"^[-+][XY] +(\d{1,10}) +[-+][XY] +(\d{1,10})\s*$", re.MULTILINE)
+_RADIANCE = re.compile(rb"[-+]Y +(\d{1,10}) +[-+]X +(\d{1,10})[ \r]*\n")
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOF0 to SOF15 but DHT, JPG, DAC
 
 
@@ -39,7 +39,9 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
 
 def radiance_size(data: bytes) -> tuple[int, int]:
     """(width, height) of a Radiance .hdr file. Raises ValueError for what is none."""
-    found = _RADIANCE.search(data[:65536])
+    # The size is the line after the header's blank line; a comment may hold one that is none.
+    end = data.find(b"\n\n", 0, 65536)
+    found = _RADIANCE.match(data, end + 2) if end > 0 else None
     if not data.startswith(b"#?") or not found:
         raise ValueError("it is no Radiance picture")
     return int(found[2]), int(found[1])

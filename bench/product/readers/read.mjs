@@ -1,7 +1,7 @@
-// What needs no screen: three.js' LightProbe, ktx-parse, and the Khronos validator of glTF.
-import { readFileSync } from "node:fs";
+// What needs no screen: three.js' LightProbe, ktx-parse (which writes theirs.ktx2), the Khronos validator of glTF.
+import { readFileSync, writeFileSync } from "node:fs";
 import * as THREE from "three";
-import { read } from "ktx-parse";
+import { read, write } from "ktx-parse";
 import validator from "gltf-validator";
 
 const { folder, normals } = JSON.parse(readFileSync(0));
@@ -11,6 +11,7 @@ const probe = new THREE.ObjectLoader().parse(JSON.parse(readFileSync(`${folder}/
 const irradiance = normals.map((n) => probe.sh.getIrradianceAt(new THREE.Vector3(...n), new THREE.Vector3()).toArray());
 
 const cube = read(bytes("prefiltered.ktx2"));
+writeFileSync(`${folder}/theirs.ktx2`, write(cube));
 const texture = {
   format: cube.vkFormat, faces: cube.faceCount, size: cube.pixelWidth, levels: cube.levels.map((l) => l.levelData.length),
   transfer: cube.dataFormatDescriptor[0].transferFunction, keys: Object.keys(cube.keyValue),
