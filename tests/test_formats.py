@@ -51,6 +51,8 @@ def test_ktx2_and_dds_lie_where_they_are_looked_up(marked, tmp_path, axes, hande
         x, y, z = gltf(d) if axes == "gltf" else d
         at = (-x, y, z) if handedness == "left" else (x, y, z)
         np.testing.assert_allclose(opengl_lookup(faces, at), opengl_lookup(marked.faces, d), rtol=1e-3)
+    same_error(lambda: fastibl.write_environment(path, marked, "strip"), ValueError, "layout", "m.ktx2")
+    same_error(lambda: fastibl.write_environment(path, marked, height=8), ValueError, "height", "m.ktx2")
     for name in ("m.ktx2", "m.dds"):
         back = fastibl.read_environment(tmp_path / name, axes=axes, handedness=handedness)
         np.testing.assert_allclose(back.faces, marked.faces, rtol=1 / 2048)

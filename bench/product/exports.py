@@ -199,7 +199,11 @@ def _by_web(
     if why:
         yield skipped("three.js, Babylon.js, ktx-parse, glTF validator", why)
         return
-    packages = readers.install()
+    try:
+        packages = readers.install()
+    except RuntimeError as error:
+        yield skipped("three.js, Babylon.js, ktx-parse, glTF validator", str(error))
+        return
 
     def named(*endings: str) -> list[Path]:
         made = []

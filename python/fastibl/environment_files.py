@@ -99,8 +99,8 @@ def write_environment(
     if layout != "equirect" and height is not None:
         raise ValueError(f'height goes with layout "equirect", not "{layout}"')
     if path.suffix.lower() == ".ktx2":
-        if height is not None:
-            raise ValueError("height goes with equirectangular pictures, not .ktx2")
+        if height is not None or layout != "equirect":
+            raise ValueError(f"layout and height go with pictures, not {path.name}: .ktx2 is a cube map as it is")
         ktx2.write_ktx2(path, [handed(to_axes(radiance, axes), handedness).faces])
         return [path]
     if layout == "equirect":

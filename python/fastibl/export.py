@@ -68,7 +68,7 @@ def export_light(
     alphas = _level_parameters(mapping, levels)
     turned = to_axes(radiance, axes)
     lighting = Lighting(turned)
-    made = lighting.prefiltered(size, levels, mapping=mapping, error=error)
+    made = [level for level in lighting.prefiltered(size, levels, mapping=mapping, error=error) if level is not None]
     diffuse = lighting.irradiance_cube(irradiance)
 
     folder = Path(folder)

@@ -48,7 +48,7 @@ def write_gltf_light(
     turned = to_axes(cube.radiance if isinstance(cube, Environment) else cube, "gltf")
     levels = Lighting(turned).prefiltered(size, (size // _SMALLEST).bit_length(), mapping="gltf", error=error)
     # Cube coordinates of the extension's readers are left-handed, for the harmonics as for the faces.
-    mirrored = [handed(level, "left").faces for level in levels]
+    mirrored = [handed(level, "left").faces for level in levels if level is not None]
     harmonics = Lighting(handed(turned, "left")).sh9.astype(np.float64) * (COSINE * _PHASE)[:, None]
     pictures = [[_png(rgbd(face[::-1])) for face in faces] for faces in mirrored]  # "flipped", as they are put upright
     _write(path, _light(size, harmonics, len(pictures)), sum(pictures, []))

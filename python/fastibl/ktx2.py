@@ -48,7 +48,8 @@ def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32
     index = _INDEX.pack(at, len(descriptor), at + len(descriptor), len(keys), 0, 0)
     at += len(descriptor) + len(keys)
     # The smallest level comes first; each begins at a multiple of a texel.
-    places, body = [], b""
+    places: list[bytes] = []
+    body = b""
     for level in reversed(levels):
         body += bytes(-(at + len(body)) % 8)
         data = texels.encode_rgba16f(np.asarray(level, np.float32))

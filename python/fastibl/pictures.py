@@ -114,8 +114,8 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
             headers = [dict(part.header) for part in file.parts]  # closing empties them
     except Exception as error:  # OpenEXR raises what its C++ side raises
         raise ValueError(f"{path} is not an OpenEXR picture that can be read: {error}") from error
-    for header in headers:
-        _check_exr_header(path, header, exr)
+    pixels = sum(_exr_pixels(path, header, exr) for header in headers)
+    check_pixels(path, pixels, 1)  # of all parts together
     try:
         with exr.File(str(path)) as file:
             channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
@@ -129,8 +129,8 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
     return np.stack([channels[c] for c in "RGB"], axis=-1).astype(np.float32)
 
 
-def _check_exr_header(path: Path, header: dict[str, Any], exr: Any) -> None:
-    """Raises ValueError for more pixels in all channels together than of an RGB picture, and for deep pictures."""
+def _exr_pixels(path: Path, header: dict[str, Any], exr: Any) -> int:
+    """Pixels of a part, counted anew for every three channels. Raises ValueError for too many, or deep ones."""
     if header.get("type") not in (None, exr.scanlineimage, exr.tiledimage):
         raise ValueError(f"{path} holds deep pixels; expected a flat picture")
     try:
@@ -138,7 +138,9 @@ def _check_exr_header(path: Path, header: dict[str, Any], exr: Any) -> None:
         layers = -(-len(header["channels"]) // 3)
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is not an OpenEXR picture that can be read: its header is damaged") from error
-    check_pixels(path, right - left + 1, bottom - top + 1, max(layers, 1))
+    width, height = right - left + 1, bottom - top + 1
+    check_pixels(path, width, height, max(layers, 1))
+    return width * height * layers
 
 
 def _rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -17,7 +17,7 @@ CONVENTIONS = ("filament", "three.js")
 
 NAMES = ("L00", "L1-1", "L10", "L11", "L2-2", "L2-1", "L20", "L21", "L22")
 # Of the real orthonormal basis 1; y, z, x; xy, yz, 3 z^2 - 1, xz, x^2 - y^2.
-BASIS = np.sqrt([1 / 4, 3 / 4, 3 / 4, 3 / 4, 15 / 4, 15 / 4, 5 / 16, 15 / 4, 15 / 16] / np.float64(np.pi))
+BASIS = np.sqrt(np.array([1 / 4, 3 / 4, 3 / 4, 3 / 4, 15 / 4, 15 / 4, 5 / 16, 15 / 4, 15 / 16]) / np.pi)
 # Of the clamped cosine, by order: irradiance is the sum of these times radiance. Ramamoorthi and Hanrahan 2001, Eq. 8.
 COSINE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
 

@@ -51,7 +51,8 @@ def write_shadow(
         "orientation": "row 0 is +y, column 0 is -x, marker frame",
     }
     if suffix == ".exr":
-        attributes = {"extent": extent, "centre": np.float32(shadow.centre), "metresPerPixel": 2 * extent / resolution}
+        centre = np.asarray(shadow.centre, np.float32)
+        attributes = {"extent": extent, "centre": centre, "metresPerPixel": 2 * extent / resolution}
         write_exr(path, _layers(ratio, opacity), attributes)
         return {"file": path.name, **about}
     _write_png(path, opacity)
