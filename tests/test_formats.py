@@ -120,6 +120,33 @@ def test_dds_levels(tmp_path, kind, legacy):
         np.testing.assert_allclose(made, level, rtol=1 / 2048 if kind == "<f2" else 0)
 
 
+def bc6h_block(code):
+    """One color in 4 x 4 texels, as end points of 10 bits in mode 11, and its value."""
+    bits = 3
+    for k, end in enumerate((*code, *code)):
+        bits |= int(end) << (5 + 10 * k)
+    halves = (((code.astype(np.uint32) << 16) + 0x8000) >> 10) * 31 >> 6
+    return bits.to_bytes(16, "little"), halves.astype("<u2").view("<f2").astype(np.float32)
+
+
+def test_bc6h_dds(tmp_path):
+    pytest.importorskip("OpenImageIO", reason="pip install fastibl[dds]")
+    codes = np.random.default_rng(0).integers(200, 600, (6, 2, 2, 3))
+    data, n = dds([np.ones((6, 8, 8, 4))], "<f2")[:128] + struct.pack("<5I", 95, 3, 4, 1, 0), 8
+    data = data[:28] + struct.pack("<I", 2) + data[32:]  # levels
+    expected = np.empty((6, n, n, 3), np.float32)
+    for face in range(6):
+        for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            block, value = bc6h_block(codes[face, row, column])
+            data += block
+            expected[face, 4 * row : 4 * row + 4, 4 * column : 4 * column + 4] = value
+        data += bytes(16)  # level 1 of the face
+    (tmp_path / "a.dds").write_bytes(data)
+    np.testing.assert_array_equal(fastibl.dds.read_dds(tmp_path / "a.dds")[0], expected)
+    cube = fastibl.read_environment(tmp_path / "a.dds", axes="marker", handedness="right")
+    np.testing.assert_array_equal(cube.faces, expected)
+
+
 def test_packed_floats():
     """R11G11B10 and RGB9E5 by values that they hold exactly."""
     from fastibl.texels import decode
@@ -229,7 +256,8 @@ HOSTILE = {
     "flat.dds": (D3D9[:112] + bytes(4) + bytes(200), "no cube map"),
     "cut.dds": (DDS[:-1], "cut off"),
     "five.dds": (D3D9[:112] + struct.pack("<I", 0x7E00) + bytes(999), "no cube"),
-    "bc6h.dds": (DDS[:128] + struct.pack("<5I", 95, 3, 4, 1, 0) + bytes(999), "DXGI_FORMAT 95"),
+    "bc7.dds": (DDS[:128] + struct.pack("<5I", 98, 3, 4, 1, 0) + bytes(999), "DXGI_FORMAT 98"),
+    "bc6h.dds": (DDS[:128] + struct.pack("<5I", 95, 3, 4, 1, 0) + bytes(95), "cut off"),
     "huge.dds": (DDS[:12] + struct.pack("<2I", 1 << 31, 1 << 31)
                  + DDS[20:], "pixels are read"),
     "picture.tif": (b"II*\0" + bytes(64), ".hdr, .exr"),
