@@ -243,12 +243,3 @@ def test_parts_that_are_inside_out_stay_seen():
 
 def test_from_inside_a_closed_mesh_its_backs_are_seen():
     assert (lit(ball(2.0), DOWN, visibility_rays=0)[..., 3] == 1).all()
-
-
-def test_a_pixel_of_many_small_triangles_is_shaded_as_one_surface():
-    """A ball of triangles smaller than pixels looks as one of large triangles with the same normals does."""
-    a, b = (lit(ball(0.25, n), DOWN, visibility_rays=0) for n in (6, 3))
-    inside = (a[..., 3] == 1) & (b[..., 3] == 1)
-    off = np.abs(a - b)[inside].max() / b[inside].max()
-    print(f"{inside.sum()} pixels, at most {off:.4f} off")
-    assert inside.sum() > 1500 and off < 0.01

@@ -163,73 +163,26 @@ void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, s
   }
 }
 
-namespace {
-
-constexpr float kSmooth = 0.9f;  // cosine between normals that one shading stands for
-
-bool share_corner(glm::ivec3 a, glm::ivec3 b) {
-  for (int k = 0; k < 3; ++k)
-    if (a[k] == b.x || a[k] == b.y || a[k] == b.z) return true;
-  return false;
-}
-
-// Means by coverage.
-void merge(const Fragment& other, Fragment& into) {
-  const float coverage = into.coverage + other.coverage, part = other.coverage / coverage;
-  into.coverage = coverage;
-  into.position += part * (other.position - into.position);
-  into.normal += part * (other.normal - into.normal);
-  into.normal /= glm::length(into.normal);
-  into.share += part * (other.share - into.share);
-  into.uv += part * (other.uv - into.uv);
-}
-
-}  // namespace
-
-// Triangles that share a vertex and turn but little are one surface, which is shaded once. shown:
-// the triangles of a pixel's fragments.
-bool Rasterizer::merge_last(const Geometry& g, std::span<const int> shown,
-                            std::span<Fragment> fragments) const {
-  const Fragment& last = fragments.back();
-  const glm::ivec3 corners = g.corners_of(std::size_t(shown.back()));
-  for (std::size_t i = 0; i + 1 < fragments.size(); ++i)
-    if (share_corner(corners, g.corners_of(std::size_t(shown[i]))) &&
-        glm::dot(fragments[i].normal, last.normal) >= kSmooth) {
-      merge(last, fragments[i]);
-      return true;
-    }
-  return false;
-}
-
 // Once a triangle, at the middle of the samples that it covers.
 void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, FragmentBand& band) const {
   const SampleCell* cell = window.cells;
-  int shown[kSamples];
   for (int y = window.top; y <= window.bottom; ++y)
-    for (int x = window.left; x <= window.right; ++x, ++cell) {
-      const std::array<std::int32_t, kSamples>& triangles = cell->triangle;
-      const std::size_t first = band.object.size();
+    for (int x = window.left; x <= window.right; ++x, ++cell)
       for (std::size_t s = 0; s < kSamples; ++s) {
-        const int t = triangles[s];
+        const int t = cell->triangle[s];
         if (t < 0) continue;
-        int count = 0, px = 0, py = 0;
+        int count = 0;
         bool before = false;
+        std::int64_t px = 0, py = 0;
         for (std::size_t k = 0; k < kSamples; ++k) {
-          if (triangles[k] != t) continue;
+          if (cell->triangle[k] != t) continue;
           before = before || k < s;
           px += kSampleX[k], py += kSampleY[k], ++count;
         }
-        if (before) continue;
-        add(g, t, x, y, count, std::int64_t{x} * kSubpixel + px / count,
-            std::int64_t{y} * kSubpixel + py / count, band);
-        if (count == kSamples) break;
-        if (std::size_t(t) >= g.own_triangles()) continue;
-        const std::size_t fragments = band.object.size() - first;
-        shown[fragments - 1] = t;
-        if (fragments > 1 && merge_last(g, {shown, fragments}, {&band.object[first], fragments}))
-          band.object.pop_back();
+        if (!before)
+          add(g, t, x, y, count, std::int64_t{x} * kSubpixel + px / count,
+              std::int64_t{y} * kSubpixel + py / count, band);
       }
-    }
 }
 
 std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& camera,
