@@ -1,0 +1,36 @@
+// The window's panel: every command as a check box, a list or a button.
+#pragma once
+
+#include <string>
+
+struct GLFWwindow;
+
+namespace fastibl::demo {
+
+class Player;
+
+class Interface {
+ public:
+  static constexpr int kWidth = 300;  // pixels, of the panel at the window's left
+
+  // With the window's context current, after the window's own callbacks were set. desktop_gl: the
+  // library draws with that alone.
+  Interface(GLFWwindow* window, bool desktop_gl);
+  ~Interface();  // with the context current
+  Interface(const Interface&) = delete;
+  Interface& operator=(const Interface&) = delete;
+
+  bool usable() const { return usable_; }
+  // Lays the panel out and does what is clicked.
+  void build(Player& player);
+  void render();            // as built last; with the context current
+  bool takes_keys() const;  // a text field has the focus
+
+ private:
+  void build_group(Player& player, std::string_view group);
+
+  bool usable_ = false, built_ = false;
+  std::string file_;  // in the text field
+};
+
+}  // namespace fastibl::demo
