@@ -75,7 +75,9 @@ Interface::~Interface() {
 
 void Interface::build_group(Player& player, std::string_view group) {
   const std::string title(group);
-  if (!ImGui::CollapsingHeader(title.c_str(), ImGuiTreeNodeFlags_DefaultOpen)) return;
+  // Methods are many, and the plan chooses well.
+  const auto open = group == "methods" ? ImGuiTreeNodeFlags_None : ImGuiTreeNodeFlags_DefaultOpen;
+  if (!ImGui::CollapsingHeader(title.c_str(), open)) return;
   int in_row = 0;
   bool small_before = false;
   for (const Command& command : commands()) {

@@ -11,7 +11,8 @@ class Player;
 
 class Interface {
  public:
-  static constexpr int kWidth = 300;  // pixels, of the panel at the window's left
+  // Pixels, of the panel at the window's left; high enough for what is open at first.
+  static constexpr int kWidth = 300, kHeight = 560;
 
   // With the window's context current, after the window's own callbacks were set. desktop_gl: the
   // library draws with that alone.

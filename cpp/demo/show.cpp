@@ -20,7 +20,7 @@ constexpr double kIdle = 0.05;  // seconds between looks at a window whose frame
 #ifndef FASTIBL_WITH_INTERFACE
 // Built without the library: keys and overlays do all.
 struct Interface {
-  static constexpr int kWidth = 0;
+  static constexpr int kWidth = 0, kHeight = 0;
   Interface(GLFWwindow*, bool) {}
   bool usable() const { return false; }
   void build(Player&) {}
@@ -40,7 +40,8 @@ class Viewer {
         [&] { interface_ = std::make_unique<Interface>(window_.handle(), window_.desktop_gl()); });
     player_.show_interface = args.interface;
     const Camera& camera = player_.source().rig().back;
-    window_.set_size(camera.width + left(), std::max(camera.height, left() > 0 ? 720 : 0));
+    window_.set_size(camera.width + left(),
+                     std::max(camera.height, left() > 0 ? Interface::kHeight : 0));
     window_.wait(0);
   }
   ~Viewer() {

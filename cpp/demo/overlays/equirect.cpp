@@ -64,11 +64,14 @@ void draw_field(Canvas& canvas, const Inset& inset, const Camera& camera,
   const glm::dmat3 marker_from_camera = glm::transpose(camera_from_marker.rotation);
   const glm::dvec2 size(camera.width - 2.0, camera.height - 2.0);
   const glm::dvec2 corners[] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}, {0, 0}};
+  std::optional<Lens> lens;  // made once: a camera works it out for every ray
+  if (camera.model == CameraModel::perspective) lens.emplace(camera);
   std::vector<glm::dvec3> border;
   for (int side = 0; side < 4; ++side)
     for (int k = 0; k <= 16; ++k) {
       const glm::dvec2 at = glm::mix(corners[side], corners[side + 1], k / 16.0) * size + 1.0;
-      if (const auto ray = camera.unproject(at)) border.push_back(marker_from_camera * *ray);
+      if (const auto ray = lens ? lens->unproject(at) : camera.unproject(at))
+        border.push_back(marker_from_camera * *ray);
     }
   draw_bent(canvas, inset, border, colour);
 }

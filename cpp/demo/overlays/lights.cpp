@@ -37,6 +37,7 @@ void draw_lights(Canvas& canvas, const View& view) {
   std::vector<MainLight> lights = main_lights(*view.result.environment);
   if (lights.size() > kMost) lights.resize(kMost);
   const glm::vec3 centre(view.session.capture().centre());
+  const Lens lens(view.rig.back);
   std::vector<Line> lines = {
       {lights.empty() ? "lights: none stands out" : "lights: share of a plane that faces them",
        kGrey}};
@@ -44,8 +45,8 @@ void draw_lights(Canvas& canvas, const View& view) {
     lines.push_back({told(k, lights[k], centre), colour_of(lights[k].irradiance)});
     if (!view.result.back_from_marker) continue;
     const glm::dvec3 from(centre), to = from + kLength * glm::dvec3(lights[k].direction);
-    const auto a = view.rig.back.project(*view.result.back_from_marker * from);
-    const auto b = view.rig.back.project(*view.result.back_from_marker * to);
+    const auto a = lens.project(*view.result.back_from_marker * from);
+    const auto b = lens.project(*view.result.back_from_marker * to);
     if (!a || !b) continue;
     canvas.arrow(*a, *b, {0, 0, 0}, 4);
     canvas.arrow(*a, *b, colour_of(lights[k].irradiance), 2);

@@ -9,28 +9,28 @@ namespace {
 
 constexpr double kAxis = 0.08;  // metres
 
-void draw_segment(Canvas& canvas, const Camera& camera, const glm::dvec3& a, const glm::dvec3& b,
+void draw_segment(Canvas& canvas, const Lens& lens, const glm::dvec3& a, const glm::dvec3& b,
                   Colour colour, int thickness) {
-  const auto from = camera.project(a), to = camera.project(b);
+  const auto from = lens.project(a), to = lens.project(b);
   if (from && to) canvas.line(*from, *to, colour, thickness);
 }
 
-void draw_axes(Canvas& canvas, const Camera& camera, const Pose& camera_from_marker) {
+void draw_axes(Canvas& canvas, const Lens& lens, const Pose& camera_from_marker) {
   constexpr Colour kColours[] = {kRed, kGreen, kBlue};
   for (int k = 0; k < 3; ++k) {
     glm::dvec3 tip(0);
     tip[k] = kAxis;
-    draw_segment(canvas, camera, camera_from_marker * glm::dvec3(0), camera_from_marker * tip,
+    draw_segment(canvas, lens, camera_from_marker * glm::dvec3(0), camera_from_marker * tip,
                  kColours[k], 2);
   }
 }
 
-void draw_page(Canvas& canvas, const View& view, const Pose& camera_from_marker) {
+void draw_page(Canvas& canvas, const View& view, const Lens& lens, const Pose& camera_from_marker) {
   if (!view.board) return;
   const double x = view.board->width / 2, y = view.board->height / 2;
   const glm::dvec3 corners[] = {{-x, -y, 0}, {x, -y, 0}, {x, y, 0}, {-x, y, 0}};
   for (int k = 0; k < 4; ++k)
-    draw_segment(canvas, view.rig.back, camera_from_marker * corners[k],
+    draw_segment(canvas, lens, camera_from_marker * corners[k],
                  camera_from_marker * corners[(k + 1) % 4], kGrey, 1);
 }
 
@@ -47,8 +47,9 @@ void draw_pose(Canvas& canvas, const View& view) {
     for (const DetectedTag& tag : view.result.tracked->tags)
       for (std::size_t k = 0; k < 4; ++k)
         canvas.line(tag.corners[k], tag.corners[(k + 1) % 4], kYellow);
-  draw_page(canvas, view, *pose);
-  draw_axes(canvas, view.rig.back, *pose);
+  const Lens lens(view.rig.back);
+  draw_page(canvas, view, lens, *pose);
+  draw_axes(canvas, lens, *pose);
   const glm::dvec3 eye = pose->inverse().translation;
   const double tilt = std::acos(eye.z / glm::length(eye)) * 180 / std::numbers::pi;
   std::vector<Line> lines = {

@@ -11,7 +11,8 @@ namespace {
 
 // Of a telephone's sensor, in electrons.
 constexpr float kFullWell = 4000, kReadNoise = 6;
-constexpr std::uint32_t kNoise = 1 << 16;  // numbers that pictures draw from, from anywhere on
+constexpr float kReadVariance = kReadNoise * kReadNoise / (kFullWell * kFullWell);
+constexpr std::size_t kNoise = 1 << 16;  // places from which a row may take its noise
 
 // Directions through any point of the picture, between those of every fourth pixel: within 0.001
 // pixels, and hundreds of times faster than the lens model's inverse.
@@ -55,7 +56,8 @@ Eye::Eye(const Camera& camera) : camera_(camera), response_(camera.response) {
     }
   std::mt19937 random(1);
   std::normal_distribution<float> normal;
-  for (std::uint32_t k = 0; k < kNoise; ++k) noise_.push_back(normal(random));
+  for (std::size_t k = 0; k < kNoise + 3 * std::size_t(camera.width); ++k)
+    noise_.push_back(normal(random));
 }
 
 // A pixel of which the page may be a part.
@@ -100,10 +102,9 @@ Image<std::uint8_t> Eye::take(const Room& room, const Page& page, const Pose& ca
       light *= factor_[first + std::size_t(x)] * float(exposure);
       for (int c = 0; c < 3; ++c) row[std::size_t(3 * x + c)] = std::min(light[c], 2.0f);
     }
-    const std::uint32_t start = std::uint32_t(random());
+    const float* noise = &noise_[random() % kNoise];
     for (std::size_t k = 0; k < row.size(); ++k)  // shot and read noise
-      row[k] += noise_[(start + std::uint32_t(k)) % kNoise] *
-                std::sqrt(row[k] / kFullWell + kReadNoise * kReadNoise / (kFullWell * kFullWell));
+      row[k] += noise[k] * std::sqrt(row[k] / kFullWell + kReadVariance);
     for (float& value : row) value = std::clamp(value, 0.0f, 1.0f);
     response_.encode(row.data(), picture.row(y), row.size());
   }

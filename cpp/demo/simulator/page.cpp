@@ -8,7 +8,7 @@ namespace fastibl::demo {
 namespace {
 
 constexpr float kPaper = 0.80f, kInk = 0.045f;  // albedo
-constexpr float kDensity = 4000;                // texels a metre
+constexpr float kDensity = 2000;                // texels a metre
 
 // Where in the tag (0 to 1, right and down) a place of the page is.
 glm::dvec2 in_tag(const Tag& tag, const glm::dvec2& place) {

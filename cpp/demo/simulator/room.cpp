@@ -113,14 +113,17 @@ void Room::light() {
 }
 
 glm::vec3 Room::seen(const glm::vec3& place, const glm::vec3& direction, bool lamp) const {
-  int side = 0;
-  float nearest = 1e30f;
-  for (int axis = 0; axis < 3; ++axis) {
-    const float d = direction[axis];
-    const float t = ((d > 0 ? kUpper[axis] : kLower[axis]) - place[axis]) / d;
-    if (d != 0 && t < nearest) nearest = t, side = 2 * axis + (d > 0);
+  // Floor or ceiling first: the back camera hardly sees anything else.
+  int side = 4 + (direction.z > 0);
+  glm::vec3 hit = place + direction * ((direction.z > 0 ? kUpper.z - place.z : kLower.z - place.z) /
+                                       direction.z);
+  if (!(hit.x > kLower.x && hit.x < kUpper.x && hit.y > kLower.y && hit.y < kUpper.y)) {
+    const float x = (direction.x > 0 ? kUpper.x - place.x : kLower.x - place.x) / direction.x;
+    const float y = (direction.y > 0 ? kUpper.y - place.y : kLower.y - place.y) / direction.y;
+    const bool along_x = direction.y == 0 || (direction.x != 0 && x < y);
+    side = along_x ? 0 + (direction.x > 0) : 2 + (direction.y > 0);
+    hit = place + (along_x ? x : y) * direction;
   }
-  const glm::vec3 hit = place + nearest * direction;
   if (side == 4 && std::abs(hit.x) < kTable.x && std::abs(hit.y) < kTable.y)
     return radiance_at(table_, hit.x + kTable.x, hit.y + kTable.y);
   if (side == 2) {
