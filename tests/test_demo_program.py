@@ -267,7 +267,18 @@ def test_no_display(folder):
 @pytest.mark.skipif(not shutil.which("xvfb-run"), reason="needs xvfb-run")
 def test_window(folder, tmp_path):
     shot = tmp_path / "shot.png"
-    command = ["xvfb-run", "-a", PROGRAM, "--recording", folder, "--screenshot", shot, "--frames", "3", "--no-interface"]
+    command = [
+        "xvfb-run",
+        "-a",
+        PROGRAM,
+        "--recording",
+        folder,
+        "--screenshot",
+        shot,
+        "--frames",
+        "3",
+        "--no-interface",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     if "built without a window" in done.stderr:
         pytest.skip("fastibl-demo is built without a window")

@@ -106,7 +106,7 @@ std::optional<Args> parse_args(int argc, char** argv) {
       ->type_name("WxH")
       ->delimiter('x');
 
-  app.add_option("--object", args.objects, "mesh; may be given several times")
+  app.add_option("--object", args.objects, "mesh, or knot, ball, steps; may be given several times")
       ->type_name("FILE.obj")
       ->take_all();
   app.add_option("--height", args.height, "of the object in metres")
@@ -169,6 +169,9 @@ std::optional<Args> parse_args(int argc, char** argv) {
       ->check(kPositive);
   app.add_flag_callback(
       "--no-interface", [&] { args.interface = false; }, "a window without the panel");
+  app.add_flag_callback(
+      "--no-pace", [&] { args.pace = false; },
+      "a window that plays as fast as it can, not as frames were taken");
 
   try {
     app.parse(argc, argv);

@@ -43,6 +43,7 @@ struct Args {
   std::vector<std::string> overlays;
   std::vector<Cue> cues;
   bool headless = false, interface = true;
+  bool pace = true;           // a window plays no faster than frames were taken
   std::filesystem::path out;  // .webm, .png, or a folder
   std::filesystem::path record;
   std::filesystem::path screenshot;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <filesystem>
 
 #include "demo/overlays/format.h"
 #include "fastibl/core/check.h"
@@ -42,6 +43,13 @@ void set_method(Player& player, const std::string& value) {
   Methods methods = player.methods();
   methods.*Member = Parse(value);
   player.set_methods(methods);
+}
+
+std::string new_name(const std::string& stem) {
+  std::string name = stem + ".png";
+  for (int k = 2; std::filesystem::exists(name); ++k)
+    name = stem + "-" + std::to_string(k) + ".png";
+  return name;
 }
 
 template <std::size_t K>
@@ -151,7 +159,7 @@ std::vector<Command> make_commands() {
        [](Player& p, const std::string& v) { p.set_recording(v == "on"); }},
       {"run", "screenshot", "p", "what is shown, as a PNG", nullptr, nullptr,
        [](Player& p, const std::string& v) {
-         p.screenshot = v.empty() ? "fastibl-" + std::to_string(p.count()) + ".png" : v;
+         p.screenshot = v.empty() ? new_name("fastibl-" + std::to_string(p.count())) : v;
        },
        true},
       {"run", "restart", "c", "forgets the map; files begin again", nullptr, nullptr,
@@ -177,7 +185,9 @@ bool is_toggle(const Command& command, const Player& player) {
   return command.choices && command.choices(player) == off_on(player);
 }
 
-void run(Player& player, const Command& command, const std::string& value) {
+namespace {
+
+void run_with(Player& player, const Command& command, const std::string& value) {
   if (!command.choices) {
     check(value.empty() || command.free_value, command.name, " takes no value, got \"", value, '"');
     return command.run(player, value);
@@ -190,6 +200,16 @@ void run(Player& player, const Command& command, const std::string& value) {
     check(false, command.name, " must be one of ", all, "; got \"", value, '"');
   }
   command.run(player, value);
+}
+
+}  // namespace
+
+void run(Player& player, const Command& command, const std::string& value) {
+  run_with(player, command, value);
+  // What makes an object, or a recording, tells by itself.
+  if (command.choices && command.name != "object" && command.name != "height" &&
+      command.name != "record")
+    player.say(std::string(command.name) + ": " + command.current(player));
 }
 
 bool press(Player& player, std::string_view key) {

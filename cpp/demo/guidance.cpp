@@ -88,8 +88,8 @@ std::string way(const glm::vec3& direction, const Pose& camera_from_marker) {
   std::string text;
   const auto add = [&](double by, const char* plus, const char* minus) {
     if (std::abs(by) < 5) return;
-    text += (text.empty() ? "turn " : " and ") + std::to_string(std::lround(std::abs(by))) +
-            " degrees " + (by > 0 ? plus : minus);
+    text += (text.empty() ? "turn " : ", ") + std::to_string(std::lround(std::abs(by))) + " deg " +
+            (by > 0 ? plus : minus);
   };
   add(right, "right", "left"), add(up, "up", "down");
   return text.empty() ? "hold still" : text;

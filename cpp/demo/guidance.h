@@ -18,7 +18,7 @@ struct Guidance {
 // camera_from_marker: of the camera that is to be turned; a short way is preferred.
 Guidance guide(const Environment& environment, const std::optional<Pose>& camera_from_marker);
 
-// "turn 40 degrees left and 20 degrees up".
+// "turn 40 deg left, 20 deg up".
 std::string way(const glm::vec3& direction, const Pose& camera_from_marker);
 
 }  // namespace fastibl::demo

@@ -24,8 +24,9 @@ void run_headless(const Args& args) {
   Player player(args, false);
   Output output(args.out, player.source().fps());
   Script script(args);
-  while (!player.quit && (args.frames == 0 || player.count() < args.frames)) {
+  while (args.frames == 0 || player.count() < args.frames) {
     script.before_frame(player);
+    if (player.quit) break;
     if (!player.advance()) {
       if (player.ended()) break;
       continue;

@@ -111,8 +111,9 @@ void Interface::build(Player& player) {
     build_group(player, group);
     if (group != "object") continue;
     ImGui::SetNextItemWidth(150);
-    if (ImGui::InputText("OBJ file", &file_, ImGuiInputTextFlags_EnterReturnsTrue) &&
-        !file_.empty())
+    const bool entered = ImGui::InputText("##file", &file_, ImGuiInputTextFlags_EnterReturnsTrue);
+    ImGui::SameLine();
+    if ((ImGui::Button("load OBJ file") || entered) && !file_.empty())
       do_it(player, *parse_order("object").command, file_);
   }
   ImGui::End();

@@ -9,7 +9,9 @@ namespace fastibl::demo {
 
 ObjectList::ObjectList(const std::vector<std::filesystem::path>& files, bool z_up)
     : names_{"knot", "ball", "steps"}, z_up_(z_up) {
-  for (const std::filesystem::path& file : files) names_.push_back(file.string());
+  for (const std::filesystem::path& file : files)
+    if (std::find(names_.begin(), names_.end(), file.string()) == names_.end())
+      names_.push_back(file.string());
 }
 
 Mesh ObjectList::mesh(const std::string& name) {

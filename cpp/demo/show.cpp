@@ -131,7 +131,7 @@ class Viewer {
 
   // A recording, and the simulator, play no faster than they were taken.
   double waiting_time() {
-    if (player_.source().live()) return 0;
+    if (player_.source().live() || !args_.pace) return 0;
     if (player_.count() <= 1 || resumed_)
       start_ = player_.time() - clock_.seconds(), resumed_ = false;
     const double due = player_.time() + 1 / player_.source().fps() - start_;

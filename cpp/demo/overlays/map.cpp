@@ -25,16 +25,15 @@ double table_light(const CubeMap& map) {
   return sum;
 }
 
+// As narrow as the inset.
 std::vector<Line> told(const View& view, const Guidance& guidance) {
   const Environment& environment = *view.result.environment;
-  std::vector<Line> lines = {{"map: " + fixed(100 * guidance.seen, 0) + " % of the sky seen, " +
-                              "light within " + fixed(100 * environment.predicted_error, 1) +
-                              " %"}};
+  std::vector<Line> lines = {
+      {"map: " + fixed(100 * guidance.seen, 0) + " % of the sky seen,"},
+      {"light within " + fixed(100 * environment.predicted_error, 1) + " %"}};
   if (view.true_light) {
-    const double truth = table_light(*view.true_light);
-    const double off = table_light(environment.radiance) / truth - 1;
-    lines.push_back(
-        {"below: the true map; light on the table off by " + fixed(100 * off, 1) + " %"});
+    const double off = table_light(environment.radiance) / table_light(*view.true_light) - 1;
+    lines.push_back({fixed(100 * off, 1) + " % by the true map, below"});
   }
   if (!guidance.direction) lines.push_back({"all of the sky was seen", kGreen});
   return lines;
@@ -56,10 +55,11 @@ void draw_map(Canvas& canvas, const View& view) {
   const std::optional<Pose>& turning = view.rig.front ? front : pose;
   const Guidance guidance = guide(*view.result.environment, turning);
   std::vector<Line> lines = told(view, guidance);
-  if (guidance.direction && turning)
-    lines.push_back({std::string("look there: ") + (front ? "front camera: " : "") +
-                         way(*guidance.direction, *turning),
-                     kOrange});
+  if (guidance.direction && turning) {
+    lines.push_back(
+        {std::string("look there with the ") + (front ? "front" : "back") + " camera:", kOrange});
+    lines.push_back({way(*guidance.direction, *turning), kOrange});
+  }
   if (const auto at = canvas.take(Corner::bottom_right, 2 * height, height)) {
     const Inset inset{*at, height};
     const Environment& environment = *view.result.environment;
