@@ -18,7 +18,7 @@ from fastibl.recording import RecordingWriter
 if not PROGRAM.is_file():
     pytest.skip(f"fastibl-demo is not built: no {PROGRAM}", allow_module_level=True)
 
-SMALL = ("--simulate", "--size", "320x240", "--object", "ball", "--headless")
+SMALL = ("--simulate", "--size", "320x240", "--object", "steps", "--headless")
 
 
 def run(*arguments, code=0, env=None, cwd=None):
@@ -30,17 +30,26 @@ def run(*arguments, code=0, env=None, cwd=None):
     return done
 
 
+OVERLAYS = ("pose", "map", "lights", "shadow-map", "timings", "plan")
+
+
 @pytest.fixture(scope="module")
 def overlays(tmp_path_factory):
-    """Pictures of the last of eight frames: with no overlay, and with each."""
+    """Pictures by overlay: of a frame without any, and of the same with it."""
     folder = tmp_path_factory.mktemp("overlays")
-    names = ("pose", "map", "lights", "shadow-map", "timings", "plan")
-    shots = {}
-    for name in ("none", *names):
-        arguments = () if name == "none" else ("--overlay", name)
-        run(*SMALL, "--threads", 1, "--frames", 8, *arguments, "--screenshot", folder / f"{name}.png", "--error", 0)
-        shots[name] = cv2.imread(str(folder / f"{name}.png")).astype(int)
-    return shots
+    orders = []
+    for frame, name in enumerate(OVERLAYS, start=4):  # one after the other
+        orders += ["--do", f"{frame}:{name}=on", "--do", f"{frame + 1}:{name}=off"]
+    frames = ("--frames", 3 + len(OVERLAYS), "--out")
+    run(*SMALL, *frames, folder / "without")
+    run(*SMALL, *frames, folder / "with", *orders)
+    without, drawn = (
+        [cv2.imread(str(path)).astype(int) for path in sorted((folder / name).iterdir())]
+        for name in ("without", "with")
+    )
+    for k in range(3):
+        np.testing.assert_array_equal(without[k], drawn[k])
+    return {name: (without[3 + k], drawn[3 + k]) for k, name in enumerate(OVERLAYS)}
 
 
 # Where each overlay is drawn: rows and columns of a 320 x 240 picture, and where it is not.
@@ -57,13 +66,14 @@ PLACES = {
 @pytest.mark.parametrize("name", PLACES)
 def test_overlays(overlays, name):
     inside, outside = PLACES[name]
-    changed = np.abs(overlays[name] - overlays["none"]).max(axis=-1)
+    without, drawn = overlays[name]
+    changed = np.abs(drawn - without).max(axis=-1)
     assert (changed[inside] > 8).mean() > 0.3
     assert changed[outside].max() == 0
 
 
 def test_scripts_change_what_is_shown(tmp_path):
-    orders = {2: "material=chrome", 3: "shadow=off", 4: "object=steps", 5: "height=0.2", 6: "methods=paper"}
+    orders = {2: "material=chrome", 3: "shadow=off", 4: "object=ball", 5: "height=0.2", 6: "methods=paper"}
     orders |= {7: "diffuse=sh9", 8: "error=10", 9: "milliseconds=20", 10: "turn-left", 11: "backend=gl", 12: "lamp=on"}
     orders |= {13: "restart", 15: "quit"}
     script = [word for frame, order in orders.items() for word in ("--do", f"{frame}:{order}")]
@@ -71,7 +81,7 @@ def test_scripts_change_what_is_shown(tmp_path):
     for words in (
         "material: chrome",
         "shadow: off",
-        "steps, 20 cm high",
+        "ball, 20 cm high",
         "methods: paper",
         "diffuse: sh9",
         "error: 10",
@@ -91,25 +101,25 @@ def test_scripts_change_what_is_shown(tmp_path):
         (("--do", "1:dance"), 'no command "dance"; there are: pose, map'),
         (("--do", "1:material=wood"), "material must be one of given, matte"),
         (("--do", "1:height=tall"), 'expected a number, got "tall"'),
-        (("--do", "1:height=9"), "from 0.01 to 2 m"),
-        (("--do", "1:object=thing.obj"), "no mesh at thing.obj"),
-        (("--do", "1:freeze=maybe"), "freeze must be one of off, on"),
         (("--do", "1:step=2"), "step takes no value"),
         (("--overlay", "fog"), "fog not in"),
         (("--at", "3"), "--at 3 needs --screenshot"),
-        (("--size", "9x9"), "each from 64 to 4096"),
         (("--record", "."), "a recording is a new folder"),
     ],
 )
 def test_bad_arguments(arguments, message):
-    assert message in run(*SMALL, "--frames", 2, *arguments, code=2).stderr
+    assert message in run(*SMALL, "--frames", 1, *arguments, code=2).stderr
 
 
-def test_simulated_light_is_what_is_measured(tmp_path):
-    """The simulator as truth: the captured map approaches it, and the poses are those that are tracked."""
-    run(*SMALL, "--frames", 40, "--record", tmp_path / "rec", "--overlay", "map")
+def test_bad_size():
+    assert "each from 64 to 4096" in run("--simulate", "--size", "9x9", "--headless", "--frames", 1, code=2).stderr
+
+
+def test_simulated_recordings_are_tracked(tmp_path):
+    """What it records is a recording, and the board in it is tracked."""
+    run(*SMALL, "--frames", 12, "--record", tmp_path / "rec")
     recording = fastibl.Recording.open(tmp_path / "rec")
-    assert len(recording) == 40 and recording.board == fastibl.Board.default()
+    assert len(recording) == 12 and recording.board == fastibl.Board.default()
     scene = fastibl.Scene(fastibl.stand(fastibl.shapes.figurine(), 0.1), fastibl.Material())
     session = fastibl.Session(scene, recording.rig, recording.board)
     results = [session.process(frame) for frame in recording]
@@ -117,15 +127,13 @@ def test_simulated_light_is_what_is_measured(tmp_path):
     assert np.median([result.tracked.residual_px for result in results]) < 0.3
     exposures = sorted({frame.front_exposure for frame in recording})
     assert len(exposures) == 3 and exposures[2] == pytest.approx(256 * exposures[0])
-    # The paper's white where it is seen, from both exposures and the plane's light: 0.8 E / pi.
-    assert results[-1].environment.predicted_error < 0.5
 
 
 def test_recording_has_the_same_pictures(tmp_path):
     """What was recorded plays as what was seen."""
     odd = tmp_path / "Aufnahme – größer 日本"
     run(*SMALL, "--frames", 3, "--poses", "truth", "--record", odd / "rec", "--out", odd / "a")
-    run("--recording", odd / "rec", "--object", "ball", "--headless", "--out", odd / "b")
+    run("--recording", odd / "rec", "--object", "steps", "--headless", "--out", odd / "b")
     live, played = (
         [cv2.imdecode(np.fromfile(p, np.uint8), 1).astype(int) for p in sorted((odd / k).iterdir())] for k in "ab"
     )
@@ -185,12 +193,14 @@ def test_locale_with_a_decimal_comma(tmp_path):
     if not made or not (locales / "de_DE.UTF-8").is_dir():
         pytest.skip("needs the sources of the locale de_DE (Debian: locales)")
     comma = {"LOCPATH": str(locales), "LC_ALL": "de_DE.UTF-8"}
-    run(*SMALL, "--frames", 2, "--record", tmp_path / "a", env=comma)
-    run(*SMALL, "--frames", 2, "--record", tmp_path / "b")
-    for name in ("rig.yaml", "board.yaml", "frames.csv"):
-        assert (tmp_path / "a" / name).read_text() == (tmp_path / "b" / name).read_text()
-    run("--recording", tmp_path / "a", "--headless", "--out", tmp_path / "c.png", "--height", "0.15", env=comma)
-    run("--recording", tmp_path / "b", "--headless", "--out", tmp_path / "d.png", "--height", "0.15")
+    run(*SMALL, "--frames", 1, "--record", tmp_path / "a", env=comma)
+    for name in ("rig.yaml", "board.yaml"):
+        assert not re.search(r"\d,\d", (tmp_path / "a" / name).read_text())
+    recording = fastibl.Recording.open(tmp_path / "a")
+    assert recording.rig.front.fx == 197.75 and 0 < recording[0].back_exposure < 1
+    play = ("--recording", tmp_path / "a", "--object", "steps", "--headless", "--height", "0.15", "--out")
+    run(*play, tmp_path / "c.png", env=comma)
+    run(*play, tmp_path / "d.png")
     assert (tmp_path / "c.png").read_bytes() == (tmp_path / "d.png").read_bytes()
 
 
@@ -201,7 +211,7 @@ def test_goes_on_when_a_camera_is_gone(tmp_path):
         for frame in recording:
             writer.add(frame)
     camera = tmp_path / "rec" / "back.mkv"
-    arguments = ("--back", camera, "--rig", tmp_path / "rec" / "rig.yaml", "--object", "ball", "--headless")
+    arguments = ("--back", camera, "--rig", tmp_path / "rec" / "rig.yaml", "--object", "steps", "--headless")
     done = run(*arguments, "--frames", 12)
     assert done.stderr.count("gives no more pictures; going on") >= 1
     assert done.stderr.count("the back camera is back") >= 1
@@ -216,11 +226,8 @@ def test_goes_on_when_a_camera_is_gone(tmp_path):
 def test_documented_keys_are_those_of_the_program():
     """docs/program.md holds the table that --help prints."""
     printed = run("--help").stdout.partition("Keys, and commands")[2].splitlines()[1:]
-    commands = [
-        tuple(re.split(r" {1,}", line.strip("\n")[2:].ljust(26), maxsplit=0)) for line in printed if line.strip()
-    ]
     rows = [(line[2:9].strip(), line[9:26].strip(), line[26:].strip()) for line in printed if line.strip()]
-    assert len(commands) == len(rows) > 30
+    assert len(rows) > 30
     text = (ROOT / "docs" / "program.md").read_text()
     table = "| key | command | |\n|---|---|---|\n"
     table += "".join(f"| {f'`{key}`' if key else ''} | `{name}` | {words} |\n" for key, name, words in rows)

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..goals import Goal, row, skipped
 from .window import PROGRAM, ROOT, Screen, Window, missing_tools
 
-_FRAMES = 150
+_FRAMES = 90
 _RATE = re.compile(r"([\d.]+) frames/s in all, ([\d.]+) ms of processor time each")
 _KEYS = {"space": "space", ",": "comma", ".": "period", "tab": "Tab"}  # as X names them
 _SILENT = {"turn-left", "turn-right", "step", "quit"}  # commands that show what they do, and say nothing
@@ -88,7 +88,7 @@ def _speed(screen: Screen, folder: Path) -> Iterator[Goal]:
     )
     played = ("--recording", folder / "rec")
     env = screen.environment
-    rounds = 3  # the least counts: what else runs here only adds
+    rounds = 2  # the least counts: what else runs here only adds
     plain = min(_measured([PROGRAM, *played, "--headless"])[1] for _ in range(rounds))
     bare = min(_measured([PROGRAM, *played, *frames, "--no-pace", "--no-interface"], env)[1] for _ in range(rounds))
     shown = ("--overlay", "pose,map,lights")
