@@ -215,7 +215,8 @@ void Player::record_frame() {
 
 void Player::restart() {
   if (!source_->live()) {
-    source_.reset();  // one at a time
+    set_recording(false);  // time begins again
+    source_.reset();       // one at a time
     source_ = open_source(args_);
   }
   Scene scene = session_->scene();
