@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import fastibl
-from bench.product.window import NO_DRIVER, PROGRAM, ROOT
+from bench.window import NO_DRIVER, PROGRAM, ROOT
 from fastibl.recording import RecordingWriter
 
 if not PROGRAM.is_file():

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from bench.product.window import NO_DRIVER, PROGRAM, Screen, Window, missing_tools
+from bench.window import NO_DRIVER, PROGRAM, Screen, Window, missing_tools
 
 if not PROGRAM.is_file():
     pytest.skip(f"fastibl-demo is not built: no {PROGRAM}", allow_module_level=True)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..goals import Goal, row, skipped
-from .window import PROGRAM, ROOT, Screen, Window, missing_tools
+from ..window import PROGRAM, ROOT, Screen, Window, missing_tools
 
 _FRAMES = 90
 _RATE = re.compile(r"([\d.]+) frames/s in all, ([\d.]+) ms of processor time each")

@@ -7,7 +7,7 @@ namespace {
 std::string percent(double error) { return fixed(100 * error, 1) + " %"; }
 
 std::string budget(const Plan& plan) {
-  std::string text = "plan: about " + percent(plan.expected_error()) + " off";
+  std::string text = "plan: methods about " + percent(plan.expected_error()) + " off";
   if (plan.error_budget > 0) text += ", asked " + percent(plan.error_budget);
   if (plan.milliseconds_budget > 0)
     text +=
@@ -21,6 +21,8 @@ void draw_plan(Canvas& canvas, const View& view) {
   const Plan& plan = view.session.plan();
   const int columns = canvas.columns(0.42);
   std::vector<Line> lines = {{cut(budget(plan), columns), plan.meets_budget() ? kGreen : kOrange}};
+  if (const std::optional<double> light = plan.light_error())
+    lines.push_back({"the captured light: " + percent(*light) + " unsure"});
   for (const PlannedPass& p : plan.passes) {
     const std::string pass(name(p.pass.id));
     if (!p.included) {
