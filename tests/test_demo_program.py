@@ -218,10 +218,10 @@ def test_bad_recordings(folder, tmp_path, name, edit, message):
 @pytest.mark.parametrize(
     "arguments, message",
     [
-        ((), "either --recording DIR or --back N, got neither"),
+        ((), "expected one of --simulate, --recording DIR and --back CAMERA, got none"),
         (("--recording", "nowhere"), "no recording at nowhere"),
         (("--back", 0), "expected --rig"),
-        (("--recording", "x", "--back", 0), "got both"),
+        (("--recording", "x", "--back", 0), "got several"),
         (("--recording", "x", "--height", -1), 'expected a number above 0, got "-1"'),
         (("--recording", "x", "--exponent", "nan"), 'expected 0 or more, got "nan"'),
         (("--recording", "x", "--diffuse", "1,2"), "--diffuse"),
@@ -267,7 +267,18 @@ def test_no_display(folder):
 @pytest.mark.skipif(not shutil.which("xvfb-run"), reason="needs xvfb-run")
 def test_window(folder, tmp_path):
     shot = tmp_path / "shot.png"
-    command = ["xvfb-run", "-a", PROGRAM, "--recording", folder, "--screenshot", shot, "--frames", "3"]
+    command = [
+        "xvfb-run",
+        "-a",
+        PROGRAM,
+        "--recording",
+        folder,
+        "--screenshot",
+        shot,
+        "--frames",
+        "3",
+        "--no-interface",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     if "built without a window" in done.stderr:
         pytest.skip("fastibl-demo is built without a window")

@@ -2,5 +2,6 @@
 
 from . import (
     exports,  # noqa: F401
+    program,  # noqa: F401
     start,  # noqa: F401
 )

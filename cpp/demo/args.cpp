@@ -1,9 +1,11 @@
 #include "demo/args.h"
 
 #include <CLI/CLI.hpp>
+#include <charconv>
 #include <cmath>
 #include <vector>
 
+#include "demo/commands.h"
 #include "fastibl/core/check.h"
 
 namespace fastibl::demo {
@@ -28,19 +30,53 @@ const CLI::Validator kNotNegative(
 glm::vec3 colour(const std::vector<float>& values) { return {values[0], values[1], values[2]}; }
 
 void check_together(const Args& args) {
-  check(args.recording.empty() != (args.back < 0),
-        "expected either --recording DIR or --back N, got ",
-        args.recording.empty() ? "neither" : "both");
-  if (args.back >= 0) {
+  const int sources = args.simulate + !args.recording.empty() + !args.back.empty();
+  check(sources == 1, "expected one of --simulate, --recording DIR and --back CAMERA, got ",
+        sources == 0 ? "none" : "several");
+  if (!args.back.empty()) {
     check(!args.rig.empty(), "live cameras need their calibration: expected --rig rig.yaml");
-    check(!args.true_poses, "--poses truth needs a recording, got --back ", args.back);
+    check(!args.true_poses, "--poses truth needs a recording or --simulate, got --back ",
+          args.back);
   }
-  check(args.front < 0 || args.back >= 0, "--front ", args.front, " needs --back N");
+  check(args.front.empty() || !args.back.empty(), "--front ", args.front, " needs --back CAMERA");
   check(args.headless || args.out.empty(), "--out is for --headless; use --screenshot in a window");
-  check(!args.headless || args.screenshot.empty(),
-        "--screenshot is of the window; use --out with --headless");
-  check(args.back < 0 || !args.headless || args.frames > 0,
-        "live cameras never end: expected --frames N with --headless");
+  check(args.recording.empty() == false || !args.headless || args.frames > 0,
+        "live cameras and the simulator never end: expected --frames N with --headless");
+  check(args.at == 0 || !args.screenshot.empty(), "--at ", args.at, " needs --screenshot FILE.png");
+  for (const int edge : args.size)
+    check(edge >= 64 && edge <= 4096, "--size must be WxH, each from 64 to 4096, got ",
+          args.size[0], "x", args.size[1]);
+}
+
+// "30:material=gold"
+Cue parse_cue(const std::string& text) {
+  Cue cue;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, cue.frame);
+  check(error == std::errc{} && stop != end && *stop == ':' && cue.frame >= 1,
+        "--do: expected FRAME:COMMAND, as in 30:material=gold; got \"", text, '"');
+  cue.order.assign(stop + 1, end);
+  parse_order(cue.order);
+  return cue;
+}
+
+std::vector<std::string> overlay_names() {
+  std::vector<std::string> names;
+  for (const Overlay& overlay : kOverlays) names.emplace_back(overlay.name);
+  return names;
+}
+
+std::string footer() {
+  std::string text =
+      "Examples:\n"
+      "  fastibl-demo --simulate\n"
+      "  fastibl-demo --recording my-recording --object spot.obj --headless --out out.webm\n"
+      "  fastibl-demo --back 0 --front 2 --rig rig.yaml --material chrome\n"
+      "  fastibl-demo --simulate --headless --frames 90 --overlay map,lights,plan \\\n"
+      "      --do 30:material=gold --do 60:lamp=on --screenshot out.png --at 80\n"
+      "\nKeys, and commands for --do FRAME:NAME=VALUE:\n";
+  for (const std::string& line : help_lines()) text += "  " + line + "\n";
+  return text;
 }
 
 }  // namespace
@@ -49,28 +85,30 @@ std::optional<Args> parse_args(int argc, char** argv) {
   Args args;
   CLI::App app{"Measures the light of a place with its cameras and shows a virtual object in it.",
                "fastibl-demo"};
-  app.footer(
-      "Examples:\n"
-      "  fastibl-demo --recording my-recording\n"
-      "  fastibl-demo --recording my-recording --object spot.obj --headless --out out.webm\n"
-      "  fastibl-demo --back 0 --front 2 --rig rig.yaml --glossy 0.3,0.3,0.3");
+  app.footer(footer());
   app.set_version_flag("--version", "fastibl-demo " FASTIBL_VERSION);
 
   app.add_option("--recording", args.recording, "folder with rig.yaml, board.yaml and frames.csv")
       ->type_name("DIR");
-  app.add_option("--back", args.back, "number of the camera that sees the board")
-      ->check(kNotNegative);
-  app.add_option("--front", args.front, "number of the camera that looks the other way")
-      ->check(kNotNegative);
+  app.add_flag("--simulate", args.simulate, "a simulated room and rig: needs no files");
+  app.add_option("--back", args.back, "the camera that sees the board: number, file or address")
+      ->type_name("CAMERA");
+  app.add_option("--front", args.front, "the camera that looks the other way")->type_name("CAMERA");
   app.add_option("--rig", args.rig, "calibration of live cameras")->type_name("FILE");
   app.add_option("--board", args.board, "the printed board, where it is not the recording's")
       ->type_name("FILE");
   std::string poses = "track", up = "y", methods = "auto";
-  app.add_option("--poses", poses, "follow the board, or take a recording's true poses")
+  app.add_option("--poses", poses, "follow the board, or take the recording's or the simulator's")
       ->check(CLI::IsMember({"track", "truth"}))
       ->capture_default_str();
 
-  app.add_option("--object", args.object, "mesh; a generated knot without")->type_name("FILE.obj");
+  app.add_option("--size", args.size, "of simulated pictures, as 640x480")
+      ->type_name("WxH")
+      ->delimiter('x');
+
+  app.add_option("--object", args.objects, "mesh, or knot, ball, steps; may be given several times")
+      ->type_name("FILE.obj")
+      ->take_all();
   app.add_option("--height", args.height, "of the object in metres")
       ->check(kPositive)
       ->capture_default_str();
@@ -84,9 +122,18 @@ std::optional<Args> parse_args(int argc, char** argv) {
       ->check(kNotNegative)
       ->capture_default_str();
 
+  app.add_option("--material", args.material_name, "a built-in one instead")
+      ->check(CLI::IsMember(material_names()));
+
   app.add_option("--methods", methods, "the library's choice, or the paper's of 2014")
       ->check(CLI::IsMember({"auto", "paper"}))
       ->capture_default_str();
+  double percent = 100 * args.error;
+  app.add_option("--error", percent, "that the plan aims at, %; 0: none")
+      ->check(kNotNegative)
+      ->capture_default_str();
+  app.add_option("--milliseconds", args.milliseconds, "processor time for a frame; 0: any")
+      ->check(kNotNegative);
   app.add_option("--backend", args.backend, "cpu or gl")
       ->check(CLI::IsMember({"cpu", "gl"}))
       ->capture_default_str();
@@ -106,8 +153,25 @@ std::optional<Args> parse_args(int argc, char** argv) {
                  "with --headless: video.webm, picture.png (the last one), or a "
                  "folder for a PNG of each")
       ->type_name("PATH");
-  app.add_option("--screenshot", args.screenshot, "PNG of the window after the last picture")
+  app.add_option("--overlay", args.overlays, "any of pose,map,lights,shadow-map,timings,plan")
+      ->type_name("NAMES")
+      ->delimiter(',')
+      ->check(CLI::IsMember(overlay_names()));
+  std::vector<std::string> cues;
+  app.add_option("--do", cues, "a command below before a frame, from 1 on; several times")
+      ->type_name("FRAME:COMMAND")
+      ->take_all();
+  app.add_option("--record", args.record, "stores the cameras' pictures as a recording")
+      ->type_name("DIR");
+  app.add_option("--screenshot", args.screenshot, "PNG of what is shown at --at")
       ->type_name("FILE.png");
+  app.add_option("--at", args.at, "frame of the screenshot, from 1 on; the last without")
+      ->check(kPositive);
+  app.add_flag_callback(
+      "--no-interface", [&] { args.interface = false; }, "a window without the panel");
+  app.add_flag_callback(
+      "--no-pace", [&] { args.pace = false; },
+      "a window that plays as fast as it can, not as frames were taken");
 
   try {
     app.parse(argc, argv);
@@ -121,6 +185,8 @@ std::optional<Args> parse_args(int argc, char** argv) {
   args.true_poses = poses == "truth";
   args.z_up = up == "z";
   args.paper = methods == "paper";
+  args.error = percent / 100;
+  for (const std::string& cue : cues) args.cues.push_back(parse_cue(cue));
   args.material.diffuse = colour(diffuse), args.material.glossy = colour(glossy);
   args.material.validate();
   args.shadow_look.color = colour(shadow_color);

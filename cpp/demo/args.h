@@ -1,36 +1,53 @@
 // What the user asked for.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "fastibl/scene/material.h"
 #include "fastibl/scene/shadow_look.h"
 
 namespace fastibl::demo {
 
-struct Args {
-  std::filesystem::path recording;  // or
-  int back = -1, front = -1;        // camera numbers, with
-  std::filesystem::path rig, board;
-  bool true_poses = false;  // from the recording's truth instead of tracking
+// A command at a frame, as "30:material=gold" has it.
+struct Cue {
+  int frame = 0;  // before which it is given, from 1 on
+  std::string order;
+};
 
-  std::filesystem::path object;  // empty: the built-in knot
-  double height = 0.12;          // metres
+struct Args {
+  bool simulate = false;            // or
+  std::filesystem::path recording;  // or
+  std::string back, front;          // cameras: numbers, files or addresses, with
+  std::filesystem::path rig, board;
+  std::array<int, 2> size{640, 480};  // of simulated pictures
+  bool true_poses = false;  // of the recording's truth, or the simulator's, instead of tracking
+
+  std::vector<std::filesystem::path> objects;  // empty: the built-in knot
+  double height = 0.12;                        // metres
   bool z_up = false;
   Material material;
+  std::string material_name;  // of the built-in ones; empty: `material`
 
   bool paper = false;
+  double error = 0.02, milliseconds = 0;  // budgets
   std::string backend = "cpu";
   bool cast_shadow = true;
   ShadowLook shadow_look;
   int threads = 0;  // 0: all cores
   int frames = 0;   // 0: to the end
 
-  bool headless = false;
-  std::filesystem::path out;         // .webm, .png, or a folder
-  std::filesystem::path screenshot;  // of the window
+  std::vector<std::string> overlays;
+  std::vector<Cue> cues;
+  bool headless = false, interface = true;
+  bool pace = true;           // a window plays no faster than frames were taken
+  std::filesystem::path out;  // .webm, .png, or a folder
+  std::filesystem::path record;
+  std::filesystem::path screenshot;
+  int at = 0;  // frame of the screenshot; 0: the last
 };
 
 // Nothing where help or the version was asked for and printed. Throws std::invalid_argument that

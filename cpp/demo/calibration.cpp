@@ -60,6 +60,7 @@ Camera read_camera(const cv::FileNode& node, const char* name, const fs::path& p
   camera.distortion = numbers(node["distortion"]);
   camera.vignetting = numbers(node["vignetting"]);
   camera.response = read_response(node["response"], path);
+  if (!node["readout"].empty()) camera.readout = number(node, "readout", path);
   if (!node["gain"].empty()) camera.gain = number(node, "gain", path);
   if (!node["model"].empty()) camera.model = camera_model(std::string(node["model"]));
   camera.validate();
@@ -107,6 +108,67 @@ std::optional<Board> read_board(const fs::path& path) {
   }
   board.validate();
   return board;
+}
+
+namespace {
+
+cv::FileStorage create(const fs::path& path) {
+  try {
+    cv::FileStorage storage(path.string(), cv::FileStorage::WRITE);
+    if (storage.isOpened()) return storage;
+  } catch (const cv::Exception&) {
+  }
+  throw std::runtime_error("could not write " + path.string());
+}
+
+cv::Mat row_of(const std::vector<double>& values) { return cv::Mat(values, true).reshape(1, 1); }
+
+void write_camera(cv::FileStorage& storage, const char* name, const Camera& camera) {
+  storage.startWriteStruct(name, cv::FileNode::MAP);
+  storage.write("width", camera.width);
+  storage.write("height", camera.height);
+  if (camera.model != CameraModel::perspective)
+    storage.write("model", std::string(fastibl::name(camera.model)));
+  const cv::Matx33d matrix(camera.fx, 0, camera.cx - 0.5, 0, camera.fy, camera.cy - 0.5, 0, 0, 1);
+  storage.write("camera_matrix", cv::Mat(matrix));
+  if (!camera.distortion.empty()) storage.write("distortion", row_of(camera.distortion));
+  if (!camera.vignetting.empty()) storage.write("vignetting", row_of(camera.vignetting));
+  storage.write("gain", camera.gain);
+  if (camera.readout > 0) storage.write("readout", camera.readout);
+  if (camera.response.curve.empty())
+    storage.write("response", "srgb");
+  else
+    storage.write("response", cv::Mat(camera.response.curve, true).reshape(1, 1));
+  storage.endWriteStruct();
+}
+
+}  // namespace
+
+void write_rig(const fs::path& path, const Rig& rig) {
+  cv::FileStorage storage = create(path);
+  write_camera(storage, "back", rig.back);
+  if (!rig.front) return;
+  write_camera(storage, "front", *rig.front);
+  cv::Matx44d matrix;
+  const glm::dmat4 pose = rig.front_from_back.matrix();
+  for (int k = 0; k < 16; ++k) matrix(k / 4, k % 4) = pose[k % 4][k / 4];
+  storage.write("front_from_back", cv::Mat(matrix));
+}
+
+void write_board(const fs::path& path, const Board& board) {
+  cv::FileStorage storage = create(path);
+  std::vector<int> ids;
+  std::vector<double> corners;
+  for (const Tag& tag : board.tags) {
+    ids.push_back(tag.id);
+    for (const glm::dvec2& corner : tag.corners)
+      corners.push_back(corner.x), corners.push_back(corner.y);
+  }
+  storage.write("ids", cv::Mat(ids, true).reshape(1, 1));
+  storage.write("corners", cv::Mat(corners, true).reshape(1, int(4 * ids.size())));
+  storage.write("border_bits", board.border_bits);
+  storage.write("width", board.width);
+  storage.write("height", board.height);
 }
 
 }  // namespace fastibl::demo

@@ -1,66 +1,38 @@
 #include "demo/camera_source.h"
 
-#include <iostream>
-
 #include "demo/pixels.h"
 
 namespace fastibl::demo {
 namespace {
 
-// Pictures that a camera gets to settle its exposure before it is held: radiance is compared
-// between pictures, so an exposure that changes unseen would change the light.
-constexpr int kSettling = 15;
-
-cv::VideoCapture open(int number, const Camera& camera, const char* name) {
-  cv::VideoCapture capture(number);
-  check(capture.isOpened(), "the ", name, " camera ", number, " does not open");
-  capture.set(cv::CAP_PROP_FRAME_WIDTH, camera.width);
-  capture.set(cv::CAP_PROP_FRAME_HEIGHT, camera.height);
-  capture.set(cv::CAP_PROP_BUFFERSIZE, 1);  // no old pictures
-  cv::Mat picture;
-  for (int k = 0; k < kSettling; ++k)
-    check(capture.read(picture), "the ", name, " camera ", number, " gives no pictures");
-  check(picture.cols == camera.width && picture.rows == camera.height, "the ", name,
-        " camera is calibrated for ", camera.width, " × ", camera.height, ", but gives ",
-        picture.cols, " × ", picture.rows);
-  const double settled = capture.get(cv::CAP_PROP_EXPOSURE);
-  const bool held = capture.set(cv::CAP_PROP_AUTO_EXPOSURE, 1) &&  // V4L2's manual mode
-                    capture.set(cv::CAP_PROP_EXPOSURE, settled);
-  const bool white = capture.set(cv::CAP_PROP_AUTO_WB, 0);
-  if (!held || !white)
-    std::cerr << "fastibl-demo: the " << name << " camera cannot hold its "
-              << (held ? "white balance" : "exposure") << "; measured light will drift with it\n";
-  return capture;
-}
+constexpr double kWait = 0.1;  // seconds for a picture, before the window has its turn
 
 }  // namespace
 
-CameraSource::CameraSource(int back, int front, Rig rig) : rig_(std::move(rig)) {
-  check(front < 0 || rig_.front, "a front camera was asked for, but the rig has none");
-  back_ = open(back, rig_.back, "back");
-  if (front >= 0) front_ = open(front, *rig_.front, "front");
+CameraSource::CameraSource(const std::string& back, const std::string& front, Rig rig)
+    : rig_(std::move(rig)) {
+  check(front.empty() || rig_.front, "a front camera was asked for, but the rig has none");
+  back_ = std::make_unique<CameraReader>(back, rig_.back, "back", clock_);
+  if (!front.empty()) front_ = std::make_unique<CameraReader>(front, *rig_.front, "front", clock_);
 }
 
+// The newest of both, stamped with the back camera's time.
 std::optional<OwnedFrame> CameraSource::next() {
-  // Both are grabbed before either is decoded, so that they are of one moment.
-  if (!back_.grab()) {
-    std::cerr << "fastibl-demo: the back camera gives no more pictures\n";
-    return std::nullopt;
-  }
+  const std::optional<CameraReader::Shot> back = back_->newest(kWait);
+  if (!back) return std::nullopt;
   OwnedFrame frame;
-  frame.time = clock_.seconds();
-  cv::Mat picture;
-  if (front_.isOpened()) {
-    if (front_.grab() && front_.retrieve(picture)) {
-      frame.front = rgb_from(picture);
-    } else {
-      std::cerr << "fastibl-demo: the front camera gives no more pictures; going on without it\n";
-      front_.release();
-    }
-  }
-  if (!back_.retrieve(picture)) return std::nullopt;
-  frame.back = rgb_from(picture);
+  frame.time = back->time;
+  frame.back = rgb_from(back->picture);
+  if (front_)
+    if (const std::optional<CameraReader::Shot> front = front_->newest(0))
+      frame.front = rgb_from(front->picture);
   return frame;
+}
+
+std::string CameraSource::trouble() const {
+  for (const CameraReader* camera : {back_.get(), front_.get()})
+    if (camera && camera->lost()) return "the " + camera->name() + " camera is lost";
+  return {};
 }
 
 }  // namespace fastibl::demo

@@ -1,8 +1,9 @@
-// Where frames come from: a recording or live cameras.
+// Where frames come from: a recording, live cameras, or the simulator.
 #pragma once
 
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "fastibl/core/image.h"
 #include "fastibl/render/session.h"
@@ -23,11 +24,21 @@ class FrameSource {
  public:
   virtual ~FrameSource() = default;
   virtual const Rig& rig() const = 0;
-  // Nothing at the end. Trouble with a picture is told on stderr and ends the frames, or the
-  // camera.
+  // The board in view, where the source knows it.
+  virtual std::optional<Board> board() const { return std::nullopt; }
+  // Nothing at the end, and where no picture has come for a while. Trouble with a picture is told
+  // on stderr.
   virtual std::optional<OwnedFrame> next() = 0;
-  virtual double fps() const = 0;  // of a video of these frames
-  virtual bool live() const = 0;
+  virtual bool ended() const = 0;                     // for good
+  virtual double fps() const = 0;                     // of a video of these frames
+  virtual bool live() const = 0;                      // frames come when they come
+  virtual std::string trouble() const { return {}; }  // that lasts, for people
+
+  // Of a place that can be told: its true light as the object sees it; null elsewhere.
+  virtual std::shared_ptr<const CubeMap> true_light() { return nullptr; }
+  virtual bool has_lamp() const { return false; }
+  virtual bool lamp() const { return false; }
+  virtual void set_lamp(bool) {}
 };
 
 inline Picture picture_of(const Image<std::uint8_t>& image) {

@@ -2,7 +2,7 @@
 #include <opencv2/core/utility.hpp>
 #include <opencv2/core/utils/logger.hpp>
 
-#include "demo/run.h"
+#include "demo/headless.h"
 #ifdef FASTIBL_WITH_WINDOW
 #include "demo/show.h"
 #endif
@@ -17,12 +17,7 @@ void run(const fastibl::demo::Args& args) {
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors are told by us
   cv::setNumThreads(1);  // the passes share the cores themselves
   fastibl::set_threads(args.threads);
-  if (args.headless) {
-    const auto source = open_source(args);
-    fastibl::Session session = make_session(args, *source);
-    run_headless(args, *source, session);
-    return;
-  }
+  if (args.headless) return run_headless(args);
 #ifdef FASTIBL_WITH_WINDOW
   show(args);
 #else

@@ -1,5 +1,6 @@
 #include "demo/object.h"
 
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -103,6 +104,66 @@ Mesh knot() {
       mesh.triangles.emplace_back(v00, v11, v01);
     }
   }
+  return mesh;
+}
+
+Mesh ball() {
+  constexpr int kAround = 64, kRings = 31;  // rings between the poles
+  Mesh mesh;
+  mesh.vertices.emplace_back(0, 0, 1);
+  for (int i = 1; i <= kRings; ++i)
+    for (int j = 0; j < kAround; ++j) {
+      const double polar = std::numbers::pi * i / (kRings + 1);
+      const double turn = 2 * std::numbers::pi * j / kAround;
+      mesh.vertices.emplace_back(std::sin(polar) * std::cos(turn), std::sin(polar) * std::sin(turn),
+                                 std::cos(polar));
+    }
+  mesh.vertices.emplace_back(0, 0, -1);
+  const int last = int(mesh.vertices.size()) - 1;
+  for (int j = 0; j < kAround; ++j) {
+    const int next = (j + 1) % kAround;
+    mesh.triangles.emplace_back(0, 1 + j, 1 + next);
+    for (int i = 0; i + 1 < kRings; ++i) {
+      const int a = 1 + i * kAround, b = a + kAround;
+      mesh.triangles.emplace_back(a + j, b + j, b + next);
+      mesh.triangles.emplace_back(a + j, b + next, a + next);
+    }
+    const int ring = 1 + (kRings - 1) * kAround;
+    mesh.triangles.emplace_back(last, ring + next, ring + j);
+  }
+  return mesh;
+}
+
+namespace {
+
+// A quad of four corners, counter-clockwise from outside, with vertices of its own: a flat side.
+void add_side(Mesh& mesh, const std::array<glm::vec3, 4>& corners) {
+  const int first = int(mesh.vertices.size());
+  mesh.vertices.insert(mesh.vertices.end(), corners.begin(), corners.end());
+  mesh.triangles.emplace_back(first, first + 1, first + 2);
+  mesh.triangles.emplace_back(first, first + 2, first + 3);
+  const glm::vec3 normal =
+      glm::normalize(glm::cross(corners[1] - corners[0], corners[2] - corners[0]));
+  mesh.normals.insert(mesh.normals.end(), 4, normal);
+}
+
+}  // namespace
+
+Mesh steps() {
+  constexpr int kSteps = 3;
+  Mesh mesh;
+  const float w = 1.5f;
+  for (int i = 0; i < kSteps; ++i)
+    for (int j = 0; j <= i; ++j) {  // cells: no corner lies on another's edge
+      const float x0 = float(i), x1 = x0 + 1, z0 = float(j), z1 = z0 + 1;
+      add_side(mesh, {{{x0, 0, z0}, {x1, 0, z0}, {x1, 0, z1}, {x0, 0, z1}}});
+      add_side(mesh, {{{x1, w, z0}, {x0, w, z0}, {x0, w, z1}, {x1, w, z1}}});
+      if (j == 0) add_side(mesh, {{{x0, w, 0}, {x1, w, 0}, {x1, 0, 0}, {x0, 0, 0}}});
+      if (i == kSteps - 1) add_side(mesh, {{{x1, 0, z0}, {x1, w, z0}, {x1, w, z1}, {x1, 0, z1}}});
+      if (j < i) continue;
+      add_side(mesh, {{{x0, 0, z1}, {x1, 0, z1}, {x1, w, z1}, {x0, w, z1}}});  // tread
+      add_side(mesh, {{{x0, w, z0}, {x0, 0, z0}, {x0, 0, z1}, {x0, w, z1}}});  // riser
+    }
   return mesh;
 }
 

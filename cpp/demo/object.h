@@ -15,6 +15,10 @@ Mesh read_obj(const std::filesystem::path& path, bool z_up);
 // A torus knot with a tube that is thin in places; smooth, concave, and in its own shadow.
 Mesh knot();
 
+Mesh ball();
+// Three steps: flat sides and sharp corners.
+Mesh steps();
+
 // Scaled to `height` metres, centred on the z axis, lowest point on z = 0.
 Mesh stand(Mesh mesh, double height);
 

@@ -44,6 +44,12 @@ std::optional<FileName> file_name(const std::string& text) {
   return FileName{text.substr(0, mark), number};
 }
 
+// Whether a name of a recording, which others may have written, is of a file in its folder.
+bool stays_inside(const std::string& name) {
+  const fs::path path = fs::path(name).lexically_normal();
+  return path.is_relative() && !path.empty() && *path.begin() != "..";
+}
+
 double number(const std::string& text, const std::string& where) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -83,6 +89,10 @@ void RecordingReader::read_table(const fs::path& path) {
     const std::vector<std::string> row = cells(line);
     if (row.size() == 1 && row[0].empty()) continue;
     const std::string where = path.string() + " line " + std::to_string(number_of_line);
+    if (file.eof()) {  // without its end: a crash may have cut it off
+      std::cerr << "fastibl-demo: " << where << " is cut off; it is left out\n";
+      break;
+    }
     check(row.size() >= header.size(), where, ": expected ", header.size(), " values, got ",
           row.size());
     Entry entry{row[name], std::nullopt};
@@ -91,8 +101,12 @@ void RecordingReader::read_table(const fs::path& path) {
           entry.exposure.value_or(0));
     check(file_name(entry.file).has_value(), where, ": expected a picture or video#number, got \"",
           entry.file, '"');
+    check(stays_inside(file_name(entry.file)->file), where, ": \"", entry.file,
+          "\" leads out of the recording's folder");
     check(row[camera] == "back" || row[camera] == "front", where,
           ": camera must be back or front, got \"", row[camera], "\"");
+    check(stays_inside(file_name(entry.file)->file), where, ": \"", entry.file,
+          "\" leads out of the recording's folder");
     check(row[camera] == "back" || rig_.front, path.string(),
           " lists front pictures, but rig.yaml has no front camera");
     Moment& moment = moments_[number(row[time], where)];

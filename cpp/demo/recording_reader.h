@@ -18,8 +18,9 @@ class RecordingReader final : public FrameSource {
   RecordingReader(const std::filesystem::path& folder, bool true_poses);
 
   const Rig& rig() const override { return rig_; }
-  const std::optional<Board>& board() const { return board_; }
+  std::optional<Board> board() const override { return board_; }
   std::optional<OwnedFrame> next() override;
+  bool ended() const override { return next_ == moments_.end(); }
   double fps() const override;
   bool live() const override { return false; }
 

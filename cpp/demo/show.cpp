@@ -2,166 +2,164 @@
 
 #include <algorithm>
 #include <iostream>
-#include <sstream>
 
+#include "demo/commands.h"
 #include "demo/output.h"
-#include "demo/overlay.h"
-#include "demo/run.h"
+#include "demo/overlays/format.h"
+#include "demo/script.h"
 #include "demo/window.h"
-#include "fastibl/core/clock.h"
+#ifdef FASTIBL_WITH_INTERFACE
+#include "demo/interface.h"
+#endif
 
 namespace fastibl::demo {
 namespace {
 
-constexpr const char* kHelp = R"(keys:
-  m       methods: the library's choice, or the paper's of 2014
-  d       next diffuse method
-  b       back end: cpu, gl
-  e       show the captured map; what no camera saw is striped
-  s       shadow on or off
-  space   pause; n: one frame further
-  p       save the window as a PNG
-  h, F1   this help
-  q, Esc  quit
-)";
+constexpr double kIdle = 0.05;  // seconds between looks at a window whose frames stand still
+
+#ifndef FASTIBL_WITH_INTERFACE
+// Built without the library: keys and overlays do all.
+struct Interface {
+  static constexpr int kWidth = 0, kHeight = 0;
+  Interface(GLFWwindow*, bool) {}
+  bool usable() const { return false; }
+  void build(Player&) {}
+  void render() {}
+  bool takes_keys() const { return false; }
+};
+#endif
 
 class Viewer {
  public:
   explicit Viewer(const Args& args)
       : args_(args),
-        source_(open_source(args)),
-        window_(source_->rig().back.width, source_->rig().back.height, "fastibl"),
-        session_(make_session(args, *source_)),
-        methods_(methods_preset(args.paper)),
-        paper_(args.paper),
-        cast_shadow_(args.cast_shadow) {}
+        window_(args.size[0], args.size[1], "fastibl"),  // first: it says at once what is missing
+        player_(args, true),
+        script_(args) {
+    window_.with_context(
+        [&] { interface_ = std::make_unique<Interface>(window_.handle(), window_.desktop_gl()); });
+    player_.show_interface = args.interface;
+    const Camera& camera = player_.source().rig().back;
+    window_.set_size(camera.width + left(),
+                     std::max(camera.height, left() > 0 ? Interface::kHeight : 0));
+    window_.wait(0);
+  }
+  ~Viewer() {
+    window_.with_context([&] { interface_.reset(); });
+  }
 
   void run() {
-    std::cout << kHelp << std::flush;
-    while (!window_.closed() && !quit_) {
-      const bool ended = ended_ || (args_.frames > 0 && count_ >= args_.frames);
-      if (ended && (args_.frames > 0 || !args_.screenshot.empty())) break;
-      if (!ended && (!paused_ || step_)) advance();
-      step_ = false;
-      window_.wait(paused_ || ended ? 0.1 : waiting_time());
-      for (const char key : window_.keys()) press(key);
+    for (const std::string& line : help_lines()) std::cout << line << '\n';
+    std::cout << std::flush;
+    while (!window_.closed() && !player_.quit) {
+      const bool ended = player_.ended() || (args_.frames > 0 && player_.count() >= args_.frames);
+      // What was asked for by flags alone ends by itself.
+      if (ended && (args_.frames > 0 || (!args_.screenshot.empty() && args_.at == 0))) break;
+      const bool goes_on = !ended && (!player_.frozen || player_.step);
+      player_.step = false;
+      const bool taken = goes_on && advance();
+      if (!taken) player_.refresh();
+      show(taken);
+      save_screenshot();
+      window_.wait(goes_on ? waiting_time() : kIdle);
+      for (const std::string& key : window_.keys()) press_key(key);
     }
-    check(count_ > 0 || !ended_, "no frame could be read");
-    if (!args_.screenshot.empty()) save(args_.screenshot);
-    timings_.print(std::cout);
+    check(player_.count() > 0 || !player_.ended(), "no frame could be read");
+    script_.at_the_end(player_);
+    show(false);
+    save_screenshot();
+    player_.set_recording(false);
+    player_.timings().print(std::cout);
   }
 
  private:
-  void advance() {
-    std::optional<OwnedFrame> next = source_->next();
-    ended_ = !next;
-    if (ended_) return;
-    frame_ = std::move(*next);
-    ++count_;
-    result_ = session_.process(frame_.view());
-    timings_.add(result_.timings);
-    draw();
+  int left() const {
+    return interface_ && interface_->usable() && player_.show_interface ? Interface::kWidth : 0;
   }
 
-  // The same frame once more, by other methods. The map stays as it is: a picture counts once.
-  void redraw() {
-    if (count_ == 0 || frame_.back.empty()) return;
-    if (result_.back_from_marker && result_.environment) {
-      Frame frame = frame_.view();
-      frame.front = {}, frame.back_from_marker = result_.back_from_marker;
-      frame.back_last_row = result_.back_last_row;
-      session_.set_environment(result_.environment);
-      result_ = session_.process(frame);
-      session_.set_environment(nullptr);
-    }
-    draw();
+  bool advance() {
+    script_.before_frame(player_);
+    if (!player_.advance()) return false;
+    script_.after_frame(player_);
+    return true;
   }
 
-  void draw() {
-    if (frame_.back.empty()) return;  // a front picture alone feeds the map
-    Image<std::uint8_t> picture = result_.image;
-    if (show_map_ && result_.environment)
-      draw_map(picture, *result_.environment, frame_.back_exposure.value_or(1));
-    window_.show(picture.data.data(), picture.width, picture.height);
-    std::ostringstream title;
-    title.precision(1);
-    title << std::fixed << "fastibl: " << (paper_ ? "paper" : "auto") << ", "
-          << name(methods_.diffuse) << ", " << session_.renderer().backend()
-          << (cast_shadow_ ? "" : ", no shadow") << (result_.back_from_marker ? "" : ", no board")
-          << ", " << timings_.recent_milliseconds() << " ms   (h: help)";
-    window_.set_title(title.str());
-  }
-
-  // A recording plays no faster than it was taken.
-  double waiting_time() {
-    if (source_->live()) return 0;
-    if (count_ <= 1 || resumed_) start_ = frame_.time - clock_.seconds(), resumed_ = false;
-    return std::clamp(frame_.time + 1 / source_->fps() - start_ - clock_.seconds(), 0.0, 0.5);
-  }
-
-  void press(char key) {
-    switch (key) {
-      case 'm':
-        paper_ = !paper_, methods_ = methods_preset(paper_);
-        return session_.set_methods(methods_), redraw();
-      case 'd':
-        // `automatic` is the first value of the enum and not in the list.
-        methods_.diffuse = kDiffuseMethods[std::size_t(methods_.diffuse) % kDiffuseMethods.size()];
-        return session_.set_methods(methods_), redraw();
-      case 'b':
-        return next_backend();
-      case 'e':
-        show_map_ = !show_map_;
-        return draw();
-      case 's':
-        cast_shadow_ = !cast_shadow_;
-        return session_.set_cast_shadow(cast_shadow_), redraw();
-      case ' ':
-        paused_ = !paused_, resumed_ = true;
-        return;
-      case 'n':
-        paused_ = step_ = true;
-        return;
-      case 'p':
-        return save("fastibl-" + std::to_string(count_) + ".png");
-      case 'h':
-        std::cout << kHelp << std::flush;
-        return;
-      case 'q':
-        quit_ = true;
-    }
-  }
-
-  void next_backend() {
-    const std::string other = session_.renderer().backend() == "cpu" ? "gl" : "cpu";
+  void press_key(const std::string& key) {
+    if (interface_->takes_keys()) return;
     try {
-      session_.set_renderer(make_renderer(other));
-      redraw();
+      press(player_, key);
     } catch (const std::exception& error) {
-      std::cerr << "fastibl-demo: " << error.what() << '\n';
+      player_.say(error.what());
     }
+    if (key == "space" || key == "n") resumed_ = true;
   }
 
-  void save(const std::filesystem::path& path) {
-    const Window::Pixels pixels = window_.pixels();
+  void show(bool new_frame) {
+    if (!player_.picture().empty()) draw_picture();
+    const Stopwatch watch;
+    if (left() > 0) interface_->build(player_);
+    window_.show(left(), [&] { draw_interface(); });
+    if (!new_frame) return;
+    player_.timings().add("window", watch.seconds());
+    player_.timings().count_frame();
+    set_title();
+  }
+  void draw_interface() {
+    if (left() > 0) interface_->render();
+  }
+
+  // With what is for people alone: help, and what was said.
+  void draw_picture() {
+    Image<std::uint8_t> picture = player_.picture();
+    Canvas canvas(picture);
+    const std::string notice = player_.notice();
+    if (!notice.empty()) canvas.panel(Corner::top_left, {{notice, kOrange}});
+    if (player_.show_help) {
+      std::vector<Line> lines;
+      for (const std::string& line : help_cells()) lines.push_back({line});
+      canvas.sheet(lines);
+    }
+    window_.set_picture(picture.data.data(), picture.width, picture.height);
+  }
+
+  void set_title() {
+    window_.set_title("fastibl: " + player_.object() + ", " + player_.material() + ", " +
+                      (player_.paper() ? "paper" : "auto") + ", " + player_.backend() +
+                      (player_.result().back_from_marker ? "" : ", no board") + ", " +
+                      fixed(player_.timings().recent("total"), 1) + " ms   (h: help)");
+  }
+
+  // A recording, and the simulator, play no faster than they were taken.
+  double waiting_time() {
+    if (player_.source().live() || !args_.pace) return 0;
+    if (player_.count() <= 1 || resumed_)
+      start_ = player_.time() - clock_.seconds(), resumed_ = false;
+    const double due = player_.time() + 1 / player_.source().fps() - start_;
+    if (clock_.seconds() > due + 0.2) resumed_ = true;  // too slow to catch up
+    return std::clamp(due - clock_.seconds(), 0.0, 0.5);
+  }
+
+  void save_screenshot() {
+    if (player_.screenshot.empty()) return;
+    const std::filesystem::path path = std::exchange(player_.screenshot, {});
+    const Window::Pixels pixels = window_.pixels(left(), [&] { draw_interface(); });
     if (pixels.rgb.empty()) return;
     Image<std::uint8_t> picture(pixels.width, pixels.height, 3);
     picture.data = pixels.rgb;
-    write_png(path, picture);
-    std::cout << "wrote " << path.string() << std::endl;
+    try {
+      write_png(path, picture);
+      player_.say("wrote " + path.string());
+    } catch (const std::exception& error) {
+      player_.say(error.what());
+    }
   }
 
   const Args& args_;
-  std::unique_ptr<FrameSource> source_;
   Window window_;
-  Session session_;
-  Methods methods_;
-  bool paper_, cast_shadow_, show_map_ = false;
-  bool paused_ = false, step_ = false, quit_ = false, ended_ = false, resumed_ = true;
-  int count_ = 0;
-  OwnedFrame frame_;
-  FrameResult result_;
-  Timings timings_;
+  Player player_;
+  Script script_;
+  std::unique_ptr<Interface> interface_;
+  bool resumed_ = true;
   Stopwatch clock_;
   double start_ = 0;  // time of the frames when the clock was at 0
 };

@@ -6,17 +6,31 @@
 #include <string>
 #include <vector>
 
+#include "fastibl/core/clock.h"
+
 namespace fastibl::demo {
 
 class Timings {
  public:
   void add(const std::map<std::string, double>& seconds);  // of one frame, as a Session gives them
-  // One line a pass: runs, median and 95th percentile in milliseconds; then frames a second.
+  void add(const std::string& part, double seconds);       // of the program's own work
+  void count_frame();                                      // one was shown or stored
+
+  // One line a pass: runs, median and 95th percentile in milliseconds; then frames a second and
+  // the processor time that the whole program takes for one.
   void print(std::ostream& out) const;
-  double recent_milliseconds() const;  // median total of the last frames; 0 before the first
+  // Passes in the order in which they run, "total" of the session, then the program's own parts.
+  std::vector<std::string> order() const;
+  double recent(const std::string& part) const;  // median of the last ones, ms; 0 before the first
+  double frames_per_second() const;              // of the last ones, by the clock on the wall
 
  private:
   std::map<std::string, std::vector<double>> seconds_;
+  std::vector<std::string> own_;
+  std::vector<double> shown_;  // seconds
+  std::vector<double> used_;   // processor time then, seconds
+  Stopwatch clock_;
+  ProcessorClock processor_;
 };
 
 }  // namespace fastibl::demo

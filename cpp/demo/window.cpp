@@ -100,18 +100,21 @@ Window::Window(int width, int height, const std::string& title) {
   glfwSetWindowUserPointer(window_, this);
   glfwSetKeyCallback(window_, [](GLFWwindow* window, int key, int, int action, int) {
     if (action == GLFW_RELEASE) return;
-    std::vector<char>& keys = static_cast<Window*>(glfwGetWindowUserPointer(window))->keys_;
-    if (key == GLFW_KEY_ESCAPE) keys.push_back('q');
-    if (key == GLFW_KEY_F1) keys.push_back('h');
+    std::vector<std::string>& keys = static_cast<Window*>(glfwGetWindowUserPointer(window))->keys_;
+    if (key == GLFW_KEY_ESCAPE) keys.emplace_back("q");
+    if (key == GLFW_KEY_F1) keys.emplace_back("h");
+    if (key == GLFW_KEY_TAB) keys.emplace_back("tab");
   });
   // Letters by what they type, not where they lie: keyboards differ.
   glfwSetCharCallback(window_, [](GLFWwindow* window, unsigned letter) {
     if (letter >= 'A' && letter <= 'Z') letter += 'a' - 'A';
     if (letter < 128)
-      static_cast<Window*>(glfwGetWindowUserPointer(window))->keys_.push_back(char(letter));
+      static_cast<Window*>(glfwGetWindowUserPointer(window))
+          ->keys_.push_back(letter == ' ' ? "space" : std::string(1, char(letter)));
   });
   const Current current(window_);
   glfwSwapInterval(0);
+  desktop_gl_ = epoxy_is_desktop_gl();
   program_ = link();
   glGenVertexArrays(1, &vertex_array_);
   glGenTextures(1, &texture_);
@@ -127,40 +130,57 @@ Window::~Window() {
   glfwTerminate();
 }
 
-void Window::draw(int width, int height) {
-  const double scale = std::min(double(width) / picture_width_, double(height) / picture_height_);
+void Window::draw(int left, int width, int height) {
+  glViewport(0, 0, width, height);
+  glClearColor(0.06f, 0.06f, 0.06f, 1);
+  glClear(GL_COLOR_BUFFER_BIT);
+  if (picture_width_ == 0 || width <= left) return;
+  const double scale =
+      std::min(double(width - left) / picture_width_, double(height) / picture_height_);
   const int w = int(std::lround(picture_width_ * scale));
   const int h = int(std::lround(picture_height_ * scale));
-  glViewport(0, 0, width, height);
-  glClearColor(0, 0, 0, 1);
-  glClear(GL_COLOR_BUFFER_BIT);
-  glViewport((width - w) / 2, (height - h) / 2, w, h);
+  glDisable(GL_BLEND), glDisable(GL_SCISSOR_TEST);
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D, texture_);
+  glViewport(left + (width - left - w) / 2, (height - h) / 2, w, h);
   glUseProgram(program_);
   glBindVertexArray(vertex_array_);
   glDrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-void Window::show(const std::uint8_t* rgb, int width, int height) {
+void Window::set_picture(const std::uint8_t* rgb, int width, int height) {
   const Current current(window_);
   glActiveTexture(GL_TEXTURE0);
   glBindTexture(GL_TEXTURE_2D, texture_);
   glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-  glTexImage2D(GL_TEXTURE_2D, 0, GL_RGB8, width, height, 0, GL_RGB, GL_UNSIGNED_BYTE, rgb);
+  if (width == picture_width_ && height == picture_height_)
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, rgb);
+  else
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGB8, width, height, 0, GL_RGB, GL_UNSIGNED_BYTE, rgb);
   picture_width_ = width, picture_height_ = height;
+}
+
+void Window::show(int left, const std::function<void()>& over) {
+  const Current current(window_);
   int w = 0, h = 0;
   glfwGetFramebufferSize(window_, &w, &h);
-  draw(w, h);
+  draw(left, w, h);
+  over();
   glfwSwapBuffers(window_);
 }
 
-Window::Pixels Window::pixels() {
+void Window::with_context(const std::function<void()>& body) {
+  const Current current(window_);
+  body();
+}
+
+Window::Pixels Window::pixels(int left, const std::function<void()>& over) {
   Pixels out;
   if (picture_width_ == 0) return out;
   const Current current(window_);
   glfwGetFramebufferSize(window_, &out.width, &out.height);
-  glActiveTexture(GL_TEXTURE0);
-  glBindTexture(GL_TEXTURE_2D, texture_);
-  draw(out.width, out.height);  // what the back buffer holds after a swap is not defined
+  draw(left, out.width, out.height);  // what the back buffer holds after a swap is not defined
+  over();
   std::vector<std::uint8_t> rgba(std::size_t(out.width) * out.height * 4);
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   glReadPixels(0, 0, out.width, out.height, GL_RGBA, GL_UNSIGNED_BYTE, rgba.data());
@@ -181,6 +201,7 @@ void Window::wait(double seconds) {
   else
     glfwPollEvents();
 }
-std::vector<char> Window::keys() { return std::exchange(keys_, {}); }
+void Window::set_size(int width, int height) { glfwSetWindowSize(window_, width, height); }
+std::vector<std::string> Window::keys() { return std::exchange(keys_, {}); }
 
 }  // namespace fastibl::demo

@@ -1,7 +1,8 @@
-// A window that shows a picture and tells which keys were pressed.
+// A window with a picture, room for an interface, and the keys that were pressed.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -21,28 +22,38 @@ class Window {
   Window(const Window&) = delete;
   Window& operator=(const Window&) = delete;
 
-  // rgb: packed rows, top row first; fitted into the window with its aspect kept.
-  void show(const std::uint8_t* rgb, int width, int height);
+  // rgb: packed rows, top row first.
+  void set_picture(const std::uint8_t* rgb, int width, int height);
+  // The picture fitted into what is right of `left` pixels, its aspect kept; then what `over` draws
+  // with the context current.
+  void show(int left, const std::function<void()>& over);
+  // For what else needs the context.
+  void with_context(const std::function<void()>& body);
+  bool desktop_gl() const { return desktop_gl_; }
+  GLFWwindow* handle() const { return window_; }
+  void set_size(int width, int height);
   bool closed() const;
   void set_title(const std::string& title);
   // Handles events, for at most `seconds` where there are none.
   void wait(double seconds);
-  // Keys since the last call, as small letters; ' ' for space, 'q' for Escape, 'h' for F1.
-  std::vector<char> keys();
+  // Keys since the last call: small letters and signs as they are typed, "space", "tab"; "q" for
+  // Escape, "h" for F1.
+  std::vector<std::string> keys();
 
   struct Pixels {
     int width = 0, height = 0;
     std::vector<std::uint8_t> rgb;  // packed, top row first
   };
-  Pixels pixels();  // as last shown
+  Pixels pixels(int left, const std::function<void()>& over);  // as show() has it
 
  private:
-  void draw(int width, int height);
+  void draw(int left, int width, int height);
 
   GLFWwindow* window_ = nullptr;
   unsigned texture_ = 0, program_ = 0, vertex_array_ = 0;
   int picture_width_ = 0, picture_height_ = 0;
-  std::vector<char> keys_;
+  bool desktop_gl_ = true;
+  std::vector<std::string> keys_;
 };
 
 }  // namespace fastibl::demo

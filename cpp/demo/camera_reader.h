@@ -1,0 +1,55 @@
+// One live camera, read in a thread of its own: its newest picture, whatever else takes long.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <opencv2/videoio.hpp>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "fastibl/core/clock.h"
+#include "fastibl/scene/camera.h"
+
+namespace fastibl::demo {
+
+class CameraReader {
+ public:
+  // place: OpenCV's camera number, a file, or an address. Throws std::invalid_argument for a camera
+  // that does not open, or gives pictures of another size than `camera`. clock: of the pictures'
+  // times; outlives this.
+  CameraReader(std::string place, const Camera& camera, std::string name, const Stopwatch& clock);
+  ~CameraReader();
+
+  struct Shot {
+    cv::Mat picture;  // BGR
+    double time = 0;  // seconds, when it was taken
+  };
+  // One that was not taken before; waits for at most `seconds`.
+  std::optional<Shot> newest(double seconds);
+  // Whether the camera was lost; it is opened again as soon as it is there.
+  bool lost() const { return lost_; }
+  const std::string& name() const { return name_; }
+
+ private:
+  void open();  // throws std::invalid_argument
+  void hold_exposure();
+  void run();
+  void reopen();
+
+  std::string place_;
+  Camera camera_;
+  std::string name_;
+  const Stopwatch& clock_;
+  cv::VideoCapture capture_;
+  double period_ = 0;  // seconds between pictures of a file, which would come faster
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<Shot> shot_;
+  std::atomic<bool> lost_ = false;
+  bool closing_ = false;
+  std::thread thread_;
+};
+
+}  // namespace fastibl::demo

@@ -1,0 +1,12 @@
+// The frames without a window.
+#pragma once
+
+#include "demo/args.h"
+
+namespace fastibl::demo {
+
+// Processes all frames with the commands of args.cues; leaves pictures at args.out and
+// args.screenshot, and prints the timings.
+void run_headless(const Args& args);
+
+}  // namespace fastibl::demo

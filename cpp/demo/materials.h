@@ -1,0 +1,16 @@
+// Materials to choose from.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "fastibl/scene/material.h"
+
+namespace fastibl::demo {
+
+// "given", by the arguments, and the built-in ones.
+std::vector<std::string> material_names();
+// Throws std::invalid_argument for a name that is none of them.
+Material material_named(const std::string& name, const Material& given);
+
+}  // namespace fastibl::demo

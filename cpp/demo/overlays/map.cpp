@@ -1,0 +1,78 @@
+#include <cmath>
+#include <numbers>
+
+#include "demo/guidance.h"
+#include "demo/overlays/equirect.h"
+#include "demo/overlays/format.h"
+#include "demo/overlays/overlay.h"
+
+namespace fastibl::demo {
+namespace {
+
+// Irradiance on the table, mean over RGB, at a coarse level: to compare maps by.
+double table_light(const CubeMap& map) {
+  const CubeLevel& level = map.level_at_most(32);
+  double sum = 0;
+  for (int f = 0; f < 6; ++f)
+    for (int k = 0; k < level.size() * level.size(); ++k) {
+      const int x = k % level.size(), y = k / level.size();
+      const glm::vec3 d = glm::normalize(texel_direction(f, x, y, level.size()));
+      if (d.z <= 0) continue;
+      const glm::vec3 texel = level.texel(f, x, y);
+      sum +=
+          double((texel.x + texel.y + texel.z) / 3 * d.z) * texel_solid_angle(x, y, level.size());
+    }
+  return sum;
+}
+
+// As narrow as the inset.
+std::vector<Line> told(const View& view, const Guidance& guidance) {
+  const Environment& environment = *view.result.environment;
+  std::vector<Line> lines = {
+      {"map: " + fixed(100 * guidance.seen, 0) + " % of the sky seen,"},
+      {"light within " + fixed(100 * environment.predicted_error, 1) + " %"}};
+  if (view.true_light) {
+    const double off = table_light(environment.radiance) / table_light(*view.true_light) - 1;
+    lines.push_back({fixed(100 * off, 1) + " % by the true map, below"});
+  }
+  if (!guidance.direction) lines.push_back({"all of the sky was seen", kGreen});
+  return lines;
+}
+
+}  // namespace
+
+void draw_map(Canvas& canvas, const View& view) {
+  const int height = std::max(8, std::min(canvas.height() / 5, canvas.width() / 5));
+  const double exposure = view.frame.back_exposure.value_or(1) / 2;
+  if (view.true_light)
+    if (const auto at = canvas.take(Corner::bottom_right, 2 * height, height))
+      draw_equirect(canvas, {*at, height}, *view.true_light, {}, exposure);
+  if (!view.result.environment)
+    return canvas.panel(Corner::bottom_right, {{"no map yet", kOrange}});
+  const std::optional<Pose>& pose = view.result.back_from_marker;
+  std::optional<Pose> front;
+  if (pose && view.rig.front) front = view.rig.front_from_back * *pose;
+  const std::optional<Pose>& turning = view.rig.front ? front : pose;
+  const Guidance guidance = guide(*view.result.environment, turning);
+  std::vector<Line> lines = told(view, guidance);
+  if (guidance.direction && turning) {
+    lines.push_back(
+        {std::string("look there with the ") + (front ? "front" : "back") + " camera:", kOrange});
+    lines.push_back({way(*guidance.direction, *turning), kOrange});
+  }
+  if (const auto at = canvas.take(Corner::bottom_right, 2 * height, height)) {
+    const Inset inset{*at, height};
+    const Environment& environment = *view.result.environment;
+    draw_equirect(canvas, inset, environment.radiance, environment.confidence(), exposure);
+    if (pose) draw_field(canvas, inset, view.rig.back, *pose, kWhite);
+    if (front) draw_field(canvas, inset, *view.rig.front, *front, kBlue);
+    if (guidance.direction) {
+      const glm::dvec3 target(*guidance.direction);
+      if (turning) draw_way(canvas, inset, glm::transpose(turning->rotation)[2], target, kOrange);
+      canvas.circle(in_equirect(inset, target), height / 16.0, kOrange, 2);
+    }
+  }
+  canvas.panel(Corner::bottom_right, lines);
+}
+
+}  // namespace fastibl::demo

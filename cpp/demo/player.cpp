@@ -1,0 +1,246 @@
+#include "demo/player.h"
+
+#include <iostream>
+#include <numbers>
+
+#include "demo/object.h"
+#include "demo/open.h"
+#include "fastibl/render/make_scene.h"
+#include "fastibl/tracking/opencv/opencv_detector.h"
+
+namespace fastibl::demo {
+namespace {
+
+constexpr double kNew = 3;  // seconds for which what was said is shown
+
+}  // namespace
+
+Player::Player(const Args& args, bool live)
+    : args_(args),
+      live_(live),
+      source_(open_source(args)),
+      objects_(args.objects, args.z_up),
+      object_(args.objects.empty() ? objects_.names()[0] : args.objects[0].string()),
+      backend_(args.backend),
+      height_(args.height),
+      board_(board_for(args, *source_)) {
+  for (const std::string& name : args.overlays)
+    for (std::size_t k = 0; k < kOverlays.size(); ++k)
+      if (kOverlays[k].name == name) overlays_[k] = true;
+  make_session(make_object(objects_.mesh(object_), height_));
+  if (!args.material_name.empty()) set_material(args.material_name);
+  if (!args.record.empty()) set_recording(true, args.record);
+}
+
+Scene Player::make_object(Mesh mesh, double height) const {
+  SceneOptions options;
+  options.bake_shadow = true;
+  return make_scene(stand(std::move(mesh), height), args_.material, Pose(), options);
+}
+
+std::unique_ptr<Renderer> Player::make_renderer() {
+  try {
+    return demo::make_renderer(backend_);
+  } catch (const std::runtime_error& error) {  // no driver
+    std::cerr << "fastibl-demo: " << error.what() << "; going on with the back end cpu\n";
+    say("no " + backend_ + " back end here; going on with cpu");
+    backend_ = "cpu";
+    return demo::make_renderer(backend_);
+  }
+}
+
+void Player::make_session(Scene scene) {
+  SessionOptions options;
+  options.methods = args_.paper ? Methods::paper() : Methods{};
+  options.error = args_.error, options.milliseconds = args_.milliseconds;
+  options.cast_shadow = args_.cast_shadow;
+  scene.shadow_look = args_.shadow_look;
+  session_ = std::make_unique<Session>(std::move(scene), source_->rig(), board_, nullptr,
+                                       opencv_detector(), make_renderer(), options);
+}
+
+bool Player::advance() {
+  adopt_object();
+  const Stopwatch taking;
+  std::optional<OwnedFrame> next = source_->next();
+  if (!next) return false;
+  timings_.add("source", taking.seconds());
+  frame_ = std::make_shared<const OwnedFrame>(std::move(*next));
+  ++count_;
+  record_frame();
+  FrameResult result = session_->process(frame_->view());
+  timings_.add(result.timings);
+  changed_ = false;
+  // A front picture alone feeds the map; there is nothing to show.
+  if (frame_->back.empty()) {
+    result_.environment = result.environment;
+    return true;
+  }
+  result_ = std::move(result);
+  tracked_ = result_.tracked;
+  if (!result_.back_from_marker) ++unseen_;
+  drawn_ = false;
+  return true;
+}
+
+// By what was changed. The map stays as it is: a picture counts once.
+void Player::refresh() {
+  adopt_object();
+  if (!changed_ || !frame_ || frame_->back.empty()) return;
+  changed_ = drawn_ = false;
+  if (!result_.back_from_marker || !result_.environment) return;
+  Frame frame = frame_->view();
+  frame.front = {}, frame.back_from_marker = result_.back_from_marker;
+  frame.back_last_row = result_.back_last_row;
+  session_->set_environment(result_.environment);
+  result_ = session_->process(frame);
+  result_.tracked = tracked_;
+  session_->set_environment(nullptr);
+}
+
+const Image<std::uint8_t>& Player::picture() {
+  if (drawn_ || result_.image.empty()) return picture_;
+  drawn_ = true;
+  picture_ = result_.image;
+  const Stopwatch drawing;
+  Canvas canvas(picture_);
+  const std::shared_ptr<const CubeMap> truth = source_->true_light();
+  const View view{source_->rig(), board_, *frame_, result_, *session_, timings_, truth.get()};
+  bool any = false;
+  for (std::size_t k = 0; k < kOverlays.size(); ++k)
+    if (overlays_[k]) kOverlays[k].draw(canvas, view), any = true;
+  if (any) timings_.add("overlays", drawing.seconds());
+  return picture_;
+}
+
+void Player::begin_object(const std::string& name, double height) {
+  try {
+    Mesh mesh = objects_.mesh(name);
+    coming_name_ = name, coming_height_ = height;
+    coming_ = std::async(live_ ? std::launch::async : std::launch::deferred,
+                         [this, mesh = std::move(mesh), height]() mutable {
+                           return make_object(std::move(mesh), height);
+                         });
+    say("making " + name);
+  } catch (const std::exception& error) {
+    told_or_thrown(error);
+  }
+}
+
+void Player::adopt_object() {
+  if (!coming_.valid()) return;
+  if (live_ && coming_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+  try {
+    Scene scene = coming_.get();
+    scene.material = session_->scene().material;
+    scene.shadow_look = session_->scene().shadow_look;
+    check_fits(scene.material, scene.mesh);
+    session_->set_scene(std::move(scene));
+    object_ = coming_name_, height_ = coming_height_;
+    turn(0);
+    say(object_ + ", " + std::to_string(std::lround(100 * height_)) + " cm high");
+    changed_ = true;
+  } catch (const std::exception& error) {
+    told_or_thrown(error);
+  }
+}
+
+void Player::set_object(const std::string& name) {
+  if (!coming_.valid()) begin_object(name, height_);
+}
+void Player::set_height(double metres) {
+  check(metres >= 0.01 && metres <= 2, "the height must be from 0.01 to 2 m, got ", metres);
+  if (!coming_.valid()) begin_object(object_, metres);
+}
+void Player::set_material(const std::string& name) {
+  session_->set_material(material_named(name, args_.material));
+  material_ = name, changed_ = true;
+}
+void Player::turn(double degrees) {
+  turned_ = std::remainder(turned_ + degrees, 360);
+  Pose pose;
+  pose.rotation = rotation_from_vector({0, 0, turned_ * std::numbers::pi / 180});
+  session_->move(pose);
+  changed_ = true;
+}
+void Player::set_cast_shadow(bool cast) { session_->set_cast_shadow(cast), changed_ = true; }
+void Player::set_shadow_strength(double strength) {
+  ShadowLook look = session_->scene().shadow_look;
+  look.strength = float(strength);
+  session_->set_shadow_look(look);
+  changed_ = true;
+}
+void Player::set_methods(const Methods& methods) {
+  session_->set_methods(methods), changed_ = true;
+}
+void Player::set_backend(const std::string& name) {
+  backend_ = name;
+  session_->set_renderer(make_renderer());
+  changed_ = true;
+}
+void Player::set_budgets(double error, double milliseconds) {
+  session_->set_budgets(error, milliseconds), changed_ = true;
+}
+void Player::set_overlay(std::size_t index, bool on) { overlays_[index] = on, drawn_ = false; }
+
+void Player::set_recording(bool on, const std::filesystem::path& path) {
+  if (on == recording()) return;
+  try {
+    if (on) {
+      std::filesystem::path folder = path.empty() ? "fastibl-recording" : path;
+      for (int k = 2; path.empty() && std::filesystem::exists(folder); ++k)
+        folder = "fastibl-recording-" + std::to_string(k);
+      recorder_ = std::make_unique<Recorder>(folder, source_->rig(), board_);
+      return say("recording to " + folder.string());
+    }
+    const std::unique_ptr<Recorder> ending = std::move(recorder_);
+    ending->close();
+    say("recorded " + std::to_string(ending->written()) + " frames to " + ending->path().string() +
+        (ending->dropped() ? ", " + std::to_string(ending->dropped()) + " found no room" : ""));
+  } catch (const std::exception& error) {
+    recorder_.reset();
+    told_or_thrown(error);
+  }
+}
+
+void Player::record_frame() {
+  if (!recorder_) return;
+  try {
+    recorder_->add(frame_);
+  } catch (const std::exception& error) {
+    recorder_.reset();
+    told_or_thrown(error);
+  }
+}
+
+void Player::restart() {
+  if (!source_->live()) {
+    set_recording(false);  // time begins again
+    source_.reset();       // one at a time
+    source_ = open_source(args_);
+  }
+  Scene scene = session_->scene();
+  const SessionOptions options = session_->options();
+  session_ = std::make_unique<Session>(std::move(scene), source_->rig(), board_, nullptr,
+                                       opencv_detector(), make_renderer(), options);
+  result_ = {};
+  say("beginning again");
+}
+
+void Player::say(const std::string& message) {
+  said_ = message, said_at_ = clock_.seconds();
+  std::cout << message << std::endl;
+}
+std::string Player::notice() const {
+  const std::string trouble = source_->trouble();
+  if (!trouble.empty()) return trouble;
+  return clock_.seconds() - said_at_ < kNew ? said_ : "";
+}
+
+void Player::told_or_thrown(const std::exception& error) {
+  if (!live_) throw;
+  std::cerr << "fastibl-demo: " << error.what() << '\n';
+  said_ = error.what(), said_at_ = clock_.seconds();
+}
+
+}  // namespace fastibl::demo

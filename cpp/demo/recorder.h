@@ -1,0 +1,55 @@
+// Stores a recording while frames come, in a thread of its own; folders as fastibl.Recorder writes
+// them.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "demo/frame_source.h"
+
+namespace fastibl::demo {
+
+// Every picture is whole before frames.csv names it, and no more than kMostWaiting frames wait: a
+// program that is killed loses what waited.
+class Recorder {
+ public:
+  static constexpr std::size_t kMostWaiting = 20;  // frames: less than a second's
+  // folder: one that does not exist or is empty. Throws std::invalid_argument for another, and
+  // std::runtime_error where it cannot be written or the disk is full.
+  Recorder(const std::filesystem::path& folder, const Rig& rig, const std::optional<Board>& board);
+  ~Recorder();  // writes what waits
+
+  // Drops it where too many wait. Throws what ended the recording, if anything did.
+  void add(std::shared_ptr<const OwnedFrame> frame);
+  void close();  // writes what waits; throws what ended the recording
+
+  int written() const { return written_; }  // frames; both after close()
+  int dropped() const { return dropped_; }
+  const std::filesystem::path& path() const { return folder_; }
+
+ private:
+  void run();
+  void write(const OwnedFrame& frame);
+  void write_picture(const char* camera, double time, const Image<std::uint8_t>& picture,
+                     std::optional<double> exposure);
+  void check_disk() const;
+
+  std::filesystem::path folder_;
+  int table_ = -1;  // frames.csv
+  int counts_[2] = {0, 0};
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::shared_ptr<const OwnedFrame>> waiting_;
+  bool closing_ = false;
+  std::exception_ptr error_;
+  int written_ = 0, dropped_ = 0;
+  std::thread thread_;
+};
+
+}  // namespace fastibl::demo

@@ -1,0 +1,24 @@
+#include "demo/script.h"
+
+namespace fastibl::demo {
+
+void Script::before_frame(Player& player) {
+  const int frame = player.count() + 1;
+  if (given_for_ == frame) return;  // no picture had come
+  given_for_ = frame;
+  for (const Cue& cue : args_.cues) {
+    if (cue.frame != frame) continue;
+    const Order order = parse_order(cue.order);
+    run(player, *order.command, order.value);
+  }
+}
+
+void Script::after_frame(Player& player) {
+  if (args_.at > 0 && player.count() == args_.at) player.screenshot = args_.screenshot;
+}
+
+void Script::at_the_end(Player& player) {
+  if (!args_.screenshot.empty() && args_.at == 0) player.screenshot = args_.screenshot;
+}
+
+}  // namespace fastibl::demo

@@ -1,0 +1,31 @@
+// A simulated camera: from a place's light to the picture that a sensor makes of it.
+#pragma once
+
+#include <cstdint>
+
+#include "demo/simulator/page.h"
+#include "demo/simulator/room.h"
+#include "fastibl/scene/camera.h"
+
+namespace fastibl::demo {
+
+class Eye {
+ public:
+  explicit Eye(const Camera& camera);
+  // seed: of the sensor's noise. The same arguments give the same bytes.
+  Image<std::uint8_t> take(const Room& room, const Page& page, const Pose& camera_from_marker,
+                           double exposure, std::uint32_t seed) const;
+
+ private:
+  glm::vec3 on_table(const Room& room, const Page& page, const glm::vec3& eye,
+                     const glm::mat3& marker_from_camera, int x, int y,
+                     const glm::vec3& radiance) const;
+
+  Camera camera_;
+  ByteResponse response_;
+  std::vector<glm::vec3> rays_, fine_;  // through pixels, and through 2 × 2 points of each
+  std::vector<float> factor_;           // of each pixel: gain and vignetting
+  std::vector<float> noise_;            // standard normal
+};
+
+}  // namespace fastibl::demo

@@ -1,0 +1,54 @@
+// A rectangle of the room with its picture of albedo, emission and, once lit, radiance.
+#pragma once
+
+#include <functional>
+
+#include "fastibl/core/image.h"
+#include "fastibl/core/vector.h"
+
+namespace fastibl::demo {
+
+// Matte; what it sends out is the same from everywhere.
+struct Surface {
+  glm::vec3 origin{0}, u{0}, v{0};  // a corner, and unit edges from it
+  glm::vec3 normal{0};              // into the room
+  glm::vec2 size{0};                // metres along u and v
+  float density = 100;              // texels a metre
+  Image<float> albedo, emission, radiance;
+  Image<float> irradiance;  // coarse, over the whole rectangle
+
+  glm::vec3 point(float a, float b) const { return origin + a * u + b * v; }  // a, b: metres
+};
+
+// What a surface is made of at a place in metres along u and v.
+struct Paint {
+  glm::vec3 albedo{0.5f}, emission{0};
+};
+void paint(Surface& surface, const std::function<Paint(float, float)>& at);
+
+// Bilinear between texel centres, clamped at the border; s and t in texels.
+inline glm::vec3 look_up(const Image<float>& image, float s, float t) {
+  s = glm::clamp(s - 0.5f, 0.0f, float(image.width - 1));
+  t = glm::clamp(t - 0.5f, 0.0f, float(image.height - 1));
+  const int x = int(s), y = int(t);
+  const int right = x + 1 < image.width ? 3 : 0;
+  const float* above = image.pixel(x, y);
+  const float* below = y + 1 < image.height ? image.pixel(x, y + 1) : above;
+  const float fx = s - float(x), fy = t - float(y);
+  const auto row = [&](const float* p) {
+    const glm::vec3 left(p[0], p[1], p[2]);
+    return left + fx * (glm::vec3(p[right], p[right + 1], p[right + 2]) - left);
+  };
+  const glm::vec3 top = row(above);
+  return top + fy * (row(below) - top);
+}
+inline glm::vec3 radiance_at(const Surface& surface, float a, float b) {
+  return look_up(surface.radiance, a * surface.density, b * surface.density);
+}
+inline glm::vec3 irradiance_at(const Surface& surface, float a, float b) {
+  const Image<float>& coarse = surface.irradiance;
+  return look_up(coarse, a / surface.size.x * float(coarse.width),
+                 b / surface.size.y * float(coarse.height));
+}
+
+}  // namespace fastibl::demo

@@ -1,0 +1,92 @@
+// What a Session changes while it runs gives what a new Session gives.
+#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "fastibl/render/make_scene.h"
+#include "fastibl/render/session.h"
+
+using namespace fastibl;
+
+namespace {
+
+Mesh pyramid(float height) {
+  Mesh mesh;
+  mesh.vertices = {{-0.03f, -0.03f, 0},
+                   {0.03f, -0.03f, 0},
+                   {0.03f, 0.03f, 0},
+                   {-0.03f, 0.03f, 0},
+                   {0, 0, height}};
+  mesh.triangles = {{0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}, {0, 2, 1}, {0, 3, 2}};
+  return mesh;
+}
+
+Scene scene(float height) {
+  SceneOptions options;
+  options.bake_shadow = true;
+  Material material;
+  material.glossy = glm::vec3(0.2f);
+  return make_scene(pyramid(height), material, Pose(), options);
+}
+
+// Brighter from one side.
+std::shared_ptr<const Environment> light() {
+  std::vector<glm::vec3> faces;
+  for (int f = 0; f < 6; ++f) faces.insert(faces.end(), 16 * 16, glm::vec3(f == 0 ? 4.0f : 0.5f));
+  return std::make_shared<const Environment>(environment_from(CubeMap(16, faces)));
+}
+
+struct Camera160 {
+  Rig rig;
+  std::vector<std::uint8_t> pixels = std::vector<std::uint8_t>(160 * 120 * 3, 120);
+  Frame frame;
+  Camera160() {
+    rig.back.width = 160, rig.back.height = 120;
+    rig.back.fx = rig.back.fy = 200, rig.back.cx = 80, rig.back.cy = 60;
+    frame.back = {pixels.data(), PixelType::uint8, 160, 120, 160 * 3};
+    // From above, a little to one side: y down is −z of the marker's plane turned by 45 degrees.
+    const double s = std::sqrt(0.5);
+    Pose pose;
+    pose.rotation = glm::transpose(glm::dmat3({1, 0, 0}, {0, -s, -s}, {0, s, -s}));
+    pose.translation = -(pose.rotation * glm::dvec3(0, -0.25, 0.27));
+    frame.back_from_marker = pose;
+  }
+  Session session(float height, const SessionOptions& options = {}) const {
+    return {scene(height), rig, std::nullopt, light(), nullptr, make_cpu_renderer(), options};
+  }
+};
+
+}  // namespace
+
+TEST_CASE("another object gives what a session that began with it gives") {
+  const Camera160 camera;
+  Session changed = camera.session(0.05f), fresh = camera.session(0.12f);
+  const Image<std::uint8_t> before = changed.process(camera.frame).image;
+  changed.set_scene(scene(0.12f));
+  const Image<std::uint8_t> after = changed.process(camera.frame).image;
+  CHECK(after == fresh.process(camera.frame).image);
+  CHECK(after != before);
+}
+
+TEST_CASE("another object may not have a broken shadow look") {
+  Session session = Camera160().session(0.05f);
+  Scene broken = scene(0.05f);
+  broken.shadow_look.strength = -1;
+  CHECK_THROWS_AS(session.set_scene(broken), std::invalid_argument);
+}
+
+TEST_CASE("budgets set later give what a session that began with them gives") {
+  const Camera160 camera;
+  SessionOptions coarse;
+  coarse.error = 0.2;
+  Session changed = camera.session(0.1f), fresh = camera.session(0.1f, coarse);
+  changed.process(camera.frame);
+  changed.set_budgets(0.2, 0);
+  const Image<std::uint8_t> after = changed.process(camera.frame).image;
+  CHECK(after == fresh.process(camera.frame).image);
+  CHECK(changed.plan().error_budget == 0.2);
+  CHECK(changed.plan().methods == fresh.plan().methods);
+  CHECK_THROWS_AS(changed.set_budgets(-1, 0), std::invalid_argument);
+  CHECK_THROWS_AS(changed.set_budgets(0.1, std::nan("")), std::invalid_argument);
+}
