@@ -165,6 +165,14 @@ void Session::update_plan(bool choose) {
   stale_ |= product::bounce | product::plane | product::object | product::image;
 }
 
+void Session::set_scene(Scene scene) {
+  scene.shadow_look.validate();
+  scene_ = std::move(scene);
+  cell_light_ = {}, holdout_light_ = {}, near_share_maker_ = {};
+  exchange_.reset(), hidden_from_.reset();
+  renderer_->clear(PassId::shadow), renderer_->clear(PassId::shade);
+  replan();
+}
 void Session::set_material(const Material& material) {
   check_fits(material, scene_.mesh);
   scene_.material = material;
@@ -176,6 +184,13 @@ void Session::move(const Pose& marker_from_object) {
 }
 void Session::set_methods(const Methods& methods) {
   options_.methods = methods;
+  replan();
+}
+void Session::set_budgets(double error, double milliseconds) {
+  for (const double budget : {error, milliseconds})
+    check(budget >= 0 && std::isfinite(budget), "a budget must be 0 (none) or more, got ", budget);
+  options_.error = error, options_.milliseconds = milliseconds;
+  time_ = {};
   replan();
 }
 void Session::set_cast_shadow(bool cast) {

@@ -102,6 +102,7 @@ class Session {
   FrameResult process(const Frame& frame);
 
   const Plan& plan() const { return plan_; }
+  const SessionOptions& options() const { return options_; }
   ShadowMap shadow_map() { return renderer_->shadow_map(); }
   // What the plane's picture was multiplied by: the ratio as it is drawn, and the light of the
   // object; it may exceed 1.
@@ -112,9 +113,14 @@ class Session {
   Renderer& renderer() { return *renderer_; }
 
   const Scene& scene() const { return scene_; }
+  // Another object, at the map that was captured: its centre stays where the first object's was.
+  void set_scene(Scene scene);
   void set_material(const Material& material);
   void move(const Pose& marker_from_object);
   void set_methods(const Methods& methods);
+  // SessionOptions::error and milliseconds; throws std::invalid_argument for values that are
+  // negative or not finite.
+  void set_budgets(double error, double milliseconds);
   void set_cast_shadow(bool cast);
   void set_shadow_look(const ShadowLook& look);
   void set_environment(std::shared_ptr<const Environment> environment);  // null: capture
