@@ -30,7 +30,7 @@ def smooth(rng, width, height):
 
 
 class Source:
-    """Pictures of smooth noise, whose poses are given; as many as asked for, as fast as they are taken but for `pause`."""
+    """Pictures of smooth noise with their poses; as many as asked for, as fast as they are taken but for `pause`."""
 
     def __init__(self, count=None, pause=0.004, camera=CAMERA):
         self.rig, self.board, self.count, self.pause = fastibl.Rig(camera), None, count, pause
