@@ -71,7 +71,8 @@ const settled = (name) => !(waiting[name] > performance.now());
 // ---- The large picture: asked for again when it was drawn, so that a slow page skips pictures.
 
 let view = "composite", shown = 0, axes = false, aborting = new AbortController();
-const drawn = [];
+const drawn = []; // when, in the last second
+let taken = 0; // pictures drawn since the page was opened
 
 function show(name) {
   view = name, shown = 0;
@@ -93,7 +94,7 @@ async function pictures() {
       draw($("picture"), bitmap);
       drawOverlay(axes && answer.headers.get("X-Overlay"));
       const now = performance.now();
-      drawn.push(now);
+      drawn.push(now), taken++;
       while (now - drawn[0] > 1000) drawn.shift();
     } catch (error) {
       if (error.name !== "AbortError") await sleep(700);

@@ -12,14 +12,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .._fastibl import FrameResult
+from .._fastibl import FrameResult, MainLight, main_lights
 from ..guidance import Guidance, guide
 from .snapshot import Snapshot
 
 QUALITY = 85  # of JPEG
 _MAP_HEIGHT = 160  # pixels
-_MAP_PERIOD = 0.5  # seconds: the map grows slowly, and showing it takes as long as ten composites
+_MAP_PERIOD = 0.7  # seconds: the map grows slowly, and showing it takes as long as ten composites
 _SHADOW_HEIGHT = 192
+_LIGHTS = 6  # that are listed
 
 
 def jpeg(picture: NDArray[np.uint8]) -> bytes:
@@ -62,23 +63,33 @@ class _View:
             return self._last
 
 
+@dataclass(frozen=True)
+class Look:
+    """What is known of a map: where to look next, the map's picture, and its lights."""
+
+    guidance: Guidance
+    lights: tuple[MainLight, ...]
+
+
 class Light:
-    """The captured map as a picture, and where to look next: worked out together, at most every half second."""
+    """The newest look at the captured map, worked out at most every _MAP_PERIOD."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._of: FrameResult | None = None
-        self._guidance: Guidance | None = None
+        self._look: Look | None = None
         self._made = -np.inf
 
-    def guidance(self, snapshot: Snapshot) -> Guidance | None:
+    def look(self, snapshot: Snapshot) -> Look | None:
+        """None before there is a map."""
         result = snapshot.newest
         if result is None or result.environment is None:
             return None
         with self._lock:
             if result is not self._of and time.monotonic() - self._made >= _MAP_PERIOD:
-                self._of, self._guidance, self._made = result, _guide(snapshot, result), time.monotonic()
-            return self._guidance
+                self._of, self._made = result, time.monotonic()
+                self._look = Look(_guide(snapshot, result), tuple(main_lights(result.environment)[:_LIGHTS]))
+            return self._look
 
 
 def _guide(snapshot: Snapshot, result: FrameResult) -> Guidance:
@@ -127,8 +138,8 @@ class Pictures:
         return self._views[name].get(snapshot)
 
     def _map(self, snapshot: Snapshot) -> bytes | None:
-        guidance = self.light.guidance(snapshot)
-        return None if guidance is None else jpeg(guidance.image)
+        look = self.light.look(snapshot)
+        return None if look is None else jpeg(look.guidance.image)
 
 
 def save_picture(snapshot: Snapshot, path: Path) -> Path:

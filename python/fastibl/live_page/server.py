@@ -176,7 +176,8 @@ class _Handler(BaseHTTPRequestHandler):
             status, kind, headers = refusal.status, "text/plain; charset=utf-8", {}
             answer = f"{refusal}\n".encode()
         self._send(status, kind, answer, headers)
-        self.server.page.count(what or "page", time.thread_time() - begin)
+        view = f"/{self.rest}" if what == "picture" and status == HTTPStatus.OK else ""
+        self.server.page.count((what or "page") + view, time.thread_time() - begin)
 
     def _send(self, status: HTTPStatus, kind: str, answer: bytes, headers: Mapping[str, str]) -> None:
         self.send_response(status)
@@ -253,7 +254,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._viewer()
         page = self.server.page
         state = state_of(page.loop.latest.get(), page.pictures.light)
-        seconds, pictures = sum(page.seconds.values()), page.served.get("picture", 0)
+        seconds, pictures = sum(page.seconds.values()), page.served.get("picture/composite", 0)
         return _json(state | {"viewers": len(page.viewers), "page": {"seconds": seconds, "pictures": pictures}})
 
     def _picture(self, _: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:

@@ -24,8 +24,8 @@ class Snapshot:
     version: grows with everything that is shown; picture: grows with the composites. state: one of STATES, and why.
     frame, result: the last with a back picture; front: the last front picture. newest: the last result of any frame,
     with the newest map. timings: seconds by pass of the last frames. fps: processed pictures a second. messages:
-    (number, text), the last ones. preparing: an object that is being made ready. recording: path, frames written and dropped.
-    settings: what the controls stand at. made: time.monotonic() of the last picture.
+    (number, text), the last ones. preparing: an object that is being made ready. recording: path, frames written and
+    dropped. settings: what the controls stand at. made: time.monotonic() of the last picture.
     """
 
     rig: Rig

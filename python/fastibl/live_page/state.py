@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import asdict
 from statistics import median
 from typing import Any
 
 import numpy as np
 
-from .._fastibl import Environment, FrameResult, MainLight, Plan, main_lights
+from .._fastibl import Environment, FrameResult, MainLight, Plan
 from .pictures import Light
 from .snapshot import Snapshot
 
-_LIGHTS = 6  # that are listed
 # The step whose methods a pass of the plan runs.
 _STEP_OF = {
     "track": "tracking",
@@ -49,7 +47,7 @@ def state_of(snapshot: Snapshot, light: Light) -> dict[str, Any]:
             "messages": [{"number": number, "text": text} for number, text in snapshot.messages],
             "preparing": snapshot.preparing,
             "recording": recording and dict(zip(("path", "written", "dropped"), recording, strict=True)),
-            "settings": asdict(snapshot.settings) if snapshot.settings is not None else {},
+            "settings": dict(vars(snapshot.settings)) if snapshot.settings is not None else {},
             "board": _board(result),
             "light": _light(snapshot, newest, light),
             "plan": None if newest is None else _plan(newest.plan, milliseconds),
@@ -103,7 +101,7 @@ def _light(snapshot: Snapshot, newest: FrameResult | None, light: Light) -> dict
     if newest is None or newest.environment is None:
         return None
     environment: Environment = newest.environment
-    guidance = light.guidance(snapshot)
+    look = light.look(snapshot)
     low, high = environment.predicted_interval
     return {
         "coverage": environment.coverage,
@@ -111,9 +109,9 @@ def _light(snapshot: Snapshot, newest: FrameResult | None, light: Light) -> dict
         "knowledge": {name: float(value) for name, value in environment.knowledge.items()},
         "error": newest.predicted_error,
         "interval": [low, high],
-        "guidance": "" if guidance is None else str(guidance),
-        "share": 0.0 if guidance is None else guidance.share,
-        "lights": [_lamp(lamp) for lamp in main_lights(environment)[:_LIGHTS]],
+        "guidance": "" if look is None else str(look.guidance),
+        "share": 0.0 if look is None else look.guidance.share,
+        "lights": [] if look is None else [_lamp(lamp) for lamp in look.lights],
     }
 
 
