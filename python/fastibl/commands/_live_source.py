@@ -18,10 +18,11 @@ _CATCH_UP = 0.1  # seconds
 
 @dataclass
 class Opened:
-    """A source, what it is in words, what a user should know of it, and the light meter of its front camera."""
+    """A source. about: it in words, or a function that gives them. notices: what a user should know of it. adaptive:
+    the light meter of its front camera."""
 
     source: Any
-    about: str
+    about: str | Callable[[], str]
     notices: list[str] = field(default_factory=list)
     adaptive: Any = None
     distance: float | None = None  # of the walls, where it is known
@@ -70,13 +71,18 @@ def _simulated(arguments: argparse.Namespace) -> Opened:
         live=True,
         truth_size=16,
     )
-    source = Paced(BackAndForth(made, 1 / _SIMULATED_FPS), catch_up=_CATCH_UP)
+    hand = BackAndForth(made, 1 / _SIMULATED_FPS)
+    source = Paced(hand, catch_up=_CATCH_UP)
     place = "a simulated room" if arguments.environment is None else f"a place in {arguments.environment.name}"
     notice = (
         f"These pictures are simulated: a hand holds two cameras in {place}. The first {_SIMULATED:g} seconds are "
         "worked out while they are shown, and are slow; then the cameras go back and forth."
     )
-    return Opened(source, place, [notice], distance=_ROOM if arguments.environment is None else None)
+
+    def about() -> str:
+        return place if hand.complete else f"{place}, {hand.kept} of {len(made)} pictures worked out"
+
+    return Opened(source, about, [notice], distance=_ROOM if arguments.environment is None else None)
 
 
 def _recorded(arguments: argparse.Namespace) -> Opened:
@@ -138,14 +144,19 @@ def _found(arguments: argparse.Namespace, back: int | str) -> tuple[Any, dict[st
         raise OSError(f"{error}; `fastibl live --simulate` shows everything without a camera") from None
     front = None if arguments.front is None else sizes[arguments.front]
     rig = guessed_rig(sizes[back], front, arguments.fov, arguments.front_fov)
+    return rig, {"open_capture": scaled_opener(sizes)}, [guess_notice(arguments)]
+
+
+def guess_notice(arguments: argparse.Namespace) -> str:
+    """What it means that nobody calibrated the cameras."""
     notice = (
         f"No calibration: the back camera's lens is taken for {arguments.fov:g}° wide and without distortion. 10° off "
         "put it a fifth too near or too far, and the object slips on the board when the camera moves. "
         "`fastibl calibrate` measures it in some minutes; `--fov` says what you know."
     )
-    if front is not None:
+    if arguments.front is not None:
         notice += (
             f" The front camera is taken for {arguments.front_fov:g}° wide, to look just the other way, and to be as "
             "sensitive: light comes from a wrong side by as much as it does not."
         )
-    return rig, {"open_capture": scaled_opener(sizes)}, [notice]
+    return notice

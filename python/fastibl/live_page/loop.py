@@ -60,8 +60,8 @@ class LiveLoop:
 
     source: gives Frames, and again from its begin when it is iterated again. choices: what may be changed. settings:
     to begin with. options: further ones of Session (environment, distance, ...). folder: of recordings. about: the
-    source in words. after_frame: called with the session and what it made of each frame, in the loop's thread.
-    log: is given each message, too.
+    source in words, or a function that gives them. after_frame: called with the session and what it made of each frame,
+    in the loop's thread. log: is given each message, too.
     """
 
     def __init__(
@@ -72,18 +72,20 @@ class LiveLoop:
         options: Mapping[str, Any] | None = None,
         *,
         folder: Path = Path(),
-        about: str = "",
+        about: str | Callable[[], str] = "",
         after_frame: Callable[[Session, Played], None] | None = None,
         log: Callable[[str], None] = lambda line: None,
     ):
         self.source, self.choices, self.folder = source, choices, folder
         self._options, self._after_frame, self._log = dict(options or {}), after_frame, log
-        self._settings, self._about = settings, about
+        self._settings = settings
+        self._about = about if callable(about) else lambda: about
         self._queue: queue.Queue[tuple[str, Any]] = queue.Queue(_WAITING)
         self._stopping = threading.Event()
         self._restarting = False
         self._steps = 0
         self._recorder: Recorder | None = None
+        self._closing: threading.Thread | None = None
         self._again: Played | None = None  # the last frame, for changes while nothing comes
         self._times: deque[float] = deque()
         self._timings: deque[Mapping[str, float]] = deque(maxlen=_TIMINGS)
@@ -93,7 +95,7 @@ class LiveLoop:
         self._object = self._load(settings.object)
         self._session = self._make_session()
         self.frames = 0  # processed
-        self.latest = Latest(Snapshot(source.rig, settings=settings, source=about))
+        self.latest = Latest(Snapshot(source.rig, settings=settings, source=self._about()))
 
     # For other threads.
 
@@ -139,6 +141,8 @@ class LiveLoop:
                     self._session, self._again = self._make_session(), None
         finally:
             self._end_recording()
+            if self._closing is not None:
+                self._closing.join()
             self.latest.close()
 
     def _play(self) -> str:
@@ -204,6 +208,7 @@ class LiveLoop:
             messages=messages,
             recording=recording,
             settings=self._settings,
+            source=self._about(),
             dropped=int(getattr(self.source, "dropped", 0)),
             **changes,
         )
@@ -397,12 +402,21 @@ class LiveLoop:
             self._end_recording()
 
     def _end_recording(self) -> None:
+        """What waits is written in a thread, while the loop goes on."""
         recorder, self._recorder = self._recorder, None
         if recorder is None:
             return
-        recorder.close()
-        lost = f", {recorder.dropped} dropped" if recorder.dropped else ""
-        self.say(f"recorded {recorder.written} frames{lost}: {recorder.path}")
+
+        def close() -> None:
+            try:
+                recorder.close()
+            except Exception as error:  # noqa: BLE001 - a disk that is full, or gone
+                self.say(f"the recording ended: {error}")
+            lost = f", {recorder.dropped} dropped" if recorder.dropped else ""
+            self.say(f"recorded {recorder.written} frames{lost}: {recorder.path}")
+
+        self._closing = threading.Thread(target=close, name="fastibl recording")
+        self._closing.start()
 
 
 def free_path(folder: Path, name: str, names: Sequence[str] = ("",)) -> Path:

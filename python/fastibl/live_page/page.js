@@ -210,7 +210,7 @@ function renderLight(light) {
   $("covered").style.width = `${100 * light.coverage}%`;
   const [low, high] = light.interval;
   const error = `The light is about ${percent(light.error)} off (${percent(low)} to ${percent(high)}).`;
-  const way = light.guidance && light.guidance[0].toUpperCase() + light.guidance.slice(1);
+  const way = light.guidance.replaceAll(" degrees", "°").replace(" and", ",").replace(/^turn/, "Look there: turn").replace(/^./, (c) => c.toUpperCase());
   const share = light.share >= 0.005 ? `That shows ${percent(light.share)} more of the sky's light. ` : "";
   setText($("guidance"), way), setText($("worth"), share + error);
   $("lights").replaceChildren(...light.lights.map(lightLine));
@@ -316,7 +316,7 @@ function renderPlan(s) {
   setText($("left-out"), out.length ? `Left out: ${out.map((p) => `${p.name.replace("_", " ")} (${p.reason})`).join("; ")}.` : "");
   setText($("plan-sum"), `${percent(plan.expected_error)} error and ${ms(plan.expected)} ms a frame are expected; ${ms(s.milliseconds.total)} ms measured`);
   const asked = s.settings.error || s.settings.milliseconds, kept = plan.meets_error && plan.meets_milliseconds;
-  setText($("verdict"), !asked ? "none" : kept ? "kept" :
+  setText($("verdict"), !s.light ? "" : !asked ? "none" : kept ? "kept" :
     !plan.meets_error ? `not kept: the picture is within ${percent(plan.assured_error)}` : "not kept: frames take longer");
   $("verdict").className = !asked ? "" : kept ? "good" : "warn";
   if (s.state === "running") history.push(s.milliseconds.total ?? 0);
