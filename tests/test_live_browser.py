@@ -1,5 +1,7 @@
 """The live page as a person uses it, in Chromium: every control, both schemes, a small window."""
 
+import time
+
 import cv2
 import pytest
 
@@ -28,7 +30,13 @@ def page_of(film, tmp_path):
         about="simulated",
     )
     with served(loop, ("a notice",)) as server, browser() as opened:
-        yield lambda **options: open_page(opened, server.url, **options)
+
+        def page(**options):
+            made = open_page(opened, server.url, **options)
+            made.viewers = server.viewers
+            return made
+
+        yield page
 
 
 def test_every_control(page_of, tmp_path):
@@ -43,6 +51,11 @@ def test_every_control(page_of, tmp_path):
     labelled = "(e) => e.labels?.length || e.textContent.trim() || e.getAttribute('aria-label')"
     assert page.evaluate(f"[...document.querySelectorAll('button, select, input')].every({labelled})"), ids
     assert not page.errors and not page.outside
+    page.goto("about:blank")
+    end = time.monotonic() + 5
+    while len(page.viewers) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert len(page.viewers) == 0, "a page that was left still counts"
 
 
 @pytest.mark.parametrize("size, scheme", [((1280, 800), "dark"), ((400, 700), "light")])

@@ -284,6 +284,26 @@ def test_every_control_is_applied(run, tmp_path):
     assert other != saved, "a picture was written over another"
 
 
+def test_objects_are_made_ready_one_at_a_time(run, monkeypatch):
+    client, _, loop = run()
+    load, begun, go_on = loop._load, [], threading.Event()
+
+    def slow(name):
+        begun.append(name)
+        assert go_on.wait(20)
+        return load(name)
+
+    monkeypatch.setattr(loop, "_load", slow)
+    for name in ("ball", "cube", "ring", "ball", "cube"):
+        client.change(object=name)
+    state = client.until(lambda s: s["preparing"] == "ball")
+    number = state["picture"]
+    client.until(lambda s: s["picture"] > number + 3)  # the session runs on
+    go_on.set()
+    client.until(lambda s: not s["preparing"] and begun == ["ball", "cube"])
+    assert client.state()["settings"]["object"] == "cube"
+
+
 def test_freeze_step_and_start_anew(run):
     source = Source()
     client, _, loop = run(source)

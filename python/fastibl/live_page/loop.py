@@ -84,6 +84,7 @@ class LiveLoop:
         self._stopping = threading.Event()
         self._restarting = False
         self._steps = 0
+        self._wanted = ""  # object that is asked for and not there yet
         self._recorder: Recorder | None = None
         self._closing: threading.Thread | None = None
         self._again: Played | None = None  # the last frame, for changes while nothing comes
@@ -313,14 +314,19 @@ class LiveLoop:
         return True
 
     def _set_object(self, value: str) -> None:
-        """Made ready in a thread, and comes back through the queue."""
-        self._show(preparing=value)
+        """Made ready in a thread, and comes back through the queue; one at a time, the last that was asked for next."""
+        idle, self._wanted = not self._wanted, value
+        if idle:
+            self._prepare(value)
+
+    def _prepare(self, name: str) -> None:
+        self._show(preparing=name)
 
         def prepare() -> None:
             try:
-                made = self._load(value)
+                made = self._load(name)
             except Exception as error:  # noqa: BLE001 - files and their readers raise what they like
-                self._queue.put(("_failed", (value, error)))
+                self._queue.put(("_failed", (name, error)))
             else:
                 self._queue.put(("_ready", made))
 
@@ -332,8 +338,8 @@ class LiveLoop:
         self._prepared(name)
 
     def _set__ready(self, made: _Object) -> bool:
-        if self._prepared(made.name):
-            return False  # another was asked for since
+        if not self._prepared(made.name):
+            return False
         self._session.set_scene(made.scene)
         self._object = made
         self._dress(self._session)
@@ -341,11 +347,13 @@ class LiveLoop:
         return True
 
     def _prepared(self, name: str) -> bool:
-        """Whether another object is on its way by now."""
-        other = self.latest.get().preparing not in ("", name)
-        if not other:
+        """Whether it is still the one that was asked for last; else that one is begun with."""
+        wanted, self._wanted = self._wanted, ""
+        if wanted == name:
             self._show(preparing="")
-        return other
+            return True
+        self._set_object(wanted)
+        return False
 
     def _material(self, name: str) -> Material:
         return self._object.own if name == OWN else self.choices.materials[name]
