@@ -152,7 +152,7 @@ def test_a_telephone_by_its_url():
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     path = tmp_path_factory.mktemp("live") / "recording"
-    fastibl.simulate(seconds=0.4, fps=10, size=(160, 120), truth_size=8, hand=False, out=path)
+    fastibl.simulate(seconds=0.4, fps=10, size=(320, 240), truth_size=8, hand=False, out=path)
     return path
 
 
@@ -226,3 +226,33 @@ def test_a_pause_is_not_caught_up_with():
         now[0] += {1: 2.0, 3: 10.0}.get(frame.time, 0.0)
     # Two seconds late: the next come at once. Ten: the clock goes on from there.
     np.testing.assert_allclose(given, [(0, 0), (1, 1), (2, 3), (3, 3), (4, 13), (5, 14)])
+
+
+# Given light.
+
+
+def test_a_given_map_is_as_bright_as_the_boards_white():
+    """Whatever units its file has: the simulated place is lit by the same map."""
+    from fastibl.board_meter import brightness_of, scaled
+
+    faces = np.full((6, 16, 16, 3), 0.5, np.float32)
+    faces[4, 4:8, 4:8] = 20.0
+    cube = fastibl.CubeMap(faces)
+    film = fastibl.simulate(cube, seconds=0.1, fps=10, size=(320, 240), truth_size=8, hand=False)
+    frame = film[0]
+    pose = film.truth.pose(frame.time)
+    for units in (1.0, 100.0):
+        factor = brightness_of(fastibl.CubeMap(faces * np.float32(units)), film.rig, film.board, frame, pose)
+        assert factor * units == pytest.approx(1.0, rel=0.12)  # the page's albedo here is 0.80, assumed is 0.85
+    assert np.allclose(scaled(cube, 2.0).radiance.faces, 2 * faces)
+    black = fastibl.Frame(0.0, np.zeros_like(frame.back), None, frame.back_exposure)
+    assert brightness_of(cube, film.rig, film.board, black, pose) is None
+    assert brightness_of(fastibl.CubeMap(0 * faces), film.rig, film.board, frame, pose) is None
+
+
+def test_given_light_on_a_recording(recording, tmp_path, capsys):
+    fastibl.write_environment(tmp_path / "room.hdr", fastibl.CubeMap(np.full((6, 8, 8, 3), 7.0, np.float32)))
+    command = ["live", "--no-page", "--recording", str(recording), "--environment", str(tmp_path / "room.hdr")]
+    assert main([*command, "--error", "0", "--out", str(tmp_path / "live.webm")]) == 0
+    said = capsys.readouterr()
+    assert "4 frames" in said.out and "as the board's white shows it" in said.err

@@ -110,13 +110,14 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"fastibl: {notice}".replace("`", ""), file=sys.stderr)
     with ExitStack() as stack:
         stack.callback(close, opened.source)
-        watch = stack.enter_context(_Watch(arguments, opened, stack))
+        given = _given_light(arguments)
+        watch = stack.enter_context(_Watch(arguments, opened, stack, given))
         arguments.folder.mkdir(parents=True, exist_ok=True)
         loop = LiveLoop(
             opened.source,
             choices,
             settings,
-            _session_options(arguments, opened),
+            _session_options(arguments, opened, given),
             folder=arguments.folder.resolve(),
             about=opened.about,
             after_frame=watch.take,
@@ -141,17 +142,22 @@ class _Log:
         self.to(line)
 
 
-def _session_options(arguments: argparse.Namespace, opened: Opened) -> dict[str, Any]:
+def _given_light(arguments: argparse.Namespace) -> Any:
+    """CubeMap of the file, or None where the light is captured."""
     from ..environment_files import read_environment
 
+    given = arguments.environment is not None and not arguments.simulate
+    return read_environment(arguments.environment) if given else None
+
+
+def _session_options(arguments: argparse.Namespace, opened: Opened, given: Any) -> dict[str, Any]:
     distance = arguments.distance
     if opened.distance is not None and math.isinf(distance):
         distance = opened.distance
-    given = arguments.environment is not None and not arguments.simulate
     return {
         "distance": distance,
         "most_boost": arguments.most_boost,
-        "environment": read_environment(arguments.environment) if given else None,
+        "environment": given,
     }
 
 
@@ -186,7 +192,7 @@ def _ending_with_control_c(loop: Any):
 class _Watch:
     """What is done with each frame beside the page: the video, the front camera's exposures, the terminal's line."""
 
-    def __init__(self, arguments: argparse.Namespace, opened: Opened, stack: ExitStack):
+    def __init__(self, arguments: argparse.Namespace, opened: Opened, stack: ExitStack, given: Any):
         from tqdm import tqdm
 
         from ..video import VideoWriter
@@ -196,6 +202,8 @@ class _Watch:
         self._video = None if self.out is None else stack.enter_context(VideoWriter(self.out, arguments.fps))
         self._bar = stack.enter_context(tqdm(desc="live", unit="frame", disable=None))
         self.loop: Any = None
+        self._given = given  # map of the light
+        self._lit: Session | None = None  # the session that has it as bright as it is here
         self._frames = self._posed = self._refused = 0
         self._error, self._end = float("nan"), None
 
@@ -208,6 +216,8 @@ class _Watch:
     def take(self, session: Session, played: Played) -> None:
         self._refused += bool(played.refused)
         result, source = played.result, self._opened.source
+        if self._given is not None and session is not self._lit:
+            self._light(session, played)
         if result is not None and played.frame.back is not None:
             if self._video is not None:
                 self._video.add(result.image)
@@ -221,6 +231,21 @@ class _Watch:
             self._end = self._end or time.monotonic() + self._seconds
             if time.monotonic() >= self._end:
                 self.loop.stop()
+
+    def _light(self, session: Session, played: Played) -> None:
+        """Makes a given map as bright as the board's white is in the camera's picture."""
+        from ..board_meter import brightness_of, scaled
+
+        frame, source = played.frame, self._opened.source
+        pose = None if played.result is None or frame.back is None else played.result.back_from_marker
+        if pose is None or source.board is None:
+            return
+        factor = brightness_of(self._given, source.rig, source.board, frame, pose)
+        if factor is None:
+            return
+        self._lit = session
+        session.set_environment(scaled(self._given, factor))
+        self.loop.say(f"the map's light is taken {factor:.3g} times, as the board's white shows it")
 
     @property
     def _dropped(self) -> int:

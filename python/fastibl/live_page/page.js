@@ -190,7 +190,7 @@ function renderHead(s) {
 function renderHint(s) {
   let title = "", text = "";
   if (s.state === "waiting" && !s.picture) title = "Waiting for the first picture", text = s.messages.at(-1)?.text ?? "";
-  else if (s.state === "ended") title = "The source has ended", text = `${s.reason}. Start anew begins again.`;
+  else if (s.state === "ended") title = "The source has ended", text = `${s.reason[0]?.toUpperCase() ?? ""}${s.reason.slice(1)}. Start anew begins again.`;
   else if (s.board.turned) title = "The board is out of view", text = "The surroundings tell how the cameras turn, so the light is still captured; turn back to see the object.";
   else if (!s.board.seen && s.picture) {
     title = "No board in view";
@@ -206,11 +206,12 @@ function renderHint(s) {
 }
 function renderLight(light) {
   if (!light) return;
-  setText($("coverage"), `${percent(light.coverage)} of all directions seen, ${percent(1 - light.knowledge.unseen_sky)} of the sky`);
+  setText($("light").querySelector("h2").firstChild, light.given ? "Given light " : "Captured light ");
+  setText($("coverage"), light.given ? "" : `${percent(light.coverage)} of all directions seen, ${percent(1 - light.knowledge.unseen_sky)} of the sky`);
   $("covered").style.width = `${100 * light.coverage}%`;
   const [low, high] = light.interval;
-  const error = `The light is about ${percent(light.error)} off (${percent(low)} to ${percent(high)}).`;
-  const way = light.guidance.replaceAll(" degrees", "°").replace(" and", ",").replace(/^turn/, "Look there: turn").replace(/^./, (c) => c.toUpperCase());
+  const error = light.given ? `What the methods make of it is about ${percent(light.error)} off.` : `The light is about ${percent(light.error)} off (${percent(low)} to ${percent(high)}).`;
+  const way = light.given ? "" : light.guidance.replaceAll(" degrees", "°").replace(" and", ",").replace(/^turn/, "Look there: turn").replace(/^./, (c) => c.toUpperCase());
   const share = light.share >= 0.005 ? `That shows ${percent(light.share)} more of the sky's light. ` : "";
   setText($("guidance"), way), setText($("worth"), share + error);
   $("lights").replaceChildren(...light.lights.map(lightLine));
@@ -228,7 +229,7 @@ function drawLamps(lights) {
   pen.clearRect(0, 0, canvas.width, canvas.height);
   pen.font = "600 22px system-ui, sans-serif", pen.textAlign = "center", pen.textBaseline = "middle";
   lights.forEach((lamp, k) => {
-    const x = (0.5 + lamp.azimuth / 360) * canvas.width, y = (0.5 - lamp.elevation / 180) * canvas.height;
+    const x = (0.5 + lamp.azimuth / 360) * canvas.width, y = Math.max(16, (0.5 - lamp.elevation / 180) * canvas.height);
     pen.beginPath();
     pen.arc(x, y, 15, 0, 7);
     pen.fillStyle = "rgba(10,30,45,.72)";
