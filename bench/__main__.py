@@ -4,6 +4,7 @@
 ./dev bench lighting real     some of them
 ./dev bench shadow-pictures   docs/shadow.md and its pictures, which `all` leaves as they are
 ./dev bench plan-pictures     the picture of docs/plan.md, likewise
+./dev bench live-pictures     those of docs/live.md, likewise
 """
 
 from __future__ import annotations
@@ -16,7 +17,11 @@ import time
 from .measure import ROOT, cpu, table, write_rows, yardstick_seconds
 from .plot import plot
 
-PICTURES = {"shadow-pictures": "bench.shadows.pictures", "plan-pictures": "bench.plan.pictures"}
+PICTURES = {
+    "shadow-pictures": "bench.shadows.pictures",
+    "plan-pictures": "bench.plan.pictures",
+    "live-pictures": "bench.live_pictures",
+}
 NAMES = ("lighting", "shadow", "tracking", "frame", "real", "peers")
 
 

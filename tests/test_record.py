@@ -133,10 +133,10 @@ def test_live(tmp_path, capsys):
         writer.release()
         cameras[name] = str(tmp_path / f"{name}.avi")
     out, rig = tmp_path / "out.webm", str(tmp_path / "rig.yaml")
-    command = ["live", "--rig", rig, "--back", cameras["back"], "--front", cameras["front"], "--out", str(out)]
-    assert main([*command, "--seconds", "1.5"]) == 0
+    command = ["live", "--no-page", "--rig", rig, "--out", str(out)]
+    assert main([*command, "--back", cameras["back"], "--front", cameras["front"], "--seconds", "1.5"]) == 0
     said = capsys.readouterr().out
     print(said)
     assert "board seen in" in said and "board seen in 0" not in said and out.stat().st_size > 1000
-    assert main(["live", "--rig", rig, "--back", str(tmp_path / "none"), "--patience", "0.2", "--out", str(out)]) == 2
+    assert main([*command, "--back", str(tmp_path / "none"), "--patience", "0.2"]) == 2
     assert "no picture" in capsys.readouterr().err

@@ -3,5 +3,6 @@
 from . import (
     exports,  # noqa: F401
     program,  # noqa: F401
+    live,  # noqa: F401
     start,  # noqa: F401
 )

@@ -295,6 +295,11 @@ plane gets without the object: it may exceed 1.)")
           [](Session& s, const std::shared_ptr<Environment>& e) { s.set_environment(e); },
           py::arg("environment"), "Use a given Environment; None to capture.")
       .def("_set_methods", &Session::set_methods, py::arg("methods"))
+      .def("_set_scene", &Session::set_scene, py::arg("scene"))
+      .def("set_budgets", &Session::set_budgets, py::arg("error") = 0.0,
+           py::arg("milliseconds") = 0.0,
+           "Keep to other budgets from the next frame on, 0 for none. Raises ValueError for values "
+           "that are negative or not finite.")
       .def(
           "_set_backend",
           [](Session& s, const std::string& backend) { s.set_renderer(renderer_named(backend)); },

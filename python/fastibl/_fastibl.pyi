@@ -1610,9 +1610,15 @@ class _Session:
         ...
     def _set_methods(self, methods: _Methods) -> None:
         ...
+    def _set_scene(self, scene: Scene) -> None:
+        ...
     def move(self, marker_from_object: typing.Any) -> None:
         """
         Move the object: Pose or (4, 4).
+        """
+    def set_budgets(self, error: typing.SupportsFloat | typing.SupportsIndex = 0.0, milliseconds: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
+        """
+        Keep to other budgets from the next frame on, 0 for none. Raises ValueError for values that are negative or not finite.
         """
     def set_cast_shadow(self, cast: bool) -> None:
         """

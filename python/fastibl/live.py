@@ -13,6 +13,8 @@ from ._fastibl import FrameResult
 from .recording import CAMERAS, Frame
 from .session import Session
 
+_ROWS = 61  # every which row is compared first
+
 
 @dataclass(frozen=True)
 class Played:
@@ -56,9 +58,14 @@ class _Watch:
             return f"an exposure must be positive and finite, got {exposure}"
         # Sensors are noisy: no two pictures are the same to the bit.
         last = self._last[name]
-        if last is not None and (picture is last or np.array_equal(picture, last)):
+        if last is not None and _same(picture, last):
             return "the same picture again: the camera froze"
         return None
+
+
+def _same(a: NDArray, b: NDArray) -> bool:
+    """A few rows first: they tell nearly all pictures apart."""
+    return a is b or (np.array_equal(a[::_ROWS], b[::_ROWS]) and np.array_equal(a, b))
 
 
 def play(session: Session, source: Any) -> Iterator[Played]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 SECONDS_AT_ONE = 0.01  # exposure time of a live camera whose exposure is called 1
 _SETTLING = 15  # pictures in which a camera's own automatic finds its exposure, before it is held
 _LATENCY = 3  # pictures that may still be taken with the exposure before the one that was set
+_NETWORK = 5000  # milliseconds in which a camera on the network must answer
 _FAILURES = 3  # pictures in a row that do not come, until the camera counts as unplugged
 _MANUAL = {"V4L2": 1.0, "DSHOW": 0.25, "MSMF": 0.25}  # CAP_PROP_AUTO_EXPOSURE
 
@@ -80,9 +81,13 @@ def _backend(capture: Any) -> str:
         return ""
 
 
-def _open(device: int | str) -> Any:
+def open_camera(device: int | str) -> Any:
+    """A cv2.VideoCapture; one of the network gives up after some seconds, not half a minute."""
     import cv2
 
+    if isinstance(device, str) and "://" in device:
+        limit = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _NETWORK, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _NETWORK]
+        return cv2.VideoCapture(device, cv2.CAP_FFMPEG, limit)
     return cv2.VideoCapture(device)
 
 
@@ -103,7 +108,7 @@ class LiveCamera:
         size: tuple[int, int] | None = None,
         *,
         name: str = "camera",
-        open_capture: Callable[[int | str], Any] = _open,
+        open_capture: Callable[[int | str], Any] = open_camera,
         retry: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
         news: threading.Condition | None = None,

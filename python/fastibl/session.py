@@ -149,6 +149,18 @@ class Session(_Session):
             frame.back_last_row,
         )
 
+    def set_scene(self, scene: Scene) -> None:
+        """Draw another object from the next frame on, in the light that was captured; the map's centre stays.
+
+        A scene that has spheres but no baked_shadow gets one as in the constructor; give one that has it where a frame
+        must not wait. Raises ValueError for a scene that cannot be drawn.
+        """
+        if scene.baked_shadow is None and len(scene.spheres):
+            scene.baked_shadow = MeshShadow(scene.mesh)
+        self._set_scene(scene)
+        if self.backend != "cpu":  # keeps buffers of the object before
+            self._set_backend(self.backend)
+
     def set_methods(self, methods: Methods) -> None:
         """Use other methods from the next frame on."""
         self._set_methods(resolve_methods(methods))

@@ -6,11 +6,13 @@ runs in the background. A Recording is one as it is.
 
 from __future__ import annotations
 
+import itertools
 import os
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -298,7 +300,8 @@ def _pictures_in(folder: Path) -> list[Path]:
 class Paced(_Closing):
     """A source whose frames come no sooner than their times say, as live ones do. speed: 2 is twice as fast.
 
-    Frames that are late are given all the same: nothing is dropped.
+    Frames that are late are given all the same: nothing is dropped. catch_up: seconds; a frame that is later than that,
+    after a pause, comes when it is asked for, and those after it keep their distance from it.
     """
 
     def __init__(
@@ -306,13 +309,14 @@ class Paced(_Closing):
         source: Any,
         speed: float = 1.0,
         *,
+        catch_up: float = np.inf,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ):
         if not (speed > 0 and np.isfinite(speed)):
             raise ValueError(f"speed must be positive and finite, got {speed}")
         self.rig, self.board, self.source = source.rig, source.board, source
-        self._speed, self._clock, self._sleep = speed, clock, sleep
+        self._speed, self._catch_up, self._clock, self._sleep = speed, catch_up, clock, sleep
 
     def close(self) -> None:
         close(self.source)
@@ -325,7 +329,57 @@ class Paced(_Closing):
             wait = (frame.time - first) / self._speed - (self._clock() - begin)
             if wait > 0:
                 self._sleep(wait)
+            elif wait < -self._catch_up:
+                begin, first = self._clock(), frame.time
             yield frame
+
+
+class BackAndForth(_Closing):
+    """A source's frames to the end, back to the begin, and so on without end: as a camera that goes the same way back.
+
+    source: has rig and board, and gives frames that are kept in memory. period: seconds between them. Times go on
+    from 0. Iterated again it begins with the first frame, which need not be made again.
+    """
+
+    def __init__(self, source: Any, period: float):
+        if not (period > 0 and np.isfinite(period)):
+            raise ValueError(f"period must be positive and finite, got {period}")
+        self.rig, self.board, self._period = source.rig, source.board, period
+        self._coming = iter(source)
+        self._kept: list[Frame] = []
+        self._closed = self._complete = False
+
+    @property
+    def kept(self) -> int:
+        """Frames that are in memory by now."""
+        return len(self._kept)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the source has given all of its frames."""
+        return self._complete
+
+    def close(self) -> None:
+        self._closed = True
+
+    def __iter__(self) -> Iterator[Frame]:
+        for number in itertools.count():
+            frame = None if self._closed else self._frame(number)
+            if frame is None:
+                return
+            yield replace(frame, time=number * self._period)
+
+    def _frame(self, number: int) -> Frame | None:
+        if not self._complete and number >= len(self._kept):
+            frame = next(self._coming, None)
+            if frame is not None:
+                self._kept.append(frame)
+            self._complete = frame is None
+        if not self._kept:
+            return None
+        last = len(self._kept) - 1
+        place = number % max(2 * last, 1) if self._complete else number
+        return self._kept[place if place <= last else 2 * last - place]
 
 
 def close(source: Any) -> None:

@@ -60,9 +60,12 @@ def add_cameras(p: argparse.ArgumentParser) -> None:
     )
 
 
-def add_object(p: argparse.ArgumentParser) -> None:
-    """Options of the virtual object and of how it is lit."""
-    p.add_argument("--object", type=Path, help="mesh (.obj, .ply, .glb); by default the built-in figurine")
+def add_object(p: argparse.ArgumentParser, several: bool = False) -> None:
+    """Options of the virtual object, or of several to choose from, and of how it is lit."""
+    what = "mesh (.obj, .ply, .glb); by default the built-in figurine"
+    if several:
+        what = "meshes (.obj, .ply, .glb) to choose from, besides built-in ones; the first is what it begins with"
+    p.add_argument("--object", type=Path, nargs="+" if several else None, metavar="FILE", help=what)
     p.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
     p.add_argument("--height", type=positive, default=0.15, help="of the object in metres (default: %(default)s)")
     p.add_argument("--methods", choices=("auto", "paper"), default="auto", help="default: %(default)s")

@@ -1,14 +1,25 @@
-"""fastibl live: put an object before live cameras."""
+"""fastibl live: put an object before live cameras, and show it as a page."""
 
 from __future__ import annotations
 
 import argparse
+import math
+import signal
+import sys
+import threading
 import time
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from ._arguments import add_cameras, add_object, board_of, object_of, parser, positive
+from ._arguments import add_cameras, add_object, parser, picture_size, positive
 
-_STOPS = (-14, 2)  # of the front camera's exposures around the one that it found itself
+if TYPE_CHECKING:
+    from ..live import Played
+    from ..session import Session
+    from ._live_source import Opened
+
+_DEGREES = 65.0  # guessed_rig.DEGREES, which costs an import of NumPy
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -16,12 +27,49 @@ def add(commands: argparse._SubParsersAction) -> None:
         commands,
         "live",
         run,
-        "light an object by what live cameras see and write the video; goes on when a camera is unplugged",
-        "fastibl live --rig rig.yaml --back 0 --front 1 --object spot.obj --height 0.12 --out out.webm",
+        "light an object by what live cameras see, as a page on this machine; goes on when a camera is unplugged",
+        "fastibl live --simulate\n"
+        "  fastibl live --back 0 --front 1 --object chair.glb\n"
+        "  fastibl live --back 0 --environment room.hdr\n"
+        "  fastibl live --rig rig.yaml --back 0 --front http://192.168.0.7:8080/video --out live.webm",
     )
-    p.add_argument("--rig", type=Path, required=True, metavar="YAML", help="calibration of the cameras")
-    add_cameras(p)
-    add_object(p)
+    source = p.add_argument_group("pictures")
+    add_cameras(source)
+    source.add_argument("--simulate", action="store_true", help="a virtual camera in a simulated room")
+    source.add_argument("--recording", type=Path, metavar="REC", help="a recording, in its own time")
+    source.add_argument("--rig", type=Path, metavar="YAML", help="calibration (default: none; angles are then guessed)")
+    angle = {"type": positive, "default": _DEGREES, "metavar": "DEG"}
+    source.add_argument("--fov", **angle, help="angle across the back picture, without --rig (default: %(default)g)")
+    source.add_argument("--front-fov", **angle, help="the same of the front picture")
+    source.add_argument("--size", type=picture_size, default=(640, 480), metavar="WxH", help="without --rig")
+    _add_light(p.add_argument_group("light"))
+    add_object(p, several=True)
+    p.add_argument(
+        "--error", type=float, default=2.0, metavar="%", help="budget of the picture's error, 0 for none (default: 2)"
+    )
+    p.add_argument(
+        "--milliseconds", type=float, default=0.0, metavar="MS", help="budget of a frame's time, 0 for none (default)"
+    )
+    out = p.add_argument_group("what comes out")
+    out.add_argument("--port", type=int, default=0, help="of the page (default: a free one)")
+    out.add_argument("--open", action="store_true", help="open the page in a browser")
+    out.add_argument(
+        "--folder", type=Path, default=Path(), help="of the page's recordings and pictures (default: this one)"
+    )
+    out.add_argument("--no-page", action="store_true", help="only write the video")
+    out.add_argument(
+        "--out", type=Path, metavar="WEBM", help="video to write (default: none; live.webm with --no-page)"
+    )
+    out.add_argument("--fps", type=positive, default=30.0, help="of the video (default: 30)")
+
+
+def _add_light(p: argparse._ArgumentGroup) -> None:
+    p.add_argument(
+        "--environment",
+        type=Path,
+        metavar="HDR",
+        help="light of the place as a map, instead of capturing it; with --simulate the place",
+    )
     p.add_argument("--exposures", choices=("adaptive", "bracket", "constant"), default="adaptive", help="of the front")
     p.add_argument(
         "--flicker",
@@ -37,83 +85,186 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="FACTOR",
         help="for constant exposures: most that clipped light is made brighter by the board's white (default: 1)",
     )
-    p.add_argument("--fps", type=positive, default=30.0, help="of the video (default: 30)")
-    p.add_argument("--out", type=Path, default=Path("live.webm"), help="video to write (default: %(default)s)")
-
-
-class _FirstKnown:
-    """An AdaptiveExposure whose range is around the first exposure."""
-
-    def __init__(self, camera, flicker: float):
-        from ..exposure import AdaptiveExposure
-
-        self.schedule, self._begun = AdaptiveExposure(camera, 1e-9, 1e9, flicker), False
-
-    def __call__(self, last: float) -> float:
-        if not self._begun:
-            self._begun = True
-            self.schedule.shortest, self.schedule.longest = (last * 2.0**s for s in _STOPS)
-        return self.schedule(last)
 
 
 def run(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
-    from .._fastibl import Scene
-    from ..exposure import Bracket
-    from ..live import play
-    from ..recording import read_rig
-    from ..session import Session
-    from ..sources import CameraSource
-    from ..video import VideoWriter
+    from ..live_page import Choices, LiveLoop, PageServer, Settings
+    from ..sources import close
+    from ._live_source import open_source
 
-    rig = read_rig(arguments.rig)
-    board = board_of(arguments.board)
-    session = Session(
-        Scene(object_of(arguments)),
-        rig,
-        board,
+    if not 0 <= arguments.port < 1 << 16:
+        raise ValueError(f"--port must be from 0 to 65535, got {arguments.port}")
+    choices = Choices(arguments.object or (), arguments.up, arguments.height)
+    settings = Settings(
+        choices.objects[0],
         methods=arguments.methods,
-        backend=arguments.backend,
-        distance=arguments.distance,
-        most_boost=arguments.most_boost,
+        backend="cpu" if arguments.backend == "auto" else arguments.backend,
+        error=arguments.error / 100,
+        milliseconds=arguments.milliseconds,
     )
-    adapts = arguments.front is not None and arguments.exposures == "adaptive"
-    adaptive = _FirstKnown(rig.front, arguments.flicker) if adapts else None
-    schedule = adaptive or (Bracket() if arguments.exposures == "bracket" else None)
-    source = CameraSource(
-        rig,
-        0 if arguments.back is None else arguments.back,
-        arguments.front,
-        board,
-        schedules={"front": schedule} if schedule else None,
-        patience=arguments.patience,
-        log=lambda line: tqdm.write(f"fastibl: {line}"),
-    )
-    frames = posed = refused = 0
-    error, end = float("nan"), None
-    with source, VideoWriter(arguments.out, arguments.fps) as video, tqdm(desc="live", unit="frame") as bar:
-        try:
-            for played in play(session, source):
-                end = end or (time.monotonic() + arguments.seconds if arguments.seconds else float("inf"))
-                refused += bool(played.refused)
-                result = played.result
-                if result is not None and played.frame.back is not None:
-                    video.add(result.image)
-                    pose, error = result.back_from_marker, result.predicted_error
-                    frames, posed = frames + 1, posed + (pose is not None)
-                    if adaptive and pose is not None:
-                        adaptive.schedule.update(session.capture, rig.front_from_back @ pose)
-                    bar.update()
-                    bar.set_postfix(error=f"{100 * error:.0f} %", dropped=source.dropped, refresh=False)
-                if time.monotonic() >= end:
-                    break
-        except KeyboardInterrupt:
-            pass
-    if not frames:
-        raise ValueError(f"the back camera gave no picture within {arguments.patience:g} s")
-    print(
-        f"{arguments.out}: {frames} frames, board seen in {posed}, {refused} with pictures left out, {source.dropped} "
-        f"pictures not asked for in time; predicted error of the irradiance {100 * error:.1f} %"
-    )
-    return 0
+    log = _Log()
+    opened = open_source(arguments, log)
+    for notice in opened.notices:
+        print(f"fastibl: {notice}".replace("`", ""), file=sys.stderr)
+    with ExitStack() as stack:
+        stack.callback(close, opened.source)
+        given = _given_light(arguments)
+        watch = stack.enter_context(_Watch(arguments, opened, stack, given))
+        arguments.folder.mkdir(parents=True, exist_ok=True)
+        loop = LiveLoop(
+            opened.source,
+            choices,
+            settings,
+            _session_options(arguments, opened, given),
+            folder=arguments.folder.resolve(),
+            about=opened.about,
+            after_frame=watch.take,
+            log=lambda line: tqdm.write(f"fastibl: {line}", file=sys.stderr),
+        )
+        log.to, watch.loop = loop.say, loop
+        if not arguments.no_page:
+            server = stack.enter_context(PageServer(loop, arguments.port, notices=tuple(opened.notices)))
+            _announce(server.url, arguments.open)
+        with _ending_with_control_c(loop):
+            loop.run(until_end=arguments.no_page)
+    return watch.conclude()
+
+
+class _Log:
+    """Takes the cameras' messages, first for the terminal, later for the page as well."""
+
+    def __init__(self) -> None:
+        self.to = lambda line: print(f"fastibl: {line}", file=sys.stderr)
+
+    def __call__(self, line: str) -> None:
+        self.to(line)
+
+
+def _given_light(arguments: argparse.Namespace) -> Any:
+    """CubeMap of the file, or None where the light is captured."""
+    from ..environment_files import read_environment
+
+    given = arguments.environment is not None and not arguments.simulate
+    return read_environment(arguments.environment) if given else None
+
+
+def _session_options(arguments: argparse.Namespace, opened: Opened, given: Any) -> dict[str, Any]:
+    distance = arguments.distance
+    if opened.distance is not None and math.isinf(distance):
+        distance = opened.distance
+    return {
+        "distance": distance,
+        "most_boost": arguments.most_boost,
+        "environment": given,
+    }
+
+
+def _announce(url: str, browser: bool) -> None:
+    print(f"\n  {url}\n\nThe page is for this machine alone. Ctrl-C ends.", flush=True)
+    if browser:
+        import webbrowser
+
+        webbrowser.open(url)
+
+
+@contextmanager
+def _ending_with_control_c(loop: Any):
+    """The loop ends after its frame, so that what is written stays whole; a second Ctrl-C does not wait."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(number: int, _: Any) -> None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        # Not here: the loop, which is interrupted for this, may hold the locks of its cameras.
+        threading.Thread(target=loop.stop, daemon=True).start()
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+class _Watch:
+    """What is done with each frame beside the page: the video, the front camera's exposures, the terminal's line."""
+
+    def __init__(self, arguments: argparse.Namespace, opened: Opened, stack: ExitStack, given: Any):
+        from tqdm import tqdm
+
+        from ..video import VideoWriter
+
+        self._opened, self._seconds, self._patience = opened, arguments.seconds, arguments.patience
+        self.out = arguments.out or (Path("live.webm") if arguments.no_page else None)
+        self._video = None if self.out is None else stack.enter_context(VideoWriter(self.out, arguments.fps))
+        self._bar = stack.enter_context(tqdm(desc="live", unit="frame", disable=None))
+        self.loop: Any = None
+        self._given = given  # map of the light
+        self._lit: Session | None = None  # the session that has it as bright as it is here
+        self._frames = self._posed = self._refused = 0
+        self._error, self._end = float("nan"), None
+
+    def __enter__(self) -> _Watch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """What it opened is the stack's."""
+
+    def take(self, session: Session, played: Played) -> None:
+        self._refused += bool(played.refused)
+        result, source = played.result, self._opened.source
+        if self._given is not None and session is not self._lit:
+            self._light(session, played)
+        if result is not None and played.frame.back is not None:
+            if self._video is not None:
+                self._video.add(result.image)
+            pose, self._error = result.back_from_marker, result.predicted_error
+            self._frames, self._posed = self._frames + 1, self._posed + (pose is not None)
+            if self._opened.adaptive and pose is not None:
+                self._opened.adaptive.schedule.update(session.capture, source.rig.front_from_back @ pose)
+            self._bar.update()
+            self._bar.set_postfix(error=f"{100 * self._error:.0f} %", dropped=self._dropped, refresh=False)
+        assumed = self._opened.assumed
+        if assumed is not None and result is not None and assumed.measure(result.environment):
+            self.loop.say(
+                f"the front camera's exposure is taken for {assumed.exposure:.2g}, as the board's white tells; "
+                "the light is captured anew"
+            )
+            self.loop.change({"restart": True})
+        if self._seconds is not None:
+            self._end = self._end or time.monotonic() + self._seconds
+            if time.monotonic() >= self._end:
+                self.loop.stop()
+
+    def _light(self, session: Session, played: Played) -> None:
+        """Makes a given map as bright as the board's white is in the camera's picture."""
+        from ..board_meter import brightness_of, scaled
+
+        frame, source = played.frame, self._opened.source
+        pose = None if played.result is None or frame.back is None else played.result.back_from_marker
+        if pose is None or source.board is None:
+            return
+        factor = brightness_of(self._given, source.rig, source.board, frame, pose)
+        if factor is None:
+            return
+        self._lit = session
+        session.set_environment(scaled(self._given, factor))
+        self.loop.say(f"the map's light is taken {factor:.3g} times, as the board's white shows it")
+
+    @property
+    def _dropped(self) -> int:
+        return int(getattr(self._opened.source, "dropped", 0))
+
+    def conclude(self) -> int:
+        if not self._frames:
+            raise ValueError(f"the back camera gave no picture within {self._patience:g} s")
+        print(
+            ("" if self.out is None else f"{self.out}: ")
+            + f"{self._frames} frames, board seen in {self._posed}, {self._refused} with pictures left out, "
+            f"{self._dropped} pictures not asked for in time; "
+            f"predicted error of the irradiance {100 * self._error:.1f} %"
+        )
+        return 0

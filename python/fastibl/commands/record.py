@@ -11,8 +11,6 @@ import numpy as np
 
 from ._arguments import add_cameras, board_of, parser, picture_size
 
-_DEGREES = 65.0  # across the picture, of a camera that was not calibrated
-
 
 def add(commands: argparse._SubParsersAction) -> None:
     p = parser(
@@ -33,16 +31,22 @@ def run(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from ..exposure import Bracket
+    from ..guessed_rig import DEGREES, guessed_rig
     from ..recorder import Recorder
     from ..recording import read_rig
     from ..sources import CameraSource
 
     back = 0 if arguments.back is None and arguments.front is None else arguments.back
     rig = (
-        _guessed_rig(arguments.size, arguments.front is not None) if arguments.rig is None else read_rig(arguments.rig)
+        guessed_rig(arguments.size, None if arguments.front is None else arguments.size)
+        if arguments.rig is None
+        else read_rig(arguments.rig)
     )
     if arguments.rig is None:
-        print("no --rig: the recording says cameras of 65 degrees; calibrate before light is measured", file=sys.stderr)
+        print(
+            f"no --rig: the recording says cameras of {DEGREES:g} degrees; calibrate before light is measured",
+            file=sys.stderr,
+        )
     board = board_of(arguments.board)
     schedules = {"front": Bracket()} if arguments.bracket else None
     source = CameraSource(
@@ -76,14 +80,3 @@ def run(arguments: argparse.Namespace) -> int:
     if not recorder.written:
         raise ValueError(f"no camera gave a picture within {arguments.patience:g} s")
     return 0
-
-
-def _guessed_rig(size: tuple[int, int], front: bool):
-    from .._fastibl import Camera, Pose, Rig
-
-    width, height = size
-    f = width / 2 / np.tan(np.radians(_DEGREES / 2))
-    camera = Camera(width, height, f, f, width / 2, height / 2)
-    if not front:
-        return Rig(camera)
-    return Rig(camera, camera, Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0]))

@@ -1,0 +1,31 @@
+"""How bright a given map is where the camera stands: the board's white tells."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ._fastibl import Capture, CubeMap, Environment, Pose, Rig
+from .lighting import Lighting
+from .recording import Frame
+
+
+def brightness_of(cube: CubeMap, rig: Rig, board: Any, frame: Frame, back_from_marker: Pose) -> float | None:
+    """Factor by which the map's light on the plane is that which the board's white shows in a frame; None where the
+    white cannot be read.
+
+    A map from a file has units of its own, a camera without calibration as well: their ratio is what composites need.
+    """
+    capture = Capture(8, board=board)
+    capture.add(frame.back, rig.back, back_from_marker, frame.back_exposure, frame.time)
+    shown = capture.environment().plane_irradiance
+    falls = float(np.mean(Lighting(cube).irradiance([[0.0, 0.0, 1.0]])))
+    if shown is None or not falls > 0 or not np.mean(shown) > 0:
+        return None
+    return float(np.mean(shown)) / falls
+
+
+def scaled(cube: CubeMap, factor: float) -> Environment:
+    """The map as known everywhere, that much brighter."""
+    return Environment(CubeMap(cube.faces * np.float32(factor)))

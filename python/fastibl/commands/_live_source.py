@@ -1,0 +1,165 @@
+"""Where `fastibl live` takes its pictures from, and what it says of that."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from ._arguments import board_of
+
+_STOPS = (-14, 2)  # of the front camera's exposures around the one that it found itself
+_SIMULATED = 4.0  # seconds that the virtual camera goes before it turns back
+_SIMULATED_FPS = 30.0
+_ROOM = 3.0  # metres, rough distance of the simulated room's walls
+_CATCH_UP = 0.1  # seconds
+
+
+@dataclass
+class Opened:
+    """A source. about: it in words, or a function that gives them. notices: what a user should know of it. adaptive:
+    the light meter of its front camera."""
+
+    source: Any
+    about: str | Callable[[], str]
+    notices: list[str] = field(default_factory=list)
+    adaptive: Any = None
+    assumed: Any = None  # AssumedFront around the cameras
+    distance: float | None = None  # of the walls, where it is known
+
+
+class _FirstKnown:
+    """An AdaptiveExposure whose range is around the first exposure."""
+
+    def __init__(self, camera: Any, flicker: float):
+        from ..exposure import AdaptiveExposure
+
+        self.schedule, self._begun = AdaptiveExposure(camera, 1e-9, 1e9, flicker), False
+
+    def __call__(self, last: float) -> float:
+        if not self._begun:
+            self._begun = True
+            self.schedule.shortest, self.schedule.longest = (last * 2.0**s for s in _STOPS)
+        return self.schedule(last)
+
+
+def open_source(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opened:
+    """What the arguments ask for. Raises OSError that says what there is where no camera gives pictures."""
+    asked = [name for name in ("simulate", "recording") if getattr(arguments, name)]
+    cameras = [name for name in ("back", "front") if getattr(arguments, name) is not None]
+    if len(asked) + bool(cameras) > 1:
+        given = ", ".join(f"--{name}" for name in asked + cameras)
+        raise ValueError(f"pictures come from cameras, a recording or the simulator, not from several: {given}")
+    if arguments.simulate:
+        return _simulated(arguments)
+    if arguments.recording:
+        return _recorded(arguments)
+    return _cameras(arguments, log)
+
+
+def _simulated(arguments: argparse.Namespace) -> Opened:
+    from ..simulator import simulate
+    from ..sources import BackAndForth, Paced
+
+    made = simulate(
+        arguments.environment,
+        seconds=_SIMULATED,
+        fps=_SIMULATED_FPS,
+        size=arguments.size,
+        board=board_of(arguments.board),
+        hand=False,
+        live=True,
+        truth_size=16,
+    )
+    hand = BackAndForth(made, 1 / _SIMULATED_FPS)
+    source = Paced(hand, catch_up=_CATCH_UP)
+    place = "a simulated room" if arguments.environment is None else f"a place in {arguments.environment.name}"
+    notice = (
+        f"These pictures are simulated: a hand holds two cameras in {place}. The first {_SIMULATED:g} seconds are "
+        "worked out while they are shown, and are slow; then the cameras go back and forth."
+    )
+
+    def about() -> str:
+        return place if hand.complete else f"{place}, {hand.kept} of {len(made)} pictures worked out"
+
+    return Opened(source, about, [notice], distance=_ROOM if arguments.environment is None else None)
+
+
+def _recorded(arguments: argparse.Namespace) -> Opened:
+    from ..recording import Recording
+    from ..sources import Paced
+
+    recording = Recording.open(arguments.recording)
+    if recording.board is None:
+        raise ValueError(f"{arguments.recording} says nothing of a board; nothing can be put before its pictures")
+    return Opened(Paced(recording, catch_up=_CATCH_UP), f"recording {recording.path.name}")
+
+
+def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opened:
+    from ..exposure import Bracket
+    from ..recording import read_rig
+    from ..sources import CameraSource
+    from ..untold_exposure import AssumedFront
+
+    back = 0 if arguments.back is None else arguments.back
+    if arguments.front is not None and arguments.environment is not None:
+        raise ValueError("with --environment the light is given, and a front camera has nothing to do: leave one away")
+    guessed = arguments.rig is None
+    rig, options, notices = (
+        _found(arguments, back)
+        if guessed
+        else (read_rig(arguments.rig), {}, [])  # what was calibrated is what is asked for
+    )
+    adapts = arguments.front is not None and arguments.exposures == "adaptive"
+    adaptive = _FirstKnown(rig.front, arguments.flicker) if adapts else None
+    schedule = adaptive or (Bracket() if arguments.exposures == "bracket" else None)
+    source = CameraSource(
+        rig,
+        back,
+        arguments.front,
+        board_of(arguments.board),
+        schedules={"front": schedule} if schedule else None,
+        patience=arguments.patience,
+        log=log,
+        **options,
+    )
+    about = f"camera {back}" + ("" if arguments.front is None else f" and camera {arguments.front}")
+    if arguments.front is None and arguments.environment is None:
+        notices.append(
+            "There is no front camera: only what the back camera sees lights the object, and the board's white tells "
+            "how bright the rest must be. Turn the camera around the room, or give `--front CAMERA` or "
+            "`--environment room.hdr`."
+        )
+    assumed = None if arguments.front is None else AssumedFront(source)
+    return Opened(assumed or source, about, notices, adaptive, assumed=assumed)
+
+
+def _found(arguments: argparse.Namespace, back: int | str) -> tuple[Any, dict[str, Any], list[str]]:
+    """A rig for cameras that were not calibrated: their pictures' sizes as they come, their angles guessed."""
+    from ..found_camera import picture_size, scaled_opener
+    from ..guessed_rig import guessed_rig
+
+    devices = [back] if arguments.front is None else [back, arguments.front]
+    try:
+        sizes = {device: picture_size(device, arguments.size) for device in devices}
+    except OSError as error:
+        raise OSError(f"{error}; `fastibl live --simulate` shows everything without a camera") from None
+    front = None if arguments.front is None else sizes[arguments.front]
+    rig = guessed_rig(sizes[back], front, arguments.fov, arguments.front_fov)
+    return rig, {"open_capture": scaled_opener(sizes)}, [guess_notice(arguments)]
+
+
+def guess_notice(arguments: argparse.Namespace) -> str:
+    """What it means that nobody calibrated the cameras."""
+    notice = (
+        f"No calibration: the back camera's lens is taken for {arguments.fov:g}° wide and without distortion. 10° off "
+        "put it a fifth too near or too far, and the object slips on the board when the camera moves. "
+        "`fastibl calibrate` measures it in some minutes; `--fov` says what you know."
+    )
+    if arguments.front is not None:
+        notice += (
+            f" The front camera is taken for {arguments.front_fov:g}° wide, to look just the other way, and to be as "
+            "sensitive: light comes from a wrong side by as much as it does not."
+        )
+    return notice

@@ -1,0 +1,33 @@
+"""Cameras that nobody calibrated: what can be said of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ._fastibl import Camera, Pose, Rig
+
+DEGREES = 65.0  # across the picture: between most webcams (55 to 78) and telephones (63 to 70)
+
+
+def guessed_camera(size: tuple[int, int], degrees: float = DEGREES) -> Camera:
+    """A lens without distortion, its axis in the middle; size: (width, height). Raises ValueError for an angle that a
+    perspective picture cannot have."""
+    if not 5 <= degrees <= 150:
+        raise ValueError(f"the angle across a picture must be 5 to 150 degrees, got {degrees:g}")
+    width, height = size
+    f = width / 2 / np.tan(np.radians(degrees / 2))
+    return Camera(width, height, f, f, width / 2, height / 2)
+
+
+def guessed_rig(
+    back: tuple[int, int],
+    front: tuple[int, int] | None = None,
+    degrees: float = DEGREES,
+    front_degrees: float = DEGREES,
+) -> Rig:
+    """Cameras of pictures of these sizes (width, height); the front one where the back one is, turned around as in a
+    telephone."""
+    if front is None:
+        return Rig(guessed_camera(back, degrees))
+    turn = Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0])
+    return Rig(guessed_camera(back, degrees), guessed_camera(front, front_degrees), turn)

@@ -1,0 +1,436 @@
+"""The loop of a live session: the only one that touches it. It takes changes from a queue and gives snapshots."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._fastibl import Material, Pose, Scene
+from ..live import Played, play
+from ..mesh_shadow import MeshShadow
+from ..recorder import Recorder
+from ..session import Session
+from .choices import OWN, Choices
+from .snapshot import Latest, Snapshot
+
+_WINDOW = 1.0  # seconds over which pictures are counted
+_TIMINGS = 30  # frames whose timings are shown
+_MESSAGES = 20  # that are kept
+_WAITING = 64  # changes that may wait
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the controls stand at. error: of the picture, milliseconds: of a frame, 0 for none. turn: degrees."""
+
+    object: str
+    material: str = OWN
+    methods: Mapping[str, str] | str = "auto"
+    backend: str = "cpu"
+    error: float = 0.02
+    milliseconds: float = 0.0
+    shadow: bool = True
+    turn: float = 0.0
+    freeze: bool = False
+
+
+@dataclass(frozen=True)
+class _Object:
+    """An object made ready: its scene takes seconds, and is made beside the loop."""
+
+    name: str
+    own: Material
+    scene: Scene
+
+
+def _turned(degrees: float) -> Pose:
+    return Pose.from_rotation_vector([0.0, 0.0, np.radians(degrees)], [0.0, 0.0, 0.0])
+
+
+class LiveLoop:
+    """Runs a source through a session and shows it as snapshots in `latest`.
+
+    source: gives Frames, and again from its begin when it is iterated again. choices: what may be changed. settings:
+    to begin with. options: further ones of Session (environment, distance, ...). folder: of recordings. about: the
+    source in words, or a function that gives them. after_frame: called with the session and what it made of each frame,
+    in the loop's thread. log: is given each message, too.
+    """
+
+    def __init__(
+        self,
+        source: Any,
+        choices: Choices,
+        settings: Settings,
+        options: Mapping[str, Any] | None = None,
+        *,
+        folder: Path = Path(),
+        about: str | Callable[[], str] = "",
+        after_frame: Callable[[Session, Played], None] | None = None,
+        log: Callable[[str], None] = lambda line: None,
+    ):
+        self.source, self.choices, self.folder = source, choices, folder
+        self._options, self._after_frame, self._log = dict(options or {}), after_frame, log
+        self._settings = settings
+        self._about = about if callable(about) else lambda: about
+        self._queue: queue.Queue[tuple[str, Any]] = queue.Queue(_WAITING)
+        self._stopping = threading.Event()
+        self._restarting = False
+        self._steps = 0
+        self._wanted = ""  # object that is asked for and not there yet
+        self._recorder: Recorder | None = None
+        self._closing: threading.Thread | None = None
+        self._again: Played | None = None  # the last frame, for changes while nothing comes
+        self._times: deque[float] = deque()
+        self._timings: deque[Mapping[str, float]] = deque(maxlen=_TIMINGS)
+        self._messages: deque[tuple[int, str]] = deque(maxlen=_MESSAGES)
+        self._said = 0
+        self._saying = threading.Lock()
+        self._object = self._load(settings.object)
+        self._session = self._make_session()
+        self.frames = 0  # processed
+        self.latest = Latest(Snapshot(source.rig, settings=settings, source=self._about()))
+
+    # For other threads.
+
+    def change(self, changes: Mapping[str, Any]) -> bool:
+        """Asks for changes that Choices.read has checked; False where too many wait already."""
+        try:
+            for item in changes.items():
+                self._queue.put_nowait(item)
+        except queue.Full:
+            return False
+        return True
+
+    def say(self, text: str) -> None:
+        """Shows a message."""
+        with self._saying:
+            self._said += 1
+            self._messages.append((self._said, text))
+        self._log(text)
+
+    def stop(self) -> None:
+        """Ends run() after the frame that it is at."""
+        self._stopping.set()
+        if hasattr(self.source, "close"):
+            self.source.close()
+
+    # The loop's own thread.
+
+    def run(self, until_end: bool = False) -> None:
+        """Runs until stop(); when the source has ended it waits for changes, or returns where `until_end`."""
+        try:
+            while not self._stopping.is_set():
+                self._restarting = False
+                reason = self._play()
+                if self._stopping.is_set() or (until_end and not self._restarting):
+                    return
+                if self._restarting:
+                    self._session, self._again = self._make_session(), None
+                    self._timings.clear()
+                    continue
+                self._show(state="ended", reason=reason)
+                self._wait_for(lambda: self._restarting)
+                if self._restarting:
+                    self._session, self._again = self._make_session(), None
+        finally:
+            self._end_recording()
+            if self._closing is not None:
+                self._closing.join()
+            self.latest.close()
+
+    def _play(self) -> str:
+        """Frames of the source from its begin; returns why they ended."""
+        frames = play(self._session, self.source)
+        self._show(state="frozen" if self._settings.freeze else "waiting", reason="", fps=0.0)
+        while True:
+            self._apply_waiting()
+            if self._settings.freeze and not self._steps:
+                self._show(state="frozen", fps=0.0)
+                self._times.clear()
+                self._wait_for(lambda: not self._settings.freeze or self._steps or self._restarting)
+            if self._stopping.is_set() or self._restarting:
+                frames.close()
+                return ""
+            try:
+                played = next(frames, None)
+            except (OSError, ValueError, TypeError, LookupError) as error:
+                self.say(f"the source failed: {error}")
+                return str(error)
+            if played is None:
+                return "no more pictures come"
+            self._steps = max(0, self._steps - 1)
+            self._take(played)
+
+    def _take(self, played: Played) -> None:
+        result = played.result
+        if self._recorder is not None:
+            self._record(played)
+        changes: dict[str, Any] = {"left_out": "; ".join(f"{k}: {why}" for k, why in played.refused.items())}
+        if result is not None:
+            self.frames += 1
+            now = time.monotonic()
+            self._times.append(now)
+            while now - self._times[0] > _WINDOW:
+                self._times.popleft()
+            self._timings.append(result.timings)
+            changes |= self._pictures(played) | {"timings": tuple(self._timings), "fps": self._fps(now), "made": now}
+        self._show(state="frozen" if self._settings.freeze else "running", **changes)
+        if self._after_frame is not None:
+            self._after_frame(self._session, played)
+
+    def _fps(self, now: float) -> float:
+        span = now - self._times[0]
+        return (len(self._times) - 1) / span if span > 0 else 0.0
+
+    def _pictures(self, played: Played) -> dict[str, Any]:
+        changes: dict[str, Any] = {"newest": played.result}
+        if played.frame.front is not None:
+            changes["front"] = played.frame.front
+        if played.frame.back is not None:
+            self._again = played
+            number = self.latest.get().picture + 1
+            changes |= {"frame": played.frame, "result": played.result, "picture": number}
+        return changes
+
+    def _show(self, **changes: Any) -> None:
+        recorder = self._recorder
+        recording = None if recorder is None else (str(recorder.path), recorder.written, recorder.dropped)
+        with self._saying:
+            messages = tuple(self._messages)
+        self.latest.publish(
+            messages=messages,
+            recording=recording,
+            settings=self._settings,
+            source=self._about(),
+            dropped=int(getattr(self.source, "dropped", 0)),
+            **changes,
+        )
+
+    def _wait_for(self, condition: Callable[[], bool]) -> None:
+        """Applies changes as they come; the last frame is made anew for those that it shows."""
+        while not condition() and not self._stopping.is_set():
+            try:
+                first = self._queue.get(timeout=0.1)
+            except queue.Empty:
+                if self.latest.get().messages != tuple(self._messages):
+                    self._show()
+                continue
+            changed = self._apply(*first)
+            changed |= self._apply_waiting()
+            if changed and self._again is not None and not condition():
+                self._process_again(self._again)
+            else:
+                self._show()
+
+    def _process_again(self, played: Played) -> None:
+        """The last picture once more. Its place in the map is the same, so that it tells nothing new."""
+        frame = replace(played.frame, front=None)
+        try:
+            result = self._session.process(frame)
+        except (ValueError, TypeError) as error:
+            self.say(str(error))
+            return
+        self._timings.append(result.timings)
+        self._show(**self._pictures(Played(played.frame, result, {})), timings=tuple(self._timings))
+
+    # Changes.
+
+    def _apply_waiting(self) -> bool:
+        changed = False
+        while True:
+            try:
+                change = self._queue.get_nowait()
+            except queue.Empty:
+                return changed
+            changed |= self._apply(*change)
+
+    def _apply(self, name: str, value: Any) -> bool:
+        """Whether the picture changes with it."""
+        try:
+            return bool(getattr(self, f"_set_{name}")(value))
+        except (OSError, ValueError, TypeError, RuntimeError) as error:
+            self.say(f"{name.strip('_')}: {error}")
+            return False
+
+    def _note(self, **settings: Any) -> None:
+        self._settings = replace(self._settings, **settings)
+
+    def _set_freeze(self, value: bool) -> None:
+        self._note(freeze=value)
+        self._steps = 0
+
+    def _set_step(self, value: bool) -> None:
+        self._note(freeze=True)
+        self._steps += 1
+
+    def _set_restart(self, value: bool) -> None:
+        self._restarting = True
+        self._note(freeze=False)
+
+    def _set_shadow(self, value: bool) -> bool:
+        self._session.set_cast_shadow(value)
+        self._note(shadow=value)
+        return True
+
+    def _set_turn(self, value: float) -> bool:
+        self._session.move(_turned(value))
+        self._note(turn=value)
+        return True
+
+    def _set_material(self, value: str) -> bool:
+        self._session.set_material(self._material(value))
+        self._note(material=value)
+        return True
+
+    def _set_methods(self, value: Mapping[str, str] | str) -> bool:
+        now = self._settings.methods
+        if isinstance(value, Mapping) and isinstance(now, Mapping):
+            value = {**now, **value}
+        self._session.set_methods(value)
+        self._note(methods=value)
+        return True
+
+    def _set_error(self, value: float) -> bool:
+        self._session.set_budgets(value, self._settings.milliseconds)
+        self._note(error=value)
+        return True
+
+    def _set_milliseconds(self, value: float) -> bool:
+        self._session.set_budgets(self._settings.error, value)
+        self._note(milliseconds=value)
+        return True
+
+    def _set_backend(self, value: str) -> bool:
+        self._session.set_backend(value)
+        self._note(backend=value)
+        return True
+
+    def _set_object(self, value: str) -> None:
+        """Made ready in a thread, and comes back through the queue; one at a time, the last that was asked for next."""
+        idle, self._wanted = not self._wanted, value
+        if idle:
+            self._prepare(value)
+
+    def _prepare(self, name: str) -> None:
+        self._show(preparing=name)
+
+        def prepare() -> None:
+            try:
+                made = self._load(name)
+            except Exception as error:  # noqa: BLE001 - files and their readers raise what they like
+                self._queue.put(("_failed", (name, error)))
+            else:
+                self._queue.put(("_ready", made))
+
+        threading.Thread(target=prepare, name="fastibl object", daemon=True).start()
+
+    def _set__failed(self, value: tuple[str, Exception]) -> None:
+        name, error = value
+        self.say(f"{name}: {error}")
+        self._prepared(name)
+
+    def _set__ready(self, made: _Object) -> bool:
+        if not self._prepared(made.name):
+            return False
+        self._session.set_scene(made.scene)
+        self._object = made
+        self._dress(self._session)
+        self._note(object=made.name)
+        return True
+
+    def _prepared(self, name: str) -> bool:
+        """Whether it is still the one that was asked for last; else that one is begun with."""
+        wanted, self._wanted = self._wanted, ""
+        if wanted == name:
+            self._show(preparing="")
+            return True
+        self._set_object(wanted)
+        return False
+
+    def _material(self, name: str) -> Material:
+        return self._object.own if name == OWN else self.choices.materials[name]
+
+    # What sessions are made of.
+
+    def _load(self, name: str) -> _Object:
+        """Takes seconds for an object that no session had yet."""
+        mesh, own = self.choices.mesh(name)
+        scene = Scene(mesh, own)
+        if len(scene.spheres):
+            scene.baked_shadow = MeshShadow(scene.mesh)
+        return _Object(name, own, scene)
+
+    def _make_session(self) -> Session:
+        s = self._settings
+        session = Session(
+            self._object.scene,
+            self.source.rig,
+            self.source.board,
+            error=s.error,
+            milliseconds=s.milliseconds,
+            methods=s.methods,
+            backend=s.backend,
+            cast_shadow=s.shadow,
+            **self._options,
+        )
+        self._dress(session)
+        return session
+
+    def _dress(self, session: Session) -> None:
+        """What the controls say of the object."""
+        if self._settings.material != OWN:
+            session.set_material(self._material(self._settings.material))
+        if self._settings.turn:
+            session.move(_turned(self._settings.turn))
+
+    # Recordings.
+
+    def _set_record(self, value: bool) -> None:
+        if not value:
+            return self._end_recording()
+        if self._recorder is None:
+            path = free_path(self.folder, time.strftime("recording-%Y%m%d-%H%M%S"))
+            self._recorder = Recorder(path, self.source.rig, self.source.board)
+            self.say(f"recording to {path}")
+        return None
+
+    def _record(self, played: Played) -> None:
+        try:
+            self._recorder.add(played.frame)
+        except Exception as error:  # noqa: BLE001 - whatever ended it
+            self.say(f"the recording ended: {error}")
+            self._end_recording()
+
+    def _end_recording(self) -> None:
+        """What waits is written in a thread, while the loop goes on."""
+        recorder, self._recorder = self._recorder, None
+        if recorder is None:
+            return
+
+        def close() -> None:
+            try:
+                recorder.close()
+            except Exception as error:  # noqa: BLE001 - a disk that is full, or gone
+                self.say(f"the recording ended: {error}")
+            lost = f", {recorder.dropped} dropped" if recorder.dropped else ""
+            self.say(f"recorded {recorder.written} frames{lost}: {recorder.path}")
+
+        self._closing = threading.Thread(target=close, name="fastibl recording")
+        self._closing.start()
+
+
+def free_path(folder: Path, name: str, names: Sequence[str] = ("",)) -> Path:
+    """folder/name, with a number where that is taken; names: endings that must all be free."""
+    for number in range(1, 10_000):
+        stem = name if number == 1 else f"{name}-{number}"
+        if not any((folder / f"{stem}{ending}").exists() for ending in names):
+            return folder / f"{stem}{names[0]}"
+    raise OSError(f"no free name for {name} in {folder}")

@@ -1,0 +1,155 @@
+"""Pictures for the page: each is encoded once, when somebody asks for it, whoever asks."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .._fastibl import FrameResult, MainLight, main_lights
+from ..guidance import Guidance, guide
+from .snapshot import Snapshot
+
+QUALITY = 85  # of JPEG
+_MAP_HEIGHT = 160  # pixels
+_MAP_PERIOD = 0.7  # seconds: the map grows slowly, and showing it takes as long as ten composites
+_SHADOW_HEIGHT = 192
+_LIGHTS = 6  # that are listed
+
+
+def jpeg(picture: NDArray[np.uint8]) -> bytes:
+    """Of (h, w, 3) RGB, or (h, w, 4) with straight alpha, which is put over grey."""
+    if picture.shape[2] == 4:
+        alpha = picture[..., 3:].astype(np.uint16)
+        picture = ((picture[..., :3] * alpha + 128 * (255 - alpha)) // 255).astype(np.uint8)
+    ok, encoded = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    if not ok:
+        raise OSError("a picture cannot be encoded")
+    return encoded.tobytes()
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """number: of the picture that it was made of."""
+
+    number: int
+    data: bytes
+
+
+class _View:
+    """One view's last encoding. period: seconds for which it is good, whatever comes."""
+
+    def __init__(self, make: Callable[[Snapshot], bytes | None], period: float = 0.0):
+        self._make, self._period = make, period
+        self._lock = threading.Lock()
+        self._last: Encoded | None = None
+        self._made = -np.inf
+
+    def get(self, snapshot: Snapshot) -> Encoded | None:
+        with self._lock:
+            last = self._last
+            if last is not None and (last.number == snapshot.picture or time.monotonic() - self._made < self._period):
+                return last
+            data = self._make(snapshot)
+            if data is None:
+                return None
+            self._last, self._made = Encoded(snapshot.picture, data), time.monotonic()
+            return self._last
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is known of a map: where to look next, the map's picture, and its lights."""
+
+    guidance: Guidance
+    lights: tuple[MainLight, ...]
+
+
+class Light:
+    """The newest look at the captured map, worked out at most every _MAP_PERIOD."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._of: FrameResult | None = None
+        self._look: Look | None = None
+        self._made = -np.inf
+
+    def look(self, snapshot: Snapshot) -> Look | None:
+        """None before there is a map."""
+        result = snapshot.newest
+        if result is None or result.environment is None:
+            return None
+        with self._lock:
+            if result is not self._of and time.monotonic() - self._made >= _MAP_PERIOD:
+                self._of, self._made = result, time.monotonic()
+                self._look = Look(_guide(snapshot, result), tuple(main_lights(result.environment)[:_LIGHTS]))
+            return self._look
+
+
+def _guide(snapshot: Snapshot, result: FrameResult) -> Guidance:
+    """For the front camera where there is one: that is the one that is turned to see light."""
+    rig, pose = snapshot.rig, result.back_from_marker
+    if pose is None and result.turned is not None:
+        pose = result.turned.back_from_marker
+    if pose is None:
+        return guide(result.environment, height=_MAP_HEIGHT)
+    if rig.front is None:
+        return guide(result.environment, rig.back, pose, _MAP_HEIGHT)
+    return guide(result.environment, rig.front, rig.front_from_back @ pose, _MAP_HEIGHT)
+
+
+def _shadow(snapshot: Snapshot) -> bytes | None:
+    """The plane from above, +y up: the ratio of the light that the object leaves."""
+    if snapshot.result is None:
+        return None
+    ratio = np.asarray(snapshot.result.shadow_map.image)
+    if ratio.size == 0:
+        return None
+    grey = (255 * ratio[::-1].clip(0, 1) ** np.float32(1 / 2.2)).astype(np.uint8)
+    size = (_SHADOW_HEIGHT * grey.shape[1] // grey.shape[0], _SHADOW_HEIGHT)
+    return jpeg(cv2.resize(grey, size, interpolation=cv2.INTER_LINEAR))
+
+
+class Pictures:
+    """All views of the page by name."""
+
+    def __init__(self) -> None:
+        self.light = Light()
+        self._views = {
+            "composite": _View(lambda s: None if s.result is None else jpeg(s.result.image)),
+            "back": _View(lambda s: None if s.frame is None else jpeg(s.frame.back)),
+            "front": _View(lambda s: None if s.front is None else jpeg(s.front)),
+            "map": _View(self._map, _MAP_PERIOD),
+            "shadow": _View(_shadow, _MAP_PERIOD),
+        }
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._views)
+
+    def get(self, name: str, snapshot: Snapshot) -> Encoded | None:
+        """None where there is nothing to see yet. Raises KeyError for a view that there is not."""
+        return self._views[name].get(snapshot)
+
+    def _map(self, snapshot: Snapshot) -> bytes | None:
+        look = self.light.look(snapshot)
+        return None if look is None else jpeg(look.guidance.image)
+
+
+def save_picture(snapshot: Snapshot, path: Path) -> Path:
+    """Writes the composite as .png. Raises ValueError where there is none yet, OSError where it cannot be written."""
+    if snapshot.result is None:
+        raise ValueError("there is no picture yet")
+    picture = snapshot.result.image
+    order = cv2.COLOR_RGBA2BGRA if picture.shape[2] == 4 else cv2.COLOR_RGB2BGR
+    ok, encoded = cv2.imencode(".png", cv2.cvtColor(picture, order))
+    if not ok:
+        raise OSError("the picture cannot be encoded")
+    path.write_bytes(encoded.tobytes())
+    return path

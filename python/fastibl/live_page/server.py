@@ -1,0 +1,310 @@
+"""The page's server: this machine alone, a token in every address, bounded in all that a client can make it do."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import errno
+import hashlib
+import hmac
+import json
+import os
+import secrets
+import socketserver
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from importlib import resources
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from .loop import LiveLoop, free_path
+from .pictures import Pictures, save_picture
+from .state import overlay_of, state_of
+from .viewers import Viewers
+
+ADDRESS = "127.0.0.1"
+_CONNECTIONS = 32  # at a time; a browser opens six a page
+_BODY = 4096  # bytes of a request
+_TIMEOUT = 10.0  # seconds that a client may keep a connection without a word, or a picture without taking it
+_WAIT = 2.0  # seconds that a request waits for the next picture
+_ASSETS = ("page.css", "page.js")
+
+
+class _Refusal(Exception):
+    """What a client is told instead of what it asked for."""
+
+    def __init__(self, status: HTTPStatus, text: str):
+        super().__init__(text)
+        self.status = status
+
+
+def load_page() -> tuple[bytes, str]:
+    """The page in one file, and the Content-Security-Policy that lets in that file's style and script and no others."""
+    files = resources.files(__package__)
+    css, js = ((files / name).read_text("utf-8") for name in _ASSETS)
+    page = (files / "page.html").read_text("utf-8").replace("/*STYLE*/", css).replace("/*SCRIPT*/", js)
+    style, script = (
+        "'sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() + "'" for text in (css, js)
+    )
+    policy = (
+        f"default-src 'none'; script-src {script}; style-src {style}; connect-src 'self'; img-src data:; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    return page.encode(), policy
+
+
+class PageServer:
+    """Serves a LiveLoop at `url` until close(); a context manager.
+
+    port: 0 for a free one. viewers: pages that may be open at a time. notices: what the page says all the time.
+    Raises OSError where the port is in use.
+    """
+
+    def __init__(self, loop: LiveLoop, port: int = 0, *, viewers: int = 4, notices: tuple[str, ...] = ()):
+        self.loop, self.notices = loop, notices
+        self.token = secrets.token_urlsafe(16)
+        self.pictures, self.viewers = Pictures(), Viewers(viewers)
+        self.page, self.policy = load_page()
+        self.seconds: dict[str, float] = {}  # of processor time, by what was asked for
+        self.served: dict[str, int] = {}
+        self._counting = threading.Lock()
+        try:
+            self._server = _Server((ADDRESS, port), self)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise
+            raise OSError(f"port {port} is in use; leave --port away for a free one") from error
+        self.port = self._server.server_address[1]
+        self.url = f"http://{ADDRESS}:{self.port}/{self.token}/"
+        self._thread = threading.Thread(target=self._server.serve_forever, name="fastibl page", daemon=True)
+        self._thread.start()
+
+    @property
+    def connections(self) -> int:
+        """That are open now."""
+        return self._server.open
+
+    def count(self, what: str, seconds: float) -> None:
+        with self._counting:
+            self.seconds[what] = self.seconds.get(what, 0.0) + seconds
+            self.served[what] = self.served.get(what, 0) + 1
+
+    def close(self) -> None:
+        self.loop.latest.close()
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
+    def __enter__(self) -> PageServer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _Server(socketserver.ThreadingMixIn, HTTPServer):
+    """Connections beyond the bound are told so and closed."""
+
+    daemon_threads, block_on_close = True, False
+    allow_reuse_address = os.name == "posix"  # elsewhere it would share the port
+    request_queue_size = 16
+
+    def __init__(self, address: tuple[str, int], page: PageServer):
+        self.page, self.open, self._lock = page, 0, threading.Lock()
+        super().__init__(address, _Handler)
+
+    def server_bind(self) -> None:
+        """Without HTTPServer's look-up of the host's name, which may take seconds."""
+        socketserver.TCPServer.server_bind(self)
+        self.server_name, self.server_port = ADDRESS, self.server_address[1]
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        with self._lock:
+            full = self.open >= _CONNECTIONS
+            self.open += not full
+        if not full:
+            return super().process_request(request, client_address)
+        with contextlib.suppress(OSError):
+            request.settimeout(0.1)
+            request.sendall(b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 0\r\n\r\n")
+        self.shutdown_request(request)
+        return None
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            with self._lock:
+                self.open -= 1
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):  # clients come and go
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "fastibl", ""
+    timeout = _TIMEOUT
+    disable_nagle_algorithm = True
+    server: _Server
+
+    def do_GET(self) -> None:  # noqa: N802 - the library's name
+        self._answer({"": self._page, "choices": self._choices, "state": self._state, "picture": self._picture})
+
+    def do_POST(self) -> None:  # noqa: N802
+        self._answer({"control": self._control, "save": self._save, "leave": self._leave})
+
+    def log_message(self, *_: Any) -> None:
+        """The terminal is for the user."""
+
+    def _answer(self, kinds: Mapping[str, Any]) -> None:
+        begin = time.thread_time()
+        what = ""
+        try:
+            body = self._read_body()
+            path, self.asked = self._admitted()
+            what, _, self.rest = path.partition("/")
+            if what not in kinds:
+                raise _Refusal(HTTPStatus.NOT_FOUND, "there is no such page")
+            status, kind, answer, headers = kinds[what](body)
+        except _Refusal as refusal:
+            status, kind, headers = refusal.status, "text/plain; charset=utf-8", {}
+            answer = f"{refusal}\n".encode()
+        self._send(status, kind, answer, headers)
+        view = f"/{self.rest}" if what == "picture" and status == HTTPStatus.OK else ""
+        self.server.page.count((what or "page") + view, time.thread_time() - begin)
+
+    def _send(self, status: HTTPStatus, kind: str, answer: bytes, headers: Mapping[str, str]) -> None:
+        self.send_response(status)
+        if status != HTTPStatus.NO_CONTENT:
+            self.send_header("Content-Type", kind)
+            self.send_header("Content-Length", str(len(answer)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Referrer-Policy", "no-referrer")
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+        for name, value in headers.items():
+            self.send_header(name, value)
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        # All at once: a second small packet would wait for the first one's acknowledgement.
+        self._headers_buffer.append(b"\r\n" + answer)
+        self.wfile.write(b"".join(self._headers_buffer))
+        self._headers_buffer = []
+
+    # Who may ask.
+
+    def _admitted(self) -> tuple[str, dict[str, str]]:
+        """Path below the token, and what was asked with it."""
+        page = self.server.page
+        host = self.headers.get("Host", "")
+        if host not in (f"{ADDRESS}:{page.port}", f"localhost:{page.port}"):  # another name that leads here
+            raise _Refusal(HTTPStatus.FORBIDDEN, f"this server is {ADDRESS}:{page.port} and goes by no other name")
+        origin = self.headers.get("Origin")
+        foreign = self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
+        if foreign or (origin is not None and origin != f"http://{host}"):
+            raise _Refusal(HTTPStatus.FORBIDDEN, "other pages may not ask here")
+        parts = urlsplit(self.path)
+        token, slash, path = parts.path.lstrip("/").partition("/")
+        if not hmac.compare_digest(token.encode(), page.token.encode()) or not slash:
+            raise _Refusal(HTTPStatus.FORBIDDEN, "open the address that `fastibl live` printed: it ends in a token")
+        return path, {name: values[-1] for name, values in parse_qs(parts.query).items()}
+
+    def _viewer(self) -> None:
+        viewers = self.server.page.viewers
+        try:
+            admitted = viewers.admit(self.asked.get("viewer", ""))
+        except ValueError as error:
+            raise _Refusal(HTTPStatus.BAD_REQUEST, str(error)) from None
+        if not admitted:
+            raise _Refusal(
+                HTTPStatus.SERVICE_UNAVAILABLE,
+                f"{viewers.most} pages are open already, as many as are served: close one of them",
+            )
+
+    def _read_body(self) -> bytes:
+        """Read even where the request is refused, so that the connection stays in step."""
+        if self.command != "POST":
+            return b""
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or self.headers.get("Transfer-Encoding"):
+            self.close_connection = True
+            raise _Refusal(HTTPStatus.LENGTH_REQUIRED, "a Content-Length is needed")
+        if int(length) > _BODY:
+            self.close_connection = True
+            raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request may have {_BODY} bytes")
+        return self.rfile.read(int(length))
+
+    # What may be asked.
+
+    def _page(self, _: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
+        page = self.server.page
+        return HTTPStatus.OK, "text/html; charset=utf-8", page.page, {"Content-Security-Policy": page.policy}
+
+    def _choices(self, _: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
+        page = self.server.page
+        return _json(page.loop.choices.describe() | {"notices": page.notices, "views": page.pictures.names})
+
+    def _state(self, _: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
+        self._viewer()
+        page = self.server.page
+        state = state_of(page.loop.latest.get(), page.pictures.light)
+        seconds, pictures = sum(page.seconds.values()), page.served.get("picture/composite", 0)
+        return _json(state | {"viewers": len(page.viewers), "page": {"seconds": seconds, "pictures": pictures}})
+
+    def _picture(self, _: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
+        """The view's picture, once it is another than the one that the client has."""
+        self._viewer()
+        page, after = self.server.page, self.asked.get("after", "0")
+        if self.rest not in page.pictures.names or not (after.isdecimal() and len(after) < 19):
+            raise _Refusal(HTTPStatus.NOT_FOUND, f"there are pictures of {', '.join(page.pictures.names)}")
+        wait = _WAIT if self.asked.get("wait") else 0.0
+        snapshot = page.loop.latest.wait_for_picture(int(after), wait)
+        encoded = page.pictures.get(self.rest, snapshot)
+        if encoded is None or encoded.number == int(after):
+            return HTTPStatus.NO_CONTENT, "", b"", {}
+        headers = {"X-Picture": str(encoded.number)}
+        overlay = overlay_of(snapshot) if self.asked.get("overlay") else None
+        if overlay is not None:
+            headers["X-Overlay"] = json.dumps(overlay)
+        return HTTPStatus.OK, "image/jpeg", encoded.data, headers
+
+    def _control(self, body: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
+        self._viewer()
+        if self.headers.get_content_type() != "application/json":
+            raise _Refusal(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "changes are sent as application/json")
+        loop = self.server.page.loop
+        try:
+            changes = loop.choices.read(json.loads(body))
+        except (ValueError, RecursionError) as error:
+            raise _Refusal(HTTPStatus.BAD_REQUEST, str(error)) from None
+        if not loop.change(changes):
+            raise _Refusal(HTTPStatus.SERVICE_UNAVAILABLE, "too many changes wait for the next picture")
+        return _json({"asked": list(changes)})
+
+    def _save(self, _: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
+        self._viewer()
+        loop = self.server.page.loop
+        try:
+            path = free_path(loop.folder, time.strftime("picture-%Y%m%d-%H%M%S"), (".png",))
+            saved = save_picture(loop.latest.get(), path)
+        except (OSError, ValueError) as error:
+            raise _Refusal(HTTPStatus.CONFLICT, str(error)) from None
+        loop.say(f"saved {saved}")
+        return _json({"saved": str(saved)})
+
+    def _leave(self, _: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
+        self.server.page.viewers.leave(self.asked.get("viewer", ""))
+        return HTTPStatus.NO_CONTENT, "", b"", {}
+
+
+def _json(value: Any) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
+    return HTTPStatus.OK, "application/json", json.dumps(value, allow_nan=False).encode(), {}
+
+
+__all__ = ["ADDRESS", "PageServer", "load_page"]

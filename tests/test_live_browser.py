@@ -1,0 +1,69 @@
+"""The live page as a person uses it, in Chromium: every control, both schemes, a small window."""
+
+import time
+
+import cv2
+import pytest
+
+import fastibl
+from bench.live_browser import browser, exercise, missing, open_page, served
+from fastibl.live_page import Choices, LiveLoop, Settings
+from fastibl.sources import BackAndForth, Paced
+
+if missing():
+    pytest.skip(missing(), allow_module_level=True)
+
+
+@pytest.fixture(scope="module")
+def film():
+    return fastibl.simulate(seconds=0.6, fps=10, size=(320, 240), truth_size=8, hand=False)
+
+
+@pytest.fixture
+def page_of(film, tmp_path):
+    loop = LiveLoop(
+        Paced(BackAndForth(film, 0.1), catch_up=0.1),
+        Choices(height=0.1),
+        Settings("cube"),
+        {"distance": 3.0},
+        folder=tmp_path,
+        about="simulated",
+    )
+    with served(loop, ("a notice",)) as server, browser() as opened:
+
+        def page(**options):
+            made = open_page(opened, server.url, **options)
+            made.viewers = server.viewers
+            return made
+
+        yield page
+
+
+def test_every_control(page_of, tmp_path):
+    page = page_of()
+    done = exercise(page)
+    print(f"{len(done)} controls: {', '.join(done)}")
+    (recording,) = tmp_path.glob("recording-*")
+    assert len(fastibl.Recording.open(recording)) > 2
+    (saved,) = tmp_path.glob("picture-*.png")
+    assert cv2.imread(str(saved)).shape == (240, 320, 3)
+    ids = page.evaluate("[...document.querySelectorAll('button, select, input')].map((e) => e.id)")
+    labelled = "(e) => e.labels?.length || e.textContent.trim() || e.getAttribute('aria-label')"
+    assert page.evaluate(f"[...document.querySelectorAll('button, select, input')].every({labelled})"), ids
+    assert not page.errors and not page.outside
+    page.goto("about:blank")
+    end = time.monotonic() + 5
+    while len(page.viewers) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert len(page.viewers) == 0, "a page that was left still counts"
+
+
+@pytest.mark.parametrize("size, scheme", [((1280, 800), "dark"), ((400, 700), "light")])
+def test_sizes_and_schemes(page_of, size, scheme):
+    page = page_of(size=size, color_scheme=scheme)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "the page is wider than the window"
+    r, g, b = page.evaluate("getComputedStyle(document.body).backgroundColor.match(/\\d+/g).slice(0, 3).map(Number)")
+    assert (max(r, g, b) < 60) == (scheme == "dark")
+    if size[0] >= 1280:  # what is used all the time is seen without scrolling
+        assert page.evaluate("$('freeze').getBoundingClientRect().bottom <= innerHeight")
+    assert not page.errors and not page.outside

@@ -1,0 +1,292 @@
+"""`fastibl live`: where its pictures come from, what it says, how it ends."""
+
+import http.client
+import itertools
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import cv2
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl import found_camera, sources
+from fastibl.__main__ import build_parser, main
+from fastibl.commands._live_source import open_source
+from fastibl.live_camera import open_camera
+
+
+class FakeCapture:
+    """A camera of 1280 x 720, whatever is asked for; None gives no picture."""
+
+    def __init__(self, size=(1280, 720)):
+        self.size, self.count = size, 0
+
+    def isOpened(self):  # noqa: N802 - OpenCV's names
+        return self.size is not None
+
+    def getBackendName(self):  # noqa: N802
+        return "V4L2"
+
+    def get(self, which):
+        return 100.0
+
+    def set(self, which, value):
+        return True
+
+    def grab(self):
+        return self.size is not None
+
+    def retrieve(self):
+        self.count += 1
+        return True, np.full((self.size[1], self.size[0], 3), self.count % 250, np.uint8)
+
+    def release(self):
+        """Nothing to end."""
+
+
+def parsed(*arguments):
+    return build_parser().parse_args(["live", *map(str, arguments)])
+
+
+@pytest.fixture
+def no_camera(monkeypatch):
+    monkeypatch.setattr(found_camera.picture_size, "__defaults__", (lambda device: FakeCapture(None),))
+
+
+def test_without_a_camera_the_simulator_is_offered(no_camera, capsys):
+    for arguments in ([], ["--back", "3"], ["--front", "1"]):
+        assert main(["live", *arguments]) == 2
+        said = capsys.readouterr().err
+        assert "gives no picture" in said and "fastibl live --simulate" in said and said.count("\n") == 1
+    assert main(["live", "--back", "rtsp://nowhere.invalid/x"]) == 2
+    assert "does not answer" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (["--simulate", "--back", "0"], "not from several: --simulate, --back"),
+        (["--recording", "x", "--simulate"], "not from several: --simulate, --recording"),
+        (["--recording", "nowhere"], "nowhere"),
+        (["--environment", "nowhere.hdr", "--front", "1"], "leave one away"),
+        (["--simulate", "--port", "70000"], "--port"),
+        (["--simulate", "--object", "a/x.obj", "b/x.obj"], "by name"),
+    ],
+)
+def test_arguments_that_do_not_fit(arguments, message, capsys):
+    assert main(["live", *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_camera_without_calibration_is_guessed_and_says_so(monkeypatch):
+    monkeypatch.setattr(found_camera.picture_size, "__defaults__", (lambda device: FakeCapture(),))
+    monkeypatch.setattr(found_camera.scaled_opener, "__defaults__", (lambda device: FakeCapture(),))
+    opened = open_source(parsed("--back", 0, "--front", 1, "--fov", 60), print)
+    with opened.source as source:
+        rig = source.rig
+        assert (rig.back.width, rig.back.height) == (640, 360) == (rig.front.width, rig.front.height)
+        assert 2 * np.degrees(np.arctan(320 / rig.back.fx)) == pytest.approx(60)
+        assert 2 * np.degrees(np.arctan(320 / rig.front.fx)) == pytest.approx(65)
+        assert np.allclose(rig.front_from_back.rotation @ [0, 0, 1], [0, 0, -1])
+        frame = next(iter(source))
+        picture = frame.back if frame.back is not None else frame.front
+        assert picture.shape == (360, 640, 3) and source.source.refused == 0
+    (notice,) = opened.notices
+    assert all(text in notice for text in ("60° wide", "fastibl calibrate", "--fov", "front camera", "65°"))
+
+
+def test_pictures_that_are_not_larger_stay_as_they_are():
+    assert found_camera.picture_size(0, (640, 480), lambda device: FakeCapture((320, 240))) == (320, 240)
+    assert found_camera.picture_size(0, (640, 480), lambda device: FakeCapture((1920, 1080))) == (640, 360)
+
+
+class _Phone(BaseHTTPRequestHandler):
+    """What telephones' camera programs serve: JPEG after JPEG."""
+
+    def do_GET(self):  # noqa: N802 - the library's name
+        self.send_response(200)
+        self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
+        self.end_headers()
+        try:
+            for k in itertools.count():
+                picture = np.full((240, 320, 3), (40, 90, 200), np.uint8)
+                cv2.circle(picture, (20 + k % 280, 120), 20, (255, 255, 255), -1)
+                data = cv2.imencode(".jpg", picture)[1].tobytes()
+                head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
+                self.wfile.write(head.encode() + data + b"\r\n")
+        except OSError:
+            return
+
+    def log_message(self, *_):
+        """Quiet."""
+
+
+def test_a_telephone_by_its_url():
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _Phone)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    url = f"http://127.0.0.1:{server.server_address[1]}/video"
+    try:
+        capture = open_camera(url)
+        if not capture.isOpened():
+            pytest.skip("this OpenCV reads no URLs")
+        capture.release()
+        opened = open_source(parsed("--back", url, "--front", url, "--size", "160x120"), print)
+        with opened.source as source:
+            frame = next(iter(source))
+            picture = frame.back if frame.back is not None else frame.front
+            assert picture.shape == (120, 160, 3)
+            assert np.abs(picture[5, 80].astype(int) - (200, 90, 40)).max() < 12  # RGB
+        assert opened.about == f"camera {url} and camera {url}"
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("live") / "recording"
+    fastibl.simulate(seconds=0.4, fps=10, size=(320, 240), truth_size=8, hand=False, out=path)
+    return path
+
+
+def test_a_recording_as_a_video_without_a_page(recording, tmp_path, capsys):
+    out = tmp_path / "live.webm"
+    assert main(["live", "--no-page", "--recording", str(recording), "--out", str(out), "--error", "0"]) == 0
+    assert "4 frames" in capsys.readouterr().out
+    video = cv2.VideoCapture(str(out))
+    assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 4
+
+
+def test_control_c_ends_it_and_keeps_what_was_written(recording, tmp_path):
+    command = [sys.executable, "-m", "fastibl", "live", "--recording", str(recording), "--folder", str(tmp_path)]
+    process = subprocess.Popen(
+        [*command, "--out", str(tmp_path / "live.webm")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    try:
+        url = next(m for m in (re.search(r"http://127\.0\.0\.1:(\d+)/\S+", line) for line in process.stdout) if m)
+        state = None
+        while state != b'"ended"':
+            connection = http.client.HTTPConnection("127.0.0.1", int(url[1]), timeout=10)
+            connection.request("GET", url[0].partition(url[1])[2] + "state?viewer=abcdefgh")
+            state = re.search(rb'"state": (".*?")', connection.getresponse().read())[1]
+        process.send_signal(signal.SIGINT)
+        out, said = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert process.returncode == 0 and "4 frames" in out and "Traceback" not in said, said
+    assert int(cv2.VideoCapture(str(tmp_path / "live.webm")).get(cv2.CAP_PROP_FRAME_COUNT)) == 4
+
+
+# Sources.
+
+
+def numbered(count):
+    rig = fastibl.Rig(fastibl.Camera(64, 48, 50, 50, 32, 24))
+    return fastibl.Recording(rig, [fastibl.Frame(k, np.full((48, 64, 3), k, np.uint8)) for k in range(count)])
+
+
+def test_back_and_forth():
+    source = sources.BackAndForth(numbered(4), 0.5)
+    for _ in range(2):  # again from the begin
+        frames = list(itertools.islice(source, 15))
+        assert [int(f.back[0, 0, 0]) for f in frames] == [0, 1, 2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2]
+        assert [f.time for f in frames] == [0.5 * k for k in range(15)]
+    assert source.kept == 4 and source.complete
+    source = sources.BackAndForth(numbered(4), 0.5)
+    assert [int(f.back[0, 0, 0]) for f in itertools.islice(source, 2)] == [0, 1] and source.kept == 2
+    assert [int(f.back[0, 0, 0]) for f in itertools.islice(source, 6)] == [0, 1, 2, 3, 2, 1]
+    source.close()
+    assert list(source) == []
+    assert [int(f.back[0, 0, 0]) for f in itertools.islice(sources.BackAndForth(numbered(1), 1), 3)] == [0, 0, 0]
+    assert list(sources.BackAndForth(numbered(0), 1)) == []
+    with pytest.raises(ValueError, match="period"):
+        sources.BackAndForth(numbered(1), 0)
+
+
+def test_a_pause_is_not_caught_up_with():
+    now = [0.0]
+
+    def sleep(seconds):
+        now[0] += seconds
+
+    given = []
+    for frame in sources.Paced(numbered(6), catch_up=2.5, clock=lambda: now[0], sleep=sleep):
+        given.append((frame.time, now[0]))
+        now[0] += {1: 2.0, 3: 10.0}.get(frame.time, 0.0)
+    # Two seconds late: the next come at once. Ten: the clock goes on from there.
+    np.testing.assert_allclose(given, [(0, 0), (1, 1), (2, 3), (3, 3), (4, 13), (5, 14)])
+
+
+# Given light.
+
+
+def test_a_given_map_is_as_bright_as_the_boards_white():
+    """Whatever units its file has: the simulated place is lit by the same map."""
+    from fastibl.board_meter import brightness_of, scaled
+
+    faces = np.full((6, 16, 16, 3), 0.5, np.float32)
+    faces[4, 4:8, 4:8] = 20.0
+    cube = fastibl.CubeMap(faces)
+    film = fastibl.simulate(cube, seconds=0.1, fps=10, size=(320, 240), truth_size=8, hand=False)
+    frame = film[0]
+    pose = film.truth.pose(frame.time)
+    for units in (1.0, 100.0):
+        factor = brightness_of(fastibl.CubeMap(faces * np.float32(units)), film.rig, film.board, frame, pose)
+        assert factor * units == pytest.approx(1.0, rel=0.12)  # the page's albedo here is 0.80, assumed is 0.85
+    assert np.allclose(scaled(cube, 2.0).radiance.faces, 2 * faces)
+    black = fastibl.Frame(0.0, np.zeros_like(frame.back), None, frame.back_exposure)
+    assert brightness_of(cube, film.rig, film.board, black, pose) is None
+    assert brightness_of(fastibl.CubeMap(0 * faces), film.rig, film.board, frame, pose) is None
+
+
+def test_given_light_on_a_recording(recording, tmp_path, capsys):
+    fastibl.write_environment(tmp_path / "room.hdr", fastibl.CubeMap(np.full((6, 8, 8, 3), 7.0, np.float32)))
+    command = ["live", "--no-page", "--recording", str(recording), "--environment", str(tmp_path / "room.hdr")]
+    assert main([*command, "--error", "0", "--out", str(tmp_path / "live.webm")]) == 0
+    said = capsys.readouterr()
+    assert "4 frames" in said.out and "as the board's white shows it" in said.err
+
+
+# Cameras that tell no exposure.
+
+
+def test_an_untold_front_exposure_is_measured_by_the_boards_white():
+    from dataclasses import replace
+
+    from fastibl.guessed_rig import guessed_rig
+    from fastibl.untold_exposure import AssumedFront
+
+    film = fastibl.simulate(
+        seconds=3, fps=12, size=(320, 240), hand=False, lamp=False, truth_size=16, front_exposures=lambda last: last
+    )
+    true = film[0].front_exposure / film[0].back_exposure
+    frames = [replace(frame, front_exposure=None, back_exposure=1.0) for frame in film]
+    source = AssumedFront(fastibl.Recording(guessed_rig((320, 240), (320, 240), 63, 78), frames, film.board))
+    scene = fastibl.Scene(fastibl.stand(fastibl.shapes.figurine(), 0.1), spheres=0, visibility_rays=0)
+    off, measured = [abs(np.log(source.exposure / true))], []
+    for _ in range(3):
+        session, told = fastibl.Session(scene, source.rig, source.board, error=0), False
+        for frame in source:
+            assert frame.front_exposure == source.exposure
+            result = session.process(frame)
+            assert result.front_taken is None or result.front_taken.how != "left out"
+            told = told or source.measure(result.environment)
+            if told:
+                break
+        measured.append(told)
+        off.append(abs(np.log(source.exposure / true)))
+    print(f"true {true:.3f}, off by a factor of {[f'{np.exp(x):.2f}' for x in off]}, {measured}")
+    assert off[-1] < 0.45 < off[0] and not measured[-1]
+    told = AssumedFront(film)  # what is told stays
+    assert [f.front_exposure for f in told] == [f.front_exposure for f in film] and not told.measure(result.environment)

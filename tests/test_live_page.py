@@ -1,0 +1,524 @@
+"""The live page's server without a browser: who is let in, what is answered, what the controls do, what has bounds."""
+
+import contextlib
+import http.client
+import json
+import re
+import socket
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl.live_page import Choices, LiveLoop, PageServer, Settings, pictures, server
+from fastibl.live_page.viewers import Viewers
+from views import camera_of, looking
+
+CAMERA = camera_of(96, 72, 50.0)
+EYE = (0.0, -0.25, 0.2)
+POSE = looking(np.array([0, 0, 0.03]) - EYE, EYE)
+WHITE = fastibl.CubeMap(np.ones((6, 8, 8, 3)))
+VIEWER = "abcdefgh"
+
+
+def smooth(rng, width, height):
+    """Noise that JPEG keeps."""
+    return cv2.resize(rng.integers(0, 256, (4, 5, 3), np.uint8), (width, height), interpolation=cv2.INTER_CUBIC)
+
+
+class Source:
+    """Pictures of smooth noise with their poses; as many as asked for, as fast as they are taken but for `pause`."""
+
+    def __init__(self, count=None, pause=0.004, camera=CAMERA):
+        self.rig, self.board, self.count, self.pause = fastibl.Rig(camera), None, count, pause
+        self.given, self.closed = 0, False
+        rng = np.random.default_rng(0)
+        self._back = [smooth(rng, camera.width, camera.height) for _ in range(2)]
+
+    def close(self):
+        self.closed = True
+
+    def __iter__(self):
+        k = 0
+        while not self.closed and (self.count is None or k < self.count):
+            time.sleep(self.pause)
+            self.given += 1
+            yield fastibl.Frame(k / 100, self._back[k % 2], back_from_marker=POSE)
+            k += 1
+
+
+class Client:
+    def __init__(self, page, viewer=VIEWER):
+        self.page, self.viewer = page, viewer
+        self.connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+
+    def ask(self, path, method="GET", body=None, token=None, **headers):
+        query = f"{'&' if '?' in path else '?'}viewer={self.viewer}"
+        headers = {name.replace("_", "-"): value for name, value in headers.items()}
+        token = self.page.token if token is None else token
+        self.connection.request(method, f"/{token}/{path}{query}", body, headers)
+        answer = self.connection.getresponse()
+        return answer, answer.read()
+
+    def state(self):
+        answer, body = self.ask("state")
+        assert answer.status == 200, body
+        return json.loads(body)
+
+    def change(self, **changes):
+        return self.ask("control", "POST", json.dumps(changes), Content_Type="application/json")
+
+    def until(self, condition, seconds=20.0):
+        """The first state for which it holds."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            state = self.state()
+            if condition(state):
+                return state
+            time.sleep(0.01)
+        raise AssertionError(f"after {seconds} s: {state}")
+
+    def picture(self, view="composite", after=0, wait=1):
+        answer, body = self.ask(f"picture/{view}?after={after}" + ("&wait=1" if wait else ""))
+        if answer.status == 204:
+            return None, 0
+        assert answer.status == 200 and answer.headers["Content-Type"] == "image/jpeg", body
+        return cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR), int(answer.headers["X-Picture"])
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    """Objects made ready once for all tests."""
+    return {}
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, loaded):
+    """Runs a loop in a thread, and its page."""
+    real = LiveLoop._load
+    monkeypatch.setattr(
+        LiveLoop, "_load", lambda loop, name: loaded.get(name) or loaded.setdefault(name, real(loop, name))
+    )
+    with contextlib.ExitStack() as stack:
+
+        def begin(source=None, options=None, **others):
+            source = Source() if source is None else source
+            loop = LiveLoop(
+                source,
+                Choices(height=0.05),
+                Settings("cube"),
+                {"environment": WHITE} if options is None else options,
+                folder=tmp_path,
+                about="noise",
+            )
+            page = stack.enter_context(PageServer(loop, **others))
+            thread = threading.Thread(target=loop.run, daemon=True)
+            thread.start()
+
+            def end():
+                loop.stop()
+                thread.join(10)
+                assert not thread.is_alive(), "the loop does not end"
+
+            stack.callback(end)
+            client = Client(page)
+            client.until(lambda s: s["picture"] > 0)
+            return client, page, loop
+
+        yield begin
+
+
+def test_nobody_is_let_in_without_the_token_or_by_another_name(run):
+    client, page, _ = run(notices=("`x` is so",))
+    host = f"127.0.0.1:{page.port}"
+    for token in ("", "wrong", page.token[:-1], page.token + "x", "%C3%A9"):
+        for path in ("", "state", "picture/composite", "choices"):
+            connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+            connection.putrequest("GET", f"/{token}/{path}")
+            connection.endheaders()
+            answer = connection.getresponse()
+            assert answer.status == 403 and b"address" in answer.read()
+    for headers in (
+        {"Host": "evil.example"},
+        {"Host": f"evil.example:{page.port}"},
+        {"Host": "127.0.0.1:1"},
+        {"Host": ""},
+        {"Host": host, "Origin": "http://evil.example"},
+        {"Host": host, "Origin": "null"},
+        {"Host": host, "Sec-Fetch-Site": "cross-site"},
+        {"Host": host, "Sec-Fetch-Site": "same-site"},
+    ):
+        assert client.ask("state", **headers)[0].status == 403, headers
+        answer, _ = client.ask("control", "POST", '{"freeze": true}', Content_Type="application/json", **headers)
+        assert answer.status == 403
+    for headers in ({"Host": host}, {"Host": f"localhost:{page.port}"}, {"Origin": f"http://{host}"}):
+        assert client.ask("state", **headers)[0].status == 200, headers
+    assert client.state()["settings"]["freeze"] is False
+    assert page._server.server_address[0] == "127.0.0.1"
+
+
+def test_the_page_loads_nothing_from_outside(run):
+    client, page, _ = run(notices=("`x` is so",))
+    answer, body = client.ask("")
+    policy = answer.headers["Content-Security-Policy"]
+    assert answer.status == 200 and policy == page.policy and "default-src 'none'" in policy
+    assert "unsafe" not in policy and policy.count("sha256-") == 2
+    text = body.decode()
+    assert not re.search(r"""(https?:)?//\w|src=|@import|url\(|\sstyle=|\son\w+=""", text.replace("// ", ""))
+    assert answer.headers["Referrer-Policy"] == "no-referrer" and answer.headers["Cache-Control"] == "no-store"
+    choices = json.loads(client.ask("choices")[1])
+    assert choices["notices"] == ["`x` is so"] and "cube" in choices["objects"] and "gold" in choices["materials"]
+    assert "sh9" in choices["methods"]["diffuse"]
+
+
+def test_pictures_are_the_sessions(run):
+    client, _, loop = run()
+    assert client.change(freeze=True)[0].status == 200
+    client.until(lambda s: s["state"] == "frozen")
+    picture, number = client.picture()
+    snapshot = loop.latest.get()
+    assert number == snapshot.picture
+    expected = cv2.imdecode(np.frombuffer(pictures.jpeg(snapshot.result.image), np.uint8), cv2.IMREAD_COLOR)
+    assert np.array_equal(picture, expected) and picture.shape == (72, 96, 3)
+    back, _ = client.picture("back")
+    assert np.abs(back[..., ::-1].astype(int) - snapshot.frame.back).mean() < 6 < np.ptp(back)
+    assert client.picture("front", wait=0) == (None, 0)
+    assert client.picture("map")[0].shape == (160, 320, 3)
+    shadow, _ = client.picture("shadow")
+    assert shadow.shape == (192, 192, 3) and shadow.min() < 100 and shadow.max() > 250
+    assert client.picture(after=number, wait=0) == (None, 0), "the same picture was sent twice"
+    begin = time.monotonic()
+    server_wait = client.picture(after=number)
+    assert server_wait == (None, 0) and time.monotonic() - begin >= 1.5, "a client that waits must not ask in a loop"
+    answer, _ = client.ask("picture/composite?after=0&overlay=1")
+    overlay = json.loads(answer.headers["X-Overlay"])
+    np.testing.assert_allclose(overlay["axes"][0], CAMERA.project(POSE.translation[None])[0], atol=1e-6)
+    assert len(overlay["shadow"]) == 4
+
+
+def test_a_picture_is_encoded_once_and_only_when_asked_for(run, monkeypatch):
+    made = []
+    real = pictures.jpeg
+    monkeypatch.setattr(pictures, "jpeg", lambda picture: made.append(1) or real(picture))
+    client, page, loop = run()
+    while loop.latest.get().picture < 30:
+        time.sleep(0.01)
+    assert not made
+    client.change(freeze=True)
+    client.until(lambda s: s["state"] == "frozen")
+    for viewer in ("viewer01", "viewer02", "viewer03"):
+        assert Client(page, viewer).picture()[1] == loop.latest.get().picture
+    assert len(made) == 1
+
+
+def test_numbers_are_the_sessions(run):
+    client, _, loop = run()
+    client.change(freeze=True)
+    client.until(lambda s: s["state"] == "frozen")
+    state, snapshot = client.state(), loop.latest.get()
+    plan = snapshot.newest.plan
+    assert [p["name"] for p in state["plan"]["passes"]] == [p.name for p in plan.passes]
+    assert [p["method"] for p in state["plan"]["passes"]] == [p.method for p in plan.passes]
+    assert state["plan"]["text"] == str(plan) and state["plan"]["expected_error"] == plan.expected_error
+    total = np.median([1e3 * t["total"] for t in snapshot.timings])
+    assert state["milliseconds"]["total"] == pytest.approx(total)
+    environment = snapshot.newest.environment
+    assert state["light"]["coverage"] == environment.coverage == 1
+    assert state["light"]["error"] == snapshot.newest.predicted_error
+    assert state["light"]["guidance"] == "all of the sky was seen"
+    assert state["board"]["seen"] and state["board"]["metres"] == pytest.approx(np.linalg.norm(POSE.translation))
+    assert state["source"] == "noise" and state["size"] == [96, 72] and state["viewers"] == 1
+
+
+def test_every_control_is_applied(run, tmp_path):
+    client, _, loop = run()
+    client.change(freeze=True)
+    client.until(lambda s: s["state"] == "frozen")
+
+    def changed(condition, **changes):
+        """The picture before and after a change, while frozen."""
+        before, number = client.picture()
+        assert client.change(**changes)[0].status == 200
+        state = client.until(lambda s: condition(s) and s["picture"] != number)
+        return before, client.picture()[0], state
+
+    before, after, _ = changed(lambda s: s["settings"]["material"] == "red plastic", material="red plastic")
+    assert not np.array_equal(before, after)
+    before, after, _ = changed(lambda s: s["settings"]["turn"] == 45, turn=45)
+    assert not np.array_equal(before, after)
+    before, after, state = changed(lambda s: not s["settings"]["shadow"], shadow=False)
+    assert not np.array_equal(before, after)
+    assert not next(p for p in state["plan"]["passes"] if p["name"] == "shadow")["included"]
+    changed(lambda s: s["settings"]["shadow"], shadow=True)
+
+    def method(state, step):
+        return next(p for p in state["plan"]["passes"] if p["step"] == step)["method"]
+
+    _, _, state = changed(
+        lambda s: s["settings"]["methods"] == {"diffuse": "six-face"}, methods={"diffuse": "six-face"}
+    )
+    assert method(state, "diffuse").startswith("six-face")
+    _, _, state = changed(lambda s: "shadow" in s["settings"]["methods"], methods={"shadow": "cap-product"})
+    assert method(state, "shadow") == "cap-product" and method(state, "diffuse").startswith("six-face")
+    _, _, state = changed(lambda s: s["settings"]["methods"] == "paper", methods="paper")
+    assert method(state, "diffuse") == "six-face" and method(state, "shadow") == "cap-product"
+    changed(lambda s: s["settings"]["methods"] == "auto", methods="auto")
+    _, _, state = changed(lambda s: s["settings"]["error"] == 0.3, error=0.3, milliseconds=50)
+    assert loop.latest.get().newest.plan.error_budget == 0.3
+    assert loop.latest.get().newest.plan.milliseconds_budget == 50
+    before, after, state = changed(lambda s: s["settings"]["object"] == "ball" and not s["preparing"], object="ball")
+    assert not np.array_equal(before, after) and state["settings"]["material"] == "red plastic"
+    assert np.allclose(loop._session.scene.marker_from_object.rotation[0, :2], [np.sqrt(0.5), -np.sqrt(0.5)])
+    if "gl" in loop.choices.backends:
+        assert client.change(backend="gl")[0].status == 200  # or a message, where there is no driver
+        client.until(lambda s: s["settings"]["backend"] == "gl" or any("backend" in m["text"] for m in s["messages"]))
+
+    answer, body = client.ask("save", "POST", "")
+    saved = json.loads(body)["saved"]
+    assert answer.status == 200 and saved.startswith(str(tmp_path))
+    assert np.array_equal(cv2.imread(saved)[..., ::-1], loop.latest.get().result.image)
+    other = json.loads(client.ask("save", "POST", "")[1])["saved"]
+    assert other != saved, "a picture was written over another"
+
+
+def test_objects_are_made_ready_one_at_a_time(run, monkeypatch):
+    client, _, loop = run()
+    load, begun, go_on = loop._load, [], threading.Event()
+
+    def slow(name):
+        begun.append(name)
+        assert go_on.wait(20)
+        return load(name)
+
+    monkeypatch.setattr(loop, "_load", slow)
+    for name in ("ball", "cube", "ring", "ball", "cube"):
+        client.change(object=name)
+    state = client.until(lambda s: s["preparing"] == "ball")
+    number = state["picture"]
+    client.until(lambda s: s["picture"] > number + 3)  # the session runs on
+    go_on.set()
+    client.until(lambda s: not s["preparing"] and begun == ["ball", "cube"])
+    assert client.state()["settings"]["object"] == "cube"
+
+
+def test_freeze_step_and_start_anew(run):
+    source = Source()
+    client, _, loop = run(source)
+    client.change(freeze=True)
+    frozen = client.until(lambda s: s["state"] == "frozen")
+    given = source.given
+    time.sleep(0.1)
+    assert client.state()["picture"] == frozen["picture"] and source.given == given, "it goes on while frozen"
+    for k in range(1, 4):
+        client.change(step=True)
+        client.until(lambda s, k=k: s["picture"] == frozen["picture"] + k)
+    assert source.given == given + 3
+    client.change(freeze=False)
+    client.until(lambda s: s["picture"] > frozen["picture"] + 10)
+    session = loop._session
+    client.change(restart=True)
+    client.until(lambda s: loop._session is not session and s["state"] == "running")
+    assert loop.latest.get().frame.time < 1, "the source did not begin anew"
+
+
+def test_record(run, tmp_path):
+    client, _, loop = run()
+    client.change(record=True)
+    state = client.until(lambda s: s["recording"] and s["recording"]["written"] > 5)
+    client.change(record=False)
+    client.until(lambda s: not s["recording"] and any("recorded" in m["text"] for m in s["messages"]))
+    recording = fastibl.Recording.open(state["recording"]["path"])
+    assert len(recording) > 5 and recording.rig == loop.source.rig
+    assert recording.path.parent == tmp_path
+
+
+def test_what_cannot_be_done_is_said(run, tmp_path):
+    client, _, loop = run()
+    loop.folder = tmp_path / "nowhere" / "at all"
+    answer, body = client.ask("save", "POST", "")
+    assert answer.status == 409 and b"nowhere" in body
+    (tmp_path / "nowhere").write_text("a file")
+    client.change(record=True)
+    client.until(lambda s: any("record" in m["text"] for m in s["messages"]))
+    loop.choices._files["broken.obj"] = tmp_path / "broken.obj"
+    loop.choices.objects.append("broken.obj")
+    client.change(object="broken.obj")
+    state = client.until(lambda s: any("broken.obj" in m["text"] for m in s["messages"]) and not s["preparing"])
+    assert state["settings"]["object"] == "cube" and state["state"] == "running"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        [],
+        "freeze",
+        {"freeze": 1},
+        {"freeze": "yes"},
+        {"step": False},
+        {"object": "../../etc/passwd"},
+        {"object": ["cube"]},
+        {"material": "unobtainium"},
+        {"error": -1},
+        {"error": float("nan")},
+        {"error": True},
+        {"milliseconds": 1e9},
+        {"turn": "north"},
+        {"methods": "best"},
+        {"methods": {"diffuse": "mip"}},
+        {"methods": {"cooking": "auto"}},
+        {"methods": {"diffuse": {}}},
+        {"backend": "vulkan"},
+        {"__class__": 1},
+        {"_ready": None},
+        {"quit": True},
+    ],
+)
+def test_changes_that_are_none(changes):
+    with pytest.raises(ValueError, match=".") as caught:
+        Choices().read(changes)
+    assert len(str(caught.value)) < 400
+
+
+def test_bad_requests(run):
+    client, page, _ = run()
+    kind = {"Content_Type": "application/json"}
+    assert client.ask("control", "POST", "{", **kind)[0].status == 400
+    assert client.ask("control", "POST", "[" * 4000, **kind)[0].status == 400
+    assert client.ask("control", "POST", b"\xff\xfe", **kind)[0].status == 400
+    answer, body = client.ask("control", "POST", '{"quit": true}', **kind)
+    assert answer.status == 400 and b"quit" in body
+    assert client.ask("control", "POST", '{"freeze": true}', Content_Type="text/plain")[0].status == 415
+    assert client.ask("nothing")[0].status == 404 and client.ask("control")[0].status == 404
+    for path in ("picture/none", "picture/composite?after=x", "picture/composite?after=" + "9" * 30, "picture/"):
+        assert client.ask(path)[0].status == 404, path
+    assert client.ask("state", "DELETE")[0].status == 501
+    client = Client(page)
+    assert client.ask("control", "POST", b"x" * 5000, **kind)[0].status == 413
+    client = Client(page)
+    client.connection.putrequest("POST", f"/{page.token}/control?viewer={VIEWER}")
+    client.connection.endheaders()
+    assert client.connection.getresponse().status == 411
+    assert Client(page, "").ask("state")[0].status == 400 and Client(page, "a" * 99).ask("state")[0].status == 400
+    for garbage in (
+        b"\0" * 100 + b"\r\n\r\n",
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"GET " + b"/" * 70000 + b" HTTP/1.1\r\n\r\n",
+    ):
+        with socket.create_connection(("127.0.0.1", page.port), 10) as raw:
+            raw.sendall(garbage)
+            with contextlib.suppress(ConnectionError):
+                assert b" 200 " not in raw.recv(1000)
+    assert Client(page).state()["state"] == "running"
+
+
+def test_viewers_are_bounded_and_forgotten(run):
+    client, page, _ = run()
+    others = [Client(page, f"viewer{k:02d}") for k in range(4)]
+    assert [other.ask("state")[0].status for other in others] == [200, 200, 200, 503]
+    answer, body = others[3].ask("picture/composite")
+    assert answer.status == 503 and b"4 pages are open already" in body
+    assert others[0].ask("leave", "POST", "")[0].status == 204
+    assert others[3].ask("state")[0].status == 200 and others[0].ask("state")[0].status == 503
+    now = [0.0]
+    viewers = Viewers(2, silence=5, clock=lambda: now[0])
+    assert viewers.admit("a" * 8) and viewers.admit("b" * 8) and not viewers.admit("c" * 8)
+    now[0] = 4
+    assert viewers.admit("a" * 8)
+    now[0] = 6
+    assert viewers.admit("c" * 8) and len(viewers) == 2 and not viewers.admit("b" * 8)
+
+
+def test_connections_are_bounded_and_cleaned_up(run):
+    client, page, _ = run()
+    opened = [socket.create_connection(("127.0.0.1", page.port), 10) for _ in range(server._CONNECTIONS)]
+    try:
+        refused = b""
+        with contextlib.suppress(ConnectionError):
+            refused = opened[-1].recv(100)
+        assert b"503" in refused and page.connections == server._CONNECTIONS
+        assert client.state()["state"] == "running", "a client that was there is served on"
+    finally:
+        for one in opened:
+            one.close()
+    end = time.monotonic() + 10
+    while page.connections > 1 and time.monotonic() < end:
+        time.sleep(0.01)
+    assert page.connections == 1
+
+
+def test_a_slow_client_slows_nobody(run):
+    """One that asks and never takes what it gets: only its own thread waits."""
+    big = camera_of(640, 480, 500.0)
+    client, page, loop = run(Source(camera=big, pause=0.001))
+    slow = socket.socket()
+    slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    slow.connect(("127.0.0.1", page.port))
+    line = (
+        f"GET /{page.token}/picture/composite?after=0&viewer=slowslow HTTP/1.1\r\nHost: 127.0.0.1:{page.port}\r\n\r\n"
+    )
+    slow.setblocking(False)
+    with contextlib.suppress(BlockingIOError):
+        for _ in range(2000):
+            slow.send(line.encode())
+    served, end = -1, time.monotonic() + 20
+    while served != page.served.get("picture/composite", 0):  # until all buffers on the way are full
+        assert time.monotonic() < end, "it is not slow"
+        served = page.served.get("picture/composite", 0)
+        time.sleep(0.3)
+    assert 0 < served < 2000
+    before, begin = loop.latest.get().picture, time.monotonic()
+    numbers = [client.picture()[1]]
+    while time.monotonic() - begin < 1:
+        numbers.append(client.picture(after=numbers[-1])[1])
+    assert loop.latest.get().picture - before >= 5 and len(numbers) >= 4, "the session waits for it"
+    assert sorted(set(numbers)) == numbers
+    slow.close()
+    end = time.monotonic() + 10
+    while page.connections > 1 and time.monotonic() < end:
+        time.sleep(0.01)
+    assert page.connections == 1, "a client that left keeps its thread"
+
+
+def test_a_port_in_use_is_said(run):
+    _, page, loop = run()
+    with pytest.raises(OSError, match=f"port {page.port} is in use"):
+        PageServer(loop, page.port)
+
+
+def test_a_source_that_ends(run):
+    client, _, loop = run(Source(count=5))
+    state = client.until(lambda s: s["state"] == "ended")
+    assert state["picture"] == 5 and client.picture()[0] is not None
+    client.change(material="gold")
+    client.until(lambda s: s["picture"] == 6 and s["settings"]["material"] == "gold")
+    client.change(restart=True)
+    assert client.until(lambda s: s["state"] == "ended" and s["picture"] == 11)["settings"]["material"] == "gold"
+
+
+def test_a_source_that_fails_is_said(run):
+    class Failing(Source):
+        def __iter__(self):
+            yield from list(super().__iter__())[:2]
+            raise OSError("the disk is gone")
+
+    client, _, _ = run(Failing(count=2))
+    state = client.until(lambda s: s["state"] == "ended")
+    assert "the disk is gone" in state["reason"] and any("the disk is gone" in m["text"] for m in state["messages"])
+
+
+def test_without_a_board_the_picture_is_the_cameras(run):
+    class Blind(Source):
+        def __iter__(self):
+            for frame in super().__iter__():
+                yield fastibl.Frame(frame.time, frame.back)
+
+    client, _, loop = run(Blind(), {})
+    client.change(freeze=True)
+    state = client.until(lambda s: s["state"] == "frozen")
+    assert not state["board"]["seen"] and state["light"] is None
+    assert client.picture("map", wait=0) == (None, 0)
+    assert np.array_equal(loop.latest.get().result.image, loop.latest.get().frame.back)

@@ -1,0 +1,45 @@
+"""What changes while a session runs: another object, other budgets."""
+
+import numpy as np
+import pytest
+from test_session import RIG, WHITE, ball, given
+
+import fastibl
+
+
+def lit_from_above():
+    faces = np.full((6, 16, 16, 3), 0.2, np.float32)
+    faces[4, 6:10, 6:10] = 40.0
+    return fastibl.CubeMap(faces)
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+def test_another_object_is_drawn_as_in_a_session_of_its_own(backend):
+    if backend == "gl" and not fastibl.session.with_gl:
+        pytest.skip("built without the GL back end")
+    options = {"environment": lit_from_above(), "backend": backend}
+    try:
+        session = fastibl.Session(ball(), RIG, **options)
+    except RuntimeError as error:
+        pytest.skip(f"no GL context: {error}")
+    session.process(given())
+    other = fastibl.Material(diffuse=(0.5, 0.1, 0.1))
+    session.set_scene(ball(other, radius=0.02))
+    changed = session.process(given(1.0))
+    own = fastibl.Session(ball(other, radius=0.02), RIG, **options).process(given(1.0))
+    first = fastibl.Session(ball(), RIG, **options).process(given(1.0))
+    assert np.array_equal(changed.image, own.image) and not np.array_equal(changed.image, first.image)
+    assert changed.shadow_map == own.shadow_map
+
+
+def test_budgets_change_the_plan():
+    session = fastibl.Session(ball(), RIG, environment=WHITE, error=0.02)
+    assert session.process(given()).plan.error_budget == 0.02
+    session.set_budgets(0.1, 5)
+    plan = session.process(given(1.0)).plan
+    assert (plan.error_budget, plan.milliseconds_budget) == (0.1, 5)
+    session.set_budgets()
+    assert session.process(given(2.0)).plan.error_budget == 0
+    for wrong in ((-0.1, 0), (0, -1), (float("nan"), 0), (0, float("inf"))):
+        with pytest.raises(ValueError, match="budget"):
+            session.set_budgets(*wrong)
