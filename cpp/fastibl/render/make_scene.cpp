@@ -33,7 +33,7 @@ void share_at_seams(const Mesh& mesh, const std::vector<glm::vec3>& normals,
 // stays what it was, interpolated: the paper's method is not changed by it.
 void add_directions(const SceneOptions& options, Scene& scene) {
   const bool backs = !is_closed(scene.mesh);
-  RefineOptions finer;
+  MeshRefineOptions finer;
   finer.backs = backs;
   if (!options.refine) finer.most_vertices = 0;
   const Bvh bvh(scene.mesh);
