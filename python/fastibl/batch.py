@@ -191,8 +191,8 @@ def _finished(
             part = out / _UNFINISHED / f"{uuid.uuid4().hex[:12]}-{n}"
             try:
                 future = runner.submit(_attempt, function, item, part, out / n, threads)
-            except Exception as error:  # the pool broke: of those that were submitted we hear
-                yield Item(n, "failed", 0.0, _last_line(error))
+            except Exception as broke:  # the pool: of those that were submitted we hear
+                yield Item(n, "failed", 0.0, _last_line(broke))
                 continue
             futures.append(future)
             future.add_done_callback(lambda done, n=n: back.put((n, done)))
