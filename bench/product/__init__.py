@@ -2,5 +2,6 @@
 
 from . import (
     batch,  # noqa: F401
+    exports,  # noqa: F401
     start,  # noqa: F401
 )
