@@ -3,5 +3,6 @@
 from . import (
     batch,  # noqa: F401
     exports,  # noqa: F401
+    soak,  # noqa: F401
     start,  # noqa: F401
 )
