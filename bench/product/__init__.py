@@ -2,7 +2,9 @@
 
 from . import (
     batch,  # noqa: F401
+    consumers,  # noqa: F401
     exports,  # noqa: F401
     soak,  # noqa: F401
     start,  # noqa: F401
+    wheel,  # noqa: F401
 )
