@@ -249,6 +249,9 @@ def test_one_version_everywhere():
         assert metadata.version("fastibl") == stated
     except metadata.PackageNotFoundError:
         pass  # the tree, not installed
+    # What the wheel's metadata takes its version by.
+    pattern = re.search(r"regex = '(.*)'", (ROOT / "pyproject.toml").read_text())[1]
+    assert re.search(pattern, (ROOT / "CMakeLists.txt").read_text())["value"] == stated
     headings = re.findall(r"^## \[?([^\]\s]+)\]?", (ROOT / "CHANGELOG.md").read_text(), re.M)
     assert headings[0] == "Unreleased"
     releases = [tuple(map(int, h.split("."))) for h in headings[1:]]
