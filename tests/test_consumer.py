@@ -1,16 +1,23 @@
-"""The CMake package serves a project outside, from a prefix and from the build tree."""
+"""Projects outside use the C++ library: from a prefix, from the build tree, and as a part of their own build."""
 
 import math
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
+
+import fastibl
 
 ROOT = Path(__file__).resolve().parents[1]
 CONSUMER = ROOT / "examples" / "cpp_consumer"
+CLANG = next((path for n in ("-16", "", "-19", "-17", "-15", "-14") if (path := shutil.which("clang++" + n))), None)
 CORE_ONLY = [f"-DFASTIBL_{part}=OFF" for part in ("TRACKING", "GL", "PYTHON", "DEMO", "TESTS")]
+PUBLIC = {"tracking": "tracking/opencv/opencv_detector.h", "gl": "render/gl/gl_renderer.h"}
 
 if not (shutil.which("cmake") and shutil.which("ninja")):
     pytest.skip("needs cmake and ninja", allow_module_level=True)
@@ -56,42 +63,153 @@ def package(request, build_tree):
     return f"-DCMAKE_PREFIX_PATH={request.getfixturevalue('prefix')}"
 
 
-def test_consumer_builds_and_runs(package, tmp_path):
-    configure(CONSUMER, tmp_path, package)
-    run("cmake", "--build", tmp_path)
-    name, *values = run(tmp_path / "light").split()
+# What the examples do
+
+
+def read_ppm(path):
+    data = path.read_bytes()
+    assert data.startswith(b"P6\n320 240\n255\n") and len(data) == 15 + 320 * 240 * 3
+    return np.frombuffer(data[15:], np.uint8).reshape(240, 320, 3).astype(int)
+
+
+def check_light(program, folder):
+    name, *values = run(program).split()
     assert name == "irradiance"
     assert [float(v) for v in values] == pytest.approx([math.pi] * 3, abs=2e-5)
 
-    run(tmp_path / "picture", tmp_path / "picture.ppm")
-    data = (tmp_path / "picture.ppm").read_bytes()
-    header, pixels = data[:15], data[15:]
-    assert header == b"P6\n320 240\n255\n" and len(pixels) == 320 * 240 * 3
 
-    def pixel(x, y):
-        return tuple(pixels[3 * (320 * y + x) :][:3])
-
-    assert pixel(2, 2) == (255, 255, 255)  # nothing there
-    r, g, b = pixel(160, 140)  # the object, in its material's order
+def check_picture(program, folder):
+    run(program, folder / "picture.ppm")
+    image = read_ppm(folder / "picture.ppm")
+    assert image[2, 2].tolist() == [255, 255, 255]  # nothing there
+    r, g, b = image[140, 160]  # the object, in its material's order
     assert r < g < b
-    assert max(pixel(110, 140)) < 200  # shadow on the side away from the light
+    assert max(image[140, 110]) < 200  # shadow on the side away from the light
+
+
+def check_relight(program, folder):
+    said = run(program, folder)
+    assert said.count("irradiance of the plane") == 4
+    images = [read_ppm(folder / f"relit-{k}.ppm") for k in range(4)]
+    table = np.s_[115:160]  # rows around the foot
+    # The sun in +x, +y, −x, −y: the shadow falls to the left, to the camera, to the right, away from it.
+    left, _, right, _ = (im[table, :120].mean() - im[table, 200:].mean() for im in images)
+    assert left < -5 and right > 5
+    assert images[1][165:185, 150:170].mean() < images[3][165:185, 150:170].mean() - 20
+    assert all((im[4, 4] == 150).all() for im in images)  # far from it the photograph is as it was
+
+
+def check_own_renderer(program, folder):
+    done = subprocess.run([program, folder / "own.ppm"], capture_output=True, text=True, timeout=300)
+    if re.search("no EGL|no OpenGL ES|eglGetPlatformDisplayEXT", done.stderr):
+        print(f"own_renderer was not run: {done.stderr.strip()}")
+        return
+    assert done.returncode == 0, done.stderr
+    plane = [float(v) for v in re.search(r"irradiance of the plane ([\d.]+) ([\d.]+) ([\d.]+)", done.stdout).groups()]
+    image = read_ppm(folder / "own.ppm")
+    assert image[85:125, 190].mean() > image[85:125, 130].mean() + 15  # the ball is lit from +x
+    assert image[150, 90].mean() < image[150, 230].mean() - 10  # and its shadow falls to −x
+    # Far from it the table has the light of the map: albedo ½ of E(z)/π, encoded with 1/2.2.
+    assert image[230, 310] == pytest.approx(255 * (0.5 * np.array(plane) / math.pi) ** (1 / 2.2), abs=2)
+
+
+def check_live(program, folder):
+    film = fastibl.simulate(seconds=1, fps=15, size=(320, 240), hand=False, lamp=False)
+    path = folder / "film.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30, (320, 240))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no MJPG")
+    for frame in film:
+        writer.write(np.ascontiguousarray(frame.back[..., ::-1]))
+    writer.release()
+    said = run(program, path, film.rig.back.fx, folder / "live.ppm")
+    seen, frames = map(int, re.search(r"board seen in (\d+) of (\d+) frames", said).groups())
+    assert frames == len(film) and seen >= frames - 2, said
+    with_object, without = read_ppm(folder / "live.ppm"), film[len(film) - 1].back.astype(int)
+    changed = (np.abs(with_object - without).max(axis=-1) > 40).mean()
+    assert 0.01 < changed < 0.5, changed  # the object, and not the whole picture
+    assert "does not open" in run(program, folder / "none.avi", 300, fails=True)
+
+
+CHECKS = {
+    "light": check_light,
+    "picture": check_picture,
+    "relight": check_relight,
+    "own_renderer": check_own_renderer,
+    "live": check_live,
+}
+
+
+def check_examples(build, folder):
+    """Runs what was built; names of the examples that were left out for want of a library."""
+    missing = [name for name in CHECKS if not (build / name).is_file()]
+    assert not {"light", "picture", "relight"} & set(missing)
+    for name in CHECKS.keys() - missing:
+        CHECKS[name](build / name, folder)
+    return missing
+
+
+def test_examples_build_and_run(package, tmp_path):
+    configure(CONSUMER, tmp_path, package)
+    run("cmake", "--build", tmp_path)
+    missing = check_examples(tmp_path, tmp_path)
+    if missing:
+        print(f"not built here: {', '.join(missing)}")
+
+
+def test_examples_with_clang(build_tree, tmp_path):
+    """Clang's programs on the library as it was built."""
+    if CLANG is None:
+        pytest.skip("needs clang++")
+    configure(CONSUMER, tmp_path, f"-Dfastibl_DIR={build_tree}", f"-DCMAKE_CXX_COMPILER={CLANG}")
+    run("cmake", "--build", tmp_path)
+    check_light(tmp_path / "light", tmp_path)
+
+
+def test_as_a_part_of_another_build(build_tree, tmp_path):
+    """FetchContent of the sources. Where ccache has the library it is built, else only the examples' objects."""
+    parts = [f"-DFASTIBL_{p.upper()}={'ON' if (build_tree / f'libfastibl_{p}.a').is_file() else 'OFF'}" for p in PUBLIC]
+    cached = "ccache" in (build_tree / "CMakeCache.txt").read_text() and shutil.which("ccache")
+    # The flags of build/cpp.
+    options = ["-DFASTIBL_WERROR=ON", "-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if cached else []
+    configure(CONSUMER, tmp_path, f"-DFASTIBL_SOURCE={ROOT}", *parts, *options)
+    names = [name for name in CHECKS if f"{name}.dir" in (tmp_path / "build.ninja").read_text()]
+    assert {"light", "picture", "relight"} <= set(names)
+    if cached:
+        run("cmake", "--build", tmp_path, "--target", *names)
+        check_light(tmp_path / "light", tmp_path)
+    else:
+        run("cmake", "--build", tmp_path, "--target", *(f"CMakeFiles/{n}.dir/{n}.cpp.o" for n in names))
+
+
+def test_glm_of_the_project_around(tmp_path):
+    """A project that has GLM and Threads already, and finds fastibl's targets in a folder beside."""
+    (tmp_path / "app").mkdir()
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.25)\nproject(around LANGUAGES CXX)\nset(CMAKE_CXX_STANDARD 20)\n"
+        "find_package(Threads REQUIRED)\nfind_package(glm REQUIRED)\n"
+        f"add_subdirectory({ROOT} fastibl EXCLUDE_FROM_ALL)\nadd_subdirectory(app)\n"
+    )
+    (tmp_path / "app" / "CMakeLists.txt").write_text(
+        "find_package(glm REQUIRED)\nadd_executable(app app.cpp)\n"
+        "target_link_libraries(app PRIVATE fastibl::core glm::glm)\n"
+    )
+    (tmp_path / "app" / "app.cpp").write_text("#include <fastibl/core/pose.h>\nint main() {}\n")
+    configure(tmp_path, tmp_path / "build", *CORE_ONLY)
+    run("cmake", "--build", tmp_path / "build", "--target", "app/CMakeFiles/app.dir/app.cpp.o")
 
 
 @pytest.mark.parametrize(
-    "part, header, use",
-    [
-        ("tracking", "tracking/opencv/opencv_detector.h", "fastibl::opencv_detector()"),
-        ("gl", "render/gl/gl_renderer.h", "fastibl::make_gl_renderer()"),
-    ],
+    "part, use", [("tracking", "fastibl::opencv_detector()"), ("gl", "fastibl::make_gl_renderer()")]
 )
-def test_optional_component(part, header, use, build_tree, package, tmp_path):
+def test_optional_component(part, use, build_tree, package, tmp_path):
     (tmp_path / "CMakeLists.txt").write_text(
         "cmake_minimum_required(VERSION 3.25)\nproject(part LANGUAGES CXX)\n"
         f"find_package(fastibl CONFIG REQUIRED COMPONENTS core {part})\n"
         f"add_executable(part part.cpp)\ntarget_link_libraries(part PRIVATE fastibl::{part})\n"
     )
     (tmp_path / "part.cpp").write_text(
-        f"#include <fastibl/{header}>\nint main(int count, char**) {{ return count > 1 && {use}; }}\n"
+        f"#include <fastibl/{PUBLIC[part]}>\nint main(int count, char**) {{ return count > 1 && {use}; }}\n"
     )
     built = (build_tree / f"fastibl_{part}_targets.cmake").is_file()
     options = "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja", package
@@ -103,8 +221,119 @@ def test_optional_component(part, header, use, build_tree, package, tmp_path):
     run(tmp_path / "build" / "part")
 
 
+@pytest.mark.parametrize(
+    "asked, fits", [("0.1", True), ("0.1.0", True), ("0.0.9", False), ("0.2", False), ("1.0", False)]
+)
+def test_versions_that_fit(asked, fits, build_tree, tmp_path):
+    """Minor versions may break while there is no 1.0."""
+    assert fastibl.__version__.startswith("0.1."), "the versions that are asked for here are of 0.1"
+    version = build_tree / "fastiblConfigVersion.cmake"
+    script = tmp_path / "ask.cmake"
+    script.write_text(
+        f"set(PACKAGE_FIND_VERSION {asked})\nset(PACKAGE_FIND_VERSION_MAJOR {asked.split('.')[0]})\n"
+        f"set(PACKAGE_FIND_VERSION_MINOR {asked.split('.')[1]})\nset(CMAKE_SIZEOF_VOID_P 8)\n"
+        f'include("{version}")\nmessage("version ${{PACKAGE_VERSION}} fits: ${{PACKAGE_VERSION_COMPATIBLE}}")\n'
+    )
+    said = run("cmake", "-P", script)
+    assert f"version {fastibl.__version__}" in said
+    assert ("fits: TRUE" in said) == fits
+
+
+def test_one_version_everywhere():
+    """CMake's, Python's, and the newest release in the changelog, where there is one."""
+    stated = re.search(r"project\(fastibl VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text())[1]
+    assert fastibl.__version__ == stated
+    from importlib import metadata
+
+    try:
+        assert metadata.version("fastibl") == stated
+    except metadata.PackageNotFoundError:
+        pass  # the tree, not installed
+    # What the wheel's metadata takes its version by.
+    pattern = re.search(r"regex = '(.*)'", (ROOT / "pyproject.toml").read_text())[1]
+    assert re.search(pattern, (ROOT / "CMakeLists.txt").read_text())["value"] == stated
+    headings = re.findall(r"^## \[?([^\]\s]+)\]?", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert headings[0] == "Unreleased"
+    releases = [tuple(map(int, h.split("."))) for h in headings[1:]]
+    assert releases == sorted(releases, reverse=True)
+    assert not releases or tuple(map(int, stated.split("."))) >= releases[0]
+
+
+@pytest.mark.skipif(not (ROOT / "docs" / "embedding.md").is_file(), reason="needs docs/")
+def test_the_blocks_of_the_documentation(build_tree, tmp_path):
+    text = (ROOT / "docs" / "embedding.md").read_text()
+    listing = re.findall(r"```cmake\n(.*?)```", text, re.S)[0]
+    head = "cmake_minimum_required(VERSION 3.25)\nproject(docs LANGUAGES CXX)\n"
+    (tmp_path / "CMakeLists.txt").write_text(head + listing)
+    shutil.copy(CONSUMER / "light.cpp", tmp_path)
+    configure(tmp_path, tmp_path / "build", f"-Dfastibl_DIR={build_tree}")
+    block = re.search(r"```cpp\n(.*?)```", text, re.S)[1]
+    includes = "#include <epoxy/gl.h>\n#include <fastibl/scene/cube_map.h>\n"
+    (tmp_path / "block.cpp").write_text(
+        includes + "void upload(const fastibl::CubeLevel& level, int mip) {\n" + block + "}\n"
+    )
+    if Path("/usr/include/epoxy/gl.h").is_file():
+        run("c++", "-std=c++20", "-fsyntax-only", f"-I{ROOT / 'cpp'}", tmp_path / "block.cpp")
+
+
+# Headers
+
+
+def public_headers(part="core"):
+    if part != "core":
+        return [f"fastibl/{PUBLIC[part]}"]
+    headers = sorted(p.relative_to(ROOT / "cpp").as_posix() for p in (ROOT / "cpp" / "fastibl").rglob("*.h"))
+    return [h for h in headers if not re.search("/tracking/opencv/|/render/gl/|/shared_formulas.h$", h)]
+
+
+def compile_headers(compiler, folder, *options, headers=None):
+    source = folder / "all.cpp"
+    source.write_text("".join(f"#include <{h}>\n" for h in headers or public_headers() + public_headers("gl")))
+    flags = ["-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
+    return subprocess.run(
+        [compiler, *flags, *options, f"-I{ROOT / 'cpp'}", source], capture_output=True, text=True, timeout=300
+    )
+
+
+COMPILERS = [
+    pytest.param(shutil.which("g++"), id="gcc", marks=pytest.mark.skipif(not shutil.which("g++"), reason="no g++")),
+    pytest.param(CLANG, id="clang", marks=pytest.mark.skipif(not CLANG, reason="no clang++")),
+]
+
+
 def test_every_public_header_compiles_alone(build_tree):
     run("cmake", "--build", build_tree, "--target", "all_verify_interface_header_sets")
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_public_headers_go_together_without_warnings(compiler, tmp_path):
+    """All in one file: no name is there twice. GLM's macros that change no layout do no harm."""
+    done = compile_headers(compiler, tmp_path)
+    assert done.returncode == 0, done.stderr[:4000]
+    for macros in (["-DGLM_FORCE_INTRINSICS", "-mavx2"], ["-DGLM_FORCE_SWIZZLE"], ["-DGLM_FORCE_ALIGNED_GENTYPES"]):
+        done = compile_headers(compiler, tmp_path, *macros, "-DGLM_ENABLE_EXPERIMENTAL")
+        assert done.returncode == 0, f"{macros}\n{done.stderr[:4000]}"
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(
+    "macros, said",
+    [
+        (["-mavx2", "-DGLM_FORCE_INTRINSICS", "-DGLM_FORCE_DEFAULT_ALIGNED_GENTYPES"], "packed vectors"),
+        (["-DGLM_FORCE_CTOR_INIT"], "trivially copied vectors"),
+    ],
+    ids=["aligned", "initialised"],
+)
+def test_other_layouts_of_glm_are_refused(compiler, macros, said, tmp_path):
+    done = compile_headers(compiler, tmp_path, *macros, "-w", headers=["fastibl/core/pose.h"])
+    assert done.returncode != 0 and "fastibl needs GLM's" in done.stderr and said in done.stderr, done.stderr[:2000]
+
+
+def test_glm_comes_by_one_header():
+    """core/vector.h, which checks its layout."""
+    for header in public_headers():
+        if header != "fastibl/core/vector.h":
+            assert "<glm/" not in (ROOT / "cpp" / header).read_text(), header
 
 
 def test_installed_files_name_nothing_private(prefix):

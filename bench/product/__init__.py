@@ -1,8 +1,12 @@
 """Goals of the product (files, live view, packages, faults): table "product". One file a subject; each adds rows."""
 
 from . import (
+    batch,  # noqa: F401
+    consumers,  # noqa: F401
     exports,  # noqa: F401
-    program,  # noqa: F401
     live,  # noqa: F401
+    program,  # noqa: F401
+    soak,  # noqa: F401
     start,  # noqa: F401
+    wheel,  # noqa: F401
 )

@@ -67,7 +67,10 @@ class Recorder:
             self._closing = True
             self._changed.notify_all()
         self._thread.join()
-        self._writer.close()
+        try:
+            self._writer.close()
+        except OSError as error:  # the end of frames.csv found no room
+            self.error = self.error or error
 
     def __enter__(self) -> Recorder:
         return self

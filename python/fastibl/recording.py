@@ -9,30 +9,40 @@ A recording is a folder:
   `file` is a lossless picture, or a frame of a lossless video: back.mkv#12. `exposure` is empty where the
   camera did not tell it
 - truth/: where known, environment maps by time, camera poses by time, and what happened
+
+A recording may come from anyone: files that lie outside its folder are not read, nor pictures, cameras and lists that
+claim more than large real ones have.
 """
 
 from __future__ import annotations
 
 import bisect
 import csv
+import io
 import json
 import os
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Board, Camera, CubeMap, Pose, Response, Rig
+from .file_limits import check_file_size, check_pixels, file_bytes
+from .picture_headers import jpeg_size, png_size
 
 if TYPE_CHECKING:
     import cv2
 
 CAMERAS = ("back", "front")
+
+_MOST_TEXT = 2**27  # bytes of a list of pictures: some days of film
+_MOST_CALIBRATION = 2**22  # bytes of a .yaml or .json
+_PICTURES = {".png": png_size, ".jpg": jpeg_size, ".jpeg": jpeg_size}
 
 
 @dataclass(eq=False)
@@ -191,7 +201,7 @@ class RecordingWriter:
             write_board(self.path / "board.yaml", board)
         self._videos: dict[str, tuple[cv2.VideoWriter, tuple[int, ...]]] | None = {} if video else None
         self._counts = dict.fromkeys(CAMERAS, 0)
-        self._file = open(self.path / "frames.csv", "w", newline="")
+        self._file = open(self.path / "frames.csv", "w", newline="", encoding="utf-8")
         self._rows = csv.writer(self._file, lineterminator="\n")
         self._rows.writerow(("time", "camera", "file", "exposure"))
 
@@ -237,8 +247,9 @@ class RecordingWriter:
         if self._videos is None:
             name = f"{camera}/{number:05d}.png"
             (self.path / camera).mkdir(exist_ok=True)
-            if not cv2.imwrite(str(self.path / name), picture, [cv2.IMWRITE_PNG_COMPRESSION, 1]):
-                raise OSError(f"could not write {self.path / name}")
+            # Not cv2.imwrite, which does not notice a full disk.
+            _, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+            (self.path / name).write_bytes(data.tobytes())
             return name
         file = self.path / f"{camera}.mkv"
         if camera not in self._videos:
@@ -256,13 +267,13 @@ class RecordingWriter:
     def write_truth(self, truth: Truth) -> None:
         folder = self.path / "truth"
         folder.mkdir(exist_ok=True)
-        with open(folder / "maps.csv", "w", newline="") as file:
+        with open(folder / "maps.csv", "w", newline="", encoding="utf-8") as file:
             rows = csv.writer(file, lineterminator="\n")
             rows.writerow(("time", "file"))
             for k, (time, cube) in enumerate(truth.maps):
                 np.save(folder / f"map-{k}.npy", np.ascontiguousarray(cube.faces))
                 rows.writerow((repr(float(time)), f"map-{k}.npy"))
-        with open(folder / "poses.csv", "w", newline="") as file:
+        with open(folder / "poses.csv", "w", newline="", encoding="utf-8") as file:
             rows = csv.writer(file, lineterminator="\n")
             rows.writerow(("time", *(f"m{i}{j}" for i in range(3) for j in range(4))))
             for time, pose in truth.poses:
@@ -274,7 +285,7 @@ class RecordingWriter:
         }
         if truth.clock_offset:
             events["clock_offset"] = float(truth.clock_offset)
-        (folder / "events.json").write_text(json.dumps(events, indent=2) + "\n")
+        (folder / "events.json").write_text(json.dumps(events, indent=2) + "\n", encoding="utf-8")
 
     def close(self) -> None:
         for writer, _ in (self._videos or {}).values():
@@ -328,25 +339,27 @@ class _StoredFrames(Sequence):
     def _read_picture(self, file: str) -> NDArray[np.uint8]:
         import cv2
 
-        path = self.path / file
+        path = _inside(self.path, file)
         if not path.is_file():
             raise FileNotFoundError(f"the picture {path} is missing")
-        picture = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR) if path.stat().st_size else None
+        try:
+            data = file_bytes(path)
+            check_pixels(path, *_PICTURES[path.suffix.lower()](data))
+            picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        except (ValueError, cv2.error) as error:
+            raise OSError(f"the picture {path} cannot be read: {error}") from None
         if picture is None:
             raise OSError(f"the picture {path} cannot be read; it may be cut off")
         return picture
 
     def _read_video(self, name: str, number: int) -> NDArray[np.uint8]:
-        import cv2
 
-        path = self.path / name
+        path = _inside(self.path, name)
         if not path.is_file():
             raise FileNotFoundError(f"the video {path} is missing")
         video, following = self._videos.get(name, (None, 0))
         if video is None or number < following:  # frame by frame: seeking is not exact in every container
-            video, following = cv2.VideoCapture(str(path)), 0
-        if not video.isOpened():
-            raise OSError(f"the video {path} cannot be read")
+            video, following = _open_video(path), 0
         picture = None
         while following <= number:
             read, picture = video.read()
@@ -358,11 +371,63 @@ class _StoredFrames(Sequence):
         return picture
 
 
+def _open_video(path: Path) -> cv2.VideoCapture:
+    import cv2
+
+    with open(path, "rb") as file:
+        head = file.read(12)
+    # By content: a playlist of that name would have FFmpeg read what it names, of this disk or of the network.
+    if not (head.startswith((b"\x1a\x45\xdf\xa3", b"RIFF")) or head[4:8] == b"ftyp"):
+        raise OSError(f"the video {path} cannot be read: it is no Matroska, AVI or MP4 file")
+    video = cv2.VideoCapture(str(path))
+    if not video.isOpened():
+        raise OSError(f"the video {path} cannot be read")
+    try:
+        check_pixels(path, int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+    except ValueError as error:
+        raise OSError(f"the video {path} cannot be read: {error}") from None
+    return video
+
+
+def _check_name(name: str, where: str) -> None:
+    """ValueError for a file name that leads out of its folder, on whichever system."""
+    for path in (PurePosixPath(name), PureWindowsPath(name)):
+        if path.is_absolute() or path.drive or ".." in path.parts or "\0" in name:
+            raise ValueError(f"{where}: a file must lie in the recording's folder, got {name!r}")
+
+
+def _inside(folder: Path, name: str) -> Path:
+    """A file of a folder. OSError for one that a link leads to elsewhere."""
+    path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise OSError(f"{path} leads out of the recording, to {path.resolve()}")
+    return path
+
+
+def _text(path: Path, most: int) -> str:
+    """All of a text file. ValueError for one that is larger than real ones, or not UTF-8."""
+    size = path.stat().st_size
+    if size > most:
+        raise ValueError(f"{path} has {size} bytes; such files of up to {most} bytes are read")
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is no UTF-8 text: {error}") from None
+
+
 def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float | None]]]]:
     if not path.is_file():
         raise FileNotFoundError(f"the recording has no {path.name}: expected {path}")
     moments: dict[float, dict[str, tuple[str, float | None]]] = {}
-    with open(path, newline="") as file:
+    try:
+        _list_moments(path, moments)
+    except csv.Error as error:
+        raise ValueError(f"{path} is no list of pictures: {error}") from None
+    return sorted(moments.items(), key=lambda item: item[0])
+
+
+def _list_moments(path: Path, moments: dict[float, dict[str, tuple[str, float | None]]]) -> None:
+    with io.StringIO(_text(path, _MOST_TEXT), newline="") as file:
         rows = csv.DictReader(_whole_lines(file, path))
         missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
         if missing:
@@ -383,8 +448,10 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float | 
             name, mark, number = row["file"].rpartition("#")
             if not row["file"] or (mark and not (name and number.isdecimal())):
                 raise ValueError(f"{where}: expected a picture or video#number, got {row['file']!r}")
+            if not mark and PurePosixPath(row["file"]).suffix.lower() not in _PICTURES:
+                raise ValueError(f"{where}: pictures end in {', '.join(_PICTURES)}, got {row['file']!r}")
+            _check_name(name if mark else row["file"], where)
             moments.setdefault(time, {})[row["camera"]] = row["file"], exposure
-    return sorted(moments.items(), key=lambda item: item[0])
 
 
 def _whole_lines(file: TextIO, path: Path) -> Iterator[str]:
@@ -399,17 +466,28 @@ def _whole_lines(file: TextIO, path: Path) -> Iterator[str]:
 # rig.yaml and board.yaml
 
 
-def _open_yaml(path: Path, write: bool = False) -> cv2.FileStorage:
+def _open_yaml(path: Path) -> cv2.FileStorage:
     import cv2
 
-    mode = cv2.FILE_STORAGE_WRITE if write else cv2.FILE_STORAGE_READ
+    text = _text(path, _MOST_CALIBRATION)
     try:
-        storage = cv2.FileStorage(str(path), mode)
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     except (cv2.error, SystemError) as error:
         raise ValueError(f"{path} is not a file that OpenCV's FileStorage reads: {error}") from None
     if not storage.isOpened():
-        raise OSError(f"{path} cannot be opened")
+        raise ValueError(f"{path} is not a file that OpenCV's FileStorage reads")
     return storage
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[cv2.FileStorage]:
+    """A file of OpenCV's, written when it is complete: its own writer does not notice a full disk."""
+    import cv2
+
+    mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+    storage = cv2.FileStorage(path.name, mode)
+    yield storage
+    path.write_text(storage.releaseAndGetString(), encoding="utf-8", newline="\n")
 
 
 def _number(node: cv2.FileNode, name: str, path: Path) -> float:
@@ -465,32 +543,31 @@ def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
     """Writes a rig as OpenCV's FileStorage; camera matrices are in OpenCV's convention."""
     import cv2
 
-    storage = _open_yaml(Path(path), write=True)
-    for name in CAMERAS:
-        camera = getattr(rig, name)
-        if camera is None:
-            continue
-        storage.startWriteStruct(name, cv2.FileNode_MAP)
-        storage.write("width", camera.width)
-        storage.write("height", camera.height)
-        if camera.model != "perspective":
-            storage.write("model", camera.model)
-        storage.write("camera_matrix", camera.opencv_matrix)
-        if camera.distortion:
-            storage.write("distortion", np.array([camera.distortion], np.float64))
-        if camera.vignetting:
-            storage.write("vignetting", np.array([camera.vignetting], np.float64))
-        storage.write("gain", float(camera.gain))
-        if camera.readout:
-            storage.write("readout", float(camera.readout))
-        if camera.response.curve.size:
-            storage.write("response", np.atleast_2d(camera.response.curve))
-        else:
-            storage.write("response", "srgb")
-        storage.endWriteStruct()
-    if rig.front is not None:
-        storage.write("front_from_back", rig.front_from_back.matrix)
-    storage.release()
+    with _writing(Path(path)) as storage:
+        for name in CAMERAS:
+            camera = getattr(rig, name)
+            if camera is None:
+                continue
+            storage.startWriteStruct(name, cv2.FileNode_MAP)
+            storage.write("width", camera.width)
+            storage.write("height", camera.height)
+            if camera.model != "perspective":
+                storage.write("model", camera.model)
+            storage.write("camera_matrix", camera.opencv_matrix)
+            if camera.distortion:
+                storage.write("distortion", np.array([camera.distortion], np.float64))
+            if camera.vignetting:
+                storage.write("vignetting", np.array([camera.vignetting], np.float64))
+            storage.write("gain", float(camera.gain))
+            if camera.readout:
+                storage.write("readout", float(camera.readout))
+            if camera.response.curve.size:
+                storage.write("response", np.atleast_2d(camera.response.curve))
+            else:
+                storage.write("response", "srgb")
+            storage.endWriteStruct()
+        if rig.front is not None:
+            storage.write("front_from_back", rig.front_from_back.matrix)
 
 
 def read_rig(path: str | os.PathLike[str]) -> Rig:
@@ -525,11 +602,13 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
     curve = None if response.empty() or response.isString() else _matrix(node, "response", path)
     if response.isString() and response.string() != "srgb":
         raise ValueError(f'{path}: response must be "srgb" or a curve, got {response.string()!r}')
+    width, height = _whole(node, "width", path), _whole(node, "height", path)
+    check_pixels(f"{path}: the {name} camera", width, height)
     gain, readout, model = node.getNode("gain"), node.getNode("readout"), node.getNode("model")
     return Camera.from_opencv(
         matrix,
         [] if distortion is None else distortion.ravel().tolist(),
-        (_whole(node, "width", path), _whole(node, "height", path)),
+        (width, height),
         response=None if curve is None else Response.from_curve(curve.ravel()),
         gain=1.0 if gain.empty() else _number(node, "gain", path),
         vignetting=[] if vignetting is None else vignetting.ravel().tolist(),
@@ -540,15 +619,14 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
 
 def write_board(path: str | os.PathLike[str], board: Any) -> None:
     """Writes a board's page size, border_bits and tags (ids, and corners in metres, (4 tags, 2))."""
-    storage = _open_yaml(Path(path), write=True)
-    storage.write("width", float(board.width))
-    storage.write("height", float(board.height))
-    storage.write("border_bits", int(getattr(board, "border_bits", 1)))
-    tags = list(getattr(board, "tags", ()))
-    if tags:
-        storage.write("ids", np.array([[tag.id for tag in tags]], np.int32))
-        storage.write("corners", np.concatenate([np.asarray(tag.corners, np.float64) for tag in tags]))
-    storage.release()
+    with _writing(Path(path)) as storage:
+        storage.write("width", float(board.width))
+        storage.write("height", float(board.height))
+        storage.write("border_bits", int(getattr(board, "border_bits", 1)))
+        tags = list(getattr(board, "tags", ()))
+        if tags:
+            storage.write("ids", np.array([[tag.id for tag in tags]], np.int32))
+            storage.write("corners", np.concatenate([np.asarray(tag.corners, np.float64) for tag in tags]))
 
 
 def read_board(path: str | os.PathLike[str]) -> Any:
@@ -569,8 +647,10 @@ def read_board(path: str | os.PathLike[str]) -> Any:
 
 
 def _load(path: Path) -> NDArray:
+    check_file_size(path)
     try:
-        return np.load(path, allow_pickle=False)
+        # Mapped: a header that claims more than the file holds takes no memory.
+        return np.load(path, mmap_mode="r", allow_pickle=False)
     except Exception as error:  # NumPy raises what the parser of its header raises
         raise ValueError(f"{path} is not an array that can be read: {error}") from error
 
@@ -581,26 +661,26 @@ def _read_truth(folder: Path) -> Truth:
     def rows(name: str) -> list[list[str]]:
         if not (folder / name).is_file():
             return []
-        with open(folder / name, newline="") as file:
-            return list(csv.reader(file))[1:]
+        return list(csv.reader(io.StringIO(_text(_inside(folder, name), _MOST_TEXT), newline="")))[1:]
 
     try:
         maps = []
         for time, name in rows("maps.csv"):
+            _check_name(name, "maps.csv")
             if not (folder / name).is_file():
                 raise FileNotFoundError(f"the true map {folder / name} is missing")
-            maps.append((float(time), CubeMap(_load(folder / name))))
+            maps.append((float(time), CubeMap(_load(_inside(folder, name)))))
         truth.maps = maps
         truth.poses = [
             (float(row[0]), Pose(np.vstack([np.array(row[1:], np.float64).reshape(3, 4), [0, 0, 0, 1]])))
             for row in rows("poses.csv")
         ]
         if (folder / "events.json").is_file():
-            events = json.loads((folder / "events.json").read_text())
+            events = json.loads(_text(_inside(folder, "events.json"), _MOST_CALIBRATION))
             truth.lamp_time = events.get("lamp")
             truth.hand = tuple(events["hand"]) if events.get("hand") else None
             truth.position = tuple(events.get("position", truth.position))
             truth.clock_offset = float(events.get("clock_offset", 0.0))
-    except (ValueError, TypeError, LookupError, AttributeError, csv.Error) as error:
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError, csv.Error) as error:
         raise ValueError(f"{folder} cannot be read: {error!r}") from error
     return truth

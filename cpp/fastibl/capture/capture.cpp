@@ -474,7 +474,7 @@ void Capture::leave_out_quiet_tiles(const View& view) {
       groups[std::size_t(12 * roll_[std::size_t(tile)].band + group)].push_back(tile);
       prefetch_items(quiet_.value(tile, 0), 6 * QuietTiles::kProbes);
     }
-  constexpr int kTiles = kLanes / QuietTiles::kProbes;
+  constexpr int kTiles = kTexelLanes / QuietTiles::kProbes;
   struct Part {
     const int* tiles;
     int count;
@@ -497,7 +497,8 @@ void Capture::leave_out_quiet_tiles(const View& view) {
 void Capture::compare_probes(const View& view, const int* tiles, int count) {
   constexpr int kProbes = QuietTiles::kProbes;
   const int lanes = count * kProbes, face = tiles[0] / grid_.per_face(), half = grid_.size / 2;
-  alignas(64) float columns[kLanes], rows[kLanes], values[3][kLanes], rough[3][kLanes];
+  alignas(64) float columns[kTexelLanes], rows[kTexelLanes], values[3][kTexelLanes],
+      rough[3][kTexelLanes];
   for (int t = 0; t < count; ++t) {
     const FaceRect r = tile_rect(grid_, tiles[t]);
     QuietTiles::Place probes[kProbes];
@@ -521,7 +522,7 @@ void Capture::compare_probes(const View& view, const int* tiles, int count) {
     unroll(view.known.camera, roll_[std::size_t(tiles[t])], t * kProbes, kProbes, sightings);
   Samples samples;
   look(view, group.depth, lanes, false, sightings, samples);
-  alignas(64) float deviance[kLanes];
+  alignas(64) float deviance[kTexelLanes];
   const float* const value[3] = {values[0], values[1], values[2]};
   const float* const variance[3] = {rough[0], rough[1], rough[2]};
   compare_samples(value, variance, lanes, sightings, samples, view.known.noise, deviance);
@@ -560,8 +561,8 @@ bool Capture::add_tile(const View& view, int tile) {
   float unsure[QuietTiles::kProbes];
   std::fill_n(unsure, QuietTiles::kProbes, -1.0f);
   TileSighting shown{};
-  for (int k = 0; k < r.texels(); k += kLanes) {
-    const int count = std::min(kLanes, r.texels() - k);
+  for (int k = 0; k < r.texels(); k += kTexelLanes) {
+    const int count = std::min(kTexelLanes, r.texels() - k);
     const TexelGroup group{r.face,
                            first(r.x0),
                            first(r.y0),
@@ -581,7 +582,7 @@ bool Capture::add_tile(const View& view, int tile) {
     shown = any ? joined(shown, part) : part;
     any = true;
     whole &= std::count(sightings.seen, sightings.seen + count, 0) == 0;
-    alignas(64) float left[kLanes];
+    alignas(64) float left[kTexelLanes];
     // Times of single texels are needed where not all are seen, or not all at once.
     const bool once = count == r.texels() && whole && state_.last_seen.same(tile);
     merge_samples(state_, start + std::size_t(k), count, sightings, samples, view.known.noise,

@@ -82,7 +82,7 @@ FASTIBL_INLINE Float4 bilinear(const float* pixel, std::ptrdiff_t stride, float 
 }
 
 FASTIBL_CLONES bool split_channels(const float* __restrict rgba, int lanes,
-                                   float (*__restrict linear)[kLanes]) {
+                                   float (*__restrict linear)[kTexelLanes]) {
   const int n = lanes & ~15;
   int any = 0;
   for (int i = 0; i < n; ++i) {
@@ -97,7 +97,7 @@ FASTIBL_CLONES void add_clipped(const std::uint32_t* __restrict clipped, int str
                                 const float* __restrict rgba, const float* __restrict weights,
                                 const int* __restrict index, const float* __restrict fx,
                                 const float* __restrict fy, int lanes, float unit,
-                                float (*__restrict share)[kLanes]) {
+                                float (*__restrict share)[kTexelLanes]) {
   constexpr int kTogether = 16;
   constexpr std::uint32_t mask = (1u << kCountBits) - 1;
   const int n = lanes & ~(kTogether - 1);
@@ -124,15 +124,15 @@ FASTIBL_CLONES void add_clipped(const std::uint32_t* __restrict clipped, int str
   }
 }
 
-FASTIBL_CLONES void split_clipped(const float (*__restrict share)[kLanes], int lanes,
-                                  int (*__restrict clipped)[kLanes]) {
+FASTIBL_CLONES void split_clipped(const float (*__restrict share)[kTexelLanes], int lanes,
+                                  int (*__restrict clipped)[kTexelLanes]) {
   const int n = lanes & ~15;
   for (int c = 0; c < 3; ++c)
     for (int i = 0; i < n; ++i) clipped[c][i] = share[c][i] > kClippedShare;
 }
 
 // Whether a group shows the rim of a lamp.
-FASTIBL_CLONES bool shows_light(const float (*__restrict linear)[kLanes],
+FASTIBL_CLONES bool shows_light(const float (*__restrict linear)[kTexelLanes],
                                 const int* __restrict seen, int lanes, float light) {
   const int n = lanes & ~15;
   float values[16] = {}, counts[16] = {}, highest[16] = {};
@@ -211,10 +211,10 @@ namespace {
 
 void sample_whole(const FrameLevels& levels, const Sightings& s, int count, Samples& out) {
   const int lanes = lanes_of(count);
-  alignas(64) float rgba[4 * kLanes];
+  alignas(64) float rgba[4 * kTexelLanes];
   std::memset(rgba, 0, 4 * sizeof(float) * std::size_t(lanes));
-  alignas(64) float chosen[kLanes], weights[kLanes], fx[kLanes], fy[kLanes];
-  alignas(64) int index[kLanes];
+  alignas(64) float chosen[kTexelLanes], weights[kTexelLanes], fx[kTexelLanes], fy[kTexelLanes];
+  alignas(64) int index[kTexelLanes];
   float range[2];
   choose_levels(s.pixels, s.seen, lanes, float(levels.count() - 1), chosen, range);
   const auto each_level = [&](auto&& body) {
@@ -248,7 +248,7 @@ void sample_whole(const FrameLevels& levels, const Sightings& s, int count, Samp
   });
   out.any_clipped = split_channels(rgba, lanes, out.linear);
   if (!out.any_clipped) return;
-  alignas(64) float share[3][kLanes];
+  alignas(64) float share[3][kTexelLanes];
   for (auto& channel : share) std::fill_n(channel, lanes, 0.0f);
   const auto add = [&](int k, const FrameLevels::Level& level) {
     add_clipped(level.clipped.data(), level.width + 1, rgba, weights, index, fx, fy, lanes,

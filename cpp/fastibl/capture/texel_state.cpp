@@ -16,7 +16,7 @@ constexpr float kChange = 4.0f;
 constexpr float kRim = 0.3f;
 constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
 constexpr float kMostElapsed = 1e9f;    // seconds: what grows with them stays below that
-alignas(64) constexpr int kNoneClipped[kLanes] = {};
+alignas(64) constexpr int kNoneClipped[kTexelLanes] = {};
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
 
 // Seconds since each texel was last seen, and whether it is seen for the first time.
@@ -144,7 +144,7 @@ FASTIBL_CLONES void add_deviance(const ChannelInput& in, const float* __restrict
 }
 
 FASTIBL_CLONES int split_bounds(const std::uint8_t* __restrict bits, int lanes,
-                                int (*__restrict bounds)[kLanes]) {
+                                int (*__restrict bounds)[kTexelLanes]) {
   const int n = lanes & ~15;
   int any = 0;
   for (int i = 0; i < n; ++i) {
@@ -154,7 +154,7 @@ FASTIBL_CLONES int split_bounds(const std::uint8_t* __restrict bits, int lanes,
   return any;
 }
 
-FASTIBL_CLONES void join_bounds(const int (*__restrict bounds)[kLanes], int lanes,
+FASTIBL_CLONES void join_bounds(const int (*__restrict bounds)[kTexelLanes], int lanes,
                                 std::uint8_t* __restrict bits) {
   const int n = lanes & ~15;
   for (int i = 0; i < n; ++i)
@@ -195,8 +195,8 @@ enum Sum {
 };
 
 FASTIBL_CLONES void sum_group(const Arrays& in, int count, float* __restrict sums) {
-  const int n = std::min(kLanes, lanes_of(count));
-  alignas(64) float seen[kLanes];
+  const int n = std::min(kTexelLanes, lanes_of(count));
+  alignas(64) float seen[kTexelLanes];
   const double* __restrict last_seen = in.last_seen;
   const float* __restrict angles = in.angles;
   const float* __restrict projected = in.projected;
@@ -252,8 +252,8 @@ void merge_samples(TexelState& state, std::size_t first, int count, const Sighti
                    const Samples& samples, const SensorNoise& noise, double time, double* last_seen,
                    double common, float* unsure) {
   const int lanes = lanes_of(count);
-  alignas(64) float elapsed[kLanes], sensor[kLanes], inverse_count[kLanes];
-  alignas(64) int firsts[kLanes], bounds[3][kLanes];
+  alignas(64) float elapsed[kTexelLanes], sensor[kTexelLanes], inverse_count[kTexelLanes];
+  alignas(64) int firsts[kTexelLanes], bounds[3][kTexelLanes];
   for (int i = 0; i < lanes; ++i) unsure[i] = sightings.seen[i] ? 0.0f : -1.0f;
   if (last_seen) {
     read_times(last_seen, sightings.seen, time, lanes, elapsed, firsts);
@@ -292,7 +292,7 @@ void compare_samples(const float* const value[3], const float* const rough[3], i
                      const Sightings& sightings, const Samples& samples, const SensorNoise& noise,
                      float* deviance) {
   const int lanes = lanes_of(count);
-  alignas(64) float sensor[kLanes], inverse_count[kLanes];
+  alignas(64) float sensor[kTexelLanes], inverse_count[kTexelLanes];
   invert_counts(sightings.pixels, lanes, inverse_count);
   std::fill_n(deviance, lanes, 0.0f);
   for (int c = 0; c < 3; ++c) {
@@ -306,7 +306,7 @@ void compare_samples(const float* const value[3], const float* const rough[3], i
 TileSums sum_tile(const TexelState& state, std::size_t first, int count, const double* last_seen,
                   const float* angles, const float* projected) {
   alignas(64) float sums[kSums * kPartial] = {};
-  for (int group = 0; group < count; group += kLanes) {
+  for (int group = 0; group < count; group += kTexelLanes) {
     const std::size_t at = first + std::size_t(group);
     const Arrays in{{&state.value[0][at], &state.value[1][at], &state.value[2][at]},
                     angles + group,

@@ -27,9 +27,9 @@ struct TexelState {
 
 // What a group of texels was seen as.
 struct Samples {
-  alignas(64) float linear[3][kLanes];
-  alignas(64) float radiance_per_linear[kLanes];
-  alignas(64) int clipped[3][kLanes];  // 0 or 1: more than a share of the footprint is
+  alignas(64) float linear[3][kTexelLanes];
+  alignas(64) float radiance_per_linear[kTexelLanes];
+  alignas(64) int clipped[3][kTexelLanes];  // 0 or 1: more than a share of the footprint is
   bool any_clipped = false;
 };
 

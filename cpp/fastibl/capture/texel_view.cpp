@@ -296,7 +296,7 @@ void TexelView::find_tiles(const TileOutlines& outlines, std::vector<float>& mos
 
 bool TexelView::see(const TexelGroup& group, bool above, Sightings& s) const {
   if (!above && !sees_plane_) return false;
-  alignas(64) float tx[kLanes], ty[kLanes], tz[kLanes];
+  alignas(64) float tx[kTexelLanes], ty[kTexelLanes], tz[kTexelLanes];
   const int lanes = lanes_of(group.count);
   const Projection& p = above ? above_ : below_;
   turn_texels(p, on_face(p, group.face), group, tx, ty, tz, s.pixels, s.seen);

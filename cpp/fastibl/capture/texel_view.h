@@ -20,7 +20,7 @@ struct Viewpoint {
 };
 
 // Texels are worked on in groups of this many.
-inline constexpr int kLanes = 256;
+inline constexpr int kTexelLanes = 256;
 // As many as a group of `count` texels takes: vectors are filled, and no more is touched.
 constexpr int lanes_of(int count) { return (count + 15) & ~15; }
 
@@ -53,9 +53,9 @@ struct TileOutlines {
 };
 
 struct Sightings {
-  alignas(64) float x[kLanes], y[kLanes];  // pixel position
-  alignas(64) float pixels[kLanes];        // that the texel covers
-  alignas(64) int seen[kLanes];            // 0 or 1; the others hold anything where it is 0
+  alignas(64) float x[kTexelLanes], y[kTexelLanes];  // pixel position
+  alignas(64) float pixels[kTexelLanes];             // that the texel covers
+  alignas(64) int seen[kTexelLanes];  // 0 or 1; the others hold anything where it is 0
 };
 
 // Sides of a picture on the plane z = 1, without the lens.

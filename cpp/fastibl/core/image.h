@@ -34,12 +34,15 @@ struct Image {
 
   Image() = default;
   Image(int w, int h, int c, T value = {})
-      : width(w), height(h), channels(c), data(std::size_t(w) * h * c, value) {}
+      : width(w),
+        height(h),
+        channels(c),
+        data(std::size_t(w) * std::size_t(h) * std::size_t(c), value) {}
 
-  T* row(int y) { return data.data() + std::size_t(y) * width * channels; }
-  const T* row(int y) const { return data.data() + std::size_t(y) * width * channels; }
-  T* pixel(int x, int y) { return row(y) + std::size_t(x) * channels; }
-  const T* pixel(int x, int y) const { return row(y) + std::size_t(x) * channels; }
+  T* row(int y) { return data.data() + offset(0, y); }
+  const T* row(int y) const { return data.data() + offset(0, y); }
+  T* pixel(int x, int y) { return data.data() + offset(x, y); }
+  const T* pixel(int x, int y) const { return data.data() + offset(x, y); }
   bool empty() const { return data.empty(); }
 
   ImageView<T> view() {
@@ -49,6 +52,9 @@ struct Image {
     return {data.data(), width, height, channels, std::ptrdiff_t{width} * channels};
   }
   bool operator==(const Image&) const = default;
+
+ private:
+  std::ptrdiff_t offset(int x, int y) const { return (std::ptrdiff_t{y} * width + x) * channels; }
 };
 
 }  // namespace fastibl

@@ -1,7 +1,7 @@
 // A rigid transform, named target_from_source: x_in_target = target_from_source * x_in_source.
 #pragma once
 
-#include <glm/glm.hpp>
+#include "fastibl/core/vector.h"
 
 namespace fastibl {
 

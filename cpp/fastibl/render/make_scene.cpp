@@ -32,7 +32,7 @@ void share_at_seams(const Mesh& mesh, const std::vector<glm::vec3>& normals,
 // The directions that the object blocks, at vertices that are close enough together for them. P_V
 // stays what it was, interpolated: the paper's method is not changed by it.
 void add_directions(const SceneOptions& options, bool backs, Scene& scene) {
-  RefineOptions finer;
+  MeshRefineOptions finer;
   finer.backs = backs;
   if (!options.refine) finer.most_vertices = 0;
   const Bvh bvh(scene.mesh);

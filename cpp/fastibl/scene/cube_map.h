@@ -85,8 +85,7 @@ class CubeLevel {
 
  private:
   std::size_t index(int face, int x, int y) const {
-    return std::size_t(face) * face_stride() + std::size_t(y + 1) * row_stride() +
-           std::size_t(x + 1);
+    return std::size_t(face * face_stride() + (y + 1) * row_stride() + (x + 1));
   }
   int size_ = 0;
   std::vector<glm::vec3>

@@ -56,7 +56,7 @@ float missed(const Sky& middle, glm::vec3 normal, const Sky& a, glm::vec3 normal
 
 class Refiner {
  public:
-  Refiner(const Mesh& mesh, const Bvh& bvh, const RefineOptions& options)
+  Refiner(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options)
       : base_(mesh), options_(options), bvh_(bvh) {
     refined_.mesh = mesh;
     refined_.mesh.normals = base_.normals = vertex_normals(mesh);
@@ -313,7 +313,7 @@ class Refiner {
   }
 
   Mesh base_;
-  RefineOptions options_;
+  MeshRefineOptions options_;
   const Bvh& bvh_;
   float size_ = 0, offset_ = 0;
   double area_ = 0;
@@ -331,7 +331,7 @@ class Refiner {
 
 }  // namespace
 
-RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const RefineOptions& options) {
+RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options) {
   if (int(mesh.vertices.size()) >= options.most_vertices)
     return {mesh, mesh.vertices, mesh.vertices, {}};
   return Refiner(mesh, bvh, options).run();

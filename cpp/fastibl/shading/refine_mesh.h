@@ -8,7 +8,7 @@
 
 namespace fastibl {
 
-struct RefineOptions {
+struct MeshRefineOptions {
   // RMS over the surface of what interpolation between vertices may miss of the sky's visibility,
   // about; edges whose own part is smaller stay whole.
   float error = 0.03f;
@@ -28,7 +28,7 @@ struct RefinedMesh {
 
 // An edge is split where the share of the sky that is free at its middle differs from the mean of
 // its ends. bvh: of the mesh. 130 rays an edge that is longer than 1/60 of the mesh.
-RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const RefineOptions& options = {});
+RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options = {});
 
 // A value of the new vertices from those of the old: the means along edges.
 template <typename T>

@@ -33,7 +33,9 @@ class PlaneBits {
  public:
   PlaneBits() = default;
   explicit PlaneBits(int size)
-      : size_(size), groups_((size + 7) / 8), words_(std::size_t(groups_) * ((size + 63) / 64)) {}
+      : size_(size),
+        groups_((size + 7) / 8),
+        words_(std::size_t(groups_) * std::size_t((size + 63) / 64)) {}
 
   int size() const { return size_; }
   int columns() const { return (size_ + 63) / 64; }
@@ -41,9 +43,11 @@ class PlaneBits {
   // To be written to; all bits count as set then, as far as box() goes.
   std::uint64_t* column(int c) {
     box_ = {0, size_ - 1, 0, columns() - 1};
-    return words_[std::size_t(c) * groups_].row;
+    return words_[std::size_t(c) * std::size_t(groups_)].row;
   }
-  const std::uint64_t* column(int c) const { return words_[std::size_t(c) * groups_].row; }
+  const std::uint64_t* column(int c) const {
+    return words_[std::size_t(c) * std::size_t(groups_)].row;
+  }
   bool at(int x, int y) const { return column(x / 64)[y] >> (x % 64) & 1; }
   // Sets texels [begin, end) of a row; 0 ≤ begin, end ≤ size.
   void set_span(int row, int begin, int end);

@@ -315,7 +315,7 @@ class Uncovered {
 
 SphereSet refine_spheres(SphereSet spheres, std::vector<SurfacePoint> points,
                          const std::vector<std::uint8_t>& inside, const VoxelGrid& grid,
-                         const RefineOptions& options) {
+                         const SphereRefineOptions& options) {
   if (spheres.empty() || points.empty()) return spheres;
   std::stable_sort(points.begin(), points.end(), [](const auto& a, const auto& b) {
     return morton(a.position) < morton(b.position);

@@ -7,7 +7,7 @@
 
 namespace fastibl {
 
-struct RefineOptions {
+struct SphereRefineOptions {
   int iterations = 60;  // of all spheres together, before and after the swaps
   int swaps = 24;       // tries to put the sphere that is least missed where most is uncovered
 };
@@ -17,6 +17,6 @@ struct RefineOptions {
 // that of the outlines. Centres stay inside, and few outside voxels are covered.
 SphereSet refine_spheres(SphereSet spheres, std::vector<SurfacePoint> points,
                          const std::vector<std::uint8_t>& inside, const VoxelGrid& grid,
-                         const RefineOptions& options = {});
+                         const SphereRefineOptions& options = {});
 
 }  // namespace fastibl

@@ -1,0 +1,71 @@
+"""C++ projects outside: four examples, in each way to have fastibl, by each compiler."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..goals import Goal, row, skipped
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = ("light", "live", "own_renderer", "relight")
+
+
+def _run(*command: object) -> None:
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError((done.stdout + done.stderr).strip().splitlines()[-1])
+
+
+def _ways(tree: Path, prefix: Path, compiler: str) -> dict[str, list[str]]:
+    """Options of the examples' build, by how they have fastibl."""
+    launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
+    return {
+        "build tree": [f"-Dfastibl_DIR={tree}"],
+        "install tree": [f"-DCMAKE_PREFIX_PATH={prefix}"],
+        "subproject": [f"-DFASTIBL_SOURCE={ROOT}", "-DFASTIBL_TRACKING=ON", "-DFASTIBL_GL=ON", "-DFASTIBL_WERROR=ON"]
+        + launcher,
+    }
+
+
+@row("product", "consumers")
+def consumers() -> Iterator[Goal]:
+    if not (shutil.which("cmake") and shutil.which("ninja")):
+        yield skipped("C++ consumers", "needs cmake and ninja")
+        return
+    compilers = {"GCC": "g++", "Clang": next((c for c in ("clang++-16", "clang++") if shutil.which(c)), "")}
+    tree = ROOT / "build" / "cpp"
+    options = ["-DCMAKE_BUILD_TYPE=Release", "-DFASTIBL_TRACKING=ON", "-DFASTIBL_GL=ON"]
+    if not (tree / "build.ninja").is_file():
+        _run("cmake", "-S", ROOT, "-B", tree, "-G", "Ninja", *options)
+    _run("cmake", "--build", tree, "--target", "fastibl_core", "fastibl_tracking", "fastibl_gl")
+    for name, compiler in compilers.items():
+        if not shutil.which(compiler):
+            yield skipped(f"4 examples by {name}", "the compiler is not here")
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            prefix = Path(folder) / "prefix"
+            _run("cmake", "--install", tree, "--prefix", prefix, "--component", "development")
+            for way, package in _ways(tree, prefix, compiler).items():
+                build = Path(folder) / way.replace(" ", "-")
+                source = ROOT / "examples" / "cpp_consumer"
+                _run("cmake", "-S", source, "-B", build, "-G", "Ninja", f"-DCMAKE_CXX_COMPILER={compiler}", *package)
+                _run("cmake", "--build", build, "--target", *EXAMPLES)
+                ran = []
+                for example, arguments in (
+                    ("light", ()),
+                    ("own_renderer", (build / "own.ppm",)),
+                    ("relight", (build,)),
+                ):
+                    _run(build / example, *arguments)
+                    ran.append(example)
+                built = [e for e in EXAMPLES if (build / e).is_file()]
+                yield Goal(
+                    f"examples by {name} from the {way}",
+                    f"{len(built)} built without warnings, {len(ran)} run here (live: in the tests, with a film)",
+                    "4 built",
+                    len(built) == 4 and len(ran) == 3,
+                )

@@ -1,0 +1,117 @@
+"""Soak: frame after frame of one recording, whose memory must stay flat. ./dev soak 100000 for the full count."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..goals import Goal, row
+
+_PROGRAM = "import sys; from bench.product.soak import main; sys.exit(main())"
+_SAMPLES = 100  # of memory, over the whole run
+_WARM = 0.2  # share of the run until all buffers have their size
+
+
+@dataclass(frozen=True)
+class Soak:
+    """Memory of one run. frames: done. rss: bytes after each of `at` frames. seconds: of the frames alone."""
+
+    frames: int
+    at: tuple[int, ...]
+    rss: tuple[int, ...]
+    seconds: float
+
+    @property
+    def growth(self) -> float:
+        """Bytes a frame: the slope of a line through the memory after the warm-up."""
+        at, rss = np.array(self.at, float), np.array(self.rss, float)
+        late = at >= _WARM * self.frames
+        return float(np.polyfit(at[late], rss[late], 1)[0])
+
+    @property
+    def spread(self) -> int:
+        """Bytes between the least and the most after the warm-up."""
+        late = [r for a, r in zip(self.at, self.rss, strict=True) if a >= _WARM * self.frames]
+        return max(late) - min(late)
+
+
+def _rss() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def soak(frames: int, size: tuple[int, int], shown: bool = False) -> Soak:
+    """Plays a short film, forth and back with its time running on, through one Session."""
+    from dataclasses import replace
+
+    import fastibl
+
+    film = fastibl.simulate(seconds=2, fps=15, size=size, hand=False, lamp=False)
+    mesh = fastibl.stand(fastibl.shapes.figurine(), height=0.2)
+    session = fastibl.Session(fastibl.Scene(mesh, fastibl.Material(glossy=(0.1,) * 3)), film.rig, film.board)
+    pictures = list(film)
+    around = pictures + pictures[-2:0:-1]
+    at, rss = [], []
+    step = max(1, frames // _SAMPLES)
+    begin = time.perf_counter()
+    for k in range(frames):
+        session.process(replace(around[k % len(around)], time=k / 15))
+        if (k + 1) % step == 0:
+            at.append(k + 1)
+            rss.append(_rss())
+            if shown:
+                print(f"{at[-1]:6d}  {rss[-1] / 2**20:.2f}", flush=True)
+    return Soak(frames, tuple(at), tuple(rss), time.perf_counter() - begin)
+
+
+def _in_a_process(frames: int, size: str) -> Soak:
+    command = [sys.executable, "-c", _PROGRAM, str(frames), "--size", size]
+    path = os.pathsep.join(p or "." for p in sys.path)
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path})
+    if done.returncode not in (0, 1):
+        raise RuntimeError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "the soak run died")
+    lines = [line.split() for line in done.stdout.splitlines() if line.strip()[:1].isdigit()]
+    seconds = float(done.stdout.split("seconds ")[1].split()[0])
+    return Soak(frames, tuple(int(a) for a, _ in lines), tuple(int(float(m) * 2**20) for _, m in lines), seconds)
+
+
+_GOAL = 10 * 2**20  # bytes in 100 000 frames: what fragments of the heap may be
+
+
+@row("product", "soak")
+def soaks() -> Iterator[Goal]:
+    for frames, size in ((2000, "160x120"), (200, "640x480")):
+        run = _in_a_process(frames, size)
+        whole = run.growth * 100_000
+        yield Goal(
+            f"soak: memory of a session in {frames} frames of {size}",
+            f"{run.growth / 1024:+.2f} KiB a frame after the warm-up; spread {run.spread / 2**20:.1f} MiB, "
+            f"last {run.rss[-1] / 2**20:.0f} MiB",
+            "spread ≤ 10 MiB; 100 000 frames by ./dev soak 100000",
+            run.spread <= _GOAL,
+            (f"{1e3 * run.seconds / frames:.1f} ms a frame; by that slope {whole / 2**20:+.0f} MiB in 100 000 frames",),
+        )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="./dev soak", description=__doc__)
+    parser.add_argument("frames", type=int, nargs="?", default=100_000)
+    parser.add_argument("--size", default="160x120", help="of the pictures (default: %(default)s)")
+    given = parser.parse_args()
+    width, height = map(int, given.size.split("x"))
+    os.environ.setdefault("FASTIBL_CACHE", "0")
+    print("frames  MiB")
+    run = soak(given.frames, (width, height), shown=True)
+    flat = run.spread <= _GOAL
+    print(
+        f"seconds {run.seconds:.1f} for {run.frames} frames; {run.growth * 1000 / 1024:+.2f} KiB in 1000 frames, "
+        f"spread {run.spread / 2**20:.2f} MiB after the first {_WARM:.0%}: {'flat' if flat else 'it grows'}"
+    )
+    return 0 if flat else 1

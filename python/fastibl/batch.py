@@ -1,0 +1,257 @@
+"""The same work on many recordings or maps: in several processes, on several machines, and again where it broke off.
+
+A function makes one result of one item, as a file or a folder at a path that it is given:
+
+    def light(recording, path):  # at the top of a module, so that other processes find it
+        fastibl.export_light(fastibl.read_environment(recording), path)
+
+    if __name__ == "__main__":
+        summary = fastibl.batch.run(light, sorted(Path("maps").glob("*.hdr")), "lights")
+        print(summary)
+
+- A result appears in the folder `out` whole or not at all: it is written elsewhere, and renamed when the function has
+  returned. What is there is done: started again, after an error, a power cut or kill -9, a run does the rest. To do an
+  item again, delete its result.
+- An item that raises does not stop the others. The summary names it, why, and how long everything took; it is written
+  to out/summary.json, too.
+- By default processes of this machine work. Any executor with `submit` does, for other machines: with Dask
+  (`pip install fastibl[dask]`), `executor=dask.distributed.Client("scheduler:8786")`, with `out` a folder that all of
+  them share.
+
+One run at a time works on one `out`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import shutil
+import time
+import traceback
+import uuid
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+_UNFINISHED = ".unfinished"  # in `out`: what is being written
+_SUMMARY = "summary.json"
+
+
+@dataclass(frozen=True)
+class Item:
+    """What became of one item.
+
+    name: of its result in `out`. state: "done"; "kept", which an earlier run had done; "failed". seconds: that its
+    function took, 0 if kept. error: the last line of what it raised, "" if nothing; trace: all of it.
+    """
+
+    name: str
+    state: str
+    seconds: float = 0.0
+    error: str = ""
+    trace: str = ""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What became of a run's items, in their order; seconds: of the whole run. print() shows it."""
+
+    items: tuple[Item, ...]
+    seconds: float
+
+    def of(self, state: str) -> list[Item]:
+        """Items of a state: "done", "kept" or "failed"."""
+        return [item for item in self.items if item.state == state]
+
+    @property
+    def failed(self) -> list[Item]:
+        return self.of("failed")
+
+    def __str__(self) -> str:
+        done = self.of("done")
+        lines = [
+            f"{len(done)} done, {len(self.of('kept'))} kept, {len(self.failed)} failed in {self.seconds:.1f} s"
+            + (f"; {sum(i.seconds for i in done) / len(done):.2f} s an item" if done else "")
+        ]
+        lines += [f"  {item.name}: {item.error} (after {item.seconds:.1f} s)" for item in self.failed]
+        return "\n".join(lines)
+
+
+def run(
+    function: Callable[[Any, Path], object],
+    items: Iterable[Any],
+    out: str | os.PathLike[str],
+    *,
+    suffix: str = "",
+    name: Callable[[Any], str] | None = None,
+    workers: int | None = None,
+    executor: Any = None,
+    threads: int | None = None,
+    progress: bool = True,
+) -> Summary:
+    """Calls function(item, path) for every item without a result in the folder `out`.
+
+    function: writes a file or a folder at `path`, whose ending is that of the result; both it and the items go to other
+    processes by pickle. name: of an item's result; by default the item's file name without its ending, or str(item),
+    and `suffix`. workers: processes (default: one a core), where no executor is given. executor: anything with
+    submit(function, *arguments) whose futures have add_done_callback and result. threads: of fastibl in each call;
+    by default the cores are shared among the workers, and other executors' threads are left alone.
+
+    Raises ValueError for two items of one name, or a name that is no file name; TypeError for an executor that is none.
+    What items raise is in the summary.
+    """
+    out, items = Path(out), list(items)
+    names = _names(items, name or _name_of, suffix)
+    if executor is not None and not hasattr(executor, "submit"):
+        raise TypeError(f"an executor needs submit(function, *arguments), got {type(executor).__name__}")
+    out.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(out / _UNFINISHED, ignore_errors=True)  # of a run that was killed
+    begin = time.perf_counter()
+    results = {n: Item(n, "kept") for n in names if (out / n).exists()}
+    todo = {n: item for n, item in zip(names, items, strict=True) if n not in results}
+    with _executor(executor, workers, len(todo)) as (runner, share), _bar(len(names), len(results), progress) as bar:
+        for item in _finished(runner, function, todo, out.absolute(), threads or share):
+            results[item.name] = item
+            bar.update()
+            if item.error:
+                bar.write(f"{item.name}: {item.error}")
+    summary = Summary(tuple(results[n] for n in names), time.perf_counter() - begin)
+    shutil.rmtree(out / _UNFINISHED, ignore_errors=True)
+    _write_summary(out, summary)
+    return summary
+
+
+def _name_of(item: Any) -> str:
+    return Path(item).stem if isinstance(item, (str, os.PathLike)) else str(item)
+
+
+def _names(items: list[Any], name: Callable[[Any], str], suffix: str) -> list[str]:
+    names: dict[str, Any] = {}
+    for item in items:
+        n = name(item) + suffix
+        if n in ("", ".", "..", _UNFINISHED, _SUMMARY) or Path(n).name != n:
+            raise ValueError(f"{n!r}, the name of the result of {item!r}, is no name of a file")
+        if n in names:
+            raise ValueError(f"{names[n]!r} and {item!r} would both give {n}; tell them apart with name=")
+        names[n] = item
+    return list(names)
+
+
+@contextmanager
+def _executor(given: Any, workers: int | None, count: int) -> Iterator[tuple[Any, int | None]]:
+    """Who runs the items, and how many threads of fastibl each may have."""
+    if given is not None:
+        yield given, None
+        return
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    workers = max(1, min(workers or cores, count))
+    # Started anew: a fork would copy locks that threads of this process hold.
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_end_with_parent) as pool:
+        yield pool, max(1, cores // workers)
+
+
+def _end_with_parent() -> None:
+    """Ends this worker when the run is killed, which tells it nothing: it would wait for work for ever."""
+    import multiprocessing
+    import threading
+
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _bar(total: int, initial: int, shown: bool) -> Iterator[Any]:
+    from tqdm import tqdm
+
+    with tqdm(total=total, initial=initial, unit="item", disable=not shown) as bar:
+        yield bar
+
+
+def _finished(
+    runner: Any, function: Callable[[Any, Path], object], todo: dict[str, Any], out: Path, threads: int | None
+) -> Iterator[Item]:
+    """Items as they come back, from futures of any kind."""
+    back: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+    futures = []
+    try:
+        for n, item in todo.items():
+            # A name of its own: an executor that remembers calls must not answer with an earlier one's failure.
+            part = out / _UNFINISHED / f"{uuid.uuid4().hex[:12]}-{n}"
+            try:
+                future = runner.submit(_attempt, function, item, part, out / n, threads)
+            except Exception as broke:  # the pool: of those that were submitted we hear
+                yield Item(n, "failed", 0.0, _last_line(broke))
+                continue
+            futures.append(future)
+            future.add_done_callback(lambda done, n=n: back.put((n, done)))
+        for _ in range(len(futures)):
+            n, future = back.get()
+            try:
+                seconds, error, trace = future.result()
+            except Exception as lost:  # its process was killed, or it cannot be sent there
+                seconds, error, trace = 0.0, _last_line(lost), ""
+            yield Item(n, "failed" if error else "done", seconds, error, trace)
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+
+
+def _attempt(
+    function: Callable[[Any, Path], object], item: Any, part: Path, final: Path, threads: int | None
+) -> tuple[float, str, str]:
+    """Runs where the executor does: seconds, and what was raised."""
+    begin = time.perf_counter()
+    error = trace = ""
+    try:
+        if threads is not None:
+            from ._fastibl import set_threads
+
+            set_threads(threads)
+        part.parent.mkdir(exist_ok=True)
+        function(item, part)
+        if not part.exists():
+            raise FileNotFoundError("the function returned without writing a file or folder at its path")
+        _sync(part)
+        os.replace(part, final)
+    except Exception as raised:  # noqa: BLE001 - the summary tells
+        error, trace = _last_line(raised), traceback.format_exc()
+        _remove(part)
+    return time.perf_counter() - begin, error, trace
+
+
+def _last_line(error: BaseException) -> str:
+    return traceback.format_exception_only(type(error), error)[-1].strip()
+
+
+def _sync(part: Path) -> None:
+    """Content before its name: a machine that stops leaves no result that is empty."""
+    for path in [part, *part.rglob("*")] if part.is_dir() else [part]:
+        if path.is_file():
+            with open(path, "rb") as file:
+                os.fsync(file.fileno())
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _write_summary(out: Path, summary: Summary) -> None:
+    part = out / f".{_SUMMARY}"
+    part.write_text(json.dumps(asdict(summary), indent=1) + "\n", encoding="utf-8")
+    os.replace(part, out / _SUMMARY)
