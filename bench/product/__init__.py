@@ -1,5 +1,6 @@
 """Goals of the product (files, live view, packages, faults): table "product". One file a subject; each adds rows."""
 
 from . import (
+    newcomer,  # noqa: F401
     start,  # noqa: F401
 )
