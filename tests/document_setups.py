@@ -95,7 +95,23 @@ def _torch(names, folder, monkeypatch):
     pytest.importorskip("torch", reason="the blocks of this page need PyTorch")
 
 
+def _files(names, folder, monkeypatch):
+    pytest.importorskip("OpenEXR", reason="pip install fastibl[exr]")
+    picture = np.random.default_rng(0).integers(0, 255, (32, 64, 3), dtype=np.uint8)
+    cv2.imwrite(str(folder / "panorama.jpg"), picture)
+
+
+# C++ blocks that are parts of a function: what stands before them, by page.
+CPP_PRELUDES = {
+    "docs/embedding.md": """
+#include <epoxy/gl.h>
+#include <fastibl/scene/cube_map.h>
+void block(const fastibl::CubeLevel& level, int mip) {
+""",
+}
+
 SETUPS = {
+    "docs/files.md": _files,
     "docs/getting-started.md": _getting_started,
     "docs/how-to/pytorch.md": _torch,
     "docs/capture.md": _capture,

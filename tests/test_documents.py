@@ -13,7 +13,7 @@ import pytest
 import tomllib
 
 import documents
-from document_setups import namespace_of
+from document_setups import CPP_PRELUDES, namespace_of
 from fastibl.__main__ import build_parser
 
 ROOT = documents.ROOT
@@ -119,12 +119,14 @@ def test_cpp_blocks_compile(block, tmp_path):
     if not re.search(r"\bmain\(|^(struct|class|void|int|auto) ", text, re.M):
         includes = [line for line in text.splitlines() if line.startswith("#include")]
         rest = [line for line in text.splitlines() if not line.startswith("#include")]
-        text = "\n".join([*includes, "void block() {", *rest, "}"])
+        prelude = CPP_PRELUDES.get(block.page, "void block() {")
+        text = "\n".join([*includes, prelude, *rest, "}"])
     (tmp_path / "block.cpp").write_text(text)
     command = ["g++", "-std=c++20", "-fsyntax-only", f"-I{ROOT / 'cpp'}", f"-I{ROOT}", "block.cpp"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    if "glm/glm.hpp: No such file" in done.stderr:
-        pytest.skip("needs GLM")
+    absent = re.search(r"fatal error: ((?:glm|epoxy|opencv2)/\S+): No such file", done.stderr)
+    if absent:
+        pytest.skip(f"needs {absent[1]}")
     assert done.returncode == 0, f"{block}\n{done.stderr[:2000]}"
 
 

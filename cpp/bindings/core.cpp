@@ -9,7 +9,7 @@ namespace fastibl::bindings {
 void bind_core(py::module_& module) {
   module.def("set_threads", &set_threads, py::arg("count"),
              "Number of threads that the library uses; 0 asks for all cores. Results are the same "
-             "bits for any number.");
+             "bits for any number. Raises ValueError for a number below 0.");
   module.def("threads", &threads, "Number of threads that the library uses.");
 
   py::class_<Pose>(module, "Pose",
@@ -33,7 +33,7 @@ integers or objects. Without an argument: the identity.)")
           },
           py::arg("rotation"), py::arg("translation"),
           "From a rotation vector (axis times angle in radians, (3,)) and a translation in metres "
-          "(3,).")
+          "(3,). Raises ValueError for another shape or values that are not finite.")
       .def_property_readonly(
           "matrix", [](const Pose& p) { return matrix_array(p.matrix()); },
           "(4, 4) float64, a copy.")

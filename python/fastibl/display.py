@@ -224,7 +224,7 @@ def _bytes(linear: NDArray) -> NDArray[np.uint8]:
 
 
 def _percent(value: float) -> str:
-    return f"{100 * value:.2g} %"
+    return f"{100 * value:.2g} %" if value < 1 else f"{100 * value:.0f} %"
 
 
 def _html(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

@@ -101,7 +101,7 @@ def members(kind: type) -> Iterator[tuple[str, object]]:
         if base.__module__.startswith("fastibl"):
             for name, thing in vars(base).items():
                 if not name.startswith("_"):
-                    yield name, thing
+                    yield name, getattr(kind, name) if isinstance(thing, staticmethod | classmethod) else thing
 
 
 def page(name: str) -> str:

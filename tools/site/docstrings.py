@@ -87,6 +87,8 @@ def setup(app) -> dict:
         return (shorter(signature), shorter(result or "")) if signature else None
 
     def on_docstring(app, what, name, thing, options, lines):
+        if inspect.isclass(thing) and extension_signature(thing):  # what its constructor says for itself
+            lines += ["", *(thing.__init__.__doc__ or "").split("\n")[1:]]
         if lines and re.match(r"\w+\(.*\)( -> .*)?$", lines[0]):
             del lines[0]
         names = set(seen.get(name, ()))

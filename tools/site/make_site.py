@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SITE = Path(__file__).resolve().parent
 sys.path.insert(0, str(SITE))
 import api  # noqa: E402
-import notebook  # noqa: E402
+import notebook_page  # noqa: E402
 
 NOTEBOOK = "examples/notebooks/from_capture_to_composite.ipynb"
 ADDED = {"index.md": "README.md", "changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.md"}
@@ -44,7 +44,7 @@ def pages() -> dict[str, tuple[str, str]]:
     found |= {page: ROOT / source for page, source in ADDED.items()}
     texts = {page: (path.read_text("utf-8"), path.relative_to(ROOT).as_posix()) for page, path in found.items()}
     if (ROOT / NOTEBOOK).is_file():
-        texts["notebook.md"] = (notebook.markdown(ROOT / NOTEBOOK, "images/notebook"), NOTEBOOK)
+        texts["notebook.md"] = (notebook_page.markdown(ROOT / NOTEBOOK, "images/notebook"), NOTEBOOK)
     return texts
 
 
@@ -60,7 +60,7 @@ def stage(folder: Path) -> None:
         (folder / page).parent.mkdir(parents=True, exist_ok=True)
         (folder / page).write_text(linked(text, page, source, texts), "utf-8")
     if (ROOT / NOTEBOOK).is_file():
-        notebook.write_pictures(ROOT / NOTEBOOK, folder / "images" / "notebook")
+        notebook_page.write_pictures(ROOT / NOTEBOOK, folder / "images" / "notebook")
     (folder / "api").mkdir(exist_ok=True)
     for page in api.PAGES:
         (folder / "api" / f"{page}.rst").write_text(api.page(page), "utf-8")
