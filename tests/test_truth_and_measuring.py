@@ -72,6 +72,12 @@ def test_pbr_surface_reads_textures_between_texels():
     assert np.allclose(surface.alpha, reference.ggx_alpha(0.4)) and np.allclose(surface.frame, np.eye(3))
 
 
+def test_a_pose_from_a_rotation_vector_is_finite():
+    for rotation, translation in (([np.nan, 0, 0], [0.0, 0, 0]), ([0.0, 0, 0], [0.0, np.inf, 0])):
+        with pytest.raises(ValueError, match="finite"):
+            fastibl.Pose.from_rotation_vector(rotation, translation)
+
+
 def test_ggx_alpha_is_gltfs():
     assert reference.ggx_alpha(0.5) == (0.25, 0.25) and reference.ggx_alpha(0.0) == (0.02, 0.02)
     assert reference.ggx_alpha(0.5, 1.0) == (1.0, 0.25)

@@ -1,6 +1,8 @@
 #include <pybind11/operators.h>
 #include <pybind11/stl.h>
 
+#include <cmath>
+
 #include "bindings/numpy.h"
 #include "fastibl/core/parallel.h"
 
@@ -28,6 +30,9 @@ integers or objects. Without an argument: the identity.)")
                           t = require_floats<double>(translation, "translation");
             if (r.size() != 3 || t.size() != 3)
               throw py::value_error("rotation and translation must have shape (3,)");
+            for (int k = 0; k < 3; ++k)
+              if (!std::isfinite(r.data()[k]) || !std::isfinite(t.data()[k]))
+                throw py::value_error("rotation and translation must be finite");
             return Pose{rotation_from_vector({r.data()[0], r.data()[1], r.data()[2]}),
                         {t.data()[0], t.data()[1], t.data()[2]}};
           },

@@ -9,7 +9,8 @@ from importlib import import_module
 
 from docstrings import extension_signature
 
-# Page: its title, what it is for, and its names; "module.name" is a name of a public module of the package.
+# Page: its title, what it is for, and its names; "module.name" is a name of a public module of the package, and a name
+# with "?" is left out where there is none.
 PAGES = {
     "maps": (
         "Maps",
@@ -20,7 +21,7 @@ PAGES = {
     "light": (
         "Light",
         "What a map does to surfaces, by named methods.",
-        "Lighting Method methods directional_albedo ggx_albedo export_light",
+        "Lighting Method methods directional_albedo ggx_albedo export_light write_sh? write_gltf_light? write_usd?",
     ),
     "objects": (
         "Objects",
@@ -31,7 +32,7 @@ PAGES = {
         "Shadow",
         "Shadows on the plane, and what object and plane send each other.",
         "ShadowMap shadow_ratio cast_shadow fit_spheres light_directions DirectionShadow MeshShadow Bounce "
-        "PlaneExchange ObjectLayer",
+        "PlaneExchange ObjectLayer write_shadow?",
     ),
     "cameras": (
         "Cameras and tracking",
@@ -52,7 +53,7 @@ PAGES = {
     "recordings": (
         "Recordings and sources",
         "Where frames come from.",
-        "Recording simulate recording.Truth sources recorder faults",
+        "Recording simulate recording.Truth sources recorder faults batch?",
     ),
     "display": (
         "Pictures and plots",
@@ -68,7 +69,15 @@ PAGES = {
 
 
 def names(page: str) -> list[str]:
-    return PAGES[page][2].split()
+    return [n.rstrip("?") for n in PAGES[page][2].split() if not n.endswith("?") or _exists(n[:-1])]
+
+
+def _exists(name: str) -> bool:
+    try:
+        find(name)
+    except (AttributeError, ImportError):
+        return False
+    return True
 
 
 def find(name: str):
