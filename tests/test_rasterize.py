@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 import fastibl
 from views import camera_of, looking, rays_of
@@ -195,3 +196,59 @@ def test_one_pixel():
     camera = fastibl.Camera(1, 1, 1.0, 1.0, 0.5, 0.5)
     corners = np.array([(-5.0, -5, 0), (5, -5, 0), (0, 9, 0)])
     assert layer_of(fastibl.Mesh(corners, np.array([[0, 1, 2]])), camera)[0, 0, 3] == 1
+
+
+def lit(mesh, pose, **options):
+    """A matte object's layer in light that comes from everywhere and a bit more from above."""
+    faces = np.full((6, 4, 4, 3), 1.0, np.float32)
+    faces[4] = 3
+    scene = fastibl.Scene(mesh, fastibl.Material(diffuse=(0.8, 0.6, 0.4)), spheres=0, **options)
+    session = fastibl.Session(scene, fastibl.Rig(CAMERA), environment=fastibl.CubeMap(faces))
+    session.process(fastibl.Frame(0.0, back_from_marker=pose))
+    layer, full = session.object, np.zeros((72, 96, 4), np.float32)
+    h, w = layer.rgba.shape[:2]
+    full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
+    return full
+
+
+def ball(radius, subdivisions=4):
+    made = trimesh.creation.icosphere(subdivisions, radius)
+    return fastibl.Mesh(made.vertices, made.faces, normals=made.vertices / radius)
+
+
+def with_more(mesh, vertices, triangles):
+    n = len(mesh.vertices)
+    return fastibl.Mesh(np.vstack([mesh.vertices, vertices]), np.vstack([mesh.triangles, np.asarray(triangles) + n]))
+
+
+def test_backs_of_a_closed_mesh_change_nothing():
+    """With a triangle behind the camera the mesh is open and all of its backs are drawn: the picture stays."""
+    made = trimesh.creation.torus(0.2, 0.08)
+    torus = fastibl.Mesh(made.vertices, made.faces)
+    behind = with_more(torus, [(0, 0, 3), (0.1, 0, 3), (0, 0.1, 3)], [(0, 1, 2)])
+    options = {"refine": False, "visibility_rays": 0}
+    for pose in (DOWN, looking((0.6, 0.5, 0.3), (0, 0, 0))):
+        np.testing.assert_array_equal(lit(torus, pose, **options), lit(behind, pose, **options))
+
+
+def test_parts_that_are_inside_out_stay_seen():
+    right = ball(0.2)
+    flipped = fastibl.Mesh(right.vertices, right.triangles[:, ::-1])
+    there = lit(right, DOWN, visibility_rays=0)[..., 3]
+    assert there.sum() > 500
+    np.testing.assert_array_equal(lit(flipped, DOWN, visibility_rays=0)[..., 3], there)
+    both = with_more(ball(0.05), right.vertices + (0.3, 0, 0), right.triangles[:, ::-1])
+    assert lit(both, DOWN, visibility_rays=0)[..., 3].sum() > there.sum()
+
+
+def test_from_inside_a_closed_mesh_its_backs_are_seen():
+    assert (lit(ball(2.0), DOWN, visibility_rays=0)[..., 3] == 1).all()
+
+
+def test_a_pixel_of_many_small_triangles_is_shaded_as_one_surface():
+    """A ball of triangles smaller than pixels looks as one of large triangles with the same normals does."""
+    a, b = (lit(ball(0.25, n), DOWN, visibility_rays=0) for n in (6, 3))
+    inside = (a[..., 3] == 1) & (b[..., 3] == 1)
+    off = np.abs(a - b)[inside].max() / b[inside].max()
+    print(f"{inside.sum()} pixels, at most {off:.4f} off")
+    assert inside.sum() > 1500 and off < 0.01

@@ -2,6 +2,7 @@
 
 from . import (
     docs,  # noqa: F401
+    exports,  # noqa: F401
     newcomer,  # noqa: F401
     start,  # noqa: F401
 )

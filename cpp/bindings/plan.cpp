@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <set>
 #include <sstream>
@@ -100,6 +101,9 @@ std::string bill(const Plan& plan) {
       text << ": the best methods leave " << percent(*plan.best_error) << ", within "
            << percent(plan.best_assured);
   }
+  if (const auto light = plan.light_error(); light && std::isfinite(*light))
+    text << "\nthe captured light is expected to be off by " << percent(*light)
+         << ", whatever the methods";
   if (plan.milliseconds_budget > 0)
     text << (plan.meets_milliseconds() ? "\nwithin" : "\nNOT within") << " the time budget of "
          << milliseconds(plan.milliseconds_budget);
@@ -254,6 +258,10 @@ void bind_plan(py::module_& module) {
           "Expected error of the picture, all methods together: RMS over RGB and over the pixels "
           "that the object covers or its shadow changes by more than 1/255, linear light, by the "
           "truth's mean there. Without a budget or samples of the scene that of the irradiance.")
+      .def_property_readonly(
+          "light_error", &Plan::light_error,
+          "Expected error of a captured map's irradiance, which is no part of the budget: "
+          "no method makes it less. None where the map is given.")
       .def_property_readonly("assured_error", &Plan::assured_error,
                              "What the picture's error is not expected to exceed.")
       .def_readonly("best_error", &Plan::best_error,

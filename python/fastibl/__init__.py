@@ -56,12 +56,16 @@ from .display import plot
 from .environment_files import read_environment, write_environment
 from .export import export_light
 from .files import read_mesh, read_object, stand
+from .gltf_light import write_gltf_light
 from .guidance import Guidance, guide
 from .lighting import Lighting, Method, methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
 from .session import Session, make_plan
+from .sh_files import write_sh
+from .shadow_files import write_shadow
 from .tracking import RotationTracker, Tracker
+from .usd import write_usd
 
 __all__ = [
     "Board",
@@ -132,6 +136,10 @@ __all__ = [
     "texel_solid_angles",
     "threads",
     "write_environment",
+    "write_gltf_light",
+    "write_sh",
+    "write_shadow",
+    "write_usd",
 ]
 
 

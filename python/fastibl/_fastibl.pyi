@@ -1491,6 +1491,11 @@ class Plan:
         Expected error of the picture, all methods together: RMS over RGB and over the pixels that the object covers or its shadow changes by more than 1/255, linear light, by the truth's mean there. Without a budget or samples of the scene that of the irradiance.
         """
     @property
+    def light_error(self) -> float | None:
+        """
+        Expected error of a captured map's irradiance, which is no part of the budget: no method makes it less. None where the map is given.
+        """
+    @property
     def meets_budget(self) -> bool:
         """
         Both of them.

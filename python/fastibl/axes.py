@@ -20,6 +20,7 @@ _PICTURE = {
     "gltf": np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
 }
 NAMES = tuple(_AXES)
+HANDEDNESS = ("left", "right")
 
 # Major axis, s axis (right) and t axis (down) of each face.
 _FACES = np.array(
@@ -66,3 +67,14 @@ def to_axes(cube: CubeMap, axes: str) -> CubeMap:
 def from_axes(cube: CubeMap, axes: str) -> CubeMap:
     """The reverse of `to_axes`."""
     return turned(cube, matrix(axes).T)
+
+
+def handed(cube: CubeMap, handedness: str) -> CubeMap:
+    """A right-handed map as one whose cube coordinates are left-handed or right-handed, or the reverse.
+
+    "left": x is mirrored, as three.js and Babylon.js look up cube textures, and each face looks as seen from inside.
+    Raises ValueError for another name.
+    """
+    if handedness not in HANDEDNESS:
+        raise ValueError(f"handedness must be one of {', '.join(HANDEDNESS)}, got {handedness!r}")
+    return turned(cube, np.diag([-1, 1, 1])) if handedness == "left" else cube

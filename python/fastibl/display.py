@@ -115,6 +115,10 @@ def _(thing: Plan) -> str:
     total = "" if thing.expected_error is None else _percent(thing.expected_error)
     rows.append(("in all", "", total, f"{thing.milliseconds:.2f} ms"))
     foot = "" if thing.assured_error is None else f"<p>The picture is within {_percent(thing.assured_error)}.</p>"
+    if thing.light_error is not None and np.isfinite(thing.light_error):
+        foot += (
+            f"<p>The captured light is expected to be off by {_percent(thing.light_error)}, whatever the methods.</p>"
+        )
     return _html(("pass", "method", "expected error", "expected time"), rows) + foot
 
 

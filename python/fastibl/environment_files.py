@@ -1,4 +1,4 @@
-"""Environment maps in files: equirectangular pictures and cube maps, with axes by name."""
+"""Environment maps in files: equirectangular pictures and cube maps, with axes by name; see docs/files.md."""
 
 from __future__ import annotations
 
@@ -8,27 +8,46 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ._fastibl import CubeMap, Environment, cubemap_from_equirect, equirect_from_cubemap
-from .axes import from_axes, matrix, to_axes, turned
+from . import dds, ktx2
+from ._fastibl import CubeMap, Environment, Response, cubemap_from_equirect, equirect_from_cubemap
+from .axes import from_axes, handed, matrix, to_axes, turned
 from .pictures import read_picture, write_picture
 
 LAYOUTS = ("equirect", "faces", "strip", "cross")
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
+_CUBE_READERS = {".ktx2": ktx2.read_ktx2, ".dds": dds.read_dds}
+_FINEST = 2048  # rows of a picture that is averaged
 _CROSS = ((1, 2), (1, 0), (0, 1), (2, 1), (1, 1), (1, 3))  # row and column of each face
 
 
-def read_environment(path: str | os.PathLike[str], size: int = 128, axes: str = "marker") -> CubeMap:
-    """Environment map of an HDR picture (.hdr, .exr).
+def read_environment(
+    path: str | os.PathLike[str],
+    size: int = 128,
+    axes: str = "marker",
+    *,
+    response: Response | None = None,
+    handedness: str = "left",
+) -> CubeMap:
+    """Environment map of a picture (.hdr, .exr, with a response .png, .jpg) or of a cube map (.ktx2, .dds).
 
-    path: an equirectangular picture, twice as wide as high; or a cube map laid out as by `write_environment`: a strip,
-    a cross, or the first of six faces (..._px.hdr).
+    path: a picture may be equirectangular, twice as wide as high, or a cube map laid out as by `write_environment`: a
+    strip, a cross, or the first of six faces (..._px.hdr).
     axes: in which it was made, "marker" (z up, image centre along +y) or "gltf" (y up, image centre along +x).
     size: face edge in texels for an equirectangular picture; faces keep theirs.
-    Raises FileNotFoundError, ValueError for a file that is no such picture, ImportError for .exr without OpenEXR.
+    response: of the camera, or other encoding, of .png and .jpg, as Response.srgb(); its white becomes radiance 1, and
+    what was brighter is lost.
+    handedness: of .ktx2 and .dds, see `write_environment`.
+    Raises FileNotFoundError; ValueError for a file that is no such map, damaged, or larger than fastibl.file_limits
+    allows; ImportError for .exr without OpenEXR, and for a .ktx2 packed by Zstandard without zstandard.
     """
     path = Path(path)
     turn = matrix(axes, picture=True)
-    image = read_picture(path)
+    if path.suffix.lower() in _CUBE_READERS:
+        if response is not None:
+            raise ValueError(f"{path} holds linear radiance; a response goes with .png and .jpg")
+        faces = _CUBE_READERS[path.suffix.lower()](path)[0]
+        return from_axes(handed(CubeMap(faces), handedness), axes)
+    image = read_picture(path, response)
     height, width = image.shape[:2]
     if width == 2 * height:
         return turned(cubemap_from_equirect(image, size=size), turn.T)
@@ -38,7 +57,7 @@ def read_environment(path: str | os.PathLike[str], size: int = 128, axes: str = 
         n = height // 3
         faces = np.stack([image[r * n : (r + 1) * n, c * n : (c + 1) * n] for r, c in _CROSS])
     elif width == height and path.stem.endswith("_px"):
-        faces = np.stack([read_picture(_face_path(path.with_stem(path.stem[:-3]), face)) for face in FACES])
+        faces = _read_faces(path, image, response)
     else:
         raise ValueError(
             f"{path} is {width} x {height}; an equirectangular picture is twice as wide as high, a strip of cube faces "
@@ -53,17 +72,25 @@ def write_environment(
     layout: str = "equirect",
     axes: str = "marker",
     height: int | None = None,
+    *,
+    handedness: str = "left",
 ) -> list[Path]:
-    """Writes an environment map as .hdr (to 1/256 of a pixel's brightest channel) or .exr (exactly); returns the files.
+    """Writes an environment map; returns the files. The ending says how.
+
+    .hdr (to 1/256 of a pixel's brightest channel) or .exr (exactly): a picture, laid out as `layout` says. .ktx2: a
+    cube map of half floats (to 1/2048, up to 65504).
 
     axes: "marker", z up: an equirectangular picture has z at the top, its centre along +y, x to the right of it.
-    "gltf", as three.js, Filament and Khronos' viewer have it, y up: a direction (x, y, z) of the marker frame becomes
+    "gltf", as three.js and Khronos' viewer have it, y up: a direction (x, y, z) of the marker frame becomes
     (x, z, -y), and a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi.
     layout: "equirect", 2 height x height pixels, by default 4 x 2 face edges. Or cube faces in the axes' own order
     +x -x +y -y +z -z with OpenGL's orientation (row 0 of the side faces is y = +1, of +y z = -1, of -y z = +1):
     "faces", six files ..._px, _nx, _py, _ny, _pz, _nz; "strip", one below the other; "cross", -x +z +x -z in the middle
     row, +y above and -y below +z, the rest black.
-    Raises ValueError for another layout, axes or ending, ImportError for .exr without OpenEXR.
+    handedness: of .ktx2. "left", as the format says and as three.js and Babylon.js look it up: a direction (x, y, z) of
+    the axes is the cube coordinate (-x, y, z), and faces look as seen from inside. "right": it is (x, y, z), as in the
+    layouts above.
+    Raises ValueError for another layout, axes, handedness or ending, ImportError for .exr without OpenEXR.
     """
     path = Path(path)
     radiance = cube.radiance if isinstance(cube, Environment) else cube
@@ -71,11 +98,26 @@ def write_environment(
         raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {layout!r}")
     if layout != "equirect" and height is not None:
         raise ValueError(f'height goes with layout "equirect", not "{layout}"')
+    if path.suffix.lower() == ".ktx2":
+        if height is not None or layout != "equirect":
+            raise ValueError(f"layout and height go with pictures, not {path.name}: .ktx2 is a cube map as it is")
+        ktx2.write_ktx2(path, [handed(to_axes(radiance, axes), handedness).faces])
+        return [path]
     if layout == "equirect":
-        picture = turned(radiance, matrix(axes, picture=True))
-        write_picture(path, equirect_from_cubemap(picture, height=2 * radiance.size if height is None else height))
+        write_picture(path, averaged_equirect(turned(radiance, matrix(axes, picture=True)), height))
         return [path]
     return _write_faces(path, to_axes(radiance, axes).faces, layout)
+
+
+def averaged_equirect(cube: CubeMap, height: int | None = None) -> NDArray[np.float32]:
+    """Equirectangular picture (height, 2 height, 3) whose pixels are means over them, by default 2 face edges high.
+
+    Samples at the pixels' centres alone put the irradiance of a map with small bright lights 0.3 % off.
+    """
+    height = 2 * cube.size if height is None else height
+    finer = next((k for k in (4, 2) if k * height <= _FINEST), 1)
+    fine = equirect_from_cubemap(cube, height=finer * height)
+    return fine.reshape(height, finer, 2 * height, finer, 3).mean(axis=(1, 3))
 
 
 def write_faces(path: str | os.PathLike[str], cube: CubeMap, layout: str = "strip") -> list[Path]:
@@ -100,6 +142,17 @@ def _write_faces(path: Path, faces: NDArray[np.float32], layout: str) -> list[Pa
             canvas[r * n : (r + 1) * n, c * n : (c + 1) * n] = face
         write_picture(path, canvas)
     return [path]
+
+
+def _read_faces(path: Path, first: NDArray[np.float32], response: Response | None) -> NDArray[np.float32]:
+    faces = [first]
+    for name in FACES[1:]:
+        other = _face_path(path.with_stem(path.stem[:-3]), name)
+        faces.append(read_picture(other, response))
+        if faces[-1].shape != first.shape:
+            (height, width), n = faces[-1].shape[:2], len(first)
+            raise ValueError(f"{other} is {width} x {height}, but {path.name} is {n} x {n}")
+    return np.stack(faces)
 
 
 def _face_path(path: Path, face: str) -> Path:

@@ -8,22 +8,33 @@ from pathlib import Path
 import numpy as np
 
 from ._fastibl import Material, Mesh
+from .file_limits import check_file_size
+
+_MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
 
 
 def read_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:
-    """Triangle mesh of a file that trimesh reads (.obj, .ply, .glb, ...), turned so that +z is up.
+    """Triangle mesh of a file (.obj, .ply, .glb, .gltf, .stl, .off), turned so that +z is up.
 
     up: the file's upward axis, "y" (most files) or "z". Vertices at the same place are merged, so that normals
-    are smooth across texture seams. Raises FileNotFoundError, or ValueError for a file that is no mesh.
+    are smooth across texture seams. Raises FileNotFoundError; ValueError for a file that is no such mesh, damaged, or
+    larger than fastibl.file_limits allows.
     """
     import trimesh
+
+    from . import gltf_container
 
     path = Path(path)
     if up not in ("y", "z"):
         raise ValueError(f'up must be "y" or "z", got {up!r}')
     if not path.is_file():
         raise FileNotFoundError(f"no mesh at {path}")
+    if path.suffix.lower() not in _MESHES:  # others of trimesh's are archives, or fetch what they name
+        raise ValueError(f"{path} is no mesh that is read; those end in {', '.join(_MESHES)}")
+    check_file_size(path)
     try:
+        if path.suffix.lower() in (".glb", ".gltf"):
+            gltf_container.check(path)
         loaded = trimesh.load(path, force="mesh", process=False, skip_materials=True)
         if len(getattr(loaded, "faces", ())) > 0:
             loaded.merge_vertices(merge_tex=True, merge_norm=True)

@@ -8,21 +8,20 @@ skins and morphs. Refused by name: extensions that change what is read here, com
 
 from __future__ import annotations
 
-import base64
-import json
-import struct
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh
+from .file_limits import MOST_PIXELS, MOST_VERTICES
+from .gltf_container import DAMAGES, WIDTHS, Container
+from .picture_headers import jpeg_size, png_size
+from .pictures import decode_picture
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _KNOWN = {"KHR_materials_anisotropy", "KHR_materials_emissive_strength", "KHR_mesh_quantization"}
 _ATLAS = 4096  # texels along an edge, at most
 
@@ -62,35 +61,14 @@ class _Part:
     material: int
 
 
-class _File:
+class _File(Container):
     def __init__(self, path: Path):
-        self.path, data = path, path.read_bytes()
-        self.chunk = b""
-        if data[:4] == b"glTF":
-            length, kind = struct.unpack_from("<II", data, 12)
-            if kind != 0x4E4F534A:
-                raise ValueError("its first chunk is not JSON")
-            text = data[20 : 20 + length]
-            at = 20 + length
-            if at + 8 <= len(data):
-                size, _ = struct.unpack_from("<II", data, at)
-                self.chunk = data[at + 8 : at + 8 + size]
-        else:
-            text = data
-        self.json = json.loads(text)
-        if not str(self.json.get("asset", {}).get("version", "")).startswith("2"):
-            raise ValueError(f"expected glTF 2, got version {self.json.get('asset', {}).get('version')}")
+        super().__init__(path)
         unknown = set(self.json.get("extensionsRequired", ())) - _KNOWN
         if unknown:
             raise ValueError(f"it requires the extension {sorted(unknown)[0]}")
-        self.buffers = [self._bytes(b.get("uri")) for b in self.json.get("buffers", ())]
-
-    def _bytes(self, uri: str | None) -> bytes:
-        if uri is None:
-            return self.chunk
-        if uri.startswith("data:"):
-            return base64.b64decode(uri.partition(",")[2])
-        return (self.path.parent / unquote(uri)).read_bytes()
+        self.buffers = [self.bytes(b.get("uri")) for b in self.json.get("buffers", ())]
+        self.pixels = self.vertices = 0
 
     def _view(self, index: int) -> tuple[bytes, int, int, int | None]:
         view = self.json["bufferViews"][index]
@@ -101,7 +79,7 @@ class _File:
         a = self.json["accessors"][index]
         if "sparse" in a or "bufferView" not in a:
             raise ValueError("it has sparse accessors")
-        kind, width = np.dtype(_TYPES[a["componentType"]]).newbyteorder("<"), _WIDTHS[a["type"]]
+        kind, width = np.dtype(_TYPES[a["componentType"]]).newbyteorder("<"), WIDTHS[a["type"]]
         buffer, offset, _, stride = self._view(a["bufferView"])
         offset += a.get("byteOffset", 0)
         step = stride or kind.itemsize * width
@@ -114,8 +92,6 @@ class _File:
 
     def picture(self, reference: dict[str, Any]) -> NDArray[np.uint8]:
         """(h, w, 3) uint8 RGB of a texture that a material names."""
-        import cv2
-
         if reference.get("texCoord", 0) != 0 or "KHR_texture_transform" in reference.get("extensions", {}):
             raise ValueError("its textures use a second set of uvs or KHR_texture_transform")
         source = self.json["textures"][reference["index"]].get("source")
@@ -126,11 +102,12 @@ class _File:
             buffer, offset, length, _ = self._view(image["bufferView"])
             data = buffer[offset : offset + length]
         else:
-            data = self._bytes(image["uri"])
-        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-        if decoded is None:
-            raise ValueError("a texture's picture cannot be read")
-        return np.ascontiguousarray(decoded[..., ::-1])
+            data = self.bytes(image["uri"])
+        decoded = decode_picture(data, png_size if data[:1] == b"\x89" else jpeg_size, f"texture {source}")
+        self.pixels += decoded.shape[0] * decoded.shape[1]
+        if self.pixels > MOST_PIXELS:
+            raise ValueError(f"its textures have more than {MOST_PIXELS} pixels together")
+        return decoded if decoded.dtype == np.uint8 else (decoded >> 8).astype(np.uint8)
 
     def surface(self, index: int) -> _Surface:
         out = _Surface()
@@ -161,21 +138,8 @@ class _File:
         return out
 
     def parts(self) -> list[_Part]:
-        scenes = self.json.get("scenes")
-        nodes = self.json.get("nodes", [])
-        if scenes:
-            roots = scenes[self.json.get("scene", 0)].get("nodes", [])
-        else:
-            roots = sorted(set(range(len(nodes))) - {c for n in nodes for c in n.get("children", ())})
         out: list[_Part] = []
-        todo = [(root, np.eye(4), 0) for root in roots]
-        while todo:
-            index, parent, depth = todo.pop()
-            if depth > len(nodes):
-                raise ValueError("its nodes form a ring")
-            node = nodes[index]
-            here = parent @ _transform(node)
-            todo += [(child, here, depth + 1) for child in node.get("children", ())]
+        for node, here in self.nodes():
             if "mesh" in node:
                 for primitive in self.json["meshes"][node["mesh"]]["primitives"]:
                     out += self._part(primitive, here)
@@ -188,6 +152,9 @@ class _File:
             raise ValueError(f"its meshes use {sorted(primitive['extensions'])[0]}")
         attributes = primitive["attributes"]
         vertices = self.array(attributes["POSITION"]).astype(np.float64)
+        self.vertices += len(vertices)
+        if self.vertices > MOST_VERTICES:
+            raise ValueError(f"it has more than {MOST_VERTICES} vertices")
         index = self.array(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(vertices))
         triangles = index[: len(index) // 3 * 3].reshape(-1, 3).astype(np.int64)
         linear = transform[:3, :3]
@@ -208,21 +175,6 @@ class _File:
 def _linear(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
     x = np.arange(256) / 255
     return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)[picture]
-
-
-def _transform(node: dict[str, Any]) -> NDArray:
-    if "matrix" in node:
-        return np.asarray(node["matrix"], np.float64).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0, 0, 0, 1))
-    out = np.eye(4)
-    out[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    out[:3, :3] *= np.asarray(node.get("scale", (1, 1, 1)), np.float64)
-    out[:3, 3] = node.get("translation", (0, 0, 0))
-    return out
 
 
 def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> _Surface:
@@ -297,7 +249,7 @@ def read(path: Path) -> tuple[Mesh, Material]:
         if not parts:
             raise ValueError("it holds no triangles")
         surfaces = {m: file.surface(m) for m in sorted({p.material for p in parts})}
-    except (KeyError, IndexError, TypeError, struct.error, UnicodeDecodeError, OSError) as error:
+    except DAMAGES as error:
         raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
     surface = next(iter(surfaces.values())) if len(surfaces) == 1 else _atlas(parts, surfaces)
     if surface.maps() and any(p.uvs is None for p in parts):

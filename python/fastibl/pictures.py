@@ -1,12 +1,21 @@
-"""Linear pictures in files: Radiance .hdr and OpenEXR .exr."""
+"""Pictures in files: linear Radiance .hdr and OpenEXR .exr, and encoded .png and .jpg by a camera's response."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ._fastibl import Response
+from .file_limits import check_file_size, check_pixels, file_bytes
+from .picture_headers import jpeg_size, png_size, radiance_size
+
+LINEAR = (".hdr", ".exr")
+ENCODED = (".png", ".jpg", ".jpeg")
+_SIZES = {".hdr": radiance_size, ".png": png_size, ".jpg": jpeg_size, ".jpeg": jpeg_size}
 
 
 def _openexr() -> Any:
@@ -17,54 +26,100 @@ def _openexr() -> Any:
     return OpenEXR
 
 
-def read_picture(path: Path) -> NDArray[np.float32]:
-    """Linear RGB (height, width, 3) float32 of an .exr, .hdr or other float picture.
+def read_picture(path: Path, response: Response | None = None) -> NDArray[np.float32]:
+    """Linear RGB (height, width, 3) float32 of a picture: .hdr or .exr, or .png or .jpg with a response.
 
-    Raises FileNotFoundError, ValueError for a file that is no linear picture, ImportError for .exr without OpenEXR.
+    response: of the camera, or other encoding, of a .png or .jpg; its white becomes 1. Raises FileNotFoundError,
+    ValueError for a file that is no such picture, that is cut off, or that is larger than fastibl.file_limits allows,
+    ImportError for .exr without OpenEXR.
     """
     if not path.is_file():
         raise FileNotFoundError(f"no environment map at {path}")
-    if path.suffix.lower() == ".exr":
+    suffix = path.suffix.lower()
+    if suffix not in LINEAR + ENCODED:
+        raise ValueError(f"{path} is no picture that is read; those end in {', '.join(LINEAR + ENCODED)}")
+    if suffix in LINEAR and response is not None:
+        raise ValueError(f"{path} holds linear radiance; a response goes with {', '.join(ENCODED)}")
+    if suffix == ".exr":
         return _read_exr(path)
+    image = decode_picture(file_bytes(path), _SIZES[suffix], path)
+    if image.dtype == np.float32:
+        return image
+    if response is None:
+        raise ValueError(
+            f"{path} holds {image.dtype} values; an environment map needs linear radiance (.hdr, .exr), or the "
+            "response that it was encoded by (response=fastibl.Response.srgb(), --response srgb)"
+        )
+    return response.decode(image.astype(np.float32) / np.iinfo(image.dtype).max)
+
+
+def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
+    """RGB (height, width, 3) of an encoded picture, in its own dtype; of the size that its header says.
+
+    size_of: one of fastibl.picture_headers. Raises ValueError, with the name, for what cannot be read.
+    """
     import cv2
 
     try:
-        image = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
+        width, height = size_of(data)
+    except ValueError as error:
+        raise ValueError(f"{name} is not a picture that can be read: {error}") from error
+    check_pixels(name, width, height)
+    try:
+        image = cv2.imdecode(
+            np.frombuffer(data, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+        )
     except cv2.error:  # a size that it does not believe
         image = None
-    if image is None:
-        raise ValueError(f"{path} is not a picture that can be read; expected an equirectangular .hdr or .exr")
-    if image.dtype != np.float32:
-        raise ValueError(f"{path} holds {image.dtype} values; an environment map needs linear radiance (.hdr, .exr)")
+    if image is None or image.shape != (height, width, 3):
+        raise ValueError(f"{name} is not a picture that can be read: it is damaged or cut off")
     return np.ascontiguousarray(image[..., ::-1])
 
 
-def write_picture(path: Path, image: NDArray[np.float32]) -> None:
+def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> None:
     """Writes linear RGB (height, width, 3): .exr exactly, .hdr with shared exponents (to 1/256 of a pixel's brightest).
 
     Raises ValueError for another ending, ImportError for .exr without OpenEXR.
     """
+    path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in (".hdr", ".exr"):
-        raise ValueError(f"{path} must end in .hdr or .exr")
+    if suffix not in LINEAR:
+        raise ValueError(f"{path} must end in {' or '.join(LINEAR)}")
     if suffix == ".exr":
-        exr = _openexr()
-        header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage}
-        pixels = np.ascontiguousarray(image, np.float32)
-        with exr.File(header, {"RGB": pixels}) as file:
-            file.write(str(path))
+        write_exr(path, {"RGB": image})
         return
     height, width = image.shape[:2]
     head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n"
     path.write_bytes(head.encode() + _rgbe(image).tobytes())
 
 
+def write_exr(path: Path, channels: dict[str, NDArray[np.float32]], attributes: dict[str, Any] | None = None) -> None:
+    """Writes float32 channels, (height, width) or (height, width, 3 or 4), and header attributes.
+
+    Raises ImportError without OpenEXR.
+    """
+    exr = _openexr()
+    header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage, **(attributes or {})}
+    with exr.File(
+        header, {name: np.ascontiguousarray(pixels, np.float32) for name, pixels in channels.items()}
+    ) as file:
+        file.write(str(path))
+
+
 def _read_exr(path: Path) -> NDArray[np.float32]:
     exr = _openexr()
+    check_file_size(path)
+    try:
+        with exr.File(str(path), header_only=True) as file:
+            headers = [dict(part.header) for part in file.parts]  # closing empties them
+    except Exception as error:  # OpenEXR raises what its C++ side raises
+        raise ValueError(f"{path} is not an OpenEXR picture that can be read: {error}") from error
+    pixels = sum(_exr_pixels(path, header, exr) for header in headers)
+    check_pixels(path, pixels, 1)  # of all parts together
     try:
         with exr.File(str(path)) as file:
             channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
-    except Exception as error:  # OpenEXR raises what its C++ side raises
+    except Exception as error:
         raise ValueError(f"{path} is not an OpenEXR picture that can be read: {error}") from error
     for name in ("RGB", "RGBA"):
         if name in channels:
@@ -72,6 +127,20 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
     if not {"R", "G", "B"} <= set(channels):
         raise ValueError(f"{path} holds the channels {', '.join(sorted(channels))}; expected R, G and B")
     return np.stack([channels[c] for c in "RGB"], axis=-1).astype(np.float32)
+
+
+def _exr_pixels(path: Path, header: dict[str, Any], exr: Any) -> int:
+    """Pixels of a part, counted anew for every three channels. Raises ValueError for too many, or deep ones."""
+    if header.get("type") not in (None, exr.scanlineimage, exr.tiledimage):
+        raise ValueError(f"{path} holds deep pixels; expected a flat picture")
+    try:
+        (left, top), (right, bottom) = (map(int, corner) for corner in header["dataWindow"])
+        layers = -(-len(header["channels"]) // 3)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is not an OpenEXR picture that can be read: its header is damaged") from error
+    width, height = right - left + 1, bottom - top + 1
+    check_pixels(path, width, height, max(layers, 1))
+    return width * height * layers
 
 
 def _rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:

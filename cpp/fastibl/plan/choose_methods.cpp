@@ -1,7 +1,9 @@
 #include "fastibl/plan/choose_methods.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace fastibl {
 namespace {
@@ -16,6 +18,47 @@ void for_each(const MeasuredErrors& errors, Visit&& visit) {
       for (std::size_t s = 0; s < c.self_shadow.size(); ++s)
         for (std::size_t b = 0; b < c.bounce.size(); ++b)
           for (std::size_t sh = 0; sh < c.shadow.size(); ++sh) visit(Combination{d, g, s, sh, b});
+}
+
+// Only with the best of the shadows, for each bounce.
+template <typename Visit>
+void for_each_best(const MeasuredErrors& errors, Visit&& visit) {
+  const Candidates& c = errors.candidates;
+  for (std::size_t b = 0; b < c.bounce.size(); ++b) {
+    Combination at;
+    at.bounce = b;
+    std::size_t best = 0;
+    for (at.shadow = 0; at.shadow < c.shadow.size(); ++at.shadow) {
+      Combination other = at;
+      other.shadow = best;
+      if (errors.plane_at(at) < errors.plane_at(other)) best = at.shadow;
+    }
+    at.shadow = best;
+    for (at.diffuse = 0; at.diffuse < c.diffuse.size(); ++at.diffuse)
+      for (at.glossy = 0; at.glossy < c.glossy.size(); ++at.glossy)
+        for (at.self_shadow = 0; at.self_shadow < c.self_shadow.size(); ++at.self_shadow) visit(at);
+  }
+}
+
+// Those that the methods name; nothing where one of them is no candidate.
+std::optional<Combination> combination_of(const Candidates& c, const Methods& m) {
+  const auto find = [](const auto& list, const auto& is) {
+    return std::size_t(std::find_if(list.begin(), list.end(), is) - list.begin());
+  };
+  const auto same = [](const auto& method, const auto& settings) {
+    return [&](const auto& one) { return one.method == method && one.settings == settings; };
+  };
+  const auto equals = [](const auto& value) {
+    return [&](const auto& one) { return one == value; };
+  };
+  const Combination at{
+      find(c.diffuse, same(m.diffuse, m.diffuse_settings)),
+      find(c.glossy, same(m.glossy, m.glossy_settings)), find(c.self_shadow, equals(m.self_shadow)),
+      find(c.shadow, same(m.shadow, m.shadow_settings)), find(c.bounce, equals(m.bounce))};
+  const bool all = at.diffuse < c.diffuse.size() && at.glossy < c.glossy.size() &&
+                   at.self_shadow < c.self_shadow.size() && at.shadow < c.shadow.size() &&
+                   at.bounce < c.bounce.size();
+  return all ? std::optional(at) : std::nullopt;
 }
 
 }  // namespace
@@ -53,10 +96,16 @@ Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const 
            std::sqrt(errors.object_worst[errors.index(at)] + errors.plane_at(at));
   };
   double best = std::numeric_limits<double>::infinity(), best_assured = best;
-  for_each(errors, [&](const Combination& at) {
+  for_each_best(errors, [&](const Combination& at) {
     best = std::min(best, error(at));
     best_assured = std::min(best_assured, assured(at));
   });
+  if (options.settled && options.keep)
+    if (const auto at = combination_of(c, *options.keep)) {
+      const Methods m = with(*at);
+      if (m == *options.keep)
+        return {m, *at, error(*at), assured(*at), best, best_assured, milliseconds(m)};
+    }
   // Within reach: what the budget allows, or where that is less than any leaves, as good as the
   // best.
   const double bar = options.error > 0 && best_assured <= options.error ? 0 : kAsGood * best;
@@ -75,7 +124,6 @@ Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const 
   for_each(errors, [&](const Combination& at) {
     const Methods m = with(at);
     const bool is_kept = options.keep && m == *options.keep;
-    if (options.settled && options.keep && !is_kept) return;
     const double e = error(at), ms = milliseconds(m), sure = assured(at);
     const bool good = bar > 0 ? e <= bar : sure <= options.error;
     const bool quick = options.milliseconds == 0 ||
@@ -89,8 +137,7 @@ Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const 
     if (rank < first) choice = here, first = rank;
   });
   constexpr double kWorthIt = 0.8;
-  const bool stays =
-      last.group == first.group && (options.settled || kWorthIt * last.value <= first.value);
+  const bool stays = last.group == first.group && kWorthIt * last.value <= first.value;
   if (stays) choice = kept;
   choice.best_error = best, choice.best_assured = best_assured;
   return choice;

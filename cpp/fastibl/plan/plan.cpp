@@ -142,19 +142,19 @@ bool Plan::includes(PassId id) const {
 }
 
 double Plan::expected_error() const {
-  double sum = picture_error ? *picture_error * *picture_error : 0;
+  if (picture_error) return *picture_error;
+  double sum = 0;
   for (const PlannedPass& p : passes)
-    if (p.included && p.error && (!picture_error || p.pass.id == PassId::capture))
-      sum += *p.error * *p.error;
+    if (p.included && p.error && p.pass.id != PassId::capture) sum += *p.error * *p.error;
   return std::sqrt(sum);
 }
 
-double Plan::assured_error() const {
-  if (!picture_error) return expected_error();
-  double sum = picture_assured * picture_assured;
+double Plan::assured_error() const { return picture_error ? picture_assured : expected_error(); }
+
+std::optional<double> Plan::light_error() const {
   for (const PlannedPass& p : passes)
-    if (p.included && p.error && p.pass.id == PassId::capture) sum += *p.error * *p.error;
-  return std::sqrt(sum);
+    if (p.included && p.pass.id == PassId::capture) return p.error;
+  return std::nullopt;
 }
 
 bool Plan::meets_error() const { return error_budget == 0 || assured_error() <= error_budget; }

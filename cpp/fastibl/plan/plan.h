@@ -39,8 +39,11 @@ struct Plan {
   double picture_assured = 0, best_assured = 0;  // the same that errors are hardly ever beyond
   double milliseconds = 0;  // of a frame, by the cost table, of the passes that run in every one
   bool includes(PassId id) const;
-  // picture_error, else the root of the sum of squares of the known ones; and with that of capture.
+  // Against the truth of the same map: picture_error, else the root of the sum of squares of the
+  // known ones.
   double expected_error() const;
+  // That of a captured map's irradiance, which is no part of the budget: no method makes it less.
+  std::optional<double> light_error() const;
   double omission_bound() const;  // sum over the passes left out
   // What the picture's error is not expected to exceed, whatever the view.
   double assured_error() const;

@@ -31,8 +31,7 @@ void share_at_seams(const Mesh& mesh, const std::vector<glm::vec3>& normals,
 
 // The directions that the object blocks, at vertices that are close enough together for them. P_V
 // stays what it was, interpolated: the paper's method is not changed by it.
-void add_directions(const SceneOptions& options, Scene& scene) {
-  const bool backs = !is_closed(scene.mesh);
+void add_directions(const SceneOptions& options, bool backs, Scene& scene) {
   RefineOptions finer;
   finer.backs = backs;
   if (!options.refine) finer.most_vertices = 0;
@@ -93,8 +92,11 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
   }
   if (options.bake_shadow)
     scene.baked_shadow = std::make_shared<const MeshShadow>(*MeshShadow::bake(mesh));
+  const bool closed = is_closed(mesh);
+  scene.fronts_only = closed && faces_outwards(mesh);
   scene.mesh = std::move(mesh);
-  if (options.visibility_rays > 0 && options.direction_cells != 0) add_directions(options, scene);
+  if (options.visibility_rays > 0 && options.direction_cells != 0)
+    add_directions(options, !closed, scene);
   scene.tangents = vertex_tangents(scene.mesh, scene.normals);
   scene.material = material;
   scene.marker_from_object = marker_from_object;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <utility>
 
 #include "fastibl/core/check.h"
@@ -59,11 +60,41 @@ void Mesh::validate() const {
             " has vertex index ", triangles[i][c], ", expected 0 to ", vertices.size() - 1);
 }
 
-bool is_closed(const Mesh& mesh) {
+namespace {
+
+// One number for all vertices at one place.
+std::vector<int> places_of(const Mesh& mesh) {
   std::map<std::array<float, 3>, int> places;
   std::vector<int> place;
   for (const glm::vec3& v : mesh.vertices)
     place.push_back(places.try_emplace({v.x, v.y, v.z}, int(places.size())).first->second);
+  return place;
+}
+
+// The parts of a mesh that hang together, by their lowest place.
+class Parts {
+ public:
+  explicit Parts(std::size_t places) : above_(places) {
+    std::iota(above_.begin(), above_.end(), 0);
+  }
+  int of(int place) {
+    while (above_[std::size_t(place)] != place)  // halves the way for the next
+      place = above_[std::size_t(place)] = above_[std::size_t(above_[std::size_t(place)])];
+    return place;
+  }
+  void join(int a, int b) {
+    a = of(a), b = of(b);
+    above_[std::size_t(std::max(a, b))] = std::min(a, b);
+  }
+
+ private:
+  std::vector<int> above_;
+};
+
+}  // namespace
+
+bool is_closed(const Mesh& mesh) {
+  const std::vector<int> place = places_of(mesh);
   std::map<std::pair<int, int>, int> edges;  // times that it runs upwards, less downwards
   for (const glm::ivec3& t : mesh.triangles)
     for (int k = 0; k < 3; ++k) {
@@ -71,6 +102,23 @@ bool is_closed(const Mesh& mesh) {
       if (a != b) edges[{std::min(a, b), std::max(a, b)}] += a < b ? 1 : -1;
     }
   return std::all_of(edges.begin(), edges.end(), [](const auto& edge) { return edge.second == 0; });
+}
+
+bool faces_outwards(const Mesh& mesh) {
+  const std::vector<int> place = places_of(mesh);
+  Parts parts(place.size());
+  for (const glm::ivec3& t : mesh.triangles)
+    for (int k = 1; k < 3; ++k) parts.join(place[std::size_t(t[0])], place[std::size_t(t[k])]);
+  const glm::dvec3 centre = bounds(mesh.vertices).centre();  // digits
+  std::map<int, double> volumes;                             // six times
+  for (const glm::ivec3& t : mesh.triangles) {
+    glm::dvec3 corner[3];
+    for (int k = 0; k < 3; ++k) corner[k] = glm::dvec3(mesh.vertices[std::size_t(t[k])]) - centre;
+    volumes[parts.of(place[std::size_t(t[0])])] +=
+        glm::dot(corner[0], glm::cross(corner[1], corner[2]));
+  }
+  return std::all_of(volumes.begin(), volumes.end(),
+                     [](const auto& part) { return part.second >= 0; });
 }
 
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {

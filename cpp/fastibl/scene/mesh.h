@@ -23,6 +23,9 @@ struct Mesh {
 // Whether triangles leave no edge free, so that no back of one can be seen from outside: each edge
 // runs one way as often as the other. Vertices at one place count as one.
 bool is_closed(const Mesh& mesh);
+// Of a closed mesh: whether each of its parts runs counter-clockwise as it should, so that from
+// outside only fronts are seen.
+bool faces_outwards(const Mesh& mesh);
 
 // Unit normals of the vertices: those given, else weighted by the angle of each triangle there; +z
 // where none is defined.

@@ -24,7 +24,8 @@ struct Scene {
   std::shared_ptr<const Mesh> given;  // null: `mesh` is
   Material material;
   Pose marker_from_object;
-  std::vector<glm::vec3> normals;   // one a vertex, unit
+  bool fronts_only = false;        // from outside no back of a triangle is seen: see faces_outwards
+  std::vector<glm::vec3> normals;  // one a vertex, unit
   std::vector<glm::vec4> tangents;  // one a vertex, see vertex_tangents
   std::vector<float> visibility;    // P_V of Eq. 8, one a vertex in [0, 1]
   // Directions that the object blocks, of an open mesh on both sides; null: none that is known.

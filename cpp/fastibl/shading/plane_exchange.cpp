@@ -17,8 +17,11 @@ constexpr int kMostCells = 128;
 constexpr int kBlock = 64;       // vertices that one thread works out at a time
 constexpr double kSlack = 1e-3;  // of the object's size; radians
 
-// Three colours in four lanes: one product each.
-Float4 wide(const float* rgb) { return Float4{rgb[0], rgb[1], rgb[2], 0}; }
+// Three colours in four lanes: one product for all.
+struct Colour {
+  Float4 lanes{};
+};
+Colour colour(const float* rgb) { return {Float4{rgb[0], rgb[1], rgb[2], 0}}; }
 
 bool finite(glm::vec2 v) { return std::isfinite(v.x) && std::isfinite(v.y); }
 
@@ -142,14 +145,15 @@ std::optional<PlaneMotion> PlaneExchange::motion(const Pose& marker_from_object)
 Image<float> PlaneExchange::onto_plane(std::span<const glm::vec3> exitance) const {
   check(exitance.size() == areas_.size(), "there must be an exitance for each of the ",
         areas_.size(), " vertices, got ", exitance.size());
-  std::vector<Float4> sums(std::size_t(cells_) * std::size_t(cells_), Float4{});
+  std::vector<Colour> sums(std::size_t(cells_) * std::size_t(cells_));
   for (std::size_t v = 0; v < areas_.size(); ++v) {
-    const Float4 sent = areas_[v] * wide(&exitance[v].x);
-    for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) sums[cell_[i]] += shares_[i] * sent;
+    const Float4 sent = areas_[v] * colour(&exitance[v].x).lanes;
+    for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i)
+      sums[cell_[i]].lanes += shares_[i] * sent;
   }
   Image<float> out(cells_, cells_, 3);
   for (std::size_t i = 0; i < sums.size(); ++i)
-    for (int c = 0; c < 3; ++c) out.data[3 * i + std::size_t(c)] = sums[i][c];
+    for (int c = 0; c < 3; ++c) out.data[3 * i + std::size_t(c)] = sums[i].lanes[c];
   return out;
 }
 
@@ -158,12 +162,13 @@ std::vector<glm::vec3> PlaneExchange::onto_object(const Image<float>& exitance) 
         "the plane's exitance must be ", cells_, " × ", cells_, " RGB, got ", exitance.width, " × ",
         exitance.height);
   std::vector<glm::vec3> out(areas_.size(), glm::vec3(0));
-  std::vector<Float4> sent(std::size_t(cells_) * std::size_t(cells_));
-  for (std::size_t i = 0; i < sent.size(); ++i) sent[i] = wide(&exitance.data[3 * i]);
+  std::vector<Colour> sent(std::size_t(cells_) * std::size_t(cells_));
+  for (std::size_t i = 0; i < sent.size(); ++i) sent[i] = colour(&exitance.data[3 * i]);
   parallel_for(int(areas_.size()), 1024, [&](int begin, int end) {
     for (std::size_t v = std::size_t(begin); v < std::size_t(end); ++v) {
       Float4 sum{};
-      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) sum += shares_[i] * sent[cell_[i]];
+      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i)
+        sum += shares_[i] * sent[cell_[i]].lanes;
       out[v] = {sum[0], sum[1], sum[2]};
     }
   });

@@ -15,6 +15,16 @@ constexpr int kBand = 16;              // rows that one thread fills at a time
 constexpr double kFarthest = 1 << 21;  // pixels: beyond, fixed-point edges would overflow
 constexpr int kVertices = 1024;        // that one thread takes at a time
 
+// In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
+bool is_back(const PictureCorner& a, const PictureCorner& b, const PictureCorner& c) {
+  return edge(a, b, c.x, c.y) > 0;
+}
+
+bool is_inside(const Bounds& box, glm::dvec3 p) {
+  return glm::all(glm::greaterThanEqual(p, glm::dvec3(box.lower))) &&
+         glm::all(glm::lessThanEqual(p, glm::dvec3(box.upper)));
+}
+
 // Shares of a triangle's three corners at a point of the picture, perspective-correct.
 glm::vec3 corner_weights(const PictureCorner& a, const PictureCorner& b, const PictureCorner& c,
                          std::int64_t px, std::int64_t py) {
@@ -33,8 +43,9 @@ struct Rasterizer::Geometry {
   const Mesh& holdout;                     // may be empty
   std::span<const glm::vec4> back_shares;  // may be empty
   std::span<const glm::vec4> holdout_ratios;
-  bool surface;   // tangents are asked for
-  bool textured;  // places on the textures are
+  bool fronts_only;  // backs of the object's triangles are hidden
+  bool surface;      // tangents are asked for
+  bool textured;     // places on the textures are
 
   // Vertices and triangles of the holdouts follow the object's.
   std::size_t own() const { return scene.mesh.vertices.size(); }
@@ -101,6 +112,7 @@ void Rasterizer::sort_triangles(const Geometry& g, int bands) {
     const PictureCorner &a = corners_[std::size_t(index[0])], &b = corners_[std::size_t(index[1])],
                         &c = corners_[std::size_t(index[2])];
     if (!a.valid || !b.valid || !c.valid) continue;
+    if (g.fronts_only && i < g.own_triangles() && is_back(a, b, c)) continue;
     const int y0 = std::max(int(std::min({a.y, b.y, c.y}) / kSubpixel) - top_, 0) / kBand;
     const int y1 = std::min(int(std::max({a.y, b.y, c.y}) / kSubpixel), bottom_) - top_;
     for (int band = y0; band <= y1 / kBand && y1 >= 0; ++band)
@@ -132,8 +144,7 @@ void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, s
   const Float16 mean = w.x * at[0] + w.y * at[1] + w.z * at[2];
   Varying v;
   std::memcpy(&v, &mean, sizeof v);
-  // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
-  if (edge(a, b, c.x, c.y) > 0) {
+  if (!g.fronts_only && is_back(a, b, c)) {
     v.normal = -v.normal;
     if (!g.back_shares.empty())
       v.share = w.x * g.back_shares[i[0]] + w.y * g.back_shares[i[1]] + w.z * g.back_shares[i[2]];
@@ -152,26 +163,73 @@ void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, s
   }
 }
 
+namespace {
+
+constexpr float kSmooth = 0.9f;  // cosine between normals that one shading stands for
+
+bool share_corner(glm::ivec3 a, glm::ivec3 b) {
+  for (int k = 0; k < 3; ++k)
+    if (a[k] == b.x || a[k] == b.y || a[k] == b.z) return true;
+  return false;
+}
+
+// Means by coverage.
+void merge(const Fragment& other, Fragment& into) {
+  const float coverage = into.coverage + other.coverage, part = other.coverage / coverage;
+  into.coverage = coverage;
+  into.position += part * (other.position - into.position);
+  into.normal += part * (other.normal - into.normal);
+  into.normal /= glm::length(into.normal);
+  into.share += part * (other.share - into.share);
+  into.uv += part * (other.uv - into.uv);
+}
+
+}  // namespace
+
+// Triangles that share a vertex and turn but little are one surface, which is shaded once. shown:
+// the triangles of a pixel's fragments.
+bool Rasterizer::merge_last(const Geometry& g, std::span<const int> shown,
+                            std::span<Fragment> fragments) const {
+  const Fragment& last = fragments.back();
+  const glm::ivec3 corners = g.corners_of(std::size_t(shown.back()));
+  for (std::size_t i = 0; i + 1 < fragments.size(); ++i)
+    if (share_corner(corners, g.corners_of(std::size_t(shown[i]))) &&
+        glm::dot(fragments[i].normal, last.normal) >= kSmooth) {
+      merge(last, fragments[i]);
+      return true;
+    }
+  return false;
+}
+
 // Once a triangle, at the middle of the samples that it covers.
 void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, FragmentBand& band) const {
   const SampleCell* cell = window.cells;
+  int shown[kSamples];
   for (int y = window.top; y <= window.bottom; ++y)
-    for (int x = window.left; x <= window.right; ++x, ++cell)
+    for (int x = window.left; x <= window.right; ++x, ++cell) {
+      const std::array<std::int32_t, kSamples>& triangles = cell->triangle;
+      const std::size_t first = band.object.size();
       for (std::size_t s = 0; s < kSamples; ++s) {
-        const int t = cell->triangle[s];
+        const int t = triangles[s];
         if (t < 0) continue;
-        int count = 0;
+        int count = 0, px = 0, py = 0;
         bool before = false;
-        std::int64_t px = 0, py = 0;
         for (std::size_t k = 0; k < kSamples; ++k) {
-          if (cell->triangle[k] != t) continue;
+          if (triangles[k] != t) continue;
           before = before || k < s;
           px += kSampleX[k], py += kSampleY[k], ++count;
         }
-        if (!before)
-          add(g, t, x, y, count, std::int64_t{x} * kSubpixel + px / count,
-              std::int64_t{y} * kSubpixel + py / count, band);
+        if (before) continue;
+        add(g, t, x, y, count, std::int64_t{x} * kSubpixel + px / count,
+            std::int64_t{y} * kSubpixel + py / count, band);
+        if (count == kSamples) break;
+        if (std::size_t(t) >= g.own_triangles()) continue;
+        const std::size_t fragments = band.object.size() - first;
+        shown[fragments - 1] = t;
+        if (fragments > 1 && merge_last(g, {shown, fragments}, {&band.object[first], fragments}))
+          band.object.pop_back();
       }
+    }
 }
 
 std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& camera,
@@ -187,11 +245,13 @@ std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Ca
   check(holdout_ratios.empty() || holdout_ratios.size() == holdout.vertices.size(),
         "there must be a ratio for each vertex of the holdouts, ", holdout.vertices.size(),
         ", got ", holdout_ratios.size());
+  const glm::dvec3 eye = (camera_from_marker * scene.marker_from_object).inverse().translation;
   const Geometry geometry{scene,
                           camera,
                           holdout,
                           light_shares.subspan(std::min(own, light_shares.size())),
                           holdout_ratios,
+                          scene.fronts_only && !is_inside(bounds(scene.mesh.vertices), eye),
                           !scene.tangents.empty() && scene.material.pbr != nullptr,
                           !scene.mesh.uvs.empty() && scene.material.textured()};
   project(geometry, camera_from_marker);

@@ -11,7 +11,8 @@
 
 namespace fastibl {
 
-// The part of a pixel that one triangle covers; several may share a pixel.
+// The part of a pixel that one surface covers: a triangle, with those that share a vertex with it
+// and turn but little. Several may share a pixel.
 struct Fragment {
   int x, y;
   float coverage;      // in quarters
@@ -63,6 +64,8 @@ class Rasterizer {
   void resolve(const Geometry& geometry, const SampleWindow& window, FragmentBand& band) const;
   void add(const Geometry& geometry, int triangle, int x, int y, int count, std::int64_t px,
            std::int64_t py, FragmentBand& band) const;
+  bool merge_last(const Geometry& geometry, std::span<const int> shown,
+                  std::span<Fragment> fragments) const;
 
   std::vector<PictureCorner> corners_;          // of the object's vertices, then of the holdouts'
   std::vector<Varying> varyings_;               // of the object's vertices

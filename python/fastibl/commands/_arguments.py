@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .._fastibl import Board, Mesh
+    from .._fastibl import Board, Mesh, Response
 
 
 def picture_size(text: str) -> tuple[int, int]:
@@ -29,6 +29,19 @@ def positive(text: str) -> float:
     if not (value > 0 and math.isfinite(value)):
         raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
     return value
+
+
+def response(text: str) -> Response:
+    """ "srgb", or the exponent of a power curve."""
+    from .._fastibl import Response
+
+    return Response.srgb() if text == "srgb" else Response.gamma(positive(text))
+
+
+def add_response(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "--response", type=response, metavar="CURVE", help='of a .png or .jpg map: "srgb" or an exponent, as 2.2'
+    )
 
 
 def device(text: str) -> int | str:

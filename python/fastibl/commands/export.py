@@ -5,7 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ._arguments import parser
+from ..axes import HANDEDNESS, NAMES
+from ..environment_files import LAYOUTS
+from ..export import FORMATS
+from ..sh_files import CONVENTIONS
+from ._arguments import add_response, parser
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -14,23 +18,39 @@ def add(commands: argparse._SubParsersAction) -> None:
         "export",
         run,
         "write spherical harmonics, irradiance and prefiltered levels of a map for another renderer",
-        "fastibl export venice_sunset_1k.hdr --out light --size 256 --format exr",
+        "fastibl export venice_sunset_1k.hdr --out light --format ktx2 --sh filament --gltf --usd",
     )
-    p.add_argument("environment", type=Path, metavar="MAP", help="equirectangular .hdr or .exr, or cube faces")
+    p.add_argument(
+        "environment", type=Path, metavar="MAP", help=".hdr, .exr, .ktx2, .dds, or .png, .jpg with --response"
+    )
     p.add_argument("--out", type=Path, default=Path("light"), help="folder to write (default: %(default)s)")
-    p.add_argument("--axes", choices=("gltf", "marker"), default="gltf", help="y up or z up (default: %(default)s)")
-    p.add_argument(
-        "--map-axes", choices=("marker", "gltf"), default="marker", help="those of the map (default: %(default)s)"
-    )
-    p.add_argument("--size", type=int, default=128, help="face edge of the sharpest level (default: %(default)s)")
-    p.add_argument("--levels", type=int, default=7, help="of the GGX set (default: %(default)s)")
-    p.add_argument(
+    p.add_argument("--axes", choices=NAMES, default="gltf", help="y up or z up (default: %(default)s)")
+    p.add_argument("--map-axes", choices=NAMES, default="marker", help="those of the map (default: %(default)s)")
+    add_response(p)
+    p.add_argument("--irradiance", type=int, default=16, help="face edge of the irradiance (default: %(default)s)")
+
+    levels = p.add_argument_group("prefiltered levels")
+    levels.add_argument("--size", type=int, default=128, help="face edge of the sharpest (default: %(default)s)")
+    levels.add_argument("--levels", type=int, default=7, help="of the GGX set (default: %(default)s)")
+    levels.add_argument(
         "--mapping", choices=("gltf", "filament"), default="gltf", help="of levels to roughness (default: %(default)s)"
     )
-    p.add_argument("--irradiance", type=int, default=16, help="face edge of the irradiance (default: %(default)s)")
-    p.add_argument("--format", choices=("hdr", "exr"), default="hdr", help="default: %(default)s")
-    p.add_argument("--layout", choices=("strip", "faces", "cross"), default="strip", help="default: %(default)s")
-    p.add_argument("--error", type=float, default=0.002, help="of a level that maps stay below (default: %(default)s)")
+    levels.add_argument("--error", type=float, default=0.002, help="that maps stay below (default: %(default)s)")
+
+    files = p.add_argument_group("files", "light.json, which is always written, says what is in them")
+    files.add_argument(
+        "--format", choices=FORMATS, default="hdr", help="pictures, or one KTX 2 cube with its levels (default: hdr)"
+    )
+    files.add_argument("--layout", choices=LAYOUTS[1:], default="strip", help="of cubes in pictures (default: strip)")
+    files.add_argument(
+        "--handedness", choices=HANDEDNESS, default="left",
+        help="of KTX 2 cubes: left, as three.js and Babylon.js look them up, or right, by (x, y, z) (default: left)",
+    )  # fmt: skip
+    files.add_argument(
+        "--sh", nargs="+", choices=CONVENTIONS, default=(), help="also nine spherical harmonics as these take them"
+    )
+    files.add_argument("--gltf", action="store_true", help="also light.glb, a glTF scene with EXT_lights_image_based")
+    files.add_argument("--usd", action="store_true", help="also light.usda, an OpenUSD dome light")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -39,7 +59,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.size < 1:
         raise ValueError(f"size must be at least 1, got {arguments.size}")
-    cube = read_environment(arguments.environment, size=arguments.size, axes=arguments.map_axes)
+    cube = read_environment(
+        arguments.environment, size=arguments.size, axes=arguments.map_axes, response=arguments.response
+    )
     manifest = export_light(
         cube,
         arguments.out,
@@ -51,10 +73,15 @@ def run(arguments: argparse.Namespace) -> int:
         format=arguments.format,
         layout=arguments.layout,
         error=arguments.error,
+        handedness=arguments.handedness,
+        sh=arguments.sh,
+        gltf=arguments.gltf,
+        usd=arguments.usd,
     )
     levels = manifest["prefiltered"]["levels"]
     print(
         f"wrote {arguments.out / 'light.json'}: 9 spherical harmonics, irradiance at {arguments.irradiance}^2, "
         f"{len(levels)} GGX levels from {levels[0]['size']}^2, {len(manifest['lights'])} lights"
+        + "".join(f", {name}" for name in manifest["also"])
     )
     return 0

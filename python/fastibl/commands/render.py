@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ._arguments import add_object, object_of, parser
+from ._arguments import add_object, add_response, object_of, parser
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -18,7 +18,10 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     made.add_argument("recording", type=Path, help="folder of a recording")
     add_object(made)
-    made.add_argument("--environment", type=Path, help="light by this .hdr instead of capturing")
+    made.add_argument(
+        "--environment", type=Path, help="light by this map (.hdr, .exr, .ktx2, .dds, .png, .jpg) instead of capturing"
+    )
+    add_response(made)
     made.add_argument("--diffuse", type=float, default=0.7, help="k_L (default: %(default)s)")
     made.add_argument("--glossy", type=float, default=0.1, help="k_G (default: %(default)s)")
     made.add_argument("--exponent", type=float, default=64.0, help="of the glossy lobe (default: %(default)s)")
@@ -38,7 +41,9 @@ def run(arguments: argparse.Namespace) -> int:
     recording = Recording.open(arguments.recording)
     material = Material([arguments.diffuse] * 3, [arguments.glossy] * 3, arguments.exponent)
     scene = Scene(object_of(arguments), material)
-    environment = None if arguments.environment is None else read_environment(arguments.environment)
+    environment = None
+    if arguments.environment is not None:
+        environment = read_environment(arguments.environment, response=arguments.response)
     session = Session(
         scene,
         recording.rig,

@@ -1,0 +1,106 @@
+"""DDS files (.dds): cube maps of floats with their MIP levels.
+
+Microsoft, Programming Guide for DDS, https://learn.microsoft.com/windows/win32/direct3ddds/dx-graphics-dds-pguide.
+Faces and levels here are as they lie in the file: +x -x +y -y +z -z, row 0 on top. Plain texels are read here, as no
+kept library does; BC6H by OpenImageIO.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import texels
+from .file_limits import check_pixels, file_bytes
+
+_HEADER = struct.Struct("<4s7I44x2I4s5I5I")
+_DX10 = struct.Struct("<5I")
+_DXGI = {
+    2: "rgba32f",
+    6: "rgb32f",
+    10: "rgba16f",
+    26: "r11g11b10f",
+    67: "rgb9e5",
+    95: "bc6h",
+    96: "bc6h",
+}  # DXGI_FORMAT
+_D3D9 = {113: "rgba16f", 116: "rgba32f"}  # D3DFORMAT in place of a FourCC
+_CUBE, _ALL_FACES, _DX10_CUBE = 0x200, 0xFC00, 0x4
+
+
+def read_dds(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
+    """Levels of a cube map, faces (6, n, n, 3) float32 each, from the largest.
+
+    Half, float, R11G11B10 and RGB9E5 texels; of BC6H, the largest level alone. Raises FileNotFoundError, ValueError for
+    what is no such file, or damaged, ImportError for BC6H without OpenImageIO.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"no DDS file at {path}")
+    data = file_bytes(path)
+    name, size, count, at = _described(data, path)
+    sizes = [max(1, size >> k) for k in range(count)]
+    lengths = [_bytes(n, name) for n in sizes]
+    if len(data) < at + 6 * sum(lengths):
+        raise ValueError(f"{path} is cut off: expected {at + 6 * sum(lengths)} bytes, got {len(data)}")
+    if name == "bc6h":
+        return [_read_bc6h(path, size)]
+    out = []
+    for n, length in zip(sizes, lengths, strict=True):
+        starts = range(at, at + 6 * sum(lengths), sum(lengths))  # face by face, each with its levels
+        out.append(np.stack([texels.decode(data[begin : begin + length], name, (n, n)) for begin in starts]))
+        at += length
+    return out
+
+
+def _described(data: bytes, path: Path) -> tuple[str, int, int, int]:
+    """Kind of texels, face edge, number of levels, and where the texels begin, of a cube map's header."""
+    if len(data) < _HEADER.size or data[:4] != b"DDS ":
+        raise ValueError(f"{path} is no DDS file")
+    fields = _HEADER.unpack_from(data)
+    height, width, count = fields[3], fields[4], max(fields[7], 1)
+    four, bits, sides = fields[10], fields[11], fields[17]
+    at = _HEADER.size
+    if four == b"DX10":
+        if len(data) < at + _DX10.size:
+            raise ValueError(f"{path} is cut off within its header")
+        code, _, misc, many, _ = _DX10.unpack_from(data, at)
+        at += _DX10.size
+        cube, name, said = bool(misc & _DX10_CUBE) and many == 1, _DXGI.get(code), f"DXGI_FORMAT {code}"
+    else:
+        code = struct.unpack("<I", four)[0]
+        cube, name = bool(sides & _CUBE) and sides & _ALL_FACES == _ALL_FACES, _D3D9.get(code)
+        said = f"FourCC {four!r}" if code else f"{bits} bits, not float"
+    if not cube or width != height:
+        raise ValueError(f"{path} is no cube map of six square faces ({width} x {height})")
+    if name is None:
+        raise ValueError(f"{path} holds texels of {said}; float formats are read: {', '.join(texels.BYTES)}, bc6h")
+    check_pixels(path, width, height, 8)  # six faces and their levels
+    if count > width.bit_length():
+        raise ValueError(f"{path} says that it has {count} levels from faces of {width} texels")
+    return name, width, count, at
+
+
+def _bytes(n: int, name: str) -> int:
+    """Of one face n texels wide."""
+    if name == "bc6h":
+        return 16 * (-(-n // 4)) ** 2  # blocks of 4 x 4
+    return n * n * texels.BYTES[name]
+
+
+def _read_bc6h(path: Path, n: int) -> NDArray[np.float32]:
+    try:
+        import OpenImageIO
+    except ImportError as error:
+        raise ImportError(f"{path} holds BC6H texels: pip install fastibl[dds]") from error
+    file = OpenImageIO.ImageInput.open(str(path))
+    if file is None:
+        raise ValueError(f"{path} is damaged: {OpenImageIO.geterror()}")
+    strip = file.read_image(0, 0, 0, 3, "float")  # faces one below the other
+    if strip is None or strip.shape != (6 * n, n, 3):
+        raise ValueError(f"{path} is damaged: {file.geterror()}")
+    return np.ascontiguousarray(strip, np.float32).reshape(6, n, n, 3)

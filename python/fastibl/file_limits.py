@@ -1,0 +1,32 @@
+"""What files may ask for: none is read that would take more memory than a large real one does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+MOST_BYTES = 2**31  # of a file
+MOST_PIXELS = 2**27  # of a picture: 16384 x 8192, 1.5 GiB as float RGB; of all faces and levels of a cube
+MOST_TRIANGLES = 2**26  # of a mesh
+MOST_VERTICES = 2**27
+
+
+def file_bytes(path: Path) -> bytes:
+    """All of a file. Raises ValueError for one that is larger than `MOST_BYTES`."""
+    check_file_size(path)
+    return path.read_bytes()
+
+
+def check_file_size(path: Path) -> None:
+    """Raises ValueError for a file that is larger than `MOST_BYTES`."""
+    size = path.stat().st_size
+    if size > MOST_BYTES:
+        raise ValueError(f"{path} has {size} bytes; files of up to {MOST_BYTES} bytes are read")
+
+
+def check_pixels(path: Path | str, width: int, height: int, layers: int = 1) -> None:
+    """Raises ValueError for a picture without pixels, or with more than `MOST_PIXELS`."""
+    if width < 1 or height < 1:
+        raise ValueError(f"{path} says that it is {width} x {height}, which is no picture")
+    if width * height * layers > MOST_PIXELS:
+        many = f" in {layers} layers" if layers != 1 else ""
+        raise ValueError(f"{path} says that it is {width} x {height}{many}; up to {MOST_PIXELS} pixels are read")

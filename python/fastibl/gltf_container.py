@@ -1,0 +1,127 @@
+"""What a glTF 2.0 file (.glb, .gltf) is made of: JSON, bytes, and the tree of nodes; bounded, whatever it claims."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .file_limits import MOST_BYTES, MOST_VERTICES, file_bytes
+
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+# What reading a file raises where its JSON is not what glTF says.
+DAMAGES = (
+    KeyError, IndexError, TypeError, AttributeError, OverflowError, RecursionError, struct.error, UnicodeDecodeError,
+    OSError,
+)  # fmt: skip
+
+
+class Container:
+    """json: content of the file. chunk: bytes of a .glb's second part. Raises ValueError for what is not glTF 2."""
+
+    def __init__(self, path: Path):
+        self.path, data = path, file_bytes(path)
+        self.chunk = b""
+        self._read = len(data)
+        if data[:4] == b"glTF":
+            data, self.chunk = _chunks(data)
+        self.json = json.loads(data)
+        if not isinstance(self.json, dict):
+            raise ValueError("it is no glTF file")
+        version = self.json.get("asset", {}).get("version", "")
+        if not str(version).startswith("2"):
+            raise ValueError(f"expected glTF 2, got version {version}")
+
+    def bytes(self, uri: str | None) -> bytes:
+        """What a uri names: without one, the chunk of a .glb; else data in the uri itself, or a file in the folder.
+
+        Raises ValueError for a uri that leaves the folder, and for more than fastibl.file_limits allows.
+        """
+        if uri is None:
+            return self.chunk
+        if uri.startswith("data:"):
+            return base64.b64decode(uri.partition(",")[2])
+        folder = self.path.parent.resolve()
+        file = (folder / unquote(uri)).resolve()
+        if not file.is_relative_to(folder):
+            raise ValueError(f"it names {uri}, which is outside of its folder")
+        if not file.is_file():
+            raise ValueError(f"it names {uri}, which is not there")
+        data = file_bytes(file)
+        self._read += len(data)
+        if self._read > MOST_BYTES:
+            raise ValueError(f"its files have more than {MOST_BYTES} bytes together")
+        return data
+
+    def nodes(self) -> Iterator[tuple[dict[str, Any], NDArray[np.float64]]]:
+        """Nodes of the scene, each once, with the matrix (4, 4) that takes it to the scene.
+
+        Raises ValueError where they form no tree: glTF forbids it, and two children each would double at every step.
+        """
+        every, scenes = self.json.get("nodes", []), self.json.get("scenes")
+        if scenes:
+            roots = scenes[self.json.get("scene", 0)].get("nodes", [])
+        else:
+            roots = sorted(set(range(len(every))) - {c for node in every for c in node.get("children", ())})
+        todo, seen = [(root, np.eye(4)) for root in roots], set()
+        while todo:
+            index, parent = todo.pop()
+            if index in seen:
+                raise ValueError("its nodes form a ring, or one has two parents")
+            seen.add(index)
+            here = parent @ _transform(every[index])
+            todo += [(child, here) for child in every[index].get("children", ())]
+            yield every[index], here
+
+
+def check(path: Path) -> None:
+    """Raises ValueError for a file whose meshes ask for more than fastibl.file_limits allows, or leave its folder."""
+    try:
+        container = Container(path)
+        accessors = container.json.get("accessors", [])
+        if sum(int(a["count"]) * WIDTHS[a["type"]] for a in accessors) > 4 * MOST_VERTICES:
+            raise ValueError("its accessors claim too many values")
+        for buffer in container.json.get("buffers", ()):
+            container.bytes(buffer.get("uri"))
+        vertices = 0
+        for node, _ in container.nodes():
+            for primitive in container.json["meshes"][node["mesh"]]["primitives"] if "mesh" in node else ():
+                vertices += accessors[primitive["attributes"]["POSITION"]]["count"]
+            if vertices > MOST_VERTICES:
+                raise ValueError(f"it has more than {MOST_VERTICES} vertices")
+    except DAMAGES as error:
+        raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
+
+
+def _chunks(data: bytes) -> tuple[bytes, bytes]:
+    """JSON and binary chunk of a .glb."""
+    length, kind = struct.unpack_from("<II", data, 12)
+    if kind != 0x4E4F534A:
+        raise ValueError("its first chunk is not JSON")
+    at = 20 + length
+    if at + 8 > len(data):
+        return data[20:at], b""
+    size, _ = struct.unpack_from("<II", data, at)
+    return data[20:at], data[at + 8 : at + 8 + size]
+
+
+def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
+    if "matrix" in node:
+        return np.asarray(node["matrix"], np.float64).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+    out = np.eye(4)
+    out[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    out[:3, :3] *= np.asarray(node.get("scale", (1, 1, 1)), np.float64)
+    out[:3, 3] = node.get("translation", (0, 0, 0))
+    return out

@@ -1,0 +1,81 @@
+"""Nine spherical harmonics in files, as other renderers take them."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import CubeMap, Environment
+from .axes import to_axes
+from .lighting import Lighting
+
+CONVENTIONS = ("filament", "three.js")
+
+NAMES = ("L00", "L1-1", "L10", "L11", "L2-2", "L2-1", "L20", "L21", "L22")
+# Of the real orthonormal basis 1; y, z, x; xy, yz, 3 z^2 - 1, xz, x^2 - y^2.
+BASIS = np.sqrt(np.array([1 / 4, 3 / 4, 3 / 4, 3 / 4, 15 / 4, 15 / 4, 5 / 16, 15 / 4, 15 / 16]) / np.pi)
+# Of the clamped cosine, by order: irradiance is the sum of these times radiance. Ramamoorthi and Hanrahan 2001, Eq. 8.
+COSINE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
+
+
+def spherical_harmonics(cube: CubeMap | Environment, convention: str, axes: str = "gltf") -> NDArray[np.float64]:
+    """Nine coefficients (9, 3) of a map in a renderer's convention, in the order L00, L1-1, L10, L11, L2-2, ..., L22.
+
+    convention: "filament", as cmgen writes and `IndirectLight::Builder::irradiance` and shaders take them: irradiance
+    over pi, by the bare polynomials 1; y, z, x; xy, yz, 3 z^2 - 1, xz, x^2 - y^2. "three.js", as `SphericalHarmonics3`
+    of a `LightProbe`: radiance, by the orthonormal basis. Axes as in write_environment. Raises ValueError for another
+    convention or other axes.
+    """
+    if convention not in CONVENTIONS:
+        raise ValueError(f"convention must be one of {', '.join(CONVENTIONS)}, got {convention!r}")
+    radiance = Lighting(to_axes(cube.radiance if isinstance(cube, Environment) else cube, axes)).sh9.astype(np.float64)
+    if convention == "three.js":
+        return radiance
+    return radiance * (BASIS * COSINE / np.pi)[:, None]
+
+
+def write_sh(
+    path: str | os.PathLike[str], cube: CubeMap | Environment, convention: str = "filament", axes: str = "gltf"
+) -> None:
+    """Writes nine spherical harmonics of a map as .txt or .json, in a renderer's convention.
+
+    convention: see `spherical_harmonics`. "filament", .txt: as cmgen's sh.txt. "three.js", .json: a LightProbe for
+    THREE.ObjectLoader. The others: nine rows of three numbers, .json with the convention and axes beside them as "sh".
+    Raises ValueError for another convention, other axes or another ending.
+    """
+    path = Path(path)
+    rows = spherical_harmonics(cube, convention, axes)
+    if path.suffix.lower() not in (".txt", ".json"):
+        raise ValueError(f"{path} must end in .txt or .json")
+    if path.suffix.lower() == ".txt":
+        path.write_text(_text(rows, convention), encoding="utf-8")
+        return
+    content = _light_probe(rows) if convention == "three.js" else _named(rows, convention, axes)
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _text(rows: NDArray[np.float64], convention: str) -> str:
+    if convention == "filament":  # cmgen's own form, which Filament's samples parse
+        lines = (f"({', '.join(f'{v:18.15f}' for v in row)}); // {name}, irradiance, pre-scaled base" for row, name in
+                 zip(rows, NAMES, strict=True))  # fmt: skip
+    else:
+        lines = (" ".join(f"{v:.9g}" for v in row) for row in rows)
+    return "\n".join(lines) + "\n"
+
+
+def _named(rows: NDArray[np.float64], convention: str, axes: str) -> dict[str, object]:
+    return {"convention": convention, "axes": axes, "order": NAMES, "sh": _rounded(rows)}
+
+
+def _light_probe(rows: NDArray[np.float64]) -> dict[str, object]:
+    # three.js' JSON Object format 4, as LightProbe.toJSON writes and ObjectLoader parses it.
+    light = {"type": "LightProbe", "name": "fastibl", "color": 0xFFFFFF, "intensity": 1, "sh": sum(_rounded(rows), [])}
+    return {"metadata": {"version": 4.6, "type": "Object", "generator": "fastibl"}, "object": light}
+
+
+def _rounded(rows: NDArray[np.float64]) -> list[list[float]]:
+    return [[float(f"{v:.9g}") for v in row] for row in rows]

@@ -1,0 +1,90 @@
+"""Shadows in files: the ratio of the light on the plane, and a matte for compositing."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import ShadowMap
+from .pictures import write_exr
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+_MOST = 4096  # texels along an edge
+
+
+def write_shadow(
+    path: str | os.PathLike[str], shadow: ShadowMap, extent: float | None = None, resolution: int | None = None
+) -> dict[str, Any]:
+    """Writes a shadow as seen from above: +y at the top, +x to the right; .exr or .png. Returns what is in the file.
+
+    .exr: R, G, B, A is a matte of black by the shadow's opacity, premultiplied: matte over plate, linear, is the
+    shadowed plate in grey. ratio.R, ratio.G, ratio.B is the ratio of the light with and without the object, which times
+    a linear plate is exact in colour. The header has the plane's "extent" (metres from the middle to an edge), "centre"
+    (metres, marker frame) and "metresPerPixel".
+    .png: 16 bits, RGB black, alpha the same opacity, which is linear: compose it in linear light, and the picture with
+    its description beside it as .json. Opacity is 1 less the ratio's Rec. 709 luminance.
+    extent: half the picture's edge in metres, by default all that the shadow reaches. resolution: pixels along an edge,
+    by default those of the shadow's finest map, at most 4096. Raises ValueError for another ending or what is not
+    positive, ImportError for .exr without OpenEXR.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".exr", ".png"):
+        raise ValueError(f"{path} must end in .exr or .png")
+    extent = float(shadow.reach if extent is None else extent)
+    if not 0 < extent < np.inf:
+        raise ValueError(f"extent must be positive and finite (metres), got {extent}")
+    resolution = _resolution(shadow, extent) if resolution is None else int(resolution)
+    if not 1 <= resolution <= _MOST:
+        raise ValueError(f"resolution must be 1 to {_MOST} pixels, got {resolution}")
+    ratio = _from_above(shadow, extent, resolution)
+    opacity = np.clip(1 - ratio @ _LUMINANCE, 0, 1).astype(np.float32)
+    about = {
+        "extent": extent,
+        "centre": [float(v) for v in shadow.centre],
+        "metresPerPixel": 2 * extent / resolution,
+        "orientation": "row 0 is +y, column 0 is -x, marker frame",
+    }
+    if suffix == ".exr":
+        centre = np.asarray(shadow.centre, np.float32)
+        attributes = {"extent": extent, "centre": centre, "metresPerPixel": 2 * extent / resolution}
+        write_exr(path, _layers(ratio, opacity), attributes)
+        return {"file": path.name, **about}
+    _write_png(path, opacity)
+    about = {"file": path.name, "alpha": "1 - ratio, linear", **about}
+    path.with_suffix(".json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    return about
+
+
+def _resolution(shadow: ShadowMap, extent: float) -> int:
+    maps = [(len(shadow.image), shadow.extent)]
+    if shadow.fine is not None:
+        maps.append((len(shadow.fine), shadow.fine_extent))
+    return min(_MOST, max(1, round(max(n / half for n, half in maps) * extent)))
+
+
+def _from_above(shadow: ShadowMap, extent: float, resolution: int) -> NDArray[np.float32]:
+    """(n, n, 3): the ratio at the pixels' centres, row 0 at the largest y."""
+    across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * extent
+    x, y = np.meshgrid(across + shadow.centre[0], across[::-1] + shadow.centre[1])
+    return shadow.sample(np.stack([x, y], axis=-1))
+
+
+def _layers(ratio: NDArray[np.float32], opacity: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
+    black = np.zeros_like(opacity)
+    layers = {"R": black, "G": black, "B": black, "A": opacity}
+    return layers | {f"ratio.{c}": ratio[..., k] for k, c in enumerate("RGB")}
+
+
+def _write_png(path: Path, opacity: NDArray[np.float32]) -> None:
+    import cv2
+
+    rgba = np.zeros((*opacity.shape, 4), np.uint16)
+    rgba[..., 3] = np.rint(opacity * 65535)
+    data = cv2.imencode(".png", rgba)[1]
+    path.write_bytes(data.tobytes())

@@ -1,0 +1,75 @@
+"""OpenUSD files (.usda): a map as a dome light.
+
+The text form is written as it stands: an optional USD library would be of 60 MB for these lines.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ._fastibl import CubeMap, Environment
+from .axes import matrix, turned
+from .environment_files import averaged_equirect
+from .pictures import LINEAR, write_picture
+
+# A dome's own frame has its pole along +y, whatever is up in the stage, and its picture is as OpenEXR has it: longitude
+# 0, in the middle, is +z, and +x is to the left of it. Rows give a direction in the frame of our equirectangular
+# pictures (z up, middle along +y, +x to the right) from one in the dome's.
+_PICTURE_FROM_DOME = np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]])
+_UP = {"gltf": "Y", "marker": "Z"}
+# The dome's frame from the stage's: what UsdLuxDomeLight.OrientToStageUpAxis adds to a stage with z up turns y to z.
+_DOME_FROM_STAGE = {"gltf": np.eye(3, dtype=int), "marker": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])}
+_TO_Z_UP = """
+        double xformOp:rotateX:orientToStageUpAxis = 90
+        uniform token[] xformOpOrder = ["xformOp:rotateX:orientToStageUpAxis"]"""
+
+
+def write_usd(
+    path: str | os.PathLike[str],
+    cube: CubeMap | Environment,
+    axes: str = "gltf",
+    format: str = "hdr",
+    height: int | None = None,
+) -> list[Path]:
+    """Writes a map as a DomeLight in a .usda file, with its picture beside it (..._dome.hdr); returns both files.
+
+    axes: "gltf", a stage with y up, or "marker", one with z up; in metres. format: "hdr" or "exr". height: of the
+    picture, by default 2 face edges. The light's intensity is 1: the picture holds radiance. Raises ValueError for
+    other axes, another format or ending, ImportError for .exr without OpenEXR.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".usda":
+        raise ValueError(f"{path} must end in .usda")
+    if f".{format}" not in LINEAR:
+        raise ValueError(f'format must be "hdr" or "exr", got {format!r}')
+    picture_from_marker = _PICTURE_FROM_DOME @ _DOME_FROM_STAGE.get(axes, np.eye(3, dtype=int)) @ matrix(axes)
+    radiance = cube.radiance if isinstance(cube, Environment) else cube
+    picture = path.with_name(f"{path.stem}_dome.{format}")
+    write_picture(picture, averaged_equirect(turned(radiance, picture_from_marker), height))
+    path.write_text(_stage(picture.name, axes), encoding="utf-8")
+    return [path, picture]
+
+
+def _stage(picture: str, axes: str) -> str:
+    return f"""#usda 1.0
+(
+    defaultPrim = "Light"
+    metersPerUnit = 1
+    upAxis = "{_UP[axes]}"
+)
+
+def Xform "Light"
+{{
+    def DomeLight "Environment"
+    {{
+        asset inputs:texture:file = @./{picture}@
+        token inputs:texture:format = "latlong"
+        float inputs:intensity = 1
+        float inputs:exposure = 0
+        color3f inputs:color = (1, 1, 1){_TO_Z_UP if axes == "marker" else ""}
+    }}
+}}
+"""
