@@ -60,6 +60,8 @@ def test_session_follows_the_surroundings(film):
             if result.turned is not None:
                 errors.append(angle(result.turned.back_from_marker, film.truth.pose(frame.time)))
                 turned_after_loss += 1
+                assert result.turned.agreeing > 0.5 and result.turned.features >= 10
+                assert result.turned.since > 0 and 0 <= result.turned.drift < np.radians(1)
         else:
             assert result.turned is None
         assert not result.board_moved

@@ -3,8 +3,10 @@
 from . import (
     batch,  # noqa: F401
     consumers,  # noqa: F401
+    docs,  # noqa: F401
     exports,  # noqa: F401
     live,  # noqa: F401
+    newcomer,  # noqa: F401
     program,  # noqa: F401
     soak,  # noqa: F401
     start,  # noqa: F401

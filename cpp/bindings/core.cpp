@@ -1,6 +1,8 @@
 #include <pybind11/operators.h>
 #include <pybind11/stl.h>
 
+#include <cmath>
+
 #include "bindings/numpy.h"
 #include "fastibl/core/parallel.h"
 
@@ -9,7 +11,7 @@ namespace fastibl::bindings {
 void bind_core(py::module_& module) {
   module.def("set_threads", &set_threads, py::arg("count"),
              "Number of threads that the library uses; 0 asks for all cores. Results are the same "
-             "bits for any number.");
+             "bits for any number. Raises ValueError for a number below 0.");
   module.def("threads", &threads, "Number of threads that the library uses.");
 
   py::class_<Pose>(module, "Pose",
@@ -28,12 +30,15 @@ integers or objects. Without an argument: the identity.)")
                           t = require_floats<double>(translation, "translation");
             if (r.size() != 3 || t.size() != 3)
               throw py::value_error("rotation and translation must have shape (3,)");
+            for (int k = 0; k < 3; ++k)
+              if (!std::isfinite(r.data()[k]) || !std::isfinite(t.data()[k]))
+                throw py::value_error("rotation and translation must be finite");
             return Pose{rotation_from_vector({r.data()[0], r.data()[1], r.data()[2]}),
                         {t.data()[0], t.data()[1], t.data()[2]}};
           },
           py::arg("rotation"), py::arg("translation"),
           "From a rotation vector (axis times angle in radians, (3,)) and a translation in metres "
-          "(3,).")
+          "(3,). Raises ValueError for another shape or values that are not finite.")
       .def_property_readonly(
           "matrix", [](const Pose& p) { return matrix_array(p.matrix()); },
           "(4, 4) float64, a copy.")

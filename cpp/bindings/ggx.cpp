@@ -129,7 +129,8 @@ TypeError for integers.)");
       R"(Directional albedo of single-scattering GGX, (..., 2) float32: the split sum's f0 term and the rest.
 
 views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Fresnel by Schlick the albedo is f0 a + b,
-with Fresnel 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx.)");
+with Fresnel 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. From a table (Karis 2013). Raises
+ValueError for another shape or values out of range.)");
 }
 
 }  // namespace fastibl::bindings

@@ -311,7 +311,10 @@ sizes outside 1 to 256.)")
         return out;
       },
       py::arg("cos_view"), py::arg("exponent"),
-      "rho(theta_v, s) of Eq. 3 from the library's table; any shape of cos theta_v.");
+      R"(Directional albedo rho(theta_v, s) of Eq. 3 (Croubois et al. 2014), from the library's table.
+
+cos_view: cos theta_v of any shape, any float dtype. exponent: s >= 0. Returns float32 of that shape, within 0.002.
+Raises ValueError for a negative exponent.)");
 }
 
 }  // namespace fastibl::bindings

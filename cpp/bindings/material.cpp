@@ -259,13 +259,16 @@ Raises ValueError for values out of range or another shape, TypeError for anothe
                              "The normal map, encoded 0 to 1, or None.")
       .def_property_readonly("anisotropy", of_pbr([](const PbrMaterial& p) -> py::object {
                                return py::float_(p.anisotropy);
-                             }))
+                             }),
+                             "0 (round lobe) to 1, as KHR_materials_anisotropy; None of Eq. 3.")
       .def_property_readonly("anisotropy_rotation", of_pbr([](const PbrMaterial& p) -> py::object {
                                return py::float_(p.anisotropy_rotation);
-                             }))
+                             }),
+                             "Radians from the tangent, counter-clockwise; None of Eq. 3.")
       .def_property_readonly("normal_scale", of_pbr([](const PbrMaterial& p) -> py::object {
                                return py::float_(p.normal_scale);
-                             }))
+                             }),
+                             "Factor on the normal map's x and y; None of Eq. 3.")
       .def(
           "__eq__", [](const Material& a, const Material& b) { return a == b; }, py::is_operator())
       .def("__repr__", &text_of)

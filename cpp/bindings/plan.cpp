@@ -219,10 +219,12 @@ void bind_plan(py::module_& module) {
       "Names of a method's settings, with the values that are worth comparing beside the default.");
 
   py::class_<PlannedPass>(module, "PlannedPass", "One line of a plan.")
-      .def_property_readonly("name",
-                             [](const PlannedPass& p) { return std::string(name(p.pass.id)); })
-      .def_readonly("included", &PlannedPass::included)
-      .def_readonly("method", &PlannedPass::method)
+      .def_property_readonly(
+          "name", [](const PlannedPass& p) { return std::string(name(p.pass.id)); },
+          "Of the pass, as in FrameResult.passes.")
+      .def_readonly("included", &PlannedPass::included, "Whether the pass runs.")
+      .def_readonly("method", &PlannedPass::method,
+                    "Name of its method and settings; empty where it has none.")
       .def_readonly("reason", &PlannedPass::reason,
                     "Why the pass was left out; empty if it was not.")
       .def_readonly("bound", &PlannedPass::bound,
@@ -232,9 +234,15 @@ void bind_plan(py::module_& module) {
                     "picture where errors were measured, else of the irradiance.")
       .def_readonly("milliseconds", &PlannedPass::milliseconds,
                     "Expected CPU time of one run, or None where unknown or left out.")
-      .def_property_readonly("reads", [](const PlannedPass& p) { return names_of(p.pass.reads); })
-      .def_property_readonly("needs", [](const PlannedPass& p) { return names_of(p.pass.needs); })
-      .def_property_readonly("writes", [](const PlannedPass& p) { return names_of(p.pass.writes); })
+      .def_property_readonly(
+          "reads", [](const PlannedPass& p) { return names_of(p.pass.reads); },
+          "Names of the products that it is made from.")
+      .def_property_readonly(
+          "needs", [](const PlannedPass& p) { return names_of(p.pass.needs); },
+          "Names of the products that must be fresh before it runs, but do not make it run.")
+      .def_property_readonly(
+          "writes", [](const PlannedPass& p) { return names_of(p.pass.writes); },
+          "Names of the products that it makes.")
       .def("__repr__", [](const PlannedPass& p) {
         return "<fastibl.PlannedPass " + std::string(name(p.pass.id)) +
                (p.included ? "" : " left out: " + p.reason) + ">";
@@ -243,7 +251,8 @@ void bind_plan(py::module_& module) {
                    "Which passes a frame needs, by which method, and which it does not, and why. "
                    "print(plan) is the bill.")
       .def_readonly("passes", &Plan::passes, "List of PlannedPass in the order in which they run.")
-      .def_readonly("methods", &Plan::methods)
+      .def_readonly("methods", &Plan::methods,
+                    "Method of every step, by attributes of the steps' names.")
       .def_property_readonly(
           "expected_error", &Plan::expected_error,
           "Expected error of the picture, all methods together: RMS over RGB and over the pixels "
@@ -258,11 +267,12 @@ void bind_plan(py::module_& module) {
       .def_readonly("best_error", &Plan::best_error,
                     "The least expected error that any methods have; None where none was measured.")
       .def_readonly("error_budget", &Plan::error_budget, "0: none was asked for.")
-      .def_readonly("milliseconds_budget", &Plan::milliseconds_budget)
+      .def_readonly("milliseconds_budget", &Plan::milliseconds_budget, "0: none was asked for.")
       .def_readonly("milliseconds", &Plan::milliseconds, "Expected CPU time of a frame.")
       .def_property_readonly("meets_error", &Plan::meets_error,
                              "Whether the assured error is within the budget; True without one.")
-      .def_property_readonly("meets_milliseconds", &Plan::meets_milliseconds)
+      .def_property_readonly("meets_milliseconds", &Plan::meets_milliseconds,
+                             "Whether the expected time is within the budget; True without one.")
       .def_property_readonly("meets_budget", &Plan::meets_budget, "Both of them.")
       .def_property_readonly("omission_bound", &Plan::omission_bound,
                              "Largest relative error that leaving passes out makes.")
@@ -387,7 +397,7 @@ void bind_plan(py::module_& module) {
       },
       py::arg("plan"), py::arg("wanted"), py::arg("stale"),
       "Passes that must run for the wanted products, given the stale ones, and what is stale after "
-      "they ran. Products and passes by name.");
+      "they ran. Products and passes by name. Raises ValueError for a name that is none.");
 }
 
 }  // namespace fastibl::bindings

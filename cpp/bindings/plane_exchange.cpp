@@ -88,8 +88,9 @@ Raises ValueError for another number of vertices.)")
           py::arg("exitance"),
           R"(Irradiance of each vertex (v, 3) by cells that send out exitance (cells, cells, 3).
 
-Linear, and so good for changes as well: what a shadow on the plane takes from the object.)")
-      .def_property_readonly("cells", &PlaneExchange::cells)
+Linear, and so good for changes as well: what a shadow on the plane takes from the object.
+Raises ValueError for another shape, TypeError for integers.)")
+      .def_property_readonly("cells", &PlaneExchange::cells, "Number of cells along an edge.")
       .def_property_readonly("extent", &PlaneExchange::extent,
                              "Half the edge of all cells together, metres.")
       .def_property_readonly(

@@ -50,7 +50,7 @@ void bind_render(py::module_& module) {
 mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
 frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
 for no self-shadow at all. refine: split triangles where what the object hides of itself changes within them; the surface
-stays the same, the paper's P_V too.)")
+stays the same, the paper's P_V too. Raises ValueError for negative numbers or what is no pose.)")
       .def(py::init([](const Mesh& mesh, const std::optional<Material>& material,
                        const py::object& marker_from_object, int spheres, int rays, bool refine) {
              const Pose pose = marker_from_object.is_none()
@@ -68,8 +68,9 @@ stays the same, the paper's P_V too.)")
       .def_readonly("refined_mesh", &Scene::mesh,
                     "The same surface with vertices where what the object hides of itself changes: "
                     "what is shaded. mesh where nothing had to be split.")
-      .def_readonly("material", &Scene::material)
-      .def_readonly("marker_from_object", &Scene::marker_from_object)
+      .def_readonly("material", &Scene::material, "Material of the object.")
+      .def_readonly("marker_from_object", &Scene::marker_from_object,
+                    "Pose: where the object stands.")
       .def_property_readonly(
           "visibility",
           [](const Scene& s) {
@@ -132,8 +133,8 @@ its shadow from the plane behind them.)")
 
   py::class_<ObjectLayer>(module, "ObjectLayer",
                           "The shaded object before it is laid over the picture.")
-      .def_readonly("x", &ObjectLayer::x)
-      .def_readonly("y", &ObjectLayer::y)
+      .def_readonly("x", &ObjectLayer::x, "Column of the picture that the layer begins at.")
+      .def_readonly("y", &ObjectLayer::y, "Row of the picture that the layer begins at.")
       .def_property_readonly(
           "rgba", [](const ObjectLayer& l) { return image_array(l.rgba); },
           "(h, w, 4) float32: linear radiance times coverage, and coverage, from pixel (x, y) on.");
@@ -171,13 +172,17 @@ its shadow from the plane behind them.)")
           "The same of the front picture.")
       .def_property_readonly(
           "environment",
-          [](const Result& r) { return std::const_pointer_cast<Environment>(r.frame.environment); })
+          [](const Result& r) { return std::const_pointer_cast<Environment>(r.frame.environment); },
+          "Environment that the frame was lit by, or None before there is any.")
       .def_property_readonly("_lighting",
                              [](const Result& r) -> py::object {
                                return r.frame.lighting ? py::cast(*r.frame.lighting) : py::none();
                              })
-      .def_property_readonly("shadow_map", [](const Result& r) { return r.shadow; })
-      .def_property_readonly("plan", [](const Result& r) { return r.plan; })
+      .def_property_readonly(
+          "shadow_map", [](const Result& r) { return r.shadow; },
+          "ShadowMap of the frame, or None where none was cast.")
+      .def_property_readonly(
+          "plan", [](const Result& r) { return r.plan; }, "Plan by which the frame was made.")
       .def_property_readonly(
           "passes",
           [](const Result& r) {
@@ -253,8 +258,9 @@ its shadow from the plane behind them.)")
           py::arg("time"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
           py::arg("front_exposure"), py::arg("back_from_marker"),
           py::arg("back_last_row") = py::none())
-      .def_property_readonly("plan", &Session::plan)
-      .def_property_readonly("scene", &Session::scene)
+      .def_property_readonly("plan", &Session::plan,
+                             "Plan of the next frame: print it for the bill.")
+      .def_property_readonly("scene", &Session::scene, "Scene that is drawn.")
       .def_property_readonly("shadow_map", &Session::shadow_map,
                              "ShadowMap of the last frame: .image, .extent.")
       .def_property_readonly(
@@ -278,22 +284,26 @@ plane gets without the object: it may exceed 1.)")
           "ObjectLayer of the real objects before the virtual one in the last frame: what is left "
           "of their light times coverage, and coverage.")
       .def_property_readonly("capture", &Session::capture,
-                             py::return_value_policy::reference_internal)
-      .def_property_readonly("backend",
-                             [](Session& s) { return std::string(s.renderer().backend()); })
+                             py::return_value_policy::reference_internal,
+                             "Capture that the pictures go into.")
+      .def_property_readonly(
+          "backend", [](Session& s) { return std::string(s.renderer().backend()); },
+          "\"cpu\" or \"gl\".")
       .def("set_material", &Session::set_material, py::arg("material"),
            "Use another material from the next frame on.")
       .def(
           "move",
           [](Session& s,
              const py::object& pose) { s.move(require_pose(pose, "marker_from_object")); },
-          py::arg("marker_from_object"), "Move the object: Pose or (4, 4).")
+          py::arg("marker_from_object"),
+          "Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is no pose.")
       .def("set_cast_shadow", &Session::set_cast_shadow, py::arg("cast"),
            "Switch the shadow on or off.")
       .def(
           "set_environment",
           [](Session& s, const std::shared_ptr<Environment>& e) { s.set_environment(e); },
-          py::arg("environment"), "Use a given Environment; None to capture.")
+          py::arg("environment"),
+          "Use a given Environment from the next frame on; None to capture.")
       .def("_set_methods", &Session::set_methods, py::arg("methods"))
       .def("_set_scene", &Session::set_scene, py::arg("scene"))
       .def("set_budgets", &Session::set_budgets, py::arg("error") = 0.0,

@@ -82,7 +82,8 @@ void bind_rotation_tracker(py::module_& module) {
              read("coarsest", o.alignment.coarsest), read("rounds", o.alignment.rounds);
              read("most", o.alignment.most), read("model_noise", o.alignment.model_noise);
              read("gain_deviation", o.alignment.gain_deviation);
-             read("misfit", o.alignment.misfit), read("coarse_misfit", o.alignment.coarse_misfit), read("gyro_noise", o.gyro_noise);
+             read("misfit", o.alignment.misfit), read("coarse_misfit", o.alignment.coarse_misfit),
+                 read("gyro_noise", o.gyro_noise);
              read("independent", o.alignment.independent);
              return std::make_unique<RotationTracker>(rig, o);
            }),
@@ -116,7 +117,8 @@ void bind_rotation_tracker(py::module_& module) {
           py::arg("environment"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
           py::arg("front_exposure"), py::arg("time"), py::arg("turn"))
       .def("reset", &RotationTracker::reset)
-      .def_property_readonly("following", &RotationTracker::following);
+      .def_property_readonly("following", &RotationTracker::following,
+                             "Whether a rotation is known to go on from.");
 }
 
 }  // namespace fastibl::bindings

@@ -60,9 +60,10 @@ infinity) become 1e9; `cleaned` counts them. Raises ValueError for another shape
           },
           py::arg("k"),
           "MIP level k as a read-only view (6, n >> k, n >> k, 3) float32: solid-angle means of "
-          "level 0.")
+          "level 0. Raises IndexError beyond the chain.")
       .def_property_readonly("size", &CubeMap::size, "Face edge n in texels.")
-      .def_property_readonly("level_count", &CubeMap::level_count)
+      .def_property_readonly("level_count", &CubeMap::level_count,
+                             "Number of MIP levels, the faces themselves among them.")
       .def_property_readonly(
           "tile_versions",
           [](const CubeMap& cube) {
@@ -176,7 +177,8 @@ the right. size: face edge in texels. Raises ValueError for another shape or fil
         return image_array(image);
       },
       py::arg("cube"), py::arg("height") = 512,
-      "Equirectangular picture (height, 2 height, 3) float32 of a cube map, area-exact.");
+      "Equirectangular picture (height, 2 height, 3) float32 of a cube map, area-exact: z at the "
+      "top, +y in the middle. Raises ValueError for a height below 1.");
   module.def(
       "texel_solid_angles",
       [](int size) {
@@ -187,7 +189,8 @@ the right. size: face edge in texels. Raises ValueError for another shape or fil
         return out;
       },
       py::arg("size"),
-      "Exact solid angles (size, size) float64 of the texels of one face; six faces sum to 4 pi.");
+      "Exact solid angles (size, size) float64 of the texels of one face; six faces sum to 4 pi. "
+      "Raises ValueError for a size below 1.");
   module.def(
       "texel_directions",
       [](int size) {
@@ -200,7 +203,8 @@ the right. size: face edge in texels. Raises ValueError for another shape or fil
         return out;
       },
       py::arg("size"),
-      "Unit directions (6, size, size, 3) float32 of the texel centres, marker frame.");
+      "Unit directions (6, size, size, 3) float32 of the texel centres, marker frame. Raises "
+      "ValueError for a size below 1.");
 }
 
 // Calls use(lens) with the lens of any camera.
@@ -216,7 +220,9 @@ void bind_camera(py::module_& module) {
   py::class_<Response>(module, "Response",
                        "A camera's response: encoded = response(linear), white at 1.")
       .def_static("srgb", &Response::srgb, "The sRGB curve.")
-      .def_static("gamma", &Response::gamma, py::arg("exponent"), "linear = encoded ** exponent.")
+      .def_static("gamma", &Response::gamma, py::arg("exponent"),
+                  "linear = encoded ** exponent. Raises ValueError for an exponent that is not "
+                  "positive and finite.")
       .def_static(
           "from_curve",
           [](const py::object& curve) {
@@ -224,7 +230,8 @@ void bind_camera(py::module_& module) {
             return Response::from_curve({array.data(), array.data() + array.size()});
           },
           py::arg("curve"),
-          "Linear values at evenly spaced encoded values, from 0 to 1, strictly increasing.")
+          "Linear values at evenly spaced encoded values, from 0 to 1, strictly increasing: (n,) "
+          "floats. Raises ValueError for others.")
       .def_property_readonly(
           "curve",
           [](const Response& r) {
@@ -240,7 +247,8 @@ void bind_camera(py::module_& module) {
               out.mutable_data()[i] = r.decode(in.data()[i]);
             return out;
           },
-          py::arg("encoded"), "Linear values of encoded ones in [0, 1]; any shape.")
+          py::arg("encoded"),
+          "Linear values float32 of encoded ones in [0, 1], any float dtype and shape.")
       .def(
           "encode",
           [](const Response& r, const py::object& linear) {
@@ -250,7 +258,8 @@ void bind_camera(py::module_& module) {
               out.mutable_data()[i] = r.encode(in.data()[i]);
             return out;
           },
-          py::arg("linear"), "Encoded values in [0, 1] of linear ones; any shape.")
+          py::arg("linear"),
+          "Encoded values float32 in [0, 1] of linear ones, any float dtype and shape.")
       .def(py::self == py::self)
       .def("__repr__",
            [](const Response& r) {
@@ -310,7 +319,9 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
             return camera;
           },
           py::arg("width"), py::arg("height"), py::arg("response") = py::none(),
-          py::arg("gain") = 1.0, "A 360° camera: all directions, z in the middle of the picture.")
+          py::arg("gain") = 1.0,
+          "A 360° camera: all directions, z in the middle of the picture. width, height: pixels. "
+          "Raises ValueError for a size below 1.")
       .def_static(
           "from_opencv",
           [](const py::object& K, std::vector<double> distortion, std::pair<int, int> size,
@@ -339,7 +350,8 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
           py::arg("readout") = 0.0, py::arg("model") = "perspective",
           "From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = "
           "(width, height). model: \"perspective\", or \"fisheye\" for what cv2.fisheye "
-          "calibrates.")
+          "calibrates. Raises ValueError for other shapes, a wrong number of coefficients or "
+          "another model.")
       .def_property_readonly(
           "opencv_matrix",
           [](const Camera& c) {
@@ -350,20 +362,26 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
             return k;
           },
           "(3, 3) float64 in OpenCV's convention.")
-      .def_readonly("width", &Camera::width)
-      .def_readonly("height", &Camera::height)
-      .def_readonly("fx", &Camera::fx)
-      .def_readonly("fy", &Camera::fy)
-      .def_readonly("cx", &Camera::cx)
-      .def_readonly("cy", &Camera::cy)
-      .def_property_readonly("distortion",
-                             [](const Camera& c) { return py::tuple(py::cast(c.distortion)); })
-      .def_readonly("response", &Camera::response)
-      .def_readonly("gain", &Camera::gain)
-      .def_readonly("readout", &Camera::readout)
-      .def_property_readonly("model", [](const Camera& c) { return std::string(name(c.model)); })
-      .def_property_readonly("vignetting",
-                             [](const Camera& c) { return py::tuple(py::cast(c.vignetting)); })
+      .def_readonly("width", &Camera::width, "Pixels.")
+      .def_readonly("height", &Camera::height, "Pixels.")
+      .def_readonly("fx", &Camera::fx,
+                    "Focal length along x, pixels; of an equirectangular camera pixels a radian.")
+      .def_readonly("fy", &Camera::fy, "The same along y.")
+      .def_readonly("cx", &Camera::cx, "Principal point, pixels, pixel centres at + 0.5.")
+      .def_readonly("cy", &Camera::cy, "The same along y.")
+      .def_property_readonly(
+          "distortion", [](const Camera& c) { return py::tuple(py::cast(c.distortion)); },
+          "k1 k2 p1 p2 [k3 [k4 k5 k6]]; of a fisheye k1 k2 k3 k4; empty for none.")
+      .def_readonly("response", &Camera::response, "Response; sRGB by default.")
+      .def_readonly("gain", &Camera::gain, "Factor on the exposure of all pictures.")
+      .def_readonly("readout", &Camera::readout,
+                    "Seconds from a picture's first row to its last; 0 for a global shutter.")
+      .def_property_readonly(
+          "model", [](const Camera& c) { return std::string(name(c.model)); },
+          "\"perspective\", \"fisheye\" or \"equirectangular\".")
+      .def_property_readonly(
+          "vignetting", [](const Camera& c) { return py::tuple(py::cast(c.vignetting)); },
+          "v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in focal lengths; empty for none.")
       .def(
           "project",
           [](const Camera& camera, const py::object& points) {
@@ -410,7 +428,7 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
           py::arg("pixels"),
           "Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, "
           "else "
-          "of unit length; NaN beyond the lens model.")
+          "of unit length; NaN beyond the lens model. Raises ValueError for another shape.")
       .def(py::self == py::self)
       .def("__repr__",
            [](const Camera& c) {
@@ -460,9 +478,12 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
                 t.size() > 11 ? CameraModel(t[11].cast<int>()) : CameraModel::perspective};
           }));
 
-  py::class_<Rig>(
-      module, "Rig",
-      "A back camera, and a front camera fixed to it by front_from_back (Pose or (4, 4)).")
+  py::class_<Rig>(module, "Rig",
+                  R"(A back camera, and a front camera fixed to it.
+
+back: perspective Camera. front: Camera of any model, or None. front_from_back: Pose or (4, 4) float64 in metres, from
+the back camera's frame to the front camera's. Raises ValueError for one of the two without the other, or what is no
+pose.)")
       .def(py::init([](const Camera& back, const std::optional<Camera>& front,
                        const py::object& front_from_back) {
              if (front.has_value() == front_from_back.is_none())
@@ -471,9 +492,10 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
                         front ? require_pose(front_from_back, "front_from_back") : Pose{}};
            }),
            py::arg("back"), py::arg("front") = py::none(), py::arg("front_from_back") = py::none())
-      .def_readonly("back", &Rig::back)
-      .def_readonly("front", &Rig::front)
-      .def_readonly("front_from_back", &Rig::front_from_back)
+      .def_readonly("back", &Rig::back, "Camera that sees the board.")
+      .def_readonly("front", &Rig::front, "Camera that looks the other way, or None.")
+      .def_readonly("front_from_back", &Rig::front_from_back,
+                    "Pose; the identity without a front camera.")
       .def(py::self == py::self)
       .def("__repr__", [](const Rig& r) {
         return std::string("<fastibl.Rig ") + (r.front ? "back and front camera>" : "back camera>");
@@ -525,8 +547,8 @@ void bind_board(py::module_& module) {
   py::class_<Tag>(module, "Tag",
                   "A tag of a board: id, and corners (4, 2) in metres (upper left, upper right, "
                   "lower right, lower left).")
-      .def_readonly("id", &Tag::id)
-      .def_property_readonly("corners", &corners_of)
+      .def_readonly("id", &Tag::id, "Number in family 36h11, 0 to 586.")
+      .def_property_readonly("corners", &corners_of, "(4, 2) float64 metres, marker frame.")
       .def(py::self == py::self)
       .def("__repr__", [](const Tag& t) { return "<fastibl.Tag " + std::to_string(t.id) + ">"; });
   py::class_<Board>(
@@ -544,11 +566,13 @@ modules. width, height: of the page in metres. Raises ValueError for no tags, an
       .def_static("grid", &Board::grid, py::arg("rows"), py::arg("columns"), py::arg("tag_size"),
                   py::arg("spacing"), py::arg("border_bits") = 1,
                   "rows x columns tags of tag_size metres, spacing metres apart; ids from 0 row by "
-                  "row from the top.")
+                  "row from the top. Raises ValueError for less than one tag or lengths that are "
+                  "not positive.")
       .def_static("kalibr", &Board::kalibr, py::arg("rows"), py::arg("columns"),
                   py::arg("tag_size"), py::arg("spacing_ratio") = 0.3,
                   "Kalibr's AprilGrid: two-module borders, ids from 0 row by row from the bottom; "
-                  "spacing_ratio = space between tags / tag_size (metres).")
+                  "spacing_ratio = space between tags / tag_size (metres). Raises ValueError for "
+                  "less than one tag or lengths that are not positive.")
       .def_readonly("tags", &Board::tags, "List of Tag.")
       .def_readonly("border_bits", &Board::border_bits, "Width of the black border in modules.")
       .def_readonly("width", &Board::width, "Page width in metres.")
@@ -561,7 +585,8 @@ modules. width, height: of the page in metres. Raises ValueError for no tags, an
           },
           py::arg("dpi") = 300.0,
           "The page as (height, width) uint8 grey values, white 255; edges carry exact coverage. "
-          "Pixel (0, 0) is the page's upper left corner.")
+          "Pixel (0, 0) is the page's upper left corner. Raises ValueError for dpi outside 10 to "
+          "2400.")
       .def(
           "save",
           [](const py::object& self, const py::object& path, double dpi) {
@@ -706,7 +731,10 @@ Raises ValueError for wrong shapes, indices out of range, or values that are not
             return py::type::of<Mesh>()(t[0], t[1], t[2], t[3]).cast<Mesh>();
           }));
 
-  py::class_<Bvh>(module, "Bvh", "Ray queries on a mesh. Triangles are two-sided.")
+  py::class_<Bvh>(module, "Bvh", R"(Ray queries on a mesh. Triangles are two-sided.
+
+mesh: Mesh; rays are in its frame, lengths in metres. Origins and directions are (..., 3) of any float dtype; t counts
+in lengths of the direction. Raises ValueError for other shapes, TypeError for integers.)")
       .def(py::init([](const Mesh& mesh) {
              const py::gil_scoped_release release;
              return Bvh(mesh);

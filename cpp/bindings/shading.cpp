@@ -126,7 +126,8 @@ another size.)")
                   py::arg("size") = 16,
                   R"(The same from spheres (m, 4) in the mesh's frame, for an object that deforms.
 
-A sphere that contains a vertex does not hide it; spheres that are not finite or have no radius are ignored.)")
+A sphere that contains a vertex does not hide it; spheres that are not finite or have no radius are ignored.
+Raises ValueError for another shape or size.)")
       .def(
           "shares",
           [](SelfShadow& s, const Lighting& lighting, const py::object& marker_from_object) {
@@ -135,7 +136,8 @@ A sphere that contains a vertex does not hide it; spheres that are not finite or
           py::arg("lighting"), py::arg("marker_from_object") = py::none(),
           R"(Share of the irradiance that reaches each vertex, by colour channel: (v, 3) float32 in [0, 1].
 
-1 where nothing is blocked, and where there is no light.)")
+1 where nothing is blocked, and where there is no light. lighting: Lighting of a map in the marker frame.
+marker_from_object: Pose or (4, 4), where the mesh stands. Raises ValueError for what is no pose.)")
       .def(
           "irradiance",
           [](SelfShadow& s, const Lighting& lighting, const py::object& marker_from_object) {
@@ -146,7 +148,8 @@ A sphere that contains a vertex does not hide it; spheres that are not finite or
             return colours(shares);
           },
           py::arg("lighting"), py::arg("marker_from_object") = py::none(),
-          "Irradiance of each vertex with its self-shadow: (v, 3) float32.")
+          "Irradiance of each vertex with its self-shadow: (v, 3) float32. Arguments as of "
+          "`shares`.")
       .def(
           "glossy_shares", &glossy, py::arg("lighting"), py::arg("eye"), py::arg("exponent") = 64.0,
           py::arg("marker_from_object") = py::none(),
@@ -159,8 +162,10 @@ seen from behind. Raises ValueError for a negative exponent.)")
           "visible", &visible, py::arg("directions"),
           R"(Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
 
-False below the vertex's tangent plane.)")
-      .def_property_readonly("size", [](const SelfShadow& s) { return s.visibility.size; })
+False below the vertex's tangent plane. Raises ValueError for another shape.)")
+      .def_property_readonly(
+          "size", [](const SelfShadow& s) { return s.visibility.size; },
+          "Cells of the sphere along an edge.")
       .def_property_readonly(
           "nbytes",
           [](const SelfShadow& s) {

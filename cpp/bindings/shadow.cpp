@@ -239,14 +239,16 @@ Raises ValueError for another shape, method or number, TypeError for integers.)"
 resolution: texels along an edge; 0 is the method's own: 128 for "directions", 64 for the others. extent: half the map's
 edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the middle of the
 spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510; without,
-and by the other methods, the ratio fades to 1 over the outer tenth of the map.)");
+and by the other methods, the ratio fades to 1 over the outer tenth of the map. Raises
+ValueError for another shape or method and for numbers out of range.)");
   py::class_<DirectionShadow>(
       module, "DirectionShadow",
       R"(Casts the shadows of one object, frame by frame, by method "directions".
 
 The directions stay where they are while the light changes, so that nothing flickers, and are chosen anew and faded in
 over 32 maps when the light has moved; what a pose hides is kept as long as it does not change; when nothing changed, the
-last map is returned. directions: how many stand for all light, 8 to 4096.)")
+last map is returned. directions: how many stand for all light. Raises ValueError outside 8 to
+4096.)")
       .def(py::init<int>(), py::arg("directions") = 256)
       .def(
           "cast",

@@ -69,7 +69,8 @@ void bind_edge_tracker(py::module_& module) {
           "One frame. turn: rotation vector (3,) of the camera since the last frame; gravity: (3,) "
           "downwards; both in the camera frame.")
       .def("reset", &EdgeTracker::reset, "Forgets the last pose: the next frame is detected.")
-      .def_property_readonly("following", &EdgeTracker::following);
+      .def_property_readonly("following", &EdgeTracker::following,
+                             "Whether the next frame is searched near the last pose.");
 }
 
 }  // namespace
@@ -82,9 +83,10 @@ void bind_tracking(py::module_& module) {
              return DetectedTag{id, require_corners(corners, "corners")};
            }),
            py::arg("id"), py::arg("corners"))
-      .def_readonly("id", &DetectedTag::id)
-      .def_property_readonly("corners",
-                             [](const DetectedTag& t) { return corners_array(t.corners); })
+      .def_readonly("id", &DetectedTag::id, "Number in family 36h11.")
+      .def_property_readonly(
+          "corners", [](const DetectedTag& t) { return corners_array(t.corners); },
+          "(4, 2) float64 pixels, pixel centres at + 0.5.")
       .def(py::self == py::self)
       .def(
           "__repr__",

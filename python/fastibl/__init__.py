@@ -51,6 +51,8 @@ from ._fastibl import (
 from .board import Board
 from .comparison import compare
 from .costs import default_costs, machine_costs
+from .display import attach as _attach
+from .display import plot
 from .environment_files import read_environment, write_environment
 from .export import export_light
 from .files import read_mesh, read_object, stand
@@ -120,6 +122,7 @@ __all__ = [
     "machine_costs",
     "make_plan",
     "methods",
+    "plot",
     "read_environment",
     "read_mesh",
     "read_object",
@@ -140,9 +143,26 @@ __all__ = [
 ]
 
 
+_attach()
+
+# Brought along only when asked for: they import OpenCV, or much else.
+_MODULES = (
+    "calibration", "display", "exposure", "faults", "guidance", "live", "measuring", "recorder", "recording", "report",
+    "sources", "truth", "white",
+)  # fmt: skip
+
+
 def __getattr__(name: str):
-    if name == "simulate":  # brings OpenCV along, so only when it is asked for
+    if name in _MODULES:
+        from importlib import import_module
+
+        return import_module(f".{name}", __name__)
+    if name == "simulate":
         from .simulator import simulate
 
         return simulate
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *_MODULES})

@@ -21,7 +21,7 @@ class Pose:
     @staticmethod
     def from_rotation_vector(rotation: typing.Any, translation: typing.Any) -> Pose:
         """
-        From a rotation vector (axis times angle in radians, (3,)) and a translation in metres (3,).
+        From a rotation vector (axis times angle in radians, (3,)) and a translation in metres (3,). Raises ValueError for another shape or values that are not finite.
         """
     def __array__(self, *args, **kwargs) -> numpy.typing.NDArray[numpy.float64]:
         ...
@@ -79,6 +79,11 @@ class CubeMap:
     infinity) become 1e9; `cleaned` counts them. Raises ValueError for another shape, TypeError for integers.
     """
     __hash__: typing.ClassVar[None] = None
+    @staticmethod
+    def _repr_png_(thing: typing.Any) -> bytes:
+        """
+        `picture` as a PNG file. Raises what it raises.
+        """
     def __copy__(self) -> CubeMap:
         ...
     def __deepcopy__(self, memo: dict) -> CubeMap:
@@ -99,7 +104,7 @@ class CubeMap:
         """
     def level(self, k: typing.SupportsInt | typing.SupportsIndex) -> numpy.ndarray:
         """
-        MIP level k as a read-only view (6, n >> k, n >> k, 3) float32: solid-angle means of level 0.
+        MIP level k as a read-only view (6, n >> k, n >> k, 3) float32: solid-angle means of level 0. Raises IndexError beyond the chain.
         """
     def mean(self) -> tuple[float, float, float]:
         """
@@ -124,7 +129,9 @@ class CubeMap:
         """
     @property
     def level_count(self) -> int:
-        ...
+        """
+        Number of MIP levels, the faces themselves among them.
+        """
     @property
     def size(self) -> int:
         """
@@ -144,12 +151,12 @@ class Response:
     @staticmethod
     def from_curve(curve: typing.Any) -> Response:
         """
-        Linear values at evenly spaced encoded values, from 0 to 1, strictly increasing.
+        Linear values at evenly spaced encoded values, from 0 to 1, strictly increasing: (n,) floats. Raises ValueError for others.
         """
     @staticmethod
     def gamma(exponent: typing.SupportsFloat | typing.SupportsIndex) -> Response:
         """
-        linear = encoded ** exponent.
+        linear = encoded ** exponent. Raises ValueError for an exponent that is not positive and finite.
         """
     @staticmethod
     def srgb() -> Response:
@@ -166,11 +173,11 @@ class Response:
         ...
     def decode(self, encoded: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Linear values of encoded ones in [0, 1]; any shape.
+        Linear values float32 of encoded ones in [0, 1], any float dtype and shape.
         """
     def encode(self, linear: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Encoded values in [0, 1] of linear ones; any shape.
+        Encoded values float32 in [0, 1] of linear ones, any float dtype and shape.
         """
     @property
     def curve(self) -> numpy.typing.NDArray[numpy.float32]:
@@ -193,12 +200,12 @@ class Camera:
     @staticmethod
     def equirectangular(width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> Camera:
         """
-        A 360° camera: all directions, z in the middle of the picture.
+        A 360° camera: all directions, z in the middle of the picture. width, height: pixels. Raises ValueError for a size below 1.
         """
     @staticmethod
     def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective') -> Camera:
         """
-        From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height). model: "perspective", or "fisheye" for what cv2.fisheye calibrates.
+        From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height). model: "perspective", or "fisheye" for what cv2.fisheye calibrates. Raises ValueError for other shapes, a wrong number of coefficients or another model.
         """
     def __copy__(self) -> Camera:
         ...
@@ -224,32 +231,48 @@ class Camera:
         """
     def unproject(self, pixels: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, else of unit length; NaN beyond the lens model.
+        Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, else of unit length; NaN beyond the lens model. Raises ValueError for another shape.
         """
     @property
     def cx(self) -> float:
-        ...
+        """
+        Principal point, pixels, pixel centres at + 0.5.
+        """
     @property
     def cy(self) -> float:
-        ...
+        """
+        The same along y.
+        """
     @property
     def distortion(self) -> tuple:
-        ...
+        """
+        k1 k2 p1 p2 [k3 [k4 k5 k6]]; of a fisheye k1 k2 k3 k4; empty for none.
+        """
     @property
     def fx(self) -> float:
-        ...
+        """
+        Focal length along x, pixels; of an equirectangular camera pixels a radian.
+        """
     @property
     def fy(self) -> float:
-        ...
+        """
+        The same along y.
+        """
     @property
     def gain(self) -> float:
-        ...
+        """
+        Factor on the exposure of all pictures.
+        """
     @property
     def height(self) -> int:
-        ...
+        """
+        Pixels.
+        """
     @property
     def model(self) -> str:
-        ...
+        """
+        "perspective", "fisheye" or "equirectangular".
+        """
     @property
     def opencv_matrix(self) -> numpy.typing.NDArray[numpy.float64]:
         """
@@ -257,19 +280,31 @@ class Camera:
         """
     @property
     def readout(self) -> float:
-        ...
+        """
+        Seconds from a picture's first row to its last; 0 for a global shutter.
+        """
     @property
     def response(self) -> Response:
-        ...
+        """
+        Response; sRGB by default.
+        """
     @property
     def vignetting(self) -> tuple:
-        ...
+        """
+        v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in focal lengths; empty for none.
+        """
     @property
     def width(self) -> int:
-        ...
+        """
+        Pixels.
+        """
 class Rig:
     """
-    A back camera, and a front camera fixed to it by front_from_back (Pose or (4, 4)).
+    A back camera, and a front camera fixed to it.
+
+    back: perspective Camera. front: Camera of any model, or None. front_from_back: Pose or (4, 4) float64 in metres, from
+    the back camera's frame to the front camera's. Raises ValueError for one of the two without the other, or what is no
+    pose.
     """
     __hash__: typing.ClassVar[None] = None
     def __eq__(self, arg0: Rig) -> bool:
@@ -280,13 +315,19 @@ class Rig:
         ...
     @property
     def back(self) -> Camera:
-        ...
+        """
+        Camera that sees the board.
+        """
     @property
     def front(self) -> Camera | None:
-        ...
+        """
+        Camera that looks the other way, or None.
+        """
     @property
     def front_from_back(self) -> Pose:
-        ...
+        """
+        Pose; the identity without a front camera.
+        """
 class Tag:
     """
     A tag of a board: id, and corners (4, 2) in metres (upper left, upper right, lower right, lower left).
@@ -298,10 +339,14 @@ class Tag:
         ...
     @property
     def corners(self) -> numpy.typing.NDArray[numpy.float64]:
-        ...
+        """
+        (4, 2) float64 metres, marker frame.
+        """
     @property
     def id(self) -> int:
-        ...
+        """
+        Number in family 36h11, 0 to 586.
+        """
 class Board:
     """
     The printed board: tags of family 36h11 on the plane z = 0 of the marker frame.
@@ -319,12 +364,12 @@ class Board:
     @staticmethod
     def grid(rows: typing.SupportsInt | typing.SupportsIndex, columns: typing.SupportsInt | typing.SupportsIndex, tag_size: typing.SupportsFloat | typing.SupportsIndex, spacing: typing.SupportsFloat | typing.SupportsIndex, border_bits: typing.SupportsInt | typing.SupportsIndex = 1) -> Board:
         """
-        rows x columns tags of tag_size metres, spacing metres apart; ids from 0 row by row from the top.
+        rows x columns tags of tag_size metres, spacing metres apart; ids from 0 row by row from the top. Raises ValueError for less than one tag or lengths that are not positive.
         """
     @staticmethod
     def kalibr(rows: typing.SupportsInt | typing.SupportsIndex, columns: typing.SupportsInt | typing.SupportsIndex, tag_size: typing.SupportsFloat | typing.SupportsIndex, spacing_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.3) -> Board:
         """
-        Kalibr's AprilGrid: two-module borders, ids from 0 row by row from the bottom; spacing_ratio = space between tags / tag_size (metres).
+        Kalibr's AprilGrid: two-module borders, ids from 0 row by row from the bottom; spacing_ratio = space between tags / tag_size (metres). Raises ValueError for less than one tag or lengths that are not positive.
         """
     def __copy__(self) -> Board:
         ...
@@ -342,7 +387,7 @@ class Board:
         ...
     def image(self, dpi: typing.SupportsFloat | typing.SupportsIndex = 300.0) -> typing.Any:
         """
-        The page as (height, width) uint8 grey values, white 255; edges carry exact coverage. Pixel (0, 0) is the page's upper left corner.
+        The page as (height, width) uint8 grey values, white 255; edges carry exact coverage. Pixel (0, 0) is the page's upper left corner. Raises ValueError for dpi outside 10 to 2400.
         """
     def save(self, path: typing.Any, dpi: typing.SupportsFloat | typing.SupportsIndex = 300.0) -> None:
         """
@@ -419,6 +464,9 @@ class Mesh:
 class Bvh:
     """
     Ray queries on a mesh. Triangles are two-sided.
+
+    mesh: Mesh; rays are in its frame, lengths in metres. Origins and directions are (..., 3) of any float dtype; t counts
+    in lengths of the direction. Raises ValueError for other shapes, TypeError for integers.
     """
     def __init__(self, mesh: Mesh) -> None:
         ...
@@ -436,6 +484,11 @@ class Environment:
     """
     What is known of the light of a place: radiance, and how well it is known.
     """
+    @staticmethod
+    def _repr_png_(thing: typing.Any) -> bytes:
+        """
+        `picture` as a PNG file. Raises what it raises.
+        """
     def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None) -> None:
         """
         A map that is known everywhere.
@@ -578,10 +631,14 @@ class Material:
         ...
     @property
     def anisotropy(self) -> typing.Any:
-        ...
+        """
+        0 (round lobe) to 1, as KHR_materials_anisotropy; None of Eq. 3.
+        """
     @property
     def anisotropy_rotation(self) -> typing.Any:
-        ...
+        """
+        Radians from the tangent, counter-clockwise; None of Eq. 3.
+        """
     @property
     def base_color(self) -> typing.Any:
         """
@@ -624,7 +681,9 @@ class Material:
         """
     @property
     def normal_scale(self) -> typing.Any:
-        ...
+        """
+        Factor on the normal map's x and y; None of Eq. 3.
+        """
     @property
     def roughness(self) -> typing.Any:
         """
@@ -854,6 +913,11 @@ class ShadowMap:
     one passes into the coarse one at its border. Beyond both the ratio is 1.
     """
     __hash__: typing.ClassVar[None] = None
+    @staticmethod
+    def _repr_png_(thing: typing.Any) -> bytes:
+        """
+        `picture` as a PNG file. Raises what it raises.
+        """
     def __eq__(self, arg0: ShadowMap) -> bool:
         ...
     def __repr__(self) -> str:
@@ -926,7 +990,8 @@ class DirectionShadow:
 
     The directions stay where they are while the light changes, so that nothing flickers, and are chosen anew and faded in
     over 32 maps when the light has moved; what a pose hides is kept as long as it does not change; when nothing changed, the
-    last map is returned. directions: how many stand for all light, 8 to 4096.
+    last map is returned. directions: how many stand for all light. Raises ValueError outside 8 to
+    4096.
     """
     def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256) -> None:
         ...
@@ -1007,6 +1072,7 @@ class PlaneExchange:
         Irradiance of each vertex (v, 3) by cells that send out exitance (cells, cells, 3).
 
         Linear, and so good for changes as well: what a shadow on the plane takes from the object.
+        Raises ValueError for another shape, TypeError for integers.
         """
     def onto_plane(self, exitance: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
@@ -1017,7 +1083,9 @@ class PlaneExchange:
         """
     @property
     def cells(self) -> int:
-        ...
+        """
+        Number of cells along an edge.
+        """
     @property
     def centre(self) -> tuple[float, float]:
         """
@@ -1065,6 +1133,7 @@ class SelfShadow:
         The same from spheres (m, 4) in the mesh's frame, for an object that deforms.
 
         A sphere that contains a vertex does not hide it; spheres that are not finite or have no radius are ignored.
+        Raises ValueError for another shape or size.
         """
     def __init__(self, mesh: Mesh, *, size: typing.SupportsInt | typing.SupportsIndex = 64) -> None:
         ...
@@ -1080,19 +1149,20 @@ class SelfShadow:
         """
     def irradiance(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Irradiance of each vertex with its self-shadow: (v, 3) float32.
+        Irradiance of each vertex with its self-shadow: (v, 3) float32. Arguments as of `shares`.
         """
     def shares(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
         """
         Share of the irradiance that reaches each vertex, by colour channel: (v, 3) float32 in [0, 1].
 
-        1 where nothing is blocked, and where there is no light.
+        1 where nothing is blocked, and where there is no light. lighting: Lighting of a map in the marker frame.
+        marker_from_object: Pose or (4, 4), where the mesh stands. Raises ValueError for what is no pose.
         """
     def visible(self, directions: typing.Any) -> numpy.typing.NDArray[numpy.bool]:
         """
         Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
 
-        False below the vertex's tangent plane.
+        False below the vertex's tangent plane. Raises ValueError for another shape.
         """
     @property
     def nbytes(self) -> int:
@@ -1101,7 +1171,9 @@ class SelfShadow:
         """
     @property
     def size(self) -> int:
-        ...
+        """
+        Cells of the sphere along an edge.
+        """
 class DetectedTag:
     """
     A tag found in a picture: id, and corners (4, 2) in pixels with centres at + 0.5, in the order of Tag.corners.
@@ -1119,10 +1191,14 @@ class DetectedTag:
         ...
     @property
     def corners(self) -> numpy.ndarray:
-        ...
+        """
+        (4, 2) float64 pixels, pixel centres at + 0.5.
+        """
     @property
     def id(self) -> int:
-        ...
+        """
+        Number in family 36h11.
+        """
 class Tracked:
     """
     Where the board is seen by a camera in one picture.
@@ -1198,7 +1274,9 @@ class _EdgeTracker:
         """
     @property
     def following(self) -> bool:
-        ...
+        """
+        Whether the next frame is searched near the last pose.
+        """
 class Turned:
     """
     A pose that rests on the captured map: the board is out of view.
@@ -1270,7 +1348,9 @@ class _RotationTracker:
         ...
     @property
     def following(self) -> bool:
-        ...
+        """
+        Whether a rotation is known to go on from.
+        """
 class _Methods:
     """
     The named methods that a frame is made with.
@@ -1339,10 +1419,14 @@ class PlannedPass:
         """
     @property
     def included(self) -> bool:
-        ...
+        """
+        Whether the pass runs.
+        """
     @property
     def method(self) -> str:
-        ...
+        """
+        Name of its method and settings; empty where it has none.
+        """
     @property
     def milliseconds(self) -> float | None:
         """
@@ -1350,13 +1434,19 @@ class PlannedPass:
         """
     @property
     def name(self) -> str:
-        ...
+        """
+        Of the pass, as in FrameResult.passes.
+        """
     @property
     def needs(self) -> set[str]:
-        ...
+        """
+        Names of the products that must be fresh before it runs, but do not make it run.
+        """
     @property
     def reads(self) -> set[str]:
-        ...
+        """
+        Names of the products that it is made from.
+        """
     @property
     def reason(self) -> str:
         """
@@ -1364,11 +1454,18 @@ class PlannedPass:
         """
     @property
     def writes(self) -> set[str]:
-        ...
+        """
+        Names of the products that it makes.
+        """
 class Plan:
     """
     Which passes a frame needs, by which method, and which it does not, and why. print(plan) is the bill.
     """
+    @staticmethod
+    def _repr_html_(*args, **kw) -> str:
+        """
+        A Plan or a Comparison as an HTML table. Raises TypeError for anything else.
+        """
     def __repr__(self) -> str:
         ...
     def __str__(self) -> str:
@@ -1410,10 +1507,14 @@ class Plan:
         """
     @property
     def meets_milliseconds(self) -> bool:
-        ...
+        """
+        Whether the expected time is within the budget; True without one.
+        """
     @property
     def methods(self) -> _Methods:
-        ...
+        """
+        Method of every step, by attributes of the steps' names.
+        """
     @property
     def milliseconds(self) -> float:
         """
@@ -1421,7 +1522,9 @@ class Plan:
         """
     @property
     def milliseconds_budget(self) -> float:
-        ...
+        """
+        0: none was asked for.
+        """
     @property
     def omission_bound(self) -> float:
         """
@@ -1439,7 +1542,7 @@ class Scene:
     mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
     frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
     for no self-shadow at all. refine: split triangles where what the object hides of itself changes within them; the surface
-    stays the same, the paper's P_V too.
+    stays the same, the paper's P_V too. Raises ValueError for negative numbers or what is no pose.
     """
     def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96, refine: bool = True) -> None:
         ...
@@ -1470,10 +1573,14 @@ class Scene:
         ...
     @property
     def marker_from_object(self) -> Pose:
-        ...
+        """
+        Pose: where the object stands.
+        """
     @property
     def material(self) -> Material:
-        ...
+        """
+        Material of the object.
+        """
     @property
     def mesh(self) -> Mesh:
         """
@@ -1521,14 +1628,23 @@ class ObjectLayer:
         """
     @property
     def x(self) -> int:
-        ...
+        """
+        Column of the picture that the layer begins at.
+        """
     @property
     def y(self) -> int:
-        ...
+        """
+        Row of the picture that the layer begins at.
+        """
 class FrameResult:
     """
     What a Session made of a frame.
     """
+    @staticmethod
+    def _repr_png_(thing: typing.Any) -> bytes:
+        """
+        `picture` as a PNG file. Raises what it raises.
+        """
     @property
     def _lighting(self) -> typing.Any:
         ...
@@ -1554,7 +1670,9 @@ class FrameResult:
         """
     @property
     def environment(self) -> Environment:
-        ...
+        """
+        Environment that the frame was lit by, or None before there is any.
+        """
     @property
     def front_taken(self) -> Taken | None:
         """
@@ -1577,7 +1695,9 @@ class FrameResult:
         """
     @property
     def plan(self) -> Plan:
-        ...
+        """
+        Plan by which the frame was made.
+        """
     @property
     def predicted_error(self) -> float:
         """
@@ -1585,7 +1705,9 @@ class FrameResult:
         """
     @property
     def shadow_map(self) -> ShadowMap:
-        ...
+        """
+        ShadowMap of the frame, or None where none was cast.
+        """
     @property
     def timings(self) -> dict[str, float]:
         """
@@ -1614,7 +1736,7 @@ class _Session:
         ...
     def move(self, marker_from_object: typing.Any) -> None:
         """
-        Move the object: Pose or (4, 4).
+        Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is no pose.
         """
     def set_budgets(self, error: typing.SupportsFloat | typing.SupportsIndex = 0.0, milliseconds: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         """
@@ -1626,7 +1748,7 @@ class _Session:
         """
     def set_environment(self, environment: Environment) -> None:
         """
-        Use a given Environment; None to capture.
+        Use a given Environment from the next frame on; None to capture.
         """
     def set_material(self, material: Material) -> None:
         """
@@ -1638,10 +1760,14 @@ class _Session:
         """
     @property
     def backend(self) -> str:
-        ...
+        """
+        "cpu" or "gl".
+        """
     @property
     def capture(self) -> Capture:
-        ...
+        """
+        Capture that the pictures go into.
+        """
     @property
     def holdout(self) -> ObjectLayer:
         """
@@ -1654,7 +1780,9 @@ class _Session:
         """
     @property
     def plan(self) -> Plan:
-        ...
+        """
+        Plan of the next frame: print it for the bill.
+        """
     @property
     def plane_gain(self) -> ShadowMap:
         """
@@ -1665,7 +1793,9 @@ class _Session:
         """
     @property
     def scene(self) -> Scene:
-        ...
+        """
+        Scene that is drawn.
+        """
     @property
     def shadow_map(self) -> ShadowMap:
         """
@@ -1763,7 +1893,8 @@ def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolu
     resolution: texels along an edge; 0 is the method's own: 128 for "directions", 64 for the others. extent: half the map's
     edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the middle of the
     spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510; without,
-    and by the other methods, the ratio fades to 1 over the outer tenth of the map.
+    and by the other methods, the ratio fades to 1 over the outer tenth of the map. Raises
+    ValueError for another shape or method and for numbers out of range.
     """
 def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128, filter: str = 'area') -> CubeMap:
     """
@@ -1777,15 +1908,18 @@ def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.S
     """
 def directional_albedo(cos_view: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """
-    rho(theta_v, s) of Eq. 3 from the library's table; any shape of cos theta_v.
+    Directional albedo rho(theta_v, s) of Eq. 3 (Croubois et al. 2014), from the library's table.
+
+    cos_view: cos theta_v of any shape, any float dtype. exponent: s >= 0. Returns float32 of that shape, within 0.002.
+    Raises ValueError for a negative exponent.
     """
 def due_passes(plan: Plan, wanted: collections.abc.Set[str], stale: collections.abc.Set[str]) -> tuple[list[str], set[str]]:
     """
-    Passes that must run for the wanted products, given the stale ones, and what is stale after they ran. Products and passes by name.
+    Passes that must run for the wanted products, given the stale ones, and what is stale after they ran. Products and passes by name. Raises ValueError for a name that is none.
     """
 def equirect_from_cubemap(cube: CubeMap, height: typing.SupportsInt | typing.SupportsIndex = 512) -> numpy.typing.NDArray[numpy.float32]:
     """
-    Equirectangular picture (height, 2 height, 3) float32 of a cube map, area-exact.
+    Equirectangular picture (height, 2 height, 3) float32 of a cube map, area-exact: z at the top, +y in the middle. Raises ValueError for a height below 1.
     """
 def fit_spheres(mesh: Mesh, count: typing.SupportsInt | typing.SupportsIndex = 50, resolution: typing.SupportsInt | typing.SupportsIndex = 64, seed: typing.SupportsInt | typing.SupportsIndex = 0) -> numpy.typing.NDArray[numpy.float32]:
     """
@@ -1800,7 +1934,8 @@ def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typin
     Directional albedo of single-scattering GGX, (..., 2) float32: the split sum's f0 term and the rest.
 
     views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Fresnel by Schlick the albedo is f0 a + b,
-    with Fresnel 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx.
+    with Fresnel 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. From a table (Karis 2013). Raises
+    ValueError for another shape or values out of range.
     """
 def light_directions(cube: CubeMap, count: typing.SupportsInt | typing.SupportsIndex = 256) -> tuple:
     """
@@ -1819,7 +1954,7 @@ def main_lights(map: typing.Any, brightness: typing.SupportsFloat | typing.Suppo
     """
 def set_threads(count: typing.SupportsInt | typing.SupportsIndex) -> None:
     """
-    Number of threads that the library uses; 0 asks for all cores. Results are the same bits for any number.
+    Number of threads that the library uses; 0 asks for all cores. Results are the same bits for any number. Raises ValueError for a number below 0.
     """
 def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method: str = 'auto', directions: typing.SupportsInt | typing.SupportsIndex = 256) -> numpy.typing.NDArray[numpy.float32]:
     """
@@ -1834,11 +1969,11 @@ def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method:
     """
 def texel_directions(size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """
-    Unit directions (6, size, size, 3) float32 of the texel centres, marker frame.
+    Unit directions (6, size, size, 3) float32 of the texel centres, marker frame. Raises ValueError for a size below 1.
     """
 def texel_solid_angles(size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float64]:
     """
-    Exact solid angles (size, size) float64 of the texels of one face; six faces sum to 4 pi.
+    Exact solid angles (size, size) float64 of the texels of one face; six faces sum to 4 pi. Raises ValueError for a size below 1.
     """
 def threads() -> int:
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -28,6 +27,7 @@ POSITION = (0.0, 0.0, HEIGHT / 2)  # where its light is measured
 DISTANCE = 3.0  # rough distance of the room's walls, metres: what a user would tell
 METHODS = {"default": "auto", "paper": "paper"}  # of the two runs
 PANEL = (480, 360)  # of the four-panel video, pixels
+_SHOWN_EVERY = 15  # frames after which picture.jpg is written anew: there is something to see before all is done
 
 
 @dataclass
@@ -115,7 +115,7 @@ def _run(
     scene: Scene,
     stills: list[Still],
     truths: dict[int, NDArray],
-    panels: Iterable[VideoWriter] | None,
+    panels: tuple[VideoWriter, VideoWriter, Path] | None,
     scale: float,
 ) -> tuple[Run, Session, dict[str, FrameResult]]:
     run, results_at = Run(name), {}
@@ -141,7 +141,7 @@ def _run(
                 still.pictures[name] = result.image
                 results_at[still.title] = result
         if panels is not None:
-            composite, four = panels
+            composite, four, path = panels
             composite.add(result.image)
             top = [_labelled(frame.back, "back camera"), _labelled(result.image, "composite")]
             seen = f"captured light, {100 * environment.coverage:.0f} % seen"
@@ -151,7 +151,10 @@ def _run(
                 _labelled(picture_of_map(environment, scale), seen),
                 true_pictures[state],
             ]
-            four.add(np.vstack([np.hstack(top), np.hstack(bottom)]))
+            panel = np.vstack([np.hstack(top), np.hstack(bottom)])
+            four.add(panel)
+            if index % _SHOWN_EVERY == 0 or index == len(recording) - 1:
+                cv2.imwrite(str(path), panel[..., ::-1])
     run.plan = str(last.plan) if last is not None else ""
     return run, session, results_at
 
@@ -161,7 +164,7 @@ def _offset(pose: Pose, true: Pose) -> float:
 
 
 def run_demo(recording: Recording, out: Path) -> DemoResult:
-    """Runs the default and the paper's methods on a recording with truth; writes the two videos to `out`."""
+    """Runs the default and the paper's methods on a recording with truth; writes two videos and a picture to `out`."""
     scene = demo_scene()
     truth, frames = recording.truth, list(recording)
     times = [frame.time for frame in frames]
@@ -183,7 +186,7 @@ def run_demo(recording: Recording, out: Path) -> DemoResult:
     fps = (len(frames) - 1) / max(times[-1] - times[0], 1e-6)
     with VideoWriter(out / "composite.webm", fps) as composite, VideoWriter(out / "four-panel.webm", fps) as four:
         for name in METHODS:
-            panels = (composite, four) if name == "default" else None
+            panels = (composite, four, out / "picture.jpg") if name == "default" else None
             run, session, results = _run(name, recording, scene, stills, true_irradiance, panels, scale)
             runs[name], kept[name] = run, (session, results)
 

@@ -60,6 +60,7 @@ class Faulty:
         self.counts = dict.fromkeys(KINDS, 0)
 
     def close(self) -> None:
+        """Closes the source within."""
         close(self.source)
 
     def __iter__(self) -> Iterator[Frame]:

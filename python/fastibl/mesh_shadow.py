@@ -124,7 +124,8 @@ class MeshShadow:
     def ratio(self, cube: CubeMap | Environment, points: ArrayLike) -> NDArray[np.float32]:
         """Ratio (..., 3) of the light at plane points (..., 2) in metres, with and without the object.
 
-        In [0, 1]; bilinear between the texels of the map, 1 outside of both and in a channel without light.
+        In [0, 1]; bilinear between the texels of the map, 1 outside of both and in a channel without light. Raises
+        ValueError for another shape.
         """
         return self.cast(cube).sample(points)
 

@@ -162,11 +162,14 @@ class Session(_Session):
             self._set_backend(self.backend)
 
     def set_methods(self, methods: Methods) -> None:
-        """Use other methods from the next frame on."""
+        """Use other methods from the next frame on. Raises ValueError for unknown names."""
         self._set_methods(resolve_methods(methods))
 
     def set_backend(self, backend: str) -> None:
-        """Render with another back end ("cpu", "gl") from the next frame on."""
+        """Render with another back end ("cpu", "gl", "auto") from the next frame on.
+
+        Raises ValueError for another name, RuntimeError where the GL back end cannot start.
+        """
         self._set_backend("cpu" if backend == "auto" else backend)
 
 

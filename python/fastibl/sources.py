@@ -36,7 +36,8 @@ class Source(Protocol):
 
     def __iter__(self) -> Iterator[Frame]: ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Ends what runs in the background."""
 
 
 class _Closing:

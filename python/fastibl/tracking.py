@@ -196,6 +196,7 @@ class RotationTracker:
 
     @property
     def following(self) -> bool:
+        """Whether a rotation is known to go on from."""
         return self._core.following
 
 

@@ -129,6 +129,7 @@ class TrueRenderer:
     than once, and glossy light that the object sends to the plane are not. bounce=False leaves it out.
 
     extent: half the edge in metres of the plane grid that shadows are worked out on; grid: its points along an edge.
+    Maps have at least 32 texels along a face.
     """
 
     def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 64, bounce: bool = True):

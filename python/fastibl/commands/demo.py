@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
         position=POSITION,
         progress=True,
     )
-    print("tracking, capturing, lighting: the default methods, then the paper's")
+    print(f"tracking, capturing, lighting: the default methods, then the paper's; see {out / 'picture.jpg'} meanwhile")
     result = run_demo(recording, out)
     path = write_report(result, out)
     default = result.runs["default"]

@@ -27,6 +27,7 @@ class Point:
 
     @property
     def label(self) -> str:
+        """Method and setting, as plots name it."""
         return label(self.method, self.setting)
 
 

@@ -1,0 +1,249 @@
+"""How maps, light, shadows, plans and frames show themselves: in notebooks by themselves, elsewhere by `fastibl.plot`.
+
+`picture` needs nothing but OpenCV; `plot` needs matplotlib (pip install fastibl[report]), when it is called.
+"""
+
+from __future__ import annotations
+
+import html
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import CubeMap, Environment, FrameResult, Plan, ShadowMap
+from .comparison import Comparison
+from .guidance import Guidance
+from .lighting import Lighting
+
+_GREY = 0.25  # of white: what the median of a map is shown as, so that lamps clip and dark corners can be seen
+_UNSEEN = 0.35  # of its brightness: what no camera saw
+_MATTE, _GLOSSY = 0.8, 64.0  # albedo and exponent of the spheres that show a Lighting
+
+
+@singledispatch
+def picture(thing: Any, height: int = 256) -> NDArray[np.uint8]:
+    """A picture (h, w, 3) uint8 RGB of a CubeMap, Environment, Lighting, ShadowMap, FrameResult or Guidance.
+
+    height: in pixels; frames and guidance keep their own. Maps are shown as equirectangular pictures (z at the top,
+    +y in the middle), their median at a quarter of white; what no camera saw is dimmed. A Lighting is shown by a matte,
+    a glossy and a mirror sphere, seen along +y. Of a ShadowMap row 0 is the largest y, as the board is looked at.
+    Raises TypeError for anything else, ValueError for a height below 8.
+    """
+    raise TypeError(f"no picture of {type(thing).__name__}; there are pictures of CubeMap, Environment, Lighting, "
+                    "ShadowMap, FrameResult and Guidance")  # fmt: skip
+
+
+@picture.register
+def _(thing: CubeMap, height: int = 256) -> NDArray[np.uint8]:
+    return _encoded(_panorama(thing, height))
+
+
+@picture.register
+def _(thing: Environment, height: int = 256) -> NDArray[np.uint8]:
+    linear = _panorama(thing.radiance, height)
+    seen = CubeMap(np.repeat((thing.confidence > 0)[..., None], 3, axis=-1).astype(np.float32)).sample(_rays(height))
+    return (_encoded(linear) * (_UNSEEN + (1 - _UNSEEN) * seen)).astype(np.uint8)
+
+
+@picture.register
+def _(thing: Lighting, height: int = 256) -> NDArray[np.uint8]:
+    _check(height)
+    y, x = (np.mgrid[:height, :height] + 0.5) / height * 2.2 - 1.1
+    inside = x**2 + y**2 < 1
+    depth = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    normals = np.stack([x, -depth, -y], axis=-1)[inside]  # z up, the eye at -y
+    views = np.broadcast_to([0.0, -1.0, 0.0], normals.shape)
+    lit = (
+        _MATTE / np.pi * thing.irradiance(normals),
+        thing.glossy(normals, views, exponent=_GLOSSY),
+        thing.glossy(normals, views, exponent=float("inf")),
+    )
+    scale = _scale(lit[0])
+    panels = []
+    for values in lit:
+        panel = np.full((height, height, 3), 255, np.uint8)
+        panel[inside] = _bytes(values * scale)
+        panels.append(panel)
+    return np.concatenate(panels, axis=1)
+
+
+@picture.register
+def _(thing: ShadowMap, height: int = 256) -> NDArray[np.uint8]:
+    _check(height)
+    y, x = ((np.mgrid[:height, :height] + 0.5) / height * 2 - 1) * thing.extent
+    points = np.stack([x + thing.centre[0], -y + thing.centre[1]], axis=-1)
+    return _bytes(thing.sample(points))
+
+
+@picture.register
+def _(thing: FrameResult, height: int = 256) -> NDArray[np.uint8]:
+    image = np.asarray(thing.image)
+    if image.shape[-1] == 3:
+        return image
+    alpha = image[..., 3:] / 255  # straight, over white
+    return np.rint(image[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8)
+
+
+@picture.register
+def _(thing: Guidance, height: int = 256) -> NDArray[np.uint8]:
+    return thing.image
+
+
+def png(thing: Any) -> bytes:
+    """`picture` as a PNG file. Raises what it raises."""
+    import cv2
+
+    return cv2.imencode(".png", np.ascontiguousarray(picture(thing)[..., ::-1]))[1].tobytes()
+
+
+@singledispatch
+def table(thing: Any) -> str:
+    """A Plan or a Comparison as an HTML table. Raises TypeError for anything else."""
+    raise TypeError(f"no table of {type(thing).__name__}; there are tables of Plan and Comparison")
+
+
+@table.register
+def _(thing: Plan) -> str:
+    rows = []
+    for p in thing.passes:
+        error = "" if p.error is None else _percent(p.error)
+        time = "" if p.milliseconds is None or not p.included else f"{p.milliseconds:.2f} ms"
+        method = p.method if p.included else f"left out: {p.reason}"
+        rows.append((p.name, method, error, time))
+    total = "" if thing.expected_error is None else _percent(thing.expected_error)
+    rows.append(("in all", "", total, f"{thing.milliseconds:.2f} ms"))
+    foot = "" if thing.assured_error is None else f"<p>The picture is within {_percent(thing.assured_error)}.</p>"
+    if thing.light_error is not None and np.isfinite(thing.light_error):
+        foot += (
+            f"<p>The captured light is expected to be off by {_percent(thing.light_error)}, whatever the methods.</p>"
+        )
+    return _html(("pass", "method", "expected error", "expected time"), rows) + foot
+
+
+@table.register
+def _(thing: Comparison) -> str:
+    rows = [
+        (name, _percent(thing.rmse[name]), _percent(thing.scale_invariant_rmse[name]), f"{thing.angular[name]:.2f}°")
+        for name in thing.rmse
+    ]
+    foot = f"<p>Median error of the irradiance: {_percent(thing.median)}.</p>"
+    return _html(("sphere", "RMSE", "scale-invariant", "angle of RGB"), rows) + foot
+
+
+def plot(thing: Any, axes: Any = None, title: str | None = None) -> Any:
+    """Draws a CubeMap, Environment, Lighting, ShadowMap, FrameResult, Guidance, Plan or Comparison; returns the axes.
+
+    axes: matplotlib's to draw into; None makes a figure. title: above it. Maps have their directions along the edges, a
+    ShadowMap metres; a Plan and a Comparison are bars. Raises TypeError for anything else, ImportError without
+    matplotlib.
+    """
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        raise ImportError("fastibl.plot needs matplotlib: pip install fastibl[report]") from error
+    if axes is None:
+        wide = isinstance(thing, CubeMap | Environment | Lighting | Guidance)
+        axes = pyplot.subplots(figsize=(8, 4) if wide else (5, 4), layout="constrained")[1]
+    if isinstance(thing, Plan):
+        _plot_plan(thing, axes)
+    elif isinstance(thing, Comparison):
+        _plot_comparison(thing, axes)
+    else:
+        _plot_picture(thing, axes)
+    if title is not None:
+        axes.set_title(title)
+    return axes
+
+
+def _plot_picture(thing: Any, axes: Any) -> None:
+    image = picture(thing)
+    if isinstance(thing, CubeMap | Environment):
+        axes.imshow(image, extent=(-180, 180, -90, 90), aspect="auto" if axes.get_subplotspec() is None else 1)
+        axes.set_xticks((-180, -90, 0, 90, 180), ("−y", "−x", "+y", "+x", "−y"))
+        axes.set_yticks((-90, 0, 90), ("−z", "0", "+z"))
+    elif isinstance(thing, ShadowMap):
+        (x, y), e = thing.centre, thing.extent
+        axes.imshow(image, extent=(x - e, x + e, y - e, y + e))
+        axes.set_xlabel("x, metres"), axes.set_ylabel("y, metres")
+    else:
+        axes.imshow(image)
+        axes.set_axis_off()
+
+
+def _plot_plan(plan: Plan, axes: Any) -> None:
+    taken = [p for p in plan.passes if p.included]
+    names = [f"{p.name}\n{p.method}" if p.method else p.name for p in taken]
+    axes.barh(names, [p.milliseconds or 0 for p in taken], color="#0072B2")
+    for k, p in enumerate(taken):
+        if p.error is not None:
+            axes.text(p.milliseconds or 0, k, f" {_percent(p.error)}", va="center", fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlabel("expected milliseconds; beside the bars: error")
+
+
+def _plot_comparison(comparison: Comparison, axes: Any) -> None:
+    names = list(comparison.rmse)
+    places = np.arange(len(names))
+    axes.bar(places - 0.2, [100 * comparison.rmse[n] for n in names], 0.4, label="RMSE", color="#D55E00")
+    values = [100 * comparison.scale_invariant_rmse[n] for n in names]
+    axes.bar(places + 0.2, values, 0.4, label="after one factor", color="#0072B2")
+    axes.set_xticks(places, names)
+    axes.set_ylabel("% of the true mean")
+    axes.legend()
+
+
+def _check(height: int) -> None:
+    if height < 8:
+        raise ValueError(f"height must be at least 8 pixels, got {height}")
+
+
+def _rays(height: int) -> NDArray[np.float32]:
+    from .guidance import _rays as rays
+
+    _check(height)
+    return rays(height)
+
+
+def _panorama(cube: CubeMap, height: int) -> NDArray[np.float32]:
+    """Linear radiance (h, 2h, 3) through an equirectangular picture's pixels."""
+    return cube.sample(_rays(height), float(np.log2(max(2 * cube.size / height, 1))))
+
+
+def _scale(linear: NDArray) -> float:
+    middle = float(np.median(linear.mean(axis=-1)))
+    return _GREY / middle if middle > 0 else 1.0
+
+
+def _encoded(linear: NDArray) -> NDArray[np.uint8]:
+    return _bytes(linear * _scale(linear))
+
+
+def _bytes(linear: NDArray) -> NDArray[np.uint8]:
+    """sRGB, cut at white."""
+    x = np.clip(linear, 0, 1)
+    encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 1e-9) ** (1 / 2.4) - 0.055)
+    return np.rint(255 * encoded).astype(np.uint8)
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.2g} %" if value < 1 else f"{100 * value:.0f} %"
+
+
+def _html(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    def line(cells: tuple[str, ...], tag: str) -> str:
+        return "<tr>" + "".join(f'<{tag} style="text-align: left">{html.escape(c)}</{tag}>' for c in cells) + "</tr>"
+
+    return f"<table>{line(head, 'th')}{''.join(line(r, 'td') for r in rows)}</table>"
+
+
+def attach() -> None:
+    """Lets notebooks show these classes by themselves."""
+    for kind in (CubeMap, Environment, Lighting, ShadowMap, FrameResult, Guidance):
+        kind._repr_png_ = png
+    for kind in (Plan, Comparison):
+        kind._repr_html_ = table
+
+
+__all__ = ["picture", "plot", "png", "table"]

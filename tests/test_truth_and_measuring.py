@@ -1,0 +1,120 @@
+"""What judges the library, judged by cases whose answer is known: the true renderer, the timer, rows."""
+
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl import faults, measuring, reference, truth
+
+
+@pytest.fixture(scope="module")
+def white():
+    return fastibl.CubeMap(np.ones((6, 32, 32, 3)))
+
+
+@pytest.fixture(scope="module")
+def renderer():
+    """A ball of 4 cm that hovers 4 cm above the table."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(2, 0.02)
+    mesh = fastibl.Mesh(ball.vertices + [0, 0, 0.06], ball.faces)
+    return truth.TrueRenderer(fastibl.Scene(mesh, fastibl.Material(diffuse=(0.5, 0.5, 0.5))), grid=16, bounce=False)
+
+
+def test_a_ball_in_even_light_keeps_nothing_from_itself(renderer, white):
+    light = renderer.vertex_irradiance(white)
+    assert light.shape == (162, 3) and np.allclose(light, np.pi, rtol=0.03)
+    assert np.allclose(renderer.exitance(white), 0.5 * light, rtol=1e-6)
+
+
+def test_shadow_error_is_that_of_the_ratio(renderer, white):
+    true = renderer.plane_ratio(white)
+    spheres = np.array([[0, 0, 0.06, 0.02]], np.float32)
+    good = fastibl.cast_shadow(white, spheres, extent=0.3, resolution=256, directions=1024)
+    none = fastibl.cast_shadow(white, np.zeros((0, 4), np.float32), extent=0.3)
+    assert renderer.shadow_error(good, true) < 0.02
+    where = renderer.outside_footprint & ((1 - true).max(axis=-1) > 0.01)
+    assert renderer.shadow_error(none, true) == pytest.approx(np.sqrt(((1 - true)[where] ** 2).mean()), rel=1e-5)
+
+
+def test_picture_error(renderer, white):
+    camera = fastibl.Camera(64, 48, 80, 80, 32, 24)
+    pose = fastibl.Pose(np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.4], [0, 0, 0, 1.0]]))
+    back = np.full((48, 64, 3), 120, np.uint8)
+    true = renderer.render(back, 1.0, camera, pose, white)
+    assert truth.picture_error(true.image, true, back, camera.response) < 0.01  # 8 bits
+    brighter = np.clip(true.linear * 1.1, 0, 1)
+    encoded = np.rint(255 * camera.response.encode(brighter)).astype(np.uint8)
+    assert truth.picture_error(encoded, true, back, camera.response) == pytest.approx(0.1, abs=0.03)
+
+
+def test_texels_that_count():
+    """What was last seen before the lamp or under the hand does not count; what no exposure can hold clips."""
+    recording = fastibl.simulate(seconds=1, fps=6, size=(64, 48), truth_size=16, lamp=True, hand=True)
+    last_seen = np.full((6, 16, 16), recording.times[-1])
+    last_seen[0] = -np.inf
+    last_seen[1] = recording.truth.lamp_time - 0.1
+    last_seen[2] = np.mean(recording.truth.hand)
+    counts, unclipped = truth.texels_that_count(recording, last_seen)
+    assert not counts[0].any() and not counts[1].any() and not counts[2].any() and counts[3:].all()
+    assert not (unclipped & ~counts).any() and unclipped[3:].mean() > 0.9
+
+
+def test_pbr_surface_reads_textures_between_texels():
+    texture = np.zeros((2, 2, 3), np.float32)
+    texture[:, 1] = 1  # u = 0.25 is black, u = 0.75 white
+    material = fastibl.Material.pbr(texture, 0.5, 0.4)
+    normals, tangents = np.tile([0.0, 0, 1], (3, 1)), np.tile([1.0, 0, 0, 1], (3, 1))
+    surface = truth.pbr_surface(material, normals, tangents, np.array([[0.25, 0.5], [0.5, 0.5], [0.75, 0.5]]))
+    assert isinstance(surface, truth.PbrSurface)
+    assert np.allclose(surface.base_color, [[0] * 3, [0.5] * 3, [1] * 3]) and np.allclose(surface.metallic, 0.5)
+    assert np.allclose(surface.alpha, reference.ggx_alpha(0.4)) and np.allclose(surface.frame, np.eye(3))
+
+
+def test_a_pose_from_a_rotation_vector_is_finite():
+    for rotation, translation in (([np.nan, 0, 0], [0.0, 0, 0]), ([0.0, 0, 0], [0.0, np.inf, 0])):
+        with pytest.raises(ValueError, match="finite"):
+            fastibl.Pose.from_rotation_vector(rotation, translation)
+
+
+def test_ggx_alpha_is_gltfs():
+    assert reference.ggx_alpha(0.5) == (0.25, 0.25) and reference.ggx_alpha(0.0) == (0.02, 0.02)
+    assert reference.ggx_alpha(0.5, 1.0) == (1.0, 0.25)
+
+
+def test_timings():
+    timing = measuring.Timing(2.0, 1.0, 3.0, 0.2, 0.1, 0.3, 5)
+    assert timing.of_cpu == measuring.Timing(0.2, 0.1, 0.3, 0.2, 0.1, 0.3, 5)
+    assert timing.scaled(10).median == 0.2 and timing.scaled(10).count == 5
+    done = []
+    timings, yardstick = measuring.side_by_side({"a": done.append, "b": lambda _: sum(range(30000))}, rounds=3)
+    assert len(done) >= 4 and timings["b"].cpu > timings["a"].cpu and yardstick > 0  # one round to warm up
+
+
+def test_threads_while_measuring():
+    before = fastibl.threads()
+    with measuring.one_core():
+        assert fastibl.threads() == 1
+        with measuring.all_cores():
+            assert fastibl.threads() >= 1
+        assert fastibl.threads() == 1
+    assert fastibl.threads() == before
+
+
+def test_commit_is_a_short_hash_or_nothing():
+    text = measuring.commit()
+    assert text == "" or all(c in "0123456789abcdef" for c in text.rstrip("+"))
+
+
+def test_what_results_say_of_themselves():
+    recording = fastibl.simulate(seconds=0.5, fps=8, size=(160, 120), truth_size=16)
+    scene = fastibl.Scene(fastibl.stand(fastibl.shapes.figurine(), 0.1))
+    session = fastibl.Session(scene, recording.rig, recording.board, size=32)
+    for frame in faults.Faulty(recording, kinds=0.0):
+        result = session.process(frame)
+    assert result.back_taken.how in ("told", "corrected") and result.front_taken.exposure > 0
+    assert result.back_taken.probes >= 0
+    capture = next(p for p in result.plan.passes if p.name == "capture")
+    assert "pose" in " ".join(capture.needs) and capture.writes
+    assert fastibl.Material.pbr((1, 1, 1), 0.0, 0.5).normal_scale == 1.0
