@@ -10,6 +10,7 @@ import fastibl
 from conftest import same_error
 from fastibl import reference
 from fastibl.truth import TrueRenderer
+from fastibl.viewpoint import looking
 from views import camera_of
 
 BACKENDS = ["cpu", pytest.param("gl", marks=needs_gl)]
@@ -451,3 +452,41 @@ def test_a_new_look_casts_no_shadow_anew():
     scene = with_holdouts(BEHIND)
     scene.shadow_strength = 0.5
     assert np.array_equal(shown(session, 0.2).image, shown(session_of(scene, marked_map())).image)
+
+
+def standing_cube(shared):
+    """A cube of 4 cm that stands on the plane, of 8 vertices, or of 24 with a normal a face."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0, 2)]) * 0.02
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    if not shared:
+        corners, quads = corners[np.ravel(quads)], np.arange(24).reshape(6, 4)
+    return fastibl.Mesh(corners, [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+
+
+def pyramid():
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0, 0, 1.2)]) * 0.03
+    return fastibl.Mesh(corners, [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4), (0, 2, 1), (0, 3, 2)])
+
+
+@pytest.mark.parametrize("mesh", [standing_cube(True), standing_cube(False), pyramid()], ids=["8 corners", "24 corners", "pyramid"])
+def test_few_vertices_on_the_plane_make_no_bright_spots(mesh):
+    """In light that is the same from everywhere, an object that absorbs some of it can only darken the plane."""
+    scene = fastibl.Scene(mesh, fastibl.Material(diffuse=(0.8, 0.8, 0.8)))
+    camera = fastibl.Camera(160, 120, 220, 220, 80, 60)
+    sky = fastibl.CubeMap(np.full((6, 8, 8, 3), 0.5))
+    grey = np.full((120, 160, 3), 150, np.uint8)
+    for eye in ((0.15, -0.2, 0.15), (-0.2, -0.1, 0.1)):
+        pose = looking(-np.array(eye), eye)
+        pictures = {}
+        for bounce in ("one-bounce", "none"):
+            session = fastibl.Session(scene, fastibl.Rig(camera), environment=sky, methods={"bounce": bounce})
+            pictures[bounce] = session.process(fastibl.Frame(0.0, back=grey, back_from_marker=pose)).image
+        alpha = np.zeros((120, 160))
+        layer = session.object
+        h, w = layer.rgba.shape[:2]
+        alpha[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba[..., 3]
+        plane, faces = alpha == 0, alpha == 1
+        with_, without = (pictures[k].astype(int) for k in ("one-bounce", "none"))
+        print(f"plane at most {with_[plane].max()} of 150, object at most {np.abs(with_ - without)[faces].max()} off")
+        assert faces.sum() > 500 and with_[plane].max() <= 153
+        assert np.abs(with_ - without)[faces].max() < 12

@@ -68,6 +68,7 @@ class Summary:
 
     @property
     def failed(self) -> list[Item]:
+        """Items whose function raised; their `error` says what."""
         return self.of("failed")
 
     def __str__(self) -> str:

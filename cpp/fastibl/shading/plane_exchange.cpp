@@ -25,17 +25,62 @@ Colour colour(const float* rgb) { return {Float4{rgb[0], rgb[1], rgb[2], 0}}; }
 
 bool finite(glm::vec2 v) { return std::isfinite(v.x) && std::isfinite(v.y); }
 
-// A third of each triangle's area. In double: that of a mesh of 1e20 m would overflow.
-std::vector<double> vertex_areas(const Mesh& mesh) {
-  std::vector<double> areas(mesh.vertices.size(), 0.0);
-  for (const auto& t : mesh.triangles) {
-    const glm::dvec3 a = mesh.vertices[std::size_t(t[0])], b = mesh.vertices[std::size_t(t[1])],
-                     c = mesh.vertices[std::size_t(t[2])];
-    const double area = 0.5 * glm::length(glm::cross(b - a, c - a));
-    for (int k = 0; k < 3; ++k) areas[std::size_t(t[k])] += area / 3;
+// Where light of a vertex leaves, and comes in: the vertex itself, or a point of a large triangle.
+struct Source {
+  glm::vec3 from, normal;  // marker frame
+  std::size_t sees;        // the vertex whose visibility is nearest
+  double area;             // of the surface that it stands for
+  bool touches;            // the plane, with its back to the light: nothing of it comes out
+};
+
+// Of each vertex. Triangles of more than half a cell are taken at as many points as that needs: all
+// light of a corner that lies on the plane would fall on one cell.
+class Sources {
+ public:
+  Sources(const Mesh& mesh, std::span<const glm::vec3> placed, std::span<const glm::vec3> normals,
+          double cell_area, float contact)
+      : contact_(contact), of_(placed.size()) {
+    std::vector<double> fine(placed.size(), 0.0);
+    for (const glm::ivec3& t : mesh.triangles) {
+      // In double: the area of a mesh of 1e20 m would overflow.
+      const glm::dvec3 p[3] = {placed[std::size_t(t.x)], placed[std::size_t(t.y)],
+                               placed[std::size_t(t.z)]};
+      const glm::dvec3 twice = glm::cross(p[1] - p[0], p[2] - p[0]);
+      const double area = 0.5 * glm::length(twice);
+      if (area <= 0.5 * cell_area)
+        for (int k = 0; k < 3; ++k) fine[std::size_t(t[k])] += area / 3;
+      else
+        add_points(t, p, area, glm::vec3(twice / (2 * area)), cell_area);
+    }
+    for (std::size_t v = 0; v < placed.size(); ++v)
+      if (fine[v] > 0 || of_[v].empty()) add(v, placed[v], normals[v], v, fine[v]);
   }
-  return areas;
-}
+  std::span<const Source> of(std::size_t vertex) const { return of_[vertex]; }
+
+ private:
+  static constexpr double kMostSteps = 32;  // along an edge
+
+  void add_points(glm::ivec3 t, const glm::dvec3 (&p)[3], double area, glm::vec3 normal,
+                  double cell_area) {
+    const int n = int(std::min(std::ceil(std::sqrt(2 * area / cell_area)), kMostSteps));
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < 2 * (n - i) - 1; ++j) {  // triangles that point up and down by turns
+        const double third = j % 2 == 0 ? 1.0 / 3 : 2.0 / 3;
+        const double a = (i + third) / n, b = (j / 2 + third) / n;
+        const glm::dvec3 w(a, b, 1 - a - b);
+        const int nearest = w.x >= w.y && w.x >= w.z ? 0 : w.y >= w.z ? 1 : 2;
+        for (int k = 0; k < 3; ++k)
+          add(std::size_t(t[k]), glm::vec3(w.x * p[0] + w.y * p[1] + w.z * p[2]), normal,
+              std::size_t(t[nearest]), w[k] * area / (double(n) * n));
+      }
+  }
+  void add(std::size_t vertex, glm::vec3 from, glm::vec3 normal, std::size_t sees, double area) {
+    of_[vertex].push_back({from, normal, sees, area, from.z <= contact_ && normal.z < 0});
+  }
+
+  float contact_;
+  std::vector<std::vector<Source>> of_;
+};
 
 // Cells that a vertex sees, and its share of each.
 struct Seen {
@@ -82,11 +127,11 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
   first_.assign(vertices.size() + 1, 0);
   // A point, or a mesh as large as floats reach: it gives and takes nothing.
   if (!(extent_ > 0 && std::isfinite(extent_) && finite(centre_))) return;
-  const std::vector<double> areas = vertex_areas(mesh);
-  for (std::size_t v = 0; v < areas.size(); ++v) areas_[v] = float(areas[v] / cell_area);
-
   const glm::mat3 marker_from_object(standing.rotation);
-  const std::vector<glm::vec3> normals = vertex_normals(mesh);
+  std::vector<glm::vec3> normals = vertex_normals(mesh);
+  for (glm::vec3& n : normals) n = marker_from_object * n;
+  const Sources sources(mesh, vertices, normals, cell_area, float(kSlack) * size_);
+
   const OctahedralGrid& grid = octahedral_grid(visibility.size);
   const Downward down(grid, marker_from_object);
   const float share = 4.0f / float(grid.count());  // solid angle of a cell of the sphere, by π
@@ -95,25 +140,35 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
   parallel_for(int(blocks.size()), 1, [&](int begin, int end) {
     std::vector<float> sums(std::size_t(cells) * std::size_t(cells), 0.0f);
     std::vector<std::uint16_t> met;
-    for (std::size_t v = std::size_t(begin) * kBlock;
-         v < std::min(vertices.size(), std::size_t(end) * kBlock); ++v) {
-      Seen& seen = blocks[v / kBlock];
-      const glm::vec3 from = vertices[v], n = marker_from_object * normals[v];
-      const glm::vec2 start = glm::vec2(from) - centre_ + extent_;
-      std::uint32_t edge = visibility.first[v];
-      const std::uint32_t last = visibility.first[v + 1];
-      for (std::size_t i = 0; i < down.cells.size() && from.z >= 0; ++i) {
+    const auto look = [&](const Source& source, float part) {
+      const glm::vec2 start = glm::vec2(source.from) - centre_ + extent_;
+      std::uint32_t edge = visibility.first[source.sees];
+      const std::uint32_t last = visibility.first[source.sees + 1];
+      for (std::size_t i = 0; i < down.cells.size() && source.from.z >= 0; ++i) {
         const std::uint32_t k = std::uint32_t(down.cells[i]);
-        const float cosine = glm::dot(n, down.directions[i]);
+        const float cosine = glm::dot(source.normal, down.directions[i]);
         if (!(cosine > 0)) continue;
         while (edge < last && visibility.edges[edge + 1] <= k) edge += 2;
         if (edge < last && visibility.edges[edge] <= k) continue;  // blocked
-        const glm::vec2 p = (start + from.z * down.steps[i]) * scale;
+        const glm::vec2 p = (start + source.from.z * down.steps[i]) * scale;
         if (!(p.x >= 0 && p.y >= 0 && p.x < float(cells) && p.y < float(cells))) continue;
         const std::size_t cell = std::size_t(p.y) * std::size_t(cells) + std::size_t(p.x);
         if (sums[cell] == 0) met.push_back(std::uint16_t(cell));
-        sums[cell] += cosine * share;
+        sums[cell] += cosine * share * part;
       }
+    };
+    for (std::size_t v = std::size_t(begin) * kBlock;
+         v < std::min(vertices.size(), std::size_t(end) * kBlock); ++v) {
+      double free = 0, all = 0;
+      for (const Source& source : sources.of(v))
+        all += source.area, free += source.touches ? 0 : source.area;
+      areas_[v] = float(free / cell_area);
+      for (const Source& source : sources.of(v)) {
+        if (source.touches && free > 0) continue;
+        const double whole = free > 0 ? free : all;
+        look(source, whole > 0 ? float(source.area / whole) : 1.0f);
+      }
+      Seen& seen = blocks[v / kBlock];
       std::sort(met.begin(), met.end());
       for (const std::uint16_t cell : met) {
         seen.cells.push_back(cell), seen.shares.push_back(sums[cell]);
