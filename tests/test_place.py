@@ -468,7 +468,9 @@ def pyramid():
     return fastibl.Mesh(corners, [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4), (0, 2, 1), (0, 3, 2)])
 
 
-@pytest.mark.parametrize("mesh", [standing_cube(True), standing_cube(False), pyramid()], ids=["8 corners", "24 corners", "pyramid"])
+@pytest.mark.parametrize(
+    "mesh", [standing_cube(True), standing_cube(False), pyramid()], ids=["8 corners", "24 corners", "pyramid"]
+)
 def test_few_vertices_on_the_plane_make_no_bright_spots(mesh):
     """In light that is the same from everywhere, an object that absorbs some of it can only darken the plane."""
     scene = fastibl.Scene(mesh, fastibl.Material(diffuse=(0.8, 0.8, 0.8)))
