@@ -24,6 +24,7 @@ def run(notebook: dict, folder: Path) -> dict:
     import matplotlib
 
     matplotlib.use("Agg")
+    _figures()  # those that were open are not the notebook's
     names: dict[str, Any] = {"__name__": "__main__"}
     number = 0
     with _inside(folder):
