@@ -158,8 +158,6 @@ class Session(_Session):
         if scene.baked_shadow is None and len(scene.spheres):
             scene.baked_shadow = MeshShadow(scene.mesh)
         self._set_scene(scene)
-        if self.backend != "cpu":  # keeps buffers of the object before
-            self._set_backend(self.backend)
 
     def set_methods(self, methods: Methods) -> None:
         """Use other methods from the next frame on. Raises ValueError for unknown names."""
