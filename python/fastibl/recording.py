@@ -353,7 +353,6 @@ class _StoredFrames(Sequence):
         return picture
 
     def _read_video(self, name: str, number: int) -> NDArray[np.uint8]:
-
         path = _inside(self.path, name)
         if not path.is_file():
             raise FileNotFoundError(f"the video {path} is missing")

@@ -55,6 +55,13 @@ def make_plan(
     )
 
 
+def bake_shadow(scene: Scene) -> None:
+    """Gives a scene that has spheres its baked_shadow where it has none; takes seconds for a mesh that was not baked
+    before."""
+    if scene.baked_shadow is None and len(scene.spheres):
+        scene.baked_shadow = MeshShadow(scene.mesh)
+
+
 class Session(_Session):
     """Track, capture, light, shadow, shade and composite, frame by frame.
 
@@ -155,8 +162,7 @@ class Session(_Session):
         A scene that has spheres but no baked_shadow gets one as in the constructor; give one that has it where a frame
         must not wait. Raises ValueError for a scene that cannot be drawn.
         """
-        if scene.baked_shadow is None and len(scene.spheres):
-            scene.baked_shadow = MeshShadow(scene.mesh)
+        bake_shadow(scene)
         self._set_scene(scene)
 
     def set_methods(self, methods: Methods) -> None:

@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
     with ExitStack() as stack:
         stack.callback(close, opened.source)
         given = _given_light(arguments)
-        watch = stack.enter_context(_Watch(arguments, opened, stack, given))
+        watch = _Watch(arguments, opened, stack, given)
         arguments.folder.mkdir(parents=True, exist_ok=True)
         loop = LiveLoop(
             opened.source,
@@ -206,12 +206,6 @@ class _Watch:
         self._lit: Session | None = None  # the session that has it as bright as it is here
         self._frames = self._posed = self._refused = 0
         self._error, self._end = float("nan"), None
-
-    def __enter__(self) -> _Watch:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """What it opened is the stack's."""
 
     def take(self, session: Session, played: Played) -> None:
         self._refused += bool(played.refused)

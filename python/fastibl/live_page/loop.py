@@ -15,9 +15,8 @@ import numpy as np
 
 from .._fastibl import Material, Pose, Scene
 from ..live import Played, play
-from ..mesh_shadow import MeshShadow
 from ..recorder import Recorder
-from ..session import Session
+from ..session import Session, bake_shadow
 from .choices import OWN, Choices
 from .snapshot import Latest, Snapshot
 
@@ -132,14 +131,12 @@ class LiveLoop:
                 reason = self._play()
                 if self._stopping.is_set() or (until_end and not self._restarting):
                     return
+                if not self._restarting:
+                    self._show(state="ended", reason=reason)
+                    self._wait_for(lambda: self._restarting)
                 if self._restarting:
                     self._session, self._again = self._make_session(), None
                     self._timings.clear()
-                    continue
-                self._show(state="ended", reason=reason)
-                self._wait_for(lambda: self._restarting)
-                if self._restarting:
-                    self._session, self._again = self._make_session(), None
         finally:
             self._end_recording()
             if self._closing is not None:
@@ -364,8 +361,7 @@ class LiveLoop:
         """Takes seconds for an object that no session had yet."""
         mesh, own = self.choices.mesh(name)
         scene = Scene(mesh, own)
-        if len(scene.spheres):
-            scene.baked_shadow = MeshShadow(scene.mesh)
+        bake_shadow(scene)
         return _Object(name, own, scene)
 
     def _make_session(self) -> Session:
