@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import importlib.util
-import inspect
 import re
 import subprocess
 import sys
@@ -47,18 +46,6 @@ def _used_in_tests() -> set[str]:
     return used
 
 
-def _names() -> tuple[dict[str, str], int]:
-    """The docstring of every public name by its path, and how many are functions, classes, methods or properties."""
-    api, found = _api(), {}
-    for name, thing in api.documented():
-        found[name] = inspect.getdoc(thing) or ""
-        if inspect.isclass(thing):
-            fields = set(getattr(thing, "__dataclass_fields__", ()))
-            for member, value in api.members(thing):
-                found[f"{name}.{member}"] = inspect.getdoc(value) or ("of the class" if member in fields else "")
-    return found, len(found)
-
-
 @row("product", "docs")
 def docs() -> Iterator[Goal]:
     if not SITE.is_dir():
@@ -66,11 +53,11 @@ def docs() -> Iterator[Goal]:
         return
     yield from _pages()
     yield from _blocks()
-    found, count = _names()
+    found = _api().docstrings()
     bare = sorted(name for name, text in found.items() if not text.strip())
     yield Goal(
         "public names with a docstring: functions, classes, methods, properties",
-        f"{count - len(bare)} of {count}",
+        f"{len(found) - len(bare)} of {len(found)}",
         "all",
         not bare,
         (f"without: {', '.join(bare[:20])}",) if bare else (),
@@ -82,7 +69,7 @@ def docs() -> Iterator[Goal]:
     unused = sorted(name for name in found if name.rsplit(".", 1)[-1] not in used and name not in held)
     yield Goal(
         "public names that a test or a code block calls or reads",
-        f"{count - len(unused)} of {count}",
+        f"{len(found) - len(unused)} of {len(found)}",
         "all",
         not unused,
         (f"not: {', '.join(unused[:40])}",) if unused else (),

@@ -113,6 +113,18 @@ def members(kind: type) -> Iterator[tuple[str, object]]:
                     yield name, getattr(kind, name) if isinstance(thing, staticmethod | classmethod) else thing
 
 
+def docstrings() -> dict[str, str]:
+    """What every public name says of itself, by its full name; fields of dataclasses are told of by their class."""
+    found = {}
+    for name, thing in documented():
+        found[name] = inspect.getdoc(thing) or ""
+        if inspect.isclass(thing):
+            fields = set(getattr(thing, "__dataclass_fields__", ()))
+            for member, value in members(thing):
+                found[f"{name}.{member}"] = inspect.getdoc(value) or ("of the class" if member in fields else "")
+    return found
+
+
 def page(name: str) -> str:
     """A page in reStructuredText."""
     title, purpose, _ = PAGES[name]
