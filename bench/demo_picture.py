@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
-from fastibl.demo import POSITION, run_demo
+from fastibl.demo import POSITION, run_demo, write_label
 
 from .measure import ROOT
 
@@ -22,8 +22,7 @@ _WIDTH = 1290  # pixels; a third for each picture, half for each map
 def _panel(picture: NDArray[np.uint8], width: int, text: str) -> NDArray[np.uint8]:
     height = round(picture.shape[0] * width / picture.shape[1])
     panel = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
-    for colour, shift in (((0, 0, 0), 1), ((255, 255, 255), 0)):
-        cv2.putText(panel, text, (10 + shift, 22 + shift), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 1, cv2.LINE_AA)
+    write_label(panel, text)
     return panel
 
 

@@ -17,6 +17,7 @@ from .comparison import irradiance_over_sphere, relative_errors
 from .files import stand
 from .lighting import Lighting
 from .machine import cpu
+from .panorama import panorama_rays, seen_map
 from .recording import Frame, Recording
 from .session import Session
 from .truth import TruePicture, TrueRenderer, picture_error, texels_that_count
@@ -83,17 +84,19 @@ def demo_scene() -> Scene:
 
 def picture_of_map(source: CubeMap | Environment, scale: float, height: int = 240) -> NDArray[np.uint8]:
     """Equirectangular picture (h, 2h, 3) uint8 of a map; what was never seen is dimmed."""
-    v, u = (np.arange(height) + 0.5) / height * np.pi, ((np.arange(2 * height) + 0.5) / (2 * height) - 0.5) * 2 * np.pi
-    directions = np.stack(
-        np.broadcast_arrays(np.sin(v)[:, None] * np.sin(u), np.sin(v)[:, None] * np.cos(u), np.cos(v)[:, None]), axis=-1
-    )
+    directions = panorama_rays(height)
     cube = source.radiance if isinstance(source, Environment) else source
     linear = cube.sample(directions, float(np.log2(max(cube.size / height, 1)))) * scale
     encoded = np.clip(linear, 0, 1) ** (1 / 2.2) * 255
     if isinstance(source, Environment):
-        seen = np.repeat((source.confidence > 0)[..., None], 3, axis=-1).astype(np.float32)
-        encoded *= 0.35 + 0.65 * CubeMap(seen).sample(directions)
+        encoded *= 0.35 + 0.65 * seen_map(source).sample(directions)
     return encoded.astype(np.uint8)
+
+
+def write_label(picture: NDArray[np.uint8], text: str) -> None:
+    """Writes a name into the picture's upper left corner."""
+    for colour, shift in (((0, 0, 0), 1), ((255, 255, 255), 0)):  # the same weight twice: widths follow it
+        cv2.putText(picture, text, (10 + shift, 24 + shift), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 1, cv2.LINE_AA)
 
 
 def _labelled(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
@@ -104,8 +107,7 @@ def _labelled(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
     panel = np.zeros((h, w, 3), np.uint8)
     y, x = (h - size[1]) // 2, (w - size[0]) // 2
     panel[y : y + size[1], x : x + size[0]] = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    for colour, shift in (((0, 0, 0), 1), ((255, 255, 255), 0)):  # the same weight twice: widths follow it
-        cv2.putText(panel, text, (10 + shift, 24 + shift), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 1, cv2.LINE_AA)
+    write_label(panel, text)
     return panel
 
 

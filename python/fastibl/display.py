@@ -16,6 +16,7 @@ from ._fastibl import CubeMap, Environment, FrameResult, Plan, ShadowMap
 from .comparison import Comparison
 from .guidance import Guidance
 from .lighting import Lighting
+from .panorama import panorama_rays, seen_map
 
 _GREY = 0.25  # of white: what the median of a map is shown as, so that lamps clip and dark corners can be seen
 _UNSEEN = 0.35  # of its brightness: what no camera saw
@@ -43,7 +44,7 @@ def _(thing: CubeMap, height: int = 256) -> NDArray[np.uint8]:
 @picture.register
 def _(thing: Environment, height: int = 256) -> NDArray[np.uint8]:
     linear = _panorama(thing.radiance, height)
-    seen = CubeMap(np.repeat((thing.confidence > 0)[..., None], 3, axis=-1).astype(np.float32)).sample(_rays(height))
+    seen = seen_map(thing).sample(panorama_rays(height))
     return (_encoded(linear) * (_UNSEEN + (1 - _UNSEEN) * seen)).astype(np.uint8)
 
 
@@ -199,16 +200,10 @@ def _check(height: int) -> None:
         raise ValueError(f"height must be at least 8 pixels, got {height}")
 
 
-def _rays(height: int) -> NDArray[np.float32]:
-    from .guidance import _rays as rays
-
-    _check(height)
-    return rays(height)
-
-
 def _panorama(cube: CubeMap, height: int) -> NDArray[np.float32]:
     """Linear radiance (h, 2h, 3) through an equirectangular picture's pixels."""
-    return cube.sample(_rays(height), float(np.log2(max(2 * cube.size / height, 1))))
+    _check(height)
+    return cube.sample(panorama_rays(height), float(np.log2(max(2 * cube.size / height, 1))))
 
 
 def _scale(linear: NDArray) -> float:

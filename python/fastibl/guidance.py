@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ._fastibl import Camera, CubeMap, Environment, Pose, texel_directions, texel_solid_angles
 from .comparison import level_at_most
+from .panorama import panorama_rays, seen_map
 
 _GRID = 16  # texels along an edge of a face, for choosing
 _VIEW = np.radians(28)  # from the middle of a picture to what it shows for certain
@@ -82,7 +83,7 @@ def _most_unseen(environment: Environment, looking: NDArray | None) -> tuple[NDA
     confidence = np.asarray(environment.confidence)
     size = min(_GRID, confidence.shape[1])
     sky, directions, views = _grid(size)
-    seen = level_at_most(CubeMap(np.repeat((confidence > 0)[..., None], 3, axis=-1).astype(np.float32)), size)
+    seen = level_at_most(seen_map(environment), size)
     seen = seen[..., 0]
     light = level_at_most(environment, size).mean(axis=-1)
     size = seen.shape[1]
@@ -110,7 +111,7 @@ def _picture(
 ) -> NDArray[np.uint8]:
     import cv2
 
-    rays = _rays(height)
+    rays = panorama_rays(height)
     radiance = environment.radiance.sample(rays)
     middle = float(np.median(radiance[::4, ::4].mean(axis=-1)))
     shown = (radiance * np.float32(0.25 / middle if middle > 0 else 1)).clip(0, 1) ** np.float32(1 / 2.2)
@@ -131,15 +132,6 @@ def _picture(
         at = _pixels(target, height)
         cv2.circle(image, (int(at[0]), int(at[1])), max(3, height // 24), (255, 160, 0), 2, cv2.LINE_AA)
     return image
-
-
-@cache
-def _rays(height: int) -> NDArray[np.float32]:
-    """Directions (h, 2h, 3) through an equirectangular picture's pixels."""
-    y, x = (np.mgrid[:height, : 2 * height] + 0.5) / height
-    azimuth, zenith = np.pi * (x - 1), np.pi * y
-    across = np.sin(zenith)
-    return np.stack([across * np.sin(azimuth), across * np.cos(azimuth), np.cos(zenith)], axis=-1).astype(np.float32)
 
 
 def _border(camera: Camera) -> NDArray[np.float64]:

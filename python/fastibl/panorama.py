@@ -1,0 +1,24 @@
+"""Equirectangular pictures of maps: the directions of their pixels, and what was seen there."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import CubeMap, Environment
+
+
+@cache
+def panorama_rays(height: int) -> NDArray[np.float32]:
+    """Directions (h, 2h, 3) through the pixels, marker frame: z at the top, +y in the middle. Not to be written to."""
+    y, x = (np.mgrid[:height, : 2 * height] + 0.5) / height
+    azimuth, zenith = np.pi * (x - 1), np.pi * y
+    across = np.sin(zenith)
+    return np.stack([across * np.sin(azimuth), across * np.cos(azimuth), np.cos(zenith)], axis=-1).astype(np.float32)
+
+
+def seen_map(environment: Environment) -> CubeMap:
+    """1 where a camera saw the map, 0 elsewhere; to be sampled as the map is."""
+    return CubeMap(np.repeat((environment.confidence > 0)[..., None], 3, axis=-1).astype(np.float32))
