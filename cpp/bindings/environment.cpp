@@ -9,8 +9,6 @@
 namespace fastibl::bindings {
 namespace {
 
-std::array<float, 3> rgb(glm::vec3 v) { return {v.x, v.y, v.z}; }
-
 // lights: (m, 4), known exactly.
 Environment known_environment(const CubeMap& radiance, const py::object& centre,
                               const py::object& lights,
@@ -45,12 +43,12 @@ Environment known_environment(const CubeMap& radiance, const py::object& centre,
 void bind_main_lights(py::module_& module) {
   py::class_<MainLight>(module, "MainLight", "A window, a lamp or the sun, as a region of a map.")
       .def_property_readonly(
-          "direction", [](const MainLight& l) { return rgb(l.direction); },
+          "direction", [](const MainLight& l) { return triple(l.direction); },
           "Towards the middle of its light, unit length, marker frame.")
       .def_readonly("solid_angle", &MainLight::solid_angle, "Steradians.")
       .def_readonly("angular_radius", &MainLight::angular_radius, "Radians, of a disc as large.")
       .def_property_readonly(
-          "irradiance", [](const MainLight& l) { return rgb(l.irradiance); },
+          "irradiance", [](const MainLight& l) { return triple(l.irradiance); },
           "RGB, on a plane that faces it, by it alone.")
       .def_readonly("share", &MainLight::share,
                     "Of the irradiance of that plane, mean over RGB; 0 to 1.")
@@ -74,7 +72,7 @@ void bind_main_lights(py::module_& module) {
           },
           "(3, 3) of `position`, square metres; None without it.")
       .def("__repr__", [](const MainLight& l) {
-        return "MainLight(direction=" + std::string(py::str(py::cast(rgb(l.direction)))) +
+        return "MainLight(direction=" + std::string(py::str(triple(l.direction))) +
                ", angular_radius=" + std::to_string(l.angular_radius) +
                ", share=" + std::to_string(l.share) + ")";
       });
@@ -120,8 +118,7 @@ finite, or around the centre, are taken as distant. box: walls, floor and ceilin
 corners (2, 3), metres: glossy surfaces see them where they are. Raises ValueError for other shapes, a centre that is
 not finite, or a box that does not hold it.)")
       .def_property_readonly(
-          "centre",
-          [](const Environment& e) { return py::make_tuple(e.centre.x, e.centre.y, e.centre.z); },
+          "centre", [](const Environment& e) { return triple(e.centre); },
           "Metres, marker frame: where the radiance is seen from.")
       .def_property_readonly(
           "light_positions",
@@ -161,7 +158,7 @@ not finite, or a box that does not hold it.)")
           [](const Environment& e) -> py::object {
             if (!e.plane_irradiance) return py::none();
             const glm::dvec3& v = *e.plane_irradiance;
-            return py::make_tuple(v.x, v.y, v.z);
+            return triple(v);
           },
           "(r, g, b) of what falls on the plane, as the board's white shows it; None where it was "
           "not seen.")

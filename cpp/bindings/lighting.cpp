@@ -43,8 +43,6 @@ std::shared_ptr<const CubeMap> shared_cube(const py::object& object) {
           }};
 }
 
-py::tuple rgb(const glm::vec3& v) { return py::make_tuple(v.x, v.y, v.z); }
-
 bool own_lights(const Lighting& lighting) {
   return lighting.chain && lighting.chain->most_lights > 0;
 }
@@ -81,27 +79,27 @@ void bind_light(py::module_& module) {
   py::class_<PlacedLight>(module, "Light",
                           "A small bright part of a map: a disc of equal radiance.")
       .def_property_readonly(
-          "direction", [](const PlacedLight& l) { return rgb(l.direction); },
+          "direction", [](const PlacedLight& l) { return triple(l.direction); },
           "Towards it, unit length, marker frame.")
       .def_property_readonly(
           "angular_radius", [](const PlacedLight& l) { return l.angular_radius; }, "Radians.")
       .def_property_readonly(
           "position",
           [](const PlacedLight& l) -> py::object {
-            return l.position ? py::object(rgb(*l.position)) : py::none();
+            return l.position ? py::object(triple(*l.position)) : py::none();
           },
           "Metres, marker frame, of a light that is near; None of one that is, or may be, distant.")
       .def_property_readonly(
-          "irradiance", [](const PlacedLight& l) { return rgb(l.irradiance); },
+          "irradiance", [](const PlacedLight& l) { return triple(l.irradiance); },
           "RGB, on a surface that faces it.")
       .def_property_readonly(
-          "flux", [](const PlacedLight& l) { return rgb(l.flux); },
+          "flux", [](const PlacedLight& l) { return triple(l.flux); },
           "RGB: radiance summed over its solid angle.")
       .def(py::self == py::self)
       .def("__repr__", [](const PlacedLight& l) {
-        return "Light(direction=" + std::string(py::str(rgb(l.direction))) +
+        return "Light(direction=" + std::string(py::str(triple(l.direction))) +
                ", angular_radius=" + std::to_string(l.angular_radius) +
-               ", irradiance=" + std::string(py::str(rgb(l.irradiance))) + ")";
+               ", irradiance=" + std::string(py::str(triple(l.irradiance))) + ")";
       });
 }
 
@@ -234,10 +232,7 @@ sizes outside 1 to 256.)")
       .def_property_readonly("_without_lights", &map_without_lights,
                              "CubeMap of 64 squared texels: the map without its lights.")
       .def_property_readonly(
-          "plane_irradiance",
-          [](const Lighting& l) {
-            return py::make_tuple(l.plane_irradiance.x, l.plane_irradiance.y, l.plane_irradiance.z);
-          },
+          "plane_irradiance", [](const Lighting& l) { return triple(l.plane_irradiance); },
           "Irradiance E(z) on the marker plane, RGB, summed over the map.")
       .def_property_readonly(
           "_diffuse", [](const Lighting& l) { return std::string(name(l.irradiance.method)); })

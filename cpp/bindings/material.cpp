@@ -83,7 +83,7 @@ py::object array_of(const SurfaceTexture& map, Coding coding = Coding::linear) {
 
 py::object colour_or_array(const glm::vec3& constant,
                            const std::shared_ptr<const SurfaceTexture>& map) {
-  return map ? array_of(*map) : py::object(colour_tuple(constant));
+  return map ? array_of(*map) : py::object(triple(constant));
 }
 py::object number_or_array(float constant, const std::shared_ptr<const SurfaceTexture>& map) {
   return map ? array_of(*map) : py::object(py::float_(constant));
@@ -128,10 +128,9 @@ std::string text_of(const Material& m) {
            ">";
   };
   if (!m.pbr)
-    return "Material(diffuse=" + text(colour_tuple(m.diffuse)) +
-           ", glossy=" + text(colour_tuple(m.glossy)) +
-           ", exponent=" + text(py::float_(m.exponent)) +
-           ", emission=" + text(colour_tuple(m.emission)) + ")";
+    return "Material(diffuse=" + text(triple(m.diffuse)) + ", glossy=" + text(triple(m.glossy)) +
+           ", exponent=" + text(py::float_(m.exponent)) + ", emission=" + text(triple(m.emission)) +
+           ")";
   const PbrMaterial& p = *m.pbr;
   std::string out =
       "Material.pbr(base_color=" + text(colour_or_array(p.base_color, p.base_color_map)) +
@@ -146,16 +145,15 @@ std::string text_of(const Material& m) {
 
 py::tuple state_of(const Material& m) {
   if (!m.pbr)
-    return py::make_tuple(colour_tuple(m.diffuse), colour_tuple(m.glossy), m.exponent,
-                          colour_tuple(m.emission));
+    return py::make_tuple(triple(m.diffuse), triple(m.glossy), m.exponent, triple(m.emission));
   const PbrMaterial& p = *m.pbr;
   const auto map = [](const std::shared_ptr<const SurfaceTexture>& t) {
     return t ? py::object(image_array(t->level(0))) : py::object(py::none());
   };
-  return py::make_tuple(colour_tuple(p.base_color), p.metallic, p.roughness,
-                        colour_tuple(p.emission), p.anisotropy, p.anisotropy_rotation,
-                        p.normal_scale, map(p.base_color_map), map(p.metallic_map),
-                        map(p.roughness_map), map(p.emission_map), map(p.normal_map));
+  return py::make_tuple(triple(p.base_color), p.metallic, p.roughness, triple(p.emission),
+                        p.anisotropy, p.anisotropy_rotation, p.normal_scale, map(p.base_color_map),
+                        map(p.metallic_map), map(p.roughness_map), map(p.emission_map),
+                        map(p.normal_map));
 }
 
 Material from_state(const py::tuple& t) {
@@ -221,14 +219,12 @@ Raises ValueError for values out of range or another shape, TypeError for anothe
       .def_property_readonly(
           "model", [](const Material& m) { return m.pbr ? "pbr" : "blinn-phong"; },
           "\"blinn-phong\" (Eq. 3) or \"pbr\".")
-      .def_property_readonly("diffuse", of_paper([](const Material& m) -> py::object {
-                               return colour_tuple(m.diffuse);
-                             }),
-                             "k_L; None of a pbr material.")
-      .def_property_readonly("glossy", of_paper([](const Material& m) -> py::object {
-                               return colour_tuple(m.glossy);
-                             }),
-                             "k_G; None of a pbr material.")
+      .def_property_readonly(
+          "diffuse", of_paper([](const Material& m) -> py::object { return triple(m.diffuse); }),
+          "k_L; None of a pbr material.")
+      .def_property_readonly(
+          "glossy", of_paper([](const Material& m) -> py::object { return triple(m.glossy); }),
+          "k_G; None of a pbr material.")
       .def_property_readonly("exponent", of_paper([](const Material& m) -> py::object {
                                return py::float_(m.exponent);
                              }),
@@ -237,7 +233,7 @@ Raises ValueError for values out of range or another shape, TypeError for anothe
           "emission",
           [](const Material& m) {
             return m.pbr ? colour_or_array(m.pbr->emission, m.pbr->emission_map)
-                         : py::object(colour_tuple(m.emission));
+                         : py::object(triple(m.emission));
           },
           "Radiance: three numbers, or a texture.")
       .def_property_readonly("base_color", of_pbr([](const PbrMaterial& p) {

@@ -169,7 +169,10 @@ inline glm::vec3 require_colour(const py::object& object, const char* name) {
                           shape_of(array));
   return {array.at(0), array.at(1), array.at(2)};
 }
-inline py::tuple colour_tuple(const glm::vec3& c) { return py::make_tuple(c.x, c.y, c.z); }
+template <typename T>
+py::tuple triple(const glm::vec<3, T>& v) {
+  return py::make_tuple(v.x, v.y, v.z);
+}
 
 void bind_core(py::module_& module);
 void bind_material(py::module_& module);

@@ -105,7 +105,7 @@ shadow.)")
           },
           "How much of the shadow is drawn, from 0 (none) to 1 (as it falls, the default).")
       .def_property(
-          "shadow_color", [](const Scene& s) { return colour_tuple(s.shadow_look.color); },
+          "shadow_color", [](const Scene& s) { return triple(s.shadow_look.color); },
           [](Scene& s, const py::object& color) {
             set_look(s, {s.shadow_look.strength, require_colour(color, "shadow_color")});
           },

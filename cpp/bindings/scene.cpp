@@ -90,7 +90,7 @@ same texels in that part of a face. For what is made from a map, to be renewed o
           "mean",
           [](const CubeMap& cube) {
             const glm::dvec3 m = cube.mean();
-            return py::make_tuple(m.x, m.y, m.z);
+            return triple(m);
           },
           "Solid-angle mean radiance of the sphere, RGB.")
       .def(
