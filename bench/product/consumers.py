@@ -14,6 +14,9 @@ ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ("light", "live", "own_renderer", "relight")
 
 
+MINGW = "x86_64-w64-mingw32-g++-posix"
+
+
 def _run(*command: object) -> None:
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
     if done.returncode:
@@ -69,3 +72,18 @@ def consumers() -> Iterator[Goal]:
                     "4 built",
                     len(built) == 4 and len(ran) == 3,
                 )
+    yield from _windows()
+
+
+def _windows() -> Iterator[Goal]:
+    what = "core, and two examples, cross-compiled for Windows"
+    if not shutil.which(MINGW):
+        yield skipped(what, "needs Debian's g++-mingw-w64-x86-64-posix")
+        return
+    build, source = ROOT / "build" / "windows", ROOT / "examples" / "cpp_consumer"
+    toolchain = f"-DCMAKE_TOOLCHAIN_FILE={ROOT / 'cmake' / 'mingw-w64.cmake'}"
+    options = ["-DCMAKE_BUILD_TYPE=Release", "-DFASTIBL_WERROR=ON", f"-DFASTIBL_SOURCE={ROOT}"]
+    _run("cmake", "-S", source, "-B", build, "-G", "Ninja", toolchain, *options)
+    _run("cmake", "--build", build, "--target", "light", "relight")
+    made = [e for e in ("light", "relight") if (build / f"{e}.exe").is_file()]
+    yield Goal(what, f"{len(made)} built without warnings (not run)", "2 built", len(made) == 2)
