@@ -106,7 +106,7 @@ class CubeMap:
         """
         MIP level k as a read-only view (6, n >> k, n >> k, 3) float32: solid-angle means of level 0. Raises IndexError beyond the chain.
         """
-    def mean(self) -> tuple[float, float, float]:
+    def mean(self) -> tuple:
         """
         Solid-angle mean radiance of the sphere, RGB.
         """
@@ -507,7 +507,7 @@ class Environment:
         (6, n, n) float32 seconds since last seen; infinite if never.
         """
     @property
-    def centre(self) -> tuple[float, float, float]:
+    def centre(self) -> tuple:
         """
         Metres, marker frame: where the radiance is seen from.
         """
@@ -573,12 +573,12 @@ class MainLight:
         (3, 3) of `position`, square metres; None without it.
         """
     @property
-    def direction(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
+    def direction(self) -> tuple:
         """
         Towards the middle of its light, unit length, marker frame.
         """
     @property
-    def irradiance(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
+    def irradiance(self) -> tuple:
         """
         RGB, on a plane that faces it, by it alone.
         """
@@ -795,7 +795,7 @@ class _Lighting:
         The dominant lights of the map, at most 8: list of Light. Glossy methods with lights shade them by themselves; what is left of the map and the lights hold every photon once.
         """
     @property
-    def plane_irradiance(self) -> tuple[float, float, float]:
+    def plane_irradiance(self) -> tuple:
         """
         Irradiance E(z) on the marker plane, RGB, summed over the map.
         """
