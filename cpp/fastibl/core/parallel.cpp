@@ -2,16 +2,28 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <exception>
 #include <mutex>
 #include <thread>
 #include <vector>
 
+#if defined(__x86_64__) || defined(__i386__)
+#include <immintrin.h>
+#endif
+
 #include "fastibl/core/check.h"
 
 namespace fastibl {
 namespace {
+
+// A pause of a loop that waits, which the other thread of the core has meanwhile.
+inline void relax() {
+#if defined(__x86_64__) || defined(__i386__)
+  _mm_pause();
+#endif
+}
 
 thread_local bool inside_loop = false;
 
@@ -38,6 +50,9 @@ struct Job {
   }
 };
 
+// How long the end of a loop is looked out for before its caller sleeps: being woken takes as long.
+constexpr std::chrono::microseconds kPatience{50};
+
 class Pool {
  public:
   explicit Pool(int helpers) {
@@ -53,44 +68,53 @@ class Pool {
   }
   int size() const { return int(workers_.size()) + 1; }
 
+  // Waits for those who came to help, not for those who are still waking.
   void run(Job& job) {
+    const int blocks = (job.count + job.grain - 1) / job.grain;
+    const int helpers = std::min(int(workers_.size()), blocks - 1);
     {
       const std::lock_guard lock(mutex_);
       job_ = &job;
-      busy_ = int(workers_.size());
-      ++round_;
+      open_ = helpers;
     }
-    wake_.notify_all();
+    for (int i = 0; i < helpers; ++i) wake_.notify_one();
     job.work();
+    {
+      const std::lock_guard lock(mutex_);
+      open_ = 0;  // from here on nobody joins
+    }
+    const auto end = std::chrono::steady_clock::now() + kPatience;
+    do {
+      if (helping_ == 0) return;
+      relax();
+    } while (std::chrono::steady_clock::now() < end);
     std::unique_lock lock(mutex_);
-    idle_.wait(lock, [this] { return busy_ == 0; });
-    job_ = nullptr;
+    idle_.wait(lock, [this] { return helping_ == 0; });
   }
 
  private:
   void serve() {
-    long seen = 0;
     while (true) {
       Job* job = nullptr;
       {
         std::unique_lock lock(mutex_);
-        wake_.wait(lock, [&] { return stop_ || round_ != seen; });
+        wake_.wait(lock, [this] { return stop_ || open_ > 0; });
         if (stop_) return;
-        seen = round_;
         job = job_;
+        --open_, ++helping_;
       }
       job->work();
       const std::lock_guard lock(mutex_);
-      if (--busy_ == 0) idle_.notify_one();
+      if (--helping_ == 0) idle_.notify_one();
     }
   }
 
   std::vector<std::thread> workers_;
-  std::mutex mutex_;
+  std::mutex mutex_;  // what follows changes under it alone
   std::condition_variable wake_, idle_;
   Job* job_ = nullptr;
-  int busy_ = 0;
-  long round_ = 0;
+  int open_ = 0;                  // helpers that are still wanted
+  std::atomic<int> helping_ = 0;  // that are at work
   bool stop_ = false;
 };
 
