@@ -12,7 +12,7 @@
 namespace fastibl {
 namespace {
 
-constexpr int kSamples = 4;           // of the ratio in a cell, along an edge
+constexpr int kSamples = 2;           // of the ratio in a cell, along an edge
 constexpr float kTextureTexels = 64;  // along an edge of the level of a texture that is read
 
 float mean_level(const SurfaceTexture& map) {
@@ -23,21 +23,23 @@ float mean_level(const SurfaceTexture& map) {
 Image<float> mean_change(const ShadowMap& shadow, const PlaneExchange& exchange,
                          const PlaneMotion& motion) {
   const int n = exchange.cells(), fine = n * kSamples;
-  std::vector<glm::vec2> points(static_cast<std::size_t>(fine));
-  std::vector<glm::vec3> ratios(points.size());
   Image<float> change(n, n, 3);
   const auto along = [&](int i) {
     return exchange.extent() * shared::plane_offset(i, float(fine));
   };
-  for (int y = 0; y < fine; ++y) {
-    for (int x = 0; x < fine; ++x)
-      points[std::size_t(x)] = motion * (exchange.centre() + glm::vec2(along(x), along(y)));
-    shadow.sample(points, ratios);
-    for (int x = 0; x < fine; ++x)
-      for (int c = 0; c < 3; ++c)
-        change.pixel(x / kSamples, y / kSamples)[c] +=
-            (ratios[std::size_t(x)][c] - 1) / (kSamples * kSamples);
-  }
+  parallel_for(n, 2, [&](int begin, int end) {
+    std::vector<glm::vec2> points(static_cast<std::size_t>(fine));
+    std::vector<glm::vec3> ratios(points.size());
+    for (int y = begin * kSamples; y < end * kSamples; ++y) {
+      for (int x = 0; x < fine; ++x)
+        points[std::size_t(x)] = motion * (exchange.centre() + glm::vec2(along(x), along(y)));
+      shadow.sample(points, ratios);
+      for (int x = 0; x < fine; ++x)
+        for (int c = 0; c < 3; ++c)
+          change.pixel(x / kSamples, y / kSamples)[c] +=
+              (ratios[std::size_t(x)][c] - 1) / (kSamples * kSamples);
+    }
+  });
   return change;
 }
 

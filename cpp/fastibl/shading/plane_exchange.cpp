@@ -15,6 +15,7 @@ constexpr float kExtent =
     1.5f;  // times the object's largest extent: as far as shadows are looked at
 constexpr int kMostCells = 128;
 constexpr int kBlock = 64;       // vertices that one thread works out at a time
+constexpr int kParts = 8;        // of the vertices, whose light on the plane is summed apart
 constexpr double kSlack = 1e-3;  // of the object's size; radians
 
 // Three colours in four lanes: one product for all.
@@ -200,15 +201,24 @@ std::optional<PlaneMotion> PlaneExchange::motion(const Pose& marker_from_object)
 Image<float> PlaneExchange::onto_plane(std::span<const glm::vec3> exitance) const {
   check(exitance.size() == areas_.size(), "there must be an exitance for each of the ",
         areas_.size(), " vertices, got ", exitance.size());
-  std::vector<Colour> sums(std::size_t(cells_) * std::size_t(cells_));
-  for (std::size_t v = 0; v < areas_.size(); ++v) {
-    const Float4 sent = areas_[v] * colour(&exitance[v].x).lanes;
-    for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i)
-      sums[cell_[i]].lanes += shares_[i] * sent;
-  }
+  // Parts of the vertices have sums of their own, as many for any number of threads.
+  const std::size_t count = std::size_t(cells_) * std::size_t(cells_);
+  const int part = (int(areas_.size()) + kParts - 1) / kParts;
+  std::vector<Colour> sums(kParts * count);
+  parallel_for(int(areas_.size()), part, [&](int begin, int end) {
+    Colour* own = sums.data() + std::size_t(begin / part) * count;
+    for (std::size_t v = std::size_t(begin); v < std::size_t(end); ++v) {
+      const Float4 sent = areas_[v] * colour(&exitance[v].x).lanes;
+      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i)
+        own[cell_[i]].lanes += shares_[i] * sent;
+    }
+  });
   Image<float> out(cells_, cells_, 3);
-  for (std::size_t i = 0; i < sums.size(); ++i)
-    for (int c = 0; c < 3; ++c) out.data[3 * i + std::size_t(c)] = sums[i].lanes[c];
+  for (std::size_t i = 0; i < count; ++i) {
+    Float4 sum{};
+    for (std::size_t p = 0; p < kParts; ++p) sum += sums[p * count + i].lanes;
+    for (int c = 0; c < 3; ++c) out.data[3 * i + std::size_t(c)] = sum[c];
+  }
   return out;
 }
 
