@@ -3,6 +3,7 @@
 from . import (
     batch,  # noqa: F401
     consumers,  # noqa: F401
+    coverage,  # noqa: F401
     docs,  # noqa: F401
     exports,  # noqa: F401
     live,  # noqa: F401
