@@ -4,10 +4,15 @@
 #include <array>
 #include <limits>
 
+#include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 
 namespace fastibl {
 namespace {
+
+// Rows of level 0 that are made at a time, with what is made of them: whole rows of every level.
+constexpr int kStrip = 32;
+static_assert(kStrip % (1 << (FrameLevels::kMost - 1)) == 0);
 
 // Means of 2 × 2 pixels of four floats. False if the fourth is 0 everywhere.
 FASTIBL_CLONES bool halve_row(const float* a, const float* b, int count, float* out) {
@@ -93,48 +98,59 @@ void FrameLevels::made_row(int k, int y) {
 }
 
 void FrameLevels::make_first(const Picture& picture, const Response& response) {
-  Level& level = levels_[0];
-  if (picture.type == PixelType::uint8) {
-    if (!table_ || !(table_response_ == response)) table_.emplace(response);
+  const bool bytes = picture.type == PixelType::uint8;
+  Image<float> linear;
+  if (!bytes) {
+    linear = linear_from(picture, response);
+  } else if (!table_ || !(table_response_ == response)) {
+    table_.emplace(response);
     table_response_ = response;
-    sums_.resize(3 * std::size_t(level.width));
-    const int pairs = picture.width / 2;
-    for (int y = 0; y < level.height; ++y) {
-      const std::uint8_t* a = picture.row(2 * y);
-      const std::uint8_t* b = picture.row(std::min(2 * y + 1, picture.height - 1));
-      float* out = level.pixel(0, y);
-      std::uint32_t* clipped = &level.clipped[level.index(0, y)];
-      decode_pairs(*table_, a, b, pairs, sums_.data(), out, clipped);
-      if (pairs < level.width) {  // the last column of an odd width stands for two
-        std::uint8_t last[2][6];
-        for (int c = 0; c < 6; ++c)
-          last[0][c] = a[6 * pairs + c % 3], last[1][c] = b[6 * pairs + c % 3];
-        decode_pairs(*table_, last[0], last[1], 1, sums_.data(), out + 4 * pairs, clipped + pairs);
-      }
+  }
+  // Float pictures are linear without a white point: nothing in them is clipped.
+  const float limit = picture.type == PixelType::float32
+                          ? std::numeric_limits<float>::infinity()
+                          : response.decode(CodeTable::kClippedCode / 255.0f);
+  parallel_for(levels_[0].height, kStrip, [&](int begin, int end) {
+    std::vector<std::uint32_t> sums(bytes ? 3 * std::size_t(levels_[0].width) : 0);
+    for (int y = begin; y < end; ++y) {
+      if (bytes)
+        decode_row(picture, y, sums.data());
+      else
+        take_row(linear, y, limit);
       made_row(0, y);
     }
-  } else {
-    const Image<float> linear = linear_from(picture, response);
-    // Float pictures are linear without a white point: nothing in them is clipped.
-    const float limit = picture.type == PixelType::float32
-                            ? std::numeric_limits<float>::infinity()
-                            : response.decode(CodeTable::kClippedCode / 255.0f);
-    for (int y = 0; y < level.height; ++y) {
-      for (int x = 0; x < level.width; ++x) {
-        float* out = level.pixel(x, y);
-        std::array<std::uint32_t, 3> counts{};
-        for (int c = 0; c < 4; ++c) out[c] = 0;
-        for (const int v : {2 * y, std::min(2 * y + 1, picture.height - 1)})
-          for (const int u : {2 * x, std::min(2 * x + 1, picture.width - 1)})
-            for (int c = 0; c < 3; ++c) {
-              const float value = linear.pixel(u, v)[c];
-              out[c] += 0.25f * value;
-              if (value >= limit) ++counts[std::size_t(c)], out[3] = 1;
-            }
-        level.clipped[level.index(x, y)] = packed(counts);
-      }
-      made_row(0, y);
-    }
+  });
+}
+
+void FrameLevels::decode_row(const Picture& picture, int y, std::uint32_t* sums) {
+  Level& level = levels_[0];
+  const int pairs = picture.width / 2;
+  const std::uint8_t* a = picture.row(2 * y);
+  const std::uint8_t* b = picture.row(std::min(2 * y + 1, picture.height - 1));
+  float* out = level.pixel(0, y);
+  std::uint32_t* clipped = &level.clipped[level.index(0, y)];
+  decode_pairs(*table_, a, b, pairs, sums, out, clipped);
+  if (pairs == level.width) return;
+  // The last column of an odd width stands for two.
+  std::uint8_t last[2][6];
+  for (int c = 0; c < 6; ++c) last[0][c] = a[6 * pairs + c % 3], last[1][c] = b[6 * pairs + c % 3];
+  decode_pairs(*table_, last[0], last[1], 1, sums, out + 4 * pairs, clipped + pairs);
+}
+
+void FrameLevels::take_row(const Image<float>& linear, int y, float limit) {
+  Level& level = levels_[0];
+  for (int x = 0; x < level.width; ++x) {
+    float* out = level.pixel(x, y);
+    std::array<std::uint32_t, 3> counts{};
+    for (int c = 0; c < 4; ++c) out[c] = 0;
+    for (const int v : {2 * y, std::min(2 * y + 1, linear.height - 1)})
+      for (const int u : {2 * x, std::min(2 * x + 1, linear.width - 1)})
+        for (int c = 0; c < 3; ++c) {
+          const float value = linear.pixel(u, v)[c];
+          out[c] += 0.25f * value;
+          if (value >= limit) ++counts[std::size_t(c)], out[3] = 1;
+        }
+    level.clipped[level.index(x, y)] = packed(counts);
   }
 }
 

@@ -38,13 +38,15 @@ class FrameLevels {
  private:
   void resize(int k, int width, int height);
   void make_first(const Picture& picture, const Response& response);
+  // A row of level 0; sums: room for three of each of its pixels. limit: the least clipped value.
+  void decode_row(const Picture& picture, int y, std::uint32_t* sums);
+  void take_row(const Image<float>& linear, int y, float limit);
   void halve(int k, int y);  // a row from level k − 1
   void made_row(int k, int y);
   std::vector<Level> levels_;
   int count_ = 0;
   std::optional<CodeTable> table_;
   Response table_response_;
-  std::vector<std::uint32_t> sums_;  // of a row
 };
 
 }  // namespace fastibl
