@@ -1,28 +1,18 @@
-#include <cmath>
-#include <numbers>
-
 #include "demo/guidance.h"
 #include "demo/overlays/equirect.h"
 #include "demo/overlays/format.h"
 #include "demo/overlays/overlay.h"
+#include "fastibl/lighting/harmonic_sums.h"
 
 namespace fastibl::demo {
 namespace {
 
-// Irradiance on the table, mean over RGB, at a coarse level: to compare maps by.
+constexpr int kTexels = 32;  // along an edge of the level of a map that is summed
+
+// Irradiance on the table, mean over RGB: to compare maps by.
 double table_light(const CubeMap& map) {
-  const CubeLevel& level = map.level_at_most(32);
-  double sum = 0;
-  for (int f = 0; f < 6; ++f)
-    for (int k = 0; k < level.size() * level.size(); ++k) {
-      const int x = k % level.size(), y = k / level.size();
-      const glm::vec3 d = glm::normalize(texel_direction(f, x, y, level.size()));
-      if (d.z <= 0) continue;
-      const glm::vec3 texel = level.texel(f, x, y);
-      sum +=
-          double((texel.x + texel.y + texel.z) / 3 * d.z) * texel_solid_angle(x, y, level.size());
-    }
-  return sum;
+  const glm::dvec3 irradiance = plane_irradiance(fold(map, kTexels));
+  return (irradiance.x + irradiance.y + irradiance.z) / 3;
 }
 
 // As narrow as the inset.
