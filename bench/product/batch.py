@@ -19,7 +19,7 @@ from ..goals import Goal, row
 
 _ITEMS = 8
 _MAP = 128  # face edge
-_REPEATS = 12
+_REPEATS = 36  # so that starting the processes is a small part, as it is of a real batch
 
 
 def prefiltered(seed: int, path: Path) -> None:
