@@ -11,6 +11,7 @@ import sys
 import tempfile
 import threading
 import zlib
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -453,3 +454,28 @@ def test_rig_and_board_are_read_as_they_were_written(tmp_path):
     write_rig(tmp_path / "rig.yaml", RIG)
     write_board(tmp_path / "board.yaml", fastibl.Board.default())
     assert read_rig(tmp_path / "rig.yaml") == RIG and read_board(tmp_path / "board.yaml") == fastibl.Board.default()
+
+
+FORK = """
+import os, sys
+import numpy as np
+import fastibl
+
+fastibl.set_threads(2)
+cube = fastibl.CubeMap(np.random.default_rng(0).random((6, 64, 64, 3)))
+here = fastibl.Lighting(cube).prefiltered(size=64)[3].faces  # the threads were at work
+child = os.fork()
+if child == 0:  # where they are not
+    os._exit(0 if np.array_equal(fastibl.Lighting(cube).prefiltered(size=64)[3].faces, here) else 1)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@LINUX
+def test_a_process_forked_with_threads_neither_hangs_nor_differs():
+    process = python(FORK, start_new_session=True)
+    try:
+        assert process.wait(60) == 0
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
