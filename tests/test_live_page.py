@@ -228,6 +228,8 @@ def test_numbers_are_the_sessions(run):
     environment = snapshot.newest.environment
     assert state["light"]["coverage"] == environment.coverage == 1
     assert state["light"]["error"] == snapshot.newest.predicted_error
+    low, high = state["light"]["interval"]
+    assert low <= state["light"]["captured"] <= high
     assert state["light"]["guidance"] == "all of the sky was seen"
     assert state["board"]["seen"] and state["board"]["metres"] == pytest.approx(np.linalg.norm(POSE.translation))
     assert state["source"] == "noise" and state["size"] == [96, 72] and state["viewers"] == 1

@@ -210,7 +210,7 @@ function renderLight(light) {
   setText($("coverage"), light.given ? "" : `${percent(light.coverage)} of all directions seen, ${percent(1 - light.knowledge.unseen_sky)} of the sky`);
   $("covered").style.width = `${100 * light.coverage}%`;
   const [low, high] = light.interval;
-  const error = light.given ? `What the methods make of it is about ${percent(light.error)} off.` : `The light is about ${percent(light.error)} off (${percent(low)} to ${percent(high)}).`;
+  const error = light.given ? `What the methods make of it is about ${percent(light.error)} off.` : `The light is about ${percent(light.captured)} off (${percent(low)} to ${percent(high)}).`;
   const way = light.given ? "" : light.guidance.replaceAll(" degrees", "°").replace(" and", ",").replace(/^turn/, "Look there: turn").replace(/^./, (c) => c.toUpperCase());
   const share = light.share >= 0.005 ? `That shows ${percent(light.share)} more of the sky's light. ` : "";
   setText($("guidance"), way), setText($("worth"), share + error);

@@ -108,7 +108,8 @@ def _light(snapshot: Snapshot, newest: FrameResult | None, light: Light) -> dict
         "coverage": environment.coverage,
         "clipped": environment.clipped,
         "knowledge": {name: float(value) for name, value in environment.knowledge.items()},
-        "error": newest.predicted_error,
+        "error": newest.predicted_error,  # of the capture and of the methods
+        "captured": environment.predicted_error,  # of the capture alone, and its interval
         "interval": [low, high],
         "guidance": "" if look is None else str(look.guidance),
         "share": 0.0 if look is None else look.guidance.share,
