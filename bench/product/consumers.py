@@ -12,8 +12,6 @@ from ..goals import Goal, row, skipped
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ("light", "live", "own_renderer", "relight")
-
-
 MINGW = "x86_64-w64-mingw32-g++-posix"
 
 

@@ -157,8 +157,7 @@ not finite, or a box that does not hold it.)")
           "plane_irradiance",
           [](const Environment& e) -> py::object {
             if (!e.plane_irradiance) return py::none();
-            const glm::dvec3& v = *e.plane_irradiance;
-            return triple(v);
+            return triple(*e.plane_irradiance);
           },
           "(r, g, b) of what falls on the plane, as the board's white shows it; None where it was "
           "not seen.")

@@ -87,11 +87,7 @@ same texels in that part of a face. For what is made from a map, to be renewed o
           },
           "Numbers of values that cleaning on entry changed: nan, negative, capped.")
       .def(
-          "mean",
-          [](const CubeMap& cube) {
-            const glm::dvec3 m = cube.mean();
-            return triple(m);
-          },
+          "mean", [](const CubeMap& cube) { return triple(cube.mean()); },
           "Solid-angle mean radiance of the sphere, RGB.")
       .def(
           "sample",

@@ -83,8 +83,7 @@ def _most_unseen(environment: Environment, looking: NDArray | None) -> tuple[NDA
     confidence = np.asarray(environment.confidence)
     size = min(_GRID, confidence.shape[1])
     sky, directions, views = _grid(size)
-    seen = level_at_most(seen_map(environment), size)
-    seen = seen[..., 0]
+    seen = level_at_most(seen_map(environment), size)[..., 0]
     light = level_at_most(environment, size).mean(axis=-1)
     size = seen.shape[1]
     if size != sky.shape[1]:  # maps whose size is no power of two

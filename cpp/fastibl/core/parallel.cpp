@@ -70,8 +70,7 @@ class Pool {
 
   // Waits for those who came to help, not for those who are still waking.
   void run(Job& job) {
-    const int blocks = (job.count + job.grain - 1) / job.grain;
-    const int helpers = std::min(int(workers_.size()), blocks - 1);
+    const int helpers = std::min(int(workers_.size()), (job.count - 1) / job.grain);
     {
       const std::lock_guard lock(mutex_);
       job_ = &job;
