@@ -5,6 +5,7 @@
 #include <random>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/simd.h"
 
 namespace fastibl::demo {
 namespace {
@@ -16,9 +17,9 @@ constexpr std::size_t kNoise = 1 << 16;  // places from which a row may take its
 
 // Directions through any point of the picture, between those of every fourth pixel: within 0.001
 // pixels, and hundreds of times faster than the lens model's inverse.
-class Rays {
+class LensRays {
  public:
-  explicit Rays(const Camera& camera) : width_(camera.width / kStep + 2) {
+  explicit LensRays(const Camera& camera) : width_(camera.width / kStep + 2) {
     const Lens lens(camera);
     for (int y = 0; y <= camera.height / kStep + 1; ++y)
       for (int x = 0; x < width_; ++x) {
@@ -43,15 +44,42 @@ class Rays {
   std::vector<glm::dvec3> known_;
 };
 
+// m (x, y, z) of many.
+FASTIBL_CLONES void turn_all(const glm::mat3& m, const float* x, const float* y, const float* z,
+                             std::size_t count, float* to_x, float* to_y, float* to_z) {
+  const glm::vec3 a = m[0], b = m[1], c = m[2];
+#pragma GCC ivdep
+  for (std::size_t k = 0; k < count; ++k) {
+    to_x[k] = a.x * x[k] + b.x * y[k] + c.x * z[k];
+    to_y[k] = a.y * x[k] + b.y * y[k] + c.y * z[k];
+    to_z[k] = a.z * x[k] + b.z * y[k] + c.z * z[k];
+  }
+}
+
+// Light on a sensor (1: full) to what is read from it: shot and read noise, from standard normals.
+FASTIBL_CLONES void read_out(float* values, const float* noise, std::size_t count) {
+#pragma GCC ivdep
+  for (std::size_t k = 0; k < count; ++k) {
+    const float v = values[k] < 2 ? values[k] : 2;
+    const float read = v + noise[k] * std::sqrt(v * (1 / kFullWell) + kReadVariance);
+    const float above = read > 0 ? read : 0;
+    values[k] = above < 1 ? above : 1;
+  }
+}
+
 }  // namespace
 
 Eye::Eye(const Camera& camera) : camera_(camera), response_(camera.response) {
-  const Rays rays(camera);
+  const LensRays rays(camera);
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x) {
-      rays_.push_back(rays.at(x + 0.5, y + 0.5));
-      for (int k = 0; k < 4; ++k)
-        fine_.push_back(rays.at(x + 0.25 + 0.5 * (k % 2), y + 0.25 + 0.5 * (k / 2)));
+      const glm::vec3 middle = rays.at(x + 0.5, y + 0.5);
+      rays_.x.push_back(middle.x), rays_.y.push_back(middle.y), rays_.z.push_back(middle.z);
+      FourRays& fine = fine_.emplace_back();
+      for (int k = 0; k < 4; ++k) {
+        const glm::vec3 ray = rays.at(x + 0.25 + 0.5 * (k % 2), y + 0.25 + 0.5 * (k / 2));
+        fine.x[k] = ray.x, fine.y[k] = ray.y, fine.z[k] = ray.z;
+      }
       factor_.push_back(float(camera.gain * camera.vignette({x + 0.5, y + 0.5})));
     }
   std::mt19937 random(1);
@@ -60,24 +88,15 @@ Eye::Eye(const Camera& camera) : camera_(camera), response_(camera.response) {
     noise_.push_back(normal(random));
 }
 
-// A pixel of which the page may be a part.
-glm::vec3 Eye::on_table(const Room& room, const Page& page, const glm::vec3& eye,
-                        const glm::mat3& marker_from_camera, int x, int y,
-                        const glm::vec3& radiance) const {
-  const std::size_t pixel = std::size_t(y) * std::size_t(camera_.width) + std::size_t(x);
-  glm::vec3 sum(0);
-  glm::vec2 middle(0);
-  float albedo = 0, share = 0;
-  for (std::size_t k = 0; k < 4; ++k) {
-    const glm::vec3 d = marker_from_camera * fine_[4 * pixel + k];
-    const glm::vec2 at = glm::vec2(eye) - glm::vec2(d) * (eye.z / d.z);
-    if (!(d.z < 0)) continue;
-    if (const std::optional<float> paper = page.albedo(at))
-      albedo += 0.25f * *paper, share += 0.25f, middle = at;
-  }
-  if (share == 0) return radiance;
-  sum = room.table_irradiance(middle) * (albedo / kPi);
-  return sum + (1 - share) * radiance;
+// How much of a pixel is paper, by 2 × 2 points, and of which albedo.
+Page::Paper Eye::paper(const Page& page, const glm::vec3& eye, const glm::mat3& turn,
+                       std::size_t pixel) const {
+  const FourRays& rays = fine_[pixel];
+  const auto turned = [&](int c) {
+    return turn[0][c] * rays.x + turn[1][c] * rays.y + turn[2][c] * rays.z;
+  };
+  const Float4 distance = -eye.z / turned(2);  // below 0 where a ray goes up: far off the page
+  return page.at(eye.x + turned(0) * distance, eye.y + turned(1) * distance);
 }
 
 Image<std::uint8_t> Eye::take(const Room& room, const Page& page, const Pose& camera_from_marker,
@@ -87,26 +106,27 @@ Image<std::uint8_t> Eye::take(const Room& room, const Page& page, const Pose& ca
   const glm::vec3 eye(marker_from_camera.translation);
   const glm::vec2 reach = page.half_size() + 0.01f;  // metres
   Image<std::uint8_t> picture(camera_.width, camera_.height, 3);
-  std::vector<float> row(std::size_t(camera_.width) * 3);
   std::minstd_rand random(seed);
+  const std::size_t width = std::size_t(camera_.width);
+  Rays rays(width);
+  std::vector<glm::vec3> light(width);
   for (int y = 0; y < camera_.height; ++y) {
-    const std::size_t first = std::size_t(y) * std::size_t(camera_.width);
-    for (int x = 0; x < camera_.width; ++x) {
-      const glm::vec3 d = turn * rays_[first + std::size_t(x)];
-      glm::vec3 light = room.radiance(eye, d);
-      if (d.z < 0) {
-        const glm::vec2 at = glm::vec2(eye) - glm::vec2(d) * (eye.z / d.z);
-        if (std::abs(at.x) < reach.x && std::abs(at.y) < reach.y)
-          light = on_table(room, page, eye, turn, x, y, light);
-      }
-      light *= factor_[first + std::size_t(x)] * float(exposure);
-      for (int c = 0; c < 3; ++c) row[std::size_t(3 * x + c)] = std::min(light[c], 2.0f);
+    const std::size_t first = std::size_t(y) * width;
+    turn_all(turn, &rays_.x[first], &rays_.y[first], &rays_.z[first], width, rays.x.data(),
+             rays.y.data(), rays.z.data());
+    room.radiance(eye, rays, light.data());
+    for (std::size_t k = 0; k < width; ++k) {
+      const float distance = -eye.z / rays.z[k];  // of the table
+      const glm::vec2 place(eye.x + rays.x[k] * distance, eye.y + rays.y[k] * distance);
+      if (!(rays.z[k] < 0 && std::abs(place.x) < reach.x && std::abs(place.y) < reach.y)) continue;
+      const Page::Paper paper = this->paper(page, eye, turn, first + k);
+      if (paper.share > 0)
+        light[k] = (1 - paper.share) * light[k] +
+                   room.table_irradiance(place) * (paper.share * paper.albedo / kPi);
     }
-    const float* noise = &noise_[random() % kNoise];
-    for (std::size_t k = 0; k < row.size(); ++k)  // shot and read noise
-      row[k] += noise[k] * std::sqrt(row[k] / kFullWell + kReadVariance);
-    for (float& value : row) value = std::clamp(value, 0.0f, 1.0f);
-    response_.encode(row.data(), picture.row(y), row.size());
+    for (std::size_t k = 0; k < width; ++k) light[k] *= factor_[first + k] * float(exposure);
+    read_out(&light[0].x, &noise_[random() % kNoise], 3 * width);
+    response_.encode(&light[0].x, picture.row(y), 3 * width);
   }
   return picture;
 }

@@ -17,15 +17,18 @@ class Eye {
                            double exposure, std::uint32_t seed) const;
 
  private:
-  glm::vec3 on_table(const Room& room, const Page& page, const glm::vec3& eye,
-                     const glm::mat3& marker_from_camera, int x, int y,
-                     const glm::vec3& radiance) const;
+  struct FourRays {
+    Float4 x, y, z;
+  };
+  Page::Paper paper(const Page& page, const glm::vec3& eye, const glm::mat3& turn,
+                    std::size_t pixel) const;
 
   Camera camera_;
   ByteResponse response_;
-  std::vector<glm::vec3> rays_, fine_;  // through pixels, and through 2 × 2 points of each
-  std::vector<float> factor_;           // of each pixel: gain and vignetting
-  std::vector<float> noise_;            // standard normal
+  Rays rays_;                   // through the middles of pixels
+  std::vector<FourRays> fine_;  // through 2 × 2 points of each
+  std::vector<float> factor_;   // of each pixel: gain and vignetting
+  std::vector<float> noise_;    // standard normal
 };
 
 }  // namespace fastibl::demo

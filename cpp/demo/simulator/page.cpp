@@ -1,5 +1,6 @@
 #include "demo/simulator/page.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "fastibl/scene/tag_codes.h"
@@ -56,14 +57,23 @@ Page::Page(const Board& board)
   }
 }
 
-std::optional<float> Page::albedo(glm::vec2 place) const {
-  if (std::abs(place.x) >= half_.x || std::abs(place.y) >= half_.y) return std::nullopt;
-  const glm::vec2 at = (place + half_) / (2.0f * half_) * glm::vec2(texels_) - 0.5f;
-  const glm::ivec2 low = glm::clamp(glm::ivec2(glm::floor(at)), glm::ivec2(0), texels_ - 2);
-  const glm::vec2 f = glm::clamp(at - glm::vec2(low), 0.0f, 1.0f);
-  const float* p = &albedo_[std::size_t(low.y) * std::size_t(texels_.x) + std::size_t(low.x)];
-  const float* q = p + texels_.x;
-  return glm::mix(glm::mix(p[0], p[1], f.x), glm::mix(q[0], q[1], f.x), f.y);
+Page::Paper Page::at(const Float4& x, const Float4& y) const {
+  const glm::vec2 scale = glm::vec2(texels_) / (2.0f * half_);
+  const Float4 s = (x + half_.x) * scale.x - 0.5f, t = (y + half_.y) * scale.y - 0.5f;
+  Paper paper;
+  for (int k = 0; k < 4; ++k) {
+    if (!(std::abs(x[k]) < half_.x && std::abs(y[k]) < half_.y)) continue;
+    const int column = std::clamp(int(s[k]), 0, texels_.x - 2);
+    const int row = std::clamp(int(t[k]), 0, texels_.y - 2);
+    const float fx = std::clamp(s[k] - float(column), 0.0f, 1.0f);
+    const float fy = std::clamp(t[k] - float(row), 0.0f, 1.0f);
+    const float* p = &albedo_[std::size_t(row) * std::size_t(texels_.x) + std::size_t(column)];
+    const float* q = p + texels_.x;
+    paper.albedo += glm::mix(glm::mix(p[0], p[1], fx), glm::mix(q[0], q[1], fx), fy);
+    paper.share += 0.25f;
+  }
+  if (paper.share > 0) paper.albedo *= 0.25f / paper.share;
+  return paper;
 }
 
 }  // namespace fastibl::demo

@@ -1,9 +1,7 @@
 // The printed board as it lies on the table.
 #pragma once
 
-#include <optional>
-
-#include "fastibl/core/image.h"
+#include "fastibl/core/simd.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/board.h"
 
@@ -12,8 +10,12 @@ namespace fastibl::demo {
 class Page {
  public:
   explicit Page(const Board& board);
-  // At a place on the table in metres, marker frame; nothing beside the page.
-  std::optional<float> albedo(glm::vec2 place) const;
+  // Of four places on the table in metres, marker frame.
+  struct Paper {
+    float share = 0;   // of them that lie on the page
+    float albedo = 0;  // mean of these
+  };
+  Paper at(const Float4& x, const Float4& y) const;
   glm::vec2 half_size() const { return half_; }
 
  private:

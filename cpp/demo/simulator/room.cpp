@@ -77,8 +77,10 @@ glm::vec3 Room::gather(const glm::vec3& place, const glm::vec3& normal) const {
   const glm::vec3 t = std::abs(normal.x) < 0.5f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0);
   const glm::vec3 b = glm::cross(normal, t);
   glm::dvec3 sum(0);
-  for (const glm::vec3& d : cosine_directions())
-    sum += glm::dvec3(seen(place, d.x * t + d.y * b + d.z * normal, false));
+  for (const glm::vec3& d : cosine_directions()) {
+    const glm::vec3 to = d.x * t + d.y * b + d.z * normal;
+    sum += glm::dvec3(sent_by(leave(place, to.x, to.y, to.z), false));
+  }
   return glm::vec3(sum * (std::numbers::pi / double(cosine_directions().size())));
 }
 
@@ -86,7 +88,7 @@ void Room::light() {
   std::array<Surface*, 7> all;
   for (std::size_t k = 0; k < 6; ++k) all[k] = &sides_[k];
   all[6] = &table_;
-  for (Surface* s : all) s->radiance = s->emission, s->irradiance = Image<float>(kCells, kCells, 3);
+  for (Surface* s : all) s->radiance = s->emission, s->irradiance = Image<float>(kCells, kCells, 4);
   for (int round = 0; round < kReflections; ++round) {
     parallel_for(7 * kCells, 1, [&](int begin, int end) {
       for (int k = begin; k < end; ++k)
@@ -112,28 +114,46 @@ void Room::light() {
   }
 }
 
-glm::vec3 Room::seen(const glm::vec3& place, const glm::vec3& direction, bool lamp) const {
-  // Floor or ceiling first: the back camera hardly sees anything else.
-  int side = 4 + (direction.z > 0);
-  glm::vec3 hit = place + direction * ((direction.z > 0 ? kUpper.z - place.z : kLower.z - place.z) /
-                                       direction.z);
-  if (!(hit.x > kLower.x && hit.x < kUpper.x && hit.y > kLower.y && hit.y < kUpper.y)) {
-    const float x = (direction.x > 0 ? kUpper.x - place.x : kLower.x - place.x) / direction.x;
-    const float y = (direction.y > 0 ? kUpper.y - place.y : kLower.y - place.y) / direction.y;
-    const bool along_x = direction.y == 0 || (direction.x != 0 && x < y);
-    side = along_x ? 0 + (direction.x > 0) : 2 + (direction.y > 0);
-    hit = place + (along_x ? x : y) * direction;
+Room::Hit Room::leave(const glm::vec3& place, float x, float y, float z) {
+  // To the wall ahead along each axis; infinite where the ray does not move along it.
+  const float to_x = std::abs((x > 0 ? kUpper.x : kLower.x) - place.x) / std::abs(x);
+  const float to_y = std::abs((y > 0 ? kUpper.y : kLower.y) - place.y) / std::abs(y);
+  const float to_z = std::abs((z > 0 ? kUpper.z : kLower.z) - place.z) / std::abs(z);
+  float to = to_x;
+  int side = x > 0 ? 1 : 0;
+  side = to_y < to ? (y > 0 ? 3 : 2) : side, to = to_y < to ? to_y : to;
+  side = to_z < to ? (z > 0 ? 5 : 4) : side, to = to_z < to ? to_z : to;
+  const float hit_x = place.x + to * x - kLower.x, hit_y = place.y + to * y - kLower.y;
+  const float hit_z = place.z + to * z - kLower.z;
+  return {side, side < 2 ? hit_y : hit_x, side < 4 ? hit_z : hit_y};
+}
+
+glm::vec3 Room::sent_by(const Hit& hit, bool lamp) const {
+  if (hit.side == 4) {
+    const float x = hit.a + kLower.x, y = hit.b + kLower.y;
+    if (std::abs(x) < kTable.x && std::abs(y) < kTable.y)
+      return radiance_at(table_, x + kTable.x, y + kTable.y);
   }
-  if (side == 4 && std::abs(hit.x) < kTable.x && std::abs(hit.y) < kTable.y)
-    return radiance_at(table_, hit.x + kTable.x, hit.y + kTable.y);
-  if (side == 2) {
-    const glm::vec2 off(hit.x - kLamp.x, hit.z - kLamp.z);
+  if (hit.side == 2) {
+    const glm::vec2 off(hit.a + kLower.x - kLamp.x, hit.b + kLower.z - kLamp.z);
     if (glm::dot(off, off) < kLampRadius * kLampRadius)
       return lamp ? kLampRadiance : glm::vec3(0.4f);  // a shade that is lit by the room
   }
-  const Surface& s = sides_[std::size_t(side)];
-  const int axis = side / 2, a = axis == 0 ? 1 : 0, b = axis == 2 ? 1 : 2;
-  return radiance_at(s, hit[a] - kLower[a], hit[b] - kLower[b]);
+  return radiance_at(sides_[std::size_t(hit.side)], hit.a, hit.b);
+}
+
+void Room::radiance(const glm::vec3& place, const Rays& directions, glm::vec3* out) const {
+  constexpr int kBlock = 64;
+  std::array<Hit, kBlock> hits;
+  const int count = int(directions.x.size());
+  for (int first = 0; first < count; first += kBlock) {
+    const int some = std::min(kBlock, count - first);
+    const float* x = &directions.x[std::size_t(first)];
+    const float* y = &directions.y[std::size_t(first)];
+    const float* z = &directions.z[std::size_t(first)];
+    for (int k = 0; k < some; ++k) hits[std::size_t(k)] = leave(place, x[k], y[k], z[k]);
+    for (int k = 0; k < some; ++k) out[first + k] = sent_by(hits[std::size_t(k)], lamp_);
+  }
 }
 
 glm::vec3 Room::table_irradiance(glm::vec2 place) const {

@@ -7,11 +7,18 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include "demo/simulator/surface.h"
 #include "fastibl/scene/cube_map.h"
 
 namespace fastibl::demo {
+
+// Directions, x, y and z apart.
+struct Rays {
+  std::vector<float> x, y, z;
+  explicit Rays(std::size_t count = 0) : x(count), y(count), z(count) {}
+};
 
 class Room {
  public:
@@ -19,14 +26,21 @@ class Room {
 
   // That arrives at a place in the room, from a direction of any length but 0.
   glm::vec3 radiance(const glm::vec3& place, const glm::vec3& direction) const {
-    return seen(place, direction, lamp_);
+    return sent_by(leave(place, direction.x, direction.y, direction.z), lamp_);
   }
+  void radiance(const glm::vec3& place, const Rays& directions, glm::vec3* out) const;
   glm::vec3 table_irradiance(glm::vec2 place) const;  // metres, marker frame
   // The map there: each texel the mean of `samples`² rays. Without the board.
   CubeMap environment(const glm::vec3& place, int size, int samples = 3) const;
 
  private:
-  glm::vec3 seen(const glm::vec3& place, const glm::vec3& direction, bool lamp) const;
+  // Where a ray leaves the box: on a side, at metres along its edges.
+  struct Hit {
+    int side;
+    float a, b;
+  };
+  static Hit leave(const glm::vec3& place, float x, float y, float z);
+  glm::vec3 sent_by(const Hit& hit, bool lamp) const;
   glm::vec3 gather(const glm::vec3& place, const glm::vec3& normal) const;
   glm::vec3 from_lamp(const glm::vec3& place, const glm::vec3& normal) const;
   void light();

@@ -7,7 +7,7 @@ namespace fastibl::demo {
 void paint(Surface& surface, const std::function<Paint(float, float)>& at) {
   const int width = int(std::lround(surface.size.x * surface.density));
   const int height = int(std::lround(surface.size.y * surface.density));
-  surface.albedo = Image<float>(width, height, 3), surface.emission = surface.albedo;
+  surface.albedo = Image<float>(width, height, 4), surface.emission = surface.albedo;
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
       const Paint paint =

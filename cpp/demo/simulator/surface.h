@@ -4,18 +4,19 @@
 #include <functional>
 
 #include "fastibl/core/image.h"
+#include "fastibl/core/simd.h"
 #include "fastibl/core/vector.h"
 
 namespace fastibl::demo {
 
 // Matte; what it sends out is the same from everywhere.
 struct Surface {
-  glm::vec3 origin{0}, u{0}, v{0};  // a corner, and unit edges from it
-  glm::vec3 normal{0};              // into the room
-  glm::vec2 size{0};                // metres along u and v
-  float density = 100;              // texels a metre
-  Image<float> albedo, emission, radiance;
-  Image<float> irradiance;  // coarse, over the whole rectangle
+  glm::vec3 origin{0}, u{0}, v{0};          // a corner, and unit edges from it
+  glm::vec3 normal{0};                      // into the room
+  glm::vec2 size{0};                        // metres along u and v
+  float density = 100;                      // texels a metre
+  Image<float> albedo, emission, radiance;  // RGB and an unused fourth: a texel is one load
+  Image<float> irradiance;                  // coarse, over the whole rectangle
 
   glm::vec3 point(float a, float b) const { return origin + a * u + b * v; }  // a, b: metres
 };
@@ -31,16 +32,17 @@ inline glm::vec3 look_up(const Image<float>& image, float s, float t) {
   s = glm::clamp(s - 0.5f, 0.0f, float(image.width - 1));
   t = glm::clamp(t - 0.5f, 0.0f, float(image.height - 1));
   const int x = int(s), y = int(t);
-  const int right = x + 1 < image.width ? 3 : 0;
+  const int right = x + 1 < image.width ? 4 : 0;
   const float* above = image.pixel(x, y);
   const float* below = y + 1 < image.height ? image.pixel(x, y + 1) : above;
   const float fx = s - float(x), fy = t - float(y);
-  const auto row = [&](const float* p) {
-    const glm::vec3 left(p[0], p[1], p[2]);
-    return left + fx * (glm::vec3(p[right], p[right + 1], p[right + 2]) - left);
+  const auto texel = [](const float* p) -> const Float4& {
+    return *reinterpret_cast<const Float4*>(p);
   };
-  const glm::vec3 top = row(above);
-  return top + fy * (row(below) - top);
+  const Float4 top = texel(above) + fx * (texel(above + right) - texel(above));
+  const Float4 bottom = texel(below) + fx * (texel(below + right) - texel(below));
+  const Float4 value = top + fy * (bottom - top);
+  return {value[0], value[1], value[2]};
 }
 inline glm::vec3 radiance_at(const Surface& surface, float a, float b) {
   return look_up(surface.radiance, a * surface.density, b * surface.density);
