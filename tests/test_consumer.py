@@ -2,6 +2,7 @@
 
 import math
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -180,6 +181,22 @@ def test_as_a_part_of_another_build(build_tree, tmp_path):
         check_light(tmp_path / "light", tmp_path)
     else:
         run("cmake", "--build", tmp_path, "--target", *(f"CMakeFiles/{n}.dir/{n}.cpp.o" for n in names))
+
+
+def test_builds_that_are_not_optimized(tmp_path):
+    """A project that chose no build type gets an optimized library; a debugger's has no clones of functions, where
+    wide vectors would be passed in other registers than lambdas expect. ./dev goals product runs such a build.
+    """
+    configure(CONSUMER, tmp_path, f"-DFASTIBL_SOURCE={ROOT}", *CORE_ONLY, "-DCMAKE_BUILD_TYPE=")
+    assert re.search(r"FLAGS = .*-O3", (tmp_path / "build.ninja").read_text())
+    configure(CONSUMER, tmp_path, "-DCMAKE_BUILD_TYPE=Debug")
+    assert not re.search(r"FLAGS = .*-O", (tmp_path / "build.ninja").read_text())
+    (tmp_path / "clones.cpp").write_text('#include "fastibl/core/simd.h"\nFASTIBL_CLONES void f() {}\n')
+    seen = [
+        "target_clones" in run("g++", option, "-E", f"-I{ROOT / 'cpp'}", tmp_path / "clones.cpp")
+        for option in ("-O2", "-O0", "-Os")
+    ]
+    assert seen == [platform.machine() == "x86_64", False, False]
 
 
 def test_glm_of_the_project_around(tmp_path):

@@ -18,7 +18,8 @@ MINGW = "x86_64-w64-mingw32-g++-posix"
 def _run(*command: object) -> None:
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
     if done.returncode:
-        raise RuntimeError((done.stdout + done.stderr).strip().splitlines()[-1])
+        said = (done.stdout + done.stderr).strip().splitlines()[-1:] or ["nothing was said"]
+        raise RuntimeError(f"{Path(str(command[0])).name} ended with {done.returncode}: {said[0]}")
 
 
 def _ways(tree: Path, prefix: Path, compiler: str) -> dict[str, list[str]]:
@@ -70,7 +71,19 @@ def consumers() -> Iterator[Goal]:
                     "4 built",
                     len(built) == 4 and len(ran) == 3,
                 )
+    yield from _debug()
     yield from _windows()
+
+
+def _debug() -> Iterator[Goal]:
+    """As a debugger wants it: nothing is inlined, no function compiled for several processors."""
+    with tempfile.TemporaryDirectory() as folder:
+        options = [f"-DFASTIBL_SOURCE={ROOT}", "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O0"]
+        _run("cmake", "-S", ROOT / "examples" / "cpp_consumer", "-B", folder, "-G", "Ninja", *options)
+        _run("cmake", "--build", folder, "--target", "light", "relight")
+        _run(Path(folder) / "light")
+        _run(Path(folder) / "relight", folder)
+    yield Goal("two examples and the core without optimization, by the default compiler", "2 run", "2 run", True)
 
 
 def _windows() -> Iterator[Goal]:

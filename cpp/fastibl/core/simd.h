@@ -2,10 +2,13 @@
 // picks at run time. The function must be plain loops over arrays: inline functions of other
 // headers would be compiled without the attribute, unless they are inlined. Products and sums are
 // never contracted, so that a loop without a reordered sum gives the same bits on all three.
+//
+// Not without optimization: a lambda in it that is not inlined is compiled for plain x86-64, where
+// wide vectors are passed in other registers.
 #pragma once
 
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_THREAD__)
+    defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__) && !defined(__SANITIZE_THREAD__)
 #define FASTIBL_CLONES __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
 #else
 #define FASTIBL_CLONES
