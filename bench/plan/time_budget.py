@@ -1,4 +1,4 @@
-"""A session that is asked for 8 ms a frame."""
+"""A session that is asked for 8 ms a frame, where the yardstick takes 4."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from fastibl.measuring.frames import later
 
 from .. import inputs
 from ..goals import Goal, percent, row
+from ..measure import yardstick_seconds
 
-BUDGET = 8.0
+BUDGET = 2.0  # yardsticks
 FRAMES = 1000
 
 
@@ -21,7 +22,8 @@ FRAMES = 1000
 def time_budget() -> Iterator[Goal]:
     recording = inputs.short_recording()
     scene = fastibl.Scene(inputs.scene("figurine").mesh, fastibl.Material(glossy=(0.2, 0.2, 0.2), exponent=64))
-    session = fastibl.Session(scene, recording.rig, recording.board, milliseconds=BUDGET, costs=fastibl.machine_costs())
+    asked = 1e3 * BUDGET * yardstick_seconds()
+    session = fastibl.Session(scene, recording.rig, recording.board, milliseconds=asked, costs=fastibl.machine_costs())
     milliseconds, stated, changes, last = [], 0, 0, None
     for k in range(FRAMES):
         frame = recording[k % len(recording)]
@@ -37,10 +39,10 @@ def time_budget() -> Iterator[Goal]:
         last = methods
     p95, after = np.percentile(milliseconds, 95), np.percentile(milliseconds[FRAMES // 2 :], 95)
     yield Goal(
-        f"Session(milliseconds={BUDGET:g}), {FRAMES} frames: 95th percentile of CPU time",
-        f"{p95:.2f} ms",
-        f"<= {BUDGET:g} ms, error stated throughout",
-        bool(p95 <= BUDGET and stated >= 0.99 * FRAMES),
+        f"Session asked for {BUDGET:g} yardsticks ({asked:.1f} ms here), {FRAMES} frames: 95th percentile of CPU time",
+        f"{p95 / asked * BUDGET:.2f} ({p95:.2f} ms)",
+        f"<= {BUDGET:g}, error stated throughout",
+        bool(p95 <= asked and stated >= 0.99 * FRAMES),
         (
             f"median {np.median(milliseconds):.2f} ms; second half, 95th percentile {after:.2f} ms",
             f"error stated in {percent(stated / FRAMES)} of frames; methods changed {changes} times",

@@ -119,7 +119,7 @@ FASTIBL_CLONES void compare_clipped(const ChannelInput& in, const float* __restr
     const float model = kModelNoise * values[i];
     const float noise = sensor[i] * scale[i] * scale[i] + model * model;
     const float ratio =
-        seen[i] & clips[i] & !bounds[i] ? variances[i] / (noise > 1e-30f ? noise : 1e-30f) : 0.0f;
+        (seen[i] & clips[i] & !bounds[i]) ? variances[i] / (noise > 1e-30f ? noise : 1e-30f) : 0.0f;
     unsure[i] = ratio > unsure[i] ? ratio : unsure[i];
   }
 }
@@ -138,7 +138,7 @@ FASTIBL_CLONES void add_deviance(const ChannelInput& in, const float* __restrict
     const float model = kModelNoise * (sample > value[i] ? sample : value[i]);
     const float noise = sensor[i] * scale[i] * scale[i] + model * model + rough[i];
     const float difference = sample - value[i];
-    const float counted = clips[i] & (difference < 0) ? 0.0f : difference;  // a bound agrees
+    const float counted = (clips[i] & (difference < 0)) ? 0.0f : difference;  // a bound agrees
     deviance[i] += seen[i] ? counted * counted / (noise > 1e-30f ? noise : 1e-30f) : 0.0f;
   }
 }
@@ -202,7 +202,7 @@ FASTIBL_CLONES void sum_group(const Arrays& in, int count, float* __restrict sum
   const float* __restrict projected = in.projected;
   const std::uint8_t* __restrict bound = in.bound;
   if (last_seen)
-    for (int i = 0; i < n; ++i) seen[i] = (i < count) & (last_seen[i] > -1e300) ? 1.0f : 0.0f;
+    for (int i = 0; i < n; ++i) seen[i] = ((i < count) & (last_seen[i] > -1e300)) ? 1.0f : 0.0f;
   else
     for (int i = 0; i < n; ++i) seen[i] = i < count ? 1.0f : 0.0f;
   const auto at = [](const float* p) -> Float16 { return *reinterpret_cast<const Float16*>(p); };

@@ -82,7 +82,7 @@ FASTIBL_CLONES void turn_texels(const TexelView::Projection& p, const FaceProjec
       const float reach = p.plane_distance / -z;
       const float x = p.centre_x + reach * (f.world[0] + a * f.world_s[0] + b * f.world_t[0]);
       const float y = p.centre_y + reach * (f.world[1] + a * f.world_s[1] + b * f.world_t[1]);
-      seen[i] &= !((std::fabs(x) < p.masked_x) & (std::fabs(y) < p.masked_y));
+      seen[i] &= !(int(std::fabs(x) < p.masked_x) & int(std::fabs(y) < p.masked_y));
     }
 }
 

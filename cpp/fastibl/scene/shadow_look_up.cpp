@@ -8,8 +8,9 @@
 
 #ifdef FASTIBL_WITH_AVX2
 #include <immintrin.h>
-// GCC 12 warns of its own header's undefined registers.
+#ifndef __clang__  // GCC 12 warns of its own header's undefined registers
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
 #endif
 
 namespace fastibl {

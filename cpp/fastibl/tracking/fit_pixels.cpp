@@ -11,9 +11,8 @@
 namespace fastibl {
 namespace {
 
-constexpr int kMotion = 7;             // pose and blur
-constexpr int kBlackColumn = kMotion;  // of the sums: level of black, step to white, residual
-constexpr int kSums = kMotion + 3;
+constexpr int kMotion = 7;          // pose and blur
+constexpr int kSums = kMotion + 3;  // and level of black, step to white, residual
 // Deviations of the blur from an edge between which slope²/variance is near its most: farther on
 // black the slope is gone, on white the noise is larger.
 constexpr double kBest = 0.45, kNarrowest = 1.0, kWidest = 2.2;
