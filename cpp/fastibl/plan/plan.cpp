@@ -357,11 +357,11 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
     }
     if (choice) set_measured_error(*choice, *options.measured, options.methods, line);
-    line.milliseconds = pass_milliseconds(options.costs, id, methods, options.workload);
+    line.milliseconds =
+        pass_milliseconds(options.costs, id, methods, options.workload) * options.slowdown;
     if (*line.milliseconds == 0 || !line.included) line.milliseconds.reset();
     if (line.milliseconds)
-      plan.milliseconds +=
-          *line.milliseconds * runs_per_frame(id, options.workload) * options.slowdown;
+      plan.milliseconds += *line.milliseconds * runs_per_frame(id, options.workload);
     plan.passes.push_back(std::move(line));
   }
   return plan;

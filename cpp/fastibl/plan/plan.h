@@ -37,7 +37,8 @@ struct Plan {
   // of the candidates leave.
   std::optional<double> picture_error = {}, best_error = {};
   double picture_assured = 0, best_assured = 0;  // the same that errors are hardly ever beyond
-  double milliseconds = 0;  // of a frame, by the cost table, of the passes that run in every one
+  // Of a frame, by the cost table and the slowdown, of the passes that run in every one.
+  double milliseconds = 0;
   bool includes(PassId id) const;
   // Against the truth of the same map: picture_error, else the root of the sum of squares of the
   // known ones.

@@ -133,7 +133,7 @@ void Session::choose_methods() {
 // Steps of the time budget; never where the same bits are to come again.
 void Session::watch_time(double milliseconds) {
   if (options_.milliseconds == 0 || !options_.adapt) return;
-  if (time_.add(milliseconds, options_.milliseconds)) choose_due_ = true;
+  if (time_.add(milliseconds, plan_.milliseconds, options_.milliseconds)) choose_due_ = true;
 }
 
 void Session::update_plan(bool choose) {

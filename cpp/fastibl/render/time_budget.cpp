@@ -4,8 +4,8 @@
 
 namespace fastibl {
 
-bool TimeBudget::add(double milliseconds, double budget) {
-  constexpr double kUp = 1.25, kDown = 0.9, kLeast = 0.3, kMost = 1e3;
+bool TimeBudget::add(double milliseconds, double planned, double budget) {
+  constexpr double kUp = 1.25, kDown = 0.9, kLeast = 0.3;
   if (failed_ > 0 && ++since_failed_ > kForget) failed_ = 0;
   times_.push_back(milliseconds);
   int slow = 0;
@@ -13,7 +13,7 @@ bool TimeBudget::add(double milliseconds, double budget) {
   double next = slowdown_;
   if (slow > kFrames / 10) {
     failed_ = slowdown_, since_failed_ = 0;
-    next = std::min(slowdown_ * kUp, kMost);
+    if (planned <= budget) next = slowdown_ * kUp;
   } else if (int(times_.size()) < kFrames) {
     return false;
   } else if (*std::max_element(times_.begin(), times_.end()) < kSlack * budget) {

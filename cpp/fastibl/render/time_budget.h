@@ -15,8 +15,10 @@ class TimeBudget {
   static constexpr double kSlack = 0.7;  // of the budget
 
   double slowdown() const { return slowdown_; }
-  // True where the slowdown changed; a plan that is another then has to be restart()ed with.
-  bool add(double milliseconds, double budget);
+  // planned: milliseconds of a frame by the plan; where that is over the budget already, nothing is
+  // cheaper. True where the slowdown changed; a plan that is another then has to be restart()ed
+  // with.
+  bool add(double milliseconds, double planned, double budget);
   void restart() { times_.clear(); }
 
  private:
