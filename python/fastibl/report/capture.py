@@ -42,7 +42,7 @@ class _Captured:
 
 def _capture(recording: Recording, scene: Scene, method: str, size: int, distance: float) -> _Captured:
     session = Session(
-        scene, recording.rig, None, methods={"capture": method}, size=size, cast_shadow=False, distance=distance,
+        scene, recording.rig, recording.board, methods={"capture": method}, size=size, cast_shadow=False, distance=distance,
         follow_surroundings=False,
     )  # fmt: skip
     out, spent, truths = _Captured(), [], {}
