@@ -9,6 +9,7 @@ from . import (
     live,  # noqa: F401
     newcomer,  # noqa: F401
     program,  # noqa: F401
+    robust,  # noqa: F401
     soak,  # noqa: F401
     start,  # noqa: F401
     wheel,  # noqa: F401
