@@ -15,6 +15,8 @@ import importlib
 import sys
 import time
 
+from fastibl import set_threads
+
 from .measure import ROOT, cpu, table, write_rows, yardstick_seconds
 from .plot import plot
 
@@ -44,6 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
             for drawn in importlib.import_module(PICTURES[name]).main():
                 print(f"written: {drawn.relative_to(ROOT)}")
             continue
+        set_threads(1)  # rows of more say so
         begin = time.perf_counter()
         rows = importlib.import_module(f"bench.{name}").rows()
         path = write_rows(name, rows)

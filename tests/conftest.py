@@ -11,6 +11,7 @@ import fastibl
 
 # What tests bake they keep to themselves.
 os.environ.setdefault("FASTIBL_CACHE", tempfile.mkdtemp(prefix="fastibl-tests-"))
+fastibl.set_threads(1)  # processes share the cores; tests of more threads set them
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 MAPS = sorted((SHARED / "hdri").glob("*.hdr"))

@@ -463,12 +463,22 @@ import fastibl
 
 fastibl.set_threads(2)
 cube = fastibl.CubeMap(np.random.default_rng(0).random((6, 64, 64, 3)))
-here = fastibl.Lighting(cube).prefiltered(size=64)[3].faces  # the threads were at work
+made = lambda: fastibl.Lighting(cube).prefiltered(size=64)[3].faces
+here = made()  # the threads were at work
 child = os.fork()
 if child == 0:  # where they are not
-    os._exit(0 if np.array_equal(fastibl.Lighting(cube).prefiltered(size=64)[3].faces, here) else 1)
+    same = np.array_equal(made(), here)
+    started = len(os.listdir("/proc/self/task"))
+    fastibl.set_threads(1)
+    left = len(os.listdir("/proc/self/task"))
+    os._exit(0 if same and np.array_equal(made(), here) and started == left + 1 else 1)
 sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
+
+
+def test_all_cores_are_used_where_nothing_is_said():
+    process = python("import fastibl; print(fastibl.threads())", stdout=subprocess.PIPE)
+    assert int(process.communicate(timeout=60)[0]) == len(os.sched_getaffinity(0))
 
 
 @LINUX

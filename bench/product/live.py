@@ -13,6 +13,7 @@ from typing import Any
 
 import fastibl
 from fastibl.live_page import Choices, LiveLoop, PageServer, Settings
+from fastibl.measuring import all_cores
 from fastibl.sources import BackAndForth, Paced
 
 from .. import live_browser
@@ -119,6 +120,7 @@ def _shown(page: Any, reader: _Reader | None) -> int:
 
 
 @row("product", "live page")
+@all_cores()
 def live_page() -> Iterator[Goal]:
     why = live_browser.missing()
     with tempfile.TemporaryDirectory() as name, nullcontext() if why else live_browser.browser() as browser:

@@ -10,8 +10,9 @@ namespace fastibl::bindings {
 
 void bind_core(py::module_& module) {
   module.def("set_threads", &set_threads, py::arg("count"),
-             "Number of threads that the library uses; 0 asks for all cores. Results are the same "
-             "bits for any number. Raises ValueError for a number below 0.");
+             "Number of threads that the library uses; 0, as it is at first: one a core that this "
+             "process may use. Results are the same bits for any number. Raises ValueError for a "
+             "number below 0.");
   module.def("threads", &threads, "Number of threads that the library uses.");
 
   py::class_<Pose>(module, "Pose",

@@ -1954,7 +1954,7 @@ def main_lights(map: typing.Any, brightness: typing.SupportsFloat | typing.Suppo
     """
 def set_threads(count: typing.SupportsInt | typing.SupportsIndex) -> None:
     """
-    Number of threads that the library uses; 0 asks for all cores. Results are the same bits for any number. Raises ValueError for a number below 0.
+    Number of threads that the library uses; 0, as it is at first: one a core that this process may use. Results are the same bits for any number. Raises ValueError for a number below 0.
     """
 def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method: str = 'auto', directions: typing.SupportsInt | typing.SupportsIndex = 256) -> numpy.typing.NDArray[numpy.float32]:
     """

@@ -6,11 +6,16 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <new>
+#include <system_error>
 #include <thread>
 #include <vector>
 
 #if defined(__x86_64__) || defined(__i386__)
 #include <immintrin.h>
+#endif
+#if defined(__unix__) || defined(__APPLE__)
+#include <pthread.h>
 #endif
 
 #include "fastibl/core/check.h"
@@ -56,7 +61,10 @@ constexpr std::chrono::microseconds kPatience{50};
 class Pool {
  public:
   explicit Pool(int helpers) {
-    for (int i = 0; i < helpers; ++i) workers_.emplace_back([this] { serve(); });
+    try {
+      for (int i = 0; i < helpers; ++i) workers_.emplace_back([this] { serve(); });
+    } catch (const std::system_error&) {  // as many as the system gives
+    }
   }
   ~Pool() {
     {
@@ -117,28 +125,37 @@ class Pool {
   bool stop_ = false;
 };
 
-std::mutex pool_mutex;  // one loop at a time: a second caller runs its loop alone
+// Of the pool and its size. One loop at a time: a second caller runs its loop alone.
+std::mutex pool_mutex;
+int wanted = 0;        // threads; 0: one a core
+Pool* pool = nullptr;  // of the first loop; left at the end of a process, where joining can hang
 
-Pool*& pool() {
-  // Never destroyed: joining threads while a Python process ends can hang.
-  static Pool* instance = new Pool(0);
-  return instance;
+int size() {
+  static const int cores = std::max(1, int(std::thread::hardware_concurrency()));
+  return wanted > 0 ? wanted : cores;
 }
+
+#if defined(__unix__) || defined(__APPLE__)
+// A forked process has none of the threads, and whoever held the mutex is not there: its first loop
+// starts its own.
+void forget_pool() { new (&pool_mutex) std::mutex, pool = nullptr; }
+[[maybe_unused]] const int at_fork = pthread_atfork(nullptr, nullptr, forget_pool);
+#endif
 
 }  // namespace
 
 void set_threads(int count) {
   check(count >= 0, "the number of threads must be 0 (all cores) or more, got ", count);
-  if (count == 0) count = std::max(1u, std::thread::hardware_concurrency());
   const std::lock_guard lock(pool_mutex);
-  if (pool()->size() == count) return;
-  delete pool();
-  pool() = new Pool(count - 1);
+  wanted = count;
+  if (!pool || pool->size() == size()) return;
+  delete pool;
+  pool = nullptr;
 }
 
 int threads() {
   const std::lock_guard lock(pool_mutex);
-  return pool()->size();
+  return size();
 }
 
 void parallel_for(int count, int grain, const std::function<void(int, int)>& body) {
@@ -146,8 +163,9 @@ void parallel_for(int count, int grain, const std::function<void(int, int)>& bod
   Job job(body, count, std::max(1, grain));
   const bool nested = inside_loop;
   std::unique_lock lock(pool_mutex, std::defer_lock);
-  if (!nested && count > job.grain && lock.try_lock() && pool()->size() > 1) {
-    pool()->run(job);
+  if (!nested && count > job.grain && lock.try_lock() && size() > 1) {
+    if (!pool) pool = new Pool(size() - 1);
+    pool->run(job);
   } else {
     job.work();
     inside_loop = nested;
