@@ -53,8 +53,10 @@ def cases() -> Iterator[Case]:
         )
     yield Case("tracking", "a board on a wall, gravity known", "the pose of the wall, not its mirror", _on_a_wall)
     yield Case("tracking", "exposures 20 stops apart in turn", "poses of the good pictures, none of the black", _stops)
-    yield Case("tracking", "1000 frames, still", "no drift: the pose at the end that of the beginning", _long_still)
-    yield Case("tracking", "1000 frames, moving to and fro", "no drift, lost in none", _long_moving)
+    yield Case(
+        "tracking", "1000 frames, still", "no drift: the pose at the end that of the beginning", _long_still, long=True
+    )
+    yield Case("tracking", "1000 frames, moving to and fro", "no drift, lost in none", _long_moving, long=True)
     yield Case(
         "tracking", "another picture in every frame", "None, or the pose in the picture: never an old one", _jumps
     )

@@ -22,13 +22,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case:
-    """step: of a frame. backend: "cpu", or "gl" where the case is run there."""
+    """step: of a frame. backend: "cpu", or "gl" where the case is run there. long: takes seconds."""
 
     step: str
     name: str
     expectation: str
     measure: Callable[[], Outcome]
     backend: str = "cpu"
+    long: bool = False
 
     @property
     def title(self) -> str:

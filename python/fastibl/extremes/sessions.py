@@ -29,6 +29,7 @@ def cases() -> Iterator[Case]:
             "pictures finite, no growth of memory, the last as the first",
             lambda b=backend: _long(b),
             backend,
+            long=True,
         )
         yield Case(
             "session", "light that jumps from map to map", "as a fresh session", lambda b=backend: _jumps(b), backend
@@ -41,7 +42,7 @@ def cases() -> Iterator[Case]:
             backend,
         )
         yield Case("session", "no map yet", "a picture", lambda b=backend: _no_map(b), backend)
-    yield Case("session", "1000 frames captured", "no drift of the map, no growth", _long_capture)
+    yield Case("session", "1000 frames captured", "no drift of the map, no growth", _long_capture, long=True)
     for kind in KINDS:
         yield Case("session", f"fault: {kind}", "a result for every frame, its map clean", lambda k=kind: _fault(k))
     for what, frame in (
