@@ -158,21 +158,26 @@ def test_examples_build_and_run(package, tmp_path):
         print(f"not built here: {', '.join(missing)}")
 
 
-def test_examples_with_clang(build_tree, tmp_path):
+def test_examples_with_clang(package, tmp_path):
     """Clang's programs on the library as it was built."""
     if CLANG is None:
         pytest.skip("needs clang++")
-    configure(CONSUMER, tmp_path, f"-Dfastibl_DIR={build_tree}", f"-DCMAKE_CXX_COMPILER={CLANG}")
+    configure(CONSUMER, tmp_path, package, f"-DCMAKE_CXX_COMPILER={CLANG}")
     run("cmake", "--build", tmp_path)
     check_light(tmp_path / "light", tmp_path)
 
 
-def test_as_a_part_of_another_build(build_tree, tmp_path):
+@pytest.mark.parametrize("clang", [False, True], ids=["default", "clang"])
+def test_as_a_part_of_another_build(clang, build_tree, tmp_path):
     """FetchContent of the sources. Where ccache has the library it is built, else only the examples' objects."""
+    if clang and CLANG is None:
+        pytest.skip("needs clang++")
     parts = [f"-DFASTIBL_{p.upper()}={'ON' if (build_tree / f'libfastibl_{p}.a').is_file() else 'OFF'}" for p in PUBLIC]
-    cached = "ccache" in (build_tree / "CMakeCache.txt").read_text() and shutil.which("ccache")
+    cached = not clang and "ccache" in (build_tree / "CMakeCache.txt").read_text() and shutil.which("ccache")
     # The flags of build/cpp.
     options = ["-DFASTIBL_WERROR=ON", "-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if cached else []
+    if clang:
+        options.append(f"-DCMAKE_CXX_COMPILER={CLANG}")
     configure(CONSUMER, tmp_path, f"-DFASTIBL_SOURCE={ROOT}", *parts, *options)
     names = [name for name in CHECKS if f"{name}.dir" in (tmp_path / "build.ninja").read_text()]
     assert {"light", "picture", "relight"} <= set(names)
