@@ -46,9 +46,9 @@ class LensRays {
 
 // m (x, y, z) of many.
 FASTIBL_CLONES void turn_all(const glm::mat3& m, const float* x, const float* y, const float* z,
-                             std::size_t count, float* to_x, float* to_y, float* to_z) {
+                             std::size_t count, float* __restrict to_x, float* __restrict to_y,
+                             float* __restrict to_z) {
   const glm::vec3 a = m[0], b = m[1], c = m[2];
-#pragma GCC ivdep
   for (std::size_t k = 0; k < count; ++k) {
     to_x[k] = a.x * x[k] + b.x * y[k] + c.x * z[k];
     to_y[k] = a.y * x[k] + b.y * y[k] + c.y * z[k];
@@ -57,8 +57,8 @@ FASTIBL_CLONES void turn_all(const glm::mat3& m, const float* x, const float* y,
 }
 
 // Light on a sensor (1: full) to what is read from it: shot and read noise, from standard normals.
-FASTIBL_CLONES void read_out(float* values, const float* noise, std::size_t count) {
-#pragma GCC ivdep
+FASTIBL_CLONES void read_out(float* __restrict values, const float* __restrict noise,
+                             std::size_t count) {
   for (std::size_t k = 0; k < count; ++k) {
     const float v = values[k] < 2 ? values[k] : 2;
     const float read = v + noise[k] * std::sqrt(v * (1 / kFullWell) + kReadVariance);
@@ -89,8 +89,8 @@ Eye::Eye(const Camera& camera) : camera_(camera), response_(camera.response) {
 }
 
 // How much of a pixel is paper, by 2 × 2 points, and of which albedo.
-Page::Paper Eye::paper(const Page& page, const glm::vec3& eye, const glm::mat3& turn,
-                       std::size_t pixel) const {
+Page::Paper Eye::paper_at(const Page& page, const glm::vec3& eye, const glm::mat3& turn,
+                          std::size_t pixel) const {
   const FourRays& rays = fine_[pixel];
   const auto turned = [&](int c) {
     return turn[0][c] * rays.x + turn[1][c] * rays.y + turn[2][c] * rays.z;
@@ -119,7 +119,7 @@ Image<std::uint8_t> Eye::take(const Room& room, const Page& page, const Pose& ca
       const float distance = -eye.z / rays.z[k];  // of the table
       const glm::vec2 place(eye.x + rays.x[k] * distance, eye.y + rays.y[k] * distance);
       if (!(rays.z[k] < 0 && std::abs(place.x) < reach.x && std::abs(place.y) < reach.y)) continue;
-      const Page::Paper paper = this->paper(page, eye, turn, first + k);
+      const Page::Paper paper = paper_at(page, eye, turn, first + k);
       if (paper.share > 0)
         light[k] = (1 - paper.share) * light[k] +
                    room.table_irradiance(place) * (paper.share * paper.albedo / kPi);

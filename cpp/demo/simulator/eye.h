@@ -20,8 +20,8 @@ class Eye {
   struct FourRays {
     Float4 x, y, z;
   };
-  Page::Paper paper(const Page& page, const glm::vec3& eye, const glm::mat3& turn,
-                    std::size_t pixel) const;
+  Page::Paper paper_at(const Page& page, const glm::vec3& eye, const glm::mat3& turn,
+                       std::size_t pixel) const;
 
   Camera camera_;
   ByteResponse response_;
