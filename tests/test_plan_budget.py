@@ -145,6 +145,24 @@ def test_a_session_uses_what_its_plan_chose(scene):
     assert 0 < off < 0.4
 
 
+def test_what_is_not_known_of_captured_light_is_stated_by_itself(scene):
+    given = fastibl.make_plan(scene, room(), error=0.02)
+    film = fastibl.simulate(seconds=0.5, fps=6, size=(160, 120), hand=False, truth_size=16)
+    session = fastibl.Session(scene, film.rig, None, error=0.02)
+    for frame in film:
+        pose = film.truth.pose(frame.time)
+        result = session.process(
+            fastibl.Frame(
+                frame.time, frame.back, frame.front, frame.back_exposure, frame.front_exposure, back_from_marker=pose
+            )
+        )
+    captured = result.plan.light_error
+    print(f"captured light {captured:.3f}, methods {result.plan.expected_error:.3f}")
+    assert given.light_error is None
+    assert captured == pytest.approx(result.environment.predicted_error) and captured > 0.05
+    assert f"{100 * captured:.2g} %, whatever the methods" in str(result.plan)
+
+
 def test_methods_stay_while_the_light_does(scene):
     session = fastibl.Session(scene, fastibl.Rig(camera_of(64, 48, 45.0)), environment=room(), error=0.02)
     plans = {repr(r.plan.methods) for r in frames(session, 6)}
