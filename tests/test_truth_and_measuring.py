@@ -102,6 +102,23 @@ def test_threads_while_measuring():
     assert fastibl.threads() == before
 
 
+def test_threads_of_a_function_that_yields():
+    """As rows of goals do: the number is that until the last value, and of each call."""
+
+    @measuring.one_core()
+    def seen():
+        yield fastibl.threads()
+        yield fastibl.threads()
+
+    before = fastibl.threads()
+    fastibl.set_threads(2)
+    try:
+        assert list(seen()) == [1, 1] == list(seen())
+        assert fastibl.threads() == 2
+    finally:
+        fastibl.set_threads(before)
+
+
 def test_commit_is_a_short_hash_or_nothing():
     text = measuring.commit()
     assert text == "" or all(c in "0123456789abcdef" for c in text.rstrip("+"))

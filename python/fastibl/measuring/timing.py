@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import ContextDecorator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, wraps
+from inspect import isgeneratorfunction
 from typing import Any
 
 import cv2
@@ -48,24 +49,42 @@ def timing(walls: Iterable[float], cpus: Iterable[float]) -> Timing:
     return Timing(*(float(v) for v in (middle, low, high, cpu_middle, cpu_low, cpu_high)), len(wall))
 
 
-@contextmanager
-def _on(count: int) -> Iterator[None]:
-    before = threads()
-    set_threads(count)
-    try:
-        yield
-    finally:
-        set_threads(before)
+class _On(ContextDecorator):
+    """A number of threads, as a block or for a function; for one that yields, until its last value."""
+
+    def __init__(self, count: int):
+        self._count = count
+
+    def _recreate_cm(self) -> _On:
+        return _On(self._count)  # of each call
+
+    def __enter__(self) -> None:
+        self._before = threads()
+        set_threads(self._count)
+
+    def __exit__(self, *_: object) -> None:
+        set_threads(self._before)
+
+    def __call__(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        if not isgeneratorfunction(function):
+            return super().__call__(function)
+
+        @wraps(function)
+        def on(*given: Any, **named: Any) -> Iterator[Any]:
+            with self._recreate_cm():
+                yield from function(*given, **named)
+
+        return on
 
 
-def one_core() -> AbstractContextManager:
+def one_core() -> _On:
     """The library on one thread, as a block or, with @one_core(), a whole function."""
-    return _on(1)
+    return _On(1)
 
 
-def all_cores() -> AbstractContextManager:
+def all_cores() -> _On:
     """The library on all cores, for truths."""
-    return _on(0)
+    return _On(0)
 
 
 def measure(call: Callable[..., Any], inputs: Sequence[Any], repetitions: int = 15, warm: int = 2) -> Timing:
