@@ -7,7 +7,9 @@
 #include <random>
 
 #include "fastibl/render/make_scene.h"
+#include "fastibl/scene/octahedral.h"
 #include "fastibl/scene/response.h"
+#include "fastibl/shading/hidden_cells.h"
 #include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/sample_cells.h"
 
@@ -33,6 +35,57 @@ TEST_CASE("rows of codes are decoded and encoded as single ones are") {
     for (std::size_t i = 0; i < codes.size(); ++i)
       wrong += codes[i] != table.encode(linear[i]) || back[i] != table.decode(codes[i]);
     CHECK(wrong == 0);
+  }
+}
+
+TEST_CASE("points of many directions are those of single ones") {
+  std::mt19937 random(4);
+  std::normal_distribution<float> any;
+  std::vector<glm::vec3> directions = {{1, 0, 0},      {-1, 0, 0},       {0, 1, 0},
+                                       {0, -1, 0},     {0, 0, 1},        {0, 0, -1},
+                                       {1e-20f, 0, 1}, {0, -1e-20f, -1}, {-0.0f, 1, 0}};
+  while (directions.size() < 2003)
+    directions.push_back(glm::normalize(glm::vec3(any(random), any(random), any(random))));
+  std::vector<float> x, y, z, u(directions.size()), v(directions.size());
+  for (const glm::vec3& d : directions) x.push_back(d.x), y.push_back(d.y), z.push_back(d.z);
+  octahedral_points(int(x.size()), x.data(), y.data(), z.data(), u.data(), v.data());
+  float worst = 0;
+  for (std::size_t i = 0; i < directions.size(); ++i) {
+    const glm::vec2 p = octahedral_point(directions[i]);
+    worst = std::max({worst, std::fabs(p.x - u[i]), std::fabs(p.y - v[i])});
+  }
+  CHECK(worst < 1e-6f);
+}
+
+TEST_CASE("bits of hidden cells are those of the runs, on finer and coarser grids") {
+  std::mt19937 random(5);
+  for (const int own : {16, 32, 64}) {
+    std::vector<bool> hidden(std::size_t(own) * std::size_t(own));
+    std::vector<std::uint16_t> edges;
+    std::uniform_int_distribution<int> gap(1, 90);
+    for (std::size_t k = 0; k < hidden.size(); k += std::size_t(gap(random))) {
+      edges.push_back(std::uint16_t(k));
+      for (const std::size_t end = std::min(hidden.size(), k + std::size_t(gap(random))); k < end;)
+        hidden[k++] = true;
+      edges.push_back(std::uint16_t(k));
+    }
+    for (const int size : {16, 32, 64}) {
+      HiddenCells cells(size);
+      cells.set(edges, own);
+      int wrong = 0;
+      const int parts = own * own / (size * size);  // own cells in one; 0: several in an own one
+      for (int k = 0; k < size * size; ++k) {
+        if (parts <= 1) {
+          wrong += cells[k] != hidden[std::size_t(k) * std::size_t(own * own) / (size * size)];
+          continue;
+        }
+        int count = 0;  // a run's ends move by half a cell at most
+        for (int i = 0; i < parts; ++i) count += hidden[std::size_t(k * parts + i)];
+        wrong += (count == 0 && cells[k]) || (count == parts && !cells[k]);
+        CHECK((cells.masks()[k / 16] >> (k % 16) & 1) == cells[k]);
+      }
+      CHECK(wrong == 0);
+    }
   }
 }
 

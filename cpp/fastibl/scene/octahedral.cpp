@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/simd.h"
 
 namespace fastibl {
 namespace {
@@ -34,6 +35,28 @@ glm::vec2 octahedral_point(glm::vec3 d) {
   const float y = flat > 0 ? r * std::atan2(a.y, a.x) * (2 / kPi) : 0, x = r - y;
   const glm::vec2 folded = d.z < 0 ? glm::vec2(1 - y, 1 - x) : glm::vec2(x, y);
   return {0.5f + 0.5f * std::copysign(folded.x, d.x), 0.5f + 0.5f * std::copysign(folded.y, d.y)};
+}
+
+FASTIBL_CLONES
+void octahedral_points(int count, const float* x, const float* y, const float* z, float* u,
+                       float* v) {
+  for (int i = 0; i < count; ++i) {
+    const float ax = std::fabs(x[i]), ay = std::fabs(y[i]), az = std::fabs(z[i]);
+    const float less = ax < ay ? ax : ay, more = ax < ay ? ay : ax;
+    const float t = more > 0 ? less / more : 0, t2 = t * t;
+    // 2/π atan t, a polynomial that is nowhere off by more than 2e-7.
+    const float part =
+        t * (0.63661730f +
+             t2 * (-0.21210496f +
+                   t2 * (0.12610048f +
+                         t2 * (-0.08424609f +
+                               t2 * (0.05069001f + t2 * (-0.02139311f + t2 * 0.00433652f))))));
+    const float r = std::sqrt(ax * ax + ay * ay) / std::sqrt(1 + az);
+    const float b = r * (ax < ay ? 1 - part : part), a = r - b;
+    const bool low = z[i] < 0;
+    u[i] = 0.5f + 0.5f * std::copysign(low ? 1 - b : a, x[i]);
+    v[i] = 0.5f + 0.5f * std::copysign(low ? 1 - a : b, y[i]);
+  }
 }
 
 glm::vec3 octahedral_direction(glm::vec2 point) {
@@ -72,13 +95,18 @@ int OctahedralGrid::cell(int x, int y) const {
   return cells_[std::size_t(y * size_ + x)];
 }
 
-OctahedralGrid::Corners OctahedralGrid::around(glm::vec3 direction) const {
-  const glm::vec2 p = float(size_) * octahedral_point(direction) - 0.5f;
+OctahedralGrid::Corners OctahedralGrid::corners(glm::vec2 point) const {
+  const glm::vec2 p = float(size_) * point - 0.5f;
   const float left = std::floor(p.x), top = std::floor(p.y);
   const int x = int(left), y = int(top);
   const float u = p.x - left, v = p.y - top;
+  const float shares[4] = {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
+  if (x >= 0 && y >= 0 && x + 1 < size_ && y + 1 < size_) {
+    const std::uint16_t* at = &cells_[std::size_t(y * size_ + x)];
+    return {{at[0], at[1], at[size_], at[size_ + 1]}, {shares[0], shares[1], shares[2], shares[3]}};
+  }
   return {{cell(x, y), cell(x + 1, y), cell(x, y + 1), cell(x + 1, y + 1)},
-          {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v}};
+          {shares[0], shares[1], shares[2], shares[3]}};
 }
 
 const OctahedralGrid& octahedral_grid(int size) {

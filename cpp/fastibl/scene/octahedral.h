@@ -12,6 +12,9 @@ namespace fastibl {
 // four corners. Clarberg 2008, Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD.
 glm::vec2 octahedral_point(glm::vec3 unit_direction);
 glm::vec3 octahedral_direction(glm::vec2 point);  // the inverse, unit
+// Points of many directions, within 1e-6.
+void octahedral_points(int count, const float* x, const float* y, const float* z, float* u,
+                       float* v);
 
 // Square cells, `size` (a power of two) along an edge, numbered along Hilbert's curve: neighbours
 // in number are neighbours on the sphere, and cell k is made of cells 4k … 4k + 3 of twice the
@@ -34,7 +37,10 @@ class OctahedralGrid {
     int cells[4];
     float shares[4];
   };
-  Corners around(glm::vec3 unit_direction) const;
+  Corners around(glm::vec3 unit_direction) const {
+    return corners(octahedral_point(unit_direction));
+  }
+  Corners corners(glm::vec2 point) const;
 
   static constexpr int kLargest = 128;  // numbers are of 16 bits
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace fastibl {
@@ -18,6 +19,9 @@ struct VertexVisibility {
 
   std::size_t entries() const { return first.empty() ? 0 : first.size() - 1; }
   std::size_t vertex_count() const { return entries() / std::size_t(sides); }
+  std::span<const std::uint16_t> edges_of(std::size_t entry) const {
+    return {edges.data() + first[entry], edges.data() + first[entry + 1]};
+  }
   bool blocks_nothing() const { return edges.empty(); }
   bool operator==(const VertexVisibility&) const = default;
 };

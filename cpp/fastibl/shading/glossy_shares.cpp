@@ -9,11 +9,13 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/octahedral.h"
+#include "fastibl/shading/hidden_cells.h"
 
 namespace fastibl {
 namespace {
 
-constexpr int kLanes = 16;         // cells of a group: one cell of a grid of a quarter of the size
+constexpr int kLanes =
+    HiddenCells::kGroup;           // cells of a group: one cell of a grid of a quarter of the size
 constexpr int kGrain = 64;         // vertices
 constexpr int kFinest = 64;        // cells along an edge
 constexpr float kReach = 2.2f;     // of a Blinn lobe, standard deviations
@@ -111,51 +113,19 @@ struct Sums {
   float all = 0, lost = 0;
 };
 
-// What one vertex does not see.
-struct Blocked {
-  static constexpr int kMost = kFinest * kFinest / kLanes;
-  std::uint16_t masks[kMost];   // a bit for each cell of a group that is blocked
-  std::uint16_t groups[kMost];  // those with any
-  int count = 0;
-
-  // From the runs of a grid of `own` cells along an edge, for one of `size`; of finer runs, cells
-  // half blocked count as blocked.
-  void set(std::span<const std::uint16_t> edges, int own, int size);
-};
-
-void Blocked::set(std::span<const std::uint16_t> edges, int own, int size) {
-  std::fill_n(masks, size * size / kLanes, std::uint16_t(0));
-  count = 0;
-  const std::uint32_t finer = std::uint32_t(own / size) * std::uint32_t(own / size);
-  const std::uint32_t coarser = std::uint32_t(size / own) * std::uint32_t(size / own);
-  for (std::size_t e = 0; e + 1 < edges.size(); e += 2) {
-    std::uint32_t begin = edges[e], end = edges[e + 1];
-    if (own > size)
-      begin = (begin + finer / 2) / finer, end = (end + finer / 2) / finer;
-    else
-      begin *= coarser, end *= coarser;
-    while (begin < end) {
-      const std::uint32_t group = begin / kLanes, last = std::min(end, (group + 1) * kLanes);
-      const std::uint32_t bits = ((1u << (last - begin)) - 1) << (begin - group * kLanes);
-      if (masks[group] == 0) groups[count++] = std::uint16_t(group);
-      masks[group] = std::uint16_t(masks[group] | bits);
-      begin = last;
-    }
-  }
-}
-
 // axis: the lobe's middle; groups whose product with it is above `least` are looked at cell by
-// cell; `far`: the others as a whole.
+// cell; `far`: the others as a whole. hidden: a mask for each group.
 FASTIBL_CLONES void add_up(const Cells& cells, const Flux& flux, const View& view,
-                           const float* axis, float least, const Blocked& blocked, bool far,
-                           Sums* sums) {
+                           const float* axis, float least, const HiddenCells::Mask* hidden,
+                           bool far, Sums* sums) {
   float all[kLanes] = {}, lost[kLanes] = {};
   float near[kLanes], weight[kLanes];
-  bool any = far;
-  for (int t = 0; t < blocked.count && !any; ++t) {
-    const std::size_t g = blocked.groups[t];
-    any = cells.group_x[g] * axis[0] + cells.group_y[g] * axis[1] + cells.group_z[g] * axis[2] >
-          least;
+  int any = far;
+  for (int g = 0; g < cells.groups; ++g) {
+    const float product = cells.group_x[std::size_t(g)] * axis[0] +
+                          cells.group_y[std::size_t(g)] * axis[1] +
+                          cells.group_z[std::size_t(g)] * axis[2];
+    any |= (product > least) & (hidden[g] != 0);
   }
   if (!any) return;
   for (int first = 0; first < cells.groups; first += kLanes) {
@@ -167,14 +137,14 @@ FASTIBL_CLONES void add_up(const Cells& cells, const Flux& flux, const View& vie
       for (int k = 0; k < kLanes; ++k) {
         const float w = near[k] > least ? 0 : weight[k] * flux.groups[at + std::size_t(k)];
         all[k] += w;
-        lost[k] += w * float(std::popcount(blocked.masks[first + k])) * (1.0f / kLanes);
+        lost[k] += w * float(std::popcount(hidden[first + k])) * (1.0f / kLanes);
       }
     }
     for (int j = 0; j < kLanes; ++j) {
       if (!(near[j] > least)) continue;
       const std::size_t cell = std::size_t(first + j) * kLanes;
       weigh(view, &cells.x[cell], &cells.y[cell], &cells.z[cell], weight);
-      const int mask = blocked.masks[first + j];
+      const int mask = hidden[first + j];
       for (int k = 0; k < kLanes; ++k) {
         const float w = weight[k] * flux.cells[cell + std::size_t(k)];
         all[k] += w;
@@ -213,26 +183,26 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
   common.half_exponent = lobe.ggx ? 0 : 0.5f * exponent;
   common.alpha2 = 2 / exponent, common.flatness = 1 - common.alpha2;
   parallel_for(int(shares.size()), kGrain, [&](int begin, int end) {
-    Blocked blocked;
+    HiddenCells hidden(size);
     for (int i = begin; i < end; ++i) {
       const std::size_t e = std::size_t(i), v = e % vertices.size();
       shares[e].w = 1;
-      const std::uint32_t first = visibility.first[e], last = visibility.first[e + 1];
+      const std::span<const std::uint16_t> edges = visibility.edges_of(e);
       const glm::vec3 n = e == v ? normals[v] : -normals[v], to = eye - vertices[v];
       const float length = glm::length(to);
-      if (first == last || !(length > 0) || !std::isfinite(length)) continue;
+      if (edges.empty() || !(length > 0) || !std::isfinite(length)) continue;
       glm::vec3 view = to / length;
       const float cosine = glm::dot(n, view);
       if (cosine < kBehind) continue;
       if (cosine < kGrazing) view = glm::normalize(view + (kGrazing - cosine) * n);
-      blocked.set({visibility.edges.data() + first, last - first}, visibility.size, size);
+      hidden.set(edges, visibility.size);
       View at = common;
       at.nx = n.x, at.ny = n.y, at.nz = n.z, at.vx = view.x, at.vy = view.y, at.vz = view.z;
       at.nv = std::max(glm::dot(n, view), 1e-3f);
       at.view_mask = std::sqrt(at.alpha2 + at.flatness * at.nv * at.nv);
       const glm::vec3 mirrored = 2 * at.nv * n - view;
       Sums sums;
-      add_up(cells, flux, at, &mirrored.x, least, blocked, lobe.ggx, &sums);
+      add_up(cells, flux, at, &mirrored.x, least, hidden.masks(), lobe.ggx, &sums);
       if (sums.all > 0) shares[e].w = std::clamp(1 - sums.lost / sums.all, 0.0f, 1.0f);
     }
   });

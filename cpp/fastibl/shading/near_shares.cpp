@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/octahedral.h"
 #include "fastibl/scene/shared_formulas.h"
+#include "fastibl/shading/hidden_cells.h"
 
 namespace fastibl {
 namespace {
@@ -16,47 +18,66 @@ constexpr int kGrain = 256;  // vertices
 constexpr int kMostPoints = 16;
 constexpr float kPointArea = 2;
 
-// What is free around one vertex.
-class FreeCells {
- public:
-  FreeCells(const VertexVisibility& visibility, std::size_t vertex)
-      : begin_(visibility.edges.data() + visibility.first[vertex]),
-        end_(visibility.edges.data() + visibility.first[vertex + 1]) {}
-  bool all() const { return begin_ == end_; }
-  // Between the middles of four cells.
-  float share(const OctahedralGrid::Corners& corners) const {
-    float free = 0;
-    for (int k = 0; k < 4; ++k)
-      if ((std::upper_bound(begin_, end_, corners.cells[k]) - begin_) % 2 == 0)
-        free += corners.shares[k];
-    return free;
-  }
+// What is free between the middles of four cells.
+float free_share(const HiddenCells& hidden, const OctahedralGrid::Corners& corners) {
+  float free = 0;
+  for (int k = 0; k < 4; ++k) free += hidden[corners.cells[k]] ? 0 : corners.shares[k];
+  return free;
+}
 
- private:
-  const std::uint16_t *begin_, *end_;
+// A sunflower's seeds: even over the disc.
+struct Seeds {
+  float radius[kMostPoints], cosine[kMostPoints], sine[kMostPoints];  // radius: by 1/√count
+  Seeds() {
+    for (int i = 0; i < kMostPoints; ++i) {
+      const float turn = float(i) * 2.39996323f;
+      radius[i] = std::sqrt(float(i) + 0.5f), cosine[i] = std::cos(turn), sine[i] = std::sin(turn);
+    }
+  }
 };
 
-// Part of a light's disc that is free, of what lies above the tangent plane. All in the frame of
-// the object; towards: unit.
-float free_part(const FreeCells& cells, const OctahedralGrid& grid, glm::vec3 normal,
-                glm::vec3 towards, float sin_radius) {
-  if (cells.all()) return 1;
-  const float cell = std::sqrt(4 * kPi) / float(grid.size());
-  const float across = 2 * std::asin(std::min(sin_radius, 1.0f)) / cell;
-  const int count = std::clamp(int(std::ceil(across * across / kPointArea)), 1, kMostPoints);
-  if (count == 1) return cells.share(grid.around(towards));
-  const glm::vec3 other = std::fabs(towards.x) < 0.7f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0);
-  const glm::vec3 right = glm::normalize(glm::cross(other, towards)),
-                  up = glm::cross(towards, right);
+// Points of a light's disc, in the frame of the object, and the cells around them.
+struct Disc {
+  int count = 0;
+  float x[kMostPoints], y[kMostPoints], z[kMostPoints];
+  OctahedralGrid::Corners corners[kMostPoints];
+
+  // towards: unit.
+  Disc(const OctahedralGrid& grid, glm::vec3 towards, float sin_radius) {
+    const float cell = std::sqrt(4 * kPi) / float(grid.size());
+    const float across = 2 * std::asin(std::min(sin_radius, 1.0f)) / cell;
+    count = std::clamp(int(std::ceil(across * across / kPointArea)), 1, kMostPoints);
+    if (count == 1) {
+      x[0] = towards.x, y[0] = towards.y, z[0] = towards.z;
+      corners[0] = grid.around(towards);
+      return;
+    }
+    static const Seeds seeds;
+    const glm::vec3 other = std::fabs(towards.x) < 0.7f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0);
+    const glm::vec3 right = glm::normalize(glm::cross(other, towards)),
+                    up = glm::cross(towards, right);
+    const float scale = sin_radius / std::sqrt(float(count));
+    for (int i = 0; i < kMostPoints; ++i) {  // all, for the processor's lanes
+      const float r = scale * seeds.radius[i], c = r * seeds.cosine[i], s = r * seeds.sine[i];
+      const float along = std::sqrt(std::max(1 - r * r, 0.0f));
+      x[i] = along * towards.x + c * right.x + s * up.x;
+      y[i] = along * towards.y + c * right.y + s * up.y;
+      z[i] = along * towards.z + c * right.z + s * up.z;
+    }
+    float u[kMostPoints], v[kMostPoints];
+    octahedral_points(kMostPoints, x, y, z, u, v);
+    for (int i = 0; i < count; ++i) corners[i] = grid.corners({u[i], v[i]});
+  }
+};
+
+// Part of a light's disc that is free, of what lies above the tangent plane.
+float free_part(const HiddenCells& hidden, const Disc& disc, glm::vec3 normal) {
+  if (disc.count == 1) return free_share(hidden, disc.corners[0]);
   float free = 0;
   int seen = 0;
-  for (int i = 0; i < count; ++i) {  // a sunflower's seeds: even over the disc
-    const float radius = sin_radius * std::sqrt((float(i) + 0.5f) / float(count));
-    const float turn = float(i) * 2.39996323f;
-    const glm::vec3 d = std::sqrt(std::max(1 - radius * radius, 0.0f)) * towards +
-                        radius * (std::cos(turn) * right + std::sin(turn) * up);
-    if (!(glm::dot(d, normal) > 0)) continue;
-    free += cells.share(grid.around(glm::normalize(d))), ++seen;
+  for (int i = 0; i < disc.count; ++i) {
+    if (!(disc.x[i] * normal.x + disc.y[i] * normal.y + disc.z[i] * normal.z > 0)) continue;
+    free += free_share(hidden, disc.corners[i]), ++seen;
   }
   return seen > 0 ? free / float(seen) : 1.0f;
 }
@@ -100,23 +121,36 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
   kept_ = std::move(now);
 
   const OctahedralGrid* grid = visibility ? &octahedral_grid(visibility->size) : nullptr;
+  // Of each light that moved, as the map's centre sees it.
+  std::vector<Disc> discs;
+  if (grid)
+    for (const std::size_t k : moved)
+      discs.emplace_back(*grid, back * kept_[k].light.direction,
+                         std::min(kept_[k].light.sin_radius, 1.0f));
   parallel_for(int(count), kGrain, [&](int begin, int end) {
-    for (const std::size_t k : moved) {
-      Kept& kept = kept_[k];
-      const NearLight& light = kept.light;
-      for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
-        const auto seen = [&](glm::vec3 arrow) {
-          const float all_of_it = shared::near_irradiance(arrow, light.sin_radius, normals[i]);
+    std::optional<HiddenCells> hidden;
+    if (grid && !moved.empty()) hidden.emplace(grid->size());
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end) && !moved.empty(); ++i) {
+      const std::span<const std::uint16_t> edges =
+          hidden ? visibility->edges_of(i) : std::span<const std::uint16_t>();
+      if (!edges.empty()) hidden->set(edges, visibility->size);
+      const glm::vec3 offset = turn * scene.mesh.vertices[i] + shift - near_lights.centre;
+      for (std::size_t m = 0; m < moved.size(); ++m) {
+        Kept& kept = kept_[moved[m]];
+        const NearLight& light = kept.light;
+        const glm::vec3 arrow = shared::near_arrow(light.direction, light.inverse_distance, offset);
+        float here = shared::near_irradiance(arrow, light.sin_radius, normals[i]);
+        float centre = shared::near_irradiance(light.direction, light.sin_radius, normals[i]);
+        if (!edges.empty()) {
           const float length = glm::length(arrow);
-          if (!visibility || !(all_of_it > 0) || !(length > 1e-6f)) return all_of_it;
-          return all_of_it * free_part(FreeCells(*visibility, i), *grid, scene.normals[i],
-                                       back * (arrow / length),
-                                       std::min(light.sin_radius / length, 1.0f));
-        };
-        const glm::vec3 offset = turn * scene.mesh.vertices[i] + shift - near_lights.centre;
-        kept.changes[i] =
-            seen(shared::near_arrow(light.direction, light.inverse_distance, offset)) -
-            seen(light.direction);
+          if (here > 0 && length > 1e-6f)
+            here *= free_part(
+                *hidden,
+                Disc(*grid, back * (arrow / length), std::min(light.sin_radius / length, 1.0f)),
+                scene.normals[i]);
+          if (centre > 0) centre *= free_part(*hidden, discs[m], scene.normals[i]);
+        }
+        kept.changes[i] = here - centre;
       }
     }
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
