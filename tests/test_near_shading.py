@@ -302,6 +302,25 @@ def test_a_fine_map_of_a_near_lamp_agrees_with_the_others():
     assert np.median(off) < 1e-3 and np.quantile(off, 0.9) < 0.05
 
 
+def test_a_followed_shadow_stays_where_a_new_one_falls():
+    """A lamp is known better from frame to frame, then carried, and the object is shifted below it: shadows are drawn
+    anew once they fall a quarter of a texel elsewhere."""
+    mesh, radius = box((-0.03, -0.02, 0), (0.03, 0.02, 0.08)), 0.02
+    followed = fastibl.MeshShadow(mesh)
+    steps = [(d, 0.0) for d in np.linspace(0.40, 0.42, 30)] + [(0.30, 0.0), (0.60, 0.0)]
+    steps += [(0.60, shift) for shift in np.linspace(0, 0.004, 9)] + [(0.60, 0.05)]
+    cube, off = lamp_map(radius, 0.4, size=64), []
+    for distance, shift in steps:
+        matrix = np.eye(4)
+        matrix[0, 3] = shift
+        environment = placed(cube, [*(CENTRE + distance * TOWARDS), radius])
+        kept = followed.cast(environment, matrix, follow=True)
+        new = fastibl.MeshShadow(mesh).cast(environment, matrix)
+        off.append(np.sqrt(((kept.image - new.image) ** 2).mean()))
+    print(f"RMS against a new one: {max(off):.1e} at most, {np.median(off):.1e} in the median")
+    assert max(off) < 4e-3
+
+
 def test_a_lamp_between_the_parts_of_an_object_throws_what_is_below_it():
     """What is as high as the lamp throws no shadow; a roof above it neither."""
     lamp = np.array([0.15, 0.0, 0.1])

@@ -22,6 +22,7 @@ constexpr float kSuddenly = 0.25f;  // share of the light that moved: new direct
 // up to 0.04 in a ratio, and so the fade by less than the light itself.
 constexpr float kPace = 4;
 constexpr float kUnfaded = 0.85f;  // of the outer map
+constexpr double kShifted = 0.25;  // texels: a shadow that fell so far away may stay
 
 // From blocks, as SparseCover has them, to rows of pixels.
 Image<float> unblocked(std::span<const float> lost, int size) {
@@ -48,6 +49,17 @@ void to_ratio(Image<float>& lost) {
     r = 1 - r;
     r = r < kNothing ? 0 : r;
   }
+}
+
+// How far apart two projections put the shadow of what is at most `top` high and falls within
+// `reach` of the middle.
+float shift_between(const PlaneProjection& a, const PlaneProjection& b, float top, float reach) {
+  const float turned = glm::length(a.slope - b.slope),
+              nearer = std::fabs(a.inverse_height - b.inverse_height);
+  if (turned == 0 && nearer == 0) return 0;
+  const float scale = 1 - top * std::max(a.inverse_height, b.inverse_height);
+  return scale > 0 ? top * (turned + reach * nearer) / scale
+                   : std::numeric_limits<float>::infinity();
 }
 
 // Adds what the object's own maps, which lie along its axes, have where the texels of `image` are.
@@ -98,14 +110,13 @@ void MeshShadowLight::update(const CubeMap& radiance) {
   ++splits_;
 }
 
-// What was drawn of near lights is old once they or the object are elsewhere.
 void MeshShadowLight::place_lights(const NearLights& near_lights, const PlanePlace& place) {
-  const bool moved = near_.count() > 0 && place.offset != place_.offset;
-  const bool stale = moved || !near_.still_right(near_lights);
-  if (stale && !near_.still_right(near_lights)) near_ = NearPlane(near_lights);
-  if (stale || place.cos_sin != place_.cos_sin) {
-    now_.drawn = false;
-    if (before_) before_->drawn = false;
+  near_ = NearPlane(near_lights);
+  for (Set* set : {&now_, before_ ? &*before_ : nullptr}) {
+    if (!set) continue;
+    if (place.cos_sin != place_.cos_sin) set->drawn_from.clear();
+    set->near_light.clear();
+    for (const glm::vec3& d : set->split.directions()) set->near_light.push_back(near_.light_of(d));
   }
   place_ = place;
 }
@@ -116,20 +127,35 @@ PlaneProjection MeshShadowLight::projection(const Set& set, std::size_t k) const
   return light < 0 ? along(d) : near_.projection(d, light, place_.offset);
 }
 
-SparseCover MeshShadowLight::draw_directions(const ShadowTriangles& triangles, const Set& set,
-                                             std::span<const int> chosen,
-                                             const PlaneGrid& grid) const {
-  std::vector<SparseCover::Source> sources(chosen.size());
+// Those whose shadows were not drawn yet, or lie elsewhere now: near lights are known better, and
+// the object is shifted under them.
+std::vector<int> MeshShadowLight::stale_directions(const Set& set, const MeshShadow& shadow) const {
+  const std::size_t count = set.split.directions().size();
+  std::vector<int> stale;
+  const bool fine = fine_map_.extent > 0;
+  const float top = shadow.triangles().box().upper.z, reach = shadow.inner().extent;
+  const auto most = float(kShifted * (fine ? fine_map_ : shadow.inner()).texel());
+  for (std::size_t k = 0; k < count; ++k) {
+    if (k >= set.drawn_from.size() ||
+        !(shift_between(set.drawn_from[k], projection(set, k), top, reach) <= most))
+      stale.push_back(int(k));
+  }
+  return stale;
+}
+
+void MeshShadowLight::draw_directions(const ShadowTriangles& triangles, const Set& set,
+                                      std::span<const int> chosen, const PlaneGrid& grid,
+                                      std::vector<SparseCover::Source>& parts) const {
   parallel_for(int(chosen.size()), 4, [&](int begin, int end) {
     ShadowTriangles::Scratch scratch;
     PlaneBits image(grid.size);
     for (int i = begin; i < end; ++i) {
+      const auto k = std::size_t(chosen[std::size_t(i)]);
       image.clear();
-      triangles.draw(projection(set, std::size_t(chosen[std::size_t(i)])), grid, image, scratch);
-      sources[std::size_t(i)] = SparseCover::source({&image, 1});
+      triangles.draw(projection(set, k), grid, image, scratch);
+      parts[k] = SparseCover::source({&image, 1});
     }
   });
-  return SparseCover(grid.size, sources);
 }
 
 // Around the shadows that the compact lights of both sets cast; of extent 0 where it would be
@@ -163,7 +189,18 @@ PlaneGrid MeshShadowLight::fine_grid(const MeshShadow& shadow, const ShadowTrian
   return {fine_, centre, 0};
 }
 
+// What is stale of both sets.
 void MeshShadowLight::draw(const MeshShadow& shadow) {
+  Set* const sets[] = {&now_, before_ ? &*before_ : nullptr};
+  std::vector<int> stale[2];
+  bool due = false;
+  for (int i = 0; i < 2; ++i) {
+    if (!sets[i]) continue;
+    stale[i] = stale_directions(*sets[i], shadow);
+    due = due || !sets[i]->drawn || !stale[i].empty();
+    sets[i]->drawn = true;
+  }
+  if (!due) return;
   // Drawn where the object is turned, not where it is shifted: grid and object shift together.
   const PlanePlace turn{{0, 0}, place_.cos_sin};
   PlaneGrid inner = shadow.inner(), outer = shadow.outer();
@@ -171,23 +208,25 @@ void MeshShadowLight::draw(const MeshShadow& shadow) {
   const ShadowTriangles moved =
       turn.turned() ? shadow.triangles().moved(turn.cos_sin, {0, 0}) : ShadowTriangles();
   const ShadowTriangles& triangles = turn.turned() ? moved : shadow.triangles();
-  for (Set* set : {&now_, before_ ? &*before_ : nullptr}) {
-    if (!set) continue;
-    set->near_light.clear();
-    for (const glm::vec3& d : set->split.directions()) set->near_light.push_back(near_.light_of(d));
-  }
   fine_map_ = fine_grid(shadow, triangles);
-  for (Set* set : {&now_, before_ ? &*before_ : nullptr}) {
-    if (!set) continue;
-    std::vector<int> all(set->split.directions().size());
-    std::iota(all.begin(), all.end(), 0);
-    if (!set->drawn) {
-      set->inner = draw_directions(triangles, *set, all, inner);
-      set->outer = draw_directions(triangles, *set, all, outer);
-      set->drawn = true;
+  for (int i = 0; i < 2; ++i) {
+    if (!sets[i]) continue;
+    Set& set = *sets[i];
+    const std::size_t count = set.split.directions().size();
+    set.inner_parts.resize(count), set.outer_parts.resize(count), set.drawn_from.resize(count);
+    for (const int k : stale[i]) set.drawn_from[std::size_t(k)] = projection(set, std::size_t(k));
+    if (!stale[i].empty()) {
+      draw_directions(triangles, set, stale[i], inner, set.inner_parts);
+      draw_directions(triangles, set, stale[i], outer, set.outer_parts);
+      set.inner = SparseCover(inner.size, set.inner_parts);
+      set.outer = SparseCover(outer.size, set.outer_parts);
     }
-    set->fine = fine_map_.extent > 0 ? draw_directions(triangles, *set, set->compact, fine_map_)
-                                     : SparseCover();
+    set.fine = SparseCover();
+    if (!(fine_map_.extent > 0)) continue;
+    std::vector<SparseCover::Source> parts(count), fine;
+    draw_directions(triangles, set, set.compact, fine_map_, parts);
+    for (const int k : set.compact) fine.push_back(std::move(parts[std::size_t(k)]));
+    set.fine = SparseCover(fine_map_.size, fine);
   }
 }
 
@@ -325,7 +364,7 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
   check(radiance.size() > 0, "the radiance map is empty");
   update(radiance);
   place_lights(near_lights, *place);
-  if (!now_.drawn || (before_ && !before_->drawn)) draw(shadow);
+  draw(shadow);
   const float turn = std::atan2(place_.cos_sin.y, place_.cos_sin.x);
   if (sums_.size() != now_.weights.rest_size || sums_.turn() != turn)
     sums_ = CellSums(shadow.cells(), now_.weights.rest_size, turn);

@@ -45,7 +45,10 @@ class MeshShadowLight {
   struct Set {
     SkySplit split;
     SparseCover inner, outer;  // of the split's directions
-    bool drawn = false;        // for place_
+    bool drawn = false;
+    // Of each of them: from where its shadow was drawn, and that; nothing where none was.
+    std::vector<PlaneProjection> drawn_from;
+    std::vector<SparseCover::Source> inner_parts, outer_parts;
     std::vector<int> compact;  // directions that the fine map is of
     SparseCover fine;
     SkySplit::Weights weights;
@@ -54,13 +57,16 @@ class MeshShadowLight {
   };
   using Cover = SparseCover Set::*;
   void update(const CubeMap& radiance);
+  std::vector<int> stale_directions(const Set& set, const MeshShadow& shadow) const;
   void draw(const MeshShadow& shadow);
   PlaneGrid fine_grid(const MeshShadow& shadow, const ShadowTriangles& triangles);
   void add_fine(const ShadowMap& rest, ShadowMap& map) const;
   void place_lights(const NearLights& near_lights, const PlanePlace& place);
   PlaneProjection projection(const Set& set, std::size_t direction) const;
-  SparseCover draw_directions(const ShadowTriangles& triangles, const Set& set,
-                              std::span<const int> chosen, const PlaneGrid& grid) const;
+  // Writes those chosen; the others stay.
+  void draw_directions(const ShadowTriangles& triangles, const Set& set,
+                       std::span<const int> chosen, const PlaneGrid& grid,
+                       std::vector<SparseCover::Source>& parts) const;
   enum class Part { all, compact, rest };  // of the directions
   std::vector<glm::vec4> lights_of(const Set& set, Part part, int near_light) const;
   void add_lights(Cover cover, Part part, std::vector<float>& lost) const;
