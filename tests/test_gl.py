@@ -149,10 +149,12 @@ def scene_of(material, moved=False, spheres=50, mesh="torus"):
 
 
 def both(scene, camera, environment, frame, methods="auto"):
-    """Session and result of the CPU, then of GL."""
+    """Session and result of the CPU, then of GL; without a budget, within which the CPU leaves out what is not seen."""
     made = []
     for backend in ("cpu", "gl"):
-        session = fastibl.Session(scene, fastibl.Rig(camera), environment=environment, methods=methods, backend=backend)
+        session = fastibl.Session(
+            scene, fastibl.Rig(camera), environment=environment, methods=methods, backend=backend, error=0
+        )
         made.append((session, session.process(frame)))
         assert session.backend == backend
     return made
@@ -406,7 +408,7 @@ def test_changes_from_frame_to_frame():
     """What is kept on the GPU follows every change: material, place, map, methods, shadow, pose, picture."""
     camera = camera_named("barrel")
     sessions = [
-        fastibl.Session(scene_of("glossy"), fastibl.Rig(camera), environment=marked_map(), backend=backend)
+        fastibl.Session(scene_of("glossy"), fastibl.Rig(camera), environment=marked_map(), backend=backend, error=0)
         for backend in ("cpu", "gl")
     ]
     changes = [

@@ -37,7 +37,7 @@ def square(size=0.1, repeat=1.0, normals=None):
 def layer_of(mesh, material, source, camera=CAMERA, pose=POSE, backend="cpu", methods="auto"):
     """(h, w, 4) of the object alone."""
     scene = fastibl.Scene(mesh, material, spheres=0, visibility_rays=0)
-    session = fastibl.Session(scene, fastibl.Rig(camera), environment=source, backend=backend, methods=methods)
+    session = fastibl.Session(scene, fastibl.Rig(camera), environment=source, backend=backend, methods=methods, error=0)
     session.process(fastibl.Frame(0.0, back_from_marker=pose))
     layer, out = session.object, np.zeros((camera.height, camera.width, 4))
     h, w = layer.rgba.shape[:2]

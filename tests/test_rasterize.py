@@ -243,3 +243,36 @@ def test_parts_that_are_inside_out_stay_seen():
 
 def test_from_inside_a_closed_mesh_its_backs_are_seen():
     assert (lit(ball(2.0), DOWN, visibility_rays=0)[..., 3] == 1).all()
+
+
+MERGED = {
+    "matte": fastibl.Material(diffuse=(0.8, 0.8, 0.8)),
+    "glossy": fastibl.Material(diffuse=(0.3, 0.3, 0.3), glossy=(0.5, 0.5, 0.5), exponent=64),
+    "sharp": fastibl.Material(diffuse=(0, 0, 0), glossy=(0.8, 0.8, 0.8), exponent=2000),
+    "metal": fastibl.Material.pbr((0.9, 0.7, 0.4), 1.0, 0.4),
+}
+
+
+@pytest.mark.parametrize("name", MERGED)
+def test_what_hardly_differs_in_a_pixel_is_shaded_once_within_a_budget(name):
+    """Along the edges of triangles: the layer is within two thousandths of what it is without a budget, where each of
+    them is shaded by itself, and the same to the bit where the budget is too small for that."""
+    camera = fastibl.Camera(320, 320, 1200.0, 1200.0, 160.0, 160.0)
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.1)
+    mesh = fastibl.Mesh(ball.vertices + (0, 0, 0.12), ball.faces)
+    scene = fastibl.Scene(mesh, MERGED[name], spheres=0, visibility_rays=0)
+    rng = np.random.default_rng(3)
+    cube = fastibl.CubeMap(np.repeat(np.repeat(rng.uniform(0.1, 2, (6, 4, 4, 3)), 8, 1), 8, 2).astype(np.float32))
+    methods = {"diffuse": "irradiance-cube", "glossy": "centroid"}
+    layers = {}
+    for error in (0, 0.004, 0.02):
+        session = fastibl.Session(scene, fastibl.Rig(camera), environment=cube, methods=methods, error=error)
+        session.process(fastibl.Frame(0.0, back_from_marker=DOWN))
+        layers[error] = session.object.rgba
+    np.testing.assert_array_equal(layers[0], layers[0.004])
+    np.testing.assert_array_equal(layers[0][..., 3], layers[0.02][..., 3])
+    seen = layers[0][..., 3] > 0
+    off = np.abs(layers[0.02] - layers[0])[seen, :3].max(-1) / layers[0][seen, :3].mean()
+    share = np.mean(off > 0)
+    print(f"{name}: {off.mean():.1e} off in the mean, {off.max():.1e} at most, in {share:.0%} of the pixels")
+    assert (name == "sharp" or share > 0.3) and off.mean() < 2e-4 and np.quantile(off, 0.99) < 2e-3

@@ -255,6 +255,11 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
   }
   const Methods& methods = plan.methods;
   plan.error_budget = options.error, plan.milliseconds_budget = options.milliseconds;
+  // The nearest face of the paper's look-up may be another one there.
+  const bool budget = options.error > 0 || options.milliseconds > 0;
+  plan.shades_alike_as_one = budget &&
+                             (options.error == 0 || options.error >= Plan::kLeastForOne) &&
+                             methods.diffuse != DiffuseMethod::nearest_face;
   for (const PassId id : kPasses) {
     PlannedPass line{pass_of(id, scene), true, "", "", 0, std::nullopt};
     const auto leave_out = [&](std::string reason) {

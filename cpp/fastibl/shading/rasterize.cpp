@@ -35,6 +35,18 @@ glm::vec3 corner_weights(const PictureCorner& a, const PictureCorner& b, const P
   return w / (w.x + w.y + w.z);
 }
 
+constexpr float kNoneAlike = 2;
+
+// Cosine of the angle within which a material's value at the mean of two normals is about the mean
+// of its two values: a twelfth of the width of its lobe.
+float alike_cosine(const Material& material) {
+  constexpr float kPart = 1.0f / 12;
+  if (material.textured()) return kNoneAlike;  // it may change from triangle to triangle
+  const std::optional<LobeShape> lobe = material.lobe();
+  const float width = lobe ? std::min(2 / std::sqrt(lobe->exponent), 1.0f) : 1.0f;
+  return 1 - 0.5f * kPart * kPart * width * width;
+}
+
 }  // namespace
 
 struct Rasterizer::Geometry {
@@ -43,9 +55,10 @@ struct Rasterizer::Geometry {
   const Mesh& holdout;                     // may be empty
   std::span<const glm::vec4> back_shares;  // may be empty
   std::span<const glm::vec4> holdout_ratios;
-  bool fronts_only;  // backs of the object's triangles are hidden
-  bool surface;      // tangents are asked for
-  bool textured;     // places on the textures are
+  bool fronts_only;    // backs of the object's triangles are hidden
+  bool surface;        // tangents are asked for
+  bool textured;       // places on the textures are
+  float alike_cosine;  // of normals that are merged
 
   // Vertices and triangles of the holdouts follow the object's.
   std::size_t own() const { return scene.mesh.vertices.size(); }
@@ -149,9 +162,12 @@ void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, s
     if (!g.back_shares.empty())
       v.share = w.x * g.back_shares[i[0]] + w.y * g.back_shares[i[1]] + w.z * g.back_shares[i[2]];
   }
+  // Written where it stays: copied at once, it would be waited for.
+  Fragment& fragment = band.object.emplace_back();
+  fragment.x = x, fragment.y = y, fragment.coverage = coverage;
+  fragment.position = v.position, fragment.share = v.share;
   const float length = glm::length(v.normal);
-  Fragment& fragment = band.object.emplace_back(Fragment{
-      x, y, coverage, v.position, length > 0 ? v.normal / length : glm::vec3(0, 0, 1), v.share});
+  fragment.normal = length > 0 ? v.normal * (1 / length) : glm::vec3(0, 0, 1);
   if (g.surface) fragment.tangent = glm::vec4(glm::vec3(v.tangent), v.tangent.w < 0 ? -1 : 1);
   if (g.textured) {
     const auto uv_at = [&](glm::vec3 u) {
@@ -163,11 +179,41 @@ void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, s
   }
 }
 
+namespace {
+
+// `a` becomes the mean by what they cover.
+void merge(Fragment& a, const Fragment& b) {
+  const float t = b.coverage / (a.coverage + b.coverage);
+  a.coverage += b.coverage;
+  a.position += t * (b.position - a.position);
+  a.normal = glm::normalize(a.normal + t * (b.normal - a.normal));
+  a.share += t * (b.share - a.share);
+  a.tangent += t * (b.tangent - a.tangent);
+}
+
+// Of the fragments of one pixel, which begin at `first`, those whose normals hardly differ become
+// one, and are shaded once: of a fine mesh half of all pixels show two triangles or more.
+void merge(std::vector<Fragment>& fragments, std::size_t first, float cosine) {
+  std::size_t kept = first + 1;
+  for (std::size_t i = kept; i < fragments.size(); ++i) {
+    std::size_t k = first;
+    while (k < kept && !(glm::dot(fragments[k].normal, fragments[i].normal) >= cosine)) ++k;
+    if (k < kept)
+      merge(fragments[k], fragments[i]);
+    else
+      fragments[kept++] = fragments[i];
+  }
+  fragments.erase(fragments.begin() + std::ptrdiff_t(kept), fragments.end());
+}
+
+}  // namespace
+
 // Once a triangle, at the middle of the samples that it covers.
 void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, FragmentBand& band) const {
   const SampleCell* cell = window.cells;
   for (int y = window.top; y <= window.bottom; ++y)
-    for (int x = window.left; x <= window.right; ++x, ++cell)
+    for (int x = window.left; x <= window.right; ++x, ++cell) {
+      const std::size_t first = band.object.size();
       for (std::size_t s = 0; s < kSamples; ++s) {
         const int t = cell->triangle[s];
         if (t < 0) continue;
@@ -183,12 +229,16 @@ void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, Fragment
           add(g, t, x, y, count, std::int64_t{x} * kSubpixel + px / count,
               std::int64_t{y} * kSubpixel + py / count, band);
       }
+      if (g.alike_cosine <= 1 && band.object.size() > first + 1)
+        merge(band.object, first, g.alike_cosine);
+    }
 }
 
 std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& camera,
                                                     const Pose& camera_from_marker,
                                                     std::span<const glm::vec4> light_shares,
-                                                    std::span<const glm::vec4> holdout_ratios) {
+                                                    std::span<const glm::vec4> holdout_ratios,
+                                                    bool merge_alike) {
   const std::size_t own = scene.mesh.vertices.size();
   check(light_shares.empty() || light_shares.size() == own || light_shares.size() == 2 * own,
         "there must be a share of the light for each vertex, or each side of them, ", own, ", got ",
@@ -206,7 +256,8 @@ std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Ca
                           holdout_ratios,
                           scene.fronts_only && !is_inside(bounds(scene.mesh.vertices), eye),
                           !scene.tangents.empty() && scene.material.pbr != nullptr,
-                          !scene.mesh.uvs.empty() && scene.material.textured()};
+                          !scene.mesh.uvs.empty() && scene.material.textured(),
+                          merge_alike ? alike_cosine(scene.material) : kNoneAlike};
   project(geometry, camera_from_marker);
   if (left_ > right_ || top_ > bottom_) return {};
   set_varyings(scene, light_shares);

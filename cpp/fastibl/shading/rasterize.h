@@ -43,11 +43,13 @@ class Rasterizer {
   // through the full lens model; edges between them are straight. Triangles with a vertex behind
   // the camera or beyond the lens model are left out. light_shares: of each vertex, and perhaps
   // of their backs after them; empty: P_V of the scene, and all of the glossy light.
-  // holdout_ratios: of each vertex of the holdouts; empty: 1.
+  // holdout_ratios: of each vertex of the holdouts; empty: 1. merge_alike: parts of one pixel whose
+  // normals hardly differ, for the material that there is, become one; of textures none.
   std::span<const FragmentBand> rasterize(const Scene& scene, const Camera& camera,
                                           const Pose& camera_from_marker,
                                           std::span<const glm::vec4> light_shares = {},
-                                          std::span<const glm::vec4> holdout_ratios = {});
+                                          std::span<const glm::vec4> holdout_ratios = {},
+                                          bool merge_alike = false);
 
  private:
   // What is interpolated over triangles, marker frame.

@@ -23,8 +23,9 @@ class CpuRenderer final : public Renderer {
       }
       case PassId::shade: {
         const glm::vec3 eye(in.camera_from_marker.inverse().translation);
-        const std::span<const FragmentBand> seen = rasterizer_.rasterize(
-            in.scene, in.camera, in.camera_from_marker, in.light_shares, in.holdout_ratios);
+        const std::span<const FragmentBand> seen =
+            rasterizer_.rasterize(in.scene, in.camera, in.camera_from_marker, in.light_shares,
+                                  in.holdout_ratios, in.shades_alike_as_one);
         object_ = shade(seen, in.scene.material, in.lighting, eye);
         holdout_ = holdout_layer(seen);
         return;
