@@ -119,6 +119,24 @@ def frames(session, count=3):
     return [session.process(fastibl.Frame(0.1 * k, back_from_marker=pose)) for k in range(count)]
 
 
+def test_the_bill_is_of_the_pixels_that_were_drawn(scene):
+    """Four times as many pixels nearby; what is chosen by the error alone does not depend on them."""
+    lines, methods = {}, []
+    for distance in (0.6, 0.3):
+        session = fastibl.Session(scene, fastibl.Rig(camera_of(320, 240, 45.0)), environment=room(), error=0.02)
+        eye = np.array([0.0, -0.8, 0.6]) * distance
+        pose = looking(np.array([0, 0, 0.06]) - eye, eye)
+        for k in range(2):
+            session.process(fastibl.Frame(0.1 * k, back_from_marker=pose))
+        covered = (session.object.rgba[..., 3] > 0).sum()
+        lines[distance] = covered, next(p.milliseconds for p in session.plan.passes if p.name == "shade")
+        methods.append(session.plan.methods)
+    (few, short), (many, long) = lines[0.6], lines[0.3]
+    print(f"{few} pixels in {short:.2f} ms, {many} in {long:.2f} ms")
+    assert methods[0] == methods[1]
+    assert many > 3 * few and 1.5 < long / short < many / few
+
+
 def test_a_session_uses_what_its_plan_chose(scene):
     def session(**options):
         return fastibl.Session(scene, fastibl.Rig(camera_of(96, 72, 45.0)), environment=room(), **options)
@@ -129,7 +147,7 @@ def test_a_session_uses_what_its_plan_chose(scene):
     assert loose.plan.expected_error > tight.plan.expected_error
     m = loose.plan.methods
     named = session(
-        error=None,
+        error=0.4,
         methods={
             step: fastibl.Method(
                 getattr(m, step), **{k: v for k, v in getattr(m, f"{step}_settings", {}).items() if v >= 0}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator
 
 import numpy as np
 
 import fastibl
-from fastibl.measuring.frames import later
+from fastibl.sources import BackAndForth
 
 from .. import inputs
 from ..goals import Goal, percent, row
@@ -25,9 +26,7 @@ def time_budget() -> Iterator[Goal]:
     asked = 1e3 * BUDGET * yardstick_seconds()
     session = fastibl.Session(scene, recording.rig, recording.board, milliseconds=asked, costs=fastibl.machine_costs())
     milliseconds, stated, changes, last = [], 0, 0, None
-    for k in range(FRAMES):
-        frame = recording[k % len(recording)]
-        frame = later(frame, (k // len(recording)) * (recording.duration + 0.1))
+    for frame in itertools.islice(BackAndForth(recording, 0.1), FRAMES):
         begin = time.process_time()
         result = session.process(frame)
         result.image  # noqa: B018 - the picture has to arrive

@@ -227,7 +227,7 @@ void set_measured_error(const Choice& choice, const MeasuredErrors& measured, co
 }  // namespace
 
 Workload workload_of(const Scene& scene, int width, int height, bool light_changes) {
-  constexpr double kObject = 0.1, kShadow = 0.2;
+  constexpr double kObject = 0.1, kShadow = 0.8;
   Workload work;
   work.width = width, work.height = height;
   work.object_pixels = kObject * width * height, work.shadow_pixels = kShadow * width * height;
@@ -241,7 +241,11 @@ CandidateOptions candidate_options(const Scene& scene, bool light_stays) {
   return {light_stays, scene.baked_shadow != nullptr, scene.material.reads_radiance()};
 }
 
-Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options) {
+Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& asked) {
+  PlanOptions options = asked;
+  Workload work = options.workload;
+  if (options.object_pixels) work.object_pixels = *options.object_pixels;
+  if (options.milliseconds > 0) options.workload = work;
   check(options.error >= 0, "an error budget must be at least 0, got ", options.error);
   check(options.milliseconds >= 0, "a time budget must be at least 0 ms, got ",
         options.milliseconds);
@@ -362,11 +366,9 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
     }
     if (choice) set_measured_error(*choice, *options.measured, options.methods, line);
-    line.milliseconds =
-        pass_milliseconds(options.costs, id, methods, options.workload) * options.slowdown;
+    line.milliseconds = pass_milliseconds(options.costs, id, methods, work) * options.slowdown;
     if (*line.milliseconds == 0 || !line.included) line.milliseconds.reset();
-    if (line.milliseconds)
-      plan.milliseconds += *line.milliseconds * runs_per_frame(id, options.workload);
+    if (line.milliseconds) plan.milliseconds += *line.milliseconds * runs_per_frame(id, work);
     plan.passes.push_back(std::move(line));
   }
   return plan;

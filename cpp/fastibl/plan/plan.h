@@ -74,14 +74,17 @@ struct PlanOptions {
   const MeasuredErrors* measured = nullptr;
   Costs costs = {};
   Workload workload = {};
+  // Pixels of the object in the picture before, where there was one. Within `milliseconds` methods
+  // are chosen for them; else they are for the bill alone, so that choices do not depend on them.
+  std::optional<double> object_pixels = {};
   double slowdown = 1;  // of this machine, now, by the cost table
   // Methods of the plan before, which stay where others are hardly better; settled: in any case.
   const Methods* keep = nullptr;
   bool settled = false;
 };
 
-// Of a picture: an object a tenth of it and a shadow twice as large, whatever the pose, so that the
-// same light gives the same choice.
+// Of a picture: an object a tenth of it and a shadow map over most of it, whatever the pose, so
+// that the same light gives the same choice.
 Workload workload_of(const Scene& scene, int width, int height, bool light_changes);
 CandidateOptions candidate_options(const Scene& scene, bool light_stays);
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -46,6 +47,9 @@ class Renderer {
   // Forgets a product, and what its next run would follow: the ratio is 1, or nothing covers the
   // picture.
   virtual void clear(PassId pass) = 0;
+
+  // Parts of pixels that the last run of shade worked out, where they are counted.
+  virtual std::optional<double> shaded() const { return std::nullopt; }
 
   // Products of the last run of each pass; a GPU back end reads them back.
   virtual ShadowMap shadow_map() = 0;

@@ -147,6 +147,8 @@ void Session::update_plan(bool choose) {
   options.measured = &measured_;
   options.costs = options_.costs;
   options.workload = workload_of(scene_, rig_.back.width, rig_.back.height, !fixed_environment_);
+  if (const std::optional<double> pixels = renderer_->shaded(); pixels && *pixels > 0)
+    options.object_pixels = pixels;
   options.slowdown = time_.slowdown();
   // Of light that stays, what is chosen must not depend on what was before.
   const Methods before = plan_.methods;

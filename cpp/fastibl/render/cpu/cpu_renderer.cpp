@@ -26,6 +26,9 @@ class CpuRenderer final : public Renderer {
         const std::span<const FragmentBand> seen =
             rasterizer_.rasterize(in.scene, in.camera, in.camera_from_marker, in.light_shares,
                                   in.holdout_ratios, in.shades_alike_as_one);
+        double count = 0;
+        for (const FragmentBand& band : seen) count += double(band.object.size());
+        shaded_ = count;
         object_ = shade(seen, in.scene.material, in.lighting, eye);
         holdout_ = holdout_layer(seen);
         return;
@@ -46,9 +49,10 @@ class CpuRenderer final : public Renderer {
 
   void clear(PassId pass) override {
     if (pass == PassId::shadow) shadow_ = {}, caster_ = {};
-    if (pass == PassId::shade) object_ = {}, holdout_ = {};
+    if (pass == PassId::shade) object_ = {}, holdout_ = {}, shaded_.reset();
   }
 
+  std::optional<double> shaded() const override { return shaded_; }
   ShadowMap shadow_map() override { return shadow_; }
   ObjectLayer object() override { return object_; }
   ObjectLayer holdout() override { return holdout_; }
@@ -57,6 +61,7 @@ class CpuRenderer final : public Renderer {
  private:
   SceneShadow caster_;
   Rasterizer rasterizer_;
+  std::optional<double> shaded_;
   ShadowMap shadow_;
   ObjectLayer object_, holdout_;
   Image<std::uint8_t> image_;
