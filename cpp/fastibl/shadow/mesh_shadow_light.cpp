@@ -255,16 +255,19 @@ void MeshShadowLight::add_lights(Cover cover, Part part, std::vector<float>& los
 
 namespace {
 
-// Calls use(x, y, point) for the texels of a grid.
+// Calls use(y, points) for the rows of texels of a grid.
 template <class Use>
-void for_texels(const PlaneGrid& grid, const Use& use) {
+void for_rows(const PlaneGrid& grid, const Use& use) {
   const int n = grid.size;
   parallel_for(n, 16, [&](int begin, int end) {
-    for (int y = begin; y < end; ++y)
+    std::vector<glm::vec2> points(static_cast<std::size_t>(n));
+    for (int y = begin; y < end; ++y) {
       for (int x = 0; x < n; ++x)
-        use(x, y,
+        points[std::size_t(x)] =
             grid.centre + grid.extent * glm::vec2(shared::plane_offset(x, float(n)),
-                                                  shared::plane_offset(y, float(n))));
+                                                  shared::plane_offset(y, float(n)));
+      use(y, points);
+    }
   });
 }
 
@@ -279,9 +282,13 @@ void MeshShadowLight::add_near(Cover cover, Part part, const PlaneGrid& grid,
       if (set && (part != Part::compact || !set->compact.empty()))
         (set->*cover).add(lights_of(*set, part, i), own);
     const Image<float> image = unblocked(own, grid.size);
-    for_texels(grid, [&](int x, int y, glm::vec2 point) {
-      const float *from = image.pixel(x, y), falloff = near_.falloff(i, point);
-      for (int c = 0; c < 3; ++c) lost.pixel(x, y)[c] += falloff * from[c];
+    for_rows(grid, [&](int y, const std::vector<glm::vec2>& points) {
+      std::vector<float> falloff(points.size());
+      near_.falloff(i, points, falloff);
+      const float* from = image.row(y);
+      float* to = lost.row(y);
+      for (std::size_t x = 0; x < points.size(); ++x)
+        for (std::size_t c = 0; c < 3; ++c) to[3 * x + c] += falloff[x] * from[3 * x + c];
     });
   }
 }
@@ -289,12 +296,18 @@ void MeshShadowLight::add_near(Cover cover, Part part, const PlaneGrid& grid,
 // From light that is lost, by that of the map's centre, to that by the light of each place.
 void MeshShadowLight::divide_by_light(const PlaneGrid& grid, Image<float>& lost) const {
   if (near_.count() == 0) return;
-  for_texels(grid, [&](int x, int y, glm::vec2 point) {
-    glm::vec3 light(1);
-    for (int i = 0; i < near_.count(); ++i)
-      light += near_.falloff(i, point) * near_plane_shares_[std::size_t(i)] -
-               near_shares_[std::size_t(i)];
-    for (int c = 0; c < 3; ++c) lost.pixel(x, y)[c] /= std::max(light[c], 1e-6f);
+  for_rows(grid, [&](int y, const std::vector<glm::vec2>& points) {
+    std::vector<float> falloff(points.size());
+    std::vector<glm::vec3> light(points.size(), glm::vec3(1));
+    for (int i = 0; i < near_.count(); ++i) {
+      near_.falloff(i, points, falloff);
+      const glm::vec3 share = near_shares_[std::size_t(i)],
+                      plane_share = near_plane_shares_[std::size_t(i)];
+      for (std::size_t x = 0; x < points.size(); ++x) light[x] += falloff[x] * plane_share - share;
+    }
+    float* row = lost.row(y);
+    for (std::size_t x = 0; x < points.size(); ++x)
+      for (int c = 0; c < 3; ++c) row[3 * x + std::size_t(c)] /= std::max(light[x][c], 1e-6f);
   });
 }
 

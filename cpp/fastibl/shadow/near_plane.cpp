@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/core/simd.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -36,15 +37,36 @@ float NearPlane::height(glm::vec3 direction, int i) const {
   return (direction.z + rho * near_lights_.centre.z) / std::max(direction.z, kLowest);
 }
 
-float NearPlane::falloff(int i, glm::vec2 point) const {
+namespace {
+
+// at: what near_arrow() is at the origin; nothing is nearer than √least, nor than NaN, of a point
+// as far as floats reach.
+FASTIBL_CLONES
+void falloff_of(glm::vec3 at, float inverse_distance, float least, const glm::vec2* points,
+                std::size_t count, float* out) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float x = at.x - inverse_distance * points[i].x,
+                y = at.y - inverse_distance * points[i].y;
+    const float square = x * x + y * y + at.z * at.z, length2 = square > least ? square : least;
+    out[i] = 1 / (length2 * std::sqrt(length2));
+  }
+}
+
+}  // namespace
+
+void NearPlane::falloff(int i, std::span<const glm::vec2> points, std::span<float> out) const {
   const NearLight& light = near_lights_.lights[std::size_t(i)];
-  const glm::vec3 arrow = shared::near_arrow(light.direction, light.inverse_distance,
-                                             glm::vec3(point, 0) - near_lights_.centre);
-  // Nothing is nearer than the light's surface, nor than a ten-thousandth of its distance; nor NaN,
-  // of a point as far as floats reach.
+  const glm::vec3 at =
+      shared::near_arrow(light.direction, light.inverse_distance, -near_lights_.centre);
+  // Nothing is nearer than the light's surface, nor than a ten-thousandth of its distance.
   const float least = std::max(light.sin_radius * light.sin_radius, 1e-8f);
-  const float square = glm::dot(arrow, arrow), length2 = square > least ? square : least;
-  return 1 / (length2 * std::sqrt(length2));
+  falloff_of(at, light.inverse_distance, least, points.data(), points.size(), out.data());
+}
+
+float NearPlane::falloff(int i, glm::vec2 point) const {
+  float out = 0;
+  falloff(i, {&point, 1}, {&out, 1});
+  return out;
 }
 
 bool NearPlane::still_right(const NearLights& others) const {

@@ -5,6 +5,8 @@
 // a_z/|d − ρ (q − c)|³, by d_z at the centre. For ρ = 0 both are what they are of distant light.
 #pragma once
 
+#include <span>
+
 #include "fastibl/scene/near_light.h"
 #include "fastibl/shadow/triangle_bits.h"
 
@@ -26,6 +28,7 @@ class NearPlane {
   // height(), times falloff().
   float height(glm::vec3 direction, int i) const;
   float falloff(int i, glm::vec2 point) const;
+  void falloff(int i, std::span<const glm::vec2> points, std::span<float> falloffs) const;
   float height(int i) const {  // of its middle
     return height(near_lights_.lights[std::size_t(i)].direction, i);
   }
