@@ -5,6 +5,7 @@
 ./dev bench shadow-pictures   docs/shadow.md and its pictures, which `all` leaves as they are
 ./dev bench plan-pictures     the picture of docs/plan.md, likewise
 ./dev bench live-pictures     those of docs/live.md, likewise
+./dev bench program-pictures  those of docs/program.md, likewise
 ./dev bench demo-picture      that of the README, likewise
 """
 
@@ -24,6 +25,7 @@ PICTURES = {
     "shadow-pictures": "bench.shadows.pictures",
     "plan-pictures": "bench.plan.pictures",
     "live-pictures": "bench.live_pictures",
+    "program-pictures": "bench.program_pictures",
     "demo-picture": "bench.demo_picture",
 }
 NAMES = ("lighting", "shadow", "tracking", "frame", "real", "peers")

@@ -18,7 +18,7 @@ from .measure import ROOT
 
 _IMAGES = ROOT / "docs" / "images"
 _QUALITY = 80
-_FPS = 15
+_FPS = 30
 
 
 def main() -> Iterator[Path]:
