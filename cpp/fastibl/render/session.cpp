@@ -249,6 +249,7 @@ std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) 
 void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   turned_.reset(), hold_capture_ = false;
   RigPictures pictures;  // what is of unknown exposure cannot be compared
+  pictures.number = ++moments_;
   if (frame.back_exposure)
     pictures.back = frame.back, pictures.back_exposure = *frame.back_exposure;
   if (frame.front_exposure)

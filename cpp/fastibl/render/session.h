@@ -2,6 +2,7 @@
 // object.
 #pragma once
 
+#include <cstdint>
 #include <limits>
 #include <map>
 #include <memory>
@@ -161,6 +162,7 @@ class Session {
   Detector detector_;
   std::optional<EdgeTracker> edge_tracker_;
   std::optional<RotationTracker> rotation_tracker_;
+  std::uint64_t moments_ = 0;  // that it was asked about
   BoardMotion board_motion_;
   double look_again_ = -1e30, agreed_ = -1e30;  // seconds
   struct TimedPose {

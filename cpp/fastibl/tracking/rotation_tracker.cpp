@@ -143,6 +143,7 @@ void RotationTracker::add_features(const std::vector<MapView>& views) {
 
 std::vector<MapView> RotationTracker::views(const RigPictures& pictures) {
   std::vector<MapView> views;
+  const bool ready = pictures.number != 0 && pictures.number == lit_;
   const auto add = [&](const Picture& picture, const Camera& camera, const Lens& lens,
                        LightPyramid& light, const glm::dmat3& camera_from_rig, double exposure) {
     check(picture.width == camera.width && picture.height == camera.height,
@@ -150,7 +151,7 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures) {
           picture.width, " × ", picture.height);
     check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
           exposure);
-    light.make(picture, camera.response);
+    if (!ready) light.make(picture, camera.response);
     views.push_back({&light, &camera, &lens, camera_from_rig, exposure});
   };
   if (!pictures.back.empty())
@@ -160,6 +161,7 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures) {
     add(pictures.front, *rig_.front, *front_lens_, front_light_, rig_.front_from_back.rotation,
         pictures.front_exposure);
   }
+  lit_ = pictures.number;
   return views;
 }
 

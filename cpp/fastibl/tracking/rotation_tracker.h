@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -37,6 +38,8 @@ struct RotationTrackingOptions {
 struct RigPictures {
   Picture back, front;
   double back_exposure = 1, front_exposure = 1;
+  // Of the moment: pictures of the same one as in the call before are not gone through again.
+  std::uint64_t number = 0;  // 0: not known
 };
 
 // A pose that rests on the map and not on the board: the rotation is measured, the place of the
@@ -106,6 +109,7 @@ class RotationTracker {
   Lens back_lens_;
   std::optional<Lens> front_lens_;
   LightPyramid back_light_, front_light_;
+  std::uint64_t lit_ = 0;  // RigPictures::number of those
   BlockRays back_rays_;
   std::optional<BlockRays> front_rays_;
   MapFeatures features_;
