@@ -125,8 +125,10 @@ def cases() -> Iterator[Case]:
 
 
 def _session(name_or_map, scene: Scene, backend: str, camera: Camera = PICTURE, methods=None) -> Session:
+    """Without an error budget, within which the CPU shades together what hardly differs in a pixel, and GL does not."""
     light = map_named(name_or_map) if isinstance(name_or_map, str) else name_or_map
-    return Session(scene, Rig(camera), environment=light, methods=methods or {"shadow": "directions"}, backend=backend)
+    methods = methods or {"shadow": "directions"}
+    return Session(scene, Rig(camera), environment=light, methods=methods, backend=backend, error=0)
 
 
 def _layer(name: str, material: str, backend: str) -> np.ndarray:
