@@ -305,7 +305,7 @@ def public_headers(part="core"):
     if part != "core":
         return [f"fastibl/{PUBLIC[part]}"]
     headers = sorted(p.relative_to(ROOT / "cpp").as_posix() for p in (ROOT / "cpp" / "fastibl").rglob("*.h"))
-    return [h for h in headers if not re.search("/tracking/opencv/|/render/gl/|/shared_formulas.h$", h)]
+    return [h for h in headers if not re.search("/tracking/opencv/|/render/gl/|/(shared_formulas|seen_lights).h$", h)]
 
 
 def compile_headers(compiler, folder, *options, headers=None):

@@ -8,6 +8,7 @@
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/isotropic_taps.h"
 #include "fastibl/scene/methods.h"
+#include "fastibl/scene/seen_lights.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -32,19 +33,22 @@ void add_gradient_taps(glm::vec3 v, glm::vec2 alpha, int most, GgxTaps& out) {
 }
 
 // Sum of the lobe over all lights times the share of each that its tap levels do not hold.
+// offset: see see_lights().
 FASTIBL_CLONES
-void sum_lights(const LightArrays& lights, const shared::GgxLobe& lobe, const float* frame,
-                const float* level, const float* weight, int taps, float* rgb) {
+void sum_lights(const LightArrays& lights, const float* offset, const shared::GgxLobe& lobe,
+                const float* frame, const float* level, const float* weight, int taps, float* rgb) {
   float share[kMaxLights] = {}, value[kMaxLights];
+  SeenLights seen;
+  see_lights(lights, offset, seen);
   for (int k = 0; k < taps; ++k)
     for (int i = 0; i < kMaxLights; ++i)
       share[i] += weight[k] * shared::light_share(level[k], lights.level[i]);
   for (int i = 0; i < kMaxLights; ++i) {
-    const float x = lights.x[i], y = lights.y[i], z = lights.z[i];
+    const float x = seen.x[i], y = seen.y[i], z = seen.z[i];
     const glm::vec3 local(frame[0] * x + frame[1] * y + frame[2] * z,
                           frame[3] * x + frame[4] * y + frame[5] * z,
                           frame[6] * x + frame[7] * y + frame[8] * z);
-    value[i] = share[i] * shared::ggx_light(lobe, local, lights.variance[i]);
+    value[i] = share[i] * seen.gain[i] * shared::ggx_light(lobe, local, seen.variance[i]);
   }
   sum_flux(lights, value, rgb);
 }
@@ -143,11 +147,8 @@ glm::vec3 GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm:
                          frame.bitangent.x, frame.bitangent.y, frame.bitangent.z,
                          frame.normal.x,    frame.normal.y,    frame.normal.z};
   float rgb[3];
-  LightArrays placed;
-  const bool near = position && lights_.any_near;
-  if (near) placed = seen_from(lights_, offset);
-  sum_lights(near ? placed : lights_, shared::ggx_lobe(local, alpha), axes, levels, weights,
-             taps.count, rgb);
+  sum_lights(lights_, position && lights_.any_near ? &offset.x : nullptr,
+             shared::ggx_lobe(local, alpha), axes, levels, weights, taps.count, rgb);
   return sum + glm::vec3(rgb[0], rgb[1], rgb[2]) / std::max(taps.albedo, 1e-4f);
 }
 

@@ -5,6 +5,7 @@
 
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/sampled_lobe.h"
+#include "fastibl/scene/seen_lights.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -46,10 +47,13 @@ struct Shares {
   float rest;  // for what spherical harmonics give: lights are left to us wholly
 };
 
+// offset: see see_lights().
 FASTIBL_CLONES
-void sum_lights(const LightArrays& lights, float s, const Shares& shares, const float* n,
-                const float* v, float* rgb) {
+void sum_lights(const LightArrays& lights, const float* offset, float s, const Shares& shares,
+                const float* n, const float* v, float* rgb) {
   float share[kMaxLights], value[kMaxLights];
+  SeenLights seen;
+  see_lights(lights, offset, seen);
   for (int i = 0; i < kMaxLights; ++i) share[i] = shares.rest;
   for (int k = 0; k < shares.taps; ++k)
     for (int i = 0; i < kMaxLights; ++i) {
@@ -58,9 +62,10 @@ void sum_lights(const LightArrays& lights, float s, const Shares& shares, const 
                   shares.coarse[k] * shared::clamp(past + 1, 0.0f, 1.0f);
     }
   for (int i = 0; i < kMaxLights; ++i)
-    value[i] = share[i] * shared::light_lobe(s, lights.variance[i], glm::vec3(n[0], n[1], n[2]),
-                                             glm::vec3(v[0], v[1], v[2]),
-                                             glm::vec3(lights.x[i], lights.y[i], lights.z[i]));
+    value[i] =
+        share[i] * seen.gain[i] *
+        shared::light_lobe(s, seen.variance[i], glm::vec3(n[0], n[1], n[2]),
+                           glm::vec3(v[0], v[1], v[2]), glm::vec3(seen.x[i], seen.y[i], seen.z[i]));
   sum_flux(lights, value, rgb);
 }
 
@@ -162,11 +167,9 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
   }
   if (lights_.count > 0 && (shares.rest > 0 || highest > lights_.finest - 1)) {
     float rgb[3];
-    if (position)
-      sum_lights(seen_from(lights_, *position - lighting_->near_lights.centre), lobe_.exponent,
-                 shares, &n.x, &v.x, rgb);
-    else
-      sum_lights(lights_, lobe_.exponent, shares, &n.x, &v.x, rgb);
+    const glm::vec3 offset = position ? *position - lighting_->near_lights.centre : glm::vec3(0);
+    sum_lights(lights_, position && lights_.any_near ? &offset.x : nullptr, lobe_.exponent, shares,
+               &n.x, &v.x, rgb);
     const float integral = a.log_integral + f * (b.log_integral - a.log_integral);
     value += std::exp2(-integral) * glm::vec3(rgb[0], rgb[1], rgb[2]);
   }

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "fastibl/scene/shared_formulas.h"
-
 namespace fastibl {
 
 LightArrays arrays_of(const Lighting& lighting) {
@@ -26,19 +24,6 @@ LightArrays arrays_of(const Lighting& lighting) {
     arrays.any_near |= arrays.inverse_distance[i] > 0;
   }
   return arrays;
-}
-
-LightArrays seen_from(const LightArrays& lights, glm::vec3 offset) {
-  LightArrays seen = lights;
-  for (int i = 0; i < kMaxLights; ++i) {
-    const shared::PlacedLight light =
-        shared::placed_light(glm::vec3(lights.x[i], lights.y[i], lights.z[i]),
-                             lights.inverse_distance[i], lights.variance[i], offset);
-    seen.x[i] = light.direction.x, seen.y[i] = light.direction.y, seen.z[i] = light.direction.z;
-    seen.variance[i] = light.variance;
-    seen.red[i] *= light.gain, seen.green[i] *= light.gain, seen.blue[i] *= light.gain;
-  }
-  return seen;
 }
 
 }  // namespace fastibl

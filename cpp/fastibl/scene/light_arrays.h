@@ -17,10 +17,6 @@ struct LightArrays {
   bool any_near = false;
 };
 LightArrays arrays_of(const Lighting& lighting);  // which has a chain
-// As they are seen beside the map's centre: turned, and as large and strong as their distance makes
-// them. Which levels hold them stays as it is.
-LightArrays seen_from(const LightArrays& lights, glm::vec3 offset);
-
 // Sum of their flux times a value of each; unused ones are black.
 FASTIBL_INLINE void sum_flux(const LightArrays& lights, const float* value, float* rgb) {
   float red = 0, green = 0, blue = 0;
