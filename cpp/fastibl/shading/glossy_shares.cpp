@@ -14,8 +14,8 @@
 namespace fastibl {
 namespace {
 
-constexpr int kLanes =
-    HiddenCells::kGroup;           // cells of a group: one cell of a grid of a quarter of the size
+// Cells of a group: one cell of a grid of a quarter of the size.
+constexpr int kLanes = HiddenCells::kGroup;
 constexpr int kGrain = 64;         // vertices
 constexpr int kFinest = 64;        // cells along an edge
 constexpr float kReach = 2.2f;     // of a Blinn lobe, standard deviations

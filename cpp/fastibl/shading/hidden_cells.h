@@ -14,9 +14,9 @@ class HiddenCells {
  public:
   static constexpr int kGroup = 16;  // cells that one mask holds
 
-  // size: cells along an edge, 8 or more.
+  // size: cells along an edge, a power of two.
   explicit HiddenCells(int size)
-      : size_(size), words_(std::size_t(size) * std::size_t(size) / 64) {}
+      : size_(size), words_((std::size_t(size) * std::size_t(size) + 63) / 64) {}
 
   // Runs of VertexVisibility::edges of a grid of `own` cells along an edge; of finer runs than
   // these cells, cells half hidden count as hidden.

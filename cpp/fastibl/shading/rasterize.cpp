@@ -167,7 +167,7 @@ void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, s
   fragment.x = x, fragment.y = y, fragment.coverage = coverage;
   fragment.position = v.position, fragment.share = v.share;
   const float length = glm::length(v.normal);
-  fragment.normal = length > 0 ? v.normal * (1 / length) : glm::vec3(0, 0, 1);
+  fragment.normal = length > 0 ? v.normal / length : glm::vec3(0, 0, 1);
   if (g.surface) fragment.tangent = glm::vec4(glm::vec3(v.tangent), v.tangent.w < 0 ? -1 : 1);
   if (g.textured) {
     const auto uv_at = [&](glm::vec3 u) {

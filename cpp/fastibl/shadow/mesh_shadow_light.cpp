@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
