@@ -32,13 +32,18 @@ def _seconds(session: fastibl.Session, change: bool, pose: fastibl.Pose, frames:
     return float(np.median(out))
 
 
+def spot(material: fastibl.Material) -> fastibl.Scene:
+    """As it is, with its shadow."""
+    scene = fastibl.Scene(inputs.scene("spot").mesh, material)
+    scene.baked_shadow = cases.scene("spot").baked_shadow
+    return scene
+
+
 def _session(material: fastibl.Material, **options) -> fastibl.Session:
     f = cases.FOCAL * 640 / cases.WIDTH
     rig = fastibl.Rig(fastibl.Camera(640, 480, f, f, 320.0, 240.0))
-    scene = fastibl.Scene(inputs.scene("spot").mesh, material)
-    scene.baked_shadow = cases.scene("spot").baked_shadow
     given = fastibl.Environment(cases.environment("venice_sunset"))
-    return fastibl.Session(scene, rig, environment=given, **{"error": 0.0, **options})
+    return fastibl.Session(spot(material), rig, environment=given, **{"error": 0.0, **options})
 
 
 def _away() -> fastibl.Pose:

@@ -13,14 +13,9 @@ from .. import inputs
 from ..goals import Goal, percent, row
 from ..measure import one_core
 from . import cases
+from .left_out import spot
 
 PASSES = ("capture", "irradiance", "shadow", "self_shadow", "bounce", "shade", "composite")
-
-
-def _scene(material: fastibl.Material) -> fastibl.Scene:
-    scene = fastibl.Scene(inputs.scene("spot").mesh, material)
-    scene.baked_shadow = cases.scene("spot").baked_shadow
-    return scene
 
 
 @row("plan", "predicted time")
@@ -30,7 +25,7 @@ def predicted() -> Iterator[Goal]:
     recording, costs = inputs.short_recording(), fastibl.machine_costs()
     ratios, notes = [], []
     for name in ("white", "plastic", "pbr"):
-        scene = _scene(cases.MATERIALS[name])
+        scene = spot(cases.MATERIALS[name])
         for diffuse in ("sh9", "irradiance-cube"):
             for glossy in ("centroid", "mip", "stretched") if name == "plastic" else ("centroid",):
                 methods = {"diffuse": diffuse, "glossy": glossy}

@@ -82,9 +82,9 @@ py::array_t<bool> visible(const SelfShadow& s, const py::object& directions) {
     const int cell =
         grid.cell(std::min(int(p.x), grid.size() - 1), std::min(int(p.y), grid.size() - 1));
     for (std::size_t i = 0; i < s.vertices.size(); ++i) {
-      const auto* begin = s.visibility.edges.data() + s.visibility.first[i];
-      const auto* end = s.visibility.edges.data() + s.visibility.first[i + 1];
-      const bool blocked = (std::upper_bound(begin, end, cell) - begin) % 2 == 1;
+      const std::span<const std::uint16_t> edges = s.visibility.edges_of(i);
+      const bool blocked =
+          (std::upper_bound(edges.begin(), edges.end(), cell) - edges.begin()) % 2 == 1;
       out.mutable_at(py::ssize_t(i), k) = !blocked && glm::dot(s.normals[i], d) > 0;
     }
   }

@@ -171,7 +171,7 @@ namespace {
 constexpr const char* kWithinBudget = "the picture is within the error budget without it";
 
 // Methods by what they leave wrong under this light, where that was measured and there is a budget.
-std::optional<Choice> chosen(const Scene& scene, const PlanOptions& options) {
+std::optional<Choice> chosen(const Scene& scene, const PlanOptions& options, const Workload& work) {
   if (!options.measured || options.measured->empty()) return std::nullopt;
   if (options.error == 0 && options.milliseconds == 0) return std::nullopt;
   ChoiceOptions choice;
@@ -182,14 +182,12 @@ std::optional<Choice> chosen(const Scene& scene, const PlanOptions& options) {
   choice.cast_shadow = options.cast_shadow && scene.casts_shadow();
   const auto other = [&](PassId id) {
     choice.other_milliseconds +=
-        pass_milliseconds(options.costs, id, options.methods, options.workload) *
-        runs_per_frame(id, options.workload);
+        pass_milliseconds(options.costs, id, options.methods, work) * runs_per_frame(id, work);
   };
   other(PassId::composite);
   if (options.track) other(PassId::track);
   if (options.capture) other(PassId::capture), other(PassId::mips);
-  return choose_methods(options.methods, *options.measured, options.costs, options.workload,
-                        choice);
+  return choose_methods(options.methods, *options.measured, options.costs, work, choice);
 }
 
 // What a pass's method alone leaves wrong, or what leaving the pass out does.
@@ -241,17 +239,16 @@ CandidateOptions candidate_options(const Scene& scene, bool light_stays) {
   return {light_stays, scene.baked_shadow != nullptr, scene.material.reads_radiance()};
 }
 
-Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& asked) {
-  PlanOptions options = asked;
-  Workload work = options.workload;
-  if (options.object_pixels) work.object_pixels = *options.object_pixels;
-  if (options.milliseconds > 0) options.workload = work;
+Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options) {
   check(options.error >= 0, "an error budget must be at least 0, got ", options.error);
   check(options.milliseconds >= 0, "a time budget must be at least 0 ms, got ",
         options.milliseconds);
   Plan plan;
   plan.methods = options.methods;
-  const std::optional<Choice> choice = chosen(scene, options);
+  Workload work = options.workload;
+  if (options.object_pixels) work.object_pixels = *options.object_pixels;
+  const std::optional<Choice> choice =
+      chosen(scene, options, options.milliseconds > 0 ? work : options.workload);
   if (choice) {
     plan.methods = choice->methods;
     plan.picture_error = choice->error, plan.best_error = choice->best_error;

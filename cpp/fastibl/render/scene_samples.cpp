@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <span>
 #include <utility>
 
 #include "fastibl/core/parallel.h"
@@ -126,8 +127,8 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
     samples.normals.push_back(behind ? -scene.normals[i] : scene.normals[i]);
     samples.origins.push_back(scene.origins[entry]);
     samples.openness.push_back(scene.visibility[i]);
-    kept.edges.insert(kept.edges.end(), all.edges.begin() + all.first[entry],
-                      all.edges.begin() + all.first[entry + 1]);
+    const std::span<const std::uint16_t> edges = all.edges_of(entry);
+    kept.edges.insert(kept.edges.end(), edges.begin(), edges.end());
     kept.first.push_back(std::uint32_t(kept.edges.size()));
   }
 }
