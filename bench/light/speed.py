@@ -16,7 +16,7 @@ from ..goals import Goal, percent, row
 
 SIZE = 256
 FRAMES = 320
-PASSES = 3
+PASSES = 8
 
 
 def cpu_times(calls: list[Callable[[], object]], repetitions: int) -> NDArray[np.float64]:

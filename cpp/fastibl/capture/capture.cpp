@@ -19,7 +19,7 @@ constexpr std::size_t kCameras = 4;    // whose tables are kept
 // makes: what is not seen is a guess, and follows when there is time.
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
-constexpr int kSmallLater = 4;
+constexpr int kSmallLater = 12;
 constexpr double kMeterPause = 0.1;     // seconds between readings of the board's white
 constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
 constexpr double kRimOfLight = 0.25;    // of the radiance of a light: at the rim of one

@@ -37,29 +37,29 @@ FASTIBL_CLONES void place_on_level(const float* __restrict px, const float* __re
 FASTIBL_CLONES void choose_levels(const float* __restrict pixels, const int* __restrict seen,
                                   int lanes, float last, float* __restrict chosen,
                                   float* __restrict range) {
-  const int n = lanes & ~15;
-  float least[16], most[16];
-  for (int k = 0; k < 16; ++k) least[k] = last, most[k] = 0;
-  for (int i = 0; i < n; i += 16)
-    for (int k = 0; k < 16; ++k) {
-      float area = pixels[i + k] * (1 / kPixelsOfFirst), level = 0;
-      for (int step = 1; step < FrameLevels::kMost; ++step) {
-        const float up = area >= 4 ? 1.0f : 0.0f;
-        level += up;
-        area *= up > 0 ? 0.25f : 1.0f;
-      }
-      const float way = (area - kBlendBegin) * (1 / (kBlendEnd - kBlendBegin));
-      level += way > 0 ? (way < 1 ? way : 1.0f) : 0.0f;
-      level = level < last ? level : last;
-      chosen[i + k] = level;
-      least[k] = seen[i + k] && level < least[k] ? level : least[k];
-      most[k] = seen[i + k] && level > most[k] ? level : most[k];
+  const Float16 none = {}, one = none + 1.0f, final = none + last;
+  Float16 least = final, most = none;
+  for (int i = 0; i < lanes; i += 16) {
+    Float16 area = *reinterpret_cast<const Float16*>(pixels + i) * (1 / kPixelsOfFirst);
+    Float16 level = none;
+    for (int step = 1; step < FrameLevels::kMost; ++step) {
+      level += area >= 4.0f ? one : none;
+      area = area >= 4.0f ? area * 0.25f : area;
     }
-  for (int k = 1; k < 16; ++k) {
-    least[0] = least[k] < least[0] ? least[k] : least[0];
-    most[0] = most[k] > most[0] ? most[k] : most[0];
+    const Float16 way = (area - kBlendBegin) * (1 / (kBlendEnd - kBlendBegin));
+    const Float16 risen = way > none ? way : none;
+    level += risen < one ? risen : one;
+    level = level < final ? level : final;
+    *reinterpret_cast<Float16*>(chosen + i) = level;
+    const Int16 shown = *reinterpret_cast<const Int16*>(seen + i) != 0;
+    const Float16 low = shown ? level : final, high = shown ? level : none;
+    least = low < least ? low : least, most = high > most ? high : most;
   }
   range[0] = least[0], range[1] = most[0];
+  for (int k = 1; k < 16; ++k) {
+    range[0] = least[k] < range[0] ? least[k] : range[0];
+    range[1] = most[k] > range[1] ? most[k] : range[1];
+  }
 }
 
 // How much each footprint takes of one level.
@@ -72,13 +72,31 @@ FASTIBL_CLONES void weigh_level(const float* __restrict chosen, const int* __res
   }
 }
 
-FASTIBL_INLINE Float4 bilinear(const float* pixel, std::ptrdiff_t stride, float fx, float fy) {
-  const auto at = [&](std::ptrdiff_t i) -> Float4 {
-    return *reinterpret_cast<const Float4*>(pixel + i);
-  };
-  const Float4 upper = at(0) + fx * (at(4) - at(0));
-  const Float4 lower = at(stride) + fx * (at(stride + 4) - at(stride));
-  return upper + fy * (lower - upper);
+// upper, lower: two pixels side by side.
+FASTIBL_INLINE Float4 bilinear(const Float8& upper, const Float8& lower, float fx, float fy) {
+  const Float8 both = upper + fy * (lower - upper);
+  const Float4 left = __builtin_shufflevector(both, both, 0, 1, 2, 3);
+  const Float4 right = __builtin_shufflevector(both, both, 4, 5, 6, 7);
+  return left + fx * (right - left);
+}
+
+// Where look-ups lie on a level, and how much of each footprint it makes.
+struct LookUps {
+  alignas(64) float fx[kTexelLanes], fy[kTexelLanes], weights[kTexelLanes];
+  alignas(64) int index[kTexelLanes];
+};
+
+// Adds weighted look-ups of rows of pixels `stride` values apart.
+FASTIBL_CLONES void add_look_ups(const float* pixels, std::ptrdiff_t stride, const LookUps& at,
+                                 int count, float* rgba) {
+  for (int i = 0; i < count; ++i) {
+    if (!(at.weights[i] > 0)) continue;
+    const float* pixel = pixels + 4 * std::ptrdiff_t(at.index[i]);
+    Float4& sum = *reinterpret_cast<Float4*>(rgba + 4 * i);
+    sum += at.weights[i] * bilinear(*reinterpret_cast<const Float8*>(pixel),
+                                    *reinterpret_cast<const Float8*>(pixel + stride), at.fx[i],
+                                    at.fy[i]);
+  }
 }
 
 FASTIBL_CLONES bool split_channels(const float* __restrict rgba, int lanes,
@@ -134,15 +152,16 @@ FASTIBL_CLONES void split_clipped(const float (*__restrict share)[kTexelLanes], 
 // Whether a group shows the rim of a lamp.
 FASTIBL_CLONES bool shows_light(const float (*__restrict linear)[kTexelLanes],
                                 const int* __restrict seen, int lanes, float light) {
-  const int n = lanes & ~15;
-  float values[16] = {}, counts[16] = {}, highest[16] = {};
-  for (int i = 0; i < n; i += 16)
-    for (int k = 0; k < 16; ++k) {
-      const float all = linear[0][i + k] + linear[1][i + k] + linear[2][i + k];
-      const float value = seen[i + k] ? all : 0.0f;
-      values[k] += value, counts[k] += seen[i + k] ? 1.0f : 0.0f;
-      highest[k] = value > highest[k] ? value : highest[k];
-    }
+  const Float16 none = {}, one = none + 1.0f;
+  Float16 values = none, counts = none, highest = none;
+  for (int i = 0; i < lanes; i += 16) {
+    const auto at = [&](int c) { return *reinterpret_cast<const Float16*>(linear[c] + i); };
+    const Int16 shown = *reinterpret_cast<const Int16*>(seen + i) != 0;
+    const Float16 all = at(0) + at(1) + at(2);
+    const Float16 value = shown ? all : none;
+    values += value, counts += shown ? one : none;
+    highest = value > highest ? value : highest;
+  }
   float sum = 0, count = 0, most = 0;
   for (int k = 0; k < 16; ++k) {
     sum += values[k], count += counts[k];
@@ -213,46 +232,30 @@ void sample_whole(const FrameLevels& levels, const Sightings& s, int count, Samp
   const int lanes = lanes_of(count);
   alignas(64) float rgba[4 * kTexelLanes];
   std::memset(rgba, 0, 4 * sizeof(float) * std::size_t(lanes));
-  alignas(64) float chosen[kTexelLanes], weights[kTexelLanes], fx[kTexelLanes], fy[kTexelLanes];
-  alignas(64) int index[kTexelLanes];
+  alignas(64) float chosen[kTexelLanes];
+  LookUps at;
   float range[2];
   choose_levels(s.pixels, s.seen, lanes, float(levels.count() - 1), chosen, range);
   const auto each_level = [&](auto&& body) {
     for (int k = int(range[0]); float(k) < range[1] + 1; ++k) {
       const FrameLevels::Level& level = levels.level(k);
       place_on_level(s.x, s.y, 1.0f / float(1 << (k + FrameLevels::kFirst)), level.width,
-                     level.height, lanes, index, fx, fy);
-      weigh_level(chosen, s.seen, lanes, float(k), weights);
+                     level.height, lanes, at.index, at.fx, at.fy);
+      weigh_level(chosen, s.seen, lanes, float(k), at.weights);
       body(k, level);
     }
   };
-  each_level([&](int k, const FrameLevels::Level& level) {
+  each_level([&](int, const FrameLevels::Level& level) {
     const std::ptrdiff_t stride = 4 * (std::ptrdiff_t(level.width) + 1);
-    if (float(k) == range[0] && range[0] == range[1]) {  // most groups
-      for (int i = 0; i < count; ++i)
-        if (s.seen[i]) {
-          const Float4 value =
-              bilinear(&level.pixels[4 * std::size_t(index[i])], stride, fx[i], fy[i]);
-          std::memcpy(&rgba[4 * i], &value, sizeof value);
-        }
-      return;
-    }
-    for (int i = 0; i < count; ++i) {
-      if (!(weights[i] > 0)) continue;
-      Float4 sum;
-      std::memcpy(&sum, &rgba[4 * i], sizeof sum);
-      sum = sum +
-            weights[i] * bilinear(&level.pixels[4 * std::size_t(index[i])], stride, fx[i], fy[i]);
-      std::memcpy(&rgba[4 * i], &sum, sizeof sum);
-    }
+    add_look_ups(level.pixels.data(), stride, at, count, rgba);
   });
   out.any_clipped = split_channels(rgba, lanes, out.linear);
   if (!out.any_clipped) return;
   alignas(64) float share[3][kTexelLanes];
   for (auto& channel : share) std::fill_n(channel, lanes, 0.0f);
   const auto add = [&](int k, const FrameLevels::Level& level) {
-    add_clipped(level.clipped.data(), level.width + 1, rgba, weights, index, fx, fy, lanes,
-                1.0f / float(4 << 2 * k), share);
+    add_clipped(level.clipped.data(), level.width + 1, rgba, at.weights, at.index, at.fx, at.fy,
+                lanes, 1.0f / float(4 << 2 * k), share);
   };
   if (range[0] == range[1] && range[0] == std::floor(range[0]))
     add(int(range[0]), levels.level(int(range[0])));  // places and weights are still those

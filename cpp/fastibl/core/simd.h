@@ -21,6 +21,7 @@ namespace fastibl {
 using Float4 [[gnu::vector_size(16), gnu::aligned(4)]] = float;
 using Float8 [[gnu::vector_size(32), gnu::aligned(4)]] = float;
 using Float16 [[gnu::vector_size(64), gnu::aligned(4)]] = float;
+using Int16 [[gnu::vector_size(64), gnu::aligned(4)]] = int;
 }  // namespace fastibl
 #else
 #error "fastibl needs the vector types of GCC or Clang"
