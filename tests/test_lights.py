@@ -171,6 +171,29 @@ def test_a_light_fades_in():
     assert (steps > 0).all() and steps.max() < 1.5 * np.median(steps)
 
 
+def test_lights_that_come_to_be_asked_for_fade_in_and_out():
+    """A session's plan may take lights out of the map from one frame to the next: their highlights must not pop."""
+    n, v = np.array([[0, 0, 1.0]]), np.array([[0, 0, 1.0]])
+    level = 40.0
+    none, all_ = fastibl.Method("stretched", lights=0), fastibl.Method("stretched")
+    previous, values = None, []
+    for k in range(90):
+        cube = discs([((0.1, 0, 1), level * (1 + 1e-6 * k))])  # another map each time
+        method = all_ if 20 <= k < 55 else none
+        previous = fastibl.Lighting(cube, glossy=method, previous=previous)
+        values.append(previous.glossy(n, v, 400.0)[0, 0])
+    values = np.array(values)
+    whole = abs(values[50] - values[10])
+    steps = np.abs(np.diff(values))
+    print(f"without {values[10]:.4f}, with {values[50]:.4f}; largest step {steps.max() / whole:.3f} of the difference")
+    assert whole > 0.02 * values[10]  # there is something to fade
+    assert steps.max() < 0.06 * whole
+    assert abs(values[89] - values[10]) < 1e-4 * values[10]
+    # The same map again is no film, and gives at once what was asked for.
+    again = fastibl.Lighting(cube, glossy=all_, previous=previous)
+    np.testing.assert_allclose(again.glossy(n, v, 400.0), fastibl.Lighting(cube, glossy=all_).glossy(n, v, 400.0))
+
+
 def test_the_same_map_gives_the_same_lights(real_maps):
     cube = real_maps["adams_place_bridge"]
     first, second = fastibl.Lighting(cube), fastibl.Lighting(cube)

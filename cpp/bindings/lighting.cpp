@@ -44,7 +44,7 @@ std::shared_ptr<const CubeMap> shared_cube(const py::object& object) {
 }
 
 bool own_lights(const Lighting& lighting) {
-  return lighting.chain && lighting.chain->most_lights > 0;
+  return lighting.chain && (lighting.chain->most_lights > 0 || !lighting.chain->lights.empty());
 }
 
 std::vector<FoundLight> lights_of(const Lighting& lighting, const CubeLevel& source) {

@@ -3,9 +3,12 @@
 #include <doctest/doctest.h>
 
 #include <limits>
+#include <memory>
 #include <numbers>
+#include <vector>
 
 #include "fastibl/core/pose.h"
+#include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/scene/response.h"
 
 using namespace fastibl;
@@ -26,4 +29,55 @@ TEST_CASE("decoding what is no number gives 0") {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   CHECK(Response::srgb().decode(nan) == 0);
   CHECK(Response::gamma(2.2).decode(nan) == 0);
+}
+
+TEST_CASE("light that is followed does not jump where the method of its irradiance changes") {
+  constexpr int n = 32;
+  const auto map = [&](float grey) {  // with a lamp that nine coefficients are wrong about
+    std::vector<glm::vec3> texels(6 * n * n, glm::vec3(grey));
+    for (int k = 0; k < 4; ++k) texels[std::size_t(n / 2 * n + n / 2 + k)] = glm::vec3(300);
+    return std::make_shared<const CubeMap>(n, texels);
+  };
+  const std::vector<glm::vec3> normals = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-0.6f, 0, 0.8f}};
+  const auto light_at = [&](const Lighting& lighting) {
+    std::vector<glm::vec3> light(normals.size());
+    evaluate(lighting.irradiance, normals, light);
+    return light;
+  };
+  LightingOptions options;
+  options.follows = true, options.chain = false;
+  const auto by = [&](DiffuseMethod method, int size) {
+    options.diffuse = method, options.diffuse_settings.size = size;
+  };
+  by(DiffuseMethod::sh9, 16);
+  Lighting last = fit_lighting(map(0.5f), options);
+  const std::vector<glm::vec3> sh9 = light_at(last);
+  float jump = 0, whole = 0;
+  const auto follow = [&](int maps) {
+    for (int k = 0; k < maps; ++k) {
+      const std::vector<glm::vec3> before = light_at(last);
+      last = fit_lighting(map(0.5f + 1e-7f * float(k % 2 + 1)), options, &last);
+      const std::vector<glm::vec3> now = light_at(last);
+      for (std::size_t i = 0; i < now.size(); ++i)
+        jump = std::max(jump, std::abs(now[i].x - before[i].x) / before[i].x);
+    }
+  };
+  by(DiffuseMethod::irradiance_cube, 16);
+  const std::vector<glm::vec3> cube = light_at(fit_lighting(map(0.5f), options));
+  for (std::size_t i = 0; i < cube.size(); ++i)
+    whole = std::max(whole, std::abs(cube[i].x - sh9[i].x) / cube[i].x);
+  CHECK(whole > 0.02f);
+  follow(20);
+  CHECK(last.irradiance.fading);
+  by(DiffuseMethod::irradiance_cube, 8);  // while it still fades
+  follow(20);
+  by(DiffuseMethod::sh9, 16);
+  follow(20);
+  MESSAGE("the methods differ by ", whole, ", the largest step is ", jump);
+  CHECK(jump < 0.005f);
+  by(DiffuseMethod::irradiance_cube, 16);
+  follow(2000);
+  CHECK(!last.irradiance.fading);
+  for (std::size_t i = 0; i < cube.size(); ++i)
+    CHECK(std::abs(light_at(last)[i].x / cube[i].x - 1) < 1e-4f);
 }

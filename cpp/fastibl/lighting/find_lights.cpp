@@ -16,7 +16,7 @@ constexpr float kInner = 5 * kPi / 180, kOuter = 7.5f * kPi / 180;  // a disc fa
 constexpr double kLeastShare = 0.0025;
 // By how much the share that a light holds of its disc may change from one map to the next: lights
 // are shaded sharper than the map, and would pop.
-constexpr float kFade = 0.1f;
+constexpr float kFade = 0.04f;
 constexpr int kCandidates = 64;
 constexpr int kFinest = 256;  // face size of the level that refines directions
 
@@ -211,27 +211,29 @@ FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vecto
 }  // namespace
 
 std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, int count,
-                                    std::span<const Light> previous) {
+                                    const std::optional<std::vector<Light>>& previous) {
   check(count >= 0 && count <= kMaxLights, "lights must be from 0 to ", kMaxLights, ", got ",
         count);
   std::vector<FoundLight> found;
-  if (count == 0) return found;
+  const std::span<const Light> before = previous ? *previous : std::span<const Light>();
+  if (count == 0 && before.empty()) return found;
   Scene scene = bright_texels(level);
   std::vector<Bright>& texels = scene.texels;
   if (texels.empty()) return found;
   const double least = kLeastShare * scene.total;
   std::vector<Taken> taken;
-  for (const Light& light : previous) {
-    if (int(taken.size()) == count) break;
+  for (const Light& light : before) {
     Taken again = take(texels, followed(texels, light.window));
     again.before = light.strength;
+    again.leaves = int(taken.size()) >= count;
     if (again.flux > least || (again.flux > 0 && light.strength > kFade))
       taken.push_back(std::move(again));
     else
       give_back(texels, again);
   }
   double next = 0;  // flux of the largest light that there is no room for
-  for (int round = 0; round < 2 * kMaxLights; ++round) {
+  const bool full = int(taken.size()) > count;  // until those that are too many have faded
+  for (int round = 0; !full && round < 2 * kMaxLights; ++round) {
     Taken more = take(texels, brightest(texels));
     if (!(more.flux > least)) break;
     if (int(taken.size()) == count) {
@@ -255,9 +257,9 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
     float strength = smooth(float(t.flux / least - 1));
     if (next > 0) strength *= smooth(float((t.flux / next - 1) / 0.25));
     if (t.leaves) strength = 0;
-    if (!previous.empty()) {
-      const float before = std::max(t.before, 0.0f);
-      strength = std::clamp(strength, before - kFade, before + kFade);
+    if (previous) {
+      const float last = std::max(t.before, 0.0f);
+      strength = std::clamp(strength, last - kFade, last + kFade);
     }
     if (strength > 0) found.push_back(finished(map, level, texels, t, strength));
   }

@@ -9,6 +9,9 @@
 namespace fastibl {
 namespace {
 
+// What a change of the method leaves is taken away by this share of the light from map to map.
+constexpr double kMostFade = 0.0004;
+constexpr int kFadeSize = 24;  // texels of the cube that it is part of
 constexpr int kErrorSize = 6;  // texels between those of the cubes that are usual
 
 std::array<glm::vec3, 9> irradiance_polynomial(const std::array<glm::dvec3, 9>& sh) {
@@ -51,6 +54,7 @@ CubeLevel for_interpolation(const CubeLevel& exact) {
 // A map that follows another keeps its method.
 DiffuseMethod chosen(const DiffuseChoice& choice, const Irradiance* previous) {
   if (choice.method != DiffuseMethod::automatic) return choice.method;
+  if (previous && previous->fading) return previous->fading->method;
   if (previous && (previous->method == DiffuseMethod::irradiance_cube ||
                    previous->method == DiffuseMethod::sh9_lobes))
     return previous->method;
@@ -59,10 +63,8 @@ DiffuseMethod chosen(const DiffuseChoice& choice, const Irradiance* previous) {
   return few || choice.follows ? DiffuseMethod::irradiance_cube : DiffuseMethod::sh9_lobes;
 }
 
-}  // namespace
-
-Irradiance fit_irradiance(const CubeMap& radiance, const FoldedMap& map,
-                          const DiffuseChoice& choice, const Irradiance* previous) {
+Irradiance fit(const CubeMap& radiance, const FoldedMap& map, const DiffuseChoice& choice,
+               const Irradiance* previous) {
   Irradiance result;
   const DiffuseMethod method = chosen(choice, previous);
   const DiffuseSettings& settings = choice.settings;
@@ -103,6 +105,78 @@ Irradiance fit_irradiance(const CubeMap& radiance, const FoldedMap& map,
     result.faces[std::size_t(f)] = glm::vec3(sum / (double(base.size()) * base.size()));
   }
   return result;
+}
+
+bool is_smooth(DiffuseMethod method) {
+  return method == DiffuseMethod::sh9 || method == DiffuseMethod::sh9_lobes ||
+         method == DiffuseMethod::irradiance_cube;
+}
+
+std::vector<glm::vec3> at_texels(const Irradiance& irradiance, int size) {
+  std::vector<glm::vec3> values;
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < size; ++y)
+      for (int x = 0; x < size; ++x)
+        values.push_back(glm::normalize(texel_direction(f, x, y, size)));
+  evaluate(irradiance, values, values);
+  return values;
+}
+
+double mean_of_magnitudes(const std::vector<glm::vec3>& values) {
+  double sum = 0;
+  for (const glm::vec3& v : values)
+    sum += std::abs(double(v.x)) + std::abs(double(v.y)) + std::abs(double(v.z));
+  return sum / 3 / double(values.size());
+}
+
+// `target` after `previous`, which was by another method or is still fading: with what is left of
+// the difference.
+Irradiance faded(const CubeMap& radiance, const FoldedMap& map, Irradiance target,
+                 const Irradiance& previous) {
+  const FadingIrradiance* last = previous.fading.get();
+  FadingIrradiance fading{last ? last->method : previous.method,
+                          last ? last->settings : previous.settings,
+                          last ? last->rest : std::vector<glm::vec3>{}, last ? last->weight : 0};
+  const bool changes =
+      fading.method != target.method || (target.method == DiffuseMethod::irradiance_cube &&
+                                         fading.settings != target.settings);
+  if (!last && !changes) return target;
+  std::vector<glm::vec3> light = at_texels(target, kFadeSize);
+  if (changes) {
+    const std::vector<glm::vec3> before =
+        at_texels(fit(radiance, map, {fading.method, fading.settings}, nullptr), kFadeSize);
+    fading.rest.resize(light.size(), glm::vec3(0));
+    for (std::size_t i = 0; i < light.size(); ++i)
+      fading.rest[i] = before[i] + fading.weight * fading.rest[i] - light[i];
+    fading.method = target.method, fading.settings = target.settings, fading.weight = 1;
+  }
+  const double rest = mean_of_magnitudes(fading.rest);
+  fading.weight -=
+      float(std::min(1.0, kMostFade * mean_of_magnitudes(light) / std::max(rest, 1e-30)));
+  if (!(fading.weight > 0)) return target;
+  CubeLevel cube(kFadeSize);
+  std::size_t i = 0;
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < kFadeSize; ++y)
+      for (int x = 0; x < kFadeSize; ++x, ++i)
+        cube.texel(f, x, y) = glm::max(light[i] + fading.weight * fading.rest[i], glm::vec3(0));
+  cube.update_border();
+  Irradiance result;
+  result.method = DiffuseMethod::irradiance_cube;
+  result.settings.size = kFadeSize, result.settings.source = kSumSize;
+  result.cube = std::make_shared<const CubeLevel>(for_interpolation(cube));
+  result.fading = std::make_shared<const FadingIrradiance>(std::move(fading));
+  return result;
+}
+
+}  // namespace
+
+Irradiance fit_irradiance(const CubeMap& radiance, const FoldedMap& map,
+                          const DiffuseChoice& choice, const Irradiance* previous) {
+  Irradiance target = fit(radiance, map, choice, previous);
+  const bool may_fade =
+      choice.follows && previous && is_smooth(previous->method) && is_smooth(target.method);
+  return may_fade ? faded(radiance, map, std::move(target), *previous) : target;
 }
 
 double measure_error(const Irradiance& irradiance, const FoldedMap& map) {

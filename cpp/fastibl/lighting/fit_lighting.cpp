@@ -51,11 +51,13 @@ void make_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pr
     return;
   }
   const CubeLevel source = working_level(*lighting.radiance);
-  const std::span<const Light> followed = previous ? previous->lights : std::span<const Light>();
+  // Of the same map nothing fades: no map may come that would end it.
+  std::optional<std::vector<Light>> followed;
+  if (previous && previous->map != lighting.radiance) followed = previous->lights;
   const std::vector<FoundLight> lights = find_lights(*lighting.radiance, source, most, followed);
   std::shared_ptr<GlossyChain> chain = fit_glossy_chain(lighting.radiance, source, lights);
   chain->most_lights = most;
-  chain->followed.assign(followed.begin(), followed.end());
+  chain->followed = std::move(followed);
   lighting.chain = std::move(chain);
 }
 

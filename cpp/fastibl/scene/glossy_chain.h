@@ -3,6 +3,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
@@ -38,7 +39,8 @@ struct GlossyChain {
   // Lights that were taken out of levels, wholly or in part: they are to be shaded by themselves.
   std::vector<Light> lights;
   int most_lights = 0;          // that were asked for
-  std::vector<Light> followed;  // of an earlier frame, which the search started from
+  // Of an earlier frame's map, which the search started from; nothing: it started anew.
+  std::optional<std::vector<Light>> followed;
   bool exact = false;           // convolved with the lobes themselves, by `prefiltered`
   // Where each light's own width lies among the levels.
   std::vector<float> light_levels;

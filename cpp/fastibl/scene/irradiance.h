@@ -23,15 +23,25 @@ struct Lobes {
 };
 
 // Irradiance E(n) = ∫ L(w) max(n·w, 0) dw in the form that a method left it.
+// Where the method changed from one map to the next, so that the light does not jump: what the old
+// method gives more than the new one, part of which is still in Irradiance::cube.
+struct FadingIrradiance {
+  DiffuseMethod method;  // the new one
+  DiffuseSettings settings;
+  std::vector<glm::vec3> rest;  // by texel of the cube
+  float weight;                 // of the rest, below 1
+};
+
 struct Irradiance {
   DiffuseMethod method = DiffuseMethod::sh9;  // never `automatic`
   DiffuseSettings settings;
   std::array<glm::vec3, 6> faces{};  // mean radiance of each face; of the methods by faces
   // sh9, sh9-lobes: radiance times the cosine's coefficients times the basis constants, so that
   // E = c0 + c1 y + c2 z + c3 x + c4 xy + c5 yz + c6 (3z² − 1) + c7 xz + c8 (x² − y²).
-  std::array<glm::vec3, 9> polynomial{};  // sh9-lobes: less the lobes' own part
-  Lobes lobes;                            // sh9-lobes
-  std::shared_ptr<const CubeLevel> cube;  // irradiance-cube: E at the texels' directions
+  std::array<glm::vec3, 9> polynomial{};           // sh9-lobes: less the lobes' own part
+  Lobes lobes;                                     // sh9-lobes
+  std::shared_ptr<const CubeLevel> cube;           // irradiance-cube: E at the texels' directions
+  std::shared_ptr<const FadingIrradiance> fading;  // of an irradiance-cube, or null
 };
 glm::vec3 evaluate(const Irradiance& irradiance, glm::vec3 unit_normal);  // never negative
 // The same of many, vectorised; equal to one by one within rounding.
