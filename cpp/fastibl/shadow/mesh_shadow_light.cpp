@@ -21,7 +21,14 @@ constexpr float kSuddenly = 0.25f;  // share of the light that moved: new direct
 // up to 0.04 in a ratio, and so the fade by less than the light itself.
 constexpr float kPace = 4;
 constexpr float kUnfaded = 0.85f;  // of the outer map
-constexpr double kShifted = 0.25;  // texels: a shadow that fell so far away may stay
+// Texels: a shadow that fell so far away may stay. Each direction has its own limit, up to this, so
+// that those of one lamp are not all drawn anew in the same frame.
+constexpr float kShifted = 0.25f;
+
+float most_shift(std::size_t direction) {
+  const double part = 0.618033988749895 * double(direction);  // golden ratio: evenly spread
+  return kShifted * (0.25f + 0.75f * float(part - std::floor(part)));
+}
 
 // From blocks, as SparseCover has them, to rows of pixels.
 Image<float> unblocked(std::span<const float> lost, int size) {
@@ -133,10 +140,10 @@ std::vector<int> MeshShadowLight::stale_directions(const Set& set, const MeshSha
   std::vector<int> stale;
   const bool fine = fine_map_.extent > 0;
   const float top = shadow.triangles().box().upper.z, reach = shadow.inner().extent;
-  const auto most = float(kShifted * (fine ? fine_map_ : shadow.inner()).texel());
+  const auto texel = float((fine ? fine_map_ : shadow.inner()).texel());
   for (std::size_t k = 0; k < count; ++k) {
-    if (k >= set.drawn_from.size() ||
-        !(shift_between(set.drawn_from[k], projection(set, k), top, reach) <= most))
+    if (k >= set.drawn_from.size() || !(shift_between(set.drawn_from[k], projection(set, k), top,
+                                                      reach) <= most_shift(k) * texel))
       stale.push_back(int(k));
   }
   return stale;
