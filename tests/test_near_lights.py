@@ -106,6 +106,21 @@ def test_distant_lights_have_no_position():
         capture.add(codes, CAMERA, pose, exposure=exposure, time=k / 15)
     (light,) = fastibl.main_lights(capture.environment())
     assert light.position is None or np.linalg.norm(light.position) > 8
+    # Seen from 0.8 m of places, it is far: so the place is, as far as is known.
+    assert 0 <= capture.environment().knowledge["parallax_doubt"] < 0.01
+
+
+def test_the_interval_allows_for_near_things_until_they_are_known():
+    """No lamp is to be seen: nothing says whether the walls are near."""
+    film(unsure := fastibl.Capture(size=64, centre=CENTRE), 12, lamp=lambda k: False)
+    film(told := fastibl.Capture(size=64, centre=CENTRE, box=(LOWER, UPPER)), 12, lamp=lambda k: False)
+    a, b = unsure.environment(), told.environment()
+    print(a.knowledge, a.predicted_interval, b.predicted_interval)
+    assert a.knowledge["parallax_doubt"] > 0.01 and b.knowledge["parallax_doubt"] == 0
+    assert a.predicted_interval[1] > a.predicted_error + 0.5 * a.knowledge["parallax_doubt"]
+    film(found := fastibl.Capture(size=64, centre=CENTRE))  # the lamp is, and is near
+    knowledge = found.environment().knowledge
+    assert knowledge["parallax_doubt"] == 0 and knowledge["parallax"] > 0
 
 
 def test_a_box_puts_walls_where_they_are():

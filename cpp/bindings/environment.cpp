@@ -169,6 +169,7 @@ not finite, or a box that does not hold it.)")
             out["unseen_flux"] = e.knowledge.unseen_flux;
             out["bound_flux"] = e.knowledge.bound_flux;
             out["parallax"] = e.knowledge.parallax;
+            out["parallax_doubt"] = e.knowledge.parallax_doubt;
             out["prior_flux"] = e.knowledge.prior_flux;
             out["boosted_flux"] = e.knowledge.boosted_flux;
             return out;
@@ -178,7 +179,9 @@ not finite, or a box that does not hold it.)")
           "the light in what was never seen, of which prior_flux is taken from a map from before, "
           "bound_flux of the light known as a lower bound only, boosted_flux of it that clipped "
           "and "
-          "was put back (see Capture's most_boost), parallax put wrong because things are near.")
+          "was put back (see Capture's most_boost), parallax put wrong because things are near, "
+          "parallax_doubt likewise before any light is "
+          "known to be near.")
       .def("__repr__", [](const Environment& e) {
         return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
                std::to_string(e.coverage) + ">";

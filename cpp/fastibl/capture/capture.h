@@ -168,6 +168,7 @@ class Capture {
     return (tile_angle_[tile] - sums_[tile].angle) * (fill.x + fill.y + fill.z);
   }
   double parallax() const;
+  double parallax_doubt() const;
   void find_hidden(const KnownCamera& camera, const RowPoses& camera_from_marker);
   void forget_light(const LightPosition& light, const std::vector<int>& moved);
   bool forget_bright(int tile);

@@ -106,6 +106,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
                         flux > 0 ? fills / flux : 1,
                         up_flux > 0 ? bound_flux / up_flux : 0,
                         parallax(),
+                        parallax_doubt(),
                         flux > 0 ? from_prior / flux : 0,
                         up_flux > 0 ? boosted / up_flux : 0,
                         options_.most_boost > 1 && plane_irradiance_};

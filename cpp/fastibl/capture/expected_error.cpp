@@ -12,6 +12,8 @@ constexpr double kBound = 0.5;    // of what is only a bound
 // reading does not tell where it comes from. Fitted to films with one exposure of the four places;
 // see ./dev goals capture --only boost.
 constexpr double kWeighed = 0.2, kBoosted = 0.25;
+// Of what things that are near would put wrong: in the upper end alone, before any is known to be.
+constexpr double kDoubts = 0.8;
 constexpr double kLeastOfBounds = 0.2, kMostOfBounds = 2.5;  // ends of the interval, of that
 
 }  // namespace
@@ -27,11 +29,13 @@ ErrorInterval expected_error(const MapKnowledge& known) {
                bounds = known.weighed ? kWeighed * known.bound_flux + kBoosted * boosted
                                       : kBound * known.bound_flux;
   const double open = sure + known.parallax, expected = open + bounds;
+  const double doubt = kDoubts * known.parallax_doubt;
   // Of its logarithm: the less is left unseen, the more it matters what that is.
   const double below = 1 - 0.35 * sky, above = 1 - 0.7 * sky;
-  if (!known.weighed) return {expected, sure * std::exp(-below), expected * std::exp(above)};
+  if (!known.weighed)
+    return {expected, sure * std::exp(-below), expected * std::exp(above) + doubt};
   return {expected, sure * std::exp(-below) + kLeastOfBounds * bounds,
-          open * std::exp(above) + kMostOfBounds * bounds};
+          open * std::exp(above) + kMostOfBounds * bounds + doubt};
 }
 
 }  // namespace fastibl

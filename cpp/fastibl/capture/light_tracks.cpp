@@ -160,6 +160,16 @@ std::vector<LightPosition> LightTracks::positions() const {
   return out;
 }
 
+// Each counts by how well it is known: what was seen once says no more than what was likely before.
+double LightTracks::likely_nearness() const {
+  double sum = kLikely, weight = 1;
+  for (const Track& track : tracks_) {
+    const double own = kSpread * kSpread / track.covariance[2][2];
+    sum += own * track.inverse_distance, weight += own;
+  }
+  return sum / weight;
+}
+
 std::vector<LightTracks::Sight> LightTracks::sights(const LightPosition& light) const {
   for (const Track& track : tracks_)
     if (track.matched && track.v == light.direction) return track.sightings;

@@ -58,6 +58,13 @@ double Capture::parallax() const {
   return kParallax * gap / double(surroundings_.lights().size()) * far_ / looks_;
 }
 
+// Before any light is known to be near.
+double Capture::parallax_doubt() const {
+  if (looks_ == 0 || !surroundings_.lights().empty() || options_.box) return 0;
+  const double gap = std::abs(tracks_.likely_nearness() - 1 / options_.distance);
+  return kParallax * gap * far_ / looks_;
+}
+
 // A light that is near hides what is far behind it, which is shown by other tiles than its own.
 void Capture::find_hidden(const KnownCamera& known, const RowPoses& camera_from_marker) {
   hidden_.clear();
