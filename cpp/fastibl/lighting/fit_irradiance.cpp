@@ -11,6 +11,9 @@ namespace {
 
 // What a change of the method leaves is taken away by this share of the light from map to map.
 constexpr double kMostFade = 0.0004;
+// It begins with no more than this share: a method that is left because it is wrong by more, under
+// light that became another, is not to stay so.
+constexpr double kMostRest = 0.025;
 constexpr int kFadeSize = 24;  // texels of the cube that it is part of
 constexpr int kErrorSize = 6;  // texels between those of the cubes that are usual
 
@@ -138,8 +141,8 @@ Irradiance faded(const CubeMap& radiance, const FoldedMap& map, Irradiance targe
                           last ? last->settings : previous.settings,
                           last ? last->rest : std::vector<glm::vec3>{}, last ? last->weight : 0};
   const bool changes =
-      fading.method != target.method || (target.method == DiffuseMethod::irradiance_cube &&
-                                         fading.settings != target.settings);
+      fading.method != target.method ||
+      (target.method == DiffuseMethod::irradiance_cube && fading.settings != target.settings);
   if (!last && !changes) return target;
   std::vector<glm::vec3> light = at_texels(target, kFadeSize);
   if (changes) {
@@ -150,9 +153,9 @@ Irradiance faded(const CubeMap& radiance, const FoldedMap& map, Irradiance targe
       fading.rest[i] = before[i] + fading.weight * fading.rest[i] - light[i];
     fading.method = target.method, fading.settings = target.settings, fading.weight = 1;
   }
-  const double rest = mean_of_magnitudes(fading.rest);
-  fading.weight -=
-      float(std::min(1.0, kMostFade * mean_of_magnitudes(light) / std::max(rest, 1e-30)));
+  // The light by the rest.
+  const double ratio = mean_of_magnitudes(light) / std::max(mean_of_magnitudes(fading.rest), 1e-30);
+  fading.weight = float(std::min(double(fading.weight), kMostRest * ratio) - kMostFade * ratio);
   if (!(fading.weight > 0)) return target;
   CubeLevel cube(kFadeSize);
   std::size_t i = 0;
