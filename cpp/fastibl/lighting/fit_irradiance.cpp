@@ -49,6 +49,11 @@ CubeLevel for_interpolation(const CubeLevel& exact) {
   return result;
 }
 
+// That it has, or is becoming.
+DiffuseMethod method_of(const Irradiance& irradiance) {
+  return irradiance.fading ? irradiance.fading->method : irradiance.method;
+}
+
 // Which method costs least for what it leaves wrong. On one core (Zen 4): lobes take 0.2 to 0.4 ms
 // to find anew and 1 to 1.3 ns a normal, and leave 0.4 %; a cube takes 0.2 ms to sum and 4 ns a
 // normal, and leaves 0.1 %. So the cube is for few normals; for many, lobes, and none of them where
@@ -57,10 +62,9 @@ CubeLevel for_interpolation(const CubeLevel& exact) {
 // A map that follows another keeps its method.
 DiffuseMethod chosen(const DiffuseChoice& choice, const Irradiance* previous) {
   if (choice.method != DiffuseMethod::automatic) return choice.method;
-  if (previous && previous->fading) return previous->fading->method;
-  if (previous && (previous->method == DiffuseMethod::irradiance_cube ||
-                   previous->method == DiffuseMethod::sh9_lobes))
-    return previous->method;
+  if (previous && (method_of(*previous) == DiffuseMethod::irradiance_cube ||
+                   method_of(*previous) == DiffuseMethod::sh9_lobes))
+    return method_of(*previous);
   constexpr int kFewNormals = 50000;  // where 4 ns each cost as much as lobes do to find
   const bool few = choice.evaluations > 0 && choice.evaluations <= kFewNormals;
   return few || choice.follows ? DiffuseMethod::irradiance_cube : DiffuseMethod::sh9_lobes;
@@ -82,7 +86,7 @@ Irradiance fit(const CubeMap& radiance, const FoldedMap& map, const DiffuseChoic
     result.polynomial = irradiance_polynomial(project_sh9(map));
     LobesOptions options;
     options.count = settings.lobes;
-    if (previous && previous->method == method) options.previous = &previous->lobes;
+    if (previous && method_of(*previous) == method) options.previous = &previous->lobes;
     result.lobes = fit_lobes(map, result.polynomial, options);
     const std::array<glm::vec3, 9> part = lobe_polynomial(result.lobes);
     for (std::size_t i = 0; i < 9; ++i) result.polynomial[i] -= part[i];
@@ -137,8 +141,7 @@ double mean_of_magnitudes(const std::vector<glm::vec3>& values) {
 Irradiance faded(const CubeMap& radiance, const FoldedMap& map, Irradiance target,
                  const Irradiance& previous) {
   const FadingIrradiance* last = previous.fading.get();
-  FadingIrradiance fading{last ? last->method : previous.method,
-                          last ? last->settings : previous.settings,
+  FadingIrradiance fading{method_of(previous), last ? last->settings : previous.settings,
                           last ? last->rest : std::vector<glm::vec3>{}, last ? last->weight : 0};
   const bool changes =
       fading.method != target.method ||
@@ -168,6 +171,7 @@ Irradiance faded(const CubeMap& radiance, const FoldedMap& map, Irradiance targe
   result.method = DiffuseMethod::irradiance_cube;
   result.settings.size = kFadeSize, result.settings.source = kSumSize;
   result.cube = std::make_shared<const CubeLevel>(for_interpolation(cube));
+  result.lobes = target.lobes;  // which those of the next map start from
   result.fading = std::make_shared<const FadingIrradiance>(std::move(fading));
   return result;
 }
