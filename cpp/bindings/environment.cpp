@@ -179,7 +179,8 @@ not finite, or a box that does not hold it.)")
           "the light in what was never seen, of which prior_flux is taken from a map from before, "
           "bound_flux of the light known as a lower bound only, boosted_flux of it that clipped "
           "and "
-          "was put back (see Capture's most_boost), parallax put wrong because things are near, "
+          "was put back (see Capture's most_boost), parallax put wrong because things are near, as "
+          "far as their lights tell, "
           "parallax_doubt likewise before any light is "
           "known to be near.")
       .def("__repr__", [](const Environment& e) {

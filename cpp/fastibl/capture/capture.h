@@ -167,8 +167,10 @@ class Capture {
     const glm::dvec3 fill(filled_[tile]);
     return (tile_angle_[tile] - sums_[tile].angle) * (fill.x + fill.y + fill.z);
   }
-  double parallax() const;
-  double parallax_doubt() const;
+  struct Parallax {
+    double expected = 0, doubt = 0;  // of the irradiance
+  };
+  Parallax parallax() const;
   void find_hidden(const KnownCamera& camera, const RowPoses& camera_from_marker);
   void forget_light(const LightPosition& light, const std::vector<int>& moved);
   bool forget_bright(int tile);

@@ -102,11 +102,12 @@ void Capture::update_snapshot(Environment& snapshot) const {
   snapshot.light_positions = tracks_.positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);
   snapshot.clipped = seen > 0 ? bound / seen : 0;
+  const Parallax near = parallax();
   snapshot.knowledge = {1 - up_seen / up,
                         flux > 0 ? fills / flux : 1,
                         up_flux > 0 ? bound_flux / up_flux : 0,
-                        parallax(),
-                        parallax_doubt(),
+                        near.expected,
+                        near.doubt,
                         flux > 0 ? from_prior / flux : 0,
                         up_flux > 0 ? boosted / up_flux : 0,
                         options_.most_boost > 1 && plane_irradiance_};

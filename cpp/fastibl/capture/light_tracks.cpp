@@ -161,13 +161,13 @@ std::vector<LightPosition> LightTracks::positions() const {
 }
 
 // Each counts by how well it is known: what was seen once says no more than what was likely before.
-double LightTracks::likely_nearness() const {
+LightTracks::Nearness LightTracks::nearness() const {
   double sum = kLikely, weight = 1;
   for (const Track& track : tracks_) {
     const double own = kSpread * kSpread / track.covariance[2][2];
     sum += own * track.inverse_distance, weight += own;
   }
-  return sum / weight;
+  return {sum / weight, 1 - 1 / weight};
 }
 
 std::vector<LightTracks::Sight> LightTracks::sights(const LightPosition& light) const {

@@ -29,8 +29,12 @@ class LightTracks {
 
   // Those whose distance is known to a fifth or better.
   std::vector<LightPosition> positions() const;
-  // 1 / m: how near the lights are likely to be, of those whose places are not known, too.
-  double likely_nearness() const;
+  // 1 / m: how near the lights are likely to be, of those whose places are not known, too; and how
+  // much of that is seen, 0 where it is only what was likely before, 1 where it is certain.
+  struct Nearness {
+    double likely, seen;
+  };
+  Nearness nearness() const;
   // Lines of sight along which a light was seen, of those that the last picture shows.
   struct Sight {
     glm::dvec3 eye, direction;

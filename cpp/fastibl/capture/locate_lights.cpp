@@ -50,19 +50,21 @@ void Capture::locate_lights(const Picture& picture, KnownCamera& known,
   for (const LightPosition& light : lights) forget_light(light, moved);
 }
 
-// Lights are seldom alone in being near: what surrounds them is, too.
-double Capture::parallax() const {
-  if (surroundings_.lights().empty() || looks_ == 0) return 0;
-  double gap = 0;  // 1 / m
-  for (const LightPosition& light : surroundings_.lights()) gap += surroundings_.gap(light);
-  return kParallax * gap / double(surroundings_.lights().size()) * far_ / looks_;
-}
-
-// Before any light is known to be near.
-double Capture::parallax_doubt() const {
-  if (looks_ == 0 || !surroundings_.lights().empty() || options_.box) return 0;
-  const double gap = std::abs(tracks_.likely_nearness() - 1 / options_.distance);
-  return kParallax * gap * far_ / looks_;
+// Lights are seldom alone in being near: what surrounds them is, too. Before the place of any is
+// known, what was seen of them tells a part, and the rest is doubt.
+Capture::Parallax Capture::parallax() const {
+  if (looks_ == 0) return {};
+  const double by_gap = kParallax * far_ / looks_;  // gap: 1 / m
+  const std::vector<LightPosition>& lights = surroundings_.lights();
+  if (lights.empty()) {
+    if (options_.box) return {};
+    const LightTracks::Nearness near = tracks_.nearness();
+    const double all = by_gap * std::abs(near.likely - 1 / options_.distance);
+    return {near.seen * all, (1 - near.seen) * all};
+  }
+  double gap = 0;
+  for (const LightPosition& light : lights) gap += surroundings_.gap(light);
+  return {by_gap * gap / double(lights.size()), 0};
 }
 
 // A light that is near hides what is far behind it, which is shown by other tiles than its own.

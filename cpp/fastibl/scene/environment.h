@@ -69,7 +69,7 @@ struct MapKnowledge {
   double bound_flux = 0;   // share of the light above the horizon that is only a lower bound
   // Estimated share of the irradiance that is put wrong because things are near, and taken for far.
   double parallax = 0;
-  double parallax_doubt = 0;  // the same before any light is known to be near: it may be so
+  double parallax_doubt = 0;  // may be put wrong as well: of how near things are little was seen
   double prior_flux = 0;      // share of the light that a map from before stands for
   double boosted_flux = 0;    // share of the light above the horizon that clipped, and was put back
   bool weighed = false;       // what is a bound was compared with the light that the plane shows
