@@ -107,7 +107,8 @@ def test_distant_lights_have_no_position():
     (light,) = fastibl.main_lights(capture.environment())
     assert light.position is None or np.linalg.norm(light.position) > 8
     # Seen from 0.8 m of places, it is far: so the place is, as far as is known.
-    assert 0 <= capture.environment().knowledge["parallax_doubt"] < 0.01
+    knowledge = capture.environment().knowledge
+    assert 0 <= knowledge["parallax_doubt"] < 0.01 and 0 <= knowledge["parallax"] < 0.01
 
 
 def test_the_interval_allows_for_near_things_until_they_are_known():

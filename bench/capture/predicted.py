@@ -8,11 +8,10 @@ from functools import cache
 import numpy as np
 
 import fastibl
-from fastibl.comparison import irradiance_error
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
-from .recordings import FRESH, ROOM, Moment, moments
+from .recordings import FRESH, ROOM, Moment, moment_of, moments
 
 # The expected error was fitted to the first film of each path of these, the interval's width to those of all places.
 TUNED = ("adams_place_bridge", "dikhololo_night", "empty_warehouse_01", "kiara_1_dawn")
@@ -29,8 +28,12 @@ def _between(places: Iterable[str], low: float, high: float) -> list[Moment]:
     return [m for place in places for m in films(place) if low <= m.coverage < high]
 
 
+def _share(some: list[Moment]) -> float:
+    return float(np.mean([m.low <= m.error <= m.high for m in some]))
+
+
 def _inside(some: list[Moment]) -> str:
-    return percent(float(np.mean([m.low <= m.error <= m.high for m in some]))) if some else "no frame"
+    return percent(_share(some)) if some else "no frame"
 
 
 @row("capture", "predicted error")
@@ -44,7 +47,7 @@ def predicted() -> Iterator[Goal]:
         some = _between(places, low, high)
         if not some:
             continue
-        share = float(np.mean([m.low <= m.error <= m.high for m in some]))
+        share = _share(some)
         above = float(np.mean([m.error > m.high for m in some]))
         width = float(np.median([m.high - m.low for m in some]))
         groups = {
@@ -72,20 +75,17 @@ def in_a_room() -> Iterator[Goal]:
     for seed, hand in ((0, True), (0, False), (1, False), (2, False)):
         film = fastibl.simulate(seconds=12, fps=8, size=(320, 240), seed=seed, hand=hand, lamp=False)
         session = fastibl.Session(inputs.scene("figurine"), film.rig, film.board)
-        inside, errors, tops = [], [], []
+        some = []
         for frame in film:
             environment = session.process(frame).environment
-            if environment is None:
-                continue
-            low, high = environment.predicted_interval
-            error = irradiance_error(environment, film.truth.environment(frame.time))
-            inside.append(low <= error <= high)
-            errors.append(error)
-            tops.append(high)
-        shares.append(float(np.mean(inside)))
+            if environment is not None:
+                some.append(moment_of(environment, film.truth.environment(frame.time)))
+        shares.append(_share(some))
         notes.append(
-            f"film {seed}{' with a hand in it' if hand else ''}: {percent(shares[-1])} of {len(inside)} frames; median "
-            f"error {percent(float(np.median(errors)))}, upper end {percent(float(np.median(tops)))}"
+            f"film {seed}{' with a hand in it' if hand else ''}: {percent(shares[-1])} of {len(some)} frames; median "
+            f"error {percent(float(np.median([m.error for m in some])))}, expected "
+            f"{percent(float(np.median([m.predicted for m in some])))}, upper end "
+            f"{percent(float(np.median([m.high for m in some])))}"
         )
     value = float(np.mean(shares))
     yield Goal(

@@ -54,7 +54,7 @@ class Moment:
     error: float
 
 
-def _moment(environment: fastibl.Environment, true: fastibl.CubeMap) -> Moment:
+def moment_of(environment: fastibl.Environment, true: fastibl.CubeMap) -> Moment:
     low, high = environment.predicted_interval
     error = irradiance_error(environment, true)
     return Moment(environment.coverage, environment.predicted_error, low, high, error)
@@ -80,7 +80,7 @@ def sweep(place: str, distance: float = float("inf")) -> Sweep:
     for frame in film:
         result = session.process(frame)
         tracked += result.tracked is not None
-    return Sweep(_moment(result.environment, true), result.environment, true, tracked)
+    return Sweep(moment_of(result.environment, true), result.environment, true, tracked)
 
 
 def sweeps() -> Iterator[tuple[str, Sweep]]:
@@ -115,4 +115,4 @@ def followed(place: str, frames_a_second: float, path: str, seed: int, **options
 @cache
 def moments(place: str, path: str, seed: int) -> list[Moment]:
     """Of each frame of a film by `path`, "hand" or "sweep"."""
-    return [_moment(environment, true) for _, environment, true in followed(place, 10, path, seed)]
+    return [moment_of(environment, true) for _, environment, true in followed(place, 10, path, seed)]

@@ -175,14 +175,11 @@ not finite, or a box that does not hold it.)")
             return out;
           },
           "What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux "
-          "of "
-          "the light in what was never seen, of which prior_flux is taken from a map from before, "
-          "bound_flux of the light known as a lower bound only, boosted_flux of it that clipped "
-          "and "
-          "was put back (see Capture's most_boost), parallax put wrong because things are near, as "
-          "far as their lights tell, "
-          "parallax_doubt likewise before any light is "
-          "known to be near.")
+          "of the light in what was never seen, of which prior_flux is taken from a map from "
+          "before, bound_flux of the light known as a lower bound only, boosted_flux of it that "
+          "clipped and was put back (see Capture's most_boost), parallax put wrong because things "
+          "are near, as far as their lights tell, parallax_doubt that may be put wrong as well: of "
+          "how near things are little was seen.")
       .def("__repr__", [](const Environment& e) {
         return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
                std::to_string(e.coverage) + ">";

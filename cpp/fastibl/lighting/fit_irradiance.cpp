@@ -141,8 +141,8 @@ double mean_of_magnitudes(const std::vector<glm::vec3>& values) {
 Irradiance faded(const CubeMap& radiance, const FoldedMap& map, Irradiance target,
                  const Irradiance& previous) {
   const FadingIrradiance* last = previous.fading.get();
-  FadingIrradiance fading{method_of(previous), last ? last->settings : previous.settings,
-                          last ? last->rest : std::vector<glm::vec3>{}, last ? last->weight : 0};
+  FadingIrradiance fading =
+      last ? *last : FadingIrradiance{previous.method, previous.settings, {}, 0};
   const bool changes =
       fading.method != target.method ||
       (target.method == DiffuseMethod::irradiance_cube && fading.settings != target.settings);
