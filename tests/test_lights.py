@@ -194,6 +194,16 @@ def test_lights_that_come_to_be_asked_for_fade_in_and_out():
     np.testing.assert_allclose(again.glossy(n, v, 400.0), fastibl.Lighting(cube, glossy=all_).glossy(n, v, 400.0))
 
 
+def test_no_light_is_taken_where_none_is_asked_for_and_another_shines():
+    """The lamp that was followed is gone, no light is asked for, and a new lamp is brighter than all."""
+    first = fastibl.Lighting(discs([((0, 0, 1), 60.0)]), glossy=fastibl.Method("stretched"))
+    cube = discs([((1, 0, 0), 60.0)])
+    then = fastibl.Lighting(cube, glossy=fastibl.Method("stretched", lights=0), previous=first)
+    n = np.array([[1.0, 0, 0]])
+    without = fastibl.Lighting(cube, glossy=fastibl.Method("stretched", lights=0))
+    np.testing.assert_array_equal(then.glossy(n, n, 400.0), without.glossy(n, n, 400.0))
+
+
 def test_the_same_map_gives_the_same_lights(real_maps):
     cube = real_maps["adams_place_bridge"]
     first, second = fastibl.Lighting(cube), fastibl.Lighting(cube)

@@ -12,7 +12,7 @@ constexpr double kBound = 0.5;    // of what is only a bound
 // reading does not tell where it comes from. Fitted to films with one exposure of the four places;
 // see ./dev goals capture --only boost.
 constexpr double kWeighed = 0.2, kBoosted = 0.25;
-// Of what things that are near would put wrong: in the upper end alone, before any is known to be.
+// Of what near things may put wrong beyond what is expected of them: in the upper end alone.
 constexpr double kDoubts = 0.8;
 constexpr double kLeastOfBounds = 0.2, kMostOfBounds = 2.5;  // ends of the interval, of that
 

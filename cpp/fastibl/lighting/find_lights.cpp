@@ -232,7 +232,8 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
       give_back(texels, again);
   }
   double next = 0;  // flux of the largest light that there is no room for
-  const bool full = int(taken.size()) > count;  // until those that are too many have faded
+  // Until those that are too many have faded; and where none is asked for.
+  const bool full = count == 0 || int(taken.size()) > count;
   for (int round = 0; !full && round < 2 * kMaxLights; ++round) {
     Taken more = take(texels, brightest(texels));
     if (!(more.flux > least)) break;
