@@ -4,8 +4,8 @@
 #include <array>
 #include <cmath>
 
-#include "fastibl/core/parallel.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/render/true_light.h"
 #include "fastibl/scene/response.h"
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/self_shadow.h"
@@ -20,119 +20,6 @@ using Colours = std::vector<glm::vec3>;
 constexpr float kPlaneLevel = 0.35f;     // of the plane in the picture, by white
 constexpr float kBounceError = 0.06f;    // of the bounce's own size
 constexpr float kFallbackAlbedo = 0.5f;  // of the plane where the map is black below the horizon
-constexpr int kGrain = 8;
-
-// Radiance times solid angle by direction, channel by channel.
-struct Flux {
-  std::vector<float> channels[3];
-  glm::vec3 plane{0};  // E(z)
-};
-
-Flux flux_of(const CubeMap& map, const SceneSamples& samples) {
-  constexpr int n = SceneSamples::kLevelSize;
-  const CubeLevel& level = map.level_at_most(n);
-  Flux flux;
-  for (std::size_t k = 0; k < samples.direction_count(); ++k) {
-    const int face = int(k) / (n * n), y = int(k) / n % n, x = int(k) % n;
-    const glm::vec3 light =
-        samples.solid_angles[k] *
-        (level.size() == n ? level.texel(face, x, y) : level.sample(samples.directions[k]));
-    for (int c = 0; c < 3; ++c) flux.channels[c].push_back(light[c]);
-    flux.plane += std::max(samples.directions[k].z, 0.0f) * light;
-  }
-  return flux;
-}
-
-// What is true at the samples of the object.
-struct Truth {
-  Colours irradiance, open_irradiance;  // with what the object hides taken away, and without
-  Colours lobe, open_lobe;              // average radiance under the glossy lobe, likewise
-  Colours lost;                         // of the irradiance, to the shadow on the plane
-};
-
-// Height of a material's lobe towards a direction.
-struct Lobe {
-  float exponent = 0, alpha2 = 0, least = 0;  // below `least`, n·h, there is 1e-4 of the peak
-  bool ggx = false;
-
-  explicit Lobe(LobeShape shape) : exponent(shape.exponent), ggx(shape.ggx) {
-    // Sharper ones fall between the directions.
-    constexpr float kSharpest = 600;
-    exponent = std::min(exponent, kSharpest);
-    if (ggx)
-      alpha2 = 2 / exponent;
-    else
-      least = std::exp2(std::log2(1e-4f) / std::max(exponent, 1e-3f));
-  }
-  float operator()(float cosine, float view, float half) const {
-    if (half < least) return 0;
-    if (!ggx) return std::exp2(exponent * std::log2(std::clamp(half, 1e-9f, 1.0f))) * cosine;
-    const float h2 = half * half, d = h2 * (alpha2 - 1) + 1;
-    const float mask = std::sqrt(alpha2 + (1 - alpha2) * cosine * cosine) * view +
-                       std::sqrt(alpha2 + (1 - alpha2) * view * view) * cosine;
-    return cosine / (d * d * std::max(mask, 1e-9f));
-  }
-};
-
-Truth truth_of(const SceneSamples& samples, const Flux& flux, const Material& material) {
-  const std::size_t count = samples.surface.size(), directions = samples.direction_count();
-  Truth truth{Colours(count), Colours(count), Colours(count), Colours(count), Colours(count)};
-  const bool glossy = material.lobe().has_value();
-  const Lobe lobe(material.lobe().value_or(LobeShape{0}));
-  parallel_for(int(count), kGrain, [&](int begin, int end) {
-    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
-      const SceneSamples::Surface& s = samples.surface[i];
-      const glm::vec3 view = samples.views[std::size_t(s.view)];
-      const float nv = glm::dot(s.normal, view);
-      const std::uint8_t* free = &samples.free[i * directions];
-      double height = 0;
-      for (std::size_t k = 0; k < directions; ++k) {
-        const glm::vec3 d = samples.directions[k];
-        const float cosine = glm::dot(d, s.normal);
-        if (!(cosine > 0)) continue;
-        const glm::vec3 light(flux.channels[0][k], flux.channels[1][k], flux.channels[2][k]);
-        truth.open_irradiance[i] += cosine * light;
-        if (free[k]) truth.irradiance[i] += cosine * light;
-        if (!glossy) continue;
-        const float half = (cosine + nv) / std::sqrt(std::max(2 + 2 * glm::dot(d, view), 1e-9f));
-        const float w = lobe(cosine, std::max(nv, 1e-3f), half);
-        if (w == 0) continue;
-        height += double(w * samples.solid_angles[k]);
-        truth.open_lobe[i] += w * light;
-        if (free[k]) truth.lobe[i] += w * light;
-      }
-      if (height > 0) truth.lobe[i] /= float(height), truth.open_lobe[i] /= float(height);
-    }
-  });
-  return truth;
-}
-
-// What the plane's shadow keeps from the samples; every fourth direction stands for four.
-void find_lost(const SceneSamples& samples, const Flux& flux, const ShadowMap& shadow,
-               Truth& truth) {
-  constexpr std::size_t kStep = 4;
-  const std::size_t directions = samples.direction_count();
-  parallel_for(int(samples.surface.size()), kGrain, [&](int begin, int end) {
-    std::vector<glm::vec2> points;
-    std::vector<glm::vec3> weights, ratios;
-    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
-      const SceneSamples::Surface& s = samples.surface[i];
-      points.clear(), weights.clear();
-      for (std::size_t k = i % kStep; k < directions; k += kStep) {
-        const glm::vec3 d = samples.directions[k];
-        const float cosine = glm::dot(d, s.normal);
-        if (!samples.free[i * directions + k] || !(d.z < 0) || !(s.position.z > 0)) continue;
-        points.push_back(glm::vec2(s.position) - s.position.z / d.z * glm::vec2(d));
-        weights.push_back(float(kStep) * cosine *
-                          glm::vec3(flux.channels[0][k], flux.channels[1][k], flux.channels[2][k]));
-      }
-      ratios.assign(points.size(), glm::vec3(1));
-      shadow.sample(points, ratios);
-      for (std::size_t k = 0; k < points.size(); ++k)
-        truth.lost[i] += weights[k] * (1.0f - ratios[k]);
-    }
-  });
-}
 
 // Colours of the samples under some light: with all of their diffuse light and nothing glossy, or
 // the other way round.
@@ -211,7 +98,7 @@ struct Bright {
   std::vector<Piece> pieces;      // kParts² of each
 };
 
-Bright bright_texels(const CubeMap& map, const SceneSamples& samples, const Flux& flux) {
+Bright bright_texels(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux) {
   constexpr float kShare = 1 / 200.0f;
   constexpr int n = SceneSamples::kLevelSize, parts = Bright::kParts;
   Bright bright;
@@ -219,8 +106,7 @@ Bright bright_texels(const CubeMap& map, const SceneSamples& samples, const Flux
   const CubeLevel& fine = map.level_at_most(n * parts);
   for (std::size_t k = 0; k < samples.direction_count(); ++k) {
     const float z = samples.directions[k].z;
-    glm::vec3 light(0);
-    for (int c = 0; c < 3; ++c) light[c] = z * flux.channels[c][k];
+    const glm::vec3 light = z * flux[k];
     if (!(z > 0) || !(light.x > kShare * flux.plane.x || light.y > kShare * flux.plane.y ||
                       light.z > kShare * flux.plane.z))
       continue;
@@ -263,7 +149,7 @@ glm::vec3 hidden_light(const Bright& bright, const SceneSamples& samples, glm::v
   return lost;
 }
 
-PlaneTruth plane_truth(const SceneSamples& samples, const CubeMap& map, const Flux& flux,
+PlaneTruth plane_truth(const SceneSamples& samples, const CubeMap& map, const SampleFlux& flux,
                        glm::vec3 sent) {
   PlaneTruth truth;
   const Response response;
@@ -274,8 +160,7 @@ PlaneTruth plane_truth(const SceneSamples& samples, const CubeMap& map, const Fl
     for (std::uint32_t e = samples.plane_first[p]; e < samples.plane_first[p + 1]; ++e) {
       const std::size_t k = samples.hidden[e];
       const float z = samples.directions[k].z;
-      if (!bright.cut[k])
-        for (int c = 0; c < 3; ++c) lost[c] += z * flux.channels[c][k];
+      if (!bright.cut[k]) lost += z * flux[k];
       factor += z * samples.solid_angles[k] / kPi;
     }
     glm::vec3 ratio(1), added(0);
@@ -299,7 +184,7 @@ double square(glm::vec3 difference) { return double(glm::dot(difference, differe
 
 struct Judged {
   const SceneSamples& samples;
-  Truth truth;
+  TrueLight truth;
   Colours emission, diffuse_factor, glossy_factor;  // of the material: colours by light of 1
   PlaneTruth plane;
   glm::vec3 plane_radiance{0};
@@ -462,10 +347,10 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
   if (!chosen || chosen->empty() || !map || map->size() == 0) return errors;
   const SceneSamples& samples = *chosen;
   const Material& material = scene.material;
-  const Flux flux = flux_of(*map, samples);
+  const SampleFlux flux(*map, samples);
   cast_shadow = cast_shadow && scene.casts_shadow();
 
-  Judged j{samples, truth_of(samples, flux, material), {}, {}, {}, {}};
+  Judged j{samples, true_light(samples, flux, material.lobe()), {}, {}, {}, {}};
   LightingOptions plain;
   plain.diffuse = DiffuseMethod::sh9, plain.glossy = GlossyMethod::mip;
   plain.normalization = asked.normalization;
@@ -500,7 +385,7 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
       ratios.emplace_back(samples.plane.size(), glm::vec3(1));
       shadow.sample(samples.plane, ratios.back());
       if (ratios.size() == candidates.shadow.size())
-        find_lost(samples, flux, shadow, j.truth);  // the last is the finest
+        add_lost(samples, flux, shadow, j.truth);  // the last is the finest
     }
   } else {
     ratios.assign(candidates.shadow.size(), {});

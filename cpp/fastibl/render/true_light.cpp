@@ -1,0 +1,198 @@
+#include "fastibl/render/true_light.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#include "fastibl/core/lanes.h"
+#include "fastibl/core/parallel.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kGrain = 8;
+static_assert(SceneSamples::kLevelSize % kLanes == 0);
+
+// Height of a material's lobe towards a direction.
+struct LobeHeight {
+  bool any = false, ggx = false;
+  float exponent = 0, alpha2 = 0;
+  float least = 0;  // n·h: below it there is 1e-4 of the peak
+
+  explicit LobeHeight(const std::optional<LobeShape>& shape) {
+    if (!shape) return;
+    constexpr float kSharpest = 600;  // sharper ones fall between the directions
+    any = true, ggx = shape->ggx;
+    exponent = std::min(shape->exponent, kSharpest);
+    if (ggx)
+      alpha2 = 2 / exponent;
+    else
+      least = std::exp2(std::log2(1e-4f) / std::max(exponent, 1e-3f));
+  }
+};
+
+struct Sums {
+  float irradiance[3], open_irradiance[3], lobe[3], open_lobe[3], height;
+};
+
+using Bytes [[gnu::vector_size(kLanes)]] = std::uint8_t;
+
+FASTIBL_INLINE void load(const float* from, Lanes& to) { std::memcpy(&to, from, sizeof to); }
+
+FASTIBL_INLINE void square_root(const Lanes& x, Lanes& result) {
+  for (int k = 0; k < kLanes; ++k) result[k] = std::sqrt(x[k]);
+}
+
+FASTIBL_INLINE void lobe_heights(const LobeHeight& lobe, const Lanes& cosine, const Lanes& half,
+                                 float view, Lanes& height) {
+  const Lanes none{};
+  if (lobe.ggx) {
+    const float alpha2 = lobe.alpha2, rest = 1 - alpha2;
+    const float view_mask = std::sqrt(alpha2 + rest * view * view);
+    const Lanes d = half * half * (alpha2 - 1) + 1;
+    Lanes mask;
+    square_root(alpha2 + rest * cosine * cosine, mask);
+    mask = mask * view + view_mask * cosine;
+    height = cosine / (d * d * (mask > 1e-9f ? mask : none + 1e-9f));
+    return;
+  }
+  Lanes away = 1 - half, logarithm;  // half < 1 by rounding alone is 1
+  away = away > 0 ? away : none;
+  away = away < 0.999999f ? away : none + 0.999999f;
+  log1m(away, logarithm);
+  exp_negative(lobe.exponent * logarithm, height);
+  height = half >= lobe.least ? height * cosine : none;
+}
+
+FASTIBL_INLINE void add_up(const Lanes& lanes, float& sum) {
+  sum = 0;
+  for (int i = 0; i < kLanes; ++i) sum += lanes[i];
+}
+
+// Sums over all directions above the tangent plane. free: of those, which the object does not hide.
+FASTIBL_CLONES
+void sum_directions(const float* x, const float* y, const float* z, const float* solid_angle,
+                    const float* red, const float* green, const float* blue, std::size_t count,
+                    const std::uint8_t* free, const glm::vec3& normal, const glm::vec3& view,
+                    const LobeHeight& lobe, Sums& out) {
+  const Lanes none{};
+  const float nv = normal.x * view.x + normal.y * view.y + normal.z * view.z;
+  const float view_cosine = nv > 1e-3f ? nv : 1e-3f;
+  Lanes open[3]{}, seen[3]{}, open_lobe[3]{}, lobe_seen[3]{}, height{};
+  for (std::size_t k = 0; k < count; k += kLanes) {
+    Lanes dx, dy, dz;
+    load(x + k, dx), load(y + k, dy), load(z + k, dz);
+    Lanes cosine = dx * normal.x + dy * normal.y + dz * normal.z;
+    const IntLanes above = cosine > 0;
+    std::int32_t any = 0;
+    for (int i = 0; i < kLanes; ++i) any |= above[i];
+    if (any == 0) continue;
+    cosine = above ? cosine : none;
+    Bytes bytes;
+    std::memcpy(&bytes, free + k, sizeof bytes);
+    const IntLanes is_free = __builtin_convertvector(bytes, IntLanes) != 0;
+    Lanes light[3];
+    load(red + k, light[0]), load(green + k, light[1]), load(blue + k, light[2]);
+    for (int c = 0; c < 3; ++c) {
+      const Lanes part = cosine * light[c];
+      open[c] += part;
+      seen[c] += is_free ? part : none;
+    }
+    if (!lobe.any) continue;
+    Lanes length2 = 2 + 2 * (dx * view.x + dy * view.y + dz * view.z), length;
+    length2 = length2 > 1e-9f ? length2 : none + 1e-9f;
+    square_root(length2, length);
+    const Lanes half = (cosine + nv) / length;
+    if (!lobe.ggx) {
+      const IntLanes near = half >= lobe.least;
+      any = 0;
+      for (int i = 0; i < kLanes; ++i) any |= near[i] & above[i];
+      if (any == 0) continue;
+    }
+    Lanes weight, angle;
+    lobe_heights(lobe, cosine, half, view_cosine, weight);
+    load(solid_angle + k, angle);
+    height += weight * angle;
+    for (int c = 0; c < 3; ++c) {
+      const Lanes part = weight * light[c];
+      open_lobe[c] += part;
+      lobe_seen[c] += is_free ? part : none;
+    }
+  }
+  for (int c = 0; c < 3; ++c) {
+    add_up(open[c], out.open_irradiance[c]), add_up(seen[c], out.irradiance[c]);
+    add_up(open_lobe[c], out.open_lobe[c]), add_up(lobe_seen[c], out.lobe[c]);
+  }
+  add_up(height, out.height);
+}
+
+}  // namespace
+
+SampleFlux::SampleFlux(const CubeMap& map, const SceneSamples& samples) {
+  constexpr int n = SceneSamples::kLevelSize;
+  const CubeLevel& level = map.level_at_most(n);
+  for (std::size_t k = 0; k < samples.direction_count(); ++k) {
+    const int face = int(k) / (n * n), y = int(k) / n % n, x = int(k) % n;
+    const glm::vec3 light =
+        samples.solid_angles[k] *
+        (level.size() == n ? level.texel(face, x, y) : level.sample(samples.directions[k]));
+    for (int c = 0; c < 3; ++c) channels[c].push_back(light[c]);
+    plane += std::max(samples.directions[k].z, 0.0f) * light;
+  }
+}
+
+TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
+                     const std::optional<LobeShape>& lobe) {
+  const std::size_t count = samples.surface.size(), directions = samples.direction_count();
+  const std::vector<glm::vec3> black(count, glm::vec3(0));
+  TrueLight light{black, black, black, black, black};
+  std::vector<float> x, y, z;
+  for (const glm::vec3& d : samples.directions)
+    x.push_back(d.x), y.push_back(d.y), z.push_back(d.z);
+  const LobeHeight height(lobe);
+  parallel_for(int(count), kGrain, [&](int begin, int end) {
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
+      const SceneSamples::Surface& s = samples.surface[i];
+      Sums sums;
+      sum_directions(x.data(), y.data(), z.data(), samples.solid_angles.data(),
+                     flux.channels[0].data(), flux.channels[1].data(), flux.channels[2].data(),
+                     directions, &samples.free[i * directions], s.normal,
+                     samples.views[std::size_t(s.view)], height, sums);
+      const float inverse = sums.height > 0 ? 1 / sums.height : 0;
+      for (int c = 0; c < 3; ++c) {
+        light.open_irradiance[i][c] = sums.open_irradiance[c];
+        light.irradiance[i][c] = sums.irradiance[c];
+        light.open_lobe[i][c] = sums.open_lobe[c] * inverse;
+        light.lobe[i][c] = sums.lobe[c] * inverse;
+      }
+    }
+  });
+  return light;
+}
+
+void add_lost(const SceneSamples& samples, const SampleFlux& flux, const ShadowMap& shadow,
+              TrueLight& light) {
+  constexpr std::size_t kStep = 4;
+  const std::size_t directions = samples.direction_count();
+  parallel_for(int(samples.surface.size()), kGrain, [&](int begin, int end) {
+    std::vector<glm::vec2> points;
+    std::vector<glm::vec3> weights, ratios;
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
+      const SceneSamples::Surface& s = samples.surface[i];
+      points.clear(), weights.clear();
+      for (std::size_t k = i % kStep; k < directions; k += kStep) {
+        const glm::vec3 d = samples.directions[k];
+        if (!samples.free[i * directions + k] || !(d.z < 0) || !(s.position.z > 0)) continue;
+        points.push_back(glm::vec2(s.position) - s.position.z / d.z * glm::vec2(d));
+        weights.push_back(float(kStep) * glm::dot(d, s.normal) * flux[k]);
+      }
+      ratios.assign(points.size(), glm::vec3(1));
+      shadow.sample(points, ratios);
+      for (std::size_t k = 0; k < points.size(); ++k)
+        light.lost[i] += weights[k] * (1.0f - ratios[k]);
+    }
+  });
+}
+
+}  // namespace fastibl
