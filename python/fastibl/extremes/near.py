@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 
@@ -65,11 +66,15 @@ def _environment(place) -> Environment:
     return Environment(map_named("lamp 20 cm away"), centre=CENTRE, lights=[place])
 
 
-def _drawn(place, backend: str) -> Outcome:
+@cache  # sessions have copies of it
+def _scene() -> Scene:
     material = Material(diffuse=(0.6, 0.6, 0.6), glossy=(0.3, 0.3, 0.3), exponent=200)
-    scene = Scene(ball_mesh(steps=12), material, spheres=4, visibility_rays=8)
+    return Scene(ball_mesh(steps=12), material, spheres=4, visibility_rays=8)
+
+
+def _drawn(place, backend: str) -> Outcome:
     session = Session(
-        scene, Rig(PICTURE), environment=_environment(place), methods={"shadow": "directions"}, backend=backend
+        _scene(), Rig(PICTURE), environment=_environment(place), methods={"shadow": "directions"}, backend=backend
     )
     session.process(Frame(time=0.0, back_from_marker=FRONT))
     gain = session.plane_gain

@@ -18,7 +18,6 @@ from .worlds import (
     MAPS,
     PICTURE,
     ball_mesh,
-    box_mesh,
     degenerate,
     map_named,
     seen_from,
@@ -169,9 +168,13 @@ def _agree(name: str, material: str) -> Outcome:
     return Outcome(worst <= 2e-3, f"{name}: {worst:.1e}" if worst > 2e-3 else "within 2e-3")
 
 
+@cache  # sessions have copies of it
+def _degenerate_scene(name: str) -> Scene:
+    return Scene(degenerate(name), Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=8)
+
+
 def _object(name: str, backend: str) -> Outcome:
-    scene = Scene(degenerate(name), Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=8)
-    session = _session("sun of 1e6 in one texel", scene, backend)
+    session = _session("sun of 1e6 in one texel", _degenerate_scene(name), backend)
     result = session.process(Frame(time=0.0, back=_back(PICTURE), back_from_marker=FRONT))
     return both(
         Outcome(result.image.shape == (64, 64, 3), f"picture {result.image.shape}"),
@@ -181,9 +184,13 @@ def _object(name: str, backend: str) -> Outcome:
     )
 
 
+@cache
+def _glossy_scene() -> Scene:
+    return Scene(_ball(), Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=0)
+
+
 def _camera(camera: Camera, pose: np.ndarray, backend: str) -> Outcome:
-    scene = Scene(_ball(), Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=0)
-    session = _session("blue and red lamps", scene, backend, camera)
+    session = _session("blue and red lamps", _glossy_scene(), backend, camera)
     result = session.process(Frame(time=0.0, back=_back(camera), back_from_marker=pose))
     return both(
         Outcome(result.image.shape == (camera.height, camera.width, 3), f"picture {result.image.shape}"),
@@ -208,7 +215,6 @@ def _bytes(exposure: float, backend: str) -> Outcome:
 
 
 def _look(strength: float, colour, backend: str) -> Outcome:
-    scene = Scene(Mesh(*box_mesh(1e-4, 0.1)), spheres=0, visibility_rays=0)
     scene = Scene(_ball(), spheres=6, visibility_rays=0)
     scene.shadow_strength, scene.shadow_color = strength, colour
     session = _session("sun of 1e6 in one texel", scene, backend, methods={"shadow": "directions", "bounce": "none"})
