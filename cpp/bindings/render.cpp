@@ -300,10 +300,9 @@ plane gets without the object: it may exceed 1.)")
       .def("set_cast_shadow", &Session::set_cast_shadow, py::arg("cast"),
            "Switch the shadow on or off.")
       .def(
-          "set_environment",
+          "_set_environment",
           [](Session& s, const std::shared_ptr<Environment>& e) { s.set_environment(e); },
-          py::arg("environment"),
-          "Use a given Environment from the next frame on; None to capture.")
+          py::arg("environment"))
       .def("_set_methods", &Session::set_methods, py::arg("methods"))
       .def("_set_scene", &Session::set_scene, py::arg("scene"))
       .def("set_budgets", &Session::set_budgets, py::arg("error") = 0.0,

@@ -1730,6 +1730,8 @@ class _Session:
         ...
     def _set_backend(self, backend: str) -> None:
         ...
+    def _set_environment(self, environment: Environment) -> None:
+        ...
     def _set_methods(self, methods: _Methods) -> None:
         ...
     def _set_scene(self, scene: Scene) -> None:
@@ -1745,10 +1747,6 @@ class _Session:
     def set_cast_shadow(self, cast: bool) -> None:
         """
         Switch the shadow on or off.
-        """
-    def set_environment(self, environment: Environment) -> None:
-        """
-        Use a given Environment from the next frame on; None to capture.
         """
     def set_material(self, material: Material) -> None:
         """

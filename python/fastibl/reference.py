@@ -321,7 +321,7 @@ def shadow_ratio(source: Any, occluder: Any, points: ArrayLike) -> NDArray:
         origin = np.array([point[0], point[1], 0.0])
         if bvh is not None:
             origin[2] = 1e-6
-            hidden = bvh.occluded(np.broadcast_to(origin.astype(np.float32), d.shape).copy(), d.astype(np.float32))
+            hidden = bvh.occluded(origin.astype(np.float32), d.astype(np.float32))
         else:
             hidden = np.zeros(len(d), bool)
             for x, y, z, r in spheres:

@@ -38,8 +38,7 @@ def make_plan(
     fastibl.costs.machine_costs; a built-in table by default. Raises ValueError for unknown names or negative
     budgets.
     """
-    if isinstance(environment, CubeMap):
-        environment = Environment(environment)
+    environment = _known(environment)
     if capture is None:
         capture = environment is None
     return _make_plan(
@@ -60,6 +59,10 @@ def bake_shadow(scene: Scene) -> None:
     before."""
     if scene.baked_shadow is None and len(scene.spheres):
         scene.baked_shadow = MeshShadow(scene.mesh)
+
+
+def _known(environment: Environment | CubeMap | None) -> Environment | None:
+    return Environment(environment) if isinstance(environment, CubeMap) else environment
 
 
 class Session(_Session):
@@ -110,8 +113,7 @@ class Session(_Session):
         adapt: bool = True,
         costs: Mapping[str, float] | None = None,
     ):
-        if isinstance(environment, CubeMap):
-            environment = Environment(environment)
+        environment = _known(environment)
         resolved = resolve_methods(methods)
         bakes = resolved.shadow == "mesh" or (resolved.shadow == "auto" and len(scene.spheres))
         if cast_shadow and bakes and scene.baked_shadow is None:
@@ -164,6 +166,14 @@ class Session(_Session):
         """
         bake_shadow(scene)
         self._set_scene(scene)
+
+    def set_environment(self, environment: Environment | CubeMap | None) -> None:
+        """Use given light from the next frame on, a CubeMap as a map known everywhere; None to capture.
+
+        Light that is given in every frame is taken for light that moves from the fourth frame on: shadows and lights
+        follow it, and methods are judged anew where a quarter of it is new.
+        """
+        self._set_environment(_known(environment))
 
     def set_methods(self, methods: Methods) -> None:
         """Use other methods from the next frame on. Raises ValueError for unknown names."""

@@ -156,13 +156,10 @@ class TrueRenderer:
         Directions below a point's horizon do not count and are not asked for.
         """
         out = np.empty((len(points), len(self.directions) // 8), np.uint8)
-        for i in range(0, len(points), 512):
-            above = normals[i : i + 512].astype(np.float32) @ self.directions.T > 0
-            row, column = np.nonzero(above)
-            hidden = np.zeros(above.shape, bool)
-            origins = points[i : i + 512].astype(np.float32)[row]
-            hidden[row, column] = self.bvh.occluded(origins, self.directions[column])
-            out[i : i + 512] = np.packbits(hidden, axis=1)
+        for i, (point, normal) in enumerate(zip(points.astype(np.float32), normals.astype(np.float32), strict=True)):
+            hidden = self.directions @ normal > 0
+            hidden[hidden] = self.bvh.occluded(point, self.directions[hidden])
+            out[i] = np.packbits(hidden)
         return out
 
     def vertex_irradiance(self, source: CubeMap | Environment) -> NDArray:

@@ -22,7 +22,7 @@ constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
 // Share of the light that differs when methods are chosen anew.
 constexpr float kOtherLight = 0.25f;
-constexpr int kStream = 8;           // frames in a row that come with light of their own
+constexpr int kStream = 3;           // frames in a row that come with light of their own
 constexpr int kLeastFrames = 60;     // from one time to the next: it takes as long as some frames
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
 constexpr int kBounceCells = 32;     // of the plane, along an edge
@@ -207,17 +207,24 @@ void Session::set_shadow_look(const ShadowLook& look) {
   stale_ |= product::plane | product::holdout | product::image;
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
-  // Light that comes frame after frame is judged as captured light is: where much of it is new.
-  const bool follows = fixed_environment_ && environment && since_set_ == 1;
+  // Light that comes frame after frame is taken as captured light is: it moves, and what can be seen
+  // of that fades; methods are judged anew where much of it is new.
+  const bool follows = fixed_environment_ && environment_ && environment && since_set_ == 1;
   set_in_a_row_ = follows ? set_in_a_row_ + 1 : 0, since_set_ = 0;
-  const bool kept = set_in_a_row_ >= kStream && !measured_.empty() && !measure_due_ &&
-                    difference(faces_of(environment->radiance), measured_light_) <= kOtherLight;
+  bool moves = false, judged = false;
+  if (set_in_a_row_ >= kStream) {
+    const std::vector<glm::vec3> light = faces_of(environment->radiance);
+    moves = difference(light, faces_of(environment_->radiance)) <= kOtherLight;
+    judged = moves && !measured_.empty() && !measure_due_ &&
+             difference(light, measured_light_) <= kOtherLight;
+  }
   fixed_environment_ = environment != nullptr;
   environment_ = std::move(environment);
-  // The light did not move there, it is another one: nothing is to fade.
-  lighting_.reset();
-  renderer_->clear(PassId::shadow);
-  if (!kept) return replan();
+  if (!moves) {  // another place: nothing is to fade
+    lighting_.reset();
+    renderer_->clear(PassId::shadow);
+  }
+  if (!judged) return replan();
   update_plan();
   make_stale();
 }

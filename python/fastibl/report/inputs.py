@@ -18,6 +18,7 @@ from ..viewpoint import looking
 SIZE = 128  # face edge of the maps, texels
 HEIGHT = 0.12  # of the object, metres
 POSITION = (0.0, 0.0, HEIGHT / 2)
+STREAM = 4  # frames
 MATERIAL = Material(diffuse=(0.62, 0.6, 0.57), glossy=(0.16, 0.16, 0.16), exponent=80.0)
 
 
@@ -116,6 +117,14 @@ class Inputs:
     def channels(self) -> NDArray[np.float32]:
         """Faces (6, n, n, 3 k) of all places, side by side: what a lobe weighs is worked out once for all."""
         return np.concatenate([cube.faces for cube in self.places.values()], axis=-1)
+
+    def stream(self, frame: int) -> CubeMap:
+        """Light that changes a little in every frame, as captured light does: the first place, its half 1 % brighter.
+
+        A map that no frame had before; after STREAM frames a session takes them for such light.
+        """
+        faces = next(iter(self.places.values())).faces
+        return CubeMap(np.concatenate([faces[:3] * np.float32(1 + 0.01 * (frame % 2)), faces[3:]]))
 
     def by_place(self, values: NDArray) -> dict[str, NDArray]:
         """(..., 3 k) to (..., 3) by name."""

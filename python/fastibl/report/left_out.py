@@ -8,19 +8,18 @@ import numpy as np
 
 from .. import CubeMap, Environment, Frame, Material, Plan, Pose, Rig, Session
 from ..measuring import one_core, row, seconds_text, side_by_side
-from .inputs import MATERIAL, Inputs, pose_around
+from .inputs import MATERIAL, STREAM, Inputs, pose_around
 from .section import Section, Table, percent
 
 _WHAT = """Most scenes do not need every step. Before a frame, a plan strikes out what cannot be seen, and says why and
 how large the error of leaving it out can be at most. The same object and picture ({width} × {height} pixels) with fewer
-needs; light and pose are given, and the light changes in every frame unless it says otherwise. One core."""
+needs; light and pose are given, and the light changes a little in every frame unless it says otherwise. One core."""
 _WIDTH, _HEIGHT = 640, 480
 
 
 @one_core()
 def measure(inputs: Inputs) -> Section:
     section = Section("left-out", "What is left out", _WHAT.format(width=_WIDTH, height=_HEIGHT))
-    cubes = [c.faces for c in inputs.places.values()]
     from .. import Camera
 
     rig = Rig(Camera(_WIDTH, _HEIGHT, 0.9 * _WIDTH, 0.9 * _WIDTH, _WIDTH / 2, _HEIGHT / 2))
@@ -37,7 +36,7 @@ def measure(inputs: Inputs) -> Section:
     }
     calls, plans, passes = {}, {}, {}
     for name, (material, shadow, light, away) in cases.items():
-        session = Session(inputs.scene, rig, None, CubeMap(cubes[0]), cast_shadow=shadow)
+        session = Session(inputs.scene, rig, None, inputs.stream(0), cast_shadow=shadow)
         session.set_material(material)
         if away:
             matrix = np.eye(4)
@@ -47,7 +46,7 @@ def measure(inputs: Inputs) -> Section:
 
         def call(k: int, session=session, light=light, name=name, last=last) -> None:
             if light == "changes":
-                session.set_environment(Environment(CubeMap(cubes[k % len(cubes)])))
+                session.set_environment(Environment(inputs.stream(k)))
             if light == "uniform":
                 session.set_environment(Environment(CubeMap(np.full((6, 128, 128, 3), 1 + 0.01 * (k % 2), np.float32))))
             last[1] += 1
@@ -58,7 +57,7 @@ def measure(inputs: Inputs) -> Section:
             plans[name], passes[name] = result.plan, result.passes
 
         calls[name] = call
-    timings, yard = side_by_side(calls, inputs.effort.rounds, warm=2)
+    timings, yard = side_by_side(calls, inputs.effort.rounds, warm=STREAM)
     whole = timings["everything"].cpu
     table = []
     for name in cases:

@@ -55,10 +55,9 @@ class Sky:
             away = np.linalg.norm(offset, axis=1, keepdims=True)
             least = np.where(away > radius, np.sqrt(np.maximum(1 - (radius / away) ** 2, 0)), -1.1)
             near = (offset / away).astype(np.float32) @ directions.T > least
-            row, column = np.nonzero(near & (weights > 0))
-            free = ~bvh.occluded(origins[part][row], directions[column])
-            weights[row[free], column[free]] = 0
-            weights[~near] = 0
+            for origin, asked, weight in zip(origins[part], near & (weights > 0), weights, strict=True):
+                asked[asked] = bvh.occluded(origin, directions[asked])
+                weight[~asked] = 0
             seen[part] = whole[part] - weights @ flux
         return seen, whole
 
