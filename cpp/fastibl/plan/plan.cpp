@@ -59,6 +59,11 @@ std::string no_transfer(const Scene& scene) {
   return "";
 }
 
+glm::dvec3 mean_of(const CubeMap& map) {
+  constexpr int kEnough = 16;  // every level has the same
+  return map.level_at_most(kEnough).mean();
+}
+
 // What leaving out the bounce does to the plane's picture and the object's, by the light of the
 // plane: an object that reflects ρ of its light, at most 4π times the map's mean, sends the plane
 // at most all of it; a plane of the radiance that it is seen with lights the object by at most π
@@ -71,7 +76,7 @@ std::optional<double> bounce_bound(const Scene& scene, const Lighting* lighting)
   const glm::vec3 emission = m.pbr ? m.pbr->emission : m.emission;
   if (sent == glm::vec3(0) && emission == glm::vec3(0)) return 0.0;
   if (!lighting || !lighting->radiance) return std::nullopt;
-  const glm::dvec3 mean = lighting->radiance->mean();
+  const glm::dvec3 mean = mean_of(*lighting->radiance);
   double bound = 0;
   for (int c = 0; c < 3; ++c) {
     const double plane = lighting->plane_irradiance[c];
@@ -104,7 +109,7 @@ double near_bound(const Scene& scene, const Lighting& lighting) {
   const glm::vec3 middle(scene.marker_from_object * glm::dvec3(box.centre()));
   const float reach = glm::length(middle - lighting.near_lights.centre) + box.radius();
   const glm::vec3 change = most_change(lighting.near_lights, reach);
-  const glm::dvec3 mean = lighting.radiance->mean();
+  const glm::dvec3 mean = mean_of(*lighting.radiance);
   double bound = 0;
   for (int c = 0; c < 3; ++c)
     if (change[c] > 0) bound = std::max(bound, double(change[c]) / (double(kPi) * mean[c]));

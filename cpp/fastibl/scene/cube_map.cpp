@@ -315,16 +315,15 @@ glm::vec3 CubeMap::sample(glm::vec3 direction, float level) const {
   return fine + f * (levels_[std::size_t(k) + 1].sample(at) - fine);
 }
 
-glm::dvec3 CubeMap::mean() const {
+glm::dvec3 CubeLevel::mean() const {
   glm::dvec3 sum(0);
-  const CubeLevel& base = levels_.front();
-  const std::vector<double> angle = texel_solid_angles(base.size());
+  const std::vector<double> angle = texel_solid_angles(size_);
   for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < base.size(); ++y) {
-      const double* a = &angle[std::size_t(y) * std::size_t(base.size())];
-      const glm::vec3* row = &base.texel(f, 0, y);
+    for (int y = 0; y < size_; ++y) {
+      const double* a = &angle[std::size_t(y) * std::size_t(size_)];
+      const glm::vec3* row = &texel(f, 0, y);
       glm::dvec3 part[4] = {};  // side by side: additions do not wait for each other
-      for (int x = 0; x < base.size(); ++x) part[x & 3] += a[x] * glm::dvec3(row[x]);
+      for (int x = 0; x < size_; ++x) part[x & 3] += a[x] * glm::dvec3(row[x]);
       sum += part[0] + part[1] + (part[2] + part[3]);
     }
   return sum / (4 * std::numbers::pi);

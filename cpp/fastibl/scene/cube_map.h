@@ -81,6 +81,7 @@ class CubeLevel {
   void update_border(unsigned edges);
   glm::vec3 sample(glm::vec3 direction) const;  // seamless bilinear
   glm::vec3 sample(const FacePoint& p) const;
+  glm::dvec3 mean() const;  // by solid angle; of all levels of a map the same, to 1e-7
   bool operator==(const CubeLevel&) const = default;
 
  private:
@@ -143,7 +144,7 @@ class CubeMap {
 
   // Seamless trilinear look-up; level is clamped to [0, level_count − 1], NaN to 0.
   glm::vec3 sample(glm::vec3 direction, float level) const;
-  glm::dvec3 mean() const;  // solid-angle mean radiance of the sphere
+  glm::dvec3 mean() const { return levels_.front().mean(); }
   bool operator==(const CubeMap& other) const {
     return levels_ == other.levels_ && cleaned_ == other.cleaned_;
   }

@@ -100,7 +100,7 @@ std::vector<MainLight> main_lights(const CubeMap& map, const MainLightOptions& o
         "the least share of a main light must be positive and finite, got ", options.least_share);
   if (map.level_count() == 0) return {};
   const CubeLevel& level = map.level_at_most(kWorkSize);
-  const glm::dvec3 mean = map.mean();
+  const glm::dvec3 mean = level.mean();
   const Texels texels(level, options.brightness * (mean.x + mean.y + mean.z) / 3);
   if (texels.at.empty()) return {};
   Sets sets = connected(texels);

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
@@ -18,11 +20,60 @@ constexpr int kBlock = 64;       // vertices that one thread works out at a time
 constexpr int kParts = 8;        // of the vertices, whose light on the plane is summed apart
 constexpr double kSlack = 1e-3;  // of the object's size; radians
 
-// Three colours in four lanes: one product for all.
-struct Colour {
-  Float4 lanes{};
-};
-Colour colour(const float* rgb) { return {Float4{rgb[0], rgb[1], rgb[2], 0}}; }
+constexpr std::size_t kGroup = 8;  // cells, row by row, that are worked on together
+constexpr std::size_t kQuad = 4;   // groups whose shares are stored together
+static_assert(kGroup * sizeof(float) == sizeof(Float8));
+
+// All groups of a square of cells, and their cells.
+std::size_t group_count(int cells) {
+  return (std::size_t(cells) * std::size_t(cells) + kGroup - 1) / kGroup;
+}
+std::size_t padded(int cells) { return kGroup * group_count(cells); }
+
+// Shares of the cells of four groups: word k holds that of cell k, byte by byte of each group.
+using QuadShares [[gnu::vector_size(4 * kGroup), gnu::aligned(4), gnu::may_alias]] = std::uint32_t;
+using Counts [[gnu::vector_size(4 * kGroup)]] = std::int32_t;
+
+FASTIBL_INLINE void read_shares(const std::uint32_t* from, int group, Float8& to) {
+  const QuadShares words = *reinterpret_cast<const QuadShares*>(from);
+  const auto shares = words >> (8 * group) & 255;
+  to = __builtin_convertvector(reinterpret_cast<const Counts&>(shares), Float8);
+}
+
+FASTIBL_INLINE Float8& at(float* p) { return *reinterpret_cast<Float8*>(p); }
+FASTIBL_INLINE const Float8& at(const float* p) { return *reinterpret_cast<const Float8*>(p); }
+
+// Adds what one vertex sends: red, green and blue of `count` cells each.
+FASTIBL_CLONES
+void add_sent(const std::uint16_t* groups, const std::uint32_t* shares, std::size_t quads,
+              const glm::vec3& sent, std::size_t count, float* sums) {
+  for (std::size_t i = 0; i < quads; ++i, shares += kGroup)
+    for (int j = 0; j < int(kQuad); ++j) {
+      Float8 share;
+      read_shares(shares, j, share);
+      float* own = sums + kGroup * groups[kQuad * i + std::size_t(j)];
+      for (int c = 0; c < 3; ++c) at(own + std::size_t(c) * count) += share * sent[c];
+    }
+}
+
+// What one vertex gets of cells that send out red, green and blue.
+FASTIBL_CLONES
+void sum_received(const std::uint16_t* groups, const std::uint32_t* shares, std::size_t quads,
+                  const float* sent, std::size_t count, glm::vec3& received) {
+  Float8 red{}, green{}, blue{};
+  for (std::size_t i = 0; i < quads; ++i, shares += kGroup)
+    for (int j = 0; j < int(kQuad); ++j) {
+      Float8 share;
+      read_shares(shares, j, share);
+      const float* own = sent + kGroup * groups[kQuad * i + std::size_t(j)];
+      red += share * at(own);
+      green += share * at(own + count);
+      blue += share * at(own + 2 * count);
+    }
+  received = glm::vec3(0);
+  for (std::size_t k = 0; k < kGroup; ++k)
+    received.x += red[k], received.y += green[k], received.z += blue[k];
+}
 
 bool finite(glm::vec2 v) { return std::isfinite(v.x) && std::isfinite(v.y); }
 
@@ -83,11 +134,42 @@ class Sources {
   std::vector<std::vector<Source>> of_;
 };
 
-// Cells that a vertex sees, and its share of each.
+// Groups of cells that vertices see, and their shares of each cell.
 struct Seen {
-  std::vector<std::uint32_t> counts;  // by vertex
-  std::vector<std::uint16_t> cells;
-  std::vector<float> shares;
+  std::vector<std::uint32_t> counts;  // of quads, by vertex
+  std::vector<std::uint16_t> groups;
+  std::vector<std::uint32_t> shares;
+
+  // Takes the shares of one vertex, which are 0 then; returns what a stored 1 stands for. What is
+  // rounded off one cell goes to the next: their sum stays.
+  float add(std::span<float> cells) {
+    const float largest = *std::max_element(cells.begin(), cells.end());
+    const float unit = largest / 255;
+    std::size_t count = 0;
+    double rest = 0;
+    for (std::size_t g = 0; largest > 0 && g < cells.size() / kGroup; ++g) {
+      std::uint32_t stored[kGroup], any = 0;
+      for (std::size_t k = 0; k < kGroup; ++k) {
+        float& cell = cells[kGroup * g + k];
+        if (cell > 0) rest += double(cell) / double(unit);
+        stored[k] = cell > 0 ? std::uint32_t(std::clamp(std::round(rest), 0.0, 255.0)) : 0;
+        rest -= stored[k];
+        any |= stored[k];
+        cell = 0;
+      }
+      if (any == 0) continue;
+      if (count % kQuad == 0) {
+        groups.resize(groups.size() + kQuad, 0);
+        shares.resize(shares.size() + kGroup, 0);
+      }
+      const std::size_t byte = count++ % kQuad;
+      *(groups.end() - kQuad + byte) = std::uint16_t(g);
+      for (std::size_t k = 0; k < kGroup; ++k)
+        *(shares.end() - kGroup + k) |= stored[k] << 8 * byte;
+    }
+    counts.push_back(std::uint32_t((count + kQuad - 1) / kQuad));
+    return unit;
+  }
 };
 
 // Directions of a grid that may meet the plane, in order of the grid's curve.
@@ -125,6 +207,7 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
   extent_ = kExtent * size_;
   const double cell_area = 4.0 * double(extent_) * double(extent_) / (cells * cells);
   areas_.assign(vertices.size(), 0.0f);
+  units_.assign(vertices.size(), 0.0f);
   first_.assign(vertices.size() + 1, 0);
   // A point, or a mesh as large as floats reach: it gives and takes nothing.
   if (!(extent_ > 0 && std::isfinite(extent_) && finite(centre_))) return;
@@ -139,8 +222,7 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
   const float scale = 0.5f * float(cells) / extent_;
   std::vector<Seen> blocks((vertices.size() + kBlock - 1) / kBlock);
   parallel_for(int(blocks.size()), 1, [&](int begin, int end) {
-    std::vector<float> sums(std::size_t(cells) * std::size_t(cells), 0.0f);
-    std::vector<std::uint16_t> met;
+    std::vector<float> sums(padded(cells), 0.0f);
     const auto look = [&](const Source& source, float part) {
       const glm::vec2 start = glm::vec2(source.from) - centre_ + extent_;
       std::uint32_t edge = visibility.first[source.sees];
@@ -153,9 +235,7 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
         if (edge < last && visibility.edges[edge] <= k) continue;  // blocked
         const glm::vec2 p = (start + source.from.z * down.steps[i]) * scale;
         if (!(p.x >= 0 && p.y >= 0 && p.x < float(cells) && p.y < float(cells))) continue;
-        const std::size_t cell = std::size_t(p.y) * std::size_t(cells) + std::size_t(p.x);
-        if (sums[cell] == 0) met.push_back(std::uint16_t(cell));
-        sums[cell] += cosine * share * part;
+        sums[std::size_t(p.y) * std::size_t(cells) + std::size_t(p.x)] += cosine * share * part;
       }
     };
     for (std::size_t v = std::size_t(begin) * kBlock;
@@ -169,20 +249,13 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
         const double whole = free > 0 ? free : all;
         look(source, whole > 0 ? float(source.area / whole) : 1.0f);
       }
-      Seen& seen = blocks[v / kBlock];
-      std::sort(met.begin(), met.end());
-      for (const std::uint16_t cell : met) {
-        seen.cells.push_back(cell), seen.shares.push_back(sums[cell]);
-        sums[cell] = 0;
-      }
-      seen.counts.push_back(std::uint32_t(met.size()));
-      met.clear();
+      units_[v] = blocks[v / kBlock].add(sums);
     }
   });
   first_.assign(1, 0);
   for (const Seen& seen : blocks) {
     for (const std::uint32_t n : seen.counts) first_.push_back(first_.back() + n);
-    cell_.insert(cell_.end(), seen.cells.begin(), seen.cells.end());
+    groups_.insert(groups_.end(), seen.groups.begin(), seen.groups.end());
     shares_.insert(shares_.end(), seen.shares.begin(), seen.shares.end());
   }
 }
@@ -202,23 +275,18 @@ Image<float> PlaneExchange::onto_plane(std::span<const glm::vec3> exitance) cons
   check(exitance.size() == areas_.size(), "there must be an exitance for each of the ",
         areas_.size(), " vertices, got ", exitance.size());
   // Parts of the vertices have sums of their own, as many for any number of threads.
-  const std::size_t count = std::size_t(cells_) * std::size_t(cells_);
+  const std::size_t count = padded(cells_);
   const int part = (int(areas_.size()) + kParts - 1) / kParts;
-  std::vector<Colour> sums(kParts * count);
+  std::vector<float> sums(kParts * 3 * count);
   parallel_for(int(areas_.size()), part, [&](int begin, int end) {
-    Colour* own = sums.data() + std::size_t(begin / part) * count;
-    for (std::size_t v = std::size_t(begin); v < std::size_t(end); ++v) {
-      const Float4 sent = areas_[v] * colour(&exitance[v].x).lanes;
-      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i)
-        own[cell_[i]].lanes += shares_[i] * sent;
-    }
+    float* own = sums.data() + std::size_t(begin / part) * 3 * count;
+    for (std::size_t v = std::size_t(begin); v < std::size_t(end); ++v)
+      add_sent(groups_.data() + kQuad * first_[v], shares_.data() + kGroup * first_[v],
+               first_[v + 1] - first_[v], areas_[v] * units_[v] * exitance[v], count, own);
   });
   Image<float> out(cells_, cells_, 3);
-  for (std::size_t i = 0; i < count; ++i) {
-    Float4 sum{};
-    for (std::size_t p = 0; p < kParts; ++p) sum += sums[p * count + i].lanes;
-    for (int c = 0; c < 3; ++c) out.data[3 * i + std::size_t(c)] = sum[c];
-  }
+  for (std::size_t i = 0; i < out.data.size(); ++i)
+    for (std::size_t p = 0; p < kParts; ++p) out.data[i] += sums[(3 * p + i % 3) * count + i / 3];
   return out;
 }
 
@@ -227,14 +295,15 @@ std::vector<glm::vec3> PlaneExchange::onto_object(const Image<float>& exitance) 
         "the plane's exitance must be ", cells_, " × ", cells_, " RGB, got ", exitance.width, " × ",
         exitance.height);
   std::vector<glm::vec3> out(areas_.size(), glm::vec3(0));
-  std::vector<Colour> sent(std::size_t(cells_) * std::size_t(cells_));
-  for (std::size_t i = 0; i < sent.size(); ++i) sent[i] = colour(&exitance.data[3 * i]);
+  const std::size_t count = padded(cells_);
+  std::vector<float> sent(3 * count);  // red, green and blue of all
+  for (std::size_t i = 0; i < exitance.data.size(); ++i)
+    sent[(i % 3) * count + i / 3] = exitance.data[i];
   parallel_for(int(areas_.size()), 1024, [&](int begin, int end) {
     for (std::size_t v = std::size_t(begin); v < std::size_t(end); ++v) {
-      Float4 sum{};
-      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i)
-        sum += shares_[i] * sent[cell_[i]].lanes;
-      out[v] = {sum[0], sum[1], sum[2]};
+      sum_received(groups_.data() + kQuad * first_[v], shares_.data() + kGroup * first_[v],
+                   first_[v + 1] - first_[v], sent.data(), count, out[v]);
+      out[v] *= units_[v];
     }
   });
   return out;

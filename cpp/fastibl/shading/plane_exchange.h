@@ -62,10 +62,14 @@ class PlaneExchange {
   glm::vec2 centre_{0};
   float extent_ = 0, size_ = 0;
   Pose standing_;
-  std::vector<float> areas_;          // of the vertices, by that of a cell
-  std::vector<std::uint32_t> first_;  // of each vertex, in what follows, and one more at the end
-  std::vector<std::uint16_t> cell_;
-  std::vector<float> shares_;  // cosine-weighted, of what is above the vertex
+  std::vector<float> areas_;  // of the vertices, by that of a cell
+  // Cells are stored in groups of eight, row by row, groups in fours.
+  std::vector<std::uint32_t> first_;   // four of each vertex, and one more at the end
+  std::vector<std::uint16_t> groups_;  // that a vertex sees
+  // Of their cells: cosine-weighted, of what is above the vertex. In units of 1/255 of the largest
+  // of the vertex; as many digits as the rays that found them have.
+  std::vector<std::uint32_t> shares_;
+  std::vector<float> units_;  // of the vertices
 };
 
 }  // namespace fastibl
