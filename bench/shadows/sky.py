@@ -98,8 +98,8 @@ def _steps(count: int, step: int, bar: bool) -> Iterator[int]:
             shown.update(min(step, count - i))
 
 
-def behind_mesh(sky: Sky, mesh: fastibl.Mesh) -> Callable[[NDArray, NDArray], None]:
-    """Rays by Embree towards what lies within the cone of the mesh's bounding sphere. ImportError without embreex."""
+def rays(mesh: fastibl.Mesh) -> Callable[[NDArray, NDArray], NDArray[np.bool_]]:
+    """Embree's answer which rays from one point (3,) towards (n, 3) meet a mesh. ImportError without embreex."""
     try:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
@@ -107,6 +107,17 @@ def behind_mesh(sky: Sky, mesh: fastibl.Mesh) -> Callable[[NDArray, NDArray], No
         raise ImportError(NO_EMBREE) from error
     scene = EmbreeScene()
     TriangleMesh(scene, np.ascontiguousarray(mesh.vertices[mesh.triangles], np.float32))
+
+    def meet(origin: NDArray, directions: NDArray) -> NDArray[np.bool_]:
+        starts = np.broadcast_to(origin.astype(np.float32), directions.shape).copy()
+        return scene.run(starts, np.ascontiguousarray(directions, np.float32), query="OCCLUDED") >= 0
+
+    return meet
+
+
+def behind_mesh(sky: Sky, mesh: fastibl.Mesh) -> Callable[[NDArray, NDArray], None]:
+    """Rays by Embree towards what lies within the cone of the mesh's bounding sphere. ImportError without embreex."""
+    meet = rays(mesh)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     centre = (low + high).astype(np.float64) / 2
     radius = 1.001 * float(np.linalg.norm(mesh.vertices - centre, axis=1).max())
@@ -118,9 +129,7 @@ def behind_mesh(sky: Sky, mesh: fastibl.Mesh) -> Callable[[NDArray, NDArray], No
         origin = origin + (0, 0, above)
         inside, _ = _in_caps(sky.middle, sky.reach, origin, centre[None], np.array([radius]))
         chosen = np.flatnonzero(inside[:, 0])
-        d = directions[chosen].reshape(-1, 3)
-        starts = np.broadcast_to(origin.astype(np.float32), d.shape).copy()
-        met = scene.run(starts, d, query="OCCLUDED") >= 0
+        met = meet(origin, directions[chosen].reshape(-1, 3))
         hidden[chosen] = met.reshape(len(chosen), -1) & up[chosen]
 
     return hide

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from .. import inputs
 from ..goals import Goal, row, skipped
 from ..light.stability import texel_directions
 from . import truth
-from .sky import Sky, behind_mesh, behind_spheres, texels
+from .sky import Sky, behind_mesh, behind_spheres, rays, texels
 
 _GOAL = truth.Errors(0.0005, 0.003)
 
@@ -21,13 +21,22 @@ _GOAL = truth.Errors(0.0005, 0.003)
 class Visibility:
     """What points (n, 2) see past an object that stays, under maps of one size that come one after the other.
 
-    hide: behind_mesh or behind_spheres, of the object. A direction is a texel, however bright: changes are compared.
+    hide: behind_mesh or behind_spheres, of the object; meet: its rays, for lights that are near. A direction is a
+    texel, however bright: changes are compared.
     """
 
-    def __init__(self, hide: Callable[[Sky], Callable[[NDArray, NDArray], None]], points: NDArray, size: int):
+    def __init__(
+        self,
+        hide: Callable[[Sky], Callable[[NDArray, NDArray], None]],
+        points: NDArray,
+        size: int,
+        meet: Callable[[NDArray, NDArray], NDArray[np.bool_]] | None = None,
+    ):
+        self._points, self._meet = points, meet
         directions, angles = texels(size)
         self._upper = np.flatnonzero(directions[:, 2] > 0)
-        self._weight = (angles * directions[:, 2])[self._upper, None]
+        self._directions, self._angles = directions[self._upper], angles[self._upper, None]
+        self._weight = self._angles * self._directions[:, 2:]
         sky = Sky([fastibl.CubeMap(np.ones((6, size, size, 3), np.float32))], largest=1)
         behind = hide(sky)
         hidden = np.zeros((len(points), *sky.directions.shape[:2]), np.float32)
@@ -38,12 +47,38 @@ class Visibility:
         order = [where[tuple(d)] for d in directions[self._upper]]
         self._hidden = np.ascontiguousarray(hidden.reshape(len(points), -1)[:, order])
 
-    def ratio(self, cube: fastibl.CubeMap) -> NDArray[np.float64]:
-        """True ratio (n, 3) under a map."""
+    def ratio(
+        self, cube: fastibl.CubeMap, lights: Sequence[fastibl.Light] = (), centre: Sequence[float] = (0, 0, 0)
+    ) -> NDArray[np.float64]:
+        """True ratio (n, 3) under a map; lights: of those that have a position, the map is as seen from the centre."""
         flux = cube.faces.reshape(-1, 3)[self._upper] * self._weight
-        total = flux.sum(axis=0)
-        lost = self._hidden @ flux.astype(np.float32)
+        near = self._near([light for light in lights if light.position is not None], np.array(centre), flux)
+        for chosen, _ in near:
+            flux[chosen] = 0
+        total = np.broadcast_to(flux.sum(axis=0), (len(self._points), 3)).astype(np.float64)
+        lost = (self._hidden @ flux.astype(np.float32)).astype(np.float64)
+        for chosen, at in near:
+            sent = cube.faces.reshape(-1, 3)[self._upper][chosen] * self._angles[chosen]
+            sent = sent * ((at - np.array(centre)) ** 2).sum(axis=1, keepdims=True)
+            for i, point in enumerate(np.pad(self._points, ((0, 0), (0, 1)), constant_values=truth.ABOVE)):
+                to = at - point
+                given = sent * np.maximum(to[:, 2:], 0) / np.linalg.norm(to, axis=1, keepdims=True) ** 3
+                total[i] += given.sum(axis=0)
+                lost[i] += given[self._meet(point, to)].sum(axis=0)
         return np.where(total > 0, 1 - lost / np.where(total > 0, total, 1), 1)
+
+    def _near(self, lights: Sequence[fastibl.Light], centre: NDArray, flux: NDArray) -> list[tuple[NDArray, NDArray]]:
+        """The texels of each near light, and where they are: as far away as its middle. Texels of less than a
+        thousandth of its brightest count as distant, as those of other things do."""
+        found, left, brightness = [], np.ones(len(flux), bool), flux.sum(axis=1)
+        for light in lights:
+            angle = np.arccos(np.clip(self._directions @ np.array(light.direction), -1, 1))
+            own = left & (angle < 1.5 * light.angular_radius + 0.05)
+            chosen = np.flatnonzero(own & (brightness > 1e-3 * brightness[own].max(initial=0)))
+            left[chosen] = False
+            distance = np.linalg.norm(np.array(light.position) - centre)
+            found.append((chosen, centre + distance * self._directions[chosen]))
+        return found
 
 
 def brighter(cube: fastibl.CubeMap) -> Iterator[fastibl.CubeMap]:
@@ -106,11 +141,12 @@ def recording() -> Iterator[Goal]:
     """300 frames in the built-in room: the captured map changes, and with it the shadow; nothing else may.
 
     Judged are the steps in which at most 2 % of the plane's light changes, at points that the object does not stand
-    on: what a person could take for flicker. The true change is that of the mesh, of which a session bakes the shadow.
+    on: what a person could take for flicker. The true change is that of the mesh, of which a session bakes the shadow,
+    under the map with its near lights where the session has them.
     """
     scene = inputs.scene("figurine")
     try:
-        behind_mesh(Sky([fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32))]), scene.mesh)
+        meet = rays(scene.mesh)
     except ImportError as reason:
         yield skipped("flicker, 300-frame recording", str(reason))
         return
@@ -127,11 +163,12 @@ def recording() -> Iterator[Goal]:
         if seen is None:
             # Without a coarse map around it, a map fades towards its border, which is no matter of light.
             points = truth.grid(20, 0.7 * shadow.extent) + shadow.centre
-            seen = Visibility(lambda sky: behind_mesh(sky, scene.mesh), points, cube.size)
+            seen = Visibility(lambda sky: behind_mesh(sky, scene.mesh), points, cube.size, meet)
             covered = under(scene.mesh, points)
             weight = np.maximum(texels(cube.size)[0][:, 2:], 0) * texels(cube.size)[1][:, None]
         flux = cube.faces.reshape(-1, 3) * weight
-        now = seen.ratio(cube), shadow.sample(points).astype(np.float64), flux
+        true = seen.ratio(cube, result.lighting.lights, result.environment.centre)
+        now = true, shadow.sample(points).astype(np.float64), flux
         if last is not None:
             moved = float((np.abs(flux - last[2]).sum(axis=0) / np.maximum(flux.sum(axis=0), 1e-9)).max())
             change = now[0] - last[0]
