@@ -65,7 +65,10 @@ def measure(inputs: Inputs) -> Section:
         left = {p.name: p for p in plan.passes if not p.included}
         spent = timings[name].of_cpu
         section.rows.append(row("auto", name, time=spent, step="left-out", yard=yard))
-        saved = "–" if name == "everything" else f"{100 * (1 - spent.median / whole):.0f} %"
+        share = 1 - spent.median / whole
+        saved = (
+            "–" if name == "everything" else f"{100 * share:.0f} %" if share >= 0 else "none: it needs dearer methods"
+        )
         bound = max((p.bound for p in left.values()), default=0.0)
         table.append([name, ", ".join(left) or "–", percent(bound) if bound else "0", ", ".join(passes[name]),
                       seconds_text(spent.median), saved])  # fmt: skip
