@@ -159,12 +159,12 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
                      flux.channels[0].data(), flux.channels[1].data(), flux.channels[2].data(),
                      directions, &samples.free[i * directions], s.normal,
                      samples.views[std::size_t(s.view)], height, sums);
-      const float inverse = sums.height > 0 ? 1 / sums.height : 0;
       for (int c = 0; c < 3; ++c) {
         light.open_irradiance[i][c] = sums.open_irradiance[c];
         light.irradiance[i][c] = sums.irradiance[c];
-        light.open_lobe[i][c] = sums.open_lobe[c] * inverse;
-        light.lobe[i][c] = sums.lobe[c] * inverse;
+        if (!(sums.height > 0)) continue;
+        light.open_lobe[i][c] = sums.open_lobe[c] / sums.height;
+        light.lobe[i][c] = sums.lobe[c] / sums.height;
       }
     }
   });
