@@ -25,7 +25,7 @@ from ..brute import stored
 from ..goals import Goal, by_map, percent, row, skipped
 from ..light.speed import cpu_times, in_yardsticks
 from . import truth
-from .sky import ABOVE, NO_EMBREE
+from .sky import ABOVE, NO_EMBREE, rays
 
 ALBEDO = 0.8
 VERTICES = 3000  # of each mesh, at most
@@ -258,12 +258,7 @@ def _wall_points() -> NDArray:
 
 def _true_on_wall(name: str, levels: list[NDArray]) -> NDArray:
     """(points, lights, 3) by rays to every texel of a level of the maps."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
-    mesh = truth.meshes()[name]
-    scene = EmbreeScene()
-    TriangleMesh(scene, np.ascontiguousarray(mesh.vertices[mesh.triangles], np.float32))
+    meet = rays(truth.meshes()[name])
     d, angle = reference.samples(np.zeros((6, 64, 64, 3)))[:2]
     towards = np.flatnonzero(d[:, 1] < 0)
     d, weight = d[towards].astype(np.float32), -(d[:, 1] * angle)[towards]
@@ -271,7 +266,7 @@ def _true_on_wall(name: str, levels: list[NDArray]) -> NDArray:
     flux *= weight[:, None, None]
     out = []
     for point in _wall_points() - (0, ABOVE, 0):
-        met = scene.run(np.broadcast_to(np.float32(point), d.shape).copy(), d, query="OCCLUDED") >= 0
+        met = meet(point, d)
         out.append(1 - flux[met].sum(axis=0) / np.maximum(flux.sum(axis=0), 1e-300))
     return np.array(out)
 

@@ -13,6 +13,12 @@ inline constexpr int kLanes = 16;
 typedef float Lanes __attribute__((vector_size(64)));
 typedef std::int32_t IntLanes __attribute__((vector_size(64)));
 
+FASTIBL_INLINE float total(const Lanes& a) {
+  float sum = 0;
+  for (int k = 0; k < kLanes; ++k) sum += a[k];
+  return sum;
+}
+
 // ln(1 − t) for t in [0, 1), to 2e-7 of its value, also where t is small.
 FASTIBL_INLINE void log1m(const Lanes& t, Lanes& result) {
   // 1 − t = m 2^e with m in [√½, √2): where e is 0, m − 1 is −t, which keeps its digits.

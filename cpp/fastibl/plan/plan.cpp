@@ -60,7 +60,7 @@ std::string no_transfer(const Scene& scene) {
 }
 
 glm::dvec3 mean_of(const CubeMap& map) {
-  constexpr int kEnough = 16;  // every level has the same
+  constexpr int kEnough = 16;  // for a bound: levels have the same mean
   return map.level_at_most(kEnough).mean();
 }
 

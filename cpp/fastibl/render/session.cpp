@@ -209,7 +209,7 @@ void Session::set_shadow_look(const ShadowLook& look) {
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
   // Light that comes frame after frame is taken as captured light is: it moves, and what can be
   // seen of that fades; methods are judged anew where much of it is new.
-  const bool follows = fixed_environment_ && environment_ && environment && since_set_ == 1;
+  const bool follows = fixed_environment_ && environment && since_set_ == 1;
   set_in_a_row_ = follows ? set_in_a_row_ + 1 : 0, since_set_ = 0;
   bool moves = false, judged = false;
   if (set_in_a_row_ >= kStream) {

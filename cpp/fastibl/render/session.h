@@ -124,7 +124,9 @@ class Session {
   void set_budgets(double error, double milliseconds);
   void set_cast_shadow(bool cast);
   void set_shadow_look(const ShadowLook& look);
-  void set_environment(std::shared_ptr<const Environment> environment);  // null: capture
+  // null: capture. Light that is given in every frame is taken for light that moves; see
+  // session.cpp.
+  void set_environment(std::shared_ptr<const Environment> environment);
   void set_renderer(std::unique_ptr<Renderer> renderer);
 
  private:

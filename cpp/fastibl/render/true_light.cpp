@@ -65,11 +65,6 @@ FASTIBL_INLINE void lobe_heights(const LobeHeight& lobe, const Lanes& cosine, co
   height = half >= lobe.least ? height * cosine : none;
 }
 
-FASTIBL_INLINE void add_up(const Lanes& lanes, float& sum) {
-  sum = 0;
-  for (int i = 0; i < kLanes; ++i) sum += lanes[i];
-}
-
 // Sums over all directions above the tangent plane. free: of those, which the object does not hide.
 FASTIBL_CLONES
 void sum_directions(const float* x, const float* y, const float* z, const float* solid_angle,
@@ -121,10 +116,10 @@ void sum_directions(const float* x, const float* y, const float* z, const float*
     }
   }
   for (int c = 0; c < 3; ++c) {
-    add_up(open[c], out.open_irradiance[c]), add_up(seen[c], out.irradiance[c]);
-    add_up(open_lobe[c], out.open_lobe[c]), add_up(lobe_seen[c], out.lobe[c]);
+    out.open_irradiance[c] = total(open[c]), out.irradiance[c] = total(seen[c]);
+    out.open_lobe[c] = total(open_lobe[c]), out.lobe[c] = total(lobe_seen[c]);
   }
-  add_up(height, out.height);
+  out.height = total(height);
 }
 
 }  // namespace

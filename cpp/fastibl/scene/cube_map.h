@@ -81,7 +81,9 @@ class CubeLevel {
   void update_border(unsigned edges);
   glm::vec3 sample(glm::vec3 direction) const;  // seamless bilinear
   glm::vec3 sample(const FacePoint& p) const;
-  glm::dvec3 mean() const;  // by solid angle; of all levels of a map the same, to 1e-7
+  // By solid angle. Of all levels of a map the same, to 1e-7 where edges are halved evenly; where
+  // an edge of 7 becomes one of 3, to half a percent.
+  glm::dvec3 mean() const;
   bool operator==(const CubeLevel&) const = default;
 
  private:

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
@@ -37,7 +36,7 @@ using Counts [[gnu::vector_size(4 * kGroup)]] = std::int32_t;
 FASTIBL_INLINE void read_shares(const std::uint32_t* from, int group, Float8& to) {
   const QuadShares words = *reinterpret_cast<const QuadShares*>(from);
   const auto shares = words >> (8 * group) & 255;
-  to = __builtin_convertvector(reinterpret_cast<const Counts&>(shares), Float8);
+  to = __builtin_convertvector(reinterpret_cast<Counts>(shares), Float8);
 }
 
 FASTIBL_INLINE Float8& at(float* p) { return *reinterpret_cast<Float8*>(p); }

@@ -114,12 +114,6 @@ FASTIBL_INLINE void variance_of(const Levels& levels, const Lanes& white, Lanes&
   variance = (levels.black > 0 ? levels.black : 0) + levels.step * (share + kDark);
 }
 
-FASTIBL_INLINE float total(const Lanes& a) {
-  float sum = 0;
-  for (int k = 0; k < kLanes; ++k) sum += a[k];
-  return sum;
-}
-
 // Sums for a line through light by white: weight, white, white², light, white · light, light².
 FASTIBL_CLONES void line_sums(const Block* blocks, const Expected* expected, std::size_t count,
                               const Levels& levels, float* out) {

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import CubeMap, Environment, Frame, Pose, Session, Tracker
+from .. import CubeMap, Frame, Pose, Session, Tracker
 from .._fastibl import with_gl
 from ..comparison import level_at_most
 from ..lighting import PAPER
@@ -88,7 +88,7 @@ def _alone(inputs: Inputs, view: _View, methods: Methods, places: Mapping[str, C
     session = Session(inputs.scene, recording.rig, None, next(iter(places.values())), methods=methods)
     pictures, errors, biases = {}, {}, {}
     for k, (name, true) in enumerate(view.truths.items()):
-        session.set_environment(Environment(places[name]))
+        session.set_environment(places[name])
         image = pictures[name] = session.process(replace(view.frame, time=0.1 * k)).image
         errors[name] = picture_error(image, true, view.frame.back, response)
         biases[name] = _bias(image, true, view.frame.back, response)
@@ -105,14 +105,15 @@ def _times(inputs: Inputs, view: _View) -> tuple[dict[str, Timing], float, float
     clock = {name: 0.0 for name in sessions}
 
     def one(name: str, cube: CubeMap) -> None:
-        sessions[name].set_environment(Environment(cube))
+        sessions[name].set_environment(cube)
         clock[name] += 0.1
         sessions[name].process(replace(view.frame, time=clock[name])).image  # noqa: B018 - the picture has to arrive
 
     calls = {name: lambda k, name=name: one(name, inputs.stream(k)) for name in sessions}
     timings, yard = side_by_side(calls, inputs.effort.rounds, warm=STREAM)
-    others = list(inputs.places.values())[::-1]
-    return timings, yard, measure_calls(lambda cube: one("auto", CubeMap(cube.faces)), others, 3, warm=0).cpu
+    here = inputs.stream(0)
+    others = [CubeMap(4 * here.faces), here]  # by turns: as far apart as another place, where there is one place alone
+    return timings, yard, measure_calls(lambda cube: one("auto", cube), others, 3, warm=0).cpu
 
 
 def _bias(image: NDArray, true: TruePicture, back: NDArray, response: object) -> float:

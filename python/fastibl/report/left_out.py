@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .. import CubeMap, Environment, Frame, Material, Plan, Pose, Rig, Session
+from .. import CubeMap, Frame, Material, Plan, Pose, Rig, Session
 from ..measuring import one_core, row, seconds_text, side_by_side
 from .inputs import MATERIAL, STREAM, Inputs, pose_around
 from .section import Section, Table, percent
@@ -46,9 +46,9 @@ def measure(inputs: Inputs) -> Section:
 
         def call(k: int, session=session, light=light, name=name, last=last) -> None:
             if light == "changes":
-                session.set_environment(Environment(inputs.stream(k)))
+                session.set_environment(inputs.stream(k))
             if light == "uniform":
-                session.set_environment(Environment(CubeMap(np.full((6, 128, 128, 3), 1 + 0.01 * (k % 2), np.float32))))
+                session.set_environment(CubeMap(np.full((6, 128, 128, 3), 1 + 0.01 * (k % 2), np.float32)))
             last[1] += 1
             pose = pose_around(0.0 if light == "all stays" else 0.01 * last[1])
             frame = Frame(float(last[1]), back=back, back_from_marker=pose)
@@ -65,10 +65,10 @@ def measure(inputs: Inputs) -> Section:
         left = {p.name: p for p in plan.passes if not p.included}
         spent = timings[name].of_cpu
         section.rows.append(row("auto", name, time=spent, step="left-out", yard=yard))
-        share = 1 - spent.median / whole
-        saved = (
-            "–" if name == "everything" else f"{100 * share:.0f} %" if share >= 0 else "none: it needs dearer methods"
-        )
+        percents = round(100 * (1 - spent.median / whole))
+        saved = f"{percents} %" if percents >= 0 else f"none, takes {-percents} % more"
+        if name == "everything":
+            saved = "–"
         bound = max((p.bound for p in left.values()), default=0.0)
         table.append([name, ", ".join(left) or "–", percent(bound) if bound else "0", ", ".join(passes[name]),
                       seconds_text(spent.median), saved])  # fmt: skip
