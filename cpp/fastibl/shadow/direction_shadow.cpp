@@ -5,6 +5,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <functional>
 #include <memory>
 #include <numbers>
@@ -26,6 +27,7 @@ constexpr int kLeastOuter = 64;   // texels along an edge of the outer map, if t
 constexpr int kDirections = 16;   // of which a thread makes the bits together
 constexpr double kUnseen = 1 / 510.0;  // half a step of an 8-bit picture
 constexpr double kFarthest = 8;        // extent of the outer map, by that of the inner
+constexpr double kMostExtent = std::numeric_limits<float>::max();
 constexpr int kSectors = 64;           // of the plane around the object
 constexpr double kSectorAngle = 2 * std::numbers::pi / kSectors;
 constexpr int kRows = 8;    // of a map, summed together: a vector of words
@@ -313,7 +315,7 @@ float outer_extent(std::span<const LightDirection> light, const SphereSet& spher
       glm::dvec3& sum = lost[std::size_t(((i % kSectors) + kSectors) % kSectors)];
       sum += glm::dvec3(light[k].share);
       if (std::max(std::max(sum.x, sum.y), sum.z) > kUnseen)
-        return float(std::min(reach, kFarthest * inner));
+        return float(std::min({reach, kFarthest * inner, kMostExtent}));
     }
   }
   return 0;
