@@ -5,7 +5,9 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/core/simd.h"
 #include "fastibl/scene/irradiance.h"
+#include "fastibl/scene/shadow_look_up.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shading/self_shadow.h"
 
@@ -51,43 +53,64 @@ Image<float> ringed(const Image<float>& image) {
   return out;
 }
 
-// Bilinear; 0 outside.
-glm::vec3 gain_at(const Bounce& bounce, glm::vec2 point) {
-  const int n = bounce.gain.width;
-  const glm::vec2 p =
-      (point - bounce.centre) * (0.5f * float(n) / bounce.extent) + (0.5f * float(n) - 0.5f);
-  if (!(p.x > 0 && p.y > 0 && p.x < float(n - 1) && p.y < float(n - 1))) return glm::vec3(0);
-  const int x = int(p.x), y = int(p.y);
-  const float fx = p.x - float(x), fy = p.y - float(y);
-  const float *a = bounce.gain.pixel(x, y), *b = bounce.gain.pixel(x, y + 1);
-  glm::vec3 out;
-  for (int c = 0; c < 3; ++c) {
-    const float left = a[c] + fy * (b[c] - a[c]), right = a[c + 3] + fy * (b[c + 3] - a[c + 3]);
-    out[c] = left + fx * (right - left);
-  }
-  return out;
+// Gain and 1, which is 1 outside, as a map that is quick to look up.
+ShadowMap map_of(const Bounce& bounce) {
+  ShadowMap map;
+  map.ratio = bounce.gain, map.centre = bounce.centre, map.extent = bounce.extent;
+  float most = 1;
+  for (float& value : map.ratio.data) most = std::max(most, value += 1);
+  map.range = std::exp2(std::ceil(std::log2(std::min(most, 1e9f))));
+  return map;
 }
 
-// The ratio as the look has it, and the gain, at each texel of a map. keep(p): of the gain, p in
-// half edges from the centre.
-template <typename Keep>
+// Adds what is above 1 in `gains`, or a part of it.
+FASTIBL_CLONES void add_whole(const float* __restrict gains, int count, float* __restrict ratios) {
+  for (int i = 0; i < count; ++i) ratios[i] += gains[i] - 1;
+}
+void add_part(const glm::vec3* gains, const float* keep, int count, float* ratios) {
+  for (int x = 0; x < count; ++x)
+    for (int c = 0; c < 3; ++c) ratios[3 * x + c] += keep[x] * (gains[x][c] - 1);
+}
+
+// Points of a line at equal steps.
+FASTIBL_CLONES void place_points(glm::vec2 first, glm::vec2 step, int count,
+                                 float* __restrict out) {
+  for (int x = 0; x < count; ++x)
+    out[2 * x] = first.x + float(x) * step.x, out[2 * x + 1] = first.y + float(x) * step.y;
+}
+
+// The ratio as the look has it, and the gain, at each texel of a map. share: of the way to where
+// shadows fade that the map's edge is at; n: texels of the map that reaches there.
 void add_gain(Image<float>& ratio, glm::vec2 centre, float extent, const ShadowLook& look,
-              const Bounce& bounce, Keep&& keep) {
+              const Bounce& bounce, const ShadowLookUp& gains, float share, float n) {
   const PlaneMotion back = bounce.motion.inverse();
+  const int width = ratio.width;
+  const auto offset = [&](int i) { return shared::plane_offset(i, float(width)); };
+  const glm::vec2 step = back * (centre + glm::vec2(extent * 2 / float(width), 0)) - back * centre;
   parallel_for(ratio.height, 16, [&](int begin, int end) {
-    for (int y = begin; y < end; ++y)
-      for (int x = 0; x < ratio.width; ++x) {
-        float* r = ratio.pixel(x, y);
-        const glm::vec2 p(shared::plane_offset(x, float(ratio.width)),
-                          shared::plane_offset(y, float(ratio.width)));
-        const glm::vec3 gain =
-            bounce.empty() ? glm::vec3(0) : gain_at(bounce, back * (centre + extent * p));
-        if (gain == glm::vec3(0) && !look.changes()) continue;
-        glm::vec3 value(r[0], r[1], r[2]);
-        if (look.changes()) value = look.apply(value);
-        if (gain != glm::vec3(0)) value += keep(p) * gain;
-        for (int c = 0; c < 3; ++c) r[c] = value[c];
+    std::vector<glm::vec2> points(static_cast<std::size_t>(width));
+    std::vector<glm::vec3> found(points.size());
+    std::vector<float> keep(points.size());
+    for (int y = begin; y < end; ++y) {
+      float* r = ratio.row(y);
+      if (look.changes())
+        for (int x = 0; x < width; ++x) {
+          const glm::vec3 value = look.apply({r[3 * x], r[3 * x + 1], r[3 * x + 2]});
+          for (int c = 0; c < 3; ++c) r[3 * x + c] = value[c];
+        }
+      if (bounce.empty()) continue;
+      place_points(back * (centre + extent * glm::vec2(offset(0), offset(y))), step, width,
+                   &points[0].x);
+      gains.sample(points, found);
+      const glm::vec2 corner = share * glm::vec2(offset(0), offset(y));
+      if (shared::shadow_keep(corner, n) == 1) {  // and so all between
+        add_whole(&found[0].x, 3 * width, r);
+        continue;
       }
+      for (int x = 0; x < width; ++x)
+        keep[std::size_t(x)] = shared::shadow_keep(share * glm::vec2(offset(x), offset(y)), n);
+      add_part(found.data(), keep.data(), width, r);
+    }
   });
 }
 
@@ -159,36 +182,20 @@ void add_shares(const Bounce& bounce, std::span<glm::vec4> shares) {
   if (!bounce.shares.empty()) add_shares(bounce.shares, shares);
 }
 
-namespace {
-
-// The power of two that holds all texels.
-float range_of(const ShadowMap& plane) {
-  float most = 1;
-  for (const Image<float>* image : {&plane.ratio, &plane.outer, &plane.fine})
-    for (const float value : image->data) most = std::max(most, value);
-  return std::exp2(std::ceil(std::log2(std::min(most, 1e9f))));
-}
-
-}  // namespace
-
 ShadowMap plane_gain(const ShadowMap& shadow, const ShadowLook& look, const Bounce& bounce) {
   ShadowMap plane = shadow;
   if (plane.ratio.empty() || plane.no_light || (!look.changes() && bounce.empty())) return plane;
+  const ShadowMap gain = map_of(bounce);
+  const ShadowLookUp gains(gain);
   const float ends = plane.reach();
-  const auto keep = [&](float extent, const Image<float>& last) {
-    return [=, n = float(last.width)](glm::vec2 p) {
-      return shared::shadow_keep(p * (extent / ends), n);
-    };
+  const float n = float(plane.outer.empty() ? plane.ratio.width : plane.outer.width);
+  const auto add = [&](Image<float>& image, glm::vec2 centre, float extent, float share) {
+    if (!image.empty()) add_gain(image, centre, extent, look, bounce, gains, share, n);
   };
-  const Image<float>& last = plane.outer.empty() ? shadow.ratio : shadow.outer;
-  add_gain(plane.ratio, plane.centre, plane.extent, look, bounce, keep(plane.extent, last));
-  if (!plane.outer.empty())
-    add_gain(plane.outer, plane.centre, plane.outer_extent, look, bounce,
-             keep(plane.outer_extent, last));
-  if (!plane.fine.empty())  // lies inside: nothing fades there
-    add_gain(plane.fine, plane.fine_centre, plane.fine_extent, look, bounce,
-             [](glm::vec2) { return 1.0f; });
-  plane.range = range_of(plane);
+  add(plane.ratio, plane.centre, plane.extent, plane.extent / ends);
+  add(plane.outer, plane.centre, plane.outer_extent, 1);
+  add(plane.fine, plane.fine_centre, plane.fine_extent, 0);  // lies inside: nothing fades there
+  plane.range = gain.range;                                  // no ratio is above 1
   return plane;
 }
 
