@@ -183,16 +183,17 @@ void measure_pixels(const Scene& scene, const Maps& all, Costs& costs) {
   const ObjectLayer object = shade(seen, matte, lighting, eye);
   SceneShadow caster;
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
+  const ShadowLookUp nothing{ShadowMap{}}, look_up(shadow);
   const PixelTable table(v.camera);
   const std::vector<std::uint8_t> bytes(std::size_t(v.camera.width * v.camera.height * 3), 128);
   Picture back;
   back.width = v.camera.width, back.height = v.camera.height;
   back.data = bytes.data(), back.row_bytes = 3 * v.camera.width;
   const double all_pixels = double(v.camera.width) * v.camera.height;
-  const double bare = nanoseconds(
-      [&](int) { composite(back, 1, table, v.camera_from_marker, object, ShadowMap{}); });
+  const double bare =
+      nanoseconds([&](int) { composite(back, 1, table, v.camera_from_marker, object, nothing); });
   const double shaded =
-      nanoseconds([&](int) { composite(back, 1, table, v.camera_from_marker, object, shadow); });
+      nanoseconds([&](int) { composite(back, 1, table, v.camera_from_marker, object, look_up); });
   costs.composite_pixel = bare / all_pixels;
   costs.shadow_pixel = at_least((shaded - bare) / all_pixels, 0.1);
 }

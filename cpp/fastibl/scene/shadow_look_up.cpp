@@ -82,7 +82,7 @@ void sample_block(std::span<const ShadowLookUp::Level> levels, const float* poin
 
 }  // namespace
 
-ShadowLookUp::ShadowLookUp(const ShadowMap& map) {
+ShadowLookUp::ShadowLookUp(const ShadowMap& map) : centre_(map.centre), reach_(map.reach()) {
   if (map.no_light || map.ratio.empty()) return;
   if (!map.fine.empty())
     levels_.push_back(level_of(map.fine, map.fine_centre, map.fine_extent, map.range));

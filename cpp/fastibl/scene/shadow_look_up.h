@@ -16,6 +16,10 @@ class ShadowLookUp {
   explicit ShadowLookUp(const ShadowMap& map);
   // The bits of ShadowMap::sample at each point.
   void sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;
+  bool empty() const { return levels_.empty(); }  // the ratio is 1 everywhere
+  // As those of the map.
+  glm::vec2 centre() const { return centre_; }
+  float reach() const { return reach_; }
 
   // Codes of a texel and of the one below it, red to blue; the last pair is none.
   struct alignas(16) Column {
@@ -28,6 +32,8 @@ class ShadowLookUp {
 
  private:
   std::vector<Level> levels_;  // the finest first
+  glm::vec2 centre_;
+  float reach_;
 };
 
 }  // namespace fastibl

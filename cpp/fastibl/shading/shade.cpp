@@ -19,8 +19,8 @@ struct Rectangle {
 };
 
 Rectangle shadowed_pixels(const Camera& camera, const Pose& camera_from_marker,
-                          const ShadowMap& shadow) {
-  if (shadow.ratio.empty() || shadow.no_light) return {};
+                          const ShadowLookUp& shadow) {
+  if (shadow.empty()) return {};
   const Lens lens(camera);
   glm::dvec2 lower(std::numeric_limits<double>::infinity()), upper(-lower);
   constexpr int kSteps = 16;  // of each edge: lenses bend them
@@ -33,7 +33,7 @@ Rectangle shadowed_pixels(const Camera& camera, const Pose& camera_from_marker,
                                        : glm::dvec2(-1, -a);
       const auto pixel =
           lens.project(camera_from_marker *
-                       glm::dvec3(glm::dvec2(shadow.centre) + double(shadow.reach()) * p, 0));
+                       glm::dvec3(glm::dvec2(shadow.centre()) + double(shadow.reach()) * p, 0));
       if (!pixel)
         return {0, 0, camera.width, camera.height};  // partly behind the camera: look everywhere
       lower = glm::min(lower, *pixel), upper = glm::max(upper, *pixel);
@@ -63,7 +63,7 @@ void meet_plane(const float* x, const float* y, int count, const float (&m)[12],
 // above the plane.
 class PlaneShadow {
  public:
-  PlaneShadow(const PixelTable& table, const Pose& camera_from_marker, const ShadowMap& shadow)
+  PlaneShadow(const PixelTable& table, const Pose& camera_from_marker, const ShadowLookUp& shadow)
       : table_(table),
         look_up_(shadow),
         area_(shadowed_pixels(table.camera, camera_from_marker, shadow)) {
@@ -90,7 +90,7 @@ class PlaneShadow {
 
  private:
   const PixelTable& table_;
-  ShadowLookUp look_up_;
+  const ShadowLookUp& look_up_;
   Rectangle area_;
   float transform_[12];
 };
@@ -292,7 +292,7 @@ PixelTable::PixelTable(const Camera& c)
 
 Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
-                              const ShadowMap& shadow, const ObjectLayer& holdout) {
+                              const ShadowLookUp& shadow, const ObjectLayer& holdout) {
   const Camera& camera = table.camera;
   // 16-bit and float pictures are darkened in their rounded codes too: their output has 8 bits.
   Image<std::uint8_t> out = back.empty() ? Image<std::uint8_t>(camera.width, camera.height, 3)
@@ -323,7 +323,7 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
 }
 
 Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& camera_from_marker,
-                          const ObjectLayer& object, const ShadowMap& shadow,
+                          const ObjectLayer& object, const ShadowLookUp& shadow,
                           const ObjectLayer& holdout) {
   const Camera& camera = table.camera;
   Image<std::uint8_t> out(camera.width, camera.height, 4);

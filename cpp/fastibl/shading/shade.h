@@ -11,7 +11,7 @@
 #include "fastibl/scene/lighting.h"
 #include "fastibl/scene/object_layer.h"
 #include "fastibl/scene/picture.h"
-#include "fastibl/scene/shadow_map.h"
+#include "fastibl/scene/shadow_look_up.h"
 #include "fastibl/shading/rasterize.h"
 
 namespace fastibl {
@@ -54,13 +54,13 @@ struct PixelTable {
 // multiplied by their own ratio, not the plane's.
 Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
-                              const ShadowMap& shadow, const ObjectLayer& holdout = {});
+                              const ShadowLookUp& shadow, const ObjectLayer& holdout = {});
 
 // Object and shadow without a picture behind: straight (not premultiplied) encoded RGB and alpha,
 // where a shadow is black with alpha 1 − ratio (mean over RGB; 0 where that
 // is negative).
 Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& camera_from_marker,
-                          const ObjectLayer& object, const ShadowMap& shadow,
+                          const ObjectLayer& object, const ShadowLookUp& shadow,
                           const ObjectLayer& holdout = {});
 
 }  // namespace fastibl

@@ -19,6 +19,7 @@ class CpuRenderer final : public Renderer {
         options.settings = in.methods.shadow_settings;
         shadow_ = caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance, in.scene,
                                options, in.lighting.near_lights);
+        plane_.reset();
         return;
       }
       case PassId::shade: {
@@ -34,12 +35,15 @@ class CpuRenderer final : public Renderer {
         return;
       }
       case PassId::composite: {
-        const ShadowMap& plane = in.plane_gain ? *in.plane_gain : shadow_;
+        if (!plane_ || plane_of_ != in.plane_gain) {
+          plane_.emplace(in.plane_gain ? *in.plane_gain : shadow_);
+          plane_of_ = in.plane_gain;
+        }
         if (!pixels_ || pixels_->camera != in.camera) pixels_.emplace(in.camera);
-        image_ = in.back.empty()
-                     ? matte(in.exposure, *pixels_, in.camera_from_marker, object_, plane, holdout_)
-                     : composite(in.back, in.exposure, *pixels_, in.camera_from_marker, object_,
-                                 plane, holdout_);
+        image_ = in.back.empty() ? matte(in.exposure, *pixels_, in.camera_from_marker, object_,
+                                         *plane_, holdout_)
+                                 : composite(in.back, in.exposure, *pixels_, in.camera_from_marker,
+                                             object_, *plane_, holdout_);
         return;
       }
       default:
@@ -48,7 +52,7 @@ class CpuRenderer final : public Renderer {
   }
 
   void clear(PassId pass) override {
-    if (pass == PassId::shadow) shadow_ = {}, caster_ = {};
+    if (pass == PassId::shadow) shadow_ = {}, caster_ = {}, plane_.reset();
     if (pass == PassId::shade) object_ = {}, holdout_ = {}, shaded_.reset();
   }
 
@@ -63,6 +67,8 @@ class CpuRenderer final : public Renderer {
   Rasterizer rasterizer_;
   std::optional<double> shaded_;
   ShadowMap shadow_;
+  std::optional<ShadowLookUp> plane_;  // the shadow, or what the plane gains in its place
+  std::shared_ptr<const ShadowMap> plane_of_;
   ObjectLayer object_, holdout_;
   Image<std::uint8_t> image_;
   std::optional<PixelTable> pixels_;
