@@ -89,7 +89,8 @@ Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const 
     if (options.transfer && m.self_shadow == SelfShadowMethod::transfer)
       sum += cost(PassId::self_shadow, m);
     if (options.cast_shadow) sum += cost(PassId::shadow, m);
-    if (options.cast_shadow && m.bounce == BounceMethod::one) sum += cost(PassId::bounce, m);
+    if (options.cast_shadow && m.bounce == BounceMethod::one)
+      sum += cost(PassId::bounce, m) + cost(PassId::plane, m);
     return sum;
   };
   const auto error = [&](const Combination& at) {

@@ -37,8 +37,8 @@ const std::array<CostField, 35>& cost_fields() {
        {"cells", &Costs::cells},
        {"share_vertex", &Costs::share_vertex},
        {"glossy_vertex", &Costs::glossy_vertex},
-       {"bounce", &Costs::bounce},
        {"bounce_vertex", &Costs::bounce_vertex},
+       {"plane_texel", &Costs::plane_texel},
        {"track", &Costs::track},
        {"capture_pixel", &Costs::capture_pixel}}};
   return fields;
@@ -121,6 +121,13 @@ double shadow_cost(const Costs& c, const Methods& m) {
   }
 }
 
+// Of a baked shadow's three maps, or of a cast one's two.
+double shadow_texels(const Methods& m) {
+  constexpr double kTexels = 128 * 128;
+  const double fine = m.shadow_settings.fine;
+  return m.shadow == ShadowMethod::mesh ? 2 * kTexels + fine * fine : 1.25 * kTexels;
+}
+
 }  // namespace
 
 double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Workload& w) {
@@ -148,7 +155,10 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
       ns = c.cells + c.share_vertex * w.vertices;
       break;
     case PassId::bounce:
-      ns = c.bounce + c.bounce_vertex * w.vertices;
+      ns = c.bounce_vertex * w.vertices;
+      break;
+    case PassId::plane:
+      ns = c.plane_texel * shadow_texels(m);
       break;
     case PassId::shade:
       ns = c.raster_vertex * w.vertices +
@@ -160,7 +170,7 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
       ns = c.composite_pixel * pixels + c.shadow_pixel * w.shadow_pixels;
       break;
     default:
-      break;  // a fraction of the bounce's
+      break;
   }
   return ns * 1e-6;
 }

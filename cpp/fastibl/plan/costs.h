@@ -24,7 +24,7 @@ struct Costs {
   double mesh_shadow = 340e3, fine_shadow = 2.2e6, direction = 3e3, caps = 10e6;
   // Of what the object hides of itself.
   double cells = 90e3, share_vertex = 53, glossy_vertex = 200;
-  double bounce = 8e3, bounce_vertex = 310;
+  double bounce_vertex = 310, plane_texel = 2;
   // Of cameras' pictures.
   double track = 1.5e6, capture_pixel = 3.8;
   bool operator==(const Costs&) const = default;

@@ -234,11 +234,12 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
   SceneShadow caster;
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
   const PlaneExchange exchange(scene.mesh, *scene.directions);
-  const double bounce = nanoseconds(
-      [&](int) { plane_gain(shadow, {}, find_bounce(exchange, scene, lighting, shadow, shares)); });
-  const double sums = nanoseconds([&](int) { plane_gain(shadow, {}, {}); });
-  costs.bounce = sums;
-  costs.bounce_vertex = at_least((bounce - sums) / count, 1);
+  Bounce bounce;
+  costs.bounce_vertex =
+      nanoseconds([&](int) { bounce = find_bounce(exchange, scene, lighting, shadow, shares); }) /
+      count;
+  const double texels = double(shadow.ratio.data.size() + shadow.outer.data.size()) / 3;
+  costs.plane_texel = nanoseconds([&](int) { plane_gain(shadow, {}, bounce); }) / texels;
 }
 
 }  // namespace
