@@ -69,6 +69,11 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
 }
 
 void Session::replan() {
+  set_in_a_row_ = 0;
+  judge_anew();
+}
+
+void Session::judge_anew() {
   measured_ = {}, measure_due_ = true;
   update_plan();
   make_stale();
@@ -116,8 +121,8 @@ void Session::choose_methods() {
     const auto radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
     measured_ =
         measure_errors(scene_, radiance, options_.methods,
-                       candidates(options_.methods, candidate_options(scene_, fixed_environment_)),
-                       options_.cast_shadow, !fixed_environment_);
+                       candidates(options_.methods, candidate_options(scene_, !light_moves())),
+                       options_.cast_shadow, light_moves());
     measured_light_ = faces_of(environment_->radiance);
   }
   if (!choose_due_) return;
@@ -136,6 +141,8 @@ void Session::watch_time(double milliseconds) {
   if (time_.add(milliseconds, plan_.milliseconds, options_.milliseconds)) choose_due_ = true;
 }
 
+bool Session::light_moves() const { return !fixed_environment_ || set_in_a_row_ >= kStream; }
+
 void Session::update_plan(bool choose) {
   PlanOptions options;
   options.methods = options_.methods;
@@ -146,14 +153,14 @@ void Session::update_plan(bool choose) {
   options.lighting = lighting_.get();
   options.measured = &measured_;
   options.costs = options_.costs;
-  options.workload = workload_of(scene_, rig_.back.width, rig_.back.height, !fixed_environment_);
+  options.workload = workload_of(scene_, rig_.back.width, rig_.back.height, light_moves());
   if (const std::optional<double> pixels = renderer_->shaded(); pixels && *pixels > 0)
     options.object_pixels = pixels;
   options.slowdown = time_.slowdown();
   // Of light that stays, what is chosen must not depend on what was before.
   const Methods before = plan_.methods;
   options.settled = !choose && plan_.picture_error;
-  if (options.settled || (!fixed_environment_ && plan_.picture_error)) options.keep = &before;
+  if (options.settled || (light_moves() && plan_.picture_error)) options.keep = &before;
   const bool bounced = plan_.includes(PassId::bounce), near_ = plan_.includes(PassId::near_light);
   plan_ = make_plan(scene_, environment_.get(), options);
   // The light came to matter, or no longer does.
@@ -207,24 +214,25 @@ void Session::set_shadow_look(const ShadowLook& look) {
   stale_ |= product::plane | product::holdout | product::image;
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
-  // Light that comes frame after frame is taken as captured light is: it moves, and what can be
-  // seen of that fades; methods are judged anew where much of it is new.
-  const bool follows = fixed_environment_ && environment && since_set_ == 1;
-  set_in_a_row_ = follows ? set_in_a_row_ + 1 : 0, since_set_ = 0;
-  bool moves = false, judged = false;
-  if (set_in_a_row_ >= kStream) {
+  // Light that comes frame after frame, a little other each time, is taken as captured light is: it
+  // moves, and what can be seen of that fades; methods are judged anew where much of it is new.
+  bool little = false, judged = false;
+  if (fixed_environment_ && environment && since_set_ == 1) {
     const std::vector<glm::vec3> light = faces_of(environment->radiance);
-    moves = difference(light, faces_of(environment_->radiance)) <= kOtherLight;
-    judged = moves && !measured_.empty() && !measure_due_ &&
-             difference(light, measured_light_) <= kOtherLight;
+    little = difference(light, faces_of(environment_->radiance)) <= kOtherLight;
+    judged =
+        !measured_.empty() && !measure_due_ && difference(light, measured_light_) <= kOtherLight;
   }
+  set_in_a_row_ = little ? set_in_a_row_ + 1 : 0, since_set_ = 0;
+  const bool moves = set_in_a_row_ >= kStream;
   fixed_environment_ = environment != nullptr;
   environment_ = std::move(environment);
   if (!moves) {  // another place: nothing is to fade
     lighting_.reset();
     renderer_->clear(PassId::shadow);
   }
-  if (!judged) return replan();
+  if (!moves || !judged) return judge_anew();
+  if (set_in_a_row_ == kStream) choose_due_ = true;  // what is made for each light costs more now
   update_plan();
   make_stale();
 }

@@ -130,11 +130,13 @@ class Session {
   void set_renderer(std::unique_ptr<Renderer> renderer);
 
  private:
+  bool light_moves() const;  // it is captured, or given frame after frame
   void update_plan(bool choose = false);  // the lines and their errors; and methods anew
   void choose_methods();                  // where the light has changed, or the time is up
   void make_stale();                      // all that methods make
   void watch_time(double milliseconds);
   void replan();  // after a change of what is wanted: makes stale what it concerns
+  void judge_anew();  // the same after a change of the light
   void check_frame(const Frame& frame) const;
   LightingOptions lighting_options() const;
   // drawn_from: the pose that the object is drawn with, see drawn_pose.
