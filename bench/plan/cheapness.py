@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from functools import cache
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from .promise import chosen, method
 
 STEPS = ("diffuse", "glossy", "self_shadow", "shadow", "bounce")
 RATIO = 1.25
+MOVING = 4  # frames in a row with light of their own until a session takes it for light that moves
+REPETITIONS = 5
 # Each map, mesh and material is among them; glossy ones of a few candidates each.
 CASES = (
     Case("potsdamer_platz", "spot", "white"),
@@ -33,62 +36,75 @@ CASES = (
 )
 
 
-def frame_seconds(case: Case, methods: dict, repetitions: int = 3) -> float:
-    """CPU seconds of a frame under light that changes every frame, the least of a few."""
+class Drawn(NamedTuple):
+    """A session that has drawn a case, and CPU seconds of a frame, the least of a few."""
+
+    session: fastibl.Session
+    moving: float  # light that comes anew with every frame
+    staying: float  # light that stays, and a pose that moves
+
+
+def draw(case: Case, methods: dict) -> Drawn:
     session = render.session(case)
     session.set_methods(methods)
     lights = [fastibl.Environment(cases.environment(case.map)) for _ in range(2)]
-    least = np.inf
-    for k in range(repetitions + 1):
-        session.set_environment(lights[k % 2])
-        frame = fastibl.Frame(0.0, back_from_marker=cases.pose(), back_exposure=cases.exposure(case.map))
+    pose = cases.pose()
+    beside = pose.matrix.copy()
+    beside[0, 3] += 1e-4
+
+    def seconds(pose: fastibl.Pose) -> float:
+        frame = fastibl.Frame(0.0, back_from_marker=pose, back_exposure=cases.exposure(case.map))
         begin = time.process_time()
         session.process(frame)
-        if k:
-            least = min(least, time.process_time() - begin)
-    return least
+        return time.process_time() - begin
+
+    moving, staying = [], []
+    for k in range(MOVING + REPETITIONS):
+        session.set_environment(lights[k % 2])
+        moving.append(seconds(pose))
+    for _ in range(REPETITIONS):
+        staying += [seconds(fastibl.Pose(beside)), seconds(pose)]
+    return Drawn(session, min(moving[MOVING:]), min(staying))
 
 
 @cache
-def every(case: Case) -> list[tuple[dict, float, float]]:
-    """All combinations of candidates: methods, error, seconds."""
+def every(case: Case) -> list[tuple[float, Drawn]]:
+    """All combinations of candidates, with their errors."""
     found = _measured_errors(render.scene(case), fastibl.Environment(cases.environment(case.map)), AUTO)
     names = [found[step][0] for step in STEPS]
-    matte = case.material in ("white", "clay")
-    if matte:
+    if case.material in ("white", "clay"):
         names[1] = names[1][:1]
     true, out = truth.truth(case.map, case.mesh, case.material), []
     for combination in product(*names):
-        methods = {step: method(text) for step, text in zip(STEPS, combination, strict=True)}
-        seconds = frame_seconds(case, methods, 2)
-        out.append((methods, cases.errors(render.picture(render.session(case)), true, case.map).whole, seconds))
+        drawn = draw(case, {step: method(text) for step, text in zip(STEPS, combination, strict=True)})
+        out.append((cases.errors(render.picture(drawn.session), true, case.map).whole, drawn))
     return out
+
+
+def ratio(case: Case, budget: float, which: str) -> float | None:
+    """Time of the plan's choice by that of the cheapest within the budget; None where either has none."""
+    # To a plan, light that is captured is light that moves.
+    plan = fastibl.make_plan(
+        render.scene(case), cases.environment(case.map), error=budget, track=False, capture=which == "moving"
+    )
+    good = [getattr(drawn, which) for error, drawn in every(case) if error <= budget]
+    return getattr(draw(case, chosen(plan)), which) / min(good) if plan.meets_error and good else None
 
 
 @row("plan", "cheapness")
 @one_core()
 def cheapness() -> Iterator[Goal]:
-    ratios, notes = [], []
-    for case in CASES:
-        if case.material not in ("white", "clay"):
-            continue  # hundreds of combinations of a second each
-        for budget in cases.BUDGETS:
-            plan = fastibl.make_plan(render.scene(case), cases.environment(case.map), error=budget, track=False)
-            if not plan.meets_error:
-                continue
-            good = [seconds for _, error, seconds in every(case) if error <= budget]
-            if not good:
-                continue
-            ratio = frame_seconds(case, chosen(plan)) / min(good)
-            ratios.append(ratio)
-            notes.append(f"{case.map}, {case.mesh}, {case.material}, {percent(budget)}: {ratio:.2f}")
-    yield Goal(
-        "time of a frame by the cheapest found by exhaustive search",
-        f"{np.mean(np.array(ratios) <= RATIO):.0%} of {len(ratios)} within, median {np.median(ratios):.2f}",
-        f"<= {RATIO}",
-        max(ratios, default=0) <= RATIO,
-        tuple(notes),
-    )
+    matte = [case for case in CASES if case.material in ("white", "clay")]  # others: hundreds of combinations
+    for which in ("staying", "moving"):
+        found = {(c, b): r for c in matte for b in cases.BUDGETS if (r := ratio(c, b, which)) is not None}
+        ratios = np.array(list(found.values()))
+        yield Goal(
+            f"time of a frame under {which} light by the cheapest found by exhaustive search",
+            f"{np.mean(ratios <= RATIO):.0%} of {len(ratios)} within, median {np.median(ratios):.2f}",
+            f"<= {RATIO}",
+            bool((ratios <= RATIO).all()),
+            tuple(f"{c.map}, {c.mesh}, {c.material}, {percent(b)}: {r:.2f}" for (c, b), r in found.items()),
+        )
 
 
 @row("plan", "planning")
