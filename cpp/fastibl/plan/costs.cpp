@@ -4,8 +4,8 @@
 
 namespace fastibl {
 
-const std::array<CostField, 35>& cost_fields() {
-  static constexpr std::array<CostField, 35> fields = {
+const std::array<CostField, 36>& cost_fields() {
+  static constexpr std::array<CostField, 36> fields = {
       {{"fold", &Costs::fold},
        {"faces", &Costs::faces},
        {"sh9", &Costs::sh9},
@@ -35,9 +35,10 @@ const std::array<CostField, 35>& cost_fields() {
        {"direction", &Costs::direction},
        {"caps", &Costs::caps},
        {"cells", &Costs::cells},
-       {"share_vertex", &Costs::share_vertex},
+       {"share_edge", &Costs::share_edge},
        {"glossy_vertex", &Costs::glossy_vertex},
-       {"bounce_vertex", &Costs::bounce_vertex},
+       {"bounce", &Costs::bounce},
+       {"bounce_group", &Costs::bounce_group},
        {"plane_texel", &Costs::plane_texel},
        {"track", &Costs::track},
        {"capture_pixel", &Costs::capture_pixel}}};
@@ -152,10 +153,10 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
       ns = shadow_cost(c, m);
       break;
     case PassId::self_shadow:
-      ns = c.cells + c.share_vertex * w.vertices;
+      ns = c.cells + c.share_edge * w.edges;
       break;
     case PassId::bounce:
-      ns = c.bounce_vertex * w.vertices;
+      ns = c.bounce + c.bounce_group * w.groups;
       break;
     case PassId::plane:
       ns = c.plane_texel * shadow_texels(m);

@@ -23,8 +23,8 @@ struct Costs {
   // Of the shadow: of a baked mesh, with a finer map, of one direction.
   double mesh_shadow = 340e3, fine_shadow = 2.2e6, direction = 3e3, caps = 10e6;
   // Of what the object hides of itself.
-  double cells = 90e3, share_vertex = 53, glossy_vertex = 200;
-  double bounce_vertex = 310, plane_texel = 2;
+  double cells = 90e3, share_edge = 0.95, glossy_vertex = 200;
+  double bounce = 250e3, bounce_group = 3.3, plane_texel = 4.8;
   // Of cameras' pictures.
   double track = 1.5e6, capture_pixel = 3.8;
   bool operator==(const Costs&) const = default;
@@ -34,14 +34,15 @@ struct CostField {
   double Costs::*value;
 };
 // All of them, for files and printing.
-const std::array<CostField, 35>& cost_fields();
+const std::array<CostField, 36>& cost_fields();
 
 // What there is to do in a frame.
 struct Workload {
   int width = 640, height = 480;  // of the picture
   double object_pixels = 25000, shadow_pixels = 245000;
   int vertices = 3000;
-  bool light_changes = true;  // every frame, as where it is captured
+  double edges = 240e3, groups = 110e3;  // of VertexVisibility, and of PlaneExchange
+  bool light_changes = true;             // every frame, as where it is captured
   bool pbr = false, glossy = true, diffuse = true;
 };
 // Frames that one fitting of light that stays is for.

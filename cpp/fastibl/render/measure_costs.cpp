@@ -20,7 +20,8 @@
 namespace fastibl {
 namespace {
 
-constexpr int kCalls = 25;
+constexpr int kCalls = 25, kFewest = 5;
+constexpr double kLongest = 0.1;           // seconds, after which fewer calls do
 constexpr std::size_t kBetween = 2 << 20;  // bytes that the rest of a frame goes through
 
 // Nanoseconds of call(k), k counted up, as in a frame: the nearest caches hold other things. The
@@ -29,15 +30,18 @@ template <typename Call>
 double nanoseconds(Call&& call) {
   static std::vector<unsigned char> others(kBetween);
   int k = 0;
+  double all = 0;
   std::vector<double> seconds;
-  for (int i = 0; i < kCalls; ++i) {
+  while (k < kFewest || (k < kCalls && all < kLongest)) {
     for (std::size_t b = 0; b < others.size(); b += 64) ++others[b];
     const ProcessorClock clock;
     call(k++);
     seconds.push_back(clock.seconds());
+    all += seconds.back();
   }
-  std::nth_element(seconds.begin(), seconds.begin() + kCalls / 4, seconds.end());
-  return 1e9 * seconds[kCalls / 4];
+  const std::ptrdiff_t quarter = k / 4;
+  std::nth_element(seconds.begin(), seconds.begin() + quarter, seconds.end());
+  return 1e9 * seconds[std::size_t(quarter)];
 }
 
 double at_least(double value, double least) { return std::max(value, least); }
@@ -221,11 +225,11 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
       [&](int k) { light.update(*all[std::size_t(k % 2)], glm::mat3(1), scene.directions->size); });
   const double count = double(scene.mesh.vertices.size());
   std::vector<glm::vec4> shares(scene.mesh.vertices.size(), glm::vec4(1));
-  costs.share_vertex = nanoseconds([&](int) {
-                         diffuse_shares(*scene.directions, light, lighting.irradiance,
-                                        scene.normals, glm::mat3(1), shares);
-                       }) /
-                       count;
+  costs.share_edge = nanoseconds([&](int) {
+                       diffuse_shares(*scene.directions, light, lighting.irradiance, scene.normals,
+                                      glm::mat3(1), shares);
+                     }) /
+                     double(scene.directions->edges.size());
   costs.glossy_vertex = nanoseconds([&](int) {
                           glossy_shares(*scene.directions, light, {}, scene.mesh.vertices,
                                         scene.normals, {0, -0.35f, 0.3f}, shares);
@@ -235,9 +239,12 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
   const PlaneExchange exchange(scene.mesh, *scene.directions);
   Bounce bounce;
-  costs.bounce_vertex =
-      nanoseconds([&](int) { bounce = find_bounce(exchange, scene, lighting, shadow, shares); }) /
-      count;
+  const double whole =
+      nanoseconds([&](int) { bounce = find_bounce(exchange, scene, lighting, shadow, shares); });
+  const std::vector<glm::vec3> sent(scene.mesh.vertices.size(), glm::vec3(1));
+  const double sums = nanoseconds([&](int) { exchange.onto_object(exchange.onto_plane(sent)); });
+  costs.bounce_group = sums / double(std::max<std::size_t>(exchange.groups(), 1));
+  costs.bounce = at_least(whole - sums, 1e3);
   const double texels = double(shadow.ratio.data.size() + shadow.outer.data.size()) / 3;
   costs.plane_texel = nanoseconds([&](int) { plane_gain(shadow, {}, bounce); }) / texels;
 }

@@ -154,6 +154,7 @@ void Session::update_plan(bool choose) {
   options.measured = &measured_;
   options.costs = options_.costs;
   options.workload = workload_of(scene_, rig_.back.width, rig_.back.height, light_moves());
+  if (exchange_) options.workload.groups = double(exchange_->groups());
   if (const std::optional<double> pixels = renderer_->shaded(); pixels && *pixels > 0)
     options.object_pixels = pixels;
   options.slowdown = time_.slowdown();

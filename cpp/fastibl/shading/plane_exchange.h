@@ -46,6 +46,8 @@ class PlaneExchange {
 
   bool empty() const { return shares_.empty(); }  // the object sees nothing of the plane
   std::size_t vertex_count() const { return areas_.size(); }
+  // Of cells that the vertices see: what sums of them take goes with it.
+  std::size_t groups() const { return groups_.size(); }
   int cells() const { return cells_; }
   // Middle of the cells and half the edge of all together, metres. Light beyond is left out.
   glm::vec2 centre() const { return centre_; }
