@@ -48,14 +48,15 @@ float Response::encode(float linear) const {
 namespace {
 
 FASTIBL_CLONES
-void look_up(const std::uint8_t* at, const float* table, std::size_t count, float* out) {
+void look_up(const std::uint8_t* at, const float* table, std::size_t count,
+             float* __restrict out) {
   for (std::size_t i = 0; i < count; ++i) out[i] = table[int(at[i])];
 }
 
 // As ByteResponse::encode() where a guess is at most one code too low.
 FASTIBL_CLONES
 void encode_by_one_step(const float* linear, const std::int32_t* guess, const float* upper,
-                        int guesses, std::size_t count, std::uint8_t* out) {
+                        int guesses, std::size_t count, std::uint8_t* __restrict out) {
   const float most = 1 - 0x1p-24f, scale = float(guesses);
   for (std::size_t i = 0; i < count; ++i) {
     const float positive = linear[i] > 0 ? linear[i] : 0.0f;  // NaN too

@@ -49,11 +49,13 @@ Rectangle shadowed_pixels(const Camera& camera, const Pose& camera_from_marker,
 // The plane points x, y that `count` rays (x, y, 1) meet; NaN for rays that do not descend. m:
 // rotation from camera to marker, row by row, and eye.
 FASTIBL_CLONES
-void meet_plane(const float* x, const float* y, int count, const float (&m)[12], float* points) {
+void meet_plane(const float* x, const float* y, int count, const float (&m)[12],
+                float* __restrict points) {
+  const float down = -m[11];
   for (int i = 0; i < count; ++i) {
     const float dx = m[0] * x[i] + m[1] * y[i] + m[2], dy = m[3] * x[i] + m[4] * y[i] + m[5];
-    const float dz = m[6] * x[i] + m[7] * y[i] + m[8];
-    const float t = dz < 0 ? -m[11] / dz : std::numeric_limits<float>::quiet_NaN();
+    const float dz = m[6] * x[i] + m[7] * y[i] + m[8], met = down / dz;
+    const float t = dz < 0 ? met : std::numeric_limits<float>::quiet_NaN();
     points[2 * i] = m[9] + t * dx;
     points[2 * i + 1] = m[10] + t * dy;
   }
@@ -119,10 +121,15 @@ struct LayerRow {
   const float* pixels = nullptr;
 };
 
+FASTIBL_CLONES
+void multiply(const float* a, const float* b, int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] = a[i] * b[i];
+}
+
 // Writes the codes of what is another value now; the rest stays as it was to the bit.
 FASTIBL_CLONES
 void keep_changed(const float* before, const float* after, const std::uint8_t* codes, int count,
-                  std::uint8_t* out) {
+                  std::uint8_t* __restrict out) {
   for (int i = 0; i < count; ++i) out[i] = after[i] == before[i] ? out[i] : codes[i];
 }
 
@@ -184,9 +191,10 @@ glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting&
                           GgxOptions::for_shading(m.anisotropy), &f.position);
 }
 
-float exposure_at(const Camera& camera, double exposure, int x, int y) {
-  const double base = exposure * camera.gain;
-  return float(camera.vignetting.empty() ? base : base * camera.vignette({x + 0.5, y + 0.5}));
+float exposure_at(const PixelTable& table, double exposure, int x, int y) {
+  const double base = exposure * table.camera.gain;
+  if (table.vignette.empty()) return float(base);
+  return float(base * table.vignette[std::size_t(y) * table.camera.width + std::size_t(x)]);
 }
 
 // The layer that holds what `parts` of all bands cover, empty.
@@ -277,7 +285,8 @@ PixelTable::PixelTable(const Camera& c)
     : camera(c),
       response(c.response),
       x(std::size_t(c.width) * std::size_t(c.height)),
-      y(x.size()) {
+      y(x.size()),
+      vignette(c.vignetting.empty() ? 0 : x.size()) {
   const Lens lens(camera);
   parallel_for(camera.height, 16, [&](int begin, int end) {
     for (int row = begin; row < end; ++row)
@@ -286,6 +295,7 @@ PixelTable::PixelTable(const Camera& c)
         const std::size_t i = std::size_t(row) * camera.width + std::size_t(column);
         x[i] = ray ? float(ray->x) : std::numeric_limits<float>::quiet_NaN();
         y[i] = ray ? float(ray->y) : std::numeric_limits<float>::quiet_NaN();
+        if (!vignette.empty()) vignette[i] = float(camera.vignette({column + 0.5, row + 0.5}));
       }
   });
 }
@@ -310,10 +320,10 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
         ratios[std::size_t(x)] = with_holdout(ratios[std::size_t(x)], drawn.at(x).w, hidden.at(x));
       std::uint8_t* p = out.pixel(area.x0, y);
       table.response.decode(p, &before[0].x, 3 * width);
-      for (std::size_t x = 0; x < width; ++x) after[x] = ratios[x] * before[x];
+      multiply(&ratios[0].x, &before[0].x, int(3 * width), &after[0].x);
       for (int x = drawn.begin; x < drawn.end; ++x)
         if (const glm::vec4 o = drawn.at(x); o.w > 0)
-          after[std::size_t(x)] = exposure_at(camera, exposure, area.x0 + x, y) * glm::vec3(o) +
+          after[std::size_t(x)] = exposure_at(table, exposure, area.x0 + x, y) * glm::vec3(o) +
                                   (1 - o.w) * after[std::size_t(x)];
       table.response.encode(&after[0].x, codes.data(), 3 * width);
       keep_changed(&before[0].x, &after[0].x, codes.data(), int(3 * width), p);
@@ -343,7 +353,7 @@ Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& 
       if (alpha <= 0) continue;
       std::uint8_t* p = out.pixel(x, y);
       for (int c = 0; c < 3; ++c)
-        p[c] = table.response.encode(exposure_at(camera, exposure, x, y) * o[c] / alpha);
+        p[c] = table.response.encode(exposure_at(table, exposure, x, y) * o[c] / alpha);
       p[3] = std::uint8_t(std::lround(255 * alpha));
     }
   }

@@ -45,6 +45,7 @@ struct PixelTable {
   ByteResponse response;
   // Directions (x, y, 1), camera frame; one a pixel, row by row; NaN beyond the lens model.
   std::vector<float> x, y;
+  std::vector<float> vignette;  // share of the light that reaches each pixel; empty: all
   explicit PixelTable(const Camera& c);
 };
 
