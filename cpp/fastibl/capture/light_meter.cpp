@@ -73,8 +73,10 @@ std::optional<glm::dvec3> LightMeter::read(const PixelReader& pixels, const Came
     const glm::dvec3 seen = camera_from_marker * glm::dvec3(place.at, 0);
     const auto pixel = lens.project(seen);
     if (!pixel) continue;
-    const int x = int(std::floor(pixel->x)), y = int(std::floor(pixel->y));
-    if (x < 1 || y < 1 || x >= camera.width - 1 || y >= camera.height - 1) continue;
+    if (!(pixel->x >= 1 && pixel->y >= 1 && pixel->x < camera.width - 1 &&
+          pixel->y < camera.height - 1))
+      continue;
+    const int x = int(pixel->x), y = int(pixel->y);
     // The plane is seen shortest along the view.
     const double distance = glm::length(seen), sine = eye.z / distance;
     if (place.free * sine * std::min(camera.fx, camera.fy) / distance < kLeastPixels) continue;

@@ -48,8 +48,7 @@ float Response::encode(float linear) const {
 namespace {
 
 FASTIBL_CLONES
-void look_up(const std::uint8_t* at, const float* table, std::size_t count,
-             float* __restrict out) {
+void look_up(const std::uint8_t* at, const float* table, std::size_t count, float* __restrict out) {
   for (std::size_t i = 0; i < count; ++i) out[i] = table[int(at[i])];
 }
 

@@ -5,8 +5,8 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
-#include <limits>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <optional>
@@ -28,7 +28,7 @@ constexpr int kDirections = 16;   // of which a thread makes the bits together
 constexpr double kUnseen = 1 / 510.0;  // half a step of an 8-bit picture
 constexpr double kFarthest = 8;        // extent of the outer map, by that of the inner
 constexpr double kMostExtent = std::numeric_limits<float>::max();
-constexpr int kSectors = 64;           // of the plane around the object
+constexpr int kSectors = 64;  // of the plane around the object
 constexpr double kSectorAngle = 2 * std::numbers::pi / kSectors;
 constexpr int kRows = 8;    // of a map, summed together: a vector of words
 constexpr int kStrip = 16;  // rows of a thread

@@ -9,6 +9,7 @@
 #include "fastibl/scene/shadow_look_up.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shadow/map_border.h"
+#include "fastibl/shadow/sky_energy.h"
 
 namespace fastibl {
 namespace {
@@ -355,7 +356,10 @@ std::vector<glm::vec4> MeshShadowLight::share_out(const MeshShadow& shadow, bool
     for (const glm::vec4& w : set.weights.directions) total += glm::dvec3(w);
     for (const glm::vec4& w : own) total += glm::dvec3(w);
     glm::vec4 scale(0);
-    for (int k = 0; k < 3; ++k) scale[k] = total[k] > 0 ? float(part / total[k]) : 0;
+    for (int k = 0; k < 3; ++k) {
+      if (!(total[k] > kLeastLight)) total[k] = 0;
+      scale[k] = total[k] > 0 ? float(part / total[k]) : 0;
+    }
     set.lights = set.weights.directions;
     for (glm::vec4& w : set.lights) w *= scale;
     for (std::size_t i = 0; i < own.size(); ++i) cells[i] += own[i] * scale;
