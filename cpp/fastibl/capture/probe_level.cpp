@@ -63,7 +63,9 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
         if (std::abs(point.x) <= page.x && std::abs(point.y) <= page.y) continue;
         direction = point - options_.centre;
       }
-      const TexelPlace texel_there = texel_at(glm::vec3(direction), grid_.size);
+      const double length = glm::length(direction);
+      if (!(length > 0 && std::isfinite(length))) continue;  // the map's centre, or the horizon
+      const TexelPlace texel_there = texel_at(glm::vec3(direction / length), grid_.size);
       const TilePlace there = tile_place(grid_, texel_there.face, texel_there.x, texel_there.y);
       if (!(state_.last_seen.at(there.tile, there.texel) > kNever)) continue;
       const std::size_t at =
