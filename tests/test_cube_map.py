@@ -103,6 +103,15 @@ def test_texel_centres_are_exact_and_levels_blend():
     np.testing.assert_array_equal(cube.sample(d, np.full((6, 4, 4), 1.5)), cube.sample(d, 1.5))
 
 
+@pytest.mark.parametrize("size", [5, 7, 9, 13])
+def test_nothing_between_texels_is_outside_what_they_hold(size):
+    rng = np.random.default_rng(size)
+    cube = fastibl.CubeMap((rng.random((6, size, size, 3)) < 0.5).astype(np.float32))
+    for finer in (2 * size + 1, 3 * size, 5 * size):  # texels' centres on edges of the map's own, but for rounding
+        light = cube.sample(reference.samples(np.zeros((6, finer, finer, 3)))[0].astype(np.float32))
+        assert light.min() >= 0 and light.max() <= 1
+
+
 def test_conversion_keeps_constant_and_energy():
     constant = fastibl.cubemap_from_equirect(np.full((16, 32, 3), 0.7), size=8)
     np.testing.assert_allclose(constant.faces, 0.7, rtol=1e-6)

@@ -175,7 +175,9 @@ glm::vec3 CubeLevel::sample(const FacePoint& p) const {
   };
   const float x = clamped(p.s * limit - 0.5f), y = clamped(p.t * limit - 0.5f);
   const int ix = int(x + 1) - 1, iy = int(y + 1) - 1;  // floor for x ≥ −1
-  const float fx = x - float(ix), fy = y - float(iy);
+  // Just below a whole number x + 1 is rounded up to the next.
+  const auto share = [](float v) { return v > 0 ? v : 0.0f; };
+  const float fx = share(x - float(ix)), fy = share(y - float(iy));
   const glm::vec3* a = &texel(p.face, ix, iy);
   const glm::vec3* b = a + row_stride();
   const Four a0 = four(a), b0 = four(b);

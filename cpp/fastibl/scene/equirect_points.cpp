@@ -42,7 +42,8 @@ FASTIBL_CLONES void place_row(const float* __restrict origin, const float* __res
     v = v > 0 ? (v < rows - 1 ? v : rows - 1) : 0.0f;
     const int column = int(u + 1) - 1;
     const int row = int(v) < last_upper ? int(v) : last_upper;
-    fx[i] = u - float(column), fy[i] = v - float(row), upper[i] = row;
+    const float past = u - float(column);  // below 0 where u + 1 was rounded up
+    fx[i] = past > 0 ? past : 0.0f, fy[i] = v - float(row), upper[i] = row;
     left[i] = column < 0 ? width - 1 : (column < width ? column : width - 1);
     right[i] = column + 1 < width ? column + 1 : 0;
   }
