@@ -12,6 +12,8 @@ namespace {
 
 constexpr int kMargin = 4;        // pixels around a side, at least
 constexpr double kFootprint = 2;  // texels that a footprint may reach across, at most
+constexpr double kFinest = 16;    // pixels of a side's half, by texels of the map's, at most
+constexpr int kLeastTexels = 4;   // that the map is taken to have
 constexpr WideSide::Source kNothing = {-1, -1};
 bool is_nothing(const WideSide::Source& source) { return source.y < 0; }
 
@@ -43,8 +45,10 @@ std::size_t bytes_of(PixelType type) {
 
 std::vector<WideSide> sides_of(const Camera& wide, int texels) {
   const WideLens lens(wide);
-  // As fine as the picture in its middle, where a side is 2 focal lengths wide.
-  const double focal = std::ceil(std::max(wide.fx, wide.fy));
+  // As fine as the picture in its middle, where a side is 2 focal lengths wide, or much finer than
+  // the map.
+  const double focal =
+      std::min(std::ceil(std::max(wide.fx, wide.fy)), kFinest * std::max(texels, kLeastTexels));
   const int reach = kMargin + int(std::ceil(kFootprint * 2 * focal / texels));
   const int half = int(focal) + reach, size = 2 * half;
   std::vector<WideSide> sides;
