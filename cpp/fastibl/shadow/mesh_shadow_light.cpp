@@ -9,7 +9,6 @@
 #include "fastibl/scene/shadow_look_up.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shadow/map_border.h"
-#include "fastibl/shadow/sky_energy.h"
 
 namespace fastibl {
 namespace {
@@ -17,7 +16,8 @@ namespace {
 constexpr int kBlock = SparseCover::kBlock, kTexels = kBlock * kBlock;
 // What rounding leaves of a ratio of 0: sums of up to a thousand terms in float err by less.
 constexpr float kNothing = 2e-5f;
-constexpr float kSuddenly = 0.25f;  // share of the light that moved: new directions at once
+constexpr double kLeastLight = 1e-36;  // of a channel: the inverse of less is no float
+constexpr float kSuddenly = 0.25f;     // share of the light that moved: new directions at once
 // Part of a fade by the share of the light that moves meanwhile: two sets of directions differ by
 // up to 0.04 in a ratio, and so the fade by less than the light itself.
 constexpr float kPace = 4;

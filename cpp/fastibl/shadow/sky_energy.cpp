@@ -159,8 +159,9 @@ void SkyEnergy::read(const CubeMap& map) {
       scale_row(row + t.x0, &t.cosines[first], t.width, &energies_[f][first], &irradiance_[0]);
     }
   }
+  // Of less, the inverse is no use.
   for (int c = 0; c < 3; ++c)
-    if (!(irradiance_[c] > kLeastLight)) irradiance_[c] = 0;
+    if (!(irradiance_[c] > 1e-28)) irradiance_[c] = 0;
 }
 
 void SkyEnergy::make_tables(const CubeMap& radiance) {

@@ -12,8 +12,6 @@ namespace fastibl {
 inline constexpr int kSkyFaces = 5;  // +x −x +y −y, of which half is above the horizon, and +z
 // Faces of so many texels at most are summed; bright texels are cut into those of the map itself.
 inline constexpr int kSkyLevel = 64;
-// Irradiance of the plane below which a channel counts as dark: its inverse is no use.
-inline constexpr double kLeastLight = 1e-28;
 
 // A part of a table of `SkyEnergy`, in texels, not whole ones alone.
 struct SkyRect {
