@@ -37,9 +37,9 @@ CASES = (
 
 
 class Drawn(NamedTuple):
-    """A session that has drawn a case, and CPU seconds of a frame, the least of a few."""
+    """What methods make of a case: the picture's error, and CPU seconds of a frame, the least of a few."""
 
-    session: fastibl.Session
+    error: float
     moving: float  # light that comes anew with every frame
     staying: float  # light that stays, and a pose that moves
 
@@ -64,31 +64,37 @@ def draw(case: Case, methods: dict) -> Drawn:
         moving.append(seconds(pose))
     for _ in range(REPETITIONS):
         staying += [seconds(fastibl.Pose(beside)), seconds(pose)]
-    return Drawn(session, min(moving[MOVING:]), min(staying))
+    true = truth.truth(case.map, case.mesh, case.material)
+    return Drawn(cases.errors(render.picture(session), true, case.map).whole, min(moving[MOVING:]), min(staying))
 
 
 @cache
-def every(case: Case) -> list[tuple[float, Drawn]]:
-    """All combinations of candidates, with their errors."""
+def every(case: Case) -> list[Drawn]:
+    """All combinations of candidates."""
     found = _measured_errors(render.scene(case), fastibl.Environment(cases.environment(case.map)), AUTO)
     names = [found[step][0] for step in STEPS]
     if case.material in ("white", "clay"):
         names[1] = names[1][:1]
-    true, out = truth.truth(case.map, case.mesh, case.material), []
-    for combination in product(*names):
-        drawn = draw(case, {step: method(text) for step, text in zip(STEPS, combination, strict=True)})
-        out.append((cases.errors(render.picture(drawn.session), true, case.map).whole, drawn))
-    return out
+    return [
+        draw(case, {step: method(text) for step, text in zip(STEPS, combination, strict=True)})
+        for combination in product(*names)
+    ]
 
 
 def ratio(case: Case, budget: float, which: str) -> float | None:
-    """Time of the plan's choice by that of the cheapest within the budget; None where either has none."""
+    """Time of the plan's choice by that of the cheapest within the budget; None where either has none.
+
+    Infinite where the choice itself is beyond the budget: that it is quick is no merit.
+    """
     # To a plan, light that is captured is light that moves.
     plan = fastibl.make_plan(
         render.scene(case), cases.environment(case.map), error=budget, track=False, capture=which == "moving"
     )
-    good = [getattr(drawn, which) for error, drawn in every(case) if error <= budget]
-    return getattr(draw(case, chosen(plan)), which) / min(good) if plan.meets_error and good else None
+    good = [getattr(drawn, which) for drawn in every(case) if drawn.error <= budget]
+    if not plan.meets_error or not good:
+        return None
+    choice = draw(case, chosen(plan))
+    return getattr(choice, which) / min(good) if choice.error <= budget else np.inf
 
 
 @row("plan", "cheapness")
