@@ -302,7 +302,7 @@ void bind_plan(py::module_& module) {
           if (error > 0 || milliseconds > 0)
             measured = measure_errors(scene, {environment, &environment->radiance}, methods,
                                       candidates(methods, candidate_options(scene, !capture)),
-                                      cast_shadow, capture);
+                                      cast_shadow);
           options.measured = &measured;
         }
         return make_plan(scene, environment.get(), options);
@@ -339,7 +339,7 @@ void bind_plan(py::module_& module) {
         const ProcessorClock measuring;
         const MeasuredErrors measured =
             measure_errors(scene, {environment, &environment->radiance}, methods,
-                           candidates(methods, candidate_options(scene, false)), true, true);
+                           candidates(methods, candidate_options(scene, false)), true);
         const double first = measuring.seconds();
         PlanOptions options;
         options.error = 0.02, options.measured = &measured;

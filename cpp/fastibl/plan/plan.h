@@ -59,7 +59,7 @@ struct Plan {
     return milliseconds_budget == 0 || milliseconds <= milliseconds_budget;
   }
   bool meets_budget() const { return meets_error() && meets_milliseconds(); }
-  static constexpr double kAssurance = 1.65;  // times what the worst of the samples' views has
+  static constexpr double kAssurance = 1.4;  // times what the worst of the samples' views has
 };
 
 struct PlanOptions {

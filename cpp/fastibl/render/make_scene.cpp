@@ -101,7 +101,6 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
   scene.material = material;
   scene.marker_from_object = marker_from_object;
   scene.samples = sample_scene(scene);
-  if (scene.samples) scene.fewer_samples = thinned(*scene.samples);
   return scene;
 }
 

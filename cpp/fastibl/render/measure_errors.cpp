@@ -17,10 +17,8 @@ namespace {
 
 using Colours = std::vector<glm::vec3>;
 
-constexpr float kPlaneLevel = 0.35f;   // of the plane in the picture, by white
-constexpr float kBounceError = 0.06f;  // of the bounce's own size
-// Errors of pictures by those of the samples, in the median: edges and highlights are finer.
-constexpr double kFiner = 1.2;
+constexpr float kPlaneLevel = 0.35f;     // of the plane in the picture, by white
+constexpr float kBounceError = 0.06f;    // of the bounce's own size
 constexpr float kFallbackAlbedo = 0.5f;  // of the plane where the map is black below the horizon
 
 // Colours of the samples under some light: with all of their diffuse light and nothing glossy, or
@@ -222,19 +220,18 @@ void weigh(Judged& j, bool cast_shadow) {
     const glm::vec3 c = j.cut(j.true_colour(i));
     object += double(c.x + c.y + c.z) / 3 / double(count);
   }
-  for (const std::size_t p : j.plane.counted) {
-    const glm::vec3 c = j.cut(j.plane_radiance * (j.plane.ratio[p] + j.plane.added[p]));
-    plane += double(c.x + c.y + c.z) / 3 / double(j.plane.counted.size());
-  }
-  const double own = j.samples.object_area;
-  const double beside = cast_shadow ? j.samples.plane_area * double(j.plane.counted.size()) /
-                                          double(std::max<std::size_t>(j.samples.plane.size(), 1))
-                                    : 0;
-  const double mean = (own * object + beside * plane) / std::max(own + beside, 1e-30) / kFiner;
+  double beside = 0;
+  if (cast_shadow)
+    for (const std::size_t p : j.plane.counted) {
+      const glm::vec3 c = j.cut(j.plane_radiance * (j.plane.ratio[p] + j.plane.added[p]));
+      plane += double(c.x + c.y + c.z) / 3 * j.samples.plane_areas[p];
+      beside += j.samples.plane_areas[p];
+    }
+  const double own = j.samples.object_area, all = own + beside;
+  const double mean = (own * object + plane) / std::max(all, 1e-30);
   if (!(mean > 0)) return;
-  j.object_weight = own / (own + beside) / (mean * mean) / double(count);
-  if (!j.plane.counted.empty())
-    j.plane_weight = beside / (own + beside) / (mean * mean) / double(j.plane.counted.size());
+  j.object_weight = own / all / (mean * mean) / double(count);
+  j.plane_weight = 1 / all / (mean * mean);
 }
 
 Colours diffuse_colours(const Judged& j, const Irradiance& irradiance) {
@@ -318,7 +315,8 @@ void judge_plane(const Judged& j, const std::vector<Colours>& ratios, MeasuredEr
     for (const std::size_t p : j.plane.counted) {
       const glm::vec3 right = j.plane.ratio[p] + j.plane.added[p];
       const glm::vec3 gain = ratio[p] + j.plane.added[p] * (1 - missing);
-      sum += square(j.cut(j.plane_radiance * gain) - j.cut(j.plane_radiance * right));
+      sum += j.samples.plane_areas[p] *
+             square(j.cut(j.plane_radiance * gain) - j.cut(j.plane_radiance * right));
     }
     return sum * j.plane_weight;
   };
@@ -357,12 +355,11 @@ std::vector<Colours> glossy_of(const Judged& j, const Material& material,
 }  // namespace
 
 MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const CubeMap>& map,
-                              const Methods& asked, const Candidates& candidates, bool cast_shadow,
-                              bool fewer) {
+                              const Methods& asked, const Candidates& candidates,
+                              bool cast_shadow) {
   MeasuredErrors errors;
-  const auto& chosen = fewer ? scene.fewer_samples : scene.samples;
-  if (!chosen || chosen->empty() || !map || map->size() == 0) return errors;
-  const SceneSamples& samples = *chosen;
+  if (!scene.samples || scene.samples->empty() || !map || map->size() == 0) return errors;
+  const SceneSamples& samples = *scene.samples;
   const Material& material = scene.material;
   const SampleFlux flux(*map, samples);
   cast_shadow = cast_shadow && scene.casts_shadow();

@@ -14,8 +14,8 @@ namespace fastibl {
 namespace {
 
 constexpr float kOffset = 1e-4f;  // of the object's size, that rays start above a surface
-constexpr float kPlaneReach =
-    3;  // half the edge of the plane that is looked at, by the object's size
+// Of a picture, that the object takes: how much of the plane is looked at.
+constexpr double kObjectShare = 0.15;
 
 // Of start + index · step.
 float fraction(float start, int index, double step) {
@@ -171,41 +171,54 @@ void trace_surface(const Standing& object, const Bvh& bvh, glm::vec3 lifted,
   });
 }
 
+// Share of the views that see this place of the plane.
+double share_seen(const Bvh& bvh, glm::vec3 from, const std::vector<glm::vec3>& views) {
+  int seen = 0;
+  for (const glm::vec3& eye : views) seen += !bvh.occluded(Ray{from, eye});
+  return double(seen) / double(views.size());
+}
+
+// Within a disc on the plane that, with the object, fills the picture; towards its middle, where
+// shadows have their edges, closer to each other.
 void trace_plane(const Standing& object, const Bvh& bvh, SceneSamples& samples) {
-  constexpr int n = SceneSamples::kPlaneSide;
-  const float reach = kPlaneReach * object.size, radius = object.box.radius();
+  constexpr int n = SceneSamples::kPlaneSamples;
+  constexpr double kPi = std::numbers::pi, kInwards = 0.75;  // 0.5: everywhere alike
+  const double slope = std::sin(double(SceneSamples::kElevation));
+  const float radius = object.box.radius();
   const glm::vec3 centre = object.box.centre();
+  const double beneath = glm::length(glm::vec2(centre - object.box.lower));
+  // What hovers has its shadow elsewhere.
+  const double reach = std::max(std::sqrt(samples.object_area / kObjectShare / (kPi * slope)),
+                                1.2 * beneath + std::max(double(object.box.lower.z), 0.0));
   samples.plane_first = {0};
-  double seen = 0;
-  for (int y = 0; y < n; ++y)
-    for (int x = 0; x < n; ++x) {
-      const glm::vec2 a = (glm::vec2(float(x), float(y)) + 0.5f) / float(n) * 2.0f - 1.0f;
-      const glm::vec2 p = glm::vec2(centre) + reach * a;
-      const glm::vec3 from(p, samples.above);
-      if (bvh.occluded(Ray{from, {0, 0, 1}})) continue;
-      const glm::vec3 to = centre - from;
-      const float distance = glm::length(to);
-      const float cosine =
-          distance > radius ? std::sqrt(1 - radius * radius / (distance * distance)) : -1;
-      std::vector<int> asked;
-      for (std::size_t k = 0; k < samples.direction_count(); ++k)
-        if (samples.directions[k].z > 0 && glm::dot(samples.directions[k], to) >= cosine * distance)
-          asked.push_back(int(k));
-      samples.plane.push_back(p);
-      seen += 1;
-      if (!asked.empty()) {
-        DirectionSet set(int(asked.size()));
-        for (std::size_t k = 0; k < asked.size(); ++k)
-          set.set(int(k), samples.directions[std::size_t(asked[k])]);
-        std::vector<std::uint8_t> met(asked.size(), 0);
-        bvh.occluded(from, set, 0, met);
-        for (std::size_t k = 0; k < asked.size(); ++k)
-          if (met[k]) samples.hidden.push_back(std::uint16_t(asked[k]));
-      }
-      samples.plane_first.push_back(std::uint32_t(samples.hidden.size()));
+  for (int i = 0; i < n; ++i) {
+    const double u = (i + 0.5) / n, r = reach * std::pow(u, kInwards);
+    const double turn = 2 * kPi * fraction(0.0f, i, (std::sqrt(5.0) - 1) / 2);
+    const glm::vec2 p = glm::vec2(centre) + glm::vec2(r * std::cos(turn), r * std::sin(turn));
+    const glm::vec3 from(p, samples.above);
+    const double area = 2 * kInwards * kPi * reach * reach * std::pow(u, 2 * kInwards - 1) / n;
+    const double seen = area * slope * share_seen(bvh, from, samples.views);
+    if (!(seen > 0)) continue;
+    const glm::vec3 to = centre - from;
+    const float distance = glm::length(to);
+    const float cosine =
+        distance > radius ? std::sqrt(1 - radius * radius / (distance * distance)) : -1;
+    std::vector<int> asked;
+    for (std::size_t k = 0; k < samples.direction_count(); ++k)
+      if (samples.directions[k].z > 0 && glm::dot(samples.directions[k], to) >= cosine * distance)
+        asked.push_back(int(k));
+    samples.plane.push_back(p), samples.plane_areas.push_back(seen);
+    if (!asked.empty()) {
+      DirectionSet set(int(asked.size()));
+      for (std::size_t k = 0; k < asked.size(); ++k)
+        set.set(int(k), samples.directions[std::size_t(asked[k])]);
+      std::vector<std::uint8_t> met(asked.size(), 0);
+      bvh.occluded(from, set, 0, met);
+      for (std::size_t k = 0; k < asked.size(); ++k)
+        if (met[k]) samples.hidden.push_back(std::uint16_t(asked[k]));
     }
-  const double edge = 2 * double(reach) / n;
-  samples.plane_area = seen * edge * edge * std::sin(double(SceneSamples::kElevation));
+    samples.plane_first.push_back(std::uint32_t(samples.hidden.size()));
+  }
 }
 
 }  // namespace
@@ -232,19 +245,6 @@ std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
   trace_surface(object, bvh, glm::vec3(pose.translation), *samples);
   trace_plane(object, bvh, *samples);
   return samples;
-}
-
-std::shared_ptr<const SceneSamples> thinned(const SceneSamples& samples) {
-  constexpr std::size_t kStep = 3;
-  auto few = std::make_shared<SceneSamples>(samples);
-  const std::size_t count = samples.direction_count();
-  few->surface.clear(), few->free.clear();
-  for (std::size_t i = 0; i < samples.surface.size(); i += kStep) {
-    few->surface.push_back(samples.surface[i]);
-    const auto row = samples.free.begin() + std::ptrdiff_t(i * count);
-    few->free.insert(few->free.end(), row, row + std::ptrdiff_t(count));
-  }
-  return few;
 }
 
 }  // namespace fastibl

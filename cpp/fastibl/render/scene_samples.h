@@ -16,7 +16,7 @@ namespace fastibl {
 class SceneSamples {
  public:
   static constexpr int kLevelSize = 32;  // face edge of the level whose texels are the directions
-  static constexpr int kViews = 8, kViewSamples = 120, kPlaneSide = 20;
+  static constexpr int kViews = 8, kViewSamples = 120, kPlaneSamples = 400;
   static constexpr float kElevation = 0.65f;  // of the views, radians
 
   struct Surface {
@@ -37,7 +37,7 @@ class SceneSamples {
   std::vector<std::uint8_t>
       free;  // [sample][direction]: above the tangent plane, and nothing there
 
-  std::vector<glm::vec2> plane;  // places on the plane that are not under the object
+  std::vector<glm::vec2> plane;  // places on the plane that a view sees
   // Of each place, in `hidden`, and one more at the end: directions that the object hides.
   std::vector<std::uint32_t> plane_first;
   std::vector<std::uint16_t> hidden;
@@ -45,8 +45,10 @@ class SceneSamples {
   glm::vec3 centre{0};             // of the sphere around it
   float radius = 0;
   float above = 0;  // that rays from the plane start, metres
-  // Areas as a view of this elevation has them, m²: of the object, and of all of `plane`.
-  double object_area = 0, plane_area = 0;
+  // Areas as a view of this elevation has them, m², in the mean over `views`: of the object, and
+  // that each place on the plane stands for.
+  double object_area = 0;
+  std::vector<double> plane_areas;
 
   // Of the sides of vertices that samples lie between.
   VertexVisibility visibility;
@@ -62,8 +64,5 @@ class SceneSamples {
 // Nothing where the directions that the object blocks were not worked out, or no view sees it. Some
 // 1.5 million rays.
 std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene);
-
-// Every third place on the object.
-std::shared_ptr<const SceneSamples> thinned(const SceneSamples& samples);
 
 }  // namespace fastibl

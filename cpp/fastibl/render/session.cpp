@@ -122,7 +122,7 @@ void Session::choose_methods() {
     measured_ =
         measure_errors(scene_, radiance, options_.methods,
                        candidates(options_.methods, candidate_options(scene_, !light_moves())),
-                       options_.cast_shadow, light_moves());
+                       options_.cast_shadow);
     measured_light_ = faces_of(environment_->radiance);
   }
   if (!choose_due_) return;

@@ -168,7 +168,7 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
 
 void add_lost(const SceneSamples& samples, const SampleFlux& flux, const ShadowMap& shadow,
               TrueLight& light) {
-  constexpr std::size_t kStep = 4;
+  constexpr std::size_t kStep = 12;  // of the directions, other ones for each sample
   const std::size_t directions = samples.direction_count();
   parallel_for(int(samples.surface.size()), kGrain, [&](int begin, int end) {
     std::vector<glm::vec2> points;

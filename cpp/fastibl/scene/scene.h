@@ -35,8 +35,7 @@ struct Scene {
   // What the mesh hides of the sky, for the `mesh` shadow, see shadow/mesh_shadow.h; may be null.
   std::shared_ptr<const MeshShadow> baked_shadow = nullptr;
   // What a plan is judged by, see render/scene_samples.h; may be null.
-  // fewer: a third of them, for light that changes while frames wait.
-  std::shared_ptr<const SceneSamples> samples = nullptr, fewer_samples = nullptr;
+  std::shared_ptr<const SceneSamples> samples = nullptr;
   ShadowLook shadow_look;
   // Real objects that hide this one and receive its shadow, see make_holdouts(); null: none.
   std::shared_ptr<const Holdouts> holdouts = nullptr;
