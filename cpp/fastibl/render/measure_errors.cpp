@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/true_light.h"
@@ -21,13 +22,13 @@ constexpr float kPlaneLevel = 0.35f;     // of the plane in the picture, by whit
 constexpr float kBounceError = 0.06f;    // of the bounce's own size
 constexpr float kFallbackAlbedo = 0.5f;  // of the plane where the map is black below the horizon
 
-// Colours of the samples under some light: with all of their diffuse light and nothing glossy, or
-// the other way round.
-Colours colours(const SceneSamples& samples, const Material& material, const Lighting& lighting,
-                glm::vec4 share) {
+// Colours of the first samples under some light: with all of their diffuse light and nothing
+// glossy, or the other way round.
+Colours colours(const SceneSamples& samples, std::size_t count, const Material& material,
+                const Lighting& lighting, glm::vec4 share) {
   Colours result;
   const SurfaceShading shading(material, lighting);
-  for (const SceneSamples::Surface& s : samples.surface) {
+  for (const SceneSamples::Surface& s : std::span(samples.surface).first(count)) {
     Fragment f{};
     f.coverage = 1, f.position = s.position, f.normal = s.normal, f.share = share;
     f.tangent = s.tangent, f.uv = s.uv;
@@ -47,7 +48,7 @@ void subtract(Colours& from, const Colours& what) {
 std::vector<glm::vec4> shares_of(SelfShadowMethod method, const SceneSamples& samples,
                                  const CubeMap& map, const Irradiance& irradiance,
                                  const Material& material) {
-  std::vector<glm::vec4> result(samples.surface.size(), glm::vec4(1));
+  std::vector<glm::vec4> result(samples.seen, glm::vec4(1));
   if (method == SelfShadowMethod::none) return result;
   if (method == SelfShadowMethod::ambient) {
     for (std::size_t i = 0; i < result.size(); ++i) {
@@ -67,7 +68,7 @@ std::vector<glm::vec4> shares_of(SelfShadowMethod method, const SceneSamples& sa
     diffuse_shares(samples.visibility, light, irradiance, samples.normals, samples.turned,
                    by_vertex);
   const std::optional<LobeShape> lobe = material.lobe();
-  for (std::size_t v = 0; v < samples.views.size(); ++v) {
+  for (std::size_t v = 0; v < SceneSamples::kViews; ++v) {
     constexpr float kFar = 1e4f;
     if (lobe)
       glossy_shares(samples.visibility, light, *lobe, samples.vertices, samples.normals,
@@ -149,13 +150,20 @@ glm::vec3 hidden_light(const Bright& bright, const SceneSamples& samples, glm::v
   return lost;
 }
 
-// Mean of what the samples send out, `sent`, as seen from far away: what faces away is not seen.
-glm::vec3 mean_seen(const SceneSamples& samples, const Colours& sent, glm::vec3 to_object) {
+// Mean of what the samples send out, `sent`, as it reaches a place on the plane: each by the form
+// factor of the surface that it stands for.
+glm::vec3 mean_received(const SceneSamples& samples, const Colours& sent, glm::vec2 place) {
+  constexpr float kGrazing = 0.1f;
+  const float near2 = 1e-4f * samples.radius * samples.radius;
   glm::vec3 sum(0);
   float all = 0;
   for (std::size_t i = 0; i < sent.size(); ++i) {
-    const float facing = std::max(-glm::dot(samples.surface[i].normal, to_object), 0.0f);
-    sum += facing * sent[i], all += facing;
+    const SceneSamples::Surface& s = samples.surface[i];
+    const glm::vec3 d = s.position - glm::vec3(place, 0);
+    const float facing = -glm::dot(s.normal, d), distance2 = glm::dot(d, d) + near2;
+    const float seen = std::max(glm::dot(s.normal, samples.views[std::size_t(s.view)]), kGrazing);
+    const float part = facing > 0 && d.z > 0 ? facing * d.z / (seen * distance2 * distance2) : 0;
+    sum += part * sent[i], all += part;
   }
   return all > 0 ? sum / all : glm::vec3(0);
 }
@@ -168,16 +176,14 @@ PlaneTruth plane_truth(const SceneSamples& samples, const CubeMap& map, const Sa
   for (std::size_t p = 0; p < samples.plane.size(); ++p) {
     glm::vec3 lost = hidden_light(bright, samples, samples.plane[p]);
     float factor = 0;
-    glm::vec3 to_object(0);
     for (std::uint32_t e = samples.plane_first[p]; e < samples.plane_first[p + 1]; ++e) {
       const std::size_t k = samples.hidden[e];
       const float z = samples.directions[k].z;
       if (!bright.cut[k]) lost += z * flux[k];
-      const float part = z * samples.solid_angles[k] / kPi;
-      factor += part, to_object += part * samples.directions[k];
+      factor += z * samples.solid_angles[k] / kPi;
     }
     const glm::vec3 light =
-        factor > 0 ? factor * mean_seen(samples, sent, to_object) : glm::vec3(0);
+        factor > 0 ? factor * mean_received(samples, sent, samples.plane[p]) : glm::vec3(0);
     glm::vec3 ratio(1), added(0);
     bool counts = false;
     for (int c = 0; c < 3; ++c) {
@@ -214,7 +220,7 @@ struct Judged {
 };
 
 void weigh(Judged& j, bool cast_shadow) {
-  const std::size_t count = j.samples.surface.size();
+  const std::size_t count = j.samples.seen;
   double object = 0, plane = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const glm::vec3 c = j.cut(j.true_colour(i));
@@ -236,7 +242,7 @@ void weigh(Judged& j, bool cast_shadow) {
 
 Colours diffuse_colours(const Judged& j, const Irradiance& irradiance) {
   Colours result;
-  for (std::size_t i = 0; i < j.samples.surface.size(); ++i)
+  for (std::size_t i = 0; i < j.samples.seen; ++i)
     result.push_back(j.diffuse_factor[i] * evaluate(irradiance, j.samples.surface[i].normal) / kPi);
   return result;
 }
@@ -245,11 +251,11 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
                   const std::vector<Colours>& glossy,
                   const std::vector<std::vector<glm::vec4>>& shares, MeasuredErrors& errors) {
   const Candidates& c = errors.candidates;
-  const std::size_t count = j.samples.surface.size();
+  const std::size_t count = j.samples.seen;
   Colours truth;
   for (std::size_t i = 0; i < count; ++i) truth.push_back(j.cut(j.true_colour(i)));
   std::array<double, SceneSamples::kViews> seen{};
-  for (const SceneSamples::Surface& s : j.samples.surface) seen[std::size_t(s.view)] += 1;
+  for (std::size_t i = 0; i < count; ++i) seen[std::size_t(j.samples.surface[i].view)] += 1;
   for (const Colours& d : diffuse)
     for (const Colours& g : glossy)
       for (const auto& s : shares)
@@ -336,7 +342,7 @@ std::vector<Colours> glossy_of(const Judged& j, const Material& material,
   Lighting last;
   for (const GlossyCandidate& g : candidates.glossy) {
     if (!material.lobe()) {
-      result.emplace_back(j.samples.surface.size(), glm::vec3(0));
+      result.emplace_back(j.samples.seen, glm::vec3(0));
       continue;
     }
     LightingOptions options;
@@ -345,7 +351,7 @@ std::vector<Colours> glossy_of(const Judged& j, const Material& material,
     options.irradiance = false;
     Lighting lighting = fit_lighting(map, options, last.radiance ? &last : nullptr);
     lighting.irradiance = reference.irradiance;
-    result.push_back(colours(j.samples, material, lighting, {0, 0, 0, 1}));
+    result.push_back(colours(j.samples, j.samples.seen, material, lighting, {0, 0, 0, 1}));
     subtract(result.back(), j.emission);
     if (lighting.chain) last = std::move(lighting);
   }
@@ -371,25 +377,22 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
   plain.measure_error = plain.chain = false;
   const std::vector<glm::vec3> ones(6, glm::vec3(1));
   const Lighting white = fit_lighting(std::make_shared<const CubeMap>(1, ones), plain);
-  j.emission = colours(samples, material, white, glm::vec4(0));
-  j.diffuse_factor = colours(samples, material, white, {1, 1, 1, 0});
-  j.glossy_factor = colours(samples, material, white, {0, 0, 0, 1});
+  const std::size_t every = samples.surface.size();
+  j.emission = colours(samples, every, material, white, glm::vec4(0));
+  j.diffuse_factor = colours(samples, every, material, white, {1, 1, 1, 0});
+  j.glossy_factor = colours(samples, samples.seen, material, white, {0, 0, 0, 1});
   subtract(j.diffuse_factor, j.emission), subtract(j.glossy_factor, j.emission);
 
   // Shadows first: what the plane lacks, the object lacks.
   LightingOptions finest = plain;
   finest.diffuse = DiffuseMethod::irradiance_cube;
   const Lighting reference = fit_lighting(map, finest);
-  Colours sent;
-  for (std::size_t i = 0; i < samples.surface.size(); ++i)
-    sent.push_back(j.diffuse_factor[i] * j.truth.irradiance[i] + kPi * j.emission[i]);
   std::vector<Colours> ratios;
   Scene standing;  // of which a shadow reads no more
   standing.spheres = scene.spheres, standing.baked_shadow = scene.baked_shadow;
   standing.marker_from_object.rotation = glm::dmat3(samples.turned);
   standing.marker_from_object.translation = {0, 0, scene.marker_from_object.translation.z};
   if (cast_shadow) {
-    j.plane = plane_truth(samples, *map, flux, sent);
     for (const ShadowCandidate& s : candidates.shadow) {
       SceneShadow caster;
       ShadowOptions options;
@@ -400,6 +403,11 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
       if (ratios.size() == candidates.shadow.size())
         add_lost(samples, flux, shadow, j.truth);  // the last is the finest
     }
+    Colours sent;
+    for (std::size_t i = 0; i < every; ++i)
+      sent.push_back(j.diffuse_factor[i] * (j.truth.irradiance[i] - j.truth.lost[i]) +
+                     kPi * j.emission[i]);
+    j.plane = plane_truth(samples, *map, flux, sent);
   } else {
     ratios.assign(candidates.shadow.size(), {});
   }

@@ -63,16 +63,19 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
   const float radius = object.box.radius();
   std::map<std::pair<int, bool>, int> used;  // vertices and whether their back is seen
   int met = 0, tried = 0;
-  for (int v = 0; v < SceneSamples::kViews; ++v) {
-    const float azimuth = 2 * std::numbers::pi_v<float> * (float(v) + 0.3f) / SceneSamples::kViews;
-    const float c = std::cos(SceneSamples::kElevation), s = std::sin(SceneSamples::kElevation);
+  for (int v = 0; v < SceneSamples::kViews + SceneSamples::kViewsFromBelow; ++v) {
+    const bool above = v < SceneSamples::kViews;
+    const int around = above ? SceneSamples::kViews : SceneSamples::kViewsFromBelow;
+    const int wanted = above ? SceneSamples::kViewSamples : SceneSamples::kSamplesFromBelow;
+    const float azimuth = 2 * std::numbers::pi_v<float> * (float(v) + 0.3f) / float(around);
+    const float elevation = above ? SceneSamples::kElevation : -SceneSamples::kElevation;
+    const float c = std::cos(elevation), s = std::sin(elevation);
     const glm::vec3 eye{c * std::cos(azimuth), c * std::sin(azimuth), s};
     const glm::vec3 right = glm::normalize(glm::cross(glm::vec3(0, 0, 1), eye));
     const glm::vec3 up = glm::cross(eye, right);
     samples.views.push_back(eye);
     int found = 0;
-    for (int k = 0; found < SceneSamples::kViewSamples && k < 40 * SceneSamples::kViewSamples;
-         ++k) {
+    for (int k = 0; found < wanted && k < 40 * wanted; ++k) {
       // Evenly over the disc that holds the object, no view as another: Roberts 2018, R2.
       const int index = k + v * 1009;
       const float r = radius * std::sqrt(fraction(0.5f, index, 0.7548776662));
@@ -80,9 +83,9 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
       const glm::vec3 from =
           object.box.centre() + 2 * radius * eye + r * std::cos(t) * right + r * std::sin(t) * up;
       const Bvh::Hit hit = bvh.nearest({from, -eye});
-      ++tried;
+      tried += above;
       if (hit.triangle < 0) continue;
-      ++met;
+      met += above;
       const glm::ivec3 triangle = object.mesh.triangles[std::size_t(hit.triangle)];
       const glm::vec3 w(1 - hit.u - hit.v, hit.u, hit.v);
       glm::vec3 n(0), p(0);
@@ -109,6 +112,7 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
       for (int i = 0; i < 3; ++i)
         sample.corners[i] = used.try_emplace({triangle[i], behind}, int(used.size())).first->second;
       samples.surface.push_back(sample);
+      samples.seen += above;
       ++found;
     }
   }
@@ -174,8 +178,9 @@ void trace_surface(const Standing& object, const Bvh& bvh, glm::vec3 lifted,
 // Share of the views that see this place of the plane.
 double share_seen(const Bvh& bvh, glm::vec3 from, const std::vector<glm::vec3>& views) {
   int seen = 0;
-  for (const glm::vec3& eye : views) seen += !bvh.occluded(Ray{from, eye});
-  return double(seen) / double(views.size());
+  for (int v = 0; v < SceneSamples::kViews; ++v)
+    seen += !bvh.occluded(Ray{from, views[std::size_t(v)]});
+  return double(seen) / SceneSamples::kViews;
 }
 
 // Within a disc on the plane that, with the object, fills the picture; towards its middle, where

@@ -17,6 +17,7 @@ class SceneSamples {
  public:
   static constexpr int kLevelSize = 32;  // face edge of the level whose texels are the directions
   static constexpr int kViews = 8, kViewSamples = 120, kPlaneSamples = 400;
+  static constexpr int kViewsFromBelow = 4, kSamplesFromBelow = 60;
   static constexpr float kElevation = 0.65f;  // of the views, radians
 
   struct Surface {
@@ -27,10 +28,12 @@ class SceneSamples {
     glm::vec4 tangent;           // see Fragment
     glm::vec2 uv;
   };
-  // What the views see of the object, each pixel of them equally often. eyes: so far away that
+  // What the views see of the object, each pixel of them equally often: the first `seen` of views
+  // from above, the rest of views from below, as far as the plane sees it. eyes: so far away that
   // directions are the same everywhere.
   std::vector<Surface> surface;
-  std::vector<glm::vec3> views;  // unit, from the object to the eye
+  std::size_t seen = 0;
+  std::vector<glm::vec3> views;  // unit, from the object to the eye; the first kViews from above
   // Directions are the texels' centres of a level of kLevelSize, face by face and row by row.
   std::vector<glm::vec3> directions;
   std::vector<float> solid_angles;
@@ -58,7 +61,7 @@ class SceneSamples {
   glm::mat3 turned{1};                       // by how the object stands, without its turn about z
 
   std::size_t direction_count() const { return directions.size(); }
-  bool empty() const { return surface.empty(); }
+  bool empty() const { return seen == 0; }
 };
 
 // Nothing where the directions that the object blocks were not worked out, or no view sees it. Some

@@ -145,7 +145,7 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
   std::vector<float> x, y, z;
   for (const glm::vec3& d : samples.directions)
     x.push_back(d.x), y.push_back(d.y), z.push_back(d.z);
-  const LobeHeight height(lobe);
+  const LobeHeight height(lobe), none(std::nullopt);
   parallel_for(int(count), kGrain, [&](int begin, int end) {
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
       const SceneSamples::Surface& s = samples.surface[i];
@@ -153,7 +153,7 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
       sum_directions(x.data(), y.data(), z.data(), samples.solid_angles.data(),
                      flux.channels[0].data(), flux.channels[1].data(), flux.channels[2].data(),
                      directions, &samples.free[i * directions], s.normal,
-                     samples.views[std::size_t(s.view)], height, sums);
+                     samples.views[std::size_t(s.view)], i < samples.seen ? height : none, sums);
       for (int c = 0; c < 3; ++c) {
         light.open_irradiance[i][c] = sums.open_irradiance[c];
         light.irradiance[i][c] = sums.irradiance[c];
