@@ -16,6 +16,9 @@ constexpr double kParallax = 0.2;  // of the irradiance, for a radian between ce
 constexpr double kOutline = 1.5;   // of a light's radius: a disc that holds it though it is no disc
 constexpr double kPixelBlur = 2;
 
+// A share that may be beyond numbers, as of a camera 1e200 m away: then all of it.
+double at_most_all(double share) { return share < 1 ? share : 1; }
+
 }  // namespace
 
 double Capture::mean_radiance() const {
@@ -59,12 +62,13 @@ Capture::Parallax Capture::parallax() const {
   if (lights.empty()) {
     if (options_.box) return {};
     const LightTracks::Nearness near = tracks_.nearness();
-    const double all = by_gap * std::abs(near.likely - 1 / options_.distance);
-    return {near.seen * all, (1 - near.seen) * all};
+    const double all = at_most_all(by_gap * std::abs(near.likely - 1 / options_.distance));
+    const double seen = at_most_all(near.seen);
+    return {seen * all, (1 - seen) * all};
   }
   double gap = 0;
   for (const LightPosition& light : lights) gap += surroundings_.gap(light);
-  return {by_gap * gap / double(lights.size()), 0};
+  return {at_most_all(by_gap * gap / double(lights.size())), 0};
 }
 
 // A light that is near hides what is far behind it, which is shown by other tiles than its own.
