@@ -259,7 +259,8 @@ void merge_samples(TexelState& state, std::size_t first, int count, const Sighti
     read_times(last_seen, sightings.seen, time, lanes, elapsed, firsts);
   } else {
     const bool never = common == kNever;
-    std::fill_n(elapsed, lanes, never ? 0.0f : float(time - common));
+    std::fill_n(elapsed, lanes,
+                never ? 0.0f : float(std::min(time - common, double(kMostElapsed))));
     std::fill_n(firsts, lanes, int(never));
   }
   const int bounded = split_bounds(&state.bound[first], lanes, bounds);
