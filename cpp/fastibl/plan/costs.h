@@ -13,20 +13,20 @@ namespace fastibl {
 // that must not depend on where they are made; render/measure_costs.h measures others.
 struct Costs {
   // Of a map.
-  double fold = 57e3, faces = 5e3, sh9 = 7e3, lobes = 55e3, lobe = 42e3, cube = 170e3;
-  double chain = 1.1e6, lights = 1.1e6, exact_chain = 29e6, mips = 300e3;
+  double fold = 82e3, faces = 5e3, sh9 = 10e3, lobes = 79e3, lobe = 29e3, cube = 162e3;
+  double chain = 1.14e6, lights = 0.87e6, exact_chain = 23e6, mips = 300e3;
   // Of a pixel of the object, by what it reads.
-  double read_faces = 2, read_sh9 = 1.5, read_lobe = 0.5, read_cube = 5;
-  double mip = 44, look_up = 70, more_look_ups = 35, light = 18, sample = 41, ggx = 700;
-  double raster_pixel = 78, raster_vertex = 320;
-  double composite_pixel = 4.3, shadow_pixel = 6.5;
+  double read_faces = 1.8, read_sh9 = 1.5, read_lobe = 0.3, read_cube = 4.7;
+  double mip = 39, look_up = 61, more_look_ups = 31, light = 15, sample = 39, ggx = 610;
+  double raster_pixel = 56, raster_vertex = 220;
+  double composite_pixel = 2.7, shadow_pixel = 3.4;
   // Of the shadow: of a baked mesh, with a finer map, of one direction.
-  double mesh_shadow = 340e3, fine_shadow = 2.2e6, direction = 3e3, caps = 10e6;
+  double mesh_shadow = 370e3, fine_shadow = 1.95e6, direction = 3.5e3, caps = 7.8e6;
   // Of what the object hides of itself.
-  double cells = 90e3, share_edge = 0.95, glossy_vertex = 200;
-  double bounce = 250e3, bounce_group = 3.3, plane_texel = 4.8;
+  double cells = 90e3, share_edge = 1, glossy_vertex = 205;
+  double bounce = 175e3, bounce_group = 3.2, plane_texel = 4.1;
   // Of cameras' pictures.
-  double track = 1.5e6, capture_pixel = 3.8;
+  double track = 1.5e6, capture_pixel = 3;
   bool operator==(const Costs&) const = default;
 };
 struct CostField {
