@@ -92,6 +92,17 @@ def test_errors_grow_with_the_light_and_shrink_with_effort(scene):
     assert max(errors(plain)["diffuse"].values()) < 1e-6
 
 
+@pytest.mark.parametrize("height", [0.0, 0.3])
+def test_shadows_are_judged_where_they_fall(height):
+    """Under what hovers as well: methods that miss a lamp's shadow there would seem to have no error."""
+    lifted = fastibl.Pose.from_rotation_vector([0, 0, 0], [0, 0, height])
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20, marker_from_object=lifted)
+    shadow = dict(zip(*_measured_errors(scene, fastibl.Environment(room()), AUTO)["shadow"], strict=True))
+    few, many = shadow["directions [directions=32]"] ** 0.5, shadow["directions [directions=1024]"] ** 0.5
+    print(f"at {height} m: {few:.4f} with 32 directions, {many:.4f} with 1024")
+    assert few > 1.5 * many and few > 0.002
+
+
 @pytest.mark.parametrize("value", [0.0, 1e-20, 1e6])
 def test_black_tiny_and_huge_maps(scene, value):
     cube = fastibl.CubeMap(np.full((6, 4, 4, 3), value, np.float32))
