@@ -387,29 +387,35 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
   LightingOptions finest = plain;
   finest.diffuse = DiffuseMethod::irradiance_cube;
   const Lighting reference = fit_lighting(map, finest);
-  std::vector<Colours> ratios;
+  std::vector<Colours> ratios(candidates.shadow.size());
   Scene standing;  // of which a shadow reads no more
   standing.spheres = scene.spheres, standing.baked_shadow = scene.baked_shadow;
   standing.marker_from_object.rotation = glm::dmat3(samples.turned);
   standing.marker_from_object.translation = {0, 0, scene.marker_from_object.translation.z};
   if (cast_shadow) {
-    for (const ShadowCandidate& s : candidates.shadow) {
+    bool fine = true;  // what the last cast drew
+    for (std::size_t k = candidates.shadow.size(); k-- > 0;) {
+      const ShadowCandidate& s = candidates.shadow[k];
+      if (!fine && s.method == ShadowMethod::mesh &&
+          s.settings.directions == candidates.shadow[k + 1].settings.directions) {
+        ratios[k] = ratios[k + 1];  // a finer map was asked for, and not drawn
+        continue;
+      }
       SceneShadow caster;
       ShadowOptions options;
       options.method = s.method, options.settings = s.settings;
       const ShadowMap shadow = caster.cast(*map, reference.plane_irradiance, standing, options);
-      ratios.emplace_back(samples.plane.size(), glm::vec3(1));
-      shadow.sample(samples.plane, ratios.back());
-      if (ratios.size() == candidates.shadow.size())
+      ratios[k].assign(samples.plane.size(), glm::vec3(1));
+      shadow.sample(samples.plane, ratios[k]);
+      if (k + 1 == candidates.shadow.size())
         add_lost(samples, flux, shadow, j.truth);  // the last is the finest
+      fine = s.method != ShadowMethod::mesh || !shadow.fine.empty();
     }
     Colours sent;
     for (std::size_t i = 0; i < every; ++i)
       sent.push_back(j.diffuse_factor[i] * (j.truth.irradiance[i] - j.truth.lost[i]) +
                      kPi * j.emission[i]);
     j.plane = plane_truth(samples, *map, flux, sent);
-  } else {
-    ratios.assign(candidates.shadow.size(), {});
   }
   j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
   if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))

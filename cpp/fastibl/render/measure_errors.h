@@ -15,7 +15,7 @@ namespace fastibl {
 // wrong where it is there (docs/shadow.md). What is brighter than white is cut, as in a picture
 // that is exposed so that the plane has 0.35 of white, and of which the object takes 15 %.
 // The same scene and map give the same bits. Empty where the scene has no samples, or the map no
-// light. 50 to 130 ms.
+// light. 20 to 130 ms.
 MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const CubeMap>& map,
                               const Methods& asked, const Candidates& candidates, bool cast_shadow);
 
