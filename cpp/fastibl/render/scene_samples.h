@@ -65,7 +65,7 @@ class SceneSamples {
 };
 
 // Nothing where the directions that the object blocks were not worked out, or no view sees it. Some
-// 1.5 million rays.
+// 4 million rays.
 std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene);
 
 }  // namespace fastibl
