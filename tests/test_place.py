@@ -404,14 +404,16 @@ def test_the_back_ends_agree_on_real_objects(with_back, distortion):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_real_objects_follow_what_changes(backend):
-    session = session_of(with_holdouts(BEHIND), uniform(), backend)
+    # By name: that of the self-shadow, all but a tie, is chosen anew with the tilted object's bounce.
+    methods = {"self_shadow": "transfer"}
+    session = session_of(with_holdouts(BEHIND), uniform(), backend, methods)
     first = shown(session)
     assert "holdout" in first.passes and "holdout" not in shown(session, 0.1).passes
     place = fastibl.Pose.from_rotation_vector(np.array([0.3, 0, 0.5]), np.array([0.02, 0.02, 0.01]))
     session.move(place)
     moved = shown(session, 0.2)
     assert "holdout" in moved.passes
-    fresh = session_of(with_holdouts(BEHIND), uniform(), backend)
+    fresh = session_of(with_holdouts(BEHIND), uniform(), backend, methods)
     fresh.move(place)
     assert np.array_equal(shown(fresh).image, moved.image)
     session.set_cast_shadow(False)

@@ -391,7 +391,7 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
   Scene standing;  // of which a shadow reads no more
   standing.spheres = scene.spheres, standing.baked_shadow = scene.baked_shadow;
   standing.marker_from_object.rotation = glm::dmat3(samples.turned);
-  standing.marker_from_object.translation = {0, 0, scene.marker_from_object.translation.z};
+  standing.marker_from_object.translation = {0, 0, samples.lifted};
   if (cast_shadow) {
     bool fine = true;  // what the last cast drew
     for (std::size_t k = candidates.shadow.size(); k-- > 0;) {

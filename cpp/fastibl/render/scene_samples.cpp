@@ -232,7 +232,7 @@ std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
   if (!scene.directions || scene.mesh.triangles.empty()) return nullptr;
   auto samples = std::make_shared<SceneSamples>();
   const Pose pose = upright(scene.marker_from_object);
-  samples->turned = glm::mat3(pose.rotation);
+  samples->turned = glm::mat3(pose.rotation), samples->lifted = pose.translation.z;
   Standing object{scene.mesh, scene.normals, {}, 0};
   for (glm::vec3& p : object.mesh.vertices) p = glm::vec3(pose * glm::dvec3(p));
   for (glm::vec3& n : object.normals) n = samples->turned * n;

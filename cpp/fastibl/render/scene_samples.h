@@ -11,8 +11,8 @@
 
 namespace fastibl {
 
-// Of the object as it stands in `scene`, but for its turn about z: a scene that is only shifted and
-// turned keeps them.
+// Of the object as it stood when its scene was made, but for its turn about z. One that is tilted
+// or lifted later is judged as if it still stood so.
 class SceneSamples {
  public:
   static constexpr int kLevelSize = 32;  // face edge of the level whose texels are the directions
@@ -59,6 +59,7 @@ class SceneSamples {
   std::vector<glm::vec3> origins;            // of rays, likewise
   std::vector<float> openness;               // P_V
   glm::mat3 turned{1};                       // by how the object stands, without its turn about z
+  double lifted = 0;                         // metres
 
   std::size_t direction_count() const { return directions.size(); }
   bool empty() const { return seen == 0; }
