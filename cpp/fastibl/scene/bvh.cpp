@@ -88,7 +88,9 @@ class Builder {
   int binned(int begin, int end, int axis, const Box& box, const Box& centres) {
     const float lower = centres.lower[axis],
                 scale = kBins * 0.99999f / (centres.upper[axis] - lower);
-    if (!(scale < kInfinity)) return end - begin > kLeafSize ? halved(begin, end, axis) : begin;
+    // 0: so far apart that their distance is beyond numbers.
+    if (!(scale > 0 && scale < kInfinity))
+      return end - begin > kLeafSize ? halved(begin, end, axis) : begin;
     const auto bin = [&](const Item& item) {
       return std::size_t((item.centre[axis] - lower) * scale);
     };
