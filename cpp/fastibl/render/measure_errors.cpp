@@ -219,7 +219,7 @@ struct Judged {
   }
 };
 
-void weigh(Judged& j, bool cast_shadow) {
+void weigh(Judged& j) {
   const std::size_t count = j.samples.seen;
   double object = 0, plane = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -227,12 +227,11 @@ void weigh(Judged& j, bool cast_shadow) {
     object += double(c.x + c.y + c.z) / 3 / double(count);
   }
   double beside = 0;
-  if (cast_shadow)
-    for (const std::size_t p : j.plane.counted) {
-      const glm::vec3 c = j.cut(j.plane_radiance * (j.plane.ratio[p] + j.plane.added[p]));
-      plane += double(c.x + c.y + c.z) / 3 * j.samples.plane_areas[p];
-      beside += j.samples.plane_areas[p];
-    }
+  for (const std::size_t p : j.plane.counted) {
+    const glm::vec3 c = j.cut(j.plane_radiance * (j.plane.ratio[p] + j.plane.added[p]));
+    plane += double(c.x + c.y + c.z) / 3 * j.samples.plane_areas[p];
+    beside += j.samples.plane_areas[p];
+  }
   const double own = j.samples.object_area, all = own + beside;
   const double mean = (own * object + plane) / std::max(all, 1e-30);
   if (!(mean > 0)) return;
@@ -422,7 +421,7 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
     j.plane_radiance = kFallbackAlbedo / kPi * flux.plane;
   j.white = (j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z) / 3 / kPlaneLevel;
   if (!(j.white > 0)) return errors;
-  weigh(j, cast_shadow);
+  weigh(j);
   if (!(j.object_weight > 0)) return errors;
 
   errors.candidates = candidates;

@@ -140,7 +140,9 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
 // Rays start on the round surface that the normals are of, not on flat triangles, which their own
 // neighbours hide: Hanika 2021, Hacking the Shadow Terminator. The corners' own origins are on it.
 glm::vec3 ray_start(const Standing& object, const SceneSamples& samples,
-                    const SceneSamples::Surface& s, const glm::mat3& turned, glm::vec3 lifted) {
+                    const SceneSamples::Surface& s) {
+  const glm::mat3& turned = samples.turned;
+  const glm::vec3 lifted(0, 0, samples.lifted);
   glm::vec3 start(0);
   for (int i = 0; i < 3; ++i) {
     const std::size_t corner = std::size_t(s.corners[i]);
@@ -152,23 +154,30 @@ glm::vec3 ray_start(const Standing& object, const SceneSamples& samples,
   return start + kOffset * object.size * s.normal;
 }
 
-void trace_surface(const Standing& object, const Bvh& bvh, glm::vec3 lifted,
-                   SceneSamples& samples) {
+// Which of these directions, by their places in `directions`, meet the object.
+std::vector<std::uint8_t> met_from(const Bvh& bvh, const SceneSamples& samples, glm::vec3 from,
+                                   const std::vector<int>& asked) {
+  std::vector<std::uint8_t> met(asked.size(), 0);
+  if (asked.empty()) return met;
+  DirectionSet set(int(asked.size()));
+  for (std::size_t k = 0; k < asked.size(); ++k)
+    set.set(int(k), samples.directions[std::size_t(asked[k])]);
+  bvh.occluded(from, set, 0, met);
+  return met;
+}
+
+void trace_surface(const Standing& object, const Bvh& bvh, SceneSamples& samples) {
   const std::size_t count = samples.direction_count();
   samples.free.assign(samples.surface.size() * count, 0);
   parallel_for(int(samples.surface.size()), 4, [&](int begin, int end) {
     std::vector<int> above;
-    std::vector<std::uint8_t> met;
     for (int i = begin; i < end; ++i) {
       const SceneSamples::Surface& s = samples.surface[std::size_t(i)];
       above.clear();
       for (std::size_t k = 0; k < count; ++k)
         if (glm::dot(samples.directions[k], s.normal) > 0) above.push_back(int(k));
-      DirectionSet set(int(above.size()));
-      for (std::size_t k = 0; k < above.size(); ++k)
-        set.set(int(k), samples.directions[std::size_t(above[k])]);
-      met.assign(above.size(), 0);
-      bvh.occluded(ray_start(object, samples, s, samples.turned, lifted), set, 0, met);
+      const std::vector<std::uint8_t> met =
+          met_from(bvh, samples, ray_start(object, samples, s), above);
       std::uint8_t* free = &samples.free[std::size_t(i) * count];
       for (std::size_t k = 0; k < above.size(); ++k) free[above[k]] = !met[k];
     }
@@ -213,15 +222,9 @@ void trace_plane(const Standing& object, const Bvh& bvh, SceneSamples& samples) 
       if (samples.directions[k].z > 0 && glm::dot(samples.directions[k], to) >= cosine * distance)
         asked.push_back(int(k));
     samples.plane.push_back(p), samples.plane_areas.push_back(seen);
-    if (!asked.empty()) {
-      DirectionSet set(int(asked.size()));
-      for (std::size_t k = 0; k < asked.size(); ++k)
-        set.set(int(k), samples.directions[std::size_t(asked[k])]);
-      std::vector<std::uint8_t> met(asked.size(), 0);
-      bvh.occluded(from, set, 0, met);
-      for (std::size_t k = 0; k < asked.size(); ++k)
-        if (met[k]) samples.hidden.push_back(std::uint16_t(asked[k]));
-    }
+    const std::vector<std::uint8_t> met = met_from(bvh, samples, from, asked);
+    for (std::size_t k = 0; k < asked.size(); ++k)
+      if (met[k]) samples.hidden.push_back(std::uint16_t(asked[k]));
     samples.plane_first.push_back(std::uint32_t(samples.hidden.size()));
   }
 }
@@ -247,7 +250,7 @@ std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
   set_directions(*samples);
   add_surface(scene, object, bvh, *samples);
   if (samples->empty()) return nullptr;
-  trace_surface(object, bvh, glm::vec3(pose.translation), *samples);
+  trace_surface(object, bvh, *samples);
   trace_plane(object, bvh, *samples);
   return samples;
 }

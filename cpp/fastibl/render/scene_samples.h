@@ -29,8 +29,8 @@ class SceneSamples {
     glm::vec2 uv;
   };
   // What the views see of the object, each pixel of them equally often: the first `seen` of views
-  // from above, the rest of views from below, as far as the plane sees it. eyes: so far away that
-  // directions are the same everywhere.
+  // from above, the rest of views from below, which tell what the plane sees. eyes: so far away
+  // that directions are the same everywhere.
   std::vector<Surface> surface;
   std::size_t seen = 0;
   std::vector<glm::vec3> views;  // unit, from the object to the eye; the first kViews from above
@@ -48,8 +48,8 @@ class SceneSamples {
   glm::vec3 centre{0};             // of the sphere around it
   float radius = 0;
   float above = 0;  // that rays from the plane start, metres
-  // Areas as a view of this elevation has them, m², in the mean over `views`: of the object, and
-  // that each place on the plane stands for.
+  // Areas as a view of this elevation has them, m², in the mean over those from above: of the
+  // object, and that each place on the plane stands for.
   double object_area = 0;
   std::vector<double> plane_areas;
 
