@@ -105,6 +105,7 @@ void Rasterizer::set_varyings(const Scene& scene, std::span<const glm::vec4> lig
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
       Varying& v = varyings_[i];
       v.position = glm::vec3(scene.marker_from_object * glm::dvec3(scene.mesh.vertices[i]));
+      if (glm::any(glm::isinf(v.position))) corners_[i].valid = false;  // beyond floats: not drawn
       v.normal = marker_from_object * scene.normals[i];
       v.share =
           light_shares.empty() ? glm::vec4(glm::vec3(scene.visibility[i]), 1) : light_shares[i];
@@ -185,7 +186,7 @@ namespace {
 void merge(Fragment& a, const Fragment& b) {
   const float t = b.coverage / (a.coverage + b.coverage);
   a.coverage += b.coverage;
-  a.position += t * (b.position - a.position);
+  a.position = glm::mix(a.position, b.position, t);  // whose difference may be beyond numbers
   a.normal = glm::normalize(a.normal + t * (b.normal - a.normal));
   a.share += t * (b.share - a.share);
   a.tangent += t * (b.tangent - a.tangent);
