@@ -113,6 +113,9 @@ def yardstick(repetitions: int = 41) -> Timing:
         u = (0.5 + np.arctan2(x, y) / (2 * np.pi)) * 1024 - 0.5
         v = np.arctan2(np.hypot(x, y), z) / np.pi * 512 - 0.5
         maps.append((u.astype(np.float32), v.astype(np.float32)))
+    # After a block of this size the allocator keeps what is freed. Without it, memory that comes anew from the system
+    # makes a factor of up to three, or nothing: it depends on what the process did before.
+    np.empty(1 << 24, np.uint8)
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
