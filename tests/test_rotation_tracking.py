@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fastibl
-from fastibl.simulator import DistantPlace, HandPath, simulate
+from fastibl.simulator import DistantPlace, HandPath, _Eye, simulate
 
 EYE = np.array([0.0, -0.36, 0.38])
 SIZE = (320, 240)
@@ -125,6 +125,20 @@ def test_a_blank_wall_is_given_up(film):
     results = follow(film, film.rig, blank_after=1.5)
     assert any(r is not None for t, r in results if t < 1.5)
     assert all(r is None for t, r in results if t > 1.5)
+
+
+def test_noise_is_no_structure(film):
+    """Evenly lit pictures in which single pixels differ by noise alone tell nothing of a rotation."""
+    eye, rng = _Eye(film.rig.back), np.random.default_rng(0)
+    black = fastibl.Environment(fastibl.CubeMap(np.zeros((6, 16, 16, 3), np.float32)))
+    for light in (0.004, 0.006, 0.02, 0.2):
+        tracker = fastibl.RotationTracker(film.rig)
+        for k in range(6):
+            picture = eye.expose(np.full((SIZE[1], SIZE[0], 3), light, np.float32), 1.0, rng)
+            if k < 5:
+                tracker.start(looking(0.0, 0.7), 0.05 * k, back=picture)
+            else:
+                assert tracker.track(black, 0.05 * k, back=picture) is None
 
 
 def test_a_gyroscope_helps_over_a_gap(film):

@@ -12,7 +12,14 @@ constexpr float kHorizon = 0.03f;   // sine of the least elevation: the plane's 
 constexpr float kWhitest = 0.9f;    // linear
 constexpr float kDarkest = 0.004f;  // linear: what is darker is noise
 constexpr float kLeastGradient = 0.06f;  // relative, from one block to the next
-constexpr float kApart = 2.0f;           // blocks between features of a tile
+constexpr float kSignificant = 16;  // squared gradient by what noise makes of it: of all places of
+                                    // a cell, noise alone hardly ever reaches it
+constexpr float kApart = 2.0f;      // blocks between features of a tile
+
+// Relative variance of the mean over a block of a linear value: as of a small sensor.
+float noise_of(float value, int block) {
+  return (4e-6f + value / 3000) / (float(block * block) * value * value);
+}
 
 }  // namespace
 
@@ -67,7 +74,8 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
       const float gx = 0.5f * (at(x + 1, y) - at(x - 1, y)),
                   gy = 0.5f * (at(x, y + 1) - at(x, y - 1));
       const float strength = (gx * gx + gy * gy) / ((v + dark) * (v + dark));
-      if (strength > most) most = strength, bx = x, by = y;
+      if (strength > most && strength > kSignificant * noise_of(v, l.block))
+        most = strength, bx = x, by = y;
     }
   if (bx < 0) return;
   const auto clipped = [&](int x, int y) { return at(x, y) > 1; };
@@ -90,11 +98,8 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
   const float lu = 0.5f * scale * (at(bx + 1, by) - at(bx - 1, by)),
               lv = 0.5f * scale * (at(bx, by + 1) - at(bx, by - 1));
   const float light = scale * at(bx, by);
-  // Of the mean of a block, by light: as of a small sensor.
-  const float noise =
-      (4e-6f + at(bx, by) / 3000) / (float(l.block * l.block) * at(bx, by) * at(bx, by));
-  features.push_back(
-      {d, glm::cross(d, tangent_gradient(u, v, lu, lv)), light, noise, width, drift, 0});
+  features.push_back({d, glm::cross(d, tangent_gradient(u, v, lu, lv)), light,
+                      noise_of(at(bx, by), l.block), width, drift, 0});
 }
 
 void PictureFeatures::add(const MapView& view, const BlockRays& rays,
