@@ -97,6 +97,38 @@ def test_front_exposures_are_16_apart(room_recording):
     assert len({frame.back_exposure for frame in room_recording}) == 1
 
 
+def test_auto_exposure_follows_what_the_picture_shows():
+    """From a table to a sky that is 20 times as bright: clipped in the first picture, and not for long."""
+    sky = np.ones((6, 16, 16, 3), np.float32)
+    directions = fastibl.texel_directions(16)
+    sky[directions[..., 2] > 0.4] = 20.0
+
+    def path(time):
+        elevation = np.radians(60 if time > 0.2 else -60)
+        down = [0, np.sin(elevation), -np.cos(elevation)]
+        pose = np.eye(4)
+        pose[:3, :3] = [1, 0, 0], down, np.cross([1, 0, 0], down)
+        pose[:3, 3] = -pose[:3, :3] @ [0, 0, 0.5]
+        return fastibl.Pose(pose)
+
+    def film(**options):
+        place = fastibl.CubeMap(sky)
+        return list(simulate(place, seconds=1.5, fps=10, path=path, board=False, albedo=0.05, **options, **SMALL))
+
+    fixed, metered = film(), film(auto_exposure=True)
+    clipped = [(frame.back == 255).mean() for frame in metered]
+    exposures = np.array([frame.back_exposure for frame in metered])
+    assert exposures[0] == fixed[0].back_exposure and len({frame.back_exposure for frame in fixed}) == 1
+    assert np.array_equal(metered[0].back, fixed[0].back)
+    assert (fixed[-1].back == 255).mean() > 0.5 > 0.05 > clipped[-1]
+    assert (exposures[1:] / exposures[:-1] >= 0.5 - 1e-9).all() and (exposures[1:] / exposures[:-1] <= 1.4 + 1e-9).all()
+    # What it states is what it took.
+    sky_light = np.median(linear(metered[-1].back)) / exposures[-1]
+    assert sky_light == pytest.approx(20.0, rel=0.05)
+    again = film(auto_exposure=True)
+    assert all(np.array_equal(a.back, b.back) for a, b in zip(metered, again, strict=True))
+
+
 def test_exposure_response_and_noise():
     response = fastibl.Response.gamma(2.0)
     camera = Camera(64, 48, fx=60, fy=60, cx=32, cy=24, response=response, gain=1.5, vignetting=(-0.2,))

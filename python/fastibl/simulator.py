@@ -23,6 +23,9 @@ _FULL_WELL, _READ_NOISE = 4000, 6  # electrons
 _BLUR = 0.55  # standard deviation of the lens in pixels
 _TABLE_LEVEL = 0.30  # the table's mean in the back pictures, of white
 _FRONT_LEVEL = 0.18  # the mean of what the front camera can see, of white, as cameras meter
+# Of a camera that exposes by its last picture: what is to lie at which level, the least and most that it changes
+# from one picture to the next, and how much longer than the table's its exposures get.
+_METERED_SHARE, _METERED_LEVEL, _METERED_STEPS, _METERED_MOST = 0.97, 0.7, (0.5, 1.4), 8.0
 _HAND_FADE = 0.12  # seconds in which the hand comes and goes
 
 
@@ -390,6 +393,7 @@ def simulate(
     glare: float = 0.0,
     clock_offset: float = 0.0,
     front_exposures: Callable[[float], float] | None = None,
+    auto_exposure: bool = False,
     live: bool = False,
     video: bool = False,
     truth_size: int = 128,
@@ -411,8 +415,9 @@ def simulate(
     function of the time in seconds. lamp: in the room, a
     lamp is switched on at half-time. hand: a hand covers the front camera for one second after 30 % of the
     time. front_exposures: instead of the three in turn, a function from the exposure of a front picture to that of the
-    next, as Bracket and AdaptiveExposure are. `truth` holds the maps at `position` (the object: 6 cm above the board's
-    centre), the poses, and when both happened.
+    next, as Bracket and AdaptiveExposure are. auto_exposure: the back camera exposes by what its last picture shows, as
+    most do where nothing stops them, and not for the table. `truth` holds the maps at `position` (the object: 6 cm
+    above the board's centre), the poses, and when both happened.
 
     What time does to pictures is left out unless it is asked for:
 
@@ -461,7 +466,7 @@ def simulate(
         begin = 0.3 * seconds
         truth.hand = (begin, begin + min(1.0, 0.2 * seconds))
 
-    make = _Pictures(place, rig, board, truth, noise, pose_at, timing, front_exposures)
+    make = _Pictures(place, rig, board, truth, noise, pose_at, timing, front_exposures, auto_exposure)
     if live:
         if out is not None:
             raise ValueError("live frames are not kept: leave out away, or record them with a RecordingWriter")
@@ -524,8 +529,9 @@ class _Pictures:
         pose_at: Callable[[float], Pose],
         timing: Shutter,
         front_exposures: Callable[[float], float] | None = None,
+        auto_exposure: bool = False,
     ):
-        self.front_exposures = front_exposures
+        self.front_exposures, self.auto_exposure = front_exposures, auto_exposure
         self.place, self.rig, self.truth, self.noise = place, rig, truth, noise
         self.pose_at, self.timing = pose_at, timing
         self.back = _Eye(rig.back)
@@ -544,8 +550,12 @@ class _Pictures:
             self.hand = _Hand(*truth.hand, float(np.median(brightness[up > 0])), shape)
 
     def frame(self, index: int, time: float) -> Frame:
-        frame = Frame(time, back_exposure=self.back_exposure)
-        frame.back = self._take(self.back, self.pose_at, time, self.back_exposure, self.timing.exposure_time)
+        share = self._metered if self.auto_exposure and index > 0 else 1.0
+        frame = Frame(time, back_exposure=self.back_exposure * share)
+        lasts = self.timing.exposure_time * min(share, 1.0)  # beyond, cameras amplify
+        frame.back = self._take(self.back, self.pose_at, time, frame.back_exposure, lasts)
+        if self.auto_exposure:
+            self._metered = self._after(frame.back, share)
         if self.front is not None:
             share = FRONT_STEPS[index % len(FRONT_STEPS)]
             if self.front_exposures is not None:
@@ -560,6 +570,15 @@ class _Pictures:
                 self.hand,
             )
         return frame
+
+    def _after(self, picture: NDArray[np.uint8], share: float) -> float:
+        """The back camera's next exposure, by the table's, after a picture of `share` of that."""
+        brightest = picture[::4, ::4].max(axis=-1).astype(np.float32) / 255
+        level = float(np.quantile(self.rig.back.response.decode(brightest), _METERED_SHARE))
+        least, most = _METERED_STEPS
+        # Of what is clipped nobody knows how bright it is.
+        step = np.clip(_METERED_LEVEL / max(level, 1e-3), least, most) if level < 0.97 else least
+        return float(min(share * step, _METERED_MOST))
 
     def _take(
         self,
