@@ -39,7 +39,7 @@ def _angle(a: fastibl.Pose, b: fastibl.Pose) -> float:
 
 @cache
 def swept(place: str) -> Sweep:
-    film = recorded(place, seconds=SECONDS, fps=FPS, seed=0, hand=False, lamp=False, path=turning)
+    film = recorded(place, seconds=SECONDS, fps=FPS, seed=0, hand=False, lamp=False, auto_exposure=True, path=turning)
     session = fastibl.Session(inputs.scene(), film.rig, film.board)
     errors, seconds, missing = [], [], 0
     for frame in film:
