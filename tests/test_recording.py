@@ -76,6 +76,54 @@ def test_round_trip_keeps_every_bit(tmp_path, video):
     assert "5 frames" in repr(recording)
 
 
+def test_attitudes_are_kept(tmp_path):
+    given = frames(4)
+    given[1].attitude, given[3].attitude = TURN.rotation, np.eye(3)
+    path = write(tmp_path / "r", given)
+    read = list(Recording.open(path))
+    assert read == given and read[2].attitude is None
+    given[1].attitude = np.eye(3)
+    assert read != given
+    write(path, frames(2))  # an older one's go with it
+    assert not (path / "attitudes.csv").exists()
+
+
+COLUMNS = "time,m00,m01,m02,m10,m11,m12,m20,m21,m22\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,x,y\n", "columns"),
+        (COLUMNS + "0,1,2\n", "line 2: expected ten"),
+        (COLUMNS + "0,1,0,0,0,1,0,0,0,1\n1,1,0,0,0,1,0,0,0,nan\n", "line 3: the attitude must be a rotation"),
+        (COLUMNS + "0,1,0,0,0,1,0,0,0,one\n", "line 2: expected ten"),
+        (COLUMNS + "\n", "line 2: expected ten"),
+    ],
+)
+def test_bad_attitudes(tmp_path, text, message):
+    path = write(tmp_path / "r", frames(1))
+    (path / "attitudes.csv").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        Recording.open(path)
+
+
+def test_an_attitude_that_a_crash_cut_off_is_left_out(tmp_path):
+    path = write(tmp_path / "r", frames(2))
+    (path / "attitudes.csv").write_text(COLUMNS + "0.0,1,0,0,0,1,0,0,0,1\n0.1428571,0,1")
+    with pytest.warns(RecordingWarning, match="cut off"):
+        recording = Recording.open(path)
+    assert np.array_equal(recording[0].attitude, np.eye(3)) and recording[1].attitude is None
+
+
+@pytest.mark.parametrize("attitude", [(1, 2), 0.5, np.full((3, 3), np.inf), "left", 2 * np.eye(3)])
+def test_writer_refuses_what_is_no_attitude(tmp_path, attitude):
+    frame = frames(1)[0]
+    frame.attitude = attitude
+    with pytest.raises(ValueError, match="must be a rotation"):
+        write(tmp_path / "r", [frame])
+
+
 def test_rig_round_trip(tmp_path):
     rig = Rig(*cameras(), TURN)
     write_rig(tmp_path / "rig.yaml", rig)

@@ -1,5 +1,6 @@
 """Rotation by the surroundings while the board is out of view, and the board turned by hand."""
 
+import dataclasses
 import pickle
 
 import numpy as np
@@ -145,6 +146,35 @@ def test_a_gyroscope_helps_over_a_gap(film):
     results = follow(film, film.rig, turn=True)
     errors = [angle(r.back_from_marker, film.truth.pose(t)) for t, r in results if r is not None]
     assert len(errors) > 30 and max(errors) < 0.5
+
+
+def test_a_session_goes_on_by_a_gyroscope_where_nothing_is_seen():
+    """Half of the place is blank. Attitudes count from any frame at rest."""
+    place = textured().faces.copy()
+    d = fastibl.texel_directions(place.shape[1])
+    place[np.abs(np.degrees(np.arctan2(d[..., 0], d[..., 1])) - 100) < 70] = 1.0
+    options = {"seconds": 4.5, "fps": 20, "size": SIZE, "hand": False, "lamp": False, "path": turning}
+
+    def follow_all(film):
+        session = fastibl.Session(scene(), film.rig, film.board, size=64)
+        found = [(frame.time, session.process(frame).turned) for frame in film]
+        return {t: angle(r.back_from_marker, film.truth.pose(t)) for t, r in found if r is not None}
+
+    alone = follow_all(simulate(fastibl.CubeMap(place), **options))
+    film = simulate(fastibl.CubeMap(place), gyro=0.001, **options)
+    told = follow_all(film)
+    print(f"last at {max(alone):.2f} s, with a gyroscope {max(told):.2f} s, worst {max(told.values()):.2f} degrees")
+    assert max(alone) < 3.5 and max(told) > 4.4
+    assert max(told.values()) < 1.0
+    rest = fastibl.Pose.from_rotation_vector([0.3, -2.0, 1.0], np.zeros(3)).rotation
+    other = [dataclasses.replace(frame, attitude=frame.attitude @ rest) for frame in film]
+    same = follow_all(fastibl.Recording(film.rig, other, film.board, film.truth))
+    np.testing.assert_allclose(list(same.values()), list(told.values()), atol=1e-3)
+    session = fastibl.Session(scene(), film.rig, film.board, size=64)
+    for wrong in (np.zeros((3, 3)), np.full((3, 3), np.nan), -np.eye(3), np.eye(2), 0.1, "left"):
+        with pytest.raises(ValueError, match="attitude must be a rotation"):
+            session.process(dataclasses.replace(other[0], attitude=wrong))
+    assert session.process(other[0]).image is not None
 
 
 def test_same_bits_for_any_number_of_threads(film):

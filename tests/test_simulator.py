@@ -129,6 +129,26 @@ def test_auto_exposure_follows_what_the_picture_shows():
     assert all(np.array_equal(a.back, b.back) for a, b in zip(metered, again, strict=True))
 
 
+def test_a_gyroscope_tells_how_the_back_camera_turned():
+    def film(gyro, seed=3):
+        return simulate(seed=seed, seconds=1, fps=8, board=False, hand=False, lamp=False, gyro=gyro, **SMALL)
+
+    exact = film(0.0)
+    frames = list(exact)
+    for frame in frames:
+        told = frame.attitude @ frames[0].attitude.T
+        true = exact.truth.pose(frame.time).rotation @ exact.truth.pose(0.0).rotation.T
+        np.testing.assert_allclose(told, true, atol=1e-6)
+    noisy = list(film(0.01))
+    off = [b.attitude.T @ a.attitude for a, b in zip(noisy, frames, strict=True)]
+    np.testing.assert_allclose(off[0], np.eye(3), atol=1e-12)
+    steps = [np.arccos((np.trace(before.T @ after) - 1) / 2) for before, after in zip(off, off[1:], strict=False)]
+    assert np.sqrt(np.mean(np.square(steps))) == pytest.approx(0.01 * np.sqrt(3 / 8), rel=0.5)
+    assert np.array_equal(noisy[-1].back, frames[-1].back)  # pictures know nothing of it
+    assert np.array_equal(film(0.01)[7].attitude, noisy[-1].attitude)
+    assert not np.array_equal(film(0.01, seed=4)[7].attitude, noisy[-1].attitude)
+
+
 def test_exposure_response_and_noise():
     response = fastibl.Response.gamma(2.0)
     camera = Camera(64, 48, fx=60, fy=60, cx=32, cy=24, response=response, gain=1.5, vignetting=(-0.2,))
@@ -309,6 +329,7 @@ def test_steps():
         ({"environment": "nowhere.hdr"}, FileNotFoundError, "nowhere.hdr"),
         ({"environment": __file__}, ValueError, "HDR"),
         ({"albedo": -1}, ValueError, "albedo"),
+        ({"gyro": -1}, ValueError, "gyro"),
     ],
 )
 def test_errors(arguments, error, message):

@@ -239,7 +239,8 @@ its shadow from the plane behind them.)")
           [](Session& session, double time, const py::object& back, const py::object& front,
              const std::optional<double>& back_exposure,
              const std::optional<double>& front_exposure, const py::object& back_from_marker,
-             const py::object& back_last_row) {
+             const py::object& back_last_row,
+             const std::optional<std::array<double, 9>>& attitude) {
             py::array keep_back, keep_front;
             Frame frame;
             frame.time = time, frame.back_exposure = back_exposure,
@@ -250,6 +251,12 @@ its shadow from the plane behind them.)")
               frame.back_from_marker = require_pose(back_from_marker, "back_from_marker");
             if (!back_last_row.is_none())
               frame.back_last_row = require_pose(back_last_row, "back_last_row");
+            if (attitude) {
+              frame.attitude.emplace();
+              for (int r = 0; r < 3; ++r)
+                for (int c = 0; c < 3; ++c)
+                  (*frame.attitude)[c][r] = (*attitude)[std::size_t(3 * r + c)];
+            }
             const py::gil_scoped_release release;
             Result result{session.process(frame), {}, session.plan()};
             result.shadow = session.shadow_map();
@@ -257,7 +264,7 @@ its shadow from the plane behind them.)")
           },
           py::arg("time"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
           py::arg("front_exposure"), py::arg("back_from_marker"),
-          py::arg("back_last_row") = py::none())
+          py::arg("back_last_row") = py::none(), py::arg("attitude") = py::none())
       .def_property_readonly("plan", &Session::plan,
                              "Plan of the next frame: print it for the bill.")
       .def_property_readonly("scene", &Session::scene, "Scene that is drawn.")

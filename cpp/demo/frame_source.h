@@ -48,9 +48,14 @@ inline Picture picture_of(const Image<std::uint8_t>& image) {
 }
 
 inline Frame OwnedFrame::view() const {
-  return {
-      time, picture_of(back), picture_of(front), back_exposure, front_exposure, back_from_marker,
-      {}};
+  return {time,
+          picture_of(back),
+          picture_of(front),
+          back_exposure,
+          front_exposure,
+          back_from_marker,
+          {},
+          {}};
 }
 
 }  // namespace fastibl::demo

@@ -8,6 +8,7 @@ A recording is a folder:
 - frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
   `file` is a lossless picture, or a frame of a lossless video: back.mkv#12. `exposure` is empty where the
   camera did not tell it
+- attitudes.csv: time, m00 to m22; where a gyroscope was there, Frame.attitude of the frames that have one
 - truth/: where known, environment maps by time, camera poses by time, and what happened
 
 A recording may come from anyone: files that lie outside its folder are not read, nor pictures, cameras and lists that
@@ -26,10 +27,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Board, Camera, CubeMap, Pose, Response, Rig
 from .file_limits import check_file_size, check_pixels, file_bytes
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
 CAMERAS = ("back", "front")
 
+_ATTITUDE_COLUMNS = ("time", *(f"m{row}{column}" for row in range(3) for column in range(3)))
 _MOST_TEXT = 2**27  # bytes of a list of pictures: some days of film
 _MOST_CALIBRATION = 2**22  # bytes of a .yaml or .json
 _PICTURES = {".png": png_size, ".jpg": jpeg_size, ".jpeg": jpeg_size}
@@ -52,7 +54,8 @@ class Frame:
     time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of
     radiance, None where they are not known. back_from_marker: Pose where it is known, which skips tracking.
     back_last_row: with it, the pose when the last row of a rolling shutter was taken, `readout` later; None: as the
-    poses before tell.
+    poses before tell. attitude: (3, 3) rotation of the back camera as a gyroscope tells: from a frame at rest,
+    whichever, that is the same for all pictures, to the camera's; None where nothing tells.
     """
 
     time: float
@@ -62,6 +65,7 @@ class Frame:
     front_exposure: float | None = 1.0
     back_from_marker: Pose | None = None
     back_last_row: Pose | None = None
+    attitude: ArrayLike | None = None
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Frame):
@@ -76,6 +80,8 @@ class Frame:
             == (other.time, other.back_exposure, other.front_exposure)
             and self.back_from_marker == other.back_from_marker
             and self.back_last_row == other.back_last_row
+            and (self.attitude is None) == (other.attitude is None)
+            and (self.attitude is None or np.array_equal(self.attitude, cast("ArrayLike", other.attitude)))
         )
 
     def __repr__(self) -> str:
@@ -204,11 +210,13 @@ class RecordingWriter:
         self._file = open(self.path / "frames.csv", "w", newline="", encoding="utf-8")
         self._rows = csv.writer(self._file, lineterminator="\n")
         self._rows.writerow(("time", "camera", "file", "exposure"))
+        self._attitudes: TextIO | None = None
 
     def _clear(self) -> None:
         if not self.path.is_dir():
             return
-        known = {"rig.yaml", "board.yaml", "frames.csv", "truth", "back", "front", "back.mkv", "front.mkv"}
+        known = {"rig.yaml", "board.yaml", "frames.csv", "attitudes.csv", "truth"}
+        known |= {name for camera in CAMERAS for name in (camera, f"{camera}.mkv")}
         other = sorted(p.name for p in self.path.iterdir() if p.name not in known)
         if other:
             raise FileExistsError(f"{self.path} holds {other[0]}, which is no part of a recording; choose another")
@@ -221,7 +229,10 @@ class RecordingWriter:
                 item.unlink()
 
     def add(self, frame: Frame) -> None:
-        """Stores the pictures of a frame. ValueError for what is no (h, w, 3) uint8 picture."""
+        """Stores the pictures of a frame, and its attitude. ValueError for what is no (h, w, 3) uint8 picture, or an
+        attitude that is no rotation.
+        """
+        attitude = None if frame.attitude is None else attitude_of(frame.attitude, f"the attitude at {frame.time} s")
         for camera in CAMERAS:
             picture = getattr(frame, camera)
             if picture is None:
@@ -234,10 +245,21 @@ class RecordingWriter:
             told = "" if exposure is None else repr(float(exposure))
             self._rows.writerow((repr(float(frame.time)), camera, name, told))
         self._file.flush()  # what was recorded survives a crash
+        if attitude is not None:
+            self._add_attitude(frame.time, attitude)
+
+    def _add_attitude(self, time: float, attitude: NDArray) -> None:
+        if self._attitudes is None:
+            self._attitudes = open(self.path / "attitudes.csv", "w", newline="", encoding="utf-8")
+            self._attitudes.write(",".join(_ATTITUDE_COLUMNS) + "\n")
+        self._attitudes.write(",".join(map(repr, (float(time), *attitude.ravel().tolist()))) + "\n")
+        self._attitudes.flush()
 
     def sync(self) -> None:
-        """Brings frames.csv to the disk: what it names survives a machine that stops."""
-        os.fsync(self._file.fileno())
+        """Brings the lists to the disk: what they name survives a machine that stops."""
+        for file in (self._file, self._attitudes):
+            if file is not None:
+                os.fsync(file.fileno())
 
     def _store(self, camera: str, picture: NDArray) -> str:
         import cv2
@@ -291,6 +313,8 @@ class RecordingWriter:
         for writer, _ in (self._videos or {}).values():
             writer.release()
         self._file.close()
+        if self._attitudes is not None:
+            self._attitudes.close()
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -305,6 +329,7 @@ class _StoredFrames(Sequence):
     def __init__(self, path: Path):
         self.path = path
         self.moments = _read_moments(path / "frames.csv")
+        self.attitudes = _read_attitudes(path / "attitudes.csv")
         self._videos: dict[str, tuple[cv2.VideoCapture, int]] = {}
 
     def __len__(self) -> int:
@@ -312,7 +337,7 @@ class _StoredFrames(Sequence):
 
     def __getitem__(self, index: int) -> Frame:
         time, pictures = self.moments[index]
-        frame = Frame(time)
+        frame = Frame(time, attitude=self.attitudes.get(time))
         for camera, (file, exposure) in pictures.items():
             setattr(frame, camera, self._read(file))
             setattr(frame, f"{camera}_exposure", exposure)
@@ -451,6 +476,41 @@ def _list_moments(path: Path, moments: dict[float, dict[str, tuple[str, float | 
                 raise ValueError(f"{where}: pictures end in {', '.join(_PICTURES)}, got {row['file']!r}")
             _check_name(name if mark else row["file"], where)
             moments.setdefault(time, {})[row["camera"]] = row["file"], exposure
+
+
+def attitude_of(attitude: ArrayLike, what: str) -> NDArray[np.float64]:
+    """(3, 3) float64. ValueError, naming `what`, for what is no rotation."""
+    try:
+        m = np.asarray(attitude, np.float64)
+    except (TypeError, ValueError):
+        m = np.empty(0)
+    square = m.shape == (3, 3) and np.abs(m.T @ m - np.eye(3)).sum() < 1e-3 and np.linalg.det(m) > 0
+    if not square:
+        raise ValueError(f"{what} must be a rotation, (3, 3), got {attitude!r}")
+    return m
+
+
+def _read_attitudes(path: Path) -> dict[float, NDArray[np.float64]]:
+    """By time; none where there is no such list."""
+    if not path.is_file():
+        return {}
+    attitudes: dict[float, NDArray[np.float64]] = {}
+    with io.StringIO(_text(path, _MOST_TEXT), newline="") as file:
+        for number, line in enumerate(_whole_lines(file, path), 1):
+            cells = line.strip().split(",")
+            if number == 1:
+                if tuple(cells) != _ATTITUDE_COLUMNS:
+                    raise ValueError(f"{path} must have the columns {', '.join(_ATTITUDE_COLUMNS)}, got {cells}")
+                continue
+            where = f"{path} line {number}"
+            try:
+                time, *numbers = (float(cell) for cell in cells)
+            except ValueError:
+                raise ValueError(f"{where}: expected ten numbers, got {cells}") from None
+            if len(numbers) != 9:
+                raise ValueError(f"{where}: expected ten numbers, got {cells}")
+            attitudes[time] = attitude_of(np.reshape(numbers, (3, 3)), f"{where}: the attitude")
+    return attitudes
 
 
 def _whole_lines(file: TextIO, path: Path) -> Iterator[str]:

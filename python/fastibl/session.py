@@ -9,7 +9,7 @@ from ._fastibl import Board as _CoreBoard
 from ._fastibl import CubeMap, Environment, FrameResult, Plan, Rig, Scene, _make_plan, _Session, with_gl
 from .lighting import Lighting, Method, resolve_methods
 from .mesh_shadow import MeshShadow
-from .recording import Frame
+from .recording import Frame, attitude_of
 from .tracking import detect
 
 Methods = str | Mapping[str, str | Method]
@@ -143,10 +143,11 @@ class Session(_Session):
         )
 
     def process(self, frame: Frame) -> FrameResult:
-        """One frame: pictures, exposures and, optionally, the pose.
+        """One frame: pictures, exposures and, optionally, the pose, and the attitude that a gyroscope tells.
 
         Raises ValueError for pictures of another size than the camera's, exposures that are not positive, time that
-        runs backwards, or a frame with neither picture nor pose; TypeError for other dtypes.
+        runs backwards, an attitude that is no rotation, or a frame with neither picture nor pose; TypeError for other
+        dtypes.
         """
         return self._process(
             frame.time,
@@ -156,6 +157,7 @@ class Session(_Session):
             frame.front_exposure,
             frame.back_from_marker,
             frame.back_last_row,
+            None if frame.attitude is None else attitude_of(frame.attitude, "a frame's attitude").ravel().tolist(),
         )
 
     def set_scene(self, scene: Scene) -> None:

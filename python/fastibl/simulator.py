@@ -394,6 +394,7 @@ def simulate(
     clock_offset: float = 0.0,
     front_exposures: Callable[[float], float] | None = None,
     auto_exposure: bool = False,
+    gyro: float | None = None,
     live: bool = False,
     video: bool = False,
     truth_size: int = 128,
@@ -416,8 +417,10 @@ def simulate(
     lamp is switched on at half-time. hand: a hand covers the front camera for one second after 30 % of the
     time. front_exposures: instead of the three in turn, a function from the exposure of a front picture to that of the
     next, as Bracket and AdaptiveExposure are. auto_exposure: the back camera exposes by what its last picture shows, as
-    most do where nothing stops them, and not for the table. `truth` holds the maps at `position` (the object: 6 cm
-    above the board's centre), the poses, and when both happened.
+    most do where nothing stops them, and not for the table. gyro: frames tell the back camera's attitude
+    (Frame.attitude), which walks off by so many radians per root of a second; phones have about 0.001, and 0 is exact.
+    `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and when both
+    happened.
 
     What time does to pictures is left out unless it is asked for:
 
@@ -447,6 +450,8 @@ def simulate(
     longest = max(shutter, *(camera.readout for camera in (rig.back, rig.front) if camera is not None))
     if longest > 1 / fps:
         raise ValueError(f"shutter and readout must not exceed the {1 / fps:g} s between frames, got {longest} s")
+    if gyro is not None and not (np.isfinite(gyro) and gyro >= 0):
+        raise ValueError(f"gyro must be None or a finite noise of 0 or more, got {gyro}")
     place, has_lamp = _place_of(environment, albedo)
     board = Board.default() if board is None else (board or None)
     if not callable(path) and path not in PATHS:
@@ -466,7 +471,7 @@ def simulate(
         begin = 0.3 * seconds
         truth.hand = (begin, begin + min(1.0, 0.2 * seconds))
 
-    make = _Pictures(place, rig, board, truth, noise, pose_at, timing, front_exposures, auto_exposure)
+    make = _Pictures(place, rig, board, truth, noise, pose_at, timing, front_exposures, auto_exposure, gyro, seed)
     if live:
         if out is not None:
             raise ValueError("live frames are not kept: leave out away, or record them with a RecordingWriter")
@@ -530,8 +535,11 @@ class _Pictures:
         timing: Shutter,
         front_exposures: Callable[[float], float] | None = None,
         auto_exposure: bool = False,
+        gyro: float | None = None,
+        seed: int = 0,
     ):
         self.front_exposures, self.auto_exposure = front_exposures, auto_exposure
+        self.gyro, self.seed = gyro, seed
         self.place, self.rig, self.truth, self.noise = place, rig, truth, noise
         self.pose_at, self.timing = pose_at, timing
         self.back = _Eye(rig.back)
@@ -552,6 +560,8 @@ class _Pictures:
     def frame(self, index: int, time: float) -> Frame:
         share = self._metered if self.auto_exposure and index > 0 else 1.0
         frame = Frame(time, back_exposure=self.back_exposure * share)
+        if self.gyro is not None:
+            frame.attitude = self._attitude(index, time, self.gyro)
         lasts = self.timing.exposure_time * min(share, 1.0)  # beyond, cameras amplify
         frame.back = self._take(self.back, self.pose_at, time, frame.back_exposure, lasts)
         if self.auto_exposure:
@@ -570,6 +580,17 @@ class _Pictures:
                 self.hand,
             )
         return frame
+
+    def _attitude(self, index: int, time: float, noise: float) -> NDArray:
+        """What a gyroscope makes of its rates: it begins with any."""
+        rotation = self.pose_at(time).rotation
+        if index == 0:
+            self._walk, self._told = np.random.default_rng([self.seed, 2]), time
+            self._off = np.eye(3)
+        step = noise * np.sqrt(time - self._told) * self._walk.standard_normal(3)
+        self._off = self._off @ cv2.Rodrigues(step)[0]
+        self._told = time
+        return rotation @ self._off
 
     def _after(self, picture: NDArray[np.uint8], share: float) -> float:
         """The back camera's next exposure, by the table's, after a picture of `share` of that."""

@@ -128,6 +128,8 @@ void fuzz(Input& in) {
       if (in.chance(4)) frame.back_exposure = in.any_double();
       if (in.chance(4)) frame.back_exposure.reset();
       if (!in.chance(8)) frame.back_from_marker = in.pose();
+      if (in.chance(4)) frame.attitude = in.pose().rotation;
+      if (in.chance(64)) frame.attitude = glm::dmat3(in.any_double());
       check_result(session, session.process(frame), rig.back);
     } catch (const std::invalid_argument&) {  // refused; the session goes on
     }

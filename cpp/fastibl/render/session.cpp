@@ -19,7 +19,8 @@ constexpr double kMostTurnDeviation = 0.5 * std::numbers::pi / 180;
 // Seconds between looks around while the board is in view and does not move: where surroundings
 // agree with it, and where they do not because they are near, which takes longer to find out.
 constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
-constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
+constexpr double kDoubt = 0.6;    // seconds of disagreeing after which surroundings count as near
+constexpr double kSquare = 1e-3;  // by which an attitude's columns may differ from unit and square
 // Share of the light that differs when methods are chosen anew.
 constexpr float kOtherLight = 0.25f;
 constexpr int kStream = 3;           // frames in a row that come with light of their own
@@ -28,6 +29,14 @@ constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictur
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
     0.01;  // metres: an object's centre for capture, however flat it is
+
+bool is_rotation(const glm::dmat3& m) {
+  const glm::dmat3 off = glm::transpose(m) * m - glm::dmat3(1.0);
+  double most = 0;
+  for (int c = 0; c < 3; ++c)
+    for (int r = 0; r < 3; ++r) most += std::abs(off[c][r]);  // none of a NaN is less
+  return most < kSquare && glm::determinant(m) > 0;
+}
 
 }  // namespace
 
@@ -270,10 +279,21 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
     pictures.back = frame.back, pictures.back_exposure = *frame.back_exposure;
   if (frame.front_exposure)
     pictures.front = frame.front, pictures.front_exposure = *frame.front_exposure;
-  if (!rotation_tracker_ || !environment_) {
+  if (!rotation_tracker_) return;
+  const auto start = [&](const Pose& pose) {
+    rotation_tracker_->start(pose, frame.time, pictures);
+    known_attitude_ = frame.attitude;
+  };
+  const auto track = [&] {
+    std::optional<glm::dmat3> turn;
+    if (frame.attitude && known_attitude_)
+      turn = *frame.attitude * glm::transpose(*known_attitude_);
+    known_attitude_ = frame.attitude;
+    return rotation_tracker_->track(*environment_, pictures, frame.time, turn);
+  };
+  if (!environment_) {
     // Before there is a map there is a pose to start from.
-    if (rotation_tracker_ && result.tracked)
-      rotation_tracker_->start(*result.back_from_marker, frame.time, pictures);
+    if (result.tracked) start(*result.back_from_marker);
     return;
   }
   if (!result.tracked) {
@@ -281,7 +301,7 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
     if (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime) return;
     if (between_looks_) rotation_tracker_->start(between_looks_->pose, between_looks_->time);
     between_looks_.reset();
-    result.turned = rotation_tracker_->track(*environment_, pictures, frame.time);
+    result.turned = track();
     if (result.turned && result.turned->own_deviation() < kMostTurnDeviation)
       turned_ = result.turned->back_from_marker;
     return;
@@ -289,13 +309,13 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   const Pose& pose = *result.back_from_marker;
   if (!board_motion_.moving() && frame.time < look_again_) {
     between_looks_ = {pose, frame.time};
+    known_attitude_ = frame.attitude;
     return;
   }
   between_looks_.reset();  // by the board: whether it lies still is the question
   const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
   std::optional<Turned> around;
-  if (agreement == Agreement::differs)
-    around = rotation_tracker_->track(*environment_, pictures, frame.time);
+  if (agreement == Agreement::differs) around = track();
   board_motion_.look(pose, agreement, around, frame.time);
   if (agreement != Agreement::differs) agreed_ = frame.time;
   look_again_ = frame.time + (frame.time - agreed_ < kDoubt ? kLookAround : kLookAroundNear) - 1e-6;
@@ -306,7 +326,7 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
     result.board_moved = true;
     stale_ |= product::light_pictures;
   }
-  if (!board_motion_.moving()) rotation_tracker_->start(pose, frame.time, pictures);
+  if (!board_motion_.moving()) start(pose);
 }
 
 // The paper's P_V is read from the scene, so there is nothing to keep for it.
@@ -465,6 +485,7 @@ void Session::check_frame(const Frame& frame) const {
   for (const std::optional<double>& exposure : {frame.back_exposure, frame.front_exposure})
     check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
           "exposures must be positive and finite, got ", exposure.value_or(0));
+  check(!frame.attitude || is_rotation(*frame.attitude), "a frame's attitude must be a rotation");
   check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
         "a frame needs a picture or a pose");
   check(!frame.back_last_row || (frame.back_from_marker && rig_.back.readout > 0),

@@ -44,6 +44,9 @@ struct Frame {
   // With it, where the back camera has a readout and the pose of its last row is known; else that
   // comes from the poses before.
   std::optional<Pose> back_last_row;
+  // Of the back camera, as a gyroscope tells, from a frame at rest, whichever, that is the same for
+  // all frames: for following the surroundings while the board is out of view.
+  std::optional<glm::dmat3> attitude;
 };
 
 struct FrameResult {
@@ -130,12 +133,12 @@ class Session {
   void set_renderer(std::unique_ptr<Renderer> renderer);
 
  private:
-  bool light_moves() const;  // it is captured, or given frame after frame
+  bool light_moves() const;               // it is captured, or given frame after frame
   void update_plan(bool choose = false);  // the lines and their errors; and methods anew
   void choose_methods();                  // where the light has changed, or the time is up
   void make_stale();                      // all that methods make
   void watch_time(double milliseconds);
-  void replan();  // after a change of what is wanted: makes stale what it concerns
+  void replan();      // after a change of what is wanted: makes stale what it concerns
   void judge_anew();  // the same after a change of the light
   void check_frame(const Frame& frame) const;
   LightingOptions lighting_options() const;
@@ -166,7 +169,8 @@ class Session {
   Detector detector_;
   std::optional<EdgeTracker> edge_tracker_;
   std::optional<RotationTracker> rotation_tracker_;
-  std::uint64_t moments_ = 0;  // that it was asked about
+  std::uint64_t moments_ = 0;                 // that it was asked about
+  std::optional<glm::dmat3> known_attitude_;  // where the tracker last went on from
   BoardMotion board_motion_;
   double look_again_ = -1e30, agreed_ = -1e30;  // seconds
   struct TimedPose {
