@@ -19,6 +19,7 @@ from .recordings import ROOM, recorded
 from .turning_path import turning
 
 SECONDS, FPS = 10.0, 20.0
+GYRO = 0.001  # rad per root of a second: a phone's, without the bias that its driver takes out
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,11 @@ def _angle(a: fastibl.Pose, b: fastibl.Pose) -> float:
 
 
 @cache
-def swept(place: str) -> Sweep:
-    film = recorded(place, seconds=SECONDS, fps=FPS, seed=0, hand=False, lamp=False, auto_exposure=True, path=turning)
+def swept(place: str, gyro: float | None = None) -> Sweep:
+    options = {} if gyro is None else {"gyro": gyro}
+    film = recorded(
+        place, seconds=SECONDS, fps=FPS, seed=0, hand=False, lamp=False, auto_exposure=True, path=turning, **options
+    )
     session = fastibl.Session(inputs.scene(), film.rig, film.board)
     errors, seconds, missing = [], [], 0
     for frame in film:
@@ -66,13 +70,14 @@ def swept(place: str) -> Sweep:
 
 @row("capture", "board out of view")
 def out_of_view() -> Iterator[Goal]:
-    for name in (*inputs.MAPS, ROOM):
-        s = swept(name)
+    for gyro, name in ((gyro, name) for gyro in (None, GYRO) for name in (*inputs.MAPS, ROOM)):
+        s = swept(name, gyro)
         most = float(np.percentile(s.errors, 95)) if s.errors.size else float("inf")
         middle = float(np.median(s.errors)) if s.errors.size else float("inf")
         goal = name != ROOM
         yield Goal(
-            f"10 s sweep, board in view at start and end, {name}: seen above the horizon, rotation (95 %)",
+            f"10 s sweep, board in view at start and end, {name}{', a gyroscope' if gyro else ''}: "
+            "seen above the horizon, rotation (95 %)",
             f"{percent(s.above)}, {most:.3f} degrees",
             ">= 95 %, <= 0.3 degrees",
             bool(s.above >= 0.95 and most <= 0.3) if goal else None,
