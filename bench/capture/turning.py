@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +41,8 @@ def _angle(a: fastibl.Pose, b: fastibl.Pose) -> float:
 
 @cache
 def swept(place: str, gyro: float | None = None) -> Sweep:
-    options = {} if gyro is None else {"gyro": gyro}
     film = recorded(
-        place, seconds=SECONDS, fps=FPS, seed=0, hand=False, lamp=False, auto_exposure=True, path=turning, **options
+        place, seconds=SECONDS, fps=FPS, seed=0, hand=False, lamp=False, auto_exposure=True, gyro=gyro, path=turning
     )
     session = fastibl.Session(inputs.scene(), film.rig, film.board)
     errors, seconds, missing = [], [], 0
@@ -70,7 +70,7 @@ def swept(place: str, gyro: float | None = None) -> Sweep:
 
 @row("capture", "board out of view")
 def out_of_view() -> Iterator[Goal]:
-    for gyro, name in ((gyro, name) for gyro in (None, GYRO) for name in (*inputs.MAPS, ROOM)):
+    for gyro, name in product((None, GYRO), (*inputs.MAPS, ROOM)):
         s = swept(name, gyro)
         most = float(np.percentile(s.errors, 95)) if s.errors.size else float("inf")
         middle = float(np.median(s.errors)) if s.errors.size else float("inf")

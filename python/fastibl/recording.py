@@ -504,12 +504,11 @@ def _read_attitudes(path: Path) -> dict[float, NDArray[np.float64]]:
                 continue
             where = f"{path} line {number}"
             try:
-                time, *numbers = (float(cell) for cell in cells)
+                time, *numbers = map(float, cells)
+                matrix = np.reshape(numbers, (3, 3))
             except ValueError:
                 raise ValueError(f"{where}: expected ten numbers, got {cells}") from None
-            if len(numbers) != 9:
-                raise ValueError(f"{where}: expected ten numbers, got {cells}")
-            attitudes[time] = attitude_of(np.reshape(numbers, (3, 3)), f"{where}: the attitude")
+            attitudes[time] = attitude_of(matrix, f"{where}: the attitude")
     return attitudes
 
 
