@@ -239,8 +239,7 @@ its shadow from the plane behind them.)")
           [](Session& session, double time, const py::object& back, const py::object& front,
              const std::optional<double>& back_exposure,
              const std::optional<double>& front_exposure, const py::object& back_from_marker,
-             const py::object& back_last_row,
-             const std::optional<std::array<double, 9>>& attitude) {
+             const py::object& back_last_row, const py::object& attitude) {
             py::array keep_back, keep_front;
             Frame frame;
             frame.time = time, frame.back_exposure = back_exposure,
@@ -251,12 +250,7 @@ its shadow from the plane behind them.)")
               frame.back_from_marker = require_pose(back_from_marker, "back_from_marker");
             if (!back_last_row.is_none())
               frame.back_last_row = require_pose(back_last_row, "back_last_row");
-            if (attitude) {
-              frame.attitude.emplace();
-              for (int r = 0; r < 3; ++r)
-                for (int c = 0; c < 3; ++c)
-                  (*frame.attitude)[c][r] = (*attitude)[std::size_t(3 * r + c)];
-            }
+            if (!attitude.is_none()) frame.attitude = require_matrix<3>(attitude, "attitude");
             const py::gil_scoped_release release;
             Result result{session.process(frame), {}, session.plan()};
             result.shadow = session.shadow_map();

@@ -232,7 +232,7 @@ class RecordingWriter:
         """Stores the pictures of a frame, and its attitude. ValueError for what is no (h, w, 3) uint8 picture, or an
         attitude that is no rotation.
         """
-        attitude = None if frame.attitude is None else attitude_of(frame.attitude, f"the attitude at {frame.time} s")
+        attitude = None if frame.attitude is None else _attitude_of(frame.attitude, f"the attitude at {frame.time} s")
         for camera in CAMERAS:
             picture = getattr(frame, camera)
             if picture is None:
@@ -251,8 +251,8 @@ class RecordingWriter:
     def _add_attitude(self, time: float, attitude: NDArray) -> None:
         if self._attitudes is None:
             self._attitudes = open(self.path / "attitudes.csv", "w", newline="", encoding="utf-8")
-            self._attitudes.write(",".join(_ATTITUDE_COLUMNS) + "\n")
-        self._attitudes.write(",".join(map(repr, (float(time), *attitude.ravel().tolist()))) + "\n")
+            csv.writer(self._attitudes, lineterminator="\n").writerow(_ATTITUDE_COLUMNS)
+        csv.writer(self._attitudes, lineterminator="\n").writerow((float(time), *attitude.ravel().tolist()))
         self._attitudes.flush()
 
     def sync(self) -> None:
@@ -478,7 +478,7 @@ def _list_moments(path: Path, moments: dict[float, dict[str, tuple[str, float | 
             moments.setdefault(time, {})[row["camera"]] = row["file"], exposure
 
 
-def attitude_of(attitude: ArrayLike, what: str) -> NDArray[np.float64]:
+def _attitude_of(attitude: ArrayLike, what: str) -> NDArray[np.float64]:
     """(3, 3) float64. ValueError, naming `what`, for what is no rotation."""
     try:
         m = np.asarray(attitude, np.float64)
@@ -508,7 +508,7 @@ def _read_attitudes(path: Path) -> dict[float, NDArray[np.float64]]:
                 matrix = np.reshape(numbers, (3, 3))
             except ValueError:
                 raise ValueError(f"{where}: expected ten numbers, got {cells}") from None
-            attitudes[time] = attitude_of(matrix, f"{where}: the attitude")
+            attitudes[time] = _attitude_of(matrix, f"{where}: the attitude")
     return attitudes
 
 

@@ -9,7 +9,7 @@ from ._fastibl import Board as _CoreBoard
 from ._fastibl import CubeMap, Environment, FrameResult, Plan, Rig, Scene, _make_plan, _Session, with_gl
 from .lighting import Lighting, Method, resolve_methods
 from .mesh_shadow import MeshShadow
-from .recording import Frame, attitude_of
+from .recording import Frame
 from .tracking import detect
 
 Methods = str | Mapping[str, str | Method]
@@ -157,7 +157,7 @@ class Session(_Session):
             frame.front_exposure,
             frame.back_from_marker,
             frame.back_last_row,
-            None if frame.attitude is None else attitude_of(frame.attitude, "a frame's attitude").ravel().tolist(),
+            frame.attitude,
         )
 
     def set_scene(self, scene: Scene) -> None:

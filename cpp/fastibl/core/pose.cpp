@@ -16,15 +16,21 @@ Pose Pose::from_matrix(const glm::dmat4& m) {
         "the last row of a pose must be 0 0 0 1, got ", m[0][3], " ", m[1][3], " ", m[2][3], " ",
         m[3][3]);
   const glm::dmat3 rotation(m);
-  const glm::dmat3 gram = glm::transpose(rotation) * rotation;
-  double off = 0;
-  for (int c = 0; c < 3; ++c)
-    for (int r = 0; r < 3; ++r) off = std::max(off, std::abs(gram[c][r] - (c == r ? 1.0 : 0.0)));
-  check(off < 1e-6, "the rotation of a pose must be orthonormal within 1e-6, got a departure of ",
-        off);
-  check(glm::determinant(rotation) > 0,
-        "the rotation of a pose must have determinant +1, got a mirror");
+  check_rotation(rotation, 1e-6, "the rotation of a pose");
   return {rotation, glm::dvec3(m[3])};
+}
+
+void check_rotation(const glm::dmat3& r, double tolerance, const char* what) {
+  const glm::dmat3 off = glm::transpose(r) * r - glm::dmat3(1.0);
+  double most = 0;
+  for (int c = 0; c < 3; ++c)
+    for (int row = 0; row < 3; ++row) {
+      check(std::isfinite(off[c][row]), what, " must be finite");
+      most = std::max(most, std::abs(off[c][row]));
+    }
+  check(most < tolerance, what, " must be orthonormal within ", tolerance, ", got a departure of ",
+        most);
+  check(glm::determinant(r) > 0, what, " must have determinant +1, got a mirror");
 }
 
 glm::dmat4 Pose::matrix() const {

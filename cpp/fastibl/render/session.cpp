@@ -19,8 +19,8 @@ constexpr double kMostTurnDeviation = 0.5 * std::numbers::pi / 180;
 // Seconds between looks around while the board is in view and does not move: where surroundings
 // agree with it, and where they do not because they are near, which takes longer to find out.
 constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
-constexpr double kDoubt = 0.6;    // seconds of disagreeing after which surroundings count as near
-constexpr double kSquare = 1e-3;  // by which an attitude's columns may differ from unit and square
+constexpr double kDoubt = 0.6;      // seconds of disagreeing after which surroundings count as near
+constexpr double kAttitude = 1e-3;  // by which a gyroscope's rotation may not be one
 // Share of the light that differs when methods are chosen anew.
 constexpr float kOtherLight = 0.25f;
 constexpr int kStream = 3;           // frames in a row that come with light of their own
@@ -29,14 +29,6 @@ constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictur
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
     0.01;  // metres: an object's centre for capture, however flat it is
-
-bool is_rotation(const glm::dmat3& m) {
-  const glm::dmat3 off = glm::transpose(m) * m - glm::dmat3(1.0);
-  double most = 0;
-  for (int c = 0; c < 3; ++c)
-    for (int r = 0; r < 3; ++r) most += std::abs(off[c][r]);  // none of a NaN is less
-  return most < kSquare && glm::determinant(m) > 0;
-}
 
 }  // namespace
 
@@ -485,7 +477,7 @@ void Session::check_frame(const Frame& frame) const {
   for (const std::optional<double>& exposure : {frame.back_exposure, frame.front_exposure})
     check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
           "exposures must be positive and finite, got ", exposure.value_or(0));
-  check(!frame.attitude || is_rotation(*frame.attitude), "a frame's attitude must be a rotation");
+  if (frame.attitude) check_rotation(*frame.attitude, kAttitude, "a frame's attitude");
   check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
         "a frame needs a picture or a pose");
   check(!frame.back_last_row || (frame.back_from_marker && rig_.back.readout > 0),
