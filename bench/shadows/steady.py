@@ -13,9 +13,10 @@ from .. import inputs
 from ..goals import Goal, row, skipped
 from ..light.stability import texel_directions
 from . import truth
-from .sky import Sky, behind_mesh, behind_spheres, rays, texels
+from .sky import Sky, behind_mesh, behind_spheres, pieces, rays, texels
 
 _GOAL = truth.Errors(0.0005, 0.003)
+_SPLIT = 4  # pieces of a near light's texel along an edge
 
 
 class Visibility:
@@ -33,6 +34,7 @@ class Visibility:
         meet: Callable[[NDArray, NDArray], NDArray[np.bool_]] | None = None,
     ):
         self._points, self._meet = points, meet
+        self._size = size
         directions, angles = texels(size)
         self._upper = np.flatnonzero(directions[:, 2] > 0)
         self._directions, self._angles = directions[self._upper], angles[self._upper, None]
@@ -53,13 +55,13 @@ class Visibility:
         """True ratio (n, 3) under a map; lights: of those that have a position, the map is as seen from the centre."""
         flux = cube.faces.reshape(-1, 3)[self._upper] * self._weight
         near = self._near([light for light in lights if light.position is not None], np.array(centre), flux)
-        for chosen, _ in near:
+        for chosen, _, _ in near:
             flux[chosen] = 0
         total = np.broadcast_to(flux.sum(axis=0), (len(self._points), 3)).astype(np.float64)
         lost = (self._hidden @ flux.astype(np.float32)).astype(np.float64)
-        for chosen, at in near:
-            sent = cube.faces.reshape(-1, 3)[self._upper][chosen] * self._angles[chosen]
-            sent = sent * ((at - np.array(centre)) ** 2).sum(axis=1, keepdims=True)
+        for chosen, at, angles in near:
+            sent = cube.faces.reshape(-1, 3)[self._upper][chosen].repeat(angles.shape[1], axis=0)
+            sent = sent * angles.reshape(-1, 1) * ((at - np.array(centre)) ** 2).sum(axis=1, keepdims=True)
             for i, point in enumerate(np.pad(self._points, ((0, 0), (0, 1)), constant_values=truth.ABOVE)):
                 to = at - point
                 given = sent * np.maximum(to[:, 2:], 0) / np.linalg.norm(to, axis=1, keepdims=True) ** 3
@@ -67,9 +69,12 @@ class Visibility:
                 lost[i] += given[self._meet(point, to)].sum(axis=0)
         return np.where(total > 0, 1 - lost / np.where(total > 0, total, 1), 1)
 
-    def _near(self, lights: Sequence[fastibl.Light], centre: NDArray, flux: NDArray) -> list[tuple[NDArray, NDArray]]:
-        """The texels of each near light, and where they are: as far away as its middle. Texels of less than a
-        thousandth of its brightest count as distant, as those of other things do."""
+    def _near(
+        self, lights: Sequence[fastibl.Light], centre: NDArray, flux: NDArray
+    ) -> list[tuple[NDArray, NDArray, NDArray]]:
+        """The texels of each near light, where pieces of them are, and the pieces' solid angles: as far away as the
+        light's middle, and so small that none is much light, for one by one they come out of the object's shadow.
+        Texels of less than a thousandth of its brightest count as distant, as those of other things do."""
         found, left, brightness = [], np.ones(len(flux), bool), flux.sum(axis=1)
         for light in lights:
             angle = np.arccos(np.clip(self._directions @ np.array(light.direction), -1, 1))
@@ -77,7 +82,8 @@ class Visibility:
             chosen = np.flatnonzero(own & (brightness > 1e-3 * brightness[own].max(initial=0)))
             left[chosen] = False
             distance = np.linalg.norm(np.array(light.position) - centre)
-            found.append((chosen, centre + distance * self._directions[chosen]))
+            directions, angles = pieces(self._size, self._upper[chosen], _SPLIT)
+            found.append((chosen, centre + distance * directions.reshape(-1, 3), angles))
         return found
 
 
