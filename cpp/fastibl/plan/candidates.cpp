@@ -10,8 +10,9 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
   if (asked.diffuse != DiffuseMethod::automatic) {
     all.diffuse = {{asked.diffuse, asked.diffuse_settings}};
   } else {
-    all.diffuse = {{DiffuseMethod::sh9, {}}, cube(8, 16), cube(16, 16), cube(16, 32)};
+    all.diffuse = {cube(8, 16), cube(16, 16), cube(16, 32)};
     if (options.light_stays) {
+      all.diffuse.insert(all.diffuse.begin(), {DiffuseMethod::sh9, {}});
       for (const int lobes : {2, 4, 8})
         all.diffuse.push_back({DiffuseMethod::sh9_lobes, {lobes, 16, 32}});
       all.diffuse.push_back(cube(32, 32));
@@ -20,16 +21,14 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
   if (asked.glossy != GlossyMethod::automatic || !options.glossy) {
     all.glossy = {{asked.glossy, asked.glossy_settings}};
   } else {
-    all.glossy = {{GlossyMethod::mip, {}},
-                  {GlossyMethod::centroid, {0, 0}},
-                  {GlossyMethod::centroid, {0, -1}},
-                  {GlossyMethod::stretched, {2, -1}},
-                  {GlossyMethod::stretched, {3, -1}},
-                  {GlossyMethod::sampled, {64, -1}},
-                  {GlossyMethod::sampled, {256, -1}}};
-    if (options.light_stays)
+    all.glossy = {{GlossyMethod::centroid, {0, 0}},   {GlossyMethod::centroid, {0, -1}},
+                  {GlossyMethod::stretched, {2, -1}}, {GlossyMethod::stretched, {3, -1}},
+                  {GlossyMethod::sampled, {64, -1}},  {GlossyMethod::sampled, {256, -1}}};
+    if (options.light_stays) {
+      all.glossy.insert(all.glossy.begin(), {GlossyMethod::mip, {}});
       all.glossy.insert(all.glossy.end(), {{GlossyMethod::prefiltered, {1, -1}},
                                            {GlossyMethod::prefiltered, {3, -1}}});
+    }
   }
   if (asked.self_shadow != SelfShadowMethod::automatic)
     all.self_shadow = {asked.self_shadow};

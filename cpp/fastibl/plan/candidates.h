@@ -34,8 +34,10 @@ struct CandidateOptions {
   bool baked_shadow = false;
   bool glossy = true;  // false: nothing glossy is shaded, and the default stays
 };
-// Those on the frontier of error and time on real maps (docs/light.md, docs/shadow.md); for light
-// that changes only what changes as little as it does: `sh9-lobes` jump by 0.3 %.
+// Those on the frontier of error and time on real maps (docs/light.md, docs/shadow.md). For light
+// that changes only what changes with it: `sh9` and `sh9-lobes` are off by 0.3 % of the light while
+// it changes by 2 %, and `mip`, which may be within a budget in one light, is off by half of what
+// is glossy in another, so that methods could not be changed unseen.
 Candidates candidates(const Methods& asked, const CandidateOptions& options);
 
 // One of each, by its place there.
