@@ -76,6 +76,12 @@ def test_methods_by_name_stay(scene):
     print(f"the paper's methods: {paper.expected_error:.3f}")
 
 
+def test_what_jumps_is_not_chosen_for_light_that_moves(scene):
+    staying, moving = (fastibl.make_plan(scene, room(), error=0.8, capture=c).methods for c in (False, True))
+    assert staying.glossy == "mip" and moving.glossy != "mip"
+    assert moving.diffuse == "irradiance-cube"
+
+
 def test_errors_grow_with_the_light_and_shrink_with_effort(scene):
     def errors(cube):
         found = _measured_errors(scene, fastibl.Environment(cube), AUTO)
