@@ -148,6 +148,29 @@ def test_a_gyroscope_helps_over_a_gap(film):
     assert len(errors) > 30 and max(errors) < 0.5
 
 
+def test_no_turn_is_lost_where_the_board_leaves():
+    """Its last pictures may disagree with what was seen, and be looked at or not."""
+    film = simulate(textured(), seconds=2, fps=20, size=SIZE, hand=False, lamp=False, path=turning, gyro=0.0)
+    frames = list(film)
+    session = fastibl.Session(scene(), film.rig, film.board, size=64)
+    left = next(k for k, frame in enumerate(frames) if session.process(frame).back_from_marker is None)
+    for first in (0, 1, 2):  # of the frames that are looked at, another one is the last
+        session = fastibl.Session(scene(), film.rig, film.board, size=64)
+        errors = []
+        for k, frame in enumerate(frames[first:], first):
+            if k >= left - 1:
+                other = np.full_like(frame.back, 90)  # all but the board, or all
+                if k < left:
+                    other[SIZE[1] // 2 :] = frame.back[SIZE[1] // 2 :]
+                    other[: SIZE[1] // 4] = frame.back[: SIZE[1] // 4, ::-1]
+                frame = dataclasses.replace(frame, back=other, front=None)
+            turned = session.process(frame).turned
+            if turned is not None:
+                errors.append(angle(turned.back_from_marker, film.truth.pose(frame.time)))
+        print(f"from frame {first}: {len(errors)} frames, worst {max(errors):.2f} degrees")
+        assert len(errors) > 10 and max(errors) < 0.8
+
+
 def test_a_session_goes_on_by_a_gyroscope_where_nothing_is_seen():
     """Half of the place is blank. Attitudes count from any frame at rest."""
     place = textured().faces.copy()

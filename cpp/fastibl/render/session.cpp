@@ -291,7 +291,10 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   if (!result.tracked) {
     // A front picture alone has the last pose for a while.
     if (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime) return;
-    if (between_looks_) rotation_tracker_->start(between_looks_->pose, between_looks_->time);
+    if (between_looks_) {
+      rotation_tracker_->start(between_looks_->pose, between_looks_->time);
+      known_attitude_ = between_looks_->attitude;
+    }
     between_looks_.reset();
     result.turned = track();
     if (result.turned && result.turned->own_deviation() < kMostTurnDeviation)
@@ -300,8 +303,7 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   }
   const Pose& pose = *result.back_from_marker;
   if (!board_motion_.moving() && frame.time < look_again_) {
-    between_looks_ = {pose, frame.time};
-    known_attitude_ = frame.attitude;
+    between_looks_ = {pose, frame.time, frame.attitude};
     return;
   }
   between_looks_.reset();  // by the board: whether it lies still is the question

@@ -173,11 +173,12 @@ class Session {
   std::optional<glm::dmat3> known_attitude_;  // where the tracker last went on from
   BoardMotion board_motion_;
   double look_again_ = -1e30, agreed_ = -1e30;  // seconds
-  struct TimedPose {
+  struct Known {
     Pose pose;
     double time;
+    std::optional<glm::dmat3> attitude;
   };
-  std::optional<TimedPose> between_looks_;  // the last pose since
+  std::optional<Known> between_looks_;  // the last pose since
   std::optional<Pose> turned_;              // of this frame, sure enough to capture with
   bool hold_capture_ = false;               // the board seems to move
   std::unique_ptr<Renderer> renderer_;
