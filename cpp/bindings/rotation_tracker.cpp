@@ -34,7 +34,8 @@ void bind_turned(py::module_& module) {
   py::class_<Turned>(module, "Turned",
                      R"(A pose that rests on the captured map: the board is out of view.
 
-The rotation is measured; the camera's place is where the board was last seen from.)")
+The rotation is measured; the camera's place is where the board was last seen from. Where nothing is to
+be seen of the map, it is a gyroscope's alone: features, residual and agreeing are 0.)")
       .def_readonly("back_from_marker", &Turned::back_from_marker, "Pose.")
       .def_property_readonly(
           "covariance",
@@ -83,7 +84,7 @@ void bind_rotation_tracker(py::module_& module) {
              read("most", o.alignment.most), read("model_noise", o.alignment.model_noise);
              read("gain_deviation", o.alignment.gain_deviation);
              read("misfit", o.alignment.misfit), read("coarse_misfit", o.alignment.coarse_misfit),
-                 read("gyro_noise", o.gyro_noise);
+                 read("gyro_noise", o.gyro_noise), read("gyro_scale", o.gyro_scale);
              read("independent", o.alignment.independent);
              return std::make_unique<RotationTracker>(rig, o);
            }),

@@ -1008,7 +1008,7 @@ class MeshShadowLight:
     """
     What lasts from one light to the next: directions of dominant lights, and their shadows.
     """
-    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 128, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0005000000237487257, fine: typing.SupportsInt | typing.SupportsIndex = 0) -> None:
+    def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0002500000118743628, fine: typing.SupportsInt | typing.SupportsIndex = 0) -> None:
         ...
     @property
     def directions(self) -> int:
@@ -1281,7 +1281,8 @@ class Turned:
     """
     A pose that rests on the captured map: the board is out of view.
 
-    The rotation is measured; the camera's place is where the board was last seen from.
+    The rotation is measured; the camera's place is where the board was last seen from. Where nothing is to
+    be seen of the map, it is a gyroscope's alone: features, residual and agreeing are 0.
     """
     __hash__: typing.ClassVar[None] = None
     def __eq__(self, arg0: Turned) -> bool:

@@ -114,7 +114,7 @@ class Tracker:
 
         image: (height, width, 3) RGB, uint8 or uint16 (encoded) or float (linear), of the camera's size. time:
         seconds, not decreasing; None is 1/30 s after the last. Where other sensors tell: turn, rotation vector (3,)
-        of the camera since the last picture, as a gyroscope integrates it (camera_now_from_camera_before); gravity,
+        of the camera since the last picture with a pose, as a gyroscope integrates it (now_from_before); gravity,
         (3,) downwards; both in the camera frame and read by "edges" alone. Raises ValueError for another size or
         shape or for time that runs backwards, TypeError for another dtype.
         """
@@ -141,11 +141,22 @@ class RotationTracker:
     what a hand does), largest_error (degrees of stated deviation: beyond, there is no result), largest_residual and
     least_agreeing (of Turned), longest_gap (seconds without a result after which it is lost until the next start),
     wander (metres per square root of a second by which the place of the camera is taken to change unseen), sure
-    (degrees; less sure pictures give nothing to follow later). Raises ValueError for options out of range, TypeError
-    for others.
+    (degrees; less sure pictures give nothing to follow later), and of a gyroscope's turns gyro_noise (rad per square
+    root of a second by which they walk off) and gyro_scale (share by which they are too long or too short). Raises
+    ValueError for options out of range, TypeError for others.
     """
 
-    _OPTIONS = ("acceleration", "largest_error", "largest_residual", "least_agreeing", "longest_gap", "wander", "sure")
+    _OPTIONS = (
+        "acceleration",
+        "largest_error",
+        "largest_residual",
+        "least_agreeing",
+        "longest_gap",
+        "wander",
+        "sure",
+        "gyro_noise",
+        "gyro_scale",
+    )
 
     def __init__(self, rig: Rig | Camera, **options: float):
         unknown = sorted(set(options) - set(self._OPTIONS))
@@ -183,8 +194,9 @@ class RotationTracker:
         """The pose under which the pictures agree with what was seen before and with the map; None if there is none.
 
         environment: the map as it was before these pictures were added. turn: rotation vector (3,) of the back camera
-        since the last call, as a gyroscope integrates it. Raises ValueError for pictures of another size, exposures
-        that are not positive, or time that runs backwards; TypeError for other dtypes.
+        since the last call, as a gyroscope integrates it; by it alone goes what the pictures do not tell. Raises
+        ValueError for pictures of another size, exposures that are not positive, or time that runs backwards;
+        TypeError for other dtypes.
         """
         with self._lock:
             step = None if turn is None else [float(x) for x in np.asarray(turn, np.float64).reshape(3)]

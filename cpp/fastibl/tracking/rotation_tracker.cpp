@@ -53,6 +53,10 @@ RotationTracker::RotationTracker(Rig rig, RotationTrackingOptions options)
   check(options_.acceleration > 0 && options_.largest_error > 0 && options_.longest_gap > 0,
         "acceleration, largest_error and longest_gap must be positive, got ", options_.acceleration,
         " ", options_.largest_error, " ", options_.longest_gap);
+  check(options_.gyro_noise >= 0 && options_.gyro_scale >= 0 &&
+            std::isfinite(options_.gyro_noise + options_.gyro_scale),
+        "gyro_noise and gyro_scale must be 0 or more, got ", options_.gyro_noise, " ",
+        options_.gyro_scale);
 }
 
 void RotationTracker::reset() { state_.reset(); }
@@ -60,7 +64,7 @@ void RotationTracker::reset() { state_.reset(); }
 void RotationTracker::forget() {
   reset();
   features_.clear(), fine_.clear();
-  last_drift_ = 0;
+  last_drift_ = found_drift_ = 0;
 }
 
 Agreement RotationTracker::compare(const glm::dmat3& back_from_marker,
@@ -87,6 +91,7 @@ void RotationTracker::correct(State& state, const glm::dmat3& rotation,
   state.wv = covariance * inverse * state.wv;
   state.ww = covariance;
   state.rotation = rotation;
+  state.told = glm::dvec3(0);
 }
 
 void RotationTracker::start(const Pose& back_from_marker, double time,
@@ -103,10 +108,11 @@ void RotationTracker::start(const Pose& back_from_marker, double time,
                    known,
                    glm::dmat3(0.0),
                    glm::dmat3(kUnknownVelocity * kUnknownVelocity),
-                   time};
+                   time,
+                   glm::dvec3(0)};
   }
   eye_ = back_from_marker.inverse().translation;
-  known_ = found_ = time, last_drift_ = 0;
+  known_ = found_ = time, last_drift_ = found_drift_ = 0;
   add_features(views(pictures));
 }
 
@@ -123,7 +129,11 @@ RotationTracker::State RotationTracker::predicted(double time,
     if (t > 0) {
       const double noise = options_.gyro_noise * options_.gyro_noise;
       s.velocity = w / t;
-      s.ww += glm::dmat3(noise * t), s.wv = glm::dmat3(0.0), s.vv = glm::dmat3(noise / t);
+      const double scale = options_.gyro_scale * options_.gyro_scale;
+      const glm::dvec3 told = s.told + w;  // a scale is wrong all the way
+      s.ww += glm::dmat3(noise * t) +
+              scale * (glm::outerProduct(told, told) - glm::outerProduct(s.told, s.told));
+      s.wv = glm::dmat3(0.0), s.vv = glm::dmat3(noise / t), s.told = told;
     }
     return s;
   }
@@ -165,25 +175,31 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures) {
   return views;
 }
 
-std::optional<Turned> RotationTracker::judged(const Alignment& found, double time) const {
-  const glm::dmat3 covariance = glm::inverse(found.information);
-  const double total = largest_eigenvalue(covariance) + found.drift;
+// Nothing where the rotation is less sure than it must be. drift: variance.
+std::optional<Turned> RotationTracker::turned(const glm::dmat3& rotation,
+                                              const glm::dmat3& covariance, double drift,
+                                              double time) const {
   const double most = options_.largest_error * std::numbers::pi / 180;
-  if (!(total <= most * most)) return std::nullopt;
-  if (!(found.residual <= options_.largest_residual && found.agreeing >= options_.least_agreeing))
-    return std::nullopt;
+  if (!(largest_eigenvalue(covariance) + drift <= most * most)) return std::nullopt;
   Turned out;
-  const glm::dmat3 rotation = orthonormal(found.rotation);
   out.back_from_marker = {rotation, -(rotation * eye_)};
-  const glm::dmat3 seen =
-      rotation * (covariance + glm::dmat3(found.drift)) * glm::transpose(rotation);
+  const glm::dmat3 seen = rotation * (covariance + glm::dmat3(drift)) * glm::transpose(rotation);
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 3; ++c) out.covariance[std::size_t(3 * r + c)] = seen[c][r];
-  out.drift = std::sqrt(found.drift);
+  out.drift = std::sqrt(drift);
   out.since = time - known_;
   out.position_deviation = options_.wander * std::sqrt(std::max(0.0, out.since));
-  out.residual = found.residual, out.agreeing = found.agreeing, out.features = found.features;
-  out.gain = found.gain;
+  return out;
+}
+
+std::optional<Turned> RotationTracker::judged(const Alignment& found, double time) const {
+  if (!(found.residual <= options_.largest_residual && found.agreeing >= options_.least_agreeing))
+    return std::nullopt;
+  std::optional<Turned> out =
+      turned(orthonormal(found.rotation), glm::inverse(found.information), found.drift, time);
+  if (!out) return std::nullopt;
+  out->residual = found.residual, out->agreeing = found.agreeing, out->features = found.features;
+  out->gain = found.gain;
   return out;
 }
 
@@ -203,21 +219,24 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   if (seen.empty()) return std::nullopt;
   const RotationPrior prior{state_->rotation, glm::inverse(state_->ww)};
   std::optional<Alignment> found;
-  std::optional<Turned> turned;
-  for (int attempt = 0; attempt < kAttempts && !turned; ++attempt) {
+  std::optional<Turned> result;
+  for (int attempt = 0; attempt < kAttempts && !result && (found || attempt == 0); ++attempt) {
     found = align_rotation(features_, fine_, seen, found ? found->rotation : prior.rotation, prior,
                            options_.alignment);
-    if (!found) return std::nullopt;
-    turned = judged(*found, time);
+    if (found) result = judged(*found, time);
   }
-  if (!turned) return std::nullopt;
-  correct(*state_, turned->back_from_marker.rotation, glm::inverse(found->information));
-  found_ = time;
-  last_drift_ = mean_variance(state_->ww) + found->drift;
-  fine_.forget_missed();
+  if (result) {
+    correct(*state_, result->back_from_marker.rotation, glm::inverse(found->information));
+    found_ = time, found_drift_ = found->drift;
+    fine_.forget_missed();
+  } else if (turn) {
+    result = turned(state_->rotation, state_->ww, found_drift_, time);
+  }
+  if (!result) return std::nullopt;
+  last_drift_ = mean_variance(state_->ww) + found_drift_;
   const double sure = options_.sure * std::numbers::pi / 180;
   if (3 * mean_variance(state_->ww) < sure * sure) add_features(seen);
-  return turned;
+  return result;
 }
 
 }  // namespace fastibl

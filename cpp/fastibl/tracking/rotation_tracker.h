@@ -22,8 +22,10 @@ namespace fastibl {
 
 struct RotationTrackingOptions {
   AlignmentOptions alignment;
-  double acceleration = 6;   // rad/s², standard deviation of what a hand does
-  double gyro_noise = 0.01;  // rad/√s, where a frame brings a turn
+  double acceleration = 6;  // rad/s², standard deviation of what a hand does
+  // Of a gyroscope's turns: rad/√s by which they walk off, and the share by which they are too long
+  // or too short.
+  double gyro_noise = 0.002, gyro_scale = 0.005;
   double largest_error = 1;  // degrees; stated deviation of the rotation: beyond, there is none
   double largest_residual = 1.0;  // of Alignment::residual; usual is 0.5
   double least_agreeing = 0.85;   // of Alignment::agreeing; usual is 0.97
@@ -43,7 +45,8 @@ struct RigPictures {
 };
 
 // A pose that rests on the map and not on the board: the rotation is measured, the place of the
-// camera is where the board was last seen from.
+// camera is where the board was last seen from. Where nothing is to be seen of the map, residual,
+// agreeing and gain are 0, 0 and 1.
 struct Turned {
   Pose back_from_marker;
   // Of w where the true rotation is exp([w]×) R: rad², back camera's frame, row major; against the
@@ -53,7 +56,7 @@ struct Turned {
   double position_deviation = 0;  // metres
   double residual = 0;            // see Alignment; near 1 where all is as expected
   double agreeing = 0;
-  int features = 0;
+  int features = 0;  // 0: by a gyroscope alone, from the last rotation that rested on the map
   double gain = 1;   // by which the pictures are brighter than the map says
   double since = 0;  // seconds since the pose was last known
   bool operator==(const Turned&) const = default;
@@ -79,7 +82,8 @@ class RotationTracker {
   // The rotation at which the pictures agree with the map, which is as it was before these pictures
   // were added. turn: now_from_before of the back camera since the last frame, where a gyroscope
   // tells. Nothing before a start, where nothing known is in view, it has too little structure, or
-  // does not agree; after a while of that it is lost until the next start.
+  // does not agree; after a while of that it is lost until the next start. With a gyroscope it goes
+  // on by that alone, as long as largest_error allows.
   std::optional<Turned> track(const Environment& environment, const RigPictures& pictures,
                               double time, const std::optional<glm::dmat3>& turn = {});
   // Whether pictures agree with what was seen before, under a rotation that is known otherwise; a
@@ -97,12 +101,15 @@ class RotationTracker {
     glm::dvec3 velocity{0};    // rad/s: rotation · exp([velocity · t]×)
     glm::dmat3 ww{0.0}, wv{0.0}, vv{0.0};
     double time = 0;
+    glm::dvec3 told{0};  // by a gyroscope since the last correction, radians
   };
   State predicted(double time, const std::optional<glm::dmat3>& turn) const;
   static void correct(State& state, const glm::dmat3& rotation, const glm::dmat3& covariance);
   std::vector<MapView> views(const RigPictures& pictures);
   void add_features(const std::vector<MapView>& views);
   std::optional<Turned> judged(const Alignment& found, double time) const;
+  std::optional<Turned> turned(const glm::dmat3& rotation, const glm::dmat3& covariance,
+                               double drift, double time) const;
 
   Rig rig_;
   RotationTrackingOptions options_;
@@ -118,7 +125,8 @@ class RotationTracker {
   glm::dvec3 eye_{0};           // of the back camera, marker frame, metres
   double known_ = 0;            // seconds: when a pose was last known
   double found_ = 0;            // and when one was last found
-  double last_drift_ = 0;
+  // Variances: of what is seen now, and of the map where a rotation was last found.
+  double last_drift_ = 0, found_drift_ = 0;
 };
 
 }  // namespace fastibl
