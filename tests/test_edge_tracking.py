@@ -322,6 +322,33 @@ def test_a_gyroscope_predicts_what_velocity_cannot():
             assert error(tracked, turned(angle)) < 0.02
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_a_session_predicts_by_attitudes(told):
+    """A camera that moves round the board while it turns to and fro; a picture in between has no board."""
+    searched = 0
+
+    def counted(grey, board, camera):
+        nonlocal searched
+        searched += 1
+        return detect(grey, board, camera)
+
+    mesh = fastibl.shapes.figurine(0.05)
+    white = fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32))
+    session = fastibl.Session(
+        fastibl.Scene(mesh), fastibl.Rig(CAMERA), BOARD, white, cast_shadow=False, detector=counted
+    )
+    for k in range(8):
+        pose = look_at(20 + k, 0.45, 40, 10 + 4 * k).copy()
+        pose[:3] = cv2.Rodrigues(np.radians([0, 0, 18 * (-1) ** k]))[0] @ pose[:3]
+        image = blank() if k == 4 else shot(pose, seed=k)
+        attitude = pose[:3, :3] @ cv2.Rodrigues(np.float64([1, 2, 0]))[0] if told else None
+        tracked = session.process(fastibl.Frame(k / 30, back=image, attitude=attitude)).tracked
+        assert (tracked is None) == (k == 4)
+        if tracked is not None:
+            assert error(tracked, pose) < 0.05
+    assert searched == 2 if told else searched > 4  # the first picture and the one without a board
+
+
 def test_gravity_decides_between_minima_that_the_picture_cannot_tell():
     """Of one noisy tag of 31 px; where the picture can tell, gravity that is wrong changes nothing."""
     board = fastibl.Board.grid(1, 1, 0.03, 0.01)

@@ -248,8 +248,12 @@ std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) 
   if (frame.back.empty()) return std::nullopt;
   const TrackingMethod method = options_.methods.tracking;
   if (method == TrackingMethod::automatic || method == TrackingMethod::edges) {
-    result.tracked = edge_tracker_->track(frame.back, frame.time, detector_);
+    MotionHint hint;
+    if (frame.attitude && tracked_attitude_)
+      hint.turn = *frame.attitude * glm::transpose(*tracked_attitude_);
+    result.tracked = edge_tracker_->track(frame.back, frame.time, detector_, hint);
     if (!result.tracked) return std::nullopt;
+    tracked_attitude_ = frame.attitude;
     return result.tracked->camera_from_marker;
   }
   edge_tracker_->reset();

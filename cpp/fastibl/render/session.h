@@ -45,7 +45,7 @@ struct Frame {
   // comes from the poses before.
   std::optional<Pose> back_last_row;
   // Of the back camera, as a gyroscope tells, from a frame at rest, whichever, that is the same for
-  // all frames: for following the surroundings while the board is out of view.
+  // all frames: predicts the pose, and goes on while the board is out of view.
   std::optional<glm::dmat3> attitude;
 };
 
@@ -169,8 +169,9 @@ class Session {
   Detector detector_;
   std::optional<EdgeTracker> edge_tracker_;
   std::optional<RotationTracker> rotation_tracker_;
-  std::uint64_t moments_ = 0;                 // that it was asked about
-  std::optional<glm::dmat3> known_attitude_;  // where the tracker last went on from
+  std::uint64_t moments_ = 0;                   // that it was asked about
+  std::optional<glm::dmat3> known_attitude_;    // where the tracker last went on from
+  std::optional<glm::dmat3> tracked_attitude_;  // of the last pose of the board
   BoardMotion board_motion_;
   double look_again_ = -1e30, agreed_ = -1e30;  // seconds
   struct Known {
@@ -179,8 +180,8 @@ class Session {
     std::optional<glm::dmat3> attitude;
   };
   std::optional<Known> between_looks_;  // the last pose since
-  std::optional<Pose> turned_;              // of this frame, sure enough to capture with
-  bool hold_capture_ = false;               // the board seems to move
+  std::optional<Pose> turned_;          // of this frame, sure enough to capture with
+  bool hold_capture_ = false;           // the board seems to move
   std::unique_ptr<Renderer> renderer_;
   SessionOptions options_;
   std::optional<Capture> capture_;

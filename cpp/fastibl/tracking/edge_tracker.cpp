@@ -44,16 +44,23 @@ EdgeTracker::EdgeTracker(const Board& board, const Camera& camera, EdgeTrackingO
         "smoothing must be a time from 0 seconds on, got ", options_.smoothing);
 }
 
+namespace {
+
+// Another rotation about the camera's place.
+void turn_about_camera(Pose& pose, const glm::dmat3& rotation) {
+  pose.translation = rotation * (glm::transpose(pose.rotation) * pose.translation);
+  pose.rotation = rotation;
+}
+
+}  // namespace
+
 // Constant velocity; a gyroscope's turn in the place of the last one.
 Pose EdgeTracker::predicted(double time, const MotionHint& hint) const {
   Pose pose = last_->pose;
   const double step = time - last_->time;
   if (before_ && last_->time > before_->time)
     pose = between(before_->pose, last_->pose, 1 + step / (last_->time - before_->time));
-  if (hint.turn) {
-    pose.rotation = *hint.turn * last_->pose.rotation;
-    pose.translation = *hint.turn * last_->pose.translation;
-  }
+  if (hint.turn) turn_about_camera(pose, *hint.turn * last_->pose.rotation);
   return pose;
 }
 
@@ -62,7 +69,7 @@ Pose EdgeTracker::predicted_rows(double time, const MotionHint& hint, PosePrior&
   const double step = time - last_->time;
   RowState state = after(rows_, step / readout, hand_jerk(readout));
   if (hint.turn) {
-    state.pose.rotation = *hint.turn * last_->pose.rotation;
+    turn_about_camera(state.pose, *hint.turn * last_->pose.rotation);
     if (step > 0) state.motion.turn = rotation_vector(*hint.turn) * (readout / step);
   }
   prior.rows = prior_of(state, hand_jerk(readout));

@@ -29,7 +29,7 @@ struct EdgeTrackingOptions {
 
 // What other sensors of the camera say, in its frame. All optional.
 struct MotionHint {
-  std::optional<glm::dmat3> turn;     // now_from_before, of the rotation since the last frame
+  std::optional<glm::dmat3> turn;     // now_from_before, since the last frame with a pose
   std::optional<glm::dvec3> gravity;  // downwards, any length
 };
 
