@@ -1,5 +1,6 @@
 """The native program: what Python's Session makes of a recording, it makes too; bad input; the window."""
 
+import dataclasses
 import os
 import shutil
 import subprocess
@@ -133,6 +134,27 @@ def test_tracks_the_board(recording, folder, tmp_path):
         difference = np.abs(a.astype(int) - b).mean()
         drawn = np.abs(b.astype(int) - frame.back).mean()
         assert difference < 0.2 * drawn
+
+
+def test_attitudes_are_read_and_recorded(recording, tmp_path):
+    """Of the frames that have one; a bad one is named."""
+    turns = [
+        fastibl.Pose.from_rotation_vector([0.1 * k, 0.2, 0.3], np.zeros(3)).rotation for k in range(len(recording))
+    ]
+    frames = [dataclasses.replace(frame, attitude=None if k == 2 else turns[k]) for k, frame in enumerate(recording)]
+    told = store(fastibl.Recording(recording.rig, frames, recording.board, recording.truth), tmp_path / "told")
+    run("--recording", told, "--headless", "--record", tmp_path / "again")
+    again = fastibl.Recording.open(tmp_path / "again")
+    for k, frame in enumerate(again):
+        assert frame.attitude is None if k == 2 else np.array_equal(frame.attitude, turns[k])
+    assert len(again) == len(frames)
+    for edit, message in (
+        (lambda text: text.replace(",0.", ",9.", 1), "attitudes.csv: the attitude at 0.000000 s must be orthonormal"),
+        (lambda text: text.replace(",", ",x", 11), "expected a finite number"),
+        (lambda text: text.replace("\n0.0,", "\n0.0,1,", 1), "expected a time and 9 numbers, got 11 values"),
+    ):
+        copy = edited(told, tmp_path / str(len(message)), "attitudes.csv", edit)
+        assert message in run("--recording", copy, "--headless", code=2)
 
 
 def test_video_recording_gives_the_same(recording, folder, tmp_path):

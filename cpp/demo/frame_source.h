@@ -16,6 +16,7 @@ struct OwnedFrame {
   Image<std::uint8_t> back, front;
   std::optional<double> back_exposure = 1, front_exposure = 1;
   std::optional<Pose> back_from_marker;
+  std::optional<glm::dmat3> attitude;
 
   Frame view() const;  // valid as long as this is
 };
@@ -48,14 +49,13 @@ inline Picture picture_of(const Image<std::uint8_t>& image) {
 }
 
 inline Frame OwnedFrame::view() const {
-  return {time,
-          picture_of(back),
-          picture_of(front),
-          back_exposure,
-          front_exposure,
-          back_from_marker,
-          {},
-          {}};
+  Frame frame;
+  frame.time = time;
+  frame.back = picture_of(back), frame.front = picture_of(front);
+  frame.back_exposure = back_exposure, frame.front_exposure = front_exposure;
+  frame.back_from_marker = back_from_marker;
+  frame.attitude = attitude;
+  return frame;
 }
 
 }  // namespace fastibl::demo

@@ -29,6 +29,13 @@ void append(int file, const std::string& line, const fs::path& path) {
     throw std::runtime_error("could not write " + path.string());
 }
 
+int open_table(const fs::path& path, const std::string& header) {
+  const int file = ::open(path.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, 0666);
+  if (file < 0) throw std::runtime_error("could not write " + path.string());
+  append(file, header, path);
+  return file;
+}
+
 }  // namespace
 
 Recorder::Recorder(const fs::path& folder, const Rig& rig, const std::optional<Board>& board)
@@ -44,10 +51,7 @@ Recorder::Recorder(const fs::path& folder, const Rig& rig, const std::optional<B
   check_disk();
   write_rig(folder / "rig.yaml", rig);
   if (board) write_board(folder / "board.yaml", *board);
-  const fs::path table = folder / "frames.csv";
-  table_ = ::open(table.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, 0666);
-  if (table_ < 0) throw std::runtime_error("could not write " + table.string());
-  append(table_, "time,camera,file,exposure\n", table);
+  table_ = open_table(folder / "frames.csv", "time,camera,file,exposure\n");
   thread_ = std::thread([this] { run(); });
 }
 
@@ -66,7 +70,8 @@ void Recorder::close() {
   }
   changed_.notify_all();
   if (thread_.joinable()) thread_.join();
-  if (table_ >= 0) ::close(std::exchange(table_, -1));
+  for (int* file : {&table_, &attitudes_})
+    if (*file >= 0) ::close(std::exchange(*file, -1));
   if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
 }
 
@@ -109,7 +114,8 @@ void Recorder::run() {
       }
       if (since_sync.seconds() < kSync) continue;
       since_sync = {};
-      ::fsync(table_);
+      for (const int file : {table_, attitudes_})
+        if (file >= 0) ::fsync(file);
       check_disk();
     }
   } catch (...) {
@@ -122,6 +128,16 @@ void Recorder::run() {
 void Recorder::write(const OwnedFrame& frame) {
   if (!frame.back.empty()) write_picture("back", frame.time, frame.back, frame.back_exposure);
   if (!frame.front.empty()) write_picture("front", frame.time, frame.front, frame.front_exposure);
+  if (frame.attitude) write_attitude(frame.time, *frame.attitude);
+}
+
+void Recorder::write_attitude(double time, const glm::dmat3& attitude) {
+  const fs::path path = folder_ / "attitudes.csv";
+  if (attitudes_ < 0) attitudes_ = open_table(path, "time,m00,m01,m02,m10,m11,m12,m20,m21,m22\n");
+  std::string line = number(time);
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) line.append(",").append(number(attitude[c][r]));
+  append(attitudes_, line + "\n", path);
 }
 
 void Recorder::write_picture(const char* camera, double time, const Image<std::uint8_t>& picture,

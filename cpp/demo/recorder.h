@@ -38,10 +38,11 @@ class Recorder {
   void write(const OwnedFrame& frame);
   void write_picture(const char* camera, double time, const Image<std::uint8_t>& picture,
                      std::optional<double> exposure);
+  void write_attitude(double time, const glm::dmat3& attitude);
   void check_disk() const;
 
   std::filesystem::path folder_;
-  int table_ = -1;  // frames.csv
+  int table_ = -1, attitudes_ = -1;  // frames.csv, attitudes.csv
   int counts_[2] = {0, 0};
   std::mutex mutex_;
   std::condition_variable changed_;

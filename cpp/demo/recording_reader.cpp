@@ -58,6 +58,38 @@ double number(const std::string& text, const std::string& where) {
   return value;
 }
 
+// Calls visit(header, cells, where) for every line but the header, and a last one without its end:
+// a crash may have cut it off.
+template <typename Visit>
+void for_lines(std::ifstream& file, const fs::path& path, Visit&& visit) {
+  std::string line;
+  std::getline(file, line);
+  const std::vector<std::string> header = cells(line);
+  for (int number_of_line = 2; std::getline(file, line); ++number_of_line) {
+    const std::vector<std::string> row = cells(line);
+    if (row.size() == 1 && row[0].empty()) continue;
+    const std::string where = path.string() + " line " + std::to_string(number_of_line);
+    if (file.eof()) {
+      std::cerr << "fastibl-demo: " << where << " is cut off; it is left out\n";
+      break;
+    }
+    visit(header, row, where);
+  }
+}
+
+// `count` numbers by their time.
+std::map<double, std::vector<double>> numbers_by_time(std::ifstream& file, const fs::path& path,
+                                                      std::size_t count) {
+  std::map<double, std::vector<double>> out;
+  for_lines(file, path, [&](const auto&, const auto& row, const std::string& where) {
+    check(row.size() == count + 1, where, ": expected a time and ", count, " numbers, got ",
+          row.size(), " values");
+    std::vector<double>& values = out[number(row[0], where)];
+    for (std::size_t k = 0; k < count; ++k) values.push_back(number(row[k + 1], where));
+  });
+  return out;
+}
+
 }  // namespace
 
 RecordingReader::RecordingReader(const fs::path& folder, bool true_poses)
@@ -67,6 +99,7 @@ RecordingReader::RecordingReader(const fs::path& folder, bool true_poses)
   rig_ = read_rig(folder / "rig.yaml");
   if (fs::is_regular_file(folder / "board.yaml")) board_ = read_board(folder / "board.yaml");
   read_table(folder / "frames.csv");
+  read_attitudes(folder / "attitudes.csv");
   if (true_poses) read_poses(folder / "truth" / "poses.csv");
   next_ = moments_.begin();
 }
@@ -74,59 +107,54 @@ RecordingReader::RecordingReader(const fs::path& folder, bool true_poses)
 void RecordingReader::read_table(const fs::path& path) {
   std::ifstream file(path);
   check(file.good(), "the recording has no frames.csv: expected ", path.string());
-  std::string line;
-  std::getline(file, line);
-  const std::vector<std::string> header = cells(line);
-  const auto column = [&](const char* name) {
-    const auto found = std::find(header.begin(), header.end(), name);
-    check(found != header.end(), path.string(), " has no column ", name,
-          "; expected time, camera, file, exposure");
-    return std::size_t(found - header.begin());
-  };
-  const std::size_t time = column("time"), camera = column("camera"), name = column("file"),
-                    exposure = column("exposure");
-  for (int number_of_line = 2; std::getline(file, line); ++number_of_line) {
-    const std::vector<std::string> row = cells(line);
-    if (row.size() == 1 && row[0].empty()) continue;
-    const std::string where = path.string() + " line " + std::to_string(number_of_line);
-    if (file.eof()) {  // without its end: a crash may have cut it off
-      std::cerr << "fastibl-demo: " << where << " is cut off; it is left out\n";
-      break;
-    }
-    check(row.size() >= header.size(), where, ": expected ", header.size(), " values, got ",
-          row.size());
-    Entry entry{row[name], std::nullopt};
-    if (!row[exposure].empty()) entry.exposure = number(row[exposure], where);
+  for_lines(file, path, [&](const auto& header, const auto& row, const std::string& where) {
+    const auto cell = [&](const char* name) -> const std::string& {
+      const auto found = std::find(header.begin(), header.end(), name);
+      check(found != header.end(), path.string(), " has no column ", name,
+            "; expected time, camera, file, exposure");
+      const auto column = std::size_t(found - header.begin());
+      check(column < row.size(), where, ": expected ", header.size(), " values, got ", row.size());
+      return row[column];
+    };
+    Entry entry{cell("file"), std::nullopt};
+    if (!cell("exposure").empty()) entry.exposure = number(cell("exposure"), where);
     check(!entry.exposure || *entry.exposure > 0, where, ": the exposure must be positive, got ",
           entry.exposure.value_or(0));
-    check(file_name(entry.file).has_value(), where, ": expected a picture or video#number, got \"",
-          entry.file, '"');
-    check(stays_inside(file_name(entry.file)->file), where, ": \"", entry.file,
+    const std::optional<FileName> name = file_name(entry.file);
+    check(name.has_value(), where, ": expected a picture or video#number, got \"", entry.file, '"');
+    check(stays_inside(name->file), where, ": \"", entry.file,
           "\" leads out of the recording's folder");
-    check(row[camera] == "back" || row[camera] == "front", where,
-          ": camera must be back or front, got \"", row[camera], "\"");
-    check(stays_inside(file_name(entry.file)->file), where, ": \"", entry.file,
-          "\" leads out of the recording's folder");
-    check(row[camera] == "back" || rig_.front, path.string(),
+    const std::string& camera = cell("camera");
+    check(camera == "back" || camera == "front", where, ": camera must be back or front, got \"",
+          camera, "\"");
+    check(camera == "back" || rig_.front, path.string(),
           " lists front pictures, but rig.yaml has no front camera");
-    Moment& moment = moments_[number(row[time], where)];
-    (row[camera] == "back" ? moment.back : moment.front) = entry;
-  }
+    Moment& moment = moments_[number(cell("time"), where)];
+    (camera == "back" ? moment.back : moment.front) = entry;
+  });
   check(!moments_.empty(), path.string(), " lists no pictures");
 }
 
 void RecordingReader::read_poses(const fs::path& path) {
   std::ifstream file(path);
   check(file.good(), "--poses truth needs true poses: expected ", path.string());
-  std::string line;
-  std::getline(file, line);
-  for (int number_of_line = 2; std::getline(file, line); ++number_of_line) {
-    const std::vector<std::string> row = cells(line);
-    const std::string where = path.string() + " line " + std::to_string(number_of_line);
-    check(row.size() == 13, where, ": expected a time and 12 numbers, got ", row.size(), " values");
+  for (const auto& [time, values] : numbers_by_time(file, path, 12)) {
     glm::dmat4 matrix(1.0);
-    for (int k = 0; k < 12; ++k) matrix[k % 4][k / 4] = number(row[std::size_t(k + 1)], where);
-    poses_[number(row[0], where)] = Pose::from_matrix(matrix);
+    for (int k = 0; k < 12; ++k) matrix[k % 4][k / 4] = values[std::size_t(k)];
+    poses_[time] = Pose::from_matrix(matrix);
+  }
+}
+
+// Where a gyroscope was there.
+void RecordingReader::read_attitudes(const fs::path& path) {
+  std::ifstream file(path);
+  if (!file.good()) return;
+  for (const auto& [time, values] : numbers_by_time(file, path, 9)) {
+    glm::dmat3 rotation;
+    for (int k = 0; k < 9; ++k) rotation[k % 3][k / 3] = values[std::size_t(k)];
+    const std::string what = path.string() + ": the attitude at " + std::to_string(time) + " s";
+    check_rotation(rotation, kAttitude, what.c_str());
+    attitudes_[time] = rotation;
   }
 }
 
@@ -136,6 +164,8 @@ std::optional<OwnedFrame> RecordingReader::next() {
   OwnedFrame frame;
   frame.time = time;
   frame.back_exposure = moment.back.exposure, frame.front_exposure = moment.front.exposure;
+  if (const auto told = attitudes_.find(time); told != attitudes_.end())
+    frame.attitude = told->second;
   if (true_poses_) {
     const auto pose = poses_.lower_bound(time - kSameTime);
     check(pose != poses_.end() && pose->first <= time + kSameTime,

@@ -38,6 +38,7 @@ class RecordingReader final : public FrameSource {
   };
   void read_table(const std::filesystem::path& path);
   void read_poses(const std::filesystem::path& path);
+  void read_attitudes(const std::filesystem::path& path);
   Image<std::uint8_t> read(const std::string& file);
   cv::Mat read_video(const std::string& name, int number);
 
@@ -48,6 +49,7 @@ class RecordingReader final : public FrameSource {
   std::map<double, Moment>::const_iterator next_;
   bool true_poses_;
   std::map<double, Pose> poses_;
+  std::map<double, glm::dmat3> attitudes_;
   std::map<std::string, Video> videos_;
 };
 

@@ -19,8 +19,7 @@ constexpr double kMostTurnDeviation = 0.5 * std::numbers::pi / 180;
 // Seconds between looks around while the board is in view and does not move: where surroundings
 // agree with it, and where they do not because they are near, which takes longer to find out.
 constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
-constexpr double kDoubt = 0.6;      // seconds of disagreeing after which surroundings count as near
-constexpr double kAttitude = 1e-3;  // by which a gyroscope's rotation may not be one
+constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
 // Share of the light that differs when methods are chosen anew.
 constexpr float kOtherLight = 0.25f;
 constexpr int kStream = 3;           // frames in a row that come with light of their own

@@ -49,6 +49,8 @@ struct Frame {
   std::optional<glm::dmat3> attitude;
 };
 
+constexpr double kAttitude = 1e-3;  // by which Frame::attitude may not be a rotation
+
 struct FrameResult {
   Image<std::uint8_t> image;  // RGB; RGBA with straight alpha where the frame has no back picture
   std::optional<Pose>
