@@ -300,9 +300,10 @@ void bind_plan(py::module_& module) {
           lighting = fit_lighting({environment, &environment->radiance}, choice);
           options.lighting = &lighting;
           if (error > 0 || milliseconds > 0)
-            measured = measure_errors(scene, {environment, &environment->radiance}, methods,
-                                      candidates(methods, candidate_options(scene, !capture)),
-                                      cast_shadow);
+            measured = measure_errors(
+                scene, {environment, &environment->radiance}, methods,
+                candidates(methods, candidate_options(scene, !capture, milliseconds > 0)),
+                cast_shadow);
           options.measured = &measured;
         }
         return make_plan(scene, environment.get(), options);
@@ -339,7 +340,7 @@ void bind_plan(py::module_& module) {
         const ProcessorClock measuring;
         const MeasuredErrors measured =
             measure_errors(scene, {environment, &environment->radiance}, methods,
-                           candidates(methods, candidate_options(scene, false)), true);
+                           candidates(methods, candidate_options(scene, false, false)), true);
         const double first = measuring.seconds();
         PlanOptions options;
         options.error = 0.02, options.measured = &measured;
@@ -363,7 +364,8 @@ void bind_plan(py::module_& module) {
         {
           const py::gil_scoped_release release;
           errors = measure_errors(scene, {environment, &environment->radiance}, methods,
-                                  candidates(methods, candidate_options(scene, true)), cast_shadow);
+                                  candidates(methods, candidate_options(scene, true, false)),
+                                  cast_shadow);
         }
         const Candidates& c = errors.candidates;
         py::list diffuse, glossy, self_shadow, shadow, bounce;

@@ -4,6 +4,7 @@ namespace fastibl {
 
 Candidates candidates(const Methods& asked, const CandidateOptions& options) {
   Candidates all;
+  const bool rough = options.light_stays || options.hurried;
   const auto cube = [](int size, int source) {
     return DiffuseCandidate{DiffuseMethod::irradiance_cube, {-1, size, source}};
   };
@@ -11,8 +12,8 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
     all.diffuse = {{asked.diffuse, asked.diffuse_settings}};
   } else {
     all.diffuse = {cube(8, 16), cube(16, 16), cube(16, 32)};
+    if (rough) all.diffuse.insert(all.diffuse.begin(), {DiffuseMethod::sh9, {}});
     if (options.light_stays) {
-      all.diffuse.insert(all.diffuse.begin(), {DiffuseMethod::sh9, {}});
       for (const int lobes : {2, 4, 8})
         all.diffuse.push_back({DiffuseMethod::sh9_lobes, {lobes, 16, 32}});
       all.diffuse.push_back(cube(32, 32));
@@ -24,11 +25,10 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
     all.glossy = {{GlossyMethod::centroid, {0, 0}},   {GlossyMethod::centroid, {0, -1}},
                   {GlossyMethod::stretched, {2, -1}}, {GlossyMethod::stretched, {3, -1}},
                   {GlossyMethod::sampled, {64, -1}},  {GlossyMethod::sampled, {256, -1}}};
-    if (options.light_stays) {
-      all.glossy.insert(all.glossy.begin(), {GlossyMethod::mip, {}});
+    if (rough) all.glossy.insert(all.glossy.begin(), {GlossyMethod::mip, {}});
+    if (options.light_stays)
       all.glossy.insert(all.glossy.end(), {{GlossyMethod::prefiltered, {1, -1}},
                                            {GlossyMethod::prefiltered, {3, -1}}});
-    }
   }
   if (asked.self_shadow != SelfShadowMethod::automatic)
     all.self_shadow = {asked.self_shadow};

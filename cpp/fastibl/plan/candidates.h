@@ -32,12 +32,14 @@ struct Candidates {
 struct CandidateOptions {
   bool light_stays = false;  // one map for many frames: what takes long to fit is worth it
   bool baked_shadow = false;
-  bool glossy = true;  // false: nothing glossy is shaded, and the default stays
+  bool glossy = true;    // false: nothing glossy is shaded, and the default stays
+  bool hurried = false;  // there is a time budget
 };
 // Those on the frontier of error and time on real maps (docs/light.md, docs/shadow.md). For light
 // that changes only what changes with it: `sh9` and `sh9-lobes` are off by 0.3 % of the light while
 // it changes by 2 %, and `mip`, which may be within a budget in one light, is off by half of what
-// is glossy in another, so that methods could not be changed unseen.
+// is glossy in another, so that methods could not be changed unseen; `sh9` and `mip` only where a
+// time budget asks for what is quickest.
 Candidates candidates(const Methods& asked, const CandidateOptions& options);
 
 // One of each, by its place there.

@@ -243,8 +243,8 @@ Workload workload_of(const Scene& scene, int width, int height, bool light_chang
   return work;
 }
 
-CandidateOptions candidate_options(const Scene& scene, bool light_stays) {
-  return {light_stays, scene.baked_shadow != nullptr, scene.material.reads_radiance()};
+CandidateOptions candidate_options(const Scene& scene, bool light_stays, bool hurried) {
+  return {light_stays, scene.baked_shadow != nullptr, scene.material.reads_radiance(), hurried};
 }
 
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options) {

@@ -86,7 +86,7 @@ struct PlanOptions {
 // Of a picture: an object a tenth of it and a shadow map over most of it, whatever the pose, so
 // that the same light gives the same choice.
 Workload workload_of(const Scene& scene, int width, int height, bool light_changes);
-CandidateOptions candidate_options(const Scene& scene, bool light_stays);
+CandidateOptions candidate_options(const Scene& scene, bool light_stays, bool hurried);
 
 // environment may be null: nothing is known of the light yet.
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options);
