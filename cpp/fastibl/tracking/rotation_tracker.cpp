@@ -12,7 +12,10 @@ namespace {
 constexpr int kFewToCompare = 300;  // features of a picture, to see whether it agrees
 constexpr double kAgrees = 0.75, kAgreeing = 0.93;  // of Alignment::residual and agreeing
 constexpr int kFewestToAgree = 50;                  // features
-constexpr int kAttempts = 2;              // each goes on from what the one before made of it
+constexpr int kAttempts = 2;  // each goes on from what the one before made of it
+// Where a rotation is expected no better than to kWide radians, so many features have to agree.
+constexpr double kWide = std::numbers::pi / 180;
+constexpr int kFew = 40;
 constexpr double kLongestStep = 0.3;      // seconds between poses that give a velocity
 constexpr double kKnown = 3e-4;           // radians: deviation of a known pose
 constexpr double kUnknownVelocity = 1.0;  // rad/s
@@ -225,6 +228,9 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
                            options_.alignment);
     if (found) result = judged(*found, time);
   }
+  // By few features a rotation far from what was expected may agree by chance.
+  if (result && result->features < kFew && largest_eigenvalue(state_->ww) > kWide * kWide)
+    result.reset();
   if (result) {
     correct(*state_, result->back_from_marker.rotation, glm::inverse(found->information));
     found_ = time, found_drift_ = found->drift;
