@@ -481,9 +481,12 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 
 @LINUX
-def test_all_cores_are_used_where_nothing_is_said():
-    process = python("import fastibl; print(fastibl.threads())", stdout=subprocess.PIPE)
-    assert int(process.communicate(timeout=60)[0]) == len(os.sched_getaffinity(0))
+@pytest.mark.parametrize("most", [None, 1])
+def test_all_cores_that_may_be_used_are_where_nothing_is_said(most):
+    allowed = set(sorted(os.sched_getaffinity(0))[:most])
+    code = f"import os; os.sched_setaffinity(0, {allowed}); import fastibl; print(fastibl.threads())"
+    process = python(code, stdout=subprocess.PIPE)
+    assert int(process.communicate(timeout=60)[0]) == len(allowed)
 
 
 @LINUX

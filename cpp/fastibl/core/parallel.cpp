@@ -17,6 +17,9 @@
 #if defined(__unix__) || defined(__APPLE__)
 #include <pthread.h>
 #endif
+#if defined(__linux__)
+#include <sched.h>
+#endif
 
 #include "fastibl/core/check.h"
 
@@ -130,8 +133,17 @@ std::mutex pool_mutex;
 int wanted = 0;        // threads; 0: one a core
 Pool* pool = nullptr;  // of the first loop; left at the end of a process, where joining can hang
 
+// That this process may use; of the machine where it cannot be told.
+int usable_cores() {
+#if defined(__linux__)
+  cpu_set_t allowed;
+  if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) return std::max(1, CPU_COUNT(&allowed));
+#endif
+  return std::max(1, int(std::thread::hardware_concurrency()));
+}
+
 int size() {
-  static const int cores = std::max(1, int(std::thread::hardware_concurrency()));
+  static const int cores = usable_cores();
   return wanted > 0 ? wanted : cores;
 }
 
