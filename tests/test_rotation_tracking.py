@@ -312,9 +312,11 @@ class TurnedPlace(DistantPlace):
         return super()._sky(np.ascontiguousarray(d @ about_z(self.turned).T.astype(np.float32)))
 
 
-@pytest.mark.parametrize("degrees", [25.0, 0.0])
-def test_board_turned_by_hand(degrees):
-    place, hand = TurnedPlace(textured()), HandPath(np.random.default_rng(0), 12.0)
+@pytest.mark.parametrize("degrees, told", [(25.0, False), (0.0, False), (6.0, True), (0.0, True)])
+def test_board_turned_by_hand(degrees, told):
+    """told: by a gyroscope, before a blank wall, slowly."""
+    blank = fastibl.CubeMap(np.full((6, 8, 8, 3), 0.7, np.float32))
+    place, hand = TurnedPlace(blank if told else textured()), HandPath(np.random.default_rng(0), 12.0)
 
     def path(time):
         place.turned = np.radians(degrees) * np.clip((time - 1.2) / 0.4, 0, 1)
@@ -324,7 +326,12 @@ def test_board_turned_by_hand(degrees):
 
     film = simulate(place, seconds=2.8, fps=15, size=SIZE, hand=False, lamp=False, path=path)
     session = fastibl.Session(scene(), film.rig, film.board, size=64)
-    when = [frame.time for frame in film if session.process(frame).board_moved]
+    when = []
+    for frame in film:
+        if told:  # the place's, not the board's
+            frame = dataclasses.replace(frame, attitude=hand.back_from_marker(frame.time).rotation)
+        if session.process(frame).board_moved:
+            when.append(frame.time)
     print(f"turned by {degrees:g} degrees at 1.2 s: noticed at {when}")
     assert len(when) == (degrees != 0)
     assert all(1.2 < t < 2.7 for t in when)

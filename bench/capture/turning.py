@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 
@@ -126,7 +126,9 @@ class Move:
 
 
 @cache
-def moved(name: str, degrees: float, seconds: float = 5.0, begin: float = 2.0, took: float = 0.6) -> Move:
+def moved(
+    name: str, degrees: float, seconds: float = 5.0, begin: float = 2.0, took: float = 0.6, gyro: float | None = None
+) -> Move:
     """A hand holds the cameras; the board is turned about z meanwhile. 320 x 240."""
     place, hand = _TurnedPlace(inputs.real_maps()[name]), HandPath(np.random.default_rng(0), 12.0)
 
@@ -138,7 +140,15 @@ def moved(name: str, degrees: float, seconds: float = 5.0, begin: float = 2.0, t
 
     film = simulate(place, seconds=seconds, fps=15, hand=False, lamp=False, path=path, size=(320, 240))
     session = fastibl.Session(inputs.scene(), film.rig, film.board)
-    results = [(frame.time, session.process(frame)) for frame in film]
+    rng, off, results = np.random.default_rng(1), np.eye(3), []
+    for frame in film:
+        if gyro is not None:  # the place's, not the board's
+            off = (
+                off
+                @ fastibl.Pose.from_rotation_vector(gyro / np.sqrt(15) * rng.standard_normal(3), np.zeros(3)).rotation
+            )
+            frame = replace(frame, attitude=hand.back_from_marker(frame.time).rotation @ off)
+        results.append((frame.time, session.process(frame)))
     d = fastibl.texel_directions(128).astype(np.float64)
     # The place's own truth does not know of the turn.
     true = place.truth((0, 0, 0.1), 128).sample(d @ _about_z(np.radians(degrees)).T)
@@ -153,13 +163,14 @@ def board_moved() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped("board turned by hand", inputs.NO_MAPS)
         return
-    for degrees in (30.0, -8.0, 0.0):
-        found = {name: moved(name, degrees) for name in inputs.MAPS}
+    for gyro, degrees in product((None, GYRO), (30.0, -8.0, 0.0)):
+        found = {name: moved(name, degrees, gyro=gyro) for name in inputs.MAPS}
         right = sum(len(m.when) == (degrees != 0) for m in found.values())
+        what = "with a gyroscope, " if gyro else ""
         yield Goal(
-            f"board turned by {degrees:g} degrees within 0.6 s at 2 s, {len(found)} maps: noticed"
+            f"board turned by {degrees:g} degrees within 0.6 s at 2 s, {what}{len(found)} maps: noticed"
             if degrees
-            else f"board left where it is, {len(found)} maps: not taken for moved",
+            else f"board left where it is, {what}{len(found)} maps: not taken for moved",
             f"{right} of {len(found)}",
             "all" if not degrees else "for information",
             right == len(found) if not degrees else None,

@@ -16,6 +16,8 @@ constexpr double kPoseLifetime =
 // Radians: a rotation by the surroundings that is less sure, drift of the map aside, is not
 // captured with; a third of a texel of 128.
 constexpr double kMostTurnDeviation = 0.5 * std::numbers::pi / 180;
+// Radians: up to here a rotation by a gyroscope tells the least turn of a board from its own error.
+constexpr double kSureTurn = 0.3 * std::numbers::pi / 180;
 // Seconds between looks around while the board is in view and does not move: where surroundings
 // agree with it, and where they do not because they are near, which takes longer to find out.
 constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
@@ -313,7 +315,8 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   between_looks_.reset();  // by the board: whether it lies still is the question
   const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
   std::optional<Turned> around;
-  if (agreement == Agreement::differs) around = track();
+  if (agreement == Agreement::differs || (agreement == Agreement::nothing && frame.attitude))
+    around = track();
   board_motion_.look(pose, agreement, around, frame.time);
   if (agreement != Agreement::differs) agreed_ = frame.time;
   look_again_ = frame.time + (frame.time - agreed_ < kDoubt ? kLookAround : kLookAroundNear) - 1e-6;
@@ -324,7 +327,13 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
     result.board_moved = true;
     stale_ |= product::light_pictures;
   }
-  if (!board_motion_.moving()) start(pose);
+  // By a gyroscope a board is seen to turn slowly, too, if it is not asked anew each time.
+  const bool told = frame.attitude && around && around->own_deviation() < kSureTurn;
+  if (board_motion_.moving()) return;
+  if (told && !result.board_moved)
+    between_looks_ = {pose, frame.time, frame.attitude};
+  else
+    start(pose);
 }
 
 // The paper's P_V is read from the scene, so there is nothing to keep for it.

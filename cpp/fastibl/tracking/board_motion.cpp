@@ -25,14 +25,15 @@ void BoardMotion::look(const Pose& board, Agreement agreement, const std::option
     told_ = time;
     const glm::dmat3 offset = glm::transpose(board.rotation) * around->back_from_marker.rotation;
     const double angle = rotation_angle(glm::dmat3(1.0), offset);
-    // Parallax, as the camera is elsewhere than where they agreed last.
+    // Parallax, as the camera is elsewhere than where they agreed last; a gyroscope knows of none.
     const double distance = way_ >= options_.proof ? options_.far : options_.nearest;
-    const double limit = std::max(options_.least * kDegree, 5 * around->deviation()) +
-                         std::min(moved / distance, 1.0);
+    const double parallax = around->features > 0 ? std::min(moved / distance, 1.0) : 0;
+    const double limit = std::max(options_.least * kDegree, 5 * around->deviation()) + parallax;
     apart = angle > limit;
     const double steady = std::max(options_.steady * kDegree, 3 * around->deviation());
-    const bool alike = alike_ > 0 && rotation_angle(offset_, offset) < steady;
+    const bool alike = alike_ > 0 && rotation_angle(first_offset_, offset) < steady;
     alike_ = apart ? (alike ? alike_ + 1 : 1) : 0;
+    if (!alike) first_offset_ = offset;
     offset_ = offset;
     if (!apart && angle > 0.5 * options_.least * kDegree && distance == options_.nearest) way_ = 0;
   } else if (agreement == Agreement::differs) {

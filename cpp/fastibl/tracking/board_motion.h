@@ -25,7 +25,8 @@ class BoardMotion {
  public:
   explicit BoardMotion(BoardMotionOptions options = {}) : options_(options) {}
 
-  // around: the pose by the surroundings, where they do not agree and one was found.
+  // around: the pose by the surroundings, where they do not agree and one was found, or by a
+  // gyroscope alone.
   void look(const Pose& board, Agreement agreement, const std::optional<Turned>& around,
             double time);
   bool moving() const { return apart_ > 0; }
@@ -40,7 +41,9 @@ class BoardMotion {
   double way_ = 0;             // metres from there, at most
   int apart_ = 0, alike_ = 0;  // frames in a row
   glm::dmat3 offset_{1.0};     // newmarker_from_oldmarker
-  double told_ = 0;            // seconds: when the surroundings last told anything
+  // The first of those that are alike: a board that turns slowly is not steady.
+  glm::dmat3 first_offset_{1.0};
+  double told_ = 0;  // seconds: when the surroundings last told anything
   std::optional<glm::dmat3> moved_;
 };
 
