@@ -243,7 +243,7 @@ def test_what_is_no_pose_is_refused():
         return lambda: fastibl.Pose(matrix)
 
     same_error(lambda: fastibl.Pose(np.diag([1.0, 1, -1, 1])), ValueError, "mirror")
-    same_error(changed(0, 0, 1.001), ValueError, "orthonormal within 1e-06", "0.002")
+    same_error(changed(0, 0, 1.001), ValueError, "orthonormal within 1e-6", "0.002")
     same_error(changed(0, 1, 1e-4), ValueError, "orthonormal")
     same_error(changed(1, 3, np.nan), ValueError, "finite", "row 1", "column 3")
     same_error(changed(2, 3, np.inf), ValueError, "finite", "inf")

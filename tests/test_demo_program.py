@@ -149,7 +149,7 @@ def test_attitudes_are_read_and_recorded(recording, tmp_path):
         assert frame.attitude is None if k == 2 else np.array_equal(frame.attitude, turns[k])
     assert len(again) == len(frames)
     for edit, message in (
-        (lambda text: text.replace(",0.", ",9.", 1), "attitudes.csv: the attitude at 0.000000 s must be orthonormal"),
+        (lambda text: text.replace(",0.", ",9.", 1), "attitudes.csv: the attitude at 0 s must be a rotation"),
         (lambda text: text.replace(",", ",x", 11), "expected a finite number"),
         (lambda text: text.replace("\n0.0,", "\n0.0,1,", 1), "expected a time and 9 numbers, got 11 values"),
     ):

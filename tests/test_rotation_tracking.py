@@ -221,17 +221,12 @@ def test_a_session_goes_on_by_a_gyroscope_where_nothing_is_seen():
     same = follow_all(fastibl.Recording(film.rig, other, film.board, film.truth))
     np.testing.assert_allclose(list(same.values()), list(told.values()), atol=1e-3)
     session = fastibl.Session(scene(), film.rig, film.board, size=64)
-    for wrong, why in (
-        (np.zeros((3, 3)), "orthonormal"),
-        (np.full((3, 3), np.nan), "finite"),
-        (-np.eye(3), "mirror"),
-        (np.eye(2), r"shape \(3, 3\), got \(2, 2\)"),
-        (0.1, "shape|number|array"),
-        ("left", "str|float"),
-    ):
-        with pytest.raises((ValueError, TypeError), match=f"attitude must.*({why})"):
+    for wrong in (np.zeros((3, 3)), np.full((3, 3), np.nan), -np.eye(3), np.eye(2), 0.1, "left"):
+        with pytest.raises(ValueError, match="attitude must be a rotation"):
             session.process(dataclasses.replace(other[0], attitude=wrong))
     assert session.process(other[0]).image is not None
+    listed = dataclasses.replace(other[1], attitude=other[1].attitude.tolist())
+    assert session.process(listed).image is not None
 
 
 def test_same_bits_for_any_number_of_threads(film):

@@ -96,7 +96,7 @@ integers or objects. Without an argument: the identity.)")
           "__deepcopy__", [](const Pose& p, const py::dict&) { return p; }, py::arg("memo"))
       .def(py::pickle(
           [](const Pose& p) { return py::make_tuple(matrix_array(p.matrix())); },
-          [](const py::tuple& t) { return Pose::from_matrix(require_matrix<4>(t[0], "matrix")); }));
+          [](const py::tuple& t) { return Pose::from_matrix(require_matrix(t[0], "matrix")); }));
 }
 
 }  // namespace fastibl::bindings

@@ -59,22 +59,32 @@ inline Floats require_vectors(const py::object& object, const char* name) {
   return array;
 }
 
-template <int N>
-glm::mat<N, N, double> require_matrix(const py::object& object, const char* name) {
+inline glm::dmat4 require_matrix(const py::object& object, const char* name) {
   const Doubles array = require_floats<double>(object, name);
-  if (array.ndim() != 2 || array.shape(0) != N || array.shape(1) != N)
-    throw py::value_error(std::string(name) + " must have shape (" + std::to_string(N) + ", " +
-                          std::to_string(N) + "), got " + shape_of(array));
-  glm::mat<N, N, double> matrix;
-  for (int r = 0; r < N; ++r)
-    for (int c = 0; c < N; ++c) matrix[c][r] = array.at(r, c);
+  if (array.ndim() != 2 || array.shape(0) != 4 || array.shape(1) != 4)
+    throw py::value_error(std::string(name) + " must have shape (4, 4), got " + shape_of(array));
+  glm::dmat4 matrix;
+  for (int r = 0; r < 4; ++r)
+    for (int c = 0; c < 4; ++c) matrix[c][r] = array.at(r, c);
   return matrix;
+}
+
+// Anything that makes a (3, 3) array; whether it is a rotation is the core's question.
+inline glm::dmat3 require_rotation(const py::object& object, const char* name) {
+  const Doubles array = Doubles::ensure(object);
+  if (!array || array.ndim() != 2 || array.shape(0) != 3 || array.shape(1) != 3)
+    throw py::value_error(std::string(name) + " must be a rotation, (3, 3), got " +
+                          std::string(py::repr(object)));
+  glm::dmat3 rotation;
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) rotation[c][r] = array.at(r, c);
+  return rotation;
 }
 
 // A Pose object or a (4, 4) array.
 inline Pose require_pose(const py::object& object, const char* name) {
   if (py::isinstance<Pose>(object)) return object.cast<Pose>();
-  return Pose::from_matrix(require_matrix<4>(object, name));
+  return Pose::from_matrix(require_matrix(object, name));
 }
 
 inline Doubles matrix_array(const glm::dmat4& matrix) {

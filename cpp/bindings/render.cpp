@@ -250,7 +250,8 @@ its shadow from the plane behind them.)")
               frame.back_from_marker = require_pose(back_from_marker, "back_from_marker");
             if (!back_last_row.is_none())
               frame.back_last_row = require_pose(back_last_row, "back_last_row");
-            if (!attitude.is_none()) frame.attitude = require_matrix<3>(attitude, "attitude");
+            if (!attitude.is_none())
+              frame.attitude = require_rotation(attitude, "a frame's attitude");
             const py::gil_scoped_release release;
             Result result{session.process(frame), {}, session.plan()};
             result.shadow = session.shadow_map();

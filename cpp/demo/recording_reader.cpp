@@ -58,13 +58,11 @@ double number(const std::string& text, const std::string& where) {
   return value;
 }
 
-// Calls visit(header, cells, where) for every line but the header, and a last one without its end:
-// a crash may have cut it off.
+// Calls visit(cells, where) for the lines after a header that was read, but for a last one without
+// its end: a crash may have cut it off.
 template <typename Visit>
 void for_lines(std::ifstream& file, const fs::path& path, Visit&& visit) {
   std::string line;
-  std::getline(file, line);
-  const std::vector<std::string> header = cells(line);
   for (int number_of_line = 2; std::getline(file, line); ++number_of_line) {
     const std::vector<std::string> row = cells(line);
     if (row.size() == 1 && row[0].empty()) continue;
@@ -73,7 +71,7 @@ void for_lines(std::ifstream& file, const fs::path& path, Visit&& visit) {
       std::cerr << "fastibl-demo: " << where << " is cut off; it is left out\n";
       break;
     }
-    visit(header, row, where);
+    visit(row, where);
   }
 }
 
@@ -81,7 +79,9 @@ void for_lines(std::ifstream& file, const fs::path& path, Visit&& visit) {
 std::map<double, std::vector<double>> numbers_by_time(std::ifstream& file, const fs::path& path,
                                                       std::size_t count) {
   std::map<double, std::vector<double>> out;
-  for_lines(file, path, [&](const auto&, const auto& row, const std::string& where) {
+  std::string header;
+  std::getline(file, header);
+  for_lines(file, path, [&](const std::vector<std::string>& row, const std::string& where) {
     check(row.size() == count + 1, where, ": expected a time and ", count, " numbers, got ",
           row.size(), " values");
     std::vector<double>& values = out[number(row[0], where)];
@@ -107,30 +107,35 @@ RecordingReader::RecordingReader(const fs::path& folder, bool true_poses)
 void RecordingReader::read_table(const fs::path& path) {
   std::ifstream file(path);
   check(file.good(), "the recording has no frames.csv: expected ", path.string());
-  for_lines(file, path, [&](const auto& header, const auto& row, const std::string& where) {
-    const auto cell = [&](const char* name) -> const std::string& {
-      const auto found = std::find(header.begin(), header.end(), name);
-      check(found != header.end(), path.string(), " has no column ", name,
-            "; expected time, camera, file, exposure");
-      const auto column = std::size_t(found - header.begin());
-      check(column < row.size(), where, ": expected ", header.size(), " values, got ", row.size());
-      return row[column];
-    };
-    Entry entry{cell("file"), std::nullopt};
-    if (!cell("exposure").empty()) entry.exposure = number(cell("exposure"), where);
+  std::string line;
+  std::getline(file, line);
+  const std::vector<std::string> header = cells(line);
+  const auto column = [&](const char* name) {
+    const auto found = std::find(header.begin(), header.end(), name);
+    check(found != header.end(), path.string(), " has no column ", name,
+          "; expected time, camera, file, exposure");
+    return std::size_t(found - header.begin());
+  };
+  const std::size_t time = column("time"), camera = column("camera"), name = column("file"),
+                    exposure = column("exposure");
+  for_lines(file, path, [&](const std::vector<std::string>& row, const std::string& where) {
+    check(row.size() >= header.size(), where, ": expected ", header.size(), " values, got ",
+          row.size());
+    Entry entry{row[name], std::nullopt};
+    if (!row[exposure].empty()) entry.exposure = number(row[exposure], where);
     check(!entry.exposure || *entry.exposure > 0, where, ": the exposure must be positive, got ",
           entry.exposure.value_or(0));
-    const std::optional<FileName> name = file_name(entry.file);
-    check(name.has_value(), where, ": expected a picture or video#number, got \"", entry.file, '"');
-    check(stays_inside(name->file), where, ": \"", entry.file,
+    const std::optional<FileName> file_of = file_name(entry.file);
+    check(file_of.has_value(), where, ": expected a picture or video#number, got \"", entry.file,
+          '"');
+    check(stays_inside(file_of->file), where, ": \"", entry.file,
           "\" leads out of the recording's folder");
-    const std::string& camera = cell("camera");
-    check(camera == "back" || camera == "front", where, ": camera must be back or front, got \"",
-          camera, "\"");
-    check(camera == "back" || rig_.front, path.string(),
+    check(row[camera] == "back" || row[camera] == "front", where,
+          ": camera must be back or front, got \"", row[camera], "\"");
+    check(row[camera] == "back" || rig_.front, path.string(),
           " lists front pictures, but rig.yaml has no front camera");
-    Moment& moment = moments_[number(cell("time"), where)];
-    (camera == "back" ? moment.back : moment.front) = entry;
+    Moment& moment = moments_[number(row[time], where)];
+    (row[camera] == "back" ? moment.back : moment.front) = entry;
   });
   check(!moments_.empty(), path.string(), " lists no pictures");
 }
@@ -152,8 +157,8 @@ void RecordingReader::read_attitudes(const fs::path& path) {
   for (const auto& [time, values] : numbers_by_time(file, path, 9)) {
     glm::dmat3 rotation;
     for (int k = 0; k < 9; ++k) rotation[k % 3][k / 3] = values[std::size_t(k)];
-    const std::string what = path.string() + ": the attitude at " + std::to_string(time) + " s";
-    check_rotation(rotation, kAttitude, what.c_str());
+    check(is_rotation(rotation, kAttitude), path.string(), ": the attitude at ", time,
+          " s must be a rotation");
     attitudes_[time] = rotation;
   }
 }

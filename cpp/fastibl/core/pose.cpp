@@ -6,6 +6,15 @@
 #include "fastibl/core/check.h"
 
 namespace fastibl {
+namespace {
+
+// |RᵀR − 1|, element by element.
+glm::dmat3 departure(const glm::dmat3& r) {
+  const glm::dmat3 off = glm::transpose(r) * r - glm::dmat3(1.0);
+  return {glm::abs(off[0]), glm::abs(off[1]), glm::abs(off[2])};
+}
+
+}  // namespace
 
 Pose Pose::from_matrix(const glm::dmat4& m) {
   for (int c = 0; c < 4; ++c)
@@ -16,21 +25,23 @@ Pose Pose::from_matrix(const glm::dmat4& m) {
         "the last row of a pose must be 0 0 0 1, got ", m[0][3], " ", m[1][3], " ", m[2][3], " ",
         m[3][3]);
   const glm::dmat3 rotation(m);
-  check_rotation(rotation, 1e-6, "the rotation of a pose");
+  const glm::dmat3 departures = departure(rotation);
+  double off = 0;
+  for (int c = 0; c < 3; ++c)
+    for (int r = 0; r < 3; ++r) off = std::max(off, departures[c][r]);
+  check(off < 1e-6, "the rotation of a pose must be orthonormal within 1e-6, got a departure of ",
+        off);
+  check(glm::determinant(rotation) > 0,
+        "the rotation of a pose must have determinant +1, got a mirror");
   return {rotation, glm::dvec3(m[3])};
 }
 
-void check_rotation(const glm::dmat3& r, double tolerance, const char* what) {
-  const glm::dmat3 off = glm::transpose(r) * r - glm::dmat3(1.0);
-  double most = 0;
+bool is_rotation(const glm::dmat3& r, double tolerance) {
+  const glm::dmat3 off = departure(r);
+  double sum = 0;
   for (int c = 0; c < 3; ++c)
-    for (int row = 0; row < 3; ++row) {
-      check(std::isfinite(off[c][row]), what, " must be finite");
-      most = std::max(most, std::abs(off[c][row]));
-    }
-  check(most < tolerance, what, " must be orthonormal within ", tolerance, ", got a departure of ",
-        most);
-  check(glm::determinant(r) > 0, what, " must have determinant +1, got a mirror");
+    for (int row = 0; row < 3; ++row) sum += off[c][row];  // none of a NaN is less
+  return sum < tolerance && glm::determinant(r) > 0;
 }
 
 glm::dmat4 Pose::matrix() const {

@@ -18,9 +18,8 @@ struct Pose {
   bool operator==(const Pose&) const = default;
 };
 
-// Throws std::invalid_argument, naming `what`, where a column of r departs from unit length, or two
-// from a right angle, by `tolerance` or more, and for a mirror and what is not finite.
-void check_rotation(const glm::dmat3& r, double tolerance, const char* what);
+// Whether the elements of |RᵀR − 1| sum to less than `tolerance`, and r is no mirror.
+bool is_rotation(const glm::dmat3& r, double tolerance);
 
 inline Pose operator*(const Pose& a, const Pose& b) {
   return {a.rotation * b.rotation, a.rotation * b.translation + a.translation};

@@ -492,7 +492,8 @@ void Session::check_frame(const Frame& frame) const {
   for (const std::optional<double>& exposure : {frame.back_exposure, frame.front_exposure})
     check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
           "exposures must be positive and finite, got ", exposure.value_or(0));
-  if (frame.attitude) check_rotation(*frame.attitude, kAttitude, "a frame's attitude");
+  check(!frame.attitude || is_rotation(*frame.attitude, kAttitude),
+        "a frame's attitude must be a rotation");
   check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
         "a frame needs a picture or a pose");
   check(!frame.back_last_row || (frame.back_from_marker && rig_.back.readout > 0),

@@ -223,10 +223,11 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   const RotationPrior prior{state_->rotation, glm::inverse(state_->ww)};
   std::optional<Alignment> found;
   std::optional<Turned> result;
-  for (int attempt = 0; attempt < kAttempts && !result && (found || attempt == 0); ++attempt) {
+  for (int attempt = 0; attempt < kAttempts && !result; ++attempt) {
     found = align_rotation(features_, fine_, seen, found ? found->rotation : prior.rotation, prior,
                            options_.alignment);
-    if (found) result = judged(*found, time);
+    if (!found) break;
+    result = judged(*found, time);
   }
   // By few features a rotation far from what was expected may agree by chance.
   if (result && result->features < kFew && largest_eigenvalue(state_->ww) > kWide * kWide)
