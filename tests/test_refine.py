@@ -137,6 +137,26 @@ def test_no_cracks_along_creases_whose_faces_have_vertices_of_their_own():
     assert all(edges[b, a] == count for (a, b), count in edges.items()), "an edge that ends in the middle of another"
 
 
+def test_a_refined_mesh_is_lit_as_the_given_one():
+    """A glossy bowl of few faces, without self-shadow: normals are interpolated over the given triangles."""
+    shiny = fastibl.Material(diffuse=(0, 0, 0), glossy=(0.8, 0.8, 0.8), exponent=100)
+    d = fastibl.texel_directions(64)
+    cube = fastibl.CubeMap(np.where((d @ [0.3, -0.4, 0.866])[..., None] > 0.97, 10.0, 0.3) * np.ones(3))
+    made = [
+        picture(
+            fastibl.Scene(bowl(4), shiny, refine=refine),
+            np.array([0.05, -0.2, 0.15]),
+            cube,
+            methods={"self_shadow": "none", "bounce": "none"},
+        )
+        for refine in (True, False)
+    ]
+    error = np.sqrt(((made[0] - made[1]) ** 2).mean()) / made[1].mean()
+    count = len(fastibl.Scene(bowl(4), shiny).refined_mesh.vertices)
+    print(f"{len(bowl(4).vertices)} vertices and {count}: {error:.2%} apart")
+    assert count > 2 * len(bowl(4).vertices) and error < 0.01
+
+
 def test_what_hides_nothing_is_not_split():
     vertices, triangles = box_mesh()
     box = fastibl.Mesh(vertices, triangles)

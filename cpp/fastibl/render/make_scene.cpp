@@ -41,6 +41,8 @@ void add_directions(const SceneOptions& options, bool backs, Scene& scene) {
   if (!refined.parents.empty()) {
     interpolate(refined, scene.visibility);
     scene.given = std::make_shared<const Mesh>(std::move(scene.mesh));
+    scene.mean_normals = std::move(scene.normals);
+    interpolate(refined, scene.mean_normals);
     scene.mesh = std::move(refined.mesh);
     scene.normals = vertex_normals(scene.mesh);
   }

@@ -236,7 +236,7 @@ std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
   auto samples = std::make_shared<SceneSamples>();
   const Pose pose = upright(scene.marker_from_object);
   samples->turned = glm::mat3(pose.rotation), samples->lifted = pose.translation.z;
-  Standing object{scene.mesh, scene.normals, {}, 0};
+  Standing object{scene.mesh, scene.shown_normals(), {}, 0};
   for (glm::vec3& p : object.mesh.vertices) p = glm::vec3(pose * glm::dvec3(p));
   for (glm::vec3& n : object.normals) n = samples->turned * n;
   object.box = bounds(object.mesh.vertices);

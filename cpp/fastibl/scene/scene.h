@@ -27,6 +27,9 @@ struct Scene {
   bool fronts_only = false;        // from outside no back of a triangle is seen: see faces_outwards
   std::vector<glm::vec3> normals;  // one a vertex, unit
   std::vector<glm::vec4> tangents;  // one a vertex, see vertex_tangents
+  // What is interpolated over triangles: of vertices that refinement added the mean of those that
+  // they are between, not unit, so that the surface is lit as the given one. Empty: `normals`.
+  std::vector<glm::vec3> mean_normals;
   std::vector<float> visibility;    // P_V of Eq. 8, one a vertex in [0, 1]
   // Directions that the object blocks, of an open mesh on both sides; null: none that is known.
   std::shared_ptr<const VertexVisibility> directions;
@@ -47,6 +50,9 @@ struct Scene {
   }
   const Mesh& given_mesh() const { return given ? *given : mesh; }
   bool has_holdouts() const { return holdouts && !holdouts->mesh.triangles.empty(); }
+  const std::vector<glm::vec3>& shown_normals() const {
+    return mean_normals.empty() ? normals : mean_normals;
+  }
   bool casts_shadow() const { return !spheres.empty() || baked_shadow; }
 
   // The spheres where the object stands.

@@ -106,7 +106,7 @@ void Rasterizer::set_varyings(const Scene& scene, std::span<const glm::vec4> lig
       Varying& v = varyings_[i];
       v.position = glm::vec3(scene.marker_from_object * glm::dvec3(scene.mesh.vertices[i]));
       if (glm::any(glm::isinf(v.position))) corners_[i].valid = false;  // beyond floats: not drawn
-      v.normal = marker_from_object * scene.normals[i];
+      v.normal = marker_from_object * normals[i];
       v.share =
           light_shares.empty() ? glm::vec4(glm::vec3(scene.visibility[i]), 1) : light_shares[i];
       v.tangent =
@@ -123,6 +123,7 @@ void Rasterizer::sort_triangles(const Geometry& g, int bands) {
   for (std::vector<int>& triangles : triangles_of_) triangles.clear();
   for (std::size_t i = 0; i < g.triangles(); ++i) {
     const glm::ivec3 index = g.corners_of(i);
+  const std::vector<glm::vec3>& normals = scene.shown_normals();
     const PictureCorner &a = corners_[std::size_t(index[0])], &b = corners_[std::size_t(index[1])],
                         &c = corners_[std::size_t(index[2])];
     if (!a.valid || !b.valid || !c.valid) continue;

@@ -48,8 +48,8 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
                            reinterpret_cast<const void*>(sizeof(glm::vec3)));
   }
   if (same_bytes(scene.mesh.vertices, mesh_.vertices) &&
-      same_bytes(scene.mesh.triangles, mesh_.triangles) && same_bytes(scene.normals, normal_) &&
-      same_bytes(scene.mesh.uvs, mesh_.uvs))
+      same_bytes(scene.mesh.triangles, mesh_.triangles) &&
+      same_bytes(scene.shown_normals(), normal_) && same_bytes(scene.mesh.uvs, mesh_.uvs))
     return;
   const Mesh& mesh = scene.mesh;
   mesh_ = {};  // until all is uploaded: a failure must not pass for a mesh that is there
@@ -57,7 +57,7 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
   std::vector<glm::vec2> uvs;
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     vertices.emplace_back(mesh.vertices[i], 0);
-    vertices.emplace_back(scene.normals[i], 0);
+    vertices.emplace_back(scene.shown_normals()[i], 0);
     tangents.push_back(scene.tangents.empty() ? glm::vec4(0) : scene.tangents[i]);
     uvs.push_back(mesh.uvs.empty() ? glm::vec2(0) : mesh.uvs[i]);
   }
@@ -74,7 +74,7 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
   upload_rows(gpu, triangles_, GL_RGBA32I, GL_RGBA_INTEGER, GL_INT, triangles);
   fill(buffers_[0], corners, GL_STATIC_DRAW);
   corner_count_ = int(corners.size());
-  mesh_ = mesh, normal_ = scene.normals;
+  mesh_ = mesh, normal_ = scene.shown_normals();
 }
 
 void MeshBuffers::upload_shares(Gpu& gpu, const Scene& scene, std::span<const glm::vec4> shares) {
