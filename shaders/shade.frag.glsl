@@ -172,6 +172,27 @@ vec3 corner_weights(vec3 pa, vec3 pb, vec3 pc, vec2 p) {
   return w / (w.x + w.y + w.z);
 }
 
+// Of the four samples of a pixel, in 256ths.
+const vec4 kSampleX = vec4(96.0, 224.0, 32.0, 160.0), kSampleY = vec4(32.0, 96.0, 160.0, 224.0);
+
+#if !HOLDOUT
+uniform float curved_cosine;
+
+// Whether a triangle's normals at its samples of a pixel differ by much of the lobe's width.
+bool is_curved(mat3 n, vec3 pa, vec3 pb, vec3 pc, vec2 pixel, bvec4 same) {
+  if (min(min(dot(n[0], n[1]), dot(n[1], n[2])), dot(n[2], n[0])) >= curved_cosine) return false;
+  vec3 at[4];
+  for (int k = 0; k < 4; ++k) {
+    if (!same[k]) continue;
+    vec2 sample_at = pixel + vec2(kSampleX[k], kSampleY[k]) / 256.0;
+    at[k] = normalize(n * corner_weights(pa, pb, pc, sample_at));
+    for (int j = 0; j < k; ++j)
+      if (same[j] && dot(at[j], at[k]) < curved_cosine) return true;
+  }
+  return false;
+}
+#endif
+
 void main() {
   ivec2 local = ivec2(gl_FragCoord.xy);
   uvec4 shown = uvec4(texelFetch(visible, local, 0).r,
@@ -187,14 +208,13 @@ void main() {
 #endif
   bvec4 left = notEqual(shown, uvec4(0u));
   layer = vec4(0.0);
-  // Once a triangle, at the middle of the samples that it covers.
+  // Once a triangle, at the middle of the samples that it covers; at each of them where it is curved.
   while (any(left)) {
     uint number = left.x ? shown.x : left.y ? shown.y : left.z ? shown.z : shown.w;
     bvec4 same = equal(shown, uvec4(number));
     vec4 weight = vec4(same);
     float count = weight.x + weight.y + weight.z + weight.w;
-    vec2 middle = vec2(dot(weight, vec4(96.0, 224.0, 32.0, 160.0)),
-                       dot(weight, vec4(32.0, 96.0, 160.0, 224.0)));
+    vec2 middle = vec2(dot(weight, kSampleX), dot(weight, kSampleY));
     vec2 p = vec2(local + corner) + floor(middle / count) / 256.0;
 
     ivec3 index = texelFetch(triangles, texel(int(number) - 1), 0).xyz;
@@ -202,6 +222,19 @@ void main() {
     vec3 b = texelFetch(vertices, texel(2 * index.y), 0).xyz;
     vec3 c = texelFetch(vertices, texel(2 * index.z), 0).xyz;
     vec3 pa = project(a), pb = project(b), pc = project(c);
+#if !HOLDOUT
+    mat3 normals = mat3(texelFetch(vertices, texel(2 * index.x + 1), 0).xyz,
+                        texelFetch(vertices, texel(2 * index.y + 1), 0).xyz,
+                        texelFetch(vertices, texel(2 * index.z + 1), 0).xyz);
+    if (count > 1.0 && is_curved(normals, pa, pb, pc, vec2(local + corner), same)) {
+      same = bvec4(left.x && same.x, false, false, false);
+      if (!same.x) same.y = left.y && shown.y == number;
+      if (!same.x && !same.y) same.z = left.z && shown.z == number;
+      if (!same.x && !same.y && !same.z) same.w = true;
+      count = 1.0;
+      p = vec2(local + corner) + vec2(dot(vec4(same), kSampleX), dot(vec4(same), kSampleY)) / 256.0;
+    }
+#endif
     vec3 w = corner_weights(pa, pb, pc, p);
     vec3 at = w.x * a + w.y * b + w.z * c;
     // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
@@ -212,9 +245,7 @@ void main() {
 #if HOLDOUT
     vec3 colour = share.rgb;
 #else
-    vec3 n = w.x * texelFetch(vertices, texel(2 * index.x + 1), 0).xyz +
-             w.y * texelFetch(vertices, texel(2 * index.y + 1), 0).xyz +
-             w.z * texelFetch(vertices, texel(2 * index.z + 1), 0).xyz;
+    vec3 n = normals * w;
     n = marker_from_object * (behind ? -n : n);
     float size = length(n);
     n = size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);

@@ -35,19 +35,41 @@ glm::vec3 corner_weights(const PictureCorner& a, const PictureCorner& b, const P
   return w / (w.x + w.y + w.z);
 }
 
-constexpr float kNoneAlike = 2;
+constexpr float kNoneAlike = 2, kNever = -2;
+
+// Radians, at most 1: that of what is matte.
+float lobe_width(const Material& material) {
+  const std::optional<LobeShape> lobe = material.lobe();
+  return lobe ? std::min(2 / std::sqrt(lobe->exponent), 1.0f) : 1.0f;
+}
+// About how much of what a material reflects is glossy.
+float glossy_part(const Material& m) {
+  const auto mean = [](glm::vec3 colour) { return (colour.x + colour.y + colour.z) / 3; };
+  if (m.textured()) return 1;
+  const float metallic = m.pbr ? m.pbr->metallic : 0;
+  const float base = m.pbr ? mean(m.pbr->base_color) : 0;
+  const float glossy = m.pbr ? 0.04f + metallic * base : mean(m.glossy);
+  const float diffuse = m.pbr ? (1 - metallic) * base : mean(m.diffuse);
+  return glossy > 0 ? glossy / (glossy + diffuse) : 0.0f;
+}
+float small_cosine(float angle) { return 1 - 0.5f * angle * angle; }
 
 // Cosine of the angle within which a material's value at the mean of two normals is about the mean
-// of its two values: a twelfth of the width of its lobe.
+// of its two values.
 float alike_cosine(const Material& material) {
   constexpr float kPart = 1.0f / 12;
-  if (material.textured()) return kNoneAlike;  // it may change from triangle to triangle
-  const std::optional<LobeShape> lobe = material.lobe();
-  const float width = lobe ? std::min(2 / std::sqrt(lobe->exponent), 1.0f) : 1.0f;
-  return 1 - 0.5f * kPart * kPart * width * width;
+  // Textures may change from triangle to triangle.
+  return material.textured() ? kNoneAlike : small_cosine(kPart * lobe_width(material));
 }
 
 }  // namespace
+
+float curved_cosine(const Material& material) {
+  constexpr float kPart = 1.0f / 2;
+  constexpr float kFlat = 1 - 1e-5f;  // of a mirror: less is rounding
+  const float angle = kPart * lobe_width(material) / std::sqrt(glossy_part(material));
+  return angle < kPart ? std::min(small_cosine(angle), kFlat) : kNever;
+}
 
 struct Rasterizer::Geometry {
   const Scene& scene;
@@ -55,10 +77,11 @@ struct Rasterizer::Geometry {
   const Mesh& holdout;                     // may be empty
   std::span<const glm::vec4> back_shares;  // may be empty
   std::span<const glm::vec4> holdout_ratios;
-  bool fronts_only;    // backs of the object's triangles are hidden
-  bool surface;        // tangents are asked for
-  bool textured;       // places on the textures are
-  float alike_cosine;  // of normals that are merged
+  bool fronts_only;     // backs of the object's triangles are hidden
+  bool surface;         // tangents are asked for
+  bool textured;        // places on the textures are
+  float alike_cosine;   // of normals that are merged
+  float curved_cosine;  // of normals that are too far apart for one
 
   // Vertices and triangles of the holdouts follow the object's.
   std::size_t own() const { return scene.mesh.vertices.size(); }
@@ -100,6 +123,7 @@ void Rasterizer::project(const Geometry& g, const Pose& camera_from_marker) {
 
 void Rasterizer::set_varyings(const Scene& scene, std::span<const glm::vec4> light_shares) {
   const glm::mat3 marker_from_object(scene.marker_from_object.rotation);
+  const std::vector<glm::vec3>& normals = scene.shown_normals();
   varyings_.resize(scene.mesh.vertices.size());
   parallel_for(int(varyings_.size()), kVertices, [&](int begin, int end) {
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
@@ -121,13 +145,20 @@ void Rasterizer::set_varyings(const Scene& scene, std::span<const glm::vec4> lig
 void Rasterizer::sort_triangles(const Geometry& g, int bands) {
   if (triangles_of_.size() < std::size_t(bands)) triangles_of_.resize(std::size_t(bands));
   for (std::vector<int>& triangles : triangles_of_) triangles.clear();
+  bends_.resize(g.curved_cosine > kNever ? g.own_triangles() : 0);
   for (std::size_t i = 0; i < g.triangles(); ++i) {
     const glm::ivec3 index = g.corners_of(i);
-  const std::vector<glm::vec3>& normals = scene.shown_normals();
     const PictureCorner &a = corners_[std::size_t(index[0])], &b = corners_[std::size_t(index[1])],
                         &c = corners_[std::size_t(index[2])];
     if (!a.valid || !b.valid || !c.valid) continue;
     if (g.fronts_only && i < g.own_triangles() && is_back(a, b, c)) continue;
+    if (i < bends_.size()) {
+      const glm::vec3 &n0 = g.scene.normals[std::size_t(index[0])],
+                      &n1 = g.scene.normals[std::size_t(index[1])],
+                      &n2 = g.scene.normals[std::size_t(index[2])];
+      bends_[i] = !(glm::dot(n0, n1) >= g.curved_cosine && glm::dot(n1, n2) >= g.curved_cosine &&
+                    glm::dot(n2, n0) >= g.curved_cosine);
+    }
     const int y0 = std::max(int(std::min({a.y, b.y, c.y}) / kSubpixel) - top_, 0) / kBand;
     const int y1 = std::min(int(std::max({a.y, b.y, c.y}) / kSubpixel), bottom_) - top_;
     for (int band = y0; band <= y1 / kBand && y1 >= 0; ++band)
@@ -166,7 +197,7 @@ void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, s
   }
   // Written where it stays: copied at once, it would be waited for.
   Fragment& fragment = band.object.emplace_back();
-  fragment.x = x, fragment.y = y, fragment.coverage = coverage;
+  fragment.x = x, fragment.y = y, fragment.triangle = triangle, fragment.coverage = coverage;
   fragment.position = v.position, fragment.share = v.share;
   const float length = glm::length(v.normal);
   fragment.normal = length > 0 ? v.normal / length : glm::vec3(0, 0, 1);
@@ -210,12 +241,35 @@ void merge(std::vector<Fragment>& fragments, std::size_t first, float cosine) {
 
 }  // namespace
 
-// Once a triangle, at the middle of the samples that it covers.
+bool Rasterizer::is_curved(const Geometry& g, int triangle, int x, int y,
+                           const SampleCell& cell) const {
+  const glm::ivec3& index = g.scene.mesh.triangles[std::size_t(triangle)];
+  const std::size_t i[3] = {std::size_t(index[0]), std::size_t(index[1]), std::size_t(index[2])};
+  const glm::vec3 &n0 = varyings_[i[0]].normal, &n1 = varyings_[i[1]].normal,
+                  &n2 = varyings_[i[2]].normal;
+  const PictureCorner &a = corners_[i[0]], &b = corners_[i[1]], &c = corners_[i[2]];
+  glm::vec3 at[kSamples];
+  int count = 0;
+  for (std::size_t k = 0; k < kSamples; ++k) {
+    if (cell.triangle[k] != triangle) continue;
+    const glm::vec3 w = corner_weights(a, b, c, std::int64_t{x} * kSubpixel + kSampleX[k],
+                                       std::int64_t{y} * kSubpixel + kSampleY[k]);
+    const glm::vec3 n = glm::normalize(w.x * n0 + w.y * n1 + w.z * n2);
+    for (int j = 0; j < count; ++j)
+      if (glm::dot(at[j], n) < g.curved_cosine) return true;
+    at[count++] = n;
+  }
+  return false;
+}
+
+// Once a triangle, at the middle of the samples that it covers; at each of them where it is curved.
 void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, FragmentBand& band) const {
   const SampleCell* cell = window.cells;
   for (int y = window.top; y <= window.bottom; ++y)
     for (int x = window.left; x <= window.right; ++x, ++cell) {
       const std::size_t first = band.object.size();
+      int asked = -1;  // whether it is curved
+      bool curved = false;
       for (std::size_t s = 0; s < kSamples; ++s) {
         const int t = cell->triangle[s];
         if (t < 0) continue;
@@ -227,6 +281,10 @@ void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, Fragment
           before = before || k < s;
           px += kSampleX[k], py += kSampleY[k], ++count;
         }
+        if (count > 1 && may_bend(t)) {
+          if (t != asked) asked = t, curved = is_curved(g, t, x, y, *cell);
+          if (curved) before = false, count = 1, px = kSampleX[s], py = kSampleY[s];
+        }
         if (!before)
           add(g, t, x, y, count, std::int64_t{x} * kSubpixel + px / count,
               std::int64_t{y} * kSubpixel + py / count, band);
@@ -236,11 +294,11 @@ void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, Fragment
     }
 }
 
-std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& camera,
-                                                    const Pose& camera_from_marker,
-                                                    std::span<const glm::vec4> light_shares,
-                                                    std::span<const glm::vec4> holdout_ratios,
-                                                    bool merge_alike) {
+std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& camera,
+                                              const Pose& camera_from_marker,
+                                              std::span<const glm::vec4> light_shares,
+                                              std::span<const glm::vec4> holdout_ratios,
+                                              bool merge_alike) {
   const std::size_t own = scene.mesh.vertices.size();
   check(light_shares.empty() || light_shares.size() == own || light_shares.size() == 2 * own,
         "there must be a share of the light for each vertex, or each side of them, ", own, ", got ",
@@ -259,7 +317,8 @@ std::span<const FragmentBand> Rasterizer::rasterize(const Scene& scene, const Ca
                           scene.fronts_only && !is_inside(bounds(scene.mesh.vertices), eye),
                           !scene.tangents.empty() && scene.material.pbr != nullptr,
                           !scene.mesh.uvs.empty() && scene.material.textured(),
-                          merge_alike ? alike_cosine(scene.material) : kNoneAlike};
+                          merge_alike ? alike_cosine(scene.material) : kNoneAlike,
+                          curved_cosine(scene.material)};
   project(geometry, camera_from_marker);
   if (left_ > right_ || top_ > bottom_) return {};
   set_varyings(scene, light_shares);

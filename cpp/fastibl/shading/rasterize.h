@@ -14,6 +14,7 @@ namespace fastibl {
 // The part of a pixel that one triangle covers; several may share a pixel.
 struct Fragment {
   int x, y;
+  int triangle;        // of the scene's mesh
   float coverage;      // in quarters
   glm::vec3 position;  // marker frame, metres
   glm::vec3 normal;    // marker frame, unit, facing the camera's side of the triangle
@@ -36,6 +37,12 @@ struct FragmentBand {
   std::vector<HoldoutFragment> holdouts;
 };
 
+// Within a pixel, a triangle whose normals differ by half of the width of the material's lobe, or
+// more where little of its light is glossy, is shaded at each of its samples: at their middle
+// alone, a rim of a pixel or two misses what it mirrors, and flickers. This is the cosine of that
+// angle; -2 where it is as wide as of matte light.
+float curved_cosine(const Material& material);
+
 // Keeps its memory from picture to picture.
 class Rasterizer {
  public:
@@ -45,11 +52,11 @@ class Rasterizer {
   // of their backs after them; empty: P_V of the scene, and all of the glossy light.
   // holdout_ratios: of each vertex of the holdouts; empty: 1. merge_alike: parts of one pixel whose
   // normals hardly differ, for the material that there is, become one; of textures none.
-  std::span<const FragmentBand> rasterize(const Scene& scene, const Camera& camera,
-                                          const Pose& camera_from_marker,
-                                          std::span<const glm::vec4> light_shares = {},
-                                          std::span<const glm::vec4> holdout_ratios = {},
-                                          bool merge_alike = false);
+  std::span<FragmentBand> rasterize(const Scene& scene, const Camera& camera,
+                                    const Pose& camera_from_marker,
+                                    std::span<const glm::vec4> light_shares = {},
+                                    std::span<const glm::vec4> holdout_ratios = {},
+                                    bool merge_alike = false);
 
  private:
   // What is interpolated over triangles, marker frame.
@@ -62,6 +69,12 @@ class Rasterizer {
   void project(const Geometry& geometry, const Pose& camera_from_marker);
   void set_varyings(const Scene& scene, std::span<const glm::vec4> light_shares);
   void sort_triangles(const Geometry& geometry, int bands);
+  bool may_bend(int triangle) const {
+    return std::size_t(triangle) < bends_.size() && bends_[std::size_t(triangle)];
+  }
+  // Whether normals at a triangle's samples of a pixel are too far apart.
+  bool is_curved(const Geometry& geometry, int triangle, int x, int y,
+                 const SampleCell& cell) const;
   void resolve(const Geometry& geometry, const SampleWindow& window, FragmentBand& band) const;
   void add(const Geometry& geometry, int triangle, int x, int y, int count, std::int64_t px,
            std::int64_t py, FragmentBand& band) const;
@@ -69,6 +82,7 @@ class Rasterizer {
   std::vector<PictureCorner> corners_;          // of the object's vertices, then of the holdouts'
   std::vector<Varying> varyings_;               // of the object's vertices
   std::vector<std::vector<int>> triangles_of_;  // by band
+  std::vector<std::uint8_t> bends_;  // of each of the object's triangles: it may be curved
   std::vector<FragmentBand> found_;
   int left_ = 0, right_ = -1, top_ = 0, bottom_ = -1;  // of all vertices, within the picture
 };

@@ -8,6 +8,7 @@
 #include "fastibl/scene/glossy.h"
 #include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/shared_formulas.h"
+#include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/sample_cells.h"
 
 namespace fastibl {
@@ -306,6 +307,7 @@ void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
   set_projection(p, in, camera_from_object(in));
   set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
   set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
+  glUniform1f(p.uniform("curved_cosine"), curved_cosine(in.scene.material));
   gpu.bind("visible", visible_);
   mesh_.bind(gpu);
   glUniform1i(p.uniform("backs"), mesh_.backs());
