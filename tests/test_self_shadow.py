@@ -9,6 +9,7 @@ from test_occlusion import floor_and_wall, soup
 import fastibl
 from conftest import same_error, units
 from fastibl import _fastibl, reference
+from fastibl.extremes.views import looking, rays_of
 
 MATTE = fastibl.Material(diffuse=(0.8, 0.7, 0.6))
 
@@ -390,7 +391,7 @@ def test_the_picture_holds_the_shares():
 
 
 def test_methods_by_name():
-    assert [m.name for m in fastibl.methods("self_shadow")] == ["none", "ambient-occlusion", "transfer"]
+    assert [m.name for m in fastibl.methods("self_shadow")] == ["none", "ambient-occlusion", "transfer", "traced"]
     pictures = {
         m: session_of({"self_shadow": m})[0].object.rgba for m in ("none", "ambient-occlusion", "transfer", "auto")
     }
@@ -400,6 +401,95 @@ def test_methods_by_name():
     paper = session_of("paper")[1]
     assert paper.plan.methods.self_shadow == "ambient-occlusion" and "self_shadow" not in paper.passes
     same_error(lambda: session_of({"self_shadow": "best"}), ValueError, "best", "transfer")
+
+
+def share_picture(scene, method, environment, pose):
+    """(h, w) what is left of the glossy light, and where pixels are all object."""
+    made = []
+    for name in (method, "none"):
+        methods = {"self_shadow": name, "bounce": "none", "glossy": fastibl.Method("sampled", taps=64)}
+        session = fastibl.Session(scene, fastibl.Rig(LENS), environment=environment, methods=methods)
+        session.process(fastibl.Frame(0.0, back_from_marker=pose))
+        layer, full = session.object, np.zeros((LENS.height, LENS.width, 4))
+        h, w = layer.rgba.shape[:2]
+        full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
+        made.append(full)
+    whole = made[1][..., 3] == 1
+    return np.where(whole, made[0][..., 1] / np.where(whole, made[1][..., 1], 1), 1), whole
+
+
+LENS = fastibl.Camera(96, 72, 110.0, 110.0, 48.0, 36.0)
+
+
+def lobe_weights(material, normal, view, d):
+    """Of directions d (n, 3): half vectors to the exponent, or GGX with Smith's masking, times the cosine."""
+    half = d + view
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    cosine, h, v = np.maximum(d @ normal, 0), np.maximum(half @ normal, 0), normal @ view
+    if material.model != "pbr":
+        return h**material.exponent * cosine
+    alpha2 = material.roughness**4
+    mask = v * np.sqrt(alpha2 + (1 - alpha2) * cosine**2) + cosine * np.sqrt(alpha2 + (1 - alpha2) * v**2)
+    return cosine / (1 + (alpha2 - 1) * h**2) ** 2 / np.maximum(mask, 1e-9)
+
+
+@pytest.mark.parametrize("kind", ["broad", "shiny", "ggx"])
+def test_traced_shares_against_brute_force(kind):
+    """The share of the lobe at pixels between vertices: every texel, cut, against every triangle."""
+    material = {
+        "broad": fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=16),
+        "shiny": fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=200),
+        "ggx": fastibl.Material.pbr((1, 1, 1), metallic=1.0, roughness=0.45),
+    }[kind]
+    d = fastibl.texel_directions(64)
+    cube = fastibl.CubeMap(smooth_map(size=64).faces.mean(axis=-1, keepdims=True) * np.ones(3))
+    faces = cube.faces.copy()
+    faces[d @ [-0.36, 0.48, 0.8] > 0.96] = 20
+    cube = fastibl.CubeMap(faces)
+    scene = fastibl.Scene(BOXES, material, spheres=0, refine=False)  # of corners alone
+    eye, middle = np.array([-0.35, 0.1, 0.42]), np.array([0.05, 0, 0])
+    pose = looking(middle - eye, eye)
+    directions, angles, radiance = reference.samples(cube, 2)
+    seen = rays_of(LENS, pose).reshape(LENS.height, LENS.width, 3)
+    triangle, t, _ = fastibl.Bvh(BOXES).nearest(
+        np.broadcast_to(eye, (seen.size // 3, 3)).astype(np.float32), seen.reshape(-1, 3).astype(np.float32)
+    )
+    triangle, t = triangle.reshape(seen.shape[:2]), t.reshape(seen.shape[:2])
+    traced, whole = share_picture(scene, "traced", cube, pose)
+    transfer, _ = share_picture(scene, "transfer", cube, pose)
+    inside = whole.copy()  # all of a pixel and its neighbours on one side of one box
+    side = np.where(triangle >= 0, triangle // 2, -1)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            inside &= (np.roll(side, step, axis) == side) & (side >= 0)
+    rows, columns = np.nonzero(inside)
+    chosen = np.random.default_rng(0).permutation(len(rows))[:50]
+    corners, true, error = BOXES.vertices.astype(float), [], {"traced": [], "transfer": []}
+    for y, x in zip(rows[chosen], columns[chosen], strict=True):
+        normal = BOXES.normals[BOXES.triangles[triangle[y, x]][0]].astype(float)
+        place = eye + t[y, x] * seen[y, x] + 1e-5 * normal
+        a, b, c = np.moveaxis((corners - place)[BOXES.triangles], 1, 0)
+        sides = np.stack([directions @ np.cross(p, q).T for p, q in ((a, b), (b, c), (c, a))], -1)
+        sides *= np.sign((a * np.cross(b, c)).sum(-1))[:, None]
+        free = ~(sides > 0).all(-1).any(-1)
+        view = (eye - place) / np.linalg.norm(eye - place)
+        light = lobe_weights(material, normal, view, directions) * angles * radiance[:, 1]
+        true.append((light * free).sum() / light.sum())
+        error["traced"].append(traced[y, x] - true[-1]), error["transfer"].append(transfer[y, x] - true[-1])
+    rms = {name: np.sqrt(np.mean(np.square(e))) for name, e in error.items()}
+    print(f"{kind}: least share {min(true):.2f}; RMS traced {rms['traced']:.4f}, transfer {rms['transfer']:.4f}")
+    assert min(true) < 0.5 and len(chosen) == 50
+    assert rms["traced"] < 0.02 and rms["traced"] < 0.2 * rms["transfer"]
+
+
+def test_traced_is_of_the_cpu_alone():
+    if _fastibl.with_gl:
+        same_error(lambda: session_of({"self_shadow": "traced"}, backend="gl"), ValueError, "traced", "cpu")
+        session, _ = session_of({"self_shadow": "transfer"}, backend="gl")
+        same_error(lambda: session.set_methods({"self_shadow": "traced"}), ValueError, "traced", "cpu")
+    without, _ = session_of({"self_shadow": "traced"}, MATTE)  # of matte light there is nothing to trace
+    transfer, _ = session_of({"self_shadow": "transfer"}, MATTE)
+    assert np.array_equal(without.object.rgba, transfer.object.rgba)
 
 
 def test_p_v_is_the_papers():

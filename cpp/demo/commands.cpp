@@ -121,7 +121,12 @@ std::vector<Command> make_commands() {
       {"methods", "shadow-method", "f", "shadow on the plane", method_names<kShadowMethods>,
        method_of<&Methods::shadow>, set_method<&Methods::shadow, shadow_method>},
       {"methods", "self-shadow", "a", "what the object hides of its own light",
-       method_names<kSelfShadowMethods>, method_of<&Methods::self_shadow>,
+       [](const Player& p) {
+         Values values = method_names<kSelfShadowMethods>(p);
+         if (p.backend() == "gl") std::erase(values, name(SelfShadowMethod::traced));
+         return values;
+       },
+       method_of<&Methods::self_shadow>,
        set_method<&Methods::self_shadow, self_shadow_method>},
       {"methods", "bounce", "u", "light between object and plane", method_names<kBounceMethods>,
        method_of<&Methods::bounce>, set_method<&Methods::bounce, bounce_method>},

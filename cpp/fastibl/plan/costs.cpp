@@ -133,8 +133,7 @@ double shadow_texels(const Methods& m) {
 
 double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Workload& w) {
   const double pixels = double(w.width) * w.height;
-  const bool transfer =
-      m.self_shadow == SelfShadowMethod::transfer || m.self_shadow == SelfShadowMethod::automatic;
+  const bool transfer = knows_directions(m.self_shadow);
   double ns = 0;
   switch (pass) {
     case PassId::track:

@@ -35,14 +35,15 @@ void add_directions(const SceneOptions& options, bool backs, Scene& scene) {
   MeshRefineOptions finer;
   finer.backs = backs;
   if (!options.refine) finer.most_vertices = 0;
-  const Bvh bvh(scene.mesh);
+  scene.bvh = std::make_shared<const Bvh>(scene.mesh);
+  const Bvh& bvh = *scene.bvh;
   const float offset = ray_offset(scene.mesh);
   RefinedMesh refined = refine(scene.mesh, bvh, finer);
   if (!refined.parents.empty()) {
     interpolate(refined, scene.visibility);
-    scene.given = std::make_shared<const Mesh>(std::move(scene.mesh));
     scene.mean_normals = std::move(scene.normals);
     interpolate(refined, scene.mean_normals);
+    scene.given = std::make_shared<const Mesh>(std::move(scene.mesh));
     scene.mesh = std::move(refined.mesh);
     scene.normals = vertex_normals(scene.mesh);
   }

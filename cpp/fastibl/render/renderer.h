@@ -42,6 +42,8 @@ class Renderer {
  public:
   virtual ~Renderer() = default;
   virtual std::string_view backend() const = 0;
+  // Whether it has SelfShadowMethod::traced: shares of single pixels.
+  virtual bool traces() const = 0;
   // Runs one of kRenderPasses; throws std::invalid_argument for another.
   virtual void run(PassId pass, const RenderInput& input) = 0;
   // Forgets a product, and what its next run would follow: the ratio is 1, or nothing covers the

@@ -33,6 +33,15 @@ constexpr double kSmallestHeight =
 
 }  // namespace
 
+namespace {
+
+void check_methods(const Methods& methods, const Renderer& renderer) {
+  check(methods.self_shadow != SelfShadowMethod::traced || renderer.traces(), "the ",
+        renderer.backend(), " back end has no self_shadow method traced; backend=\"cpu\" has it");
+}
+
+}  // namespace
+
 Session::Session(Scene scene, Rig rig, std::optional<Board> board,
                  std::shared_ptr<const Environment> environment, Detector detector,
                  std::unique_ptr<Renderer> renderer, SessionOptions options)
@@ -52,6 +61,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   if (board_ && options_.follow_surroundings && perspective) rotation_tracker_.emplace(rig_);
   check(!board_ || detector_, "a session with a board needs a detector");
   check(renderer_ != nullptr, "a session needs a renderer");
+  check_methods(options_.methods, *renderer_);
   CaptureOptions capture;
   capture.size = options_.map_size;
   capture.board = board_;
@@ -196,6 +206,7 @@ void Session::move(const Pose& marker_from_object) {
   stale_ |= product::placement;
 }
 void Session::set_methods(const Methods& methods) {
+  check_methods(methods, *renderer_);
   options_.methods = methods;
   replan();
 }
@@ -242,6 +253,7 @@ void Session::set_environment(std::shared_ptr<const Environment> environment) {
 }
 void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
   check(renderer != nullptr, "a session needs a renderer");
+  check_methods(options_.methods, *renderer);
   renderer_ = std::move(renderer);
   replan();
 }
@@ -378,11 +390,9 @@ std::vector<glm::vec4> Session::own_shares() const {
 
 // Of every view anew.
 void Session::find_glossy_shares(const Pose& camera_from_marker) {
-  const bool transfer = plan_.methods.self_shadow == SelfShadowMethod::transfer ||
-                        plan_.methods.self_shadow == SelfShadowMethod::automatic;
   const std::optional<LobeShape> lobe = scene_.material.lobe();
-  if (!transfer || !lobe || !environment_ || !scene_.directions ||
-      scene_.directions->blocks_nothing())
+  if (!knows_directions(plan_.methods.self_shadow) || !lobe || !environment_ ||
+      !scene_.directions || scene_.directions->blocks_nothing())
     return;
   update_cell_light(environment_->radiance);
   const Pose object_from_camera = (camera_from_marker * scene_.marker_from_object).inverse();

@@ -61,6 +61,8 @@ std::string_view name(SelfShadowMethod method) {
       return "none";
     case SelfShadowMethod::ambient:
       return "ambient-occlusion";
+    case SelfShadowMethod::traced:
+      return "traced";
     default:
       return "transfer";
   }

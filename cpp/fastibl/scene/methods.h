@@ -45,6 +45,7 @@ enum class SelfShadowMethod {
   none,
   ambient,   // P_V of Eq. 8: the share of directions that are free, whatever the light
   transfer,  // the light of the directions that are free, by vertex and channel
+  traced,    // and the share of the glossy light by rays at every pixel that may be short of it
 };
 enum class BounceMethod {
   automatic,
@@ -63,6 +64,11 @@ enum class CaptureMethod {
   continuous,  // every picture of both cameras, all exposures merged
 };
 
+// Of those that ask which directions are free.
+inline bool knows_directions(SelfShadowMethod method) {
+  return method != SelfShadowMethod::none && method != SelfShadowMethod::ambient;
+}
+
 // All methods of a step in order of the enum, without `automatic`.
 inline constexpr std::array kDiffuseMethods = {
     DiffuseMethod::nearest_face, DiffuseMethod::six_face,  DiffuseMethod::six_face_exact,
@@ -75,7 +81,8 @@ inline constexpr std::array kNormalizations = {Normalization::energy, Normalizat
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product,
                                               ShadowMethod::directions, ShadowMethod::mesh};
 inline constexpr std::array kSelfShadowMethods = {SelfShadowMethod::none, SelfShadowMethod::ambient,
-                                                  SelfShadowMethod::transfer};
+                                                  SelfShadowMethod::transfer,
+                                                  SelfShadowMethod::traced};
 inline constexpr std::array kBounceMethods = {BounceMethod::none, BounceMethod::one};
 inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker, TrackingMethod::board,
                                                 TrackingMethod::edges};
@@ -113,7 +120,7 @@ struct GlossySettings {
 };
 struct ShadowSettings {
   int directions = 256;  // that stand for all light
-  int fine = 0;  // texels along an edge of a map of its own for a compact light, 0: none
+  int fine = 0;          // texels along an edge of a map of its own for a compact light, 0: none
   bool operator==(const ShadowSettings&) const = default;
 };
 inline constexpr int kLeastDirections = 8, kMostDirections = 4096;

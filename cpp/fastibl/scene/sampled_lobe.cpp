@@ -12,25 +12,40 @@ struct HalfVector {
   float solid_angle;  // of the taps around it, over all h
 };
 
-// Half vectors of one exponent, kept for the next call of a thread: a scene has few exponents.
+// Cosine and sine of a half vector, and the part of dh that it stands for.
+struct Inclination {
+  double cosine, sine, solid_angle;
+};
+// Where the share u of ∫ (n·h)^s dh = 2π/(s + 1) (1 − cos^{s+1}) is beyond it; of GGX's
+// ∫ D (n·h) dh, D = α²/(π ((n·h)² (α² − 1) + 1)²).
+Inclination inclination(const LobeShape& lobe, double u, int taps) {
+  if (lobe.ggx) {
+    const double alpha2 = 2 / double(lobe.exponent), down = 1 - u;  // at the normal: u = 1
+    const double cosine2 = u / (1 + (alpha2 - 1) * down), cosine = std::sqrt(cosine2);
+    const double d = cosine2 * (alpha2 - 1) + 1;
+    const double angle = std::numbers::pi * d * d / (alpha2 * cosine * taps);
+    return {cosine, std::sqrt(std::max(0.0, 1 - cosine2)), angle};
+  }
+  const double power = 1 / (double(lobe.exponent) + 1), c = std::pow(u, power),
+               h = std::sqrt(std::max(0.0, -std::expm1(2 * power * std::log(u))));
+  // 1/(N p), p = (s + 1)/(2π) c^s, c^−s = c/u.
+  return {c, h, 2 * std::numbers::pi * power / taps * c / u};
+}
+
+// Half vectors of one lobe, kept for the next call of a thread: a scene has few lobes.
 struct Lattice {
-  float s = -1;
+  LobeShape lobe{-1};
   int taps = 0;
   std::vector<HalfVector> half;
 
-  void set(float exponent, int count) {
-    if (exponent == s && count == taps) return;
-    s = exponent, taps = count;
+  void set(const LobeShape& asked, int count) {
+    if (asked.exponent == lobe.exponent && asked.ggx == lobe.ggx && count == taps) return;
+    lobe = asked, taps = count;
     half.clear();
-    // Equal shares u of ∫ (n·h)^s dh = 2π/(s + 1) (1 − cos^{s+1}); an odd tap takes the one at the
-    // normal.
+    // Equal shares; an odd tap takes the one at the normal.
     const int pairs = taps / 2;
-    const double power = 1 / (double(s) + 1);
     const auto add = [&](double u, double turn) {
-      const double c = std::pow(u, power),
-                   h = std::sqrt(std::max(0.0, -std::expm1(2 * power * std::log(u))));
-      // A tap's share of dh: 1/(N p), p = (s + 1)/(2π) c^s.
-      const double angle = 2 * std::numbers::pi * power / taps * c / u;  // c^−s = c/u
+      const auto [c, h, angle] = inclination(lobe, u, taps);
       for (const double side : {1.0, -1.0}) {
         half.push_back(
             {float(h * std::cos(turn)), float(side * h * std::sin(turn)), float(c), float(angle)});
@@ -81,27 +96,44 @@ float sampled_texel_share(float s, int face_size) {
   return std::clamp(2 * texels - 1, 0.0f, 1.0f);
 }
 
-glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 n, glm::vec3 v, float s, int taps) {
+std::span<const LobeTap> lobe_taps(const CubeMap& map, glm::vec3 n, glm::vec3 v,
+                                   const LobeShape& lobe, int taps) {
+  thread_local std::vector<LobeTap> found;
+  found.clear();
   const glm::vec3 mirror = 2 * glm::dot(n, v) * n - v;
-  const float nearest = sampled_texel_share(s, map.size());
-  if (std::isinf(s)) return map.sample(mirror, 0);
-  thread_local Lattice lattice;
-  lattice.set(s, taps);
-  const glm::vec3 t = incidence(n, v), b = glm::cross(n, t);
-  glm::vec3 sum(0);
+  const float s = lobe.exponent, nearest = sampled_texel_share(s, map.size());
   float total = 0;
-  for (const HalfVector& half : lattice.half) {
-    const glm::vec3 h = half.x * t + half.y * b + half.z * n;
-    const float vh = glm::dot(v, h);
-    const glm::vec3 l = 2 * vh * h - v;
-    const float nl = glm::dot(n, l);
-    if (!(vh > 0 && nl > 0)) continue;
-    const float weight = vh * nl;  // dl = 4 (v·h) dh
-    sum += weight * filtered(map, l, 4 * vh * half.solid_angle, nearest);
-    total += weight;
+  if (!std::isinf(s)) {
+    thread_local Lattice lattice;
+    lattice.set(lobe, taps);
+    const glm::vec3 t = incidence(n, v), b = glm::cross(n, t);
+    const float alpha2 = 2 / s, nv = std::max(glm::dot(n, v), 1e-3f);
+    const float view_mask = std::sqrt(alpha2 + (1 - alpha2) * nv * nv);
+    for (const HalfVector& half : lattice.half) {
+      const glm::vec3 h = half.x * t + half.y * b + half.z * n;
+      const float vh = glm::dot(v, h);
+      const glm::vec3 l = 2 * vh * h - v;
+      const float nl = glm::dot(n, l);
+      if (!(vh > 0 && nl > 0)) continue;
+      float weight = vh * nl;  // dl = 4 (v·h) dh
+      if (lobe.ggx)            // by Smith's shadowing and masking over 4 (n·l) (n·v), times n·l
+        weight /= half.z * (std::sqrt(alpha2 + (1 - alpha2) * nl * nl) * nv + view_mask * nl);
+      found.push_back({l, filtered(map, l, 4 * vh * half.solid_angle, nearest), weight});
+      total += weight;
+    }
   }
   // Below: all taps graze, and their light, times such weights, would vanish in float.
-  return total > 1e-12f ? sum / total : map.sample(mirror, 0);
+  if (total > 1e-12f) return found;
+  found.assign(1, {mirror, map.sample(mirror, 0), 1});
+  return found;
+}
+
+glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 n, glm::vec3 v, float s, int taps) {
+  glm::vec3 sum(0);
+  float total = 0;
+  for (const LobeTap& tap : lobe_taps(map, n, v, {s}, taps))
+    sum += tap.weight * tap.radiance, total += tap.weight;
+  return sum / total;
 }
 
 }  // namespace fastibl

@@ -15,6 +15,7 @@
 
 namespace fastibl {
 
+class Bvh;
 class MeshShadow;
 class SceneSamples;
 
@@ -26,14 +27,15 @@ struct Scene {
   Pose marker_from_object;
   bool fronts_only = false;        // from outside no back of a triangle is seen: see faces_outwards
   std::vector<glm::vec3> normals;  // one a vertex, unit
-  std::vector<glm::vec4> tangents;  // one a vertex, see vertex_tangents
   // What is interpolated over triangles: of vertices that refinement added the mean of those that
   // they are between, not unit, so that the surface is lit as the given one. Empty: `normals`.
   std::vector<glm::vec3> mean_normals;
+  std::vector<glm::vec4> tangents;  // one a vertex, see vertex_tangents
   std::vector<float> visibility;    // P_V of Eq. 8, one a vertex in [0, 1]
   // Directions that the object blocks, of an open mesh on both sides; null: none that is known.
   std::shared_ptr<const VertexVisibility> directions;
   std::vector<glm::vec3> origins;  // of each of its entries: where its rays started, but an offset
+  std::shared_ptr<const Bvh> bvh;  // of `mesh`, for those rays; null where there are none
   SphereSet spheres;               // proxies of the mesh, in its frame
   // What the mesh hides of the sky, for the `mesh` shadow, see shadow/mesh_shadow.h; may be null.
   std::shared_ptr<const MeshShadow> baked_shadow = nullptr;
@@ -48,11 +50,11 @@ struct Scene {
     if (asked != ShadowMethod::automatic) return asked;
     return baked_shadow ? ShadowMethod::mesh : ShadowMethod::directions;
   }
-  const Mesh& given_mesh() const { return given ? *given : mesh; }
-  bool has_holdouts() const { return holdouts && !holdouts->mesh.triangles.empty(); }
   const std::vector<glm::vec3>& shown_normals() const {
     return mean_normals.empty() ? normals : mean_normals;
   }
+  const Mesh& given_mesh() const { return given ? *given : mesh; }
+  bool has_holdouts() const { return holdouts && !holdouts->mesh.triangles.empty(); }
   bool casts_shadow() const { return !spheres.empty() || baked_shadow; }
 
   // The spheres where the object stands.

@@ -193,7 +193,10 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
       if (edges.empty() || !(length > 0) || !std::isfinite(length)) continue;
       glm::vec3 view = to / length;
       const float cosine = glm::dot(n, view);
-      if (cosine < kBehind) continue;
+      if (cosine < kBehind) {
+        shares[e].w = kMostTouched;
+        continue;
+      }
       if (cosine < kGrazing) view = glm::normalize(view + (kGrazing - cosine) * n);
       hidden.set(edges, visibility.size);
       View at = common;
@@ -203,7 +206,7 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
       const glm::vec3 mirrored = 2 * at.nv * n - view;
       Sums sums;
       add_up(cells, flux, at, &mirrored.x, least, hidden.masks(), lobe.ggx, &sums);
-      if (sums.all > 0) shares[e].w = std::clamp(1 - sums.lost / sums.all, 0.0f, 1.0f);
+      if (sums.all > 0) shares[e].w = std::clamp(1 - sums.lost / sums.all, 0.0f, kMostTouched);
     }
   });
 }

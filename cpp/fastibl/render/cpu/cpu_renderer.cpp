@@ -2,6 +2,7 @@
 
 #include "fastibl/render/renderer.h"
 #include "fastibl/shading/shade.h"
+#include "fastibl/shading/traced_shares.h"
 #include "fastibl/shadow/scene_shadow.h"
 
 namespace fastibl {
@@ -10,6 +11,7 @@ namespace {
 class CpuRenderer final : public Renderer {
  public:
   std::string_view backend() const override { return "cpu"; }
+  bool traces() const override { return true; }
 
   void run(PassId pass, const RenderInput& in) override {
     switch (pass) {
@@ -24,9 +26,11 @@ class CpuRenderer final : public Renderer {
       }
       case PassId::shade: {
         const glm::vec3 eye(in.camera_from_marker.inverse().translation);
-        const std::span<const FragmentBand> seen =
+        const std::span<FragmentBand> seen =
             rasterizer_.rasterize(in.scene, in.camera, in.camera_from_marker, in.light_shares,
                                   in.holdout_ratios, in.shades_alike_as_one);
+        if (in.methods.self_shadow == SelfShadowMethod::traced && in.lighting.radiance)
+          trace_shares(in.scene, *in.lighting.radiance, eye, seen);
         double count = 0;
         for (const FragmentBand& band : seen) count += double(band.object.size());
         shaded_ = count;
