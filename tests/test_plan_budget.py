@@ -12,7 +12,7 @@ import pytest
 import fastibl
 from conftest import same_error
 from fastibl import costs
-from fastibl._fastibl import _due_seconds, _measured_errors, _plan_seconds
+from fastibl._fastibl import _due_seconds, _measured_errors, _plan_seconds, with_gl
 from fastibl.lighting import AUTO
 from views import camera_of, looking
 
@@ -74,6 +74,25 @@ def test_methods_by_name_stay(scene):
     assert paper.methods == fastibl.make_plan(scene, methods="paper").methods
     assert paper.expected_error > 0.02 and not paper.meets_error
     print(f"the paper's methods: {paper.expected_error:.3f}")
+
+
+def test_pictures_that_have_time_are_less_wrong():
+    """A metal figurine: its own occlusion by rays at pixels where the view is not a live one."""
+    metal = fastibl.Material(diffuse=(0, 0, 0), glossy=(0.8, 0.7, 0.5), exponent=128)
+    shiny = fastibl.Scene(fastibl.shapes.figurine(0.2), metal, spheres=20)
+    live, offline = (fastibl.make_plan(shiny, room(), error=1e-6, track=False, offline=o) for o in (False, True))
+    print(f"live {live.best_error:.4f}, offline {offline.best_error:.4f}: {offline.methods.self_shadow}")
+    assert live.methods.self_shadow != "traced" and offline.methods.self_shadow == "traced"
+    assert "self-shadow traced" in str(offline) and offline.milliseconds > 2 * live.milliseconds
+    assert offline.best_error < 0.8 * live.best_error
+    rig = fastibl.Rig(fastibl.Camera(96, 72, 110.0, 110.0, 48.0, 36.0))
+    chosen = {}
+    for backend in ("cpu", "gl") if with_gl else ("cpu",):
+        session = fastibl.Session(shiny, rig, environment=room(), error=1e-6, offline=True, backend=backend)
+        eye = np.array([0.3, -0.4, 0.3])
+        pose = looking(np.array([0, 0, 0.1]) - eye, eye)
+        chosen[backend] = session.process(fastibl.Frame(0.0, back_from_marker=pose)).plan.methods.self_shadow
+    assert chosen["cpu"] == "traced" and chosen.get("gl", "transfer") == "transfer"
 
 
 def test_what_jumps_is_not_chosen_for_light_that_moves(scene):

@@ -64,8 +64,10 @@ def flip(estimate: NDArray, true: NDArray) -> tuple[float, float] | None:
 
 
 def kept(case: Case, moving: bool, budget: float, rendered: dict[str, tuple[Picture, tuple | None]]) -> Kept:
-    # To a plan, light that is captured is light that moves.
-    plan = fastibl.make_plan(render.scene(case), cases.environment(case.map), error=budget, track=False, capture=moving)
+    # To a plan, light that is captured is light that moves: a live view. Pictures under light that stays have time.
+    plan = fastibl.make_plan(
+        render.scene(case), cases.environment(case.map), error=budget, track=False, capture=moving, offline=not moving
+    )
     methods = chosen(plan)
     key = repr(methods)
     if key not in rendered:
@@ -128,11 +130,12 @@ def promise() -> Iterator[Goal]:
     }
     by_mesh = {m: percent(_share([k.said for k in wide if k.case.mesh == m])) for m in cases.MESHES}
     could = _share([k.errors.whole <= k.budget for k in wide])
+    said = {moving: _share([k.said for k in wide if k.moving == moving]) for moving in (False, True)}
     yield Goal(
-        "it says that it can, budgets of 2 % and more",
-        percent(_share([k.said for k in wide])),
+        "it says that it can, 2 % and more: pictures under light that stays, a live view under light that moves",
+        f"{percent(said[False])}, {percent(said[True])}",
         f">= {percent(SAID)}",
-        _share([k.said for k in wide]) >= SAID,
+        min(said.values()) >= SAID,
         (
             "by material: " + ", ".join(f"{m} {v}" for m, v in by_material.items()),
             "by mesh: " + ", ".join(f"{m} {v}" for m, v in by_mesh.items()),

@@ -282,7 +282,7 @@ void bind_plan(py::module_& module) {
       "_make_plan",
       [](const Scene& scene, const std::shared_ptr<Environment>& environment,
          const Methods& methods, bool track, bool capture, bool cast_shadow, double error,
-         double milliseconds, const std::map<std::string, double>& costs) {
+         double milliseconds, const std::map<std::string, double>& costs, bool offline) {
         const py::gil_scoped_release release;
         PlanOptions options{methods, track, capture, cast_shadow, error, milliseconds, nullptr};
         options.costs = costs_from(costs);
@@ -299,18 +299,19 @@ void bind_plan(py::module_& module) {
           choice.glossy_settings = methods.glossy_settings;
           lighting = fit_lighting({environment, &environment->radiance}, choice);
           options.lighting = &lighting;
-          if (error > 0 || milliseconds > 0)
-            measured = measure_errors(
-                scene, {environment, &environment->radiance}, methods,
-                candidates(methods, candidate_options(scene, !capture, milliseconds > 0)),
-                cast_shadow);
+          if (error > 0 || milliseconds > 0) {
+            CandidateOptions from = candidate_options(scene);
+            from.light_stays = !capture, from.hurried = milliseconds > 0, from.offline = offline;
+            measured = measure_errors(scene, {environment, &environment->radiance}, methods,
+                                      candidates(methods, from), cast_shadow);
+          }
           options.measured = &measured;
         }
         return make_plan(scene, environment.get(), options);
       },
       py::arg("scene"), py::arg("environment"), py::arg("methods"), py::arg("track"),
       py::arg("capture"), py::arg("cast_shadow"), py::arg("error"), py::arg("milliseconds"),
-      py::arg("costs"));
+      py::arg("costs"), py::arg("offline") = false);
   module.def(
       "_measure_costs",
       [] {
@@ -340,7 +341,7 @@ void bind_plan(py::module_& module) {
         const ProcessorClock measuring;
         const MeasuredErrors measured =
             measure_errors(scene, {environment, &environment->radiance}, methods,
-                           candidates(methods, candidate_options(scene, false, false)), true);
+                           candidates(methods, candidate_options(scene)), true);
         const double first = measuring.seconds();
         PlanOptions options;
         options.error = 0.02, options.measured = &measured;
@@ -363,9 +364,10 @@ void bind_plan(py::module_& module) {
         MeasuredErrors errors;
         {
           const py::gil_scoped_release release;
+          CandidateOptions from = candidate_options(scene);
+          from.light_stays = true;
           errors = measure_errors(scene, {environment, &environment->radiance}, methods,
-                                  candidates(methods, candidate_options(scene, true, false)),
-                                  cast_shadow);
+                                  candidates(methods, from), cast_shadow);
         }
         const Candidates& c = errors.candidates;
         py::list diffuse, glossy, self_shadow, shadow, bounce;

@@ -206,7 +206,8 @@ its shadow from the plane behind them.)")
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
                        bool doubt_exposures, const std::array<double, 3>& front_ratio,
                        bool follow_surroundings, const CubeMap* prior, double paper_albedo,
-                       double most_boost, bool adapt, const std::map<std::string, double>& costs) {
+                       double most_boost, bool adapt, const std::map<std::string, double>& costs,
+                       bool offline) {
              Detector function;
              if (!detector.is_none()) function = make_detector(detector);
              std::unique_ptr<Renderer> renderer = renderer_named(backend);
@@ -226,14 +227,15 @@ its shadow from the plane behind them.)")
                                 paper_albedo,
                                 most_boost,
                                 adapt,
-                                costs_from(costs)});
+                                costs_from(costs),
+                                offline});
            }),
            py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
            py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
            py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
            py::arg("box"), py::arg("doubt_exposures"), py::arg("front_ratio"),
            py::arg("follow_surroundings"), py::arg("prior"), py::arg("paper_albedo"),
-           py::arg("most_boost"), py::arg("adapt"), py::arg("costs"))
+           py::arg("most_boost"), py::arg("adapt"), py::arg("costs"), py::arg("offline"))
       .def(
           "_process",
           [](Session& session, double time, const py::object& back, const py::object& front,

@@ -126,8 +126,7 @@ std::vector<Command> make_commands() {
          if (p.backend() == "gl") std::erase(values, name(SelfShadowMethod::traced));
          return values;
        },
-       method_of<&Methods::self_shadow>,
-       set_method<&Methods::self_shadow, self_shadow_method>},
+       method_of<&Methods::self_shadow>, set_method<&Methods::self_shadow, self_shadow_method>},
       {"methods", "bounce", "u", "light between object and plane", method_names<kBounceMethods>,
        method_of<&Methods::bounce>, set_method<&Methods::bounce, bounce_method>},
       {"methods", "backend", "b", "where it is drawn",

@@ -1725,7 +1725,7 @@ class FrameResult:
         Turned, where the board is out of view and the surroundings tell how the cameras turned: the map may be captured with it, but nothing is drawn. Else None.
         """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool, prior: CubeMap, paper_albedo: typing.SupportsFloat | typing.SupportsIndex, most_boost: typing.SupportsFloat | typing.SupportsIndex, adapt: bool, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex]) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool, prior: CubeMap, paper_albedo: typing.SupportsFloat | typing.SupportsIndex, most_boost: typing.SupportsFloat | typing.SupportsIndex, adapt: bool, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool) -> None:
         ...
     def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any, back_last_row: typing.Any = None, attitude: typing.Any = None) -> FrameResult:
         ...
@@ -1818,7 +1818,7 @@ def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8
     """
 def _level_parameters(mapping: str, count: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     ...
-def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex]) -> Plan:
+def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool = False) -> Plan:
     ...
 def _measure_costs() -> dict[str, float]:
     """

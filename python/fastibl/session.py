@@ -26,6 +26,7 @@ def make_plan(
     capture: bool | None = None,
     cast_shadow: bool = True,
     costs: Mapping[str, float] | None = None,
+    offline: bool = False,
 ) -> Plan:
     """Plan of a frame of 640 x 480 pixels: print it for the bill.
 
@@ -35,8 +36,9 @@ def make_plan(
     environment: what is known of the light; a CubeMap is a map known everywhere. error, milliseconds: budgets, 0 for
     none. methods: "auto", "paper" or a mapping from step to method. track, capture: whether poses and map come from
     pictures; capture defaults to whether no environment is given. costs: nanoseconds by name of this machine, see
-    fastibl.costs.machine_costs; a built-in table by default. Raises ValueError for unknown names or negative
-    budgets.
+    fastibl.costs.machine_costs; a built-in table by default. offline: pictures rather than a live view: methods that
+    take tenths of a second for one are among those that "auto" chooses from. Raises ValueError for unknown names or
+    negative budgets.
     """
     environment = _known(environment)
     if capture is None:
@@ -51,6 +53,7 @@ def make_plan(
         float(error),
         float(milliseconds),
         dict(costs or {}),
+        bool(offline),
     )
 
 
@@ -82,7 +85,8 @@ class Session(_Session):
     every exposure; all as Capture has them.
     adapt: frames that take longer than `milliseconds`, or much less, change the methods; off for a replay to the same
     bits. Choices by `error` alone never depend on time. costs: nanoseconds by name of this machine, for `milliseconds`,
-    see fastibl.costs.machine_costs; a built-in table by default.
+    see fastibl.costs.machine_costs; a built-in table by default. offline: pictures rather than a live view: methods
+    that take tenths of a second for one are among those that "auto" chooses from.
     A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
     baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
     cannot start.
@@ -112,6 +116,7 @@ class Session(_Session):
         most_boost: float = 1.0,
         adapt: bool = True,
         costs: Mapping[str, float] | None = None,
+        offline: bool = False,
     ):
         environment = _known(environment)
         resolved = resolve_methods(methods)
@@ -140,6 +145,7 @@ class Session(_Session):
             float(most_boost),
             bool(adapt),
             dict(costs or {}),
+            bool(offline),
         )
 
     def process(self, frame: Frame) -> FrameResult:

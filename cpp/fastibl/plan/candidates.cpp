@@ -25,6 +25,7 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
     all.glossy = {{GlossyMethod::centroid, {0, 0}},   {GlossyMethod::centroid, {0, -1}},
                   {GlossyMethod::stretched, {2, -1}}, {GlossyMethod::stretched, {3, -1}},
                   {GlossyMethod::sampled, {64, -1}},  {GlossyMethod::sampled, {256, -1}}};
+    if (options.offline) all.glossy.push_back({GlossyMethod::sampled, {1024, -1}});
     if (rough) all.glossy.insert(all.glossy.begin(), {GlossyMethod::mip, {}});
     if (options.light_stays)
       all.glossy.insert(all.glossy.end(), {{GlossyMethod::prefiltered, {1, -1}},
@@ -35,6 +36,9 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
   else
     all.self_shadow = {SelfShadowMethod::none, SelfShadowMethod::ambient,
                        SelfShadowMethod::transfer};
+  if (asked.self_shadow == SelfShadowMethod::automatic && options.glossy && options.offline &&
+      options.traces)
+    all.self_shadow.push_back(SelfShadowMethod::traced);
   if (asked.shadow != ShadowMethod::automatic)
     all.shadow = {{asked.shadow, asked.shadow_settings}};
   else if (options.baked_shadow)

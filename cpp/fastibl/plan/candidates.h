@@ -34,6 +34,9 @@ struct CandidateOptions {
   bool baked_shadow = false;
   bool glossy = true;    // false: nothing glossy is shaded, and the default stays
   bool hurried = false;  // there is a time budget
+  // Pictures, not a live view: also what takes a millisecond for a few hundred pixels, `sampled` by
+  // 1024 taps and, where the back end has it, `traced`.
+  bool offline = false, traces = true;
 };
 // Those on the frontier of error and time on real maps (docs/light.md, docs/shadow.md). For light
 // that changes only what changes with it: `sh9` and `sh9-lobes` are off by 0.3 % of the light while

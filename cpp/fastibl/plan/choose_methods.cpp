@@ -86,8 +86,7 @@ Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const 
   };
   const auto milliseconds = [&](const Methods& m) {
     double sum = cost(PassId::irradiance, m) + cost(PassId::shade, m);
-    if (options.transfer && m.self_shadow == SelfShadowMethod::transfer)
-      sum += cost(PassId::self_shadow, m);
+    if (options.transfer && knows_directions(m.self_shadow)) sum += cost(PassId::self_shadow, m);
     if (options.cast_shadow) sum += cost(PassId::shadow, m);
     if (options.cast_shadow && m.bounce == BounceMethod::one)
       sum += cost(PassId::bounce, m) + cost(PassId::plane, m);

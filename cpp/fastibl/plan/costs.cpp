@@ -4,8 +4,8 @@
 
 namespace fastibl {
 
-const std::array<CostField, 36>& cost_fields() {
-  static constexpr std::array<CostField, 36> fields = {
+const std::array<CostField, 37>& cost_fields() {
+  static constexpr std::array<CostField, 37> fields = {
       {{"fold", &Costs::fold},
        {"faces", &Costs::faces},
        {"sh9", &Costs::sh9},
@@ -37,6 +37,7 @@ const std::array<CostField, 36>& cost_fields() {
        {"cells", &Costs::cells},
        {"share_edge", &Costs::share_edge},
        {"glossy_vertex", &Costs::glossy_vertex},
+       {"traced_pixel", &Costs::traced_pixel},
        {"bounce", &Costs::bounce},
        {"bounce_group", &Costs::bounce_group},
        {"plane_texel", &Costs::plane_texel},
@@ -122,6 +123,9 @@ double shadow_cost(const Costs& c, const Methods& m) {
   }
 }
 
+// Share of an object's pixels that it may hide a part of the lobe from.
+constexpr double kPartlyHidden = 0.3;
+
 // Of a baked shadow's three maps, or of a cast one's two.
 double shadow_texels(const Methods& m) {
   constexpr double kTexels = 128 * 128;
@@ -165,6 +169,8 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
            w.object_pixels * (c.raster_pixel + (w.diffuse ? diffuse_pixel(c, m) : 0) +
                               (w.glossy ? glossy_pixel(c, m, w.pbr) : 0)) +
            (w.glossy && transfer ? c.glossy_vertex * w.vertices : 0);
+      if (w.glossy && m.self_shadow == SelfShadowMethod::traced)
+        ns += kPartlyHidden * c.traced_pixel * w.object_pixels;
       break;
     case PassId::composite:
       ns = c.composite_pixel * pixels + c.shadow_pixel * w.shadow_pixels;

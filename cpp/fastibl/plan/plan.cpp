@@ -211,7 +211,7 @@ void set_measured_error(const Choice& choice, const MeasuredErrors& measured, co
     case PassId::self_shadow:
       // What was asked for is no error.
       if (line.included || (asked.self_shadow == SelfShadowMethod::automatic &&
-                            choice.methods.self_shadow != SelfShadowMethod::transfer))
+                            !knows_directions(choice.methods.self_shadow)))
         set(measured.self_shadow[choice.at.self_shadow]);
       return;
     case PassId::bounce:
@@ -243,8 +243,11 @@ Workload workload_of(const Scene& scene, int width, int height, bool light_chang
   return work;
 }
 
-CandidateOptions candidate_options(const Scene& scene, bool light_stays, bool hurried) {
-  return {light_stays, scene.baked_shadow != nullptr, scene.material.reads_radiance(), hurried};
+CandidateOptions candidate_options(const Scene& scene) {
+  CandidateOptions options;
+  options.baked_shadow = scene.baked_shadow != nullptr;
+  options.glossy = scene.material.reads_radiance();
+  return options;
 }
 
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options) {
@@ -307,7 +310,9 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
           leave_out("the object has no spheres");
         break;
       case PassId::self_shadow:
-        line.method = name(SelfShadowMethod::transfer);
+        line.method =
+            name(methods.self_shadow == SelfShadowMethod::traced ? SelfShadowMethod::traced
+                                                                 : SelfShadowMethod::transfer);
         if (const std::string reason = no_transfer(scene); !reason.empty())
           leave_out(reason);
         else if (methods.self_shadow == SelfShadowMethod::none)
@@ -351,8 +356,11 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
       case PassId::shade: {
         const Material& m = scene.material;
+        const char* traced =
+            methods.self_shadow == SelfShadowMethod::traced ? ", self-shadow traced" : "";
         if (m.pbr) {
           line.method = m.reads_irradiance() ? "diffuse + ggx" : "ggx";
+          line.method += traced;
           break;
         }
         line.method = m.glossy == glm::vec3(0)    ? "diffuse"
@@ -364,7 +372,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
               (options.lighting && !choice
                    ? described(options.lighting->glossy, options.lighting->glossy_settings)
                    : described(methods.glossy, methods.glossy_settings)) +
-              ")";
+              ")" + traced;
         break;
       }
       default:

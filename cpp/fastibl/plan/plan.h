@@ -59,7 +59,7 @@ struct Plan {
     return milliseconds_budget == 0 || milliseconds <= milliseconds_budget;
   }
   bool meets_budget() const { return meets_error() && meets_milliseconds(); }
-  static constexpr double kAssurance = 1.4;  // times what the worst of the samples' views has
+  static constexpr double kAssurance = 1.25;  // times what the worst of the samples' views has
 };
 
 struct PlanOptions {
@@ -86,7 +86,8 @@ struct PlanOptions {
 // Of a picture: an object a tenth of it and a shadow map over most of it, whatever the pose, so
 // that the same light gives the same choice.
 Workload workload_of(const Scene& scene, int width, int height, bool light_changes);
-CandidateOptions candidate_options(const Scene& scene, bool light_stays, bool hurried);
+// What the scene tells of them.
+CandidateOptions candidate_options(const Scene& scene);
 
 // environment may be null: nothing is known of the light yet.
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options);

@@ -10,11 +10,13 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
+#include "fastibl/shading/bake_visibility.h"
 #include "fastibl/shading/bounce.h"
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/shade.h"
+#include "fastibl/shading/traced_shares.h"
 #include "fastibl/shadow/scene_shadow.h"
 
 namespace fastibl {
@@ -218,6 +220,26 @@ void measure_shadows(const Scene& scene, const Maps& all, Costs& costs) {
   costs.caps = shadow(ShadowMethod::cap_product, {});
 }
 
+// Of places on the ring, with its other side in view.
+double traced_pixel(const Scene& scene, const CubeMap& map) {
+  constexpr std::size_t kPlaces = 200;
+  const glm::vec3 eye(0, -0.35f, 0.3f);
+  const float offset = ray_offset(scene.given_mesh());
+  const std::size_t step = std::max<std::size_t>(scene.mesh.vertices.size() / kPlaces, 1);
+  double count = 0;
+  const double all = nanoseconds([&](int) {
+    count = 0;
+    for (std::size_t v = 0; v < scene.mesh.vertices.size(); v += step) {
+      const glm::vec3 view = glm::normalize(eye - scene.mesh.vertices[v]);
+      if (!(glm::dot(view, scene.normals[v]) > 0)) continue;
+      traced_share(*scene.bvh, map, glm::mat3(1), {}, scene.origins[v] + offset * scene.normals[v],
+                   scene.normals[v], view);
+      ++count;
+    }
+  });
+  return all / at_least(count, 1);
+}
+
 void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
   const Lighting lighting = fit_lighting(all[0], diffuse_by(DiffuseMethod::sh9));
   CellLight light;
@@ -235,6 +257,7 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
                                         scene.normals, {0, -0.35f, 0.3f}, shares);
                         }) /
                         count;
+  costs.traced_pixel = traced_pixel(scene, *all[0]);
   SceneShadow caster;
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
   const PlaneExchange exchange(scene.mesh, *scene.directions);

@@ -5,12 +5,14 @@
 #include <cmath>
 #include <span>
 
+#include "fastibl/core/parallel.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/true_light.h"
 #include "fastibl/scene/response.h"
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/shade.h"
+#include "fastibl/shading/traced_shares.h"
 #include "fastibl/shadow/scene_shadow.h"
 
 namespace fastibl {
@@ -44,22 +46,21 @@ void subtract(Colours& from, const Colours& what) {
   for (std::size_t i = 0; i < from.size(); ++i) from[i] -= what[i];
 }
 
-// Shares of its light that reach each sample, as each method has them.
-std::vector<glm::vec4> shares_of(SelfShadowMethod method, const SceneSamples& samples,
-                                 const CubeMap& map, const Irradiance& irradiance,
-                                 const Material& material) {
-  std::vector<glm::vec4> result(samples.seen, glm::vec4(1));
-  if (method == SelfShadowMethod::none) return result;
-  if (method == SelfShadowMethod::ambient) {
-    for (std::size_t i = 0; i < result.size(); ++i) {
-      const SceneSamples::Surface& s = samples.surface[i];
-      float open = 0;
-      for (int k = 0; k < 3; ++k)
-        open += s.weights[k] * samples.openness[std::size_t(s.corners[k])];
-      result[i] = glm::vec4(glm::vec3(open), 1);
-    }
-    return result;
+// Shares of its light that reach each sample, by P_V.
+std::vector<glm::vec4> ambient_shares(const SceneSamples& samples) {
+  std::vector<glm::vec4> result;
+  for (const SceneSamples::Surface& s : std::span(samples.surface).first(samples.seen)) {
+    float open = 0;
+    for (int k = 0; k < 3; ++k) open += s.weights[k] * samples.openness[std::size_t(s.corners[k])];
+    result.emplace_back(glm::vec3(open), 1);
   }
+  return result;
+}
+
+// By the directions that are free.
+std::vector<glm::vec4> transfer_shares(const SceneSamples& samples, const CubeMap& map,
+                                       const Irradiance& irradiance, const Material& material) {
+  std::vector<glm::vec4> result(samples.seen, glm::vec4(1));
   if (samples.visibility.blocks_nothing()) return result;
   std::vector<glm::vec4> by_vertex(samples.vertices.size(), glm::vec4(1));
   CellLight light;
@@ -83,70 +84,68 @@ std::vector<glm::vec4> shares_of(SelfShadowMethod method, const SceneSamples& sa
   return result;
 }
 
+// Of the glossy light by rays, where those that are there leave it open.
+void trace_glossy(const SceneSamples& samples, const CubeMap& map, const Material& material,
+                  std::vector<glm::vec4>& shares) {
+  const std::optional<LobeShape> lobe = material.lobe();
+  if (!lobe) return;
+  parallel_for(int(shares.size()), 16, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      const SceneSamples::Surface& s = samples.surface[std::size_t(i)];
+      float& share = shares[std::size_t(i)].w;
+      if (is_touched(share))
+        share = traced_share(*samples.bvh, map, glm::mat3(1), *lobe, s.start, s.normal,
+                             samples.views[std::size_t(s.view)]);
+    }
+  });
+}
+
+// As each of the methods has them.
+std::vector<std::vector<glm::vec4>> shares_of(const std::vector<SelfShadowMethod>& methods,
+                                              const SceneSamples& samples, const CubeMap& map,
+                                              const Irradiance& irradiance,
+                                              const Material& material) {
+  std::vector<std::vector<glm::vec4>> result;
+  std::vector<glm::vec4> transfer;
+  for (const SelfShadowMethod method : methods) {
+    if (method == SelfShadowMethod::none) {
+      result.emplace_back(samples.seen, glm::vec4(1));
+    } else if (method == SelfShadowMethod::ambient) {
+      result.push_back(ambient_shares(samples));
+    } else {
+      if (transfer.empty()) transfer = transfer_shares(samples, map, irradiance, material);
+      result.push_back(transfer);
+      if (method == SelfShadowMethod::traced) trace_glossy(samples, map, material, result.back());
+    }
+  }
+  return result;
+}
+
 // The plane: what is true there, and which places count.
 struct PlaneTruth {
   Colours ratio, added;  // of the shadow, and what the object sends there by the plane's own light
   std::vector<std::size_t> counted;
 };
 
-// Texels that hold so much of the plane's light that they are no point of a shadow: cut into 4 × 4.
-struct Bright {
-  static constexpr int kParts = 4;
-  struct Piece {
-    glm::vec3 direction, light;  // on the plane
-  };
-  std::vector<std::uint8_t> cut;  // by direction
-  std::vector<Piece> pieces;      // kParts² of each
-};
-
-Bright bright_texels(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux) {
-  constexpr float kShare = 1 / 200.0f;
-  constexpr int n = SceneSamples::kLevelSize, parts = Bright::kParts;
-  Bright bright;
-  bright.cut.assign(samples.direction_count(), 0);
-  const CubeLevel& fine = map.level_at_most(n * parts);
-  for (std::size_t k = 0; k < samples.direction_count(); ++k) {
-    const float z = samples.directions[k].z;
-    const glm::vec3 light = z * flux[k];
-    if (!(z > 0) || !(light.x > kShare * flux.plane.x || light.y > kShare * flux.plane.y ||
-                      light.z > kShare * flux.plane.z))
-      continue;
-    bright.cut[k] = 1;
-    const int face = int(k) / (n * n), y = int(k) / n % n, x = int(k) % n;
-    glm::vec3 sum(0);
-    const std::size_t first = bright.pieces.size();
-    for (int v = 0; v < parts; ++v)
-      for (int u = 0; u < parts; ++u) {
-        const glm::vec3 d =
-            glm::normalize(texel_direction(face, x * parts + u, y * parts + v, n * parts));
-        bright.pieces.push_back({d, std::max(d.z, 0.0f) * fine.sample(d)});
-        sum += bright.pieces.back().light;
-      }
-    for (std::size_t i = first; i < bright.pieces.size(); ++i)
-      for (int c = 0; c < 3; ++c)
-        bright.pieces[i].light[c] *= sum[c] > 0 ? light[c] / sum[c] : 0.0f;
-  }
-  return bright;
-}
-
 // What the object hides of them from a place.
-glm::vec3 hidden_light(const Bright& bright, const SceneSamples& samples, glm::vec2 place) {
+glm::vec3 hidden_light(const BrightPieces& bright, const SceneSamples& samples, glm::vec2 place) {
   const glm::vec3 from(place, samples.above), to = samples.centre - from;
   const float distance = glm::length(to);
   const float cosine = distance > samples.radius
                            ? std::sqrt(1 - samples.radius * samples.radius / (distance * distance))
                            : -1;
   std::vector<std::size_t> asked;
-  for (std::size_t i = 0; i < bright.pieces.size(); ++i)
-    if (glm::dot(bright.pieces[i].direction, to) >= cosine * distance) asked.push_back(i);
+  for (std::size_t i = 0; i < bright.count(); ++i)
+    if (bright.z[i] > 0 && glm::dot(bright.direction(i), to) >= cosine * distance)
+      asked.push_back(i);
   glm::vec3 lost(0);
   if (asked.empty()) return lost;
   DirectionSet set(int(asked.size()));
-  for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), bright.pieces[asked[i]].direction);
+  for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), bright.direction(asked[i]));
   std::vector<std::uint8_t> met(asked.size(), 0);
   samples.bvh->occluded(from, set, 0, met);
   for (std::size_t i = 0; i < asked.size(); ++i)
-    if (met[i]) lost += bright.pieces[asked[i]].light;
+    if (met[i]) lost += bright.z[asked[i]] * bright.flux(asked[i]);
   return lost;
 }
 
@@ -168,11 +167,10 @@ glm::vec3 mean_received(const SceneSamples& samples, const Colours& sent, glm::v
   return all > 0 ? sum / all : glm::vec3(0);
 }
 
-PlaneTruth plane_truth(const SceneSamples& samples, const CubeMap& map, const SampleFlux& flux,
-                       const Colours& sent) {
+PlaneTruth plane_truth(const SceneSamples& samples, const SampleFlux& flux,
+                       const BrightPieces& bright, const Colours& sent) {
   PlaneTruth truth;
   const Response response;
-  const Bright bright = bright_texels(map, samples, flux);
   for (std::size_t p = 0; p < samples.plane.size(); ++p) {
     glm::vec3 lost = hidden_light(bright, samples, samples.plane[p]);
     float factor = 0;
@@ -367,9 +365,10 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
   const SceneSamples& samples = *scene.samples;
   const Material& material = scene.material;
   const SampleFlux flux(*map, samples);
+  const BrightPieces bright(*map, samples, flux);
   cast_shadow = cast_shadow && scene.casts_shadow();
 
-  Judged j{samples, true_light(samples, flux, material.lobe()), {}, {}, {}, {}};
+  Judged j{samples, true_light(samples, flux, bright, material.lobe()), {}, {}, {}, {}};
   LightingOptions plain;
   plain.diffuse = DiffuseMethod::sh9, plain.glossy = GlossyMethod::mip;
   plain.normalization = asked.normalization;
@@ -414,7 +413,7 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
     for (std::size_t i = 0; i < every; ++i)
       sent.push_back(j.diffuse_factor[i] * (j.truth.irradiance[i] - j.truth.lost[i]) +
                      kPi * j.emission[i]);
-    j.plane = plane_truth(samples, *map, flux, sent);
+    j.plane = plane_truth(samples, flux, bright, sent);
   }
   j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
   if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))
@@ -434,9 +433,8 @@ MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const Cu
         diffuse_colours(j, reads ? fit_lighting(map, options).irradiance : reference.irradiance));
   }
   const std::vector<Colours> glossy = glossy_of(j, material, map, asked, candidates, reference);
-  std::vector<std::vector<glm::vec4>> shares;
-  for (const SelfShadowMethod s : candidates.self_shadow)
-    shares.push_back(shares_of(s, samples, *map, reference.irradiance, material));
+  const std::vector<std::vector<glm::vec4>> shares =
+      shares_of(candidates.self_shadow, samples, *map, reference.irradiance, material);
   judge_object(j, diffuse, glossy, shares, errors);
   judge_plane(j, ratios, errors);
   return errors;

@@ -9,6 +9,7 @@
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/shading/traced_shares.h"
 
 namespace fastibl {
 namespace {
@@ -99,7 +100,7 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
                       &b = object.mesh.vertices[std::size_t(triangle[1])],
                       &c2 = object.mesh.vertices[std::size_t(triangle[2])];
       const bool behind = glm::dot(glm::cross(b - a, c2 - a), eye) < 0;
-      SceneSamples::Surface sample{{}, w, p, behind ? -n : n, v, glm::vec4(0), glm::vec2(0)};
+      SceneSamples::Surface sample{{}, w, p, behind ? -n : n, p, v, glm::vec4(0), glm::vec2(0)};
       for (int i = 0; i < 3; ++i) {
         const std::size_t corner = std::size_t(triangle[i]);
         if (!scene.mesh.uvs.empty()) sample.uv += w[i] * scene.mesh.uvs[corner];
@@ -137,21 +138,18 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
   }
 }
 
-// Rays start on the round surface that the normals are of, not on flat triangles, which their own
-// neighbours hide: Hanika 2021, Hacking the Shadow Terminator. The corners' own origins are on it.
-glm::vec3 ray_start(const Standing& object, const SceneSamples& samples,
-                    const SceneSamples::Surface& s) {
+glm::vec3 start_of(const Standing& object, const SceneSamples& samples,
+                   const SceneSamples::Surface& s) {
   const glm::mat3& turned = samples.turned;
   const glm::vec3 lifted(0, 0, samples.lifted);
-  glm::vec3 start(0);
-  for (int i = 0; i < 3; ++i) {
+  TrianglePlace place{{}, s.weights, s.position, s.normal};
+  for (std::size_t i = 0; i < 3; ++i) {
     const std::size_t corner = std::size_t(s.corners[i]);
-    const glm::vec3 n = turned * samples.normals[corner];
-    const glm::vec3 p = turned * samples.vertices[corner] + lifted;
-    start += s.weights[i] * (turned * samples.origins[corner] + lifted -
-                             std::min(glm::dot(s.position - p, n), 0.0f) * n);
+    place.corners[i] = {turned * samples.vertices[corner] + lifted,
+                        turned * samples.normals[corner],
+                        turned * samples.origins[corner] + lifted};
   }
-  return start + kOffset * object.size * s.normal;
+  return ray_start(place, kOffset * object.size);
 }
 
 // Which of these directions, by their places in `directions`, meet the object.
@@ -172,12 +170,12 @@ void trace_surface(const Standing& object, const Bvh& bvh, SceneSamples& samples
   parallel_for(int(samples.surface.size()), 4, [&](int begin, int end) {
     std::vector<int> above;
     for (int i = begin; i < end; ++i) {
-      const SceneSamples::Surface& s = samples.surface[std::size_t(i)];
+      SceneSamples::Surface& s = samples.surface[std::size_t(i)];
+      s.start = start_of(object, samples, s);
       above.clear();
       for (std::size_t k = 0; k < count; ++k)
         if (glm::dot(samples.directions[k], s.normal) > 0) above.push_back(int(k));
-      const std::vector<std::uint8_t> met =
-          met_from(bvh, samples, ray_start(object, samples, s), above);
+      const std::vector<std::uint8_t> met = met_from(bvh, samples, s.start, above);
       std::uint8_t* free = &samples.free[std::size_t(i) * count];
       for (std::size_t k = 0; k < above.size(); ++k) free[above[k]] = !met[k];
     }

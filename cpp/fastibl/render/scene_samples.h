@@ -24,6 +24,7 @@ class SceneSamples {
     int corners[3];  // in `vertices`: of the side that is seen
     glm::vec3 weights;
     glm::vec3 position, normal;  // where the object stands; unit, on the side that is seen
+    glm::vec3 start;             // of its rays
     int view;                    // in `views`
     glm::vec4 tangent;           // see Fragment
     glm::vec2 uv;

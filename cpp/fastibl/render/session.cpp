@@ -131,11 +131,11 @@ void Session::choose_methods() {
   if (measure_due_ && environment_ && (options_.error > 0 || options_.milliseconds > 0)) {
     measure_due_ = false, choose_due_ = true, since_measured_ = 0;
     const auto radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
-    measured_ = measure_errors(
-        scene_, radiance, options_.methods,
-        candidates(options_.methods,
-                   candidate_options(scene_, !light_moves(), options_.milliseconds > 0)),
-        options_.cast_shadow);
+    CandidateOptions choice = candidate_options(scene_);
+    choice.light_stays = !light_moves(), choice.hurried = options_.milliseconds > 0;
+    choice.offline = options_.offline, choice.traces = renderer_->traces();
+    measured_ = measure_errors(scene_, radiance, options_.methods,
+                               candidates(options_.methods, choice), options_.cast_shadow);
     measured_light_ = faces_of(environment_->radiance);
   }
   if (!choose_due_) return;

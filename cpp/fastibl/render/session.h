@@ -93,6 +93,7 @@ struct SessionOptions {
   // Whether frames that take longer than `milliseconds`, or much less, change the methods, too.
   bool adapt = true;
   Costs costs = {};  // of this machine, see measure_costs.h; of interest for `milliseconds` alone
+  bool offline = false;  // see CandidateOptions
 };
 
 class Session {

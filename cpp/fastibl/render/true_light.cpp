@@ -133,33 +133,116 @@ SampleFlux::SampleFlux(const CubeMap& map, const SceneSamples& samples) {
         samples.solid_angles[k] *
         (level.size() == n ? level.texel(face, x, y) : level.sample(samples.directions[k]));
     for (int c = 0; c < 3; ++c) channels[c].push_back(light[c]);
+    all += light;
     plane += std::max(samples.directions[k].z, 0.0f) * light;
   }
 }
 
+BrightPieces::BrightPieces(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux)
+    : cut(samples.direction_count(), 0) {
+  constexpr float kShare =
+      1 / 200.0f;  // of the light on the plane, or of twice what comes from all sides
+  constexpr int n = SceneSamples::kLevelSize;
+  const CubeLevel& fine = map.level_at_most(n * kParts);
+  const auto large = [&](glm::vec3 part, glm::vec3 whole) {
+    return part.x > kShare * whole.x || part.y > kShare * whole.y || part.z > kShare * whole.z;
+  };
+  for (std::size_t k = 0; k < samples.direction_count(); ++k) {
+    const glm::vec3 light = flux[k];
+    if (!large(std::max(samples.directions[k].z, 0.0f) * light, flux.plane) &&
+        !large(2.0f * light, flux.all))
+      continue;
+    cut[k] = 1, cut_texels.push_back(k);
+    const int face = int(k) / (n * n), row = int(k) / n % n, column = int(k) % n;
+    const std::size_t first = count();
+    glm::vec3 sum(0);
+    for (int v = 0; v < kParts; ++v)
+      for (int u = 0; u < kParts; ++u) {
+        const glm::vec3 d = glm::normalize(
+            texel_direction(face, column * kParts + u, row * kParts + v, n * kParts));
+        const glm::vec3 radiance = fine.sample(d);
+        sum += radiance;
+        x.push_back(d.x), y.push_back(d.y), z.push_back(d.z);
+        solid_angles.push_back(samples.solid_angles[k] / kCount);
+        for (int c = 0; c < 3; ++c) channels[c].push_back(radiance[c]);
+      }
+    for (int c = 0; c < 3; ++c)
+      for (std::size_t i = first; i < count(); ++i)
+        channels[c][i] *= sum[c] > 0 ? light[c] / sum[c] : 0.0f;
+  }
+}
+
+namespace {
+
+// Which pieces are free from a sample: as the texel where its neighbours in the face are the same,
+// else by rays. Pieces below the tangent plane may be called free.
+void free_pieces(const SceneSamples& samples, const BrightPieces& bright, std::size_t sample,
+                 std::vector<std::uint8_t>& free) {
+  constexpr int n = SceneSamples::kLevelSize;
+  constexpr std::size_t kCount = BrightPieces::kCount;
+  const std::uint8_t* coarse = &samples.free[sample * samples.direction_count()];
+  const SceneSamples::Surface& s = samples.surface[sample];
+  std::vector<std::size_t> asked;
+  free.assign(bright.count(), 0);
+  for (std::size_t b = 0; b < bright.cut_texels.size(); ++b) {
+    const std::size_t k = bright.cut_texels[b];
+    const int row = int(k) / n % n, column = int(k) % n;
+    bool same = row > 0 && row < n - 1 && column > 0 && column < n - 1;
+    for (int v = -1; same && v <= 1; ++v)
+      for (int u = -1; u <= 1; ++u)
+        same = same && coarse[std::ptrdiff_t(k) + v * n + u] == coarse[k];
+    for (std::size_t i = b * kCount; i < (b + 1) * kCount; ++i) {
+      if (same)
+        free[i] = coarse[k];
+      else if (glm::dot(bright.direction(i), s.normal) > 0)
+        asked.push_back(i);
+    }
+  }
+  if (asked.empty()) return;
+  DirectionSet set(int(asked.size()));
+  for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), bright.direction(asked[i]));
+  std::vector<std::uint8_t> hidden(asked.size());
+  samples.bvh->occluded(s.start, set, 0, hidden);
+  for (std::size_t i = 0; i < asked.size(); ++i) free[asked[i]] = !hidden[i];
+}
+
+}  // namespace
+
 TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
-                     const std::optional<LobeShape>& lobe) {
+                     const BrightPieces& bright, const std::optional<LobeShape>& lobe) {
   const std::size_t count = samples.surface.size(), directions = samples.direction_count();
   const std::vector<glm::vec3> black(count, glm::vec3(0));
   TrueLight light{black, black, black, black, black};
   std::vector<float> x, y, z;
   for (const glm::vec3& d : samples.directions)
     x.push_back(d.x), y.push_back(d.y), z.push_back(d.z);
+  std::vector<float> rest[3];
+  for (int c = 0; c < 3; ++c) {
+    rest[c] = flux.channels[c];
+    for (const std::size_t k : bright.cut_texels) rest[c][k] = 0;
+  }
+  static_assert(BrightPieces::kCount % kLanes == 0);
   const LobeHeight height(lobe), none(std::nullopt);
   parallel_for(int(count), kGrain, [&](int begin, int end) {
+    std::vector<std::uint8_t> free;
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
       const SceneSamples::Surface& s = samples.surface[i];
-      Sums sums;
-      sum_directions(x.data(), y.data(), z.data(), samples.solid_angles.data(),
-                     flux.channels[0].data(), flux.channels[1].data(), flux.channels[2].data(),
-                     directions, &samples.free[i * directions], s.normal,
-                     samples.views[std::size_t(s.view)], i < samples.seen ? height : none, sums);
+      const LobeHeight& seen = i < samples.seen ? height : none;
+      Sums sums, more;
+      sum_directions(x.data(), y.data(), z.data(), samples.solid_angles.data(), rest[0].data(),
+                     rest[1].data(), rest[2].data(), directions, &samples.free[i * directions],
+                     s.normal, samples.views[std::size_t(s.view)], seen, sums);
+      free_pieces(samples, bright, i, free);
+      sum_directions(bright.x.data(), bright.y.data(), bright.z.data(), bright.solid_angles.data(),
+                     bright.channels[0].data(), bright.channels[1].data(),
+                     bright.channels[2].data(), bright.count(), free.data(), s.normal,
+                     samples.views[std::size_t(s.view)], seen, more);
       for (int c = 0; c < 3; ++c) {
-        light.open_irradiance[i][c] = sums.open_irradiance[c];
-        light.irradiance[i][c] = sums.irradiance[c];
+        light.open_irradiance[i][c] = sums.open_irradiance[c] + more.open_irradiance[c];
+        light.irradiance[i][c] = sums.irradiance[c] + more.irradiance[c];
         if (!(sums.height > 0)) continue;
-        light.open_lobe[i][c] = sums.open_lobe[c] / sums.height;
-        light.lobe[i][c] = sums.lobe[c] / sums.height;
+        light.open_lobe[i][c] = (sums.open_lobe[c] + more.open_lobe[c]) / sums.height;
+        light.lobe[i][c] = (sums.lobe[c] + more.lobe[c]) / sums.height;
       }
     }
   });
