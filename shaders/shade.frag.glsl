@@ -5,7 +5,7 @@
 //   GLOSSY       0 none, 1 the MIP chain, 2 exponent 0: the irradiance, 3 the chain of round lobes,
 //                4 exponent below 1: between 2 and 3, 5 filtered samples; glTF's metallic-roughness model, with
 //                BASE_COLOR_MAP METALLIC_MAP ROUGHNESS_MAP EMISSION_MAP NORMAL_MAP ANISOTROPIC 0 or 1: 6 from the
-//                MIP chain, 7 from the chain of round lobes
+//                MIP chain, 7 from the chain of round lobes, 8 by filtered samples
 //   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
 //   DISTORTION   1: the camera has a lens model
 //   BOX          1: the walls of a box are seen where they are
@@ -154,8 +154,9 @@ vec3 shade(vec3 position, vec4 share, SurfacePoint p) {
   vec3 v = normalize(eye - position);
   vec3 local = v * p.frame;
   vec2 albedo = sample_ggx_albedo(local, p.roughness);
-  vec3 reflectance = pbr_reflectance(p.base_color, p.metallic, albedo);
-  vec3 colour = p.emission + share.a * reflectance * sample_ggx(p.frame, local, alpha_of(p.roughness), position);
+  vec3 edge;
+  vec3 front = sample_ggx(p.frame, local, alpha_of(p.roughness), position, albedo, edge);
+  vec3 colour = p.emission + share.a * pbr_reflected(p.base_color, p.metallic, albedo, front, edge);
 #if DIFFUSE
   colour += pbr_diffuse(p.base_color, p.metallic, albedo) * (share.rgb / 3.14159265) * irradiance(p.frame[2]);
 #endif

@@ -35,7 +35,7 @@ def soft(d):
 WHITE = cube_of(lambda d: np.ones(d.shape))
 
 
-@pytest.mark.parametrize("method", ["taps", "gradient"])
+@pytest.mark.parametrize("method", ["taps", "gradient", "sampled"])
 @pytest.mark.parametrize("alpha", ALPHAS)
 def test_white_furnace(alpha, method):
     n, t, v = surfaces(200, angles=(0, 20, 40, 60, 75, 85, 89, 90, 100, 180))
@@ -87,6 +87,21 @@ def test_error_falls_with_taps():
         error[taps] = np.sqrt(((seen - true) ** 2).mean(axis=-1)).mean() / true.mean()
     print("error by taps:", {k: f"{100 * e:.1f} %" for k, e in error.items()})
     assert error[16] < error[8] < error[4] < error[1] and error[8] < 0.2
+
+
+@pytest.mark.parametrize("alpha", [(0.1, 0.1), (0.1, 0.4), (0.5, 0.2), (1.0, 1.0)])
+def test_samples_tend_to_the_truth(alpha):
+    """The error falls with the samples, without a floor."""
+    cube = fastibl.CubeMap(np.random.default_rng(5).lognormal(sigma=1.5, size=(6, 32, 32, 3)).astype(np.float32))
+    n, t, v = surfaces(10, angles=(0, 30, 60, 80))
+    true = reference.ggx(cube, n, v, tangents=t, alpha=alpha, split=12)
+    lighting, errors = fastibl.Lighting(cube), []
+    for taps in (4, 16, 64, 256, 1024, 4096, 16384, 65536):
+        seen = lighting.ggx(n, v, tangents=t, alpha=alpha, method="sampled", taps=taps)
+        errors.append(np.sqrt(((seen - true) ** 2).mean(axis=-1)).mean() / true.mean())
+    print(f"{alpha}: " + ", ".join(f"{100 * e:.2f}" for e in errors) + " %")
+    assert all(after < 0.7 * before for before, after in zip(errors, errors[2:], strict=False))  # 16 times as many
+    assert errors[-1] < 0.005
 
 
 def test_oracle_converges():
@@ -187,8 +202,10 @@ def test_bad_input_is_named():
         (dict(anisotropy=-0.1), ValueError, "anisotropy"),
         (dict(alpha=(0.1, 2.0)), ValueError, "alpha"),
         (dict(alpha=(0.1, 0.2, 0.3)), ValueError, "broadcast|shape"),
-        (dict(method="best"), ValueError, "taps, gradient"),
-        (dict(taps=0), ValueError, "taps must be 1 to 16"),
+        (dict(method="best"), ValueError, "taps, gradient, sampled"),
+        (dict(taps=0), ValueError, "taps of taps must be 1 to 16"),
+        (dict(taps=17), ValueError, "1 to 16, got 17"),
+        (dict(method="sampled", taps=65537), ValueError, "1 to 65536, got 65537"),
         (dict(normalization="paper"), ValueError, "energy"),
         (dict(tangents=np.zeros(2)), ValueError, "tangents"),
         (dict(roughness="rough"), TypeError, "roughness"),
@@ -197,3 +214,51 @@ def test_bad_input_is_named():
             lighting.ggx(n, v, **arguments)
     with pytest.raises(TypeError, match="normals"):
         lighting.ggx(np.array([0, 0, 1]), v)
+
+
+def lamp(direction, radius, size=64):
+    """A round lamp of irradiance 1 on what faces it, in faint light; the texels on its rim hold a part of it."""
+    d = unit(np.asarray(direction, float))
+    fine = (fastibl.texel_directions(4 * size) @ d > np.cos(radius)).reshape(6, size, 4, size, 4).mean(axis=(2, 4))
+    return fastibl.CubeMap((0.02 + fine[..., None] / (np.pi * np.sin(radius) ** 2) * np.ones(3)).astype(np.float32))
+
+
+@pytest.mark.parametrize("radius", [0.06, 0.09])
+@pytest.mark.parametrize("angle", [0, 45, 75])
+def test_lights_have_their_size(angle, radius):
+    """Around the mirror direction of a lamp as wide as the lobe, where its size matters most."""
+    n, v = np.array([0.0, 0, 1]), np.array([np.sin(np.radians(angle)), 0, np.cos(np.radians(angle))])
+    offsets = np.radians([(0, 0), (4, 0), (0, 4), (-6, 6), (10, 0), (0, 12)])
+    for alpha in (0.12, 0.3):
+        seen, true = [], []
+        for up, aside in offsets:
+            tilt = np.radians(angle) - up
+            cube = lamp((-np.sin(tilt) * np.cos(aside), np.sin(aside), np.cos(tilt)), radius)
+            lighting = fastibl.Lighting(cube)
+            assert lighting.lights
+            seen.append(lighting.ggx(n, v, alpha=(alpha, alpha))[0])
+            true.append(reference.ggx(cube, n, v, alpha=(alpha, alpha))[0])
+        error = np.abs(np.array(seen) - true).max() / np.max(true)
+        print(f"{angle} degrees, lamp of {radius}, alpha {alpha}: {100 * error:.1f} % of the highlight")
+        assert error < (0.1 if angle > 60 else 0.06)
+
+
+def test_neighbouring_lights_at_grazing_angles():
+    """Look-ups far from a light leave none of it to be added: they never held it."""
+    d = fastibl.texel_directions(64)
+    azimuth, height = np.arctan2(d[..., 1], d[..., 0]), np.arcsin(d[..., 2])
+    band = 30 * np.exp(-(((height - 0.12) / 0.06) ** 2) - (azimuth / 0.5) ** 2)
+    cube = fastibl.CubeMap((0.3 + band[..., None] * [1.0, 0.8, 0.5]).astype(np.float32))
+    n, t, v = surfaces(400, angles=(70, 78))
+    facing = ((2 * (n * v).sum(axis=1, keepdims=True) * n - v) @ [0.99, 0, 0.12]) > 0.9
+    n, t, v = n[facing], t[facing], v[facing]
+    true = reference.ggx(cube, n, v, tangents=t, alpha=(0.12, 0.12))
+    errors = []
+    for count in (0, 8):
+        lighting = fastibl.Lighting(cube, glossy=fastibl.Method("stretched", lights=count))
+        off = lighting.ggx(n, v, tangents=t, alpha=(0.12, 0.12)) - true
+        errors.append(np.sqrt((off**2).mean()) / true.mean())
+    print(
+        f"{len(n)} views: {100 * errors[0]:.1f} % without lights, {100 * errors[1]:.1f} % with {len(lighting.lights)}"
+    )
+    assert len(lighting.lights) > 1 and errors[1] < max(1.3 * errors[0], 0.05)

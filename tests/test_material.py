@@ -255,8 +255,51 @@ def full_material(anisotropy=0.0):
     )  # fmt: skip
 
 
+def seen_under(degrees, material, source, methods):
+    """Colour (3,) at the middle of a picture of the square, seen under this angle from its normal."""
+    eye = 0.5 * np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
+    layer = layer_of(square(), material, source, camera_of(33, 33, 4.0), looking(-eye, eye), methods=methods)
+    return layer[16, 16, :3]
+
+
+def by_fresnel(degrees, source, f0, alpha):
+    """The same of single scattering by a metal: the lobe, Schlick's term and the map, direction by direction."""
+    theta = np.radians(degrees)
+    v = np.array([np.sin(theta), 0, np.cos(theta)])
+    d, angles, radiance = reference.samples(source)
+    h = d + v
+    vh = np.clip((h / np.maximum(np.linalg.norm(h, axis=1, keepdims=True), 1e-9)) @ v, 0, 1)
+    lobe = reference._ggx_lobe(d, v, np.eye(3), (alpha, alpha)) * angles
+    whole = lobe.sum()
+    fresnel = f0 + (1 - f0) * (1 - vh[:, None]) ** 5
+    return (lobe[:, None] * fresnel * radiance).sum(axis=0) * (1 + f0 * (1 / whole - 1))
+
+
+@pytest.mark.parametrize("degrees", [0, 60, 75, 82])
+def test_fresnel_is_a_part_of_the_lobe(degrees):
+    """Towards grazing directions a lobe reflects more: light from there counts more than the lobe's average of it."""
+    d = fastibl.texel_directions(64)
+    source = fastibl.CubeMap((0.2 + 3 * np.exp(-6 * np.abs(d[..., 2:] - 0.15)) * [1.0, 0.7, 0.5]).astype(np.float32))
+    f0, alpha, view = (
+        np.array([0.3, 0.2, 0.1]),
+        0.25,
+        np.array([np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))]),
+    )
+    true = by_fresnel(degrees, source, f0, alpha)
+    average = reference.ggx(source, np.array([0, 0, 1.0]), view, alpha=(alpha, alpha))
+    a, c = fastibl.ggx_albedo(view, alpha=(alpha, alpha))
+    split = (f0 * a + c) * (1 + f0 * (1 / (a + c) - 1)) * average
+    metal, off = fastibl.Material.pbr(tuple(f0), 1.0, 0.5), {"split": np.abs(split / true - 1).max()}
+    for name in (fastibl.Method("sampled", taps=4096), fastibl.Method("stretched", lights=0)):
+        off[name.name] = np.abs(seen_under(degrees, metal, source, {"glossy": name}) / true - 1).max()
+    print(f"{degrees} degrees: " + ", ".join(f"{k} {100 * v:.1f} %" for k, v in off.items()))
+    assert off["sampled"] < 0.01
+    if degrees > 60:
+        assert off["stretched"] < 0.7 * off["split"]
+
+
 @needs_gl
-@pytest.mark.parametrize("glossy", ["mip", "stretched"])
+@pytest.mark.parametrize("glossy", ["mip", "stretched", fastibl.Method("sampled", taps=32)], ids=str)
 @pytest.mark.parametrize(
     "material",
     [

@@ -7,6 +7,7 @@
 #include "bindings/numpy.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/scene/sampled_lobe.h"
 
 namespace fastibl::bindings {
 namespace {
@@ -42,15 +43,19 @@ std::vector<glm::vec2> alphas(const py::object& roughness, const py::object& ani
 Floats ggx(Lighting& lighting, const py::object& normals, const py::object& views,
            const py::object& roughness, const py::object& anisotropy, const py::object& tangents,
            const py::object& alpha, const std::string& normalization, const std::string& method,
-           int taps) {
+           const std::optional<int>& taps) {
   ensure_chain(lighting);
   const bool single = normalization == "single";
   if (!single && normalization != "energy")
     throw py::value_error("normalization must be \"energy\" or \"single\", got \"" + normalization +
                           "\"");
-  if (taps < 1 || taps > kMostGgxTaps)
-    throw py::value_error("taps must be 1 to 16, got " + std::to_string(taps));
-  const GgxOptions options{ggx_method(method), taps};
+  GgxOptions options{ggx_method(method)};
+  const bool sampled = options.method == GgxMethod::sampled;
+  const int most = sampled ? kMaxSampledTaps : kMostGgxTaps;
+  options.taps = taps.value_or(sampled ? 64 : kGgxTaps);
+  if (options.taps < 1 || options.taps > most)
+    throw py::value_error("taps of " + method + " must be 1 to " + std::to_string(most) + ", got " +
+                          std::to_string(options.taps));
   const py::module_ numpy = py::module_::import("numpy");
   const Floats given = tangents.is_none() ? Floats(std::vector<py::ssize_t>{3})
                                           : require_vectors(tangents, "tangents");
@@ -72,7 +77,7 @@ Floats ggx(Lighting& lighting, const py::object& normals, const py::object& view
         const SurfaceFrame frame = frame_around(unit(vectors(n)[i]), vectors(t)[i]);
         const glm::vec3 view = unit(vectors(v)[i]);
         const glm::vec2 a = pairs[std::size_t(i)];
-        to[i] = shading(frame, view, a, options);
+        to[i] = shading(frame, view, a, options).mean();
         if (!single) continue;
         const glm::dvec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
                                glm::dot(view, frame.normal));
@@ -91,7 +96,7 @@ void bind_ggx(py::module_& module) {
       .def("ggx", &ggx, py::arg("normals"), py::arg("views"), py::arg("roughness") = 0.4,
            py::arg("anisotropy") = 0.0, py::arg("tangents") = py::none(), py::kw_only(),
            py::arg("alpha") = py::none(), py::arg("normalization") = "energy",
-           py::arg("method") = "taps", py::arg("taps") = kGgxTaps,
+           py::arg("method") = "taps", py::arg("taps") = py::none(),
            R"(Radiance that a GGX surface with Fresnel term 1 reflects towards `views`.
 
 normals, views, tangents: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
@@ -100,8 +105,9 @@ roughness, anisotropy: in [0, 1], broadcast to (...), glTF's mapping (KHR_materi
 roughness^2, alpha_x = alpha_y + (1 - alpha_y) anisotropy^2, both at least 0.02. alpha: (..., 2), alpha_x and alpha_y
 themselves, in place of the two. normalization: "energy" (the lobe's average: scattering more than once is compensated, a
 constant map of radiance 1 gives 1) or "single" (times the directional albedo of single scattering). method: "taps"
-(parts of the lobe along its longest axis) or "gradient" (the paper's suggestion, texture gradients). taps: 1 to 16
-look-ups. Returns (..., 3) float32. Raises ValueError for another shape, a value out of range or another name,
+(parts of the lobe along its longest axis), "gradient" (the paper's suggestion, texture gradients) or "sampled" (filtered
+importance sampling of the map's MIP levels, which tends to the truth). taps: look-ups, 1 to 16, 8 by default; of
+"sampled" 1 to 65536, 64 by default. Returns (..., 3) float32. Raises ValueError for another shape, a value out of range or another name,
 TypeError for integers.)");
   module.def(
       "ggx_albedo",

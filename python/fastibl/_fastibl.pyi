@@ -730,7 +730,7 @@ class _Lighting:
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
         ...
-    def ggx(self, normals: typing.Any, views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typing.Any = 0.0, tangents: typing.Any = None, *, alpha: typing.Any = None, normalization: str = 'energy', method: str = 'taps', taps: typing.SupportsInt | typing.SupportsIndex = 8) -> numpy.typing.NDArray[numpy.float32]:
+    def ggx(self, normals: typing.Any, views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typing.Any = 0.0, tangents: typing.Any = None, *, alpha: typing.Any = None, normalization: str = 'energy', method: str = 'taps', taps: typing.SupportsInt | typing.SupportsIndex | None = None) -> numpy.typing.NDArray[numpy.float32]:
         """
         Radiance that a GGX surface with Fresnel term 1 reflects towards `views`.
 
@@ -740,8 +740,9 @@ class _Lighting:
         roughness^2, alpha_x = alpha_y + (1 - alpha_y) anisotropy^2, both at least 0.02. alpha: (..., 2), alpha_x and alpha_y
         themselves, in place of the two. normalization: "energy" (the lobe's average: scattering more than once is compensated, a
         constant map of radiance 1 gives 1) or "single" (times the directional albedo of single scattering). method: "taps"
-        (parts of the lobe along its longest axis) or "gradient" (the paper's suggestion, texture gradients). taps: 1 to 16
-        look-ups. Returns (..., 3) float32. Raises ValueError for another shape, a value out of range or another name,
+        (parts of the lobe along its longest axis), "gradient" (the paper's suggestion, texture gradients) or "sampled" (filtered
+        importance sampling of the map's MIP levels, which tends to the truth). taps: look-ups, 1 to 16, 8 by default; of
+        "sampled" 1 to 65536, 64 by default. Returns (..., 3) float32. Raises ValueError for another shape, a value out of range or another name,
         TypeError for integers.
         """
     def glossy(self, normals: typing.Any, views: typing.Any, exponent: typing.Any = 64.0, normalization: str = 'energy') -> numpy.typing.NDArray[numpy.float32]:

@@ -60,6 +60,14 @@ FN vec4 ggx_slope(GgxLobe lobe, float x, float y) {
   return vec4(q * l.x, q * l.y, q * l.z, q);
 }
 
+// Of the directions whose slopes r fill `area`, around l, surface's frame: dl = 4 (v·h) dh, dh = (n·h)³ ds.
+FN float ggx_solid_angle(GgxLobe lobe, vec3 l, float area) {
+  vec3 sum = vec3(l.x + lobe.view.x, l.y + lobe.view.y, l.z + lobe.view.z);  // h times 2 v·h
+  float size = sqrt(dot(sum, sum));
+  float up = sum.z / size;
+  return 2.0f * size * lobe.alpha.x * lobe.alpha.y * area * up * up * up;
+}
+
 // Where part k of `count` of the lobe begins along its axis: x = sinh(u) in equal steps of u, since the lobe's width
 // across the axis grows with √(1 + x²), as do then the parts. Given as x/√(1 + x²) = tanh(u); the last ends at 1.
 FN float ggx_begin(int k, int count) {
@@ -99,10 +107,12 @@ FN vec4 ggx_tap(GgxLobe lobe, vec4 part, vec3 centre) {
   return vec4(d.x, d.y, d.z, 1.2f * sqrt(max(1.0f - dot(mean, d), lobe.narrow * lobe.narrow)));
 }
 
-// The lobe D G2 / (4 n·v) towards l, averaged over a light of this variance (radians², along each axis) around l: D's
-// alpha² as a matrix, plus twice the covariance of the half vectors (alpha² is twice the variance of a Gaussian's
-// slopes). The light reaches them halved along the plane of v and l, and divided by 2 v·h across it (the Jacobian of
-// reflection). As exact as seven points on the light, at a seventh of the cost.
+// The lobe D G2 / (4 n·v) towards l, averaged over a round light of this variance (radians², along each axis) around l.
+// Slopes over alpha are stereographic coordinates: a sphere's area there has the density of GGX's r, so that of a disc of
+// squared radius R², its middle at r, the average is that of a cap, 2/(π w (w + k)), k = 1 + r² − R², w² = k² + 4 R².
+// In slopes a light has half its radius in the plane of v and l, and half over v·h across it (the Jacobian of
+// reflection): it is a disc of the shorter axis, and the lobe is wider along the longer one. R² is such that the middle
+// of the lobe is exact.
 FN float ggx_light(GgxLobe lobe, vec3 l, float variance) {
   vec3 v = lobe.view;
   vec3 h = normalize(vec3(l.x + v.x, l.y + v.y, l.z + v.z + 1e-6f));
@@ -117,15 +127,26 @@ FN float ggx_light(GgxLobe lobe, vec3 l, float variance) {
   vec3 p = cross(q, h);
   vec2 sp = vec2(p.x, p.y);
   vec2 sq = vec2(q.x, q.y) / vh;
-  float wider = 0.5f * variance;
-  float xx = lobe.alpha.x * lobe.alpha.x + wider * (sp.x * sp.x + sq.x * sq.x);
-  float yy = lobe.alpha.y * lobe.alpha.y + wider * (sp.y * sp.y + sq.y * sq.y);
-  float xy = wider * (sp.x * sp.y + sq.x * sq.y);
-  float det = xx * yy - xy * xy;
+  float ax = lobe.alpha.x * lobe.alpha.x;
+  float ay = lobe.alpha.y * lobe.alpha.y;
+  float xx = variance * (sp.x * sp.x + sq.x * sq.x);
+  float yy = variance * (sp.y * sp.y + sq.y * sq.y);
+  float xy = variance * (sp.x * sp.y + sq.x * sq.y);
+  // Squares of the light's axes over the lobe's.
+  float sum = 0.5f * (xx / ax + yy / ay);
+  float product = max(xx * yy - xy * xy, 0.0f) / (ax * ay);
+  float longer = sum + sqrt(max(sum * sum - product, 0.0f));
+  float shorter = product / max(longer, 1e-20f);
+  float wider = 1.0f + longer - shorter;
+  float radius2 = sqrt((1.0f + longer) * (1.0f + shorter) / wider) - 1.0f;
+  xx = ax + (xx - shorter * ax);
+  yy = ay + (yy - shorter * ay);
+  float det = ax * ay * wider;
   float sx = h.x / hz;
   float sy = h.y / hz;
-  float t = 1.0f + (yy * sx * sx - 2.0f * xy * sx * sy + xx * sy * sy) / det;
-  float d = 1.0f / (3.14159265f * sqrt(det) * t * t * hz * hz * hz * hz);
+  float k = 1.0f - radius2 + (yy * sx * sx - 2.0f * xy * sx * sy + xx * sy * sy) / det;
+  float w = sqrt(k * k + 4.0f * radius2);
+  float d = 2.0f / (3.14159265f * sqrt(det) * w * (w + k) * hz * hz * hz * hz);
   float up = max(l.z, 0.0f);
   return d * 0.5f * up / max(v.z * ggx_size(l, lobe.alpha) + up * lobe.view_size, 1e-12f);
 }
@@ -138,9 +159,17 @@ FN float blur_level(float face_size, float width) {
 
 // Fresnel by Schlick from the albedos (f0 term, rest) of single scattering, and the light that is scattered more than
 // once, with the lobe's own shape: Turquin 2019, Practical multiple scattering compensation for microfacet models.
-FN vec3 ggx_reflectance(vec3 f0, vec2 albedo) {
+// front, edge: light that single scattering reflects, its Fresnel term's f0 and 1 − f0 left out: what the lobe weighs
+// with 1 − (1 − v·h)^5 and with (1 − v·h)^5.
+FN vec3 ggx_reflected(vec3 f0, vec2 albedo, vec3 front, vec3 edge) {
   float whole = max(albedo.x + albedo.y, 1e-4f);
-  return (f0 * albedo.x + albedo.y) * (1.0f + f0 * (1.0f / whole - 1.0f));
+  return (f0 * front + edge) * (1.0f + f0 * (1.0f / whole - 1.0f));
+}
+// (1 − v·h)^5 of unit vectors, h half-way from v to l. Never quite 0 nor 1, so that there is an average of each weight.
+FN float ggx_edge(vec3 l, vec3 v) {
+  float x = 1.0f - sqrt(clamp(0.5f + 0.5f * dot(l, v), 0.0f, 1.0f));
+  float x2 = x * x;
+  return 1e-6f + (1.0f - 2e-6f) * x2 * x2 * x;
 }
 
 // Where the table of the directional albedo is read, in [0, 1] along each axis: roughness from √0.02 to 1, cosine

@@ -52,6 +52,13 @@ FN float light_share(float level, float light_level) {
   return fine + (level - k) * (coarse - fine);
 }
 
+// How much a look-up sees of a light, up to a factor: both round, with spreads (standard deviations squared) that are
+// summed here; rather too much far from each other.
+FN float seen_by_tap(vec3 direction, vec3 l, float spread) {
+  float off = spread + 1.0f - dot(direction, l);
+  return spread / (off * off);
+}
+
 // Where the tables of lobes are read, in columns: 0 at normal incidence, 16 at grazing.
 FN float lobe_column(float cosine) { return 16.0f * sqrt(clamp(1.0f - cosine, 0.0f, 1.0f)); }
 

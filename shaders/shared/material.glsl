@@ -9,10 +9,12 @@ FN float texture_level(vec2 size, vec2 uv_dx, vec2 uv_dy) {
 
 // glTF mixes a metal, which reflects its colour at normal incidence, with a dielectric that reflects 4 % (index 1.5)
 // over a diffuse base; what the dielectric does not reflect goes into its base.
-FN vec3 pbr_reflectance(vec3 base_color, float metallic, vec2 albedo) {
-  return (1.0f - metallic) * ggx_reflectance(vec3(0.04f), albedo) + metallic * ggx_reflectance(base_color, albedo);
+// front, edge: see ggx_reflected.
+FN vec3 pbr_reflected(vec3 base_color, float metallic, vec2 albedo, vec3 front, vec3 edge) {
+  return (1.0f - metallic) * ggx_reflected(vec3(0.04f), albedo, front, edge) +
+         metallic * ggx_reflected(base_color, albedo, front, edge);
 }
 FN vec3 pbr_diffuse(vec3 base_color, float metallic, vec2 albedo) {
-  vec3 rest = max(vec3(1.0f) - ggx_reflectance(vec3(0.04f), albedo), vec3(0.0f));
+  vec3 rest = max(vec3(1.0f) - ggx_reflected(vec3(0.04f), albedo, vec3(albedo.x), vec3(albedo.y)), vec3(0.0f));
   return (1.0f - metallic) * base_color * rest;
 }

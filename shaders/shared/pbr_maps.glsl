@@ -1,10 +1,14 @@
 // What a pbr material is at a point of the surface, and the light it reads: GLSL's side of shading/shade.cpp and
 // scene/ggx.cpp. Needs shared/radiance.glsl, and for GLOSSY 7 shared/glossy_chain.glsl.
 #include "shared/ggx.glsl"
+#if GLOSSY == 8
+#include "shared/sampled_lobe.glsl"
+#else
+uniform float face_size;
+#endif
 #include "shared/material.glsl"
 uniform sampler2D tangents;  // of the vertices; w: the side of n x t on which v grows
 uniform sampler2D uvs;
-uniform float face_size;
 uniform vec3 base_color, emission;
 uniform float metallic, roughness, normal_scale, anisotropy;
 uniform vec2 turn;  // of the rougher direction from the tangent
@@ -102,6 +106,13 @@ float level_of(float width) {
 }
 #endif
 
+#if GLOSSY == 8
+vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, out vec3 edge) {
+  vec3 front = sampled_ggx_lobe(frame, view, alpha, edge);
+  edge *= albedo.y;
+  return albedo.x * front;
+}
+#else
 // GgxOptions::for_shading.
 #if ANISOTROPIC
 const int kTaps = 16;
@@ -109,8 +120,8 @@ const int kTaps = 16;
 const int kTaps = 8;
 #endif
 
-// Average of the map over the GGX lobe.
-vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position) {
+// GgxLight of the map: the light of the lobe times 1 - e, and edge, of it times e = (1 - v.h)^5.
+vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, out vec3 edge) {
   GgxLobe lobe = ggx_lobe(view, alpha);
   vec4 parts[kTaps];
   vec4 sum = vec4(0.0);
@@ -123,28 +134,51 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position) {
   }
   vec3 centre = ggx_centre(sum, lobe.view);
   bool dark = !(sum.w > 1e-12);  // one tap at the mirror direction
-  vec3 light = vec3(0.0);
+  vec3 front = vec3(0.0);
+  edge = vec3(0.0);
+  vec2 total = vec2(0.0);
 #if GLOSSY == 7
-  float share[8];
-  for (int j = 0; j < 8; ++j) share[j] = 0.0;
+  vec3 towards[8];
+  float spread[8], gain[8], near[8], left[8];
+  for (int j = 0; j < light_count; ++j) {
+    PlacedLight seen = placed_light(light_place[j].xyz, light_distance[j], light_place[j].w, position - map_centre);
+    towards[j] = seen.direction * frame;
+    spread[j] = seen.variance;
+    gain[j] = seen.gain;
+    near[j] = 1e-30;
+    left[j] = 0.0;
+  }
 #endif
   for (int k = 0; k < (dark ? 1 : kTaps); ++k) {
     vec4 tap = dark ? vec4(centre, max(alpha.x, alpha.y)) : ggx_tap(lobe, parts[k], centre);
     float weight = dark ? 1.0 : parts[k].w / sum.w;
+    float e = weight * ggx_edge(tap.xyz, lobe.view), f = weight - e;
+    vec3 direction = looked(frame * tap.xyz, position);
 #if GLOSSY == 7
     float level = level_of(tap.w);
-    light += weight * sample_chain(looked(frame * tap.xyz, position), level);
-    for (int j = 0; j < light_count; ++j) share[j] += weight * light_share(level, light_flux[j].w);
+    vec3 radiance = sample_chain(direction, level);
+    for (int j = 0; j < light_count; ++j) {
+      float part = weight * seen_by_tap(tap.xyz, towards[j], tap.w * tap.w + spread[j]);
+      near[j] += part;
+      left[j] += part * light_share(level, light_flux[j].w);
+    }
 #else
-    light += weight * sample_radiance(looked(frame * tap.xyz, position), blur_level(face_size, tap.w));
+    vec3 radiance = sample_radiance(direction, blur_level(face_size, tap.w));
 #endif
+    front += f * radiance;
+    edge += e * radiance;
+    total += vec2(f, e);
   }
+  front *= albedo.x / total.x;
+  edge *= albedo.y / total.y;
 #if GLOSSY == 7
   for (int j = 0; j < light_count; ++j) {
-    PlacedLight seen = placed_light(light_place[j].xyz, light_distance[j], light_place[j].w, position - map_centre);
-    light += share[j] * seen.gain * ggx_light(lobe, seen.direction * frame, seen.variance) / max(sum.w, 1e-4) *
-             light_flux[j].rgb;
+    float value = left[j] / near[j] * gain[j] * ggx_light(lobe, towards[j], spread[j]);
+    float e = ggx_edge(towards[j], lobe.view);
+    front += (1.0 - e) * value * light_flux[j].rgb;
+    edge += e * value * light_flux[j].rgb;
   }
 #endif
-  return light;
+  return front;
 }
+#endif

@@ -25,11 +25,15 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
     all.glossy = {{GlossyMethod::centroid, {0, 0}},   {GlossyMethod::centroid, {0, -1}},
                   {GlossyMethod::stretched, {2, -1}}, {GlossyMethod::stretched, {3, -1}},
                   {GlossyMethod::sampled, {64, -1}},  {GlossyMethod::sampled, {256, -1}}};
+    if (options.pbr)
+      std::erase_if(all.glossy,
+                    [](const GlossyCandidate& g) { return g.method == GlossyMethod::stretched; });
     if (options.offline) all.glossy.push_back({GlossyMethod::sampled, {1024, -1}});
     if (rough) all.glossy.insert(all.glossy.begin(), {GlossyMethod::mip, {}});
-    if (options.light_stays)
-      all.glossy.insert(all.glossy.end(), {{GlossyMethod::prefiltered, {1, -1}},
-                                           {GlossyMethod::prefiltered, {3, -1}}});
+    if (options.light_stays) {
+      all.glossy.push_back({GlossyMethod::prefiltered, {1, -1}});
+      if (!options.pbr) all.glossy.push_back({GlossyMethod::prefiltered, {3, -1}});
+    }
   }
   if (asked.self_shadow != SelfShadowMethod::automatic)
     all.self_shadow = {asked.self_shadow};

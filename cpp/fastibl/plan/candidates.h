@@ -33,6 +33,7 @@ struct CandidateOptions {
   bool light_stays = false;  // one map for many frames: what takes long to fit is worth it
   bool baked_shadow = false;
   bool glossy = true;    // false: nothing glossy is shaded, and the default stays
+  bool pbr = false;      // GGX reads a chain by its own taps, whatever `stretched` would
   bool hurried = false;  // there is a time budget
   // Pictures, not a live view: also what takes a millisecond for a few hundred pixels, `sampled` by
   // 1024 taps and, where the back end has it, `traced`.

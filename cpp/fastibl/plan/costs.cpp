@@ -96,7 +96,7 @@ double glossy_pixel(const Costs& c, const Methods& m, bool pbr) {
   constexpr int kLights = 4;  // that a map has, about
   const GlossySettings& s = m.glossy_settings;
   const double lights = c.light * (s.lights < 0 ? kLights : s.lights);
-  if (pbr) return c.ggx;
+  if (pbr && m.glossy != GlossyMethod::sampled) return c.ggx;
   switch (m.glossy) {
     case GlossyMethod::mip:
       return c.mip;

@@ -247,6 +247,7 @@ CandidateOptions candidate_options(const Scene& scene) {
   CandidateOptions options;
   options.baked_shadow = scene.baked_shadow != nullptr;
   options.glossy = scene.material.reads_radiance();
+  options.pbr = scene.material.pbr != nullptr;
   return options;
 }
 

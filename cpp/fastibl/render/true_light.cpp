@@ -17,13 +17,13 @@ static_assert(SceneSamples::kLevelSize % kLanes == 0);
 // Height of a material's lobe towards a direction.
 struct LobeHeight {
   bool any = false, ggx = false;
-  float exponent = 0, alpha2 = 0;
+  float exponent = 0, alpha2 = 0, f0 = 1;
   float least = 0;  // n·h: below it there is 1e-4 of the peak
 
   explicit LobeHeight(const std::optional<LobeShape>& shape) {
     if (!shape) return;
     constexpr float kSharpest = 600;  // sharper ones fall between the directions
-    any = true, ggx = shape->ggx;
+    any = true, ggx = shape->ggx, f0 = shape->f0;
     exponent = std::min(shape->exponent, kSharpest);
     if (ggx)
       alpha2 = 2 / exponent;
@@ -107,6 +107,10 @@ void sum_directions(const float* x, const float* y, const float* z, const float*
     }
     Lanes weight, angle;
     lobe_heights(lobe, cosine, half, view_cosine, weight);
+    if (lobe.ggx) {  // by Schlick's Fresnel term
+      const Lanes away = 1 - 0.5f * length, away2 = away * away;
+      weight = weight * (lobe.f0 + (1 - lobe.f0) * (away2 * away2 * away));
+    }
     load(solid_angle + k, angle);
     height += weight * angle;
     for (int c = 0; c < 3; ++c) {

@@ -8,6 +8,7 @@
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/isotropic_taps.h"
 #include "fastibl/scene/methods.h"
+#include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/seen_lights.h"
 #include "fastibl/scene/shared_formulas.h"
 
@@ -32,25 +33,35 @@ void add_gradient_taps(glm::vec3 v, glm::vec2 alpha, int most, GgxTaps& out) {
   }
 }
 
-// Sum of the lobe over all lights times the share of each that its tap levels do not hold.
-// offset: see see_lights().
+// Sums of the lobe over all lights, without and with Schlick's edge term, times the share of each
+// that the look-ups there do not hold. offset: see see_lights(); axes: the surface's frame.
 FASTIBL_CLONES
 void sum_lights(const LightArrays& lights, const float* offset, const shared::GgxLobe& lobe,
-                const float* frame, const float* level, const float* weight, int taps, float* rgb) {
-  float share[kMaxLights] = {}, value[kMaxLights];
+                const float* axes, const GgxTaps& taps, const float* level, float* front,
+                float* edge) {
+  float x[kMaxLights], y[kMaxLights], z[kMaxLights], value[kMaxLights], edge_value[kMaxLights];
   SeenLights seen;
   see_lights(lights, offset, seen);
-  for (int k = 0; k < taps; ++k)
-    for (int i = 0; i < kMaxLights; ++i)
-      share[i] += weight[k] * shared::light_share(level[k], lights.level[i]);
   for (int i = 0; i < kMaxLights; ++i) {
-    const float x = seen.x[i], y = seen.y[i], z = seen.z[i];
-    const glm::vec3 local(frame[0] * x + frame[1] * y + frame[2] * z,
-                          frame[3] * x + frame[4] * y + frame[5] * z,
-                          frame[6] * x + frame[7] * y + frame[8] * z);
-    value[i] = share[i] * seen.gain[i] * shared::ggx_light(lobe, local, seen.variance[i]);
+    x[i] = axes[0] * seen.x[i] + axes[1] * seen.y[i] + axes[2] * seen.z[i];
+    y[i] = axes[3] * seen.x[i] + axes[4] * seen.y[i] + axes[5] * seen.z[i];
+    z[i] = axes[6] * seen.x[i] + axes[7] * seen.y[i] + axes[8] * seen.z[i];
   }
-  sum_flux(lights, value, rgb);
+  LightsLeft sums;
+  for (int k = 0; k < taps.count; ++k) {
+    const GgxTap& tap = taps.taps[std::size_t(k)];
+    add_look_up(lights, x, y, z, seen.variance, tap.direction, tap.width * tap.width, level[k],
+                tap.weight, sums);
+  }
+  for (int i = 0; i < kMaxLights; ++i) {
+    const glm::vec3 l(x[i], y[i], z[i]);
+    value[i] =
+        sums.left[i] / sums.near[i] * seen.gain[i] * shared::ggx_light(lobe, l, seen.variance[i]);
+    edge_value[i] = value[i] * shared::ggx_edge(l, lobe.view);
+    value[i] -= edge_value[i];
+  }
+  sum_flux(lights, value, front);
+  sum_flux(lights, edge_value, edge);
 }
 
 glm::vec3 unit_or(glm::vec3 v, glm::vec3 otherwise) {
@@ -58,9 +69,45 @@ glm::vec3 unit_or(glm::vec3 v, glm::vec3 otherwise) {
   return length > 1e-6f && std::isfinite(length) ? v / length : otherwise;
 }
 
+// Sums over look-ups.
+struct LightParts {
+  glm::vec3 front{0}, edge{0};
+  float front_weight = 0, edge_weight = 0;
+
+  void add(glm::vec3 radiance, float weight, float edge_part) {
+    const float e = weight * edge_part, f = weight - e;
+    front += f * radiance, edge += e * radiance;
+    front_weight += f, edge_weight += e;
+  }
+  GgxLight averages() const {
+    return {front / front_weight, edge / edge_weight, edge_weight / (front_weight + edge_weight)};
+  }
+};
+
+GgxLight sampled_ggx(const CubeMap& map, const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
+                     int taps) {
+  // As the lobe has it, above the horizon.
+  const float up = glm::dot(view, frame.normal);
+  const glm::vec3 lifted = glm::normalize(view + (std::max(up, 1e-3f) - up) * frame.normal);
+  LightParts parts;
+  for (const LobeTap& tap : ggx_lobe_taps(map, frame, view, alpha, taps))
+    parts.add(tap.radiance, tap.weight, shared::ggx_edge(tap.direction, lifted));
+  return parts.averages();
+}
+
 }  // namespace
 
-std::string_view name(GgxMethod method) { return method == GgxMethod::taps ? "taps" : "gradient"; }
+std::string_view name(GgxMethod method) {
+  switch (method) {
+    case GgxMethod::taps:
+      return "taps";
+    case GgxMethod::gradient:
+      return "gradient";
+    case GgxMethod::sampled:
+      return "sampled";
+  }
+  return "";
+}
 GgxMethod ggx_method(std::string_view text) { return method_named(text, kGgxMethods, "ggx"); }
 
 glm::vec2 ggx_alpha(float roughness, float anisotropy) {
@@ -115,10 +162,13 @@ GgxShading::GgxShading(const Lighting& lighting) : lighting_(&lighting) {
   if (chain && !chain->lights.empty()) lights_ = arrays_of(lighting);
 }
 
-glm::vec3 GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
-                                 const GgxOptions& options, const glm::vec3* position) const {
+GgxLight GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
+                                const GgxOptions& options, const glm::vec3* position) const {
+  if (options.method == GgxMethod::sampled)
+    return sampled_ggx(*lighting_->radiance, frame, view, alpha, options.taps);
   const glm::vec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
                         glm::dot(view, frame.normal));
+  const shared::GgxLobe lobe = shared::ggx_lobe(local, alpha);
   const bool round =
       alpha.x == alpha.y && options.method == GgxMethod::taps && options.taps == kGgxTaps;
   const GgxTaps taps = round ? IsotropicTaps::table().at(local, std::sqrt(alpha.x))
@@ -126,8 +176,8 @@ glm::vec3 GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm:
   const CubeMap& map = *lighting_->radiance;
   const GlossyChain* chain = lighting_->chain.get();
   const glm::vec3 offset = position ? *position - lighting_->near_lights.centre : glm::vec3(0);
-  float levels[kMostGgxTaps], weights[kMostGgxTaps];
-  glm::vec3 sum(0);
+  float levels[kMostGgxTaps];
+  LightParts parts;
   for (std::size_t k = 0; k < std::size_t(taps.count); ++k) {
     const GgxTap& tap = taps.taps[k];
     glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
@@ -139,17 +189,18 @@ glm::vec3 GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm:
     }
     levels[k] =
         chain ? chain->level_of(tap.width) : shared::blur_level(float(map.size()), tap.width);
-    weights[k] = tap.weight;
-    sum += tap.weight * (chain ? chain->sample(d, levels[k]) : map.sample(d, levels[k]));
+    parts.add(chain ? chain->sample(d, levels[k]) : map.sample(d, levels[k]), tap.weight,
+              shared::ggx_edge(tap.direction, lobe.view));
   }
-  if (lights_.count == 0) return sum;
+  GgxLight light = parts.averages();
+  if (lights_.count == 0) return light;
   const float axes[9] = {frame.tangent.x,   frame.tangent.y,   frame.tangent.z,
                          frame.bitangent.x, frame.bitangent.y, frame.bitangent.z,
                          frame.normal.x,    frame.normal.y,    frame.normal.z};
-  float rgb[3];
-  sum_lights(lights_, position && lights_.any_near ? &offset.x : nullptr,
-             shared::ggx_lobe(local, alpha), axes, levels, weights, taps.count, rgb);
-  return sum + glm::vec3(rgb[0], rgb[1], rgb[2]) / std::max(taps.albedo, 1e-4f);
+  sum_lights(lights_, position && lights_.any_near ? &offset.x : nullptr, lobe, axes, taps, levels,
+             &light.front_lights.x, &light.edge_lights.x);
+  light.albedo = std::max(taps.albedo, 1e-4f);
+  return light;
 }
 
 glm::dvec2 integrate_ggx_albedo(glm::dvec3 v, glm::dvec2 alpha) {

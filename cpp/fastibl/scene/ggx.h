@@ -24,17 +24,21 @@ enum class GgxMethod {
   taps,      // parts of the lobe along its longest axis, each read with its own width
   gradient,  // what Croubois et al. 2014 suggest: texture gradients, as anisotropic filters read
              // them
+  sampled,   // filtered importance sampling, any number of taps: without lights taken out
 };
 std::string_view name(GgxMethod method);
 GgxMethod ggx_method(std::string_view name);  // throws std::invalid_argument, naming all methods
-inline constexpr std::array kGgxMethods = {GgxMethod::taps, GgxMethod::gradient};
+inline constexpr std::array kGgxMethods = {GgxMethod::taps, GgxMethod::gradient,
+                                           GgxMethod::sampled};
 
 struct GgxOptions {
   GgxMethod method = GgxMethod::taps;
-  int taps = kGgxTaps;  // 1 to 16
+  int taps = kGgxTaps;  // 1 to 16; of samples to kMostSampledTaps
 
   // Of materials: twice as many along a brushed one's lobe, or small bright lights show each tap.
-  static GgxOptions for_shading(float anisotropy) {
+  static GgxOptions for_shading(const Lighting& lighting, float anisotropy) {
+    if (lighting.glossy == GlossyMethod::sampled)
+      return {GgxMethod::sampled, lighting.glossy_settings.taps};
     return {GgxMethod::taps, anisotropy > 0 ? kMostGgxTaps : kGgxTaps};
   }
 };
@@ -60,6 +64,25 @@ struct SurfaceFrame {
 // along the normal or not finite.
 SurfaceFrame frame_around(glm::vec3 unit_normal, glm::vec3 tangent);
 
+// Light in the lobe D G2, parted as Schlick's Fresnel term f0 (1 − e) + e parts it, e = (1 −
+// v·h)^5.
+struct GgxLight {
+  // Averages of the map without its lights, weighted with 1 − e and e.
+  glm::vec3 front{0}, edge{0};
+  float edge_share = 0;  // e in the lobe's mean
+  // Of the lights that were taken out: integrals.
+  glm::vec3 front_lights{0}, edge_lights{0};
+  float albedo = 1;  // the lobe's integral, as its look-ups saw it
+
+  // The average over the lobe, e aside.
+  glm::vec3 mean() const {
+    return glm::mix(front, edge, edge_share) + (front_lights + edge_lights) / albedo;
+  }
+  // Integrals over the lobe times 1 − e and e. albedo: of these two, GgxAlbedo's.
+  glm::vec3 front_light(glm::vec2 albedos) const { return albedos.x * front + front_lights; }
+  glm::vec3 edge_light(glm::vec2 albedos) const { return albedos.y * edge + edge_lights; }
+};
+
 // Average of the map over the lobe D G2 of a surface whose Fresnel term is 1, divided by its
 // directional albedo: 1 for a constant map of radiance 1. Reads the lighting's chain and its lights
 // where it has one, else the MIP levels. Keeps a pointer to the lighting.
@@ -69,8 +92,8 @@ class GgxShading {
   // unit_view: marker frame, surface to eye. position: marker frame, from where its lights are seen
   // where they are; null: all light as at the map's centre. Round lobes of as many taps as usual
   // come from a table (IsotropicTaps).
-  glm::vec3 operator()(const SurfaceFrame& frame, glm::vec3 unit_view, glm::vec2 alpha,
-                       const GgxOptions& options = {}, const glm::vec3* position = nullptr) const;
+  GgxLight operator()(const SurfaceFrame& frame, glm::vec3 unit_view, glm::vec2 alpha,
+                      const GgxOptions& options = {}, const glm::vec3* position = nullptr) const;
 
  private:
   const Lighting* lighting_;

@@ -22,7 +22,8 @@ IsotropicTaps::IsotropicTaps() : nodes_(std::size_t(kRoughnesses) * kAngles) {
     for (int a = 0; a < kAngles; ++a) {
       const float roughness =
           kLeastRoughness + (1 - kLeastRoughness) * float(r) / (kRoughnesses - 1);
-      const float angle = kRightAngle * float(a) / (kAngles - 1);
+      const float left = 1 - float(a) / (kAngles - 1);
+      const float angle = kRightAngle * (1 - left * left);
       const GgxTaps taps = ggx_taps({std::sin(angle), 0, std::cos(angle)},
                                     glm::vec2(roughness * roughness), GgxOptions{});
       Node& node = nodes_[std::size_t(r) * kAngles + std::size_t(a)];
@@ -41,7 +42,8 @@ GgxTaps IsotropicTaps::at(glm::vec3 view, float roughness) const {
   const float flat = std::hypot(view.x, view.y);
   const glm::vec2 away = flat > 1e-6f ? glm::vec2(-view.x, -view.y) / flat : glm::vec2(0);
   const float angle = std::atan2(flat, std::max(view.z, 0.0f));
-  const float x = std::clamp(angle / kRightAngle, 0.0f, 1.0f) * (kAngles - 1);
+  const float left = 1 - std::clamp(angle / kRightAngle, 0.0f, 1.0f);
+  const float x = (1 - std::sqrt(left)) * (kAngles - 1);
   const float y = std::clamp((roughness - kLeastRoughness) / (1 - kLeastRoughness), 0.0f, 1.0f) *
                   (kRoughnesses - 1);
   const int column = std::min(int(x), kAngles - 2), row = std::min(int(y), kRoughnesses - 2);

@@ -8,7 +8,8 @@
 
 namespace fastibl {
 
-// Between kRoughnesses from the least to 1 and kAngles of the view from the normal, kGgxTaps each.
+// Between kRoughnesses from the least to 1 and kAngles of the view from the normal, closer towards
+// grazing ones, kGgxTaps each.
 class IsotropicTaps {
  public:
   static constexpr int kRoughnesses = 32, kAngles = 48;

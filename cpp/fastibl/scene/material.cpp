@@ -91,11 +91,15 @@ bool Material::reads_irradiance() const {
 std::optional<LobeShape> Material::lobe() const {
   if (!pbr)
     return glossy == glm::vec3(0) ? std::nullopt : std::optional(LobeShape{exponent, false});
-  const SurfaceTexture* map = pbr->roughness_map.get();
-  const float mean = map ? map->sample({0.5f, 0.5f}, float(map->level_count() - 1)).x : 1;
-  const float alpha = ggx_alpha(pbr->roughness * mean, 0).x;
+  const auto mean = [](const std::shared_ptr<const SurfaceTexture>& map) {
+    return map ? map->sample({0.5f, 0.5f}, float(map->level_count() - 1)) : glm::vec3(1);
+  };
+  const float alpha = ggx_alpha(pbr->roughness * mean(pbr->roughness_map).x, 0).x,
+              metallic = pbr->metallic * mean(pbr->metallic_map).x;
+  const glm::vec3 colour = pbr->base_color * mean(pbr->base_color_map);
   // Karis 2013 has 2/α² − 2: no less than 0 either.
-  return LobeShape{2 / (alpha * alpha), true};
+  return LobeShape{2 / (alpha * alpha), true,
+                   glm::mix(0.04f, (colour.x + colour.y + colour.z) / 3, metallic)};
 }
 
 bool Material::reads_radiance() const { return pbr || (glossy != glm::vec3(0) && exponent != 0); }

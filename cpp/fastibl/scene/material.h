@@ -35,6 +35,7 @@ struct PbrMaterial {
 struct LobeShape {
   float exponent = 64;
   bool ggx = false;
+  float f0 = 1;  // mean reflectance along the normal, by which GGX grows towards the edge
 };
 
 // Reflectance of Eq. 3. Colours are linear; the object's colour is
@@ -53,8 +54,8 @@ struct Material {
 
   void validate() const;  // throws for negative or NaN values, or an infinite colour
   bool textured() const { return pbr && pbr->textured(); }
-  bool reads_irradiance() const;  // does it reflect light diffusely; s = 0 is Lambert's law
-  bool reads_radiance() const;    // does it need the chain that lobes are read from
+  bool reads_irradiance() const;          // does it reflect light diffusely; s = 0 is Lambert's law
+  bool reads_radiance() const;            // does it need the chain that lobes are read from
   std::optional<LobeShape> lobe() const;  // where it has glossy light; of textures their mean
   bool operator==(const Material& other) const;
 };

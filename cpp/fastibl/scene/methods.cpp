@@ -1,5 +1,7 @@
 #include "fastibl/scene/methods.h"
 
+#include "fastibl/scene/sampled_lobe.h"
+
 namespace fastibl {
 
 std::string_view name(DiffuseMethod method) {
@@ -133,7 +135,7 @@ std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method) {
   if (method == GlossyMethod::stretched)
     return {{"taps", &GlossySettings::taps, 2, 4, {2, 4}}, lights};
   if (method == GlossyMethod::sampled)
-    return {{"taps", &GlossySettings::taps, 1, 1 << 16, {4, 16, 256}}};
+    return {{"taps", &GlossySettings::taps, 1, kMaxSampledTaps, {4, 16, 256}}};
   if (method == GlossyMethod::prefiltered) return {{"taps", &GlossySettings::taps, 1, 4, {1}}};
   return {};
 }

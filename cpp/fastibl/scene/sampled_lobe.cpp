@@ -4,59 +4,72 @@
 #include <cmath>
 #include <vector>
 
+#include "fastibl/scene/shared_formulas.h"
+
 namespace fastibl {
 namespace {
+
+// What half vectors are drawn by, kept for the next call of a thread: a scene has few lobes. Pairs
+// on both sides of y = 0, in equal shares of the lobe; an odd tap takes the one at the normal.
+struct Share {
+  double beyond, turn;  // of the lobe, what is farther from the normal; from the x axis
+  double side;          // 1 or −1: of y
+};
+std::vector<Share> equal_shares(int taps) {
+  std::vector<Share> shares;
+  for (int k = 0; k < taps / 2; ++k) {
+    const double golden = k * 0.61803398874989485 + 0.5;
+    const double turn = std::numbers::pi * (golden - std::floor(golden));
+    for (const double side : {1.0, -1.0}) shares.push_back({(2 * k + 1.0) / taps, turn, side});
+  }
+  if (taps % 2 != 0) shares.push_back({1 - 0.5 / taps, 0, 1});
+  return shares;
+}
 
 struct HalfVector {
   float x, y, z;      // y across the plane of incidence, z along the normal
   float solid_angle;  // of the taps around it, over all h
 };
-
-// Cosine and sine of a half vector, and the part of dh that it stands for.
-struct Inclination {
-  double cosine, sine, solid_angle;
-};
-// Where the share u of ∫ (n·h)^s dh = 2π/(s + 1) (1 − cos^{s+1}) is beyond it; of GGX's
-// ∫ D (n·h) dh, D = α²/(π ((n·h)² (α² − 1) + 1)²).
-Inclination inclination(const LobeShape& lobe, double u, int taps) {
-  if (lobe.ggx) {
-    const double alpha2 = 2 / double(lobe.exponent), down = 1 - u;  // at the normal: u = 1
-    const double cosine2 = u / (1 + (alpha2 - 1) * down), cosine = std::sqrt(cosine2);
-    const double d = cosine2 * (alpha2 - 1) + 1;
-    const double angle = std::numbers::pi * d * d / (alpha2 * cosine * taps);
-    return {cosine, std::sqrt(std::max(0.0, 1 - cosine2)), angle};
-  }
-  const double power = 1 / (double(lobe.exponent) + 1), c = std::pow(u, power),
-               h = std::sqrt(std::max(0.0, -std::expm1(2 * power * std::log(u))));
-  // 1/(N p), p = (s + 1)/(2π) c^s, c^−s = c/u.
-  return {c, h, 2 * std::numbers::pi * power / taps * c / u};
-}
-
-// Half vectors of one lobe, kept for the next call of a thread: a scene has few lobes.
-struct Lattice {
-  LobeShape lobe{-1};
+// By (n·h)^s.
+struct PowerLattice {
+  float exponent = -1;
   int taps = 0;
   std::vector<HalfVector> half;
 
-  void set(const LobeShape& asked, int count) {
-    if (asked.exponent == lobe.exponent && asked.ggx == lobe.ggx && count == taps) return;
-    lobe = asked, taps = count;
+  void set(float asked, int count) {
+    if (asked == exponent && count == taps) return;
+    exponent = asked, taps = count;
     half.clear();
-    // Equal shares; an odd tap takes the one at the normal.
-    const int pairs = taps / 2;
-    const auto add = [&](double u, double turn) {
-      const auto [c, h, angle] = inclination(lobe, u, taps);
-      for (const double side : {1.0, -1.0}) {
-        half.push_back(
-            {float(h * std::cos(turn)), float(side * h * std::sin(turn)), float(c), float(angle)});
-        if (turn == 0) break;
-      }
-    };
-    for (int k = 0; k < pairs; ++k) {
-      const double golden = k * 0.61803398874989485 + 0.5;
-      add((2 * k + 1.0) / taps, std::numbers::pi * (golden - std::floor(golden)));
+    const double power = 1 / (double(exponent) + 1);
+    for (const Share& share : equal_shares(taps)) {
+      // Of ∫ (n·h)^s dh = 2π/(s + 1) (1 − cos^{s+1}).
+      const double u = share.beyond, c = std::pow(u, power),
+                   h = std::sqrt(std::max(0.0, -std::expm1(2 * power * std::log(u))));
+      // 1/(N p), p = (s + 1)/(2π) c^s, c^−s = c/u.
+      const double angle = 2 * std::numbers::pi * power / taps * c / u;
+      half.push_back({float(h * std::cos(share.turn)), float(share.side * h * std::sin(share.turn)),
+                      float(c), float(angle)});
     }
-    if (taps % 2 != 0) add(1 - 0.5 / taps, 0);
+  }
+};
+
+// By GGX's D (n·h), in slopes over alpha, of which the density is 1/(π (1 + x² + y²)²).
+struct SlopeLattice {
+  struct Slope {
+    float x, y;
+    float area;  // of the taps around it
+  };
+  std::vector<Slope> slopes;
+
+  void set(int taps) {
+    if (std::size_t(taps) == slopes.size()) return;
+    slopes.clear();
+    for (const Share& share : equal_shares(taps)) {
+      const double u = share.beyond, steep = std::sqrt((1 - u) / u);
+      slopes.push_back({float(steep * std::cos(share.turn)),
+                        float(share.side * steep * std::sin(share.turn)),
+                        float(std::numbers::pi / (u * u * taps))});
+    }
   }
 };
 
@@ -89,50 +102,92 @@ glm::vec3 incidence(glm::vec3 n, glm::vec3 v) {
   return length > 1e-12f ? t / length : glm::vec3(0.8f, -0.6f, 0);
 }
 
-}  // namespace
-
+// How far taps much finer than a texel read that texel alone: 0 for lobes narrower than texels,
+// which blend between them as a mirror does.
 float sampled_texel_share(float s, int face_size) {
   const float texels = 2 / std::sqrt(s + 1) * float(face_size) / (kPi / 2);  // the lobe's deviation
   return std::clamp(2 * texels - 1, 0.0f, 1.0f);
 }
 
-std::span<const LobeTap> lobe_taps(const CubeMap& map, glm::vec3 n, glm::vec3 v,
-                                   const LobeShape& lobe, int taps) {
-  thread_local std::vector<LobeTap> found;
-  found.clear();
-  const glm::vec3 mirror = 2 * glm::dot(n, v) * n - v;
-  const float s = lobe.exponent, nearest = sampled_texel_share(s, map.size());
-  float total = 0;
-  if (!std::isinf(s)) {
-    thread_local Lattice lattice;
-    lattice.set(lobe, taps);
-    const glm::vec3 t = incidence(n, v), b = glm::cross(n, t);
-    const float alpha2 = 2 / s, nv = std::max(glm::dot(n, v), 1e-3f);
-    const float view_mask = std::sqrt(alpha2 + (1 - alpha2) * nv * nv);
-    for (const HalfVector& half : lattice.half) {
-      const glm::vec3 h = half.x * t + half.y * b + half.z * n;
-      const float vh = glm::dot(v, h);
-      const glm::vec3 l = 2 * vh * h - v;
-      const float nl = glm::dot(n, l);
-      if (!(vh > 0 && nl > 0)) continue;
-      float weight = vh * nl;  // dl = 4 (v·h) dh
-      if (lobe.ggx)            // by Smith's shadowing and masking over 4 (n·l) (n·v), times n·l
-        weight /= half.z * (std::sqrt(alpha2 + (1 - alpha2) * nl * nl) * nv + view_mask * nl);
-      found.push_back({l, filtered(map, l, 4 * vh * half.solid_angle, nearest), weight});
-      total += weight;
-    }
+// A thread's taps, kept for their memory.
+class Taps {
+ public:
+  Taps() { found().clear(); }
+  void add(glm::vec3 direction, glm::vec3 radiance, float weight) {
+    found().push_back({direction, radiance, weight});
+    total_ += weight;
   }
-  // Below: all taps graze, and their light, times such weights, would vanish in float.
-  if (total > 1e-12f) return found;
-  found.assign(1, {mirror, map.sample(mirror, 0), 1});
-  return found;
+  std::span<const LobeTap> or_mirror(const CubeMap& map, glm::vec3 mirror) {
+    // Below: all taps graze, and their light, times such weights, would vanish in float.
+    if (!(total_ > 1e-12f)) found().assign(1, {mirror, map.sample(mirror, 0), 1});
+    return found();
+  }
+
+ private:
+  static std::vector<LobeTap>& found() {
+    thread_local std::vector<LobeTap> taps;
+    return taps;
+  }
+  float total_ = 0;
+};
+
+std::span<const LobeTap> power_taps(const CubeMap& map, const SurfaceFrame& frame, glm::vec3 v,
+                                    float s, int taps) {
+  const auto& [t, b, n] = frame;
+  const glm::vec3 mirror = 2 * glm::dot(n, v) * n - v;
+  Taps found;
+  if (std::isinf(s)) return found.or_mirror(map, mirror);
+  thread_local PowerLattice lattice;
+  lattice.set(s, taps);
+  const float nearest = sampled_texel_share(s, map.size());
+  for (const HalfVector& half : lattice.half) {
+    const glm::vec3 h = half.x * t + half.y * b + half.z * n;
+    const float vh = glm::dot(v, h);
+    const glm::vec3 l = 2 * vh * h - v;
+    const float nl = glm::dot(n, l);
+    if (!(vh > 0 && nl > 0)) continue;
+    // dl = 4 (v·h) dh
+    found.add(l, filtered(map, l, 4 * vh * half.solid_angle, nearest), vh * nl);
+  }
+  return found.or_mirror(map, mirror);
 }
 
-glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 n, glm::vec3 v, float s, int taps) {
+}  // namespace
+
+std::span<const LobeTap> ggx_lobe_taps(const CubeMap& map, const SurfaceFrame& frame, glm::vec3 v,
+                                       glm::vec2 alpha, int taps, float f0) {
+  thread_local SlopeLattice lattice;
+  lattice.set(taps);
+  const auto& [t, b, n] = frame;
+  const shared::GgxLobe lobe =
+      shared::ggx_lobe({glm::dot(v, t), glm::dot(v, b), glm::dot(v, n)}, alpha);
+  const float nearest = sampled_texel_share(2 / (alpha.x * alpha.y), map.size());
+  const auto turned = [&](glm::vec3 l) { return l.x * t + l.y * b + l.z * n; };
+  Taps found;
+  for (const SlopeLattice::Slope& slope : lattice.slopes) {
+    const glm::vec4 part = shared::ggx_slope(lobe, slope.x, slope.y);
+    if (!(part.w > 0)) continue;
+    const glm::vec3 l = glm::vec3(part) / part.w;
+    const glm::vec3 direction = turned(l);
+    found.add(direction,
+              filtered(map, direction, shared::ggx_solid_angle(lobe, l, slope.area), nearest),
+              part.w * (f0 + (1 - f0) * shared::ggx_edge(l, lobe.view)));
+  }
+  return found.or_mirror(map, turned({-lobe.view.x, -lobe.view.y, lobe.view.z}));
+}
+
+std::span<const LobeTap> lobe_taps(const CubeMap& map, glm::vec3 n, glm::vec3 v,
+                                   const LobeShape& lobe, int taps) {
+  const glm::vec3 t = incidence(n, v);
+  const SurfaceFrame frame{t, glm::cross(n, t), n};
+  if (!lobe.ggx) return power_taps(map, frame, v, lobe.exponent, taps);
+  return ggx_lobe_taps(map, frame, v, glm::vec2(std::sqrt(2 / lobe.exponent)), taps, lobe.f0);
+}
+
+glm::vec3 mean_radiance(std::span<const LobeTap> taps) {
   glm::vec3 sum(0);
   float total = 0;
-  for (const LobeTap& tap : lobe_taps(map, n, v, {s}, taps))
-    sum += tap.weight * tap.radiance, total += tap.weight;
+  for (const LobeTap& tap : taps) sum += tap.weight * tap.radiance, total += tap.weight;
   return sum / total;
 }
 

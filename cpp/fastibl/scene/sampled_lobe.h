@@ -4,6 +4,7 @@
 #include <span>
 
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/ggx.h"
 #include "fastibl/scene/material.h"
 
 namespace fastibl {
@@ -24,11 +25,12 @@ struct LobeTap {
 std::span<const LobeTap> lobe_taps(const CubeMap& map, glm::vec3 normal, glm::vec3 view,
                                    const LobeShape& lobe, int taps);
 
-// ∫ L (n·h)^s max(n·l, 0) dl over ∫ (n·h)^s max(n·l, 0) dl by these taps.
-glm::vec3 sampled_lobe(const CubeMap& map, glm::vec3 normal, glm::vec3 view, float s, int taps);
+// The same of GGX, its lobe D G2 of any two alphas. frame: the first alpha is along its tangent.
+// f0: 1, or of Schlick's Fresnel term, which it is weighted with.
+std::span<const LobeTap> ggx_lobe_taps(const CubeMap& map, const SurfaceFrame& frame,
+                                       glm::vec3 view, glm::vec2 alpha, int taps, float f0 = 1);
 
-// How far taps much finer than a texel read that texel alone: 0 for lobes narrower than texels,
-// which blend between them as a mirror does.
-float sampled_texel_share(float s, int face_size);
+// Of Blinn's lobe ∫ L (n·h)^s max(n·l, 0) dl over ∫ (n·h)^s max(n·l, 0) dl by these taps.
+glm::vec3 mean_radiance(std::span<const LobeTap> taps);
 
 }  // namespace fastibl

@@ -1,6 +1,9 @@
 // The lights of a glossy chain as a place beside the map's centre sees them.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "fastibl/scene/light_arrays.h"
 #include "fastibl/scene/shared_formulas.h"
 
@@ -26,6 +29,27 @@ FASTIBL_INLINE void see_lights(const LightArrays& lights, const float* offset, S
         lights.variance[i], glm::vec3(offset[0], offset[1], offset[2]));
     seen.x[i] = light.direction.x, seen.y[i] = light.direction.y, seen.z[i] = light.direction.z;
     seen.variance[i] = light.variance, seen.gain[i] = light.gain;
+  }
+}
+
+// How much of each light the look-ups near it leave to be added: left / near.
+struct LightsLeft {
+  float near[kMaxLights] = {}, left[kMaxLights] = {};
+};
+// One more look-up. x, y, z: of the lights, as `direction` is given; spread: its standard deviation
+// squared.
+FASTIBL_INLINE void add_look_up(const LightArrays& lights, const float* x, const float* y,
+                                const float* z, const float* variance, const glm::vec3& direction,
+                                float spread, float level, float weight, LightsLeft& sums) {
+  const float k = std::min(std::floor(level), float(GlossyChain::kLevelCount - 2));
+  const float coarse = level - k, fine = k > 0 ? 1 - coarse : 0.0f;
+  for (int i = 0; i < kMaxLights; ++i) {
+    const float part =
+        weight * shared::seen_by_tap(direction, glm::vec3(x[i], y[i], z[i]), spread + variance[i]);
+    const float past = k - lights.level[i];
+    sums.near[i] += part;
+    sums.left[i] += part * (fine * shared::clamp(past, 0.0f, 1.0f) +
+                            coarse * shared::clamp(past + 1, 0.0f, 1.0f));
   }
 }
 

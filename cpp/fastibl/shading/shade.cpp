@@ -181,14 +181,15 @@ glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting&
   const glm::vec3 local(glm::dot(view, p.frame.tangent), glm::dot(view, p.frame.bitangent),
                         glm::dot(view, p.frame.normal));
   const glm::vec2 albedo = material.albedo->sample(local, p.roughness);
-  const glm::vec3 reflectance = shared::pbr_reflectance(p.base_color, p.metallic, albedo);
   const glm::vec3 diffuse = shared::pbr_diffuse(p.base_color, p.metallic, albedo);
   glm::vec3 colour = p.emission;
   if (diffuse != glm::vec3(0))
     colour += diffuse * (glm::vec3(f.share) / kPi) * evaluate(lighting.irradiance, p.frame.normal);
-  return colour + f.share.w * reflectance *
-                      ggx(p.frame, view, ggx_alpha(p.roughness, m.anisotropy),
-                          GgxOptions::for_shading(m.anisotropy), &f.position);
+  const GgxLight light = ggx(p.frame, view, ggx_alpha(p.roughness, m.anisotropy),
+                             GgxOptions::for_shading(lighting, m.anisotropy), &f.position);
+  return colour + f.share.w * shared::pbr_reflected(p.base_color, p.metallic, albedo,
+                                                    light.front_light(albedo),
+                                                    light.edge_light(albedo));
 }
 
 float exposure_at(const PixelTable& table, double exposure, int x, int y) {

@@ -6,7 +6,6 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/scene/glossy.h"
-#include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/sample_cells.h"
@@ -36,7 +35,7 @@ int diffuse_variant(DiffuseMethod method) {
   }
 }
 
-// Values of GLOSSY in shade.frag.glsl; 6 and 7 are of glTF's model.
+// Values of GLOSSY in shade.frag.glsl; 6 to 8 are of glTF's model.
 enum class GlossyVariant { none, mip, matte, chain, nearly_matte, sampled };
 
 GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
@@ -201,8 +200,6 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
       glUniform1i(p.uniform("taps"), in.lighting.glossy_settings.taps);
       glUniform1f(p.uniform("exponent"), m.exponent);
       glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
-      glUniform1f(p.uniform("texel_share"),
-                  sampled_texel_share(m.exponent, in.lighting.radiance->size()));
       break;
     case GlossyVariant::chain:
     case GlossyVariant::nearly_matte:
@@ -236,7 +233,8 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   const auto has = [](const char* name, bool there) {
     return name + std::string(there ? " 1" : " 0");
   };
-  const bool chain = in.lighting.chain != nullptr;
+  const bool sampled = in.lighting.glossy == GlossyMethod::sampled,
+             chain = !sampled && in.lighting.chain;
   if (chain)
     light.upload_chain(gpu, in.lighting.chain);
   else
@@ -244,8 +242,11 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   material_.upload(gpu, in.scene.material);
   const Program& p = gpu.use(
       "shade",
-      {"DIFFUSE " + std::to_string(variant), chain ? "GLOSSY 7" : "GLOSSY 6", "PAPER 0",
-       "HOLDOUT 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
+      {"DIFFUSE " + std::to_string(variant),
+       chain     ? "GLOSSY 7"
+       : sampled ? "GLOSSY 8"
+                 : "GLOSSY 6",
+       "PAPER 0", "HOLDOUT 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
        has("METALLIC_MAP", m.metallic_map != nullptr),
        has("ROUGHNESS_MAP", m.roughness_map != nullptr),
        has("EMISSION_MAP", m.emission_map != nullptr), has("NORMAL_MAP", m.normal_map != nullptr),
@@ -258,6 +259,7 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   else
     light.bind_radiance(gpu, p);
   glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
+  if (sampled) glUniform1i(p.uniform("taps"), in.lighting.glossy_settings.taps);
   set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
   set(p, "base_color", m.base_color);
   set(p, "emission", m.emission);
