@@ -3,7 +3,7 @@
 // shared/near_light.glsl, and looked() of shade.frag.glsl.
 uniform samplerCube chain;       // levels 2 ... 7
 uniform samplerCube first_lobe;  // level 1; level 0 is the map itself
-uniform sampler2D lobe_table;    // rows: 4 taps, direction and integral, bands; columns: lobe_column()
+uniform sampler2D lobe_table;    // rows: 4 taps, direction and integral, bands, spreads; columns: lobe_column()
 uniform int taps;
 uniform float exponent;
 uniform float harmonics_share;
@@ -35,26 +35,37 @@ vec3 glossy_from_chain(vec3 n, vec3 v, float cosine, vec3 position) {
   int i = min(int(at), 15);
   float f = at - float(i);
   vec4 turn = mix(texelFetch(lobe_table, ivec2(i, 4), 0), texelFetch(lobe_table, ivec2(i + 1, 4), 0), f);
-  float share[8];
-  for (int j = 0; j < 8; ++j) share[j] = harmonics_share;
+  PlacedLight seen[8];
+  float near[8], left[8];
+  for (int j = 0; j < light_count; ++j) {
+    seen[j] = placed_light(light_place[j].xyz, light_distance[j], light_place[j].w, position - map_centre);
+    near[j] = 1e-30;
+    left[j] = 0.0;
+  }
   vec3 value = vec3(0.0);
   if (harmonics_share > 0.0) {
     vec4 bands = mix(texelFetch(lobe_table, ivec2(i, 5), 0), texelFetch(lobe_table, ivec2(i + 1, 5), 0), f);
     value = harmonics_share * harmonics_radiance(harmonics, normalize(turn.x * mirror + turn.y * down), bands);
   }
   if (harmonics_share < 1.0) {
+    vec4 spreads = mix(texelFetch(lobe_table, ivec2(i, 6), 0), texelFetch(lobe_table, ivec2(i + 1, 6), 0), f);
     for (int k = 0; k < taps; ++k) {
       vec4 tap = mix(texelFetch(lobe_table, ivec2(i, k), 0), texelFetch(lobe_table, ivec2(i + 1, k), 0), f);
-      float weight = (1.0 - harmonics_share) * tap.w;
-      value += weight * sample_chain(looked(tap.x * mirror + tap.y * down, position), tap.z);
-      for (int j = 0; j < light_count; ++j) share[j] += weight * light_share(tap.z, light_flux[j].w);
+      vec3 direction = tap.x * mirror + tap.y * down;
+      value += (1.0 - harmonics_share) * tap.w * sample_chain(looked(direction, position), tap.z);
+      for (int j = 0; j < light_count; ++j) {
+        float part = tap.w * seen_by_tap(direction, seen[j].direction, spreads[k] + seen[j].variance);
+        near[j] += part;
+        left[j] += part * light_share(tap.z, light_flux[j].w);
+      }
     }
   }
   if (light_count > 0) {
     vec3 sum = vec3(0.0);
     for (int j = 0; j < light_count; ++j) {
-      PlacedLight seen = placed_light(light_place[j].xyz, light_distance[j], light_place[j].w, position - map_centre);
-      sum += share[j] * seen.gain * light_lobe(exponent, seen.variance, n, v, seen.direction) * light_flux[j].rgb;
+      float share = harmonics_share + (1.0 - harmonics_share) * left[j] / near[j];
+      sum += share * seen[j].gain * light_lobe(exponent, seen[j].variance, n, v, seen[j].direction) *
+             light_flux[j].rgb;
     }
     value += exp2(-turn.z) * sum;
   }

@@ -39,28 +39,29 @@ const float* tap_table(int taps) {
   return tables[taps - 1];
 }
 
-// Sum of the lobe over all lights times the share that each tap's level leaves to them.
-// fine, coarse: of each tap, its level rounded down, and the weights of that and the next level.
-struct Shares {
-  int taps;
-  float level[GlossyLobe::kMaxTaps], fine[GlossyLobe::kMaxTaps], coarse[GlossyLobe::kMaxTaps];
-  float rest;  // for what spherical harmonics give: lights are left to us wholly
+// Look-ups, as lights see them.
+struct Taps {
+  int count;
+  glm::vec3 direction[GlossyLobe::kMaxTaps];
+  float weight[GlossyLobe::kMaxTaps], level[GlossyLobe::kMaxTaps], spread[GlossyLobe::kMaxTaps];
+  float harmonics;  // share of spherical harmonics, which leave lights to us wholly
 };
 
+// Sum of the lobe over all lights times the share that the look-ups there do not hold.
 // offset: see see_lights().
 FASTIBL_CLONES
-void sum_lights(const LightArrays& lights, const float* offset, float s, const Shares& shares,
+void sum_lights(const LightArrays& lights, const float* offset, float s, const Taps& taps,
                 const float* n, const float* v, float* rgb) {
   float share[kMaxLights], value[kMaxLights];
   SeenLights seen;
   see_lights(lights, offset, seen);
-  for (int i = 0; i < kMaxLights; ++i) share[i] = shares.rest;
-  for (int k = 0; k < shares.taps; ++k)
-    for (int i = 0; i < kMaxLights; ++i) {
-      const float past = shares.level[k] - lights.level[i];
-      share[i] += shares.fine[k] * shared::clamp(past, 0.0f, 1.0f) +
-                  shares.coarse[k] * shared::clamp(past + 1, 0.0f, 1.0f);
-    }
+  LightsLeft sums;
+  for (int k = 0; k < taps.count; ++k)
+    add_look_up(lights, seen.x, seen.y, seen.z, seen.variance, taps.direction[k], taps.spread[k],
+                taps.level[k], taps.weight[k], sums);
+  for (int i = 0; i < kMaxLights; ++i)
+    share[i] =
+        taps.harmonics + (1 - taps.harmonics) * sums.left[i] / std::max(sums.near[i], 1e-30f);
   for (int i = 0; i < kMaxLights; ++i)
     value[i] =
         share[i] * seen.gain[i] *
@@ -89,8 +90,10 @@ GlossyLobe::GlossyLobe(const GlossyChain& chain, int tap_count, float s)
       const float angle = shown * tap_row(i) * width;
       const float weight = k + 1 < taps ? tap_row(i + 2) : last;
       last -= weight;
-      column.taps[std::size_t(k)] = {std::cos(angle), std::sin(angle),
-                                     chain.level_of(width * std::exp2(tap_row(i + 1))), weight};
+      const float blur = width * std::exp2(tap_row(i + 1));
+      column.taps[std::size_t(k)] = {std::cos(angle), std::sin(angle), chain.level_of(blur),
+                                     weight};
+      column.spreads[k] = blur * blur;
     }
     if (harmonics > 0) {
       const float angle = harmonics_row(5 * c);
@@ -139,9 +142,9 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
   const GlossyLobe::Column &a = lobe_.columns[std::size_t(i)],
                            &b = lobe_.columns[std::size_t(i) + 1];
   glm::vec3 value(0);
-  Shares shares;
-  shares.taps = 0;
-  shares.rest = lobe_.harmonics;
+  Taps taps;
+  taps.count = 0;
+  taps.harmonics = lobe_.harmonics;
   float highest = 0;  // level; below the finest light's, look-ups hold all light
   if (lobe_.harmonics > 0) {
     const glm::vec2 angle = a.direction + f * (b.direction - a.direction);
@@ -151,24 +154,23 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
                                        a.bands + f * (b.bands - a.bands));
   }
   if (lobe_.harmonics < 1) {
-    shares.taps = lobe_.taps;
+    taps.count = lobe_.taps;
+    const glm::vec4 spreads = a.spreads + f * (b.spreads - a.spreads);
     for (int k = 0; k < lobe_.taps; ++k) {
       const glm::vec4 &p = a.taps[std::size_t(k)], &q = b.taps[std::size_t(k)];
       const glm::vec4 tap = p + f * (q - p);
-      const float weight = (1 - lobe_.harmonics) * tap.w;
-      value +=
-          weight * lighting_->chain->sample(looked(tap.x * mirror + tap.y * down, position), tap.z);
+      const glm::vec3 direction = tap.x * mirror + tap.y * down;
+      value += (1 - lobe_.harmonics) * tap.w *
+               lighting_->chain->sample(looked(direction, position), tap.z);
       highest = std::max(highest, tap.z);
-      const int level = std::min(int(tap.z), GlossyChain::kLevelCount - 2);
-      shares.level[k] = float(level);
-      shares.coarse[k] = weight * (tap.z - float(level));
-      shares.fine[k] = level > 0 ? weight - shares.coarse[k] : 0.0f;
+      taps.direction[k] = direction, taps.weight[k] = tap.w, taps.level[k] = tap.z;
+      taps.spread[k] = spreads[k];
     }
   }
-  if (lights_.count > 0 && (shares.rest > 0 || highest > lights_.finest - 1)) {
+  if (lights_.count > 0 && (lobe_.harmonics > 0 || highest > lights_.finest - 1)) {
     float rgb[3];
     const glm::vec3 offset = position ? *position - lighting_->near_lights.centre : glm::vec3(0);
-    sum_lights(lights_, position && lights_.any_near ? &offset.x : nullptr, lobe_.exponent, shares,
+    sum_lights(lights_, position && lights_.any_near ? &offset.x : nullptr, lobe_.exponent, taps,
                &n.x, &v.x, rgb);
     const float integral = a.log_integral + f * (b.log_integral - a.log_integral);
     value += std::exp2(-integral) * glm::vec3(rgb[0], rgb[1], rgb[2]);

@@ -18,6 +18,7 @@ struct GlossyLobe {
     // Each look-up: cosine and sine of its angle from the mirror direction, away from the normal;
     // its level; its weight (they sum to 1).
     std::array<glm::vec4, kMaxTaps> taps{};
+    glm::vec4 spreads{1};       // squares of the look-ups' standard deviations, radians
     glm::vec2 direction{1, 0};  // of the spherical harmonics, from the mirror direction likewise
     glm::vec4 bands{0};         // what bands 1 … 4 are multiplied with
     float log_integral = 0;     // log2 of the lobe's integral

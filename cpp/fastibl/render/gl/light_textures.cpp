@@ -166,14 +166,15 @@ void LightTextures::bind_radiance(Gpu& gpu, const Program& p) const {
 void LightTextures::bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe,
                                const Lighting& lighting) {
   constexpr int n = GlossyLobe::kColumns, taps = GlossyLobe::kMaxTaps;
-  std::vector<glm::vec4> table(std::size_t(n) * (taps + 2));
+  std::vector<glm::vec4> table(std::size_t(n) * (taps + 3));
   for (int c = 0; c < n; ++c) {
     const GlossyLobe::Column& column = lobe.columns[std::size_t(c)];
     for (int k = 0; k < taps; ++k) table[std::size_t(k * n + c)] = column.taps[std::size_t(k)];
     table[std::size_t(taps * n + c)] = glm::vec4(column.direction, column.log_integral, 0);
     table[std::size_t((taps + 1) * n + c)] = column.bands;
+    table[std::size_t((taps + 2) * n + c)] = column.spreads;
   }
-  gpu.allocate(table_, GL_RGBA32F, n, taps + 2, GL_RGBA, GL_FLOAT, table.data());
+  gpu.allocate(table_, GL_RGBA32F, n, taps + 3, GL_RGBA, GL_FLOAT, table.data());
   glUseProgram(p.id());
   gpu.bind("lobe_table", table_);
   glUniform1i(p.uniform("taps"), lobe.taps);
