@@ -360,12 +360,12 @@ void bind_plan(py::module_& module) {
   module.def(
       "_measured_errors",
       [](const Scene& scene, const std::shared_ptr<Environment>& environment,
-         const Methods& methods, bool cast_shadow) {
+         const Methods& methods, bool cast_shadow, bool offline) {
         MeasuredErrors errors;
         {
           const py::gil_scoped_release release;
           CandidateOptions from = candidate_options(scene);
-          from.light_stays = true;
+          from.light_stays = true, from.offline = offline;
           errors = measure_errors(scene, {environment, &environment->radiance}, methods,
                                   candidates(methods, from), cast_shadow);
         }
@@ -387,6 +387,7 @@ void bind_plan(py::module_& module) {
         return result;
       },
       py::arg("scene"), py::arg("environment"), py::arg("methods"), py::arg("cast_shadow") = true,
+      py::arg("offline") = false,
       "Squares of the picture's errors by candidate, of each step alone, and of all of the object "
       "and the plane, for light that stays: what a plan chooses from.");
   module.def(

@@ -1825,7 +1825,7 @@ def _measure_costs() -> dict[str, float]:
     """
     Unit costs of this machine in nanoseconds, by name; some three seconds.
     """
-def _measured_errors(scene: ..., environment: Environment, methods: _Methods, cast_shadow: bool = True) -> dict:
+def _measured_errors(scene: ..., environment: Environment, methods: _Methods, cast_shadow: bool = True, offline: bool = False) -> dict:
     """
     Squares of the picture's errors by candidate, of each step alone, and of all of the object and the plane, for light that stays: what a plan chooses from.
     """

@@ -1,4 +1,5 @@
-// Fast paths against the plain ones: many codes at once, small triangles, lights that are kept.
+// Fast paths against the plain ones: many codes at once, small triangles, lights that are kept,
+// pieces of a map.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
@@ -10,6 +11,7 @@
 #include "fastibl/scene/octahedral.h"
 #include "fastibl/scene/response.h"
 #include "fastibl/shading/hidden_cells.h"
+#include "fastibl/shading/light_pieces.h"
 #include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/sample_cells.h"
 
@@ -164,4 +166,38 @@ TEST_CASE("near lights that hardly moved are taken where they were, others are n
   CHECK(small < 0.01f);
   CHECK(differs(light_at(0.3f + 3 * NearShares::kKeptAngle, 3)) == 0);
   CHECK(differs(light_at(1.0f, 1)) == 0);
+}
+
+TEST_CASE("pieces of a map hold all of its light, none much more than a count's part of it") {
+  constexpr int n = 32, kCount = 200;
+  std::vector<glm::vec3> faces(6 * n * n, glm::vec3(0.2f, 0.3f, 0.5f));
+  SUBCASE("black") { faces.assign(faces.size(), glm::vec3(0)); }
+  SUBCASE("of one colour") {
+    for (glm::vec3& f : faces) f = {0, 0.7f, 0};
+  }
+  SUBCASE("with a sun in one texel") {
+    faces[4 * n * n + 7 * n + 20] = glm::vec3(1e6f, 8e5f, 6e5f);
+  }
+  SUBCASE("with a red and a blue lamp") {
+    faces[100] = {5e3f, 0, 0}, faces[3 * n * n + 50] = {0, 0, 2e3f};
+  }
+  SUBCASE("even") {}
+  const CubeMap map(n, faces);
+  const LightPieces pieces(map, glm::mat3(1), kCount);
+  const LitDirections& lit = pieces.directions();
+  CHECK(lit.count % kLanes == 0);
+  CHECK(pieces.count() <= 20 * kCount);
+  glm::dvec3 all(0), sum(0);
+  const std::vector<double> angles = texel_solid_angles(n);
+  for (std::size_t i = 0; i < faces.size(); ++i) all += angles[i % (n * n)] * glm::dvec3(faces[i]);
+  double most = 0;
+  for (std::size_t i = 0; i < lit.count; ++i)
+    for (int c = 0; c < 3; ++c) {
+      sum[c] += double(lit.channels[c][i]);
+      if (all[c] > 0) most = std::max(most, double(lit.channels[c][i]) / all[c]);
+    }
+  for (int c = 0; c < 3; ++c) CHECK(sum[c] == doctest::Approx(all[c]).epsilon(1e-4));
+  CHECK(most <= 1.3 / kCount);
+  for (std::size_t i = 0; i < lit.count; ++i)
+    CHECK(std::abs(lit.x[i] * lit.x[i] + lit.y[i] * lit.y[i] + lit.z[i] * lit.z[i] - 1) < 1e-5f);
 }

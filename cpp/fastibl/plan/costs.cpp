@@ -123,9 +123,6 @@ double shadow_cost(const Costs& c, const Methods& m) {
   }
 }
 
-// Share of an object's pixels that it may hide a part of the lobe from.
-constexpr double kPartlyHidden = 0.3;
-
 // Of a baked shadow's three maps, or of a cast one's two.
 double shadow_texels(const Methods& m) {
   constexpr double kTexels = 128 * 128;
@@ -169,8 +166,8 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
            w.object_pixels * (c.raster_pixel + (w.diffuse ? diffuse_pixel(c, m) : 0) +
                               (w.glossy ? glossy_pixel(c, m, w.pbr) : 0)) +
            (w.glossy && transfer ? c.glossy_vertex * w.vertices : 0);
-      if (w.glossy && m.self_shadow == SelfShadowMethod::traced)
-        ns += kPartlyHidden * c.traced_pixel * w.object_pixels;
+      if (m.self_shadow == SelfShadowMethod::traced)
+        ns += c.traced_pixel * w.object_pixels;
       break;
     case PassId::composite:
       ns = c.composite_pixel * pixels + c.shadow_pixel * w.shadow_pixels;

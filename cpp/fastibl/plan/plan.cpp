@@ -373,7 +373,8 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
               (options.lighting && !choice
                    ? described(options.lighting->glossy, options.lighting->glossy_settings)
                    : described(methods.glossy, methods.glossy_settings)) +
-              ")" + traced;
+              ")";
+        line.method += traced;
         break;
       }
       default:

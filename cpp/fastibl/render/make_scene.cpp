@@ -39,6 +39,7 @@ void add_directions(const SceneOptions& options, bool backs, Scene& scene) {
   const Bvh& bvh = *scene.bvh;
   const float offset = ray_offset(scene.mesh);
   RefinedMesh refined = refine(scene.mesh, bvh, finer);
+  scene.corners_tell = options.refine;
   if (!refined.parents.empty()) {
     interpolate(refined, scene.visibility);
     scene.mean_normals = std::move(scene.normals);

@@ -220,24 +220,19 @@ void measure_shadows(const Scene& scene, const Maps& all, Costs& costs) {
   costs.caps = shadow(ShadowMethod::cap_product, {});
 }
 
-// Of places on the ring, with its other side in view.
-double traced_pixel(const Scene& scene, const CubeMap& map) {
-  constexpr std::size_t kPlaces = 200;
-  const glm::vec3 eye(0, -0.35f, 0.3f);
-  const float offset = ray_offset(scene.given_mesh());
-  const std::size_t step = std::max<std::size_t>(scene.mesh.vertices.size() / kPlaces, 1);
+// Of a picture of the ring, diffuse and glossy.
+double traced_pixel(Scene scene, const CubeMap& map, std::vector<glm::vec4> shares) {
+  scene.material.glossy = glm::vec3(0.3f);
+  const View v = view(160);
+  const glm::vec3 eye(v.camera_from_marker.inverse().translation);
+  Rasterizer rasterizer;
+  const std::span<FragmentBand> seen =
+      rasterizer.rasterize(scene, v.camera, v.camera_from_marker, shares);
   double count = 0;
-  const double all = nanoseconds([&](int) {
-    count = 0;
-    for (std::size_t v = 0; v < scene.mesh.vertices.size(); v += step) {
-      const glm::vec3 view = glm::normalize(eye - scene.mesh.vertices[v]);
-      if (!(glm::dot(view, scene.normals[v]) > 0)) continue;
-      traced_share(*scene.bvh, map, glm::mat3(1), {}, scene.origins[v] + offset * scene.normals[v],
-                   scene.normals[v], view);
-      ++count;
-    }
-  });
-  return all / at_least(count, 1);
+  for (const FragmentBand& band : seen) count += double(band.object.size());
+  const ProcessorClock clock;
+  trace_shares(scene, map, eye, shares, seen);
+  return 1e9 * clock.seconds() / at_least(count, 1);
 }
 
 void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
@@ -257,7 +252,7 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
                                         scene.normals, {0, -0.35f, 0.3f}, shares);
                         }) /
                         count;
-  costs.traced_pixel = traced_pixel(scene, *all[0]);
+  costs.traced_pixel = traced_pixel(scene, *all[0], shares);
   SceneShadow caster;
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
   const PlaneExchange exchange(scene.mesh, *scene.directions);

@@ -84,18 +84,16 @@ std::vector<glm::vec4> transfer_shares(const SceneSamples& samples, const CubeMa
   return result;
 }
 
-// Of the glossy light by rays, where those that are there leave it open.
-void trace_glossy(const SceneSamples& samples, const CubeMap& map, const Material& material,
-                  std::vector<glm::vec4>& shares) {
-  const std::optional<LobeShape> lobe = material.lobe();
-  if (!lobe) return;
+// By rays, where the object hides anything.
+void trace_light(const SceneSamples& samples, const CubeMap& map, const Material& material,
+                 std::vector<glm::vec4>& shares) {
+  if (samples.visibility.blocks_nothing()) return;
+  const TracedLight light(*samples.bvh, map, glm::mat3(1), material.reads_irradiance(),
+                          material.lobe());
   parallel_for(int(shares.size()), 16, [&](int begin, int end) {
     for (int i = begin; i < end; ++i) {
       const SceneSamples::Surface& s = samples.surface[std::size_t(i)];
-      float& share = shares[std::size_t(i)].w;
-      if (is_touched(share))
-        share = traced_share(*samples.bvh, map, glm::mat3(1), *lobe, s.start, s.normal,
-                             samples.views[std::size_t(s.view)]);
+      shares[std::size_t(i)] = light.shares(s.start, s.normal, samples.views[std::size_t(s.view)]);
     }
   });
 }
@@ -115,7 +113,7 @@ std::vector<std::vector<glm::vec4>> shares_of(const std::vector<SelfShadowMethod
     } else {
       if (transfer.empty()) transfer = transfer_shares(samples, map, irradiance, material);
       result.push_back(transfer);
-      if (method == SelfShadowMethod::traced) trace_glossy(samples, map, material, result.back());
+      if (method == SelfShadowMethod::traced) trace_light(samples, map, material, result.back());
     }
   }
   return result;

@@ -35,6 +35,8 @@ struct RenderInput {
   std::shared_ptr<const ShadowMap> plane_gain = nullptr;
   // What is left of the light of each vertex of the scene's holdouts, and 1. Empty: all of it.
   std::span<const glm::vec4> holdout_ratios = {};
+  // Of light_shares what the map alone is kept from, where near lights or the plane change them.
+  std::span<const glm::vec4> self_shares = {};
   bool shades_alike_as_one = false;  // see Plan; a GPU shades each triangle's part by itself
 };
 

@@ -592,7 +592,7 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
   renderer_->run(
       id, {scene_, plan_.methods, *lighting_, rig_.back, drawn_from, frame.back, back_exposure_,
            bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_, plane_gain_,
-           holdout_ratios_, plan_.shades_alike_as_one});
+           holdout_ratios_, light_shares_, plan_.shades_alike_as_one});
   return true;
 }
 

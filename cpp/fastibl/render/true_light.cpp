@@ -3,128 +3,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 
 #include "fastibl/core/lanes.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/shading/light_sums.h"
 
 namespace fastibl {
 namespace {
 
 constexpr int kGrain = 8;
 static_assert(SceneSamples::kLevelSize % kLanes == 0);
-
-// Height of a material's lobe towards a direction.
-struct LobeHeight {
-  bool any = false, ggx = false;
-  float exponent = 0, alpha2 = 0, f0 = 1;
-  float least = 0;  // n·h: below it there is 1e-4 of the peak
-
-  explicit LobeHeight(const std::optional<LobeShape>& shape) {
-    if (!shape) return;
-    constexpr float kSharpest = 600;  // sharper ones fall between the directions
-    any = true, ggx = shape->ggx, f0 = shape->f0;
-    exponent = std::min(shape->exponent, kSharpest);
-    if (ggx)
-      alpha2 = 2 / exponent;
-    else
-      least = std::exp2(std::log2(1e-4f) / std::max(exponent, 1e-3f));
-  }
-};
-
-struct Sums {
-  float irradiance[3], open_irradiance[3], lobe[3], open_lobe[3], height;
-};
-
-using Bytes [[gnu::vector_size(kLanes)]] = std::uint8_t;
-
-FASTIBL_INLINE void load(const float* from, Lanes& to) { std::memcpy(&to, from, sizeof to); }
-
-FASTIBL_INLINE void square_root(const Lanes& x, Lanes& result) {
-  for (int k = 0; k < kLanes; ++k) result[k] = std::sqrt(x[k]);
-}
-
-FASTIBL_INLINE void lobe_heights(const LobeHeight& lobe, const Lanes& cosine, const Lanes& half,
-                                 float view, Lanes& height) {
-  const Lanes none{};
-  if (lobe.ggx) {
-    const float alpha2 = lobe.alpha2, rest = 1 - alpha2;
-    const float view_mask = std::sqrt(alpha2 + rest * view * view);
-    const Lanes d = half * half * (alpha2 - 1) + 1;
-    Lanes mask;
-    square_root(alpha2 + rest * cosine * cosine, mask);
-    mask = mask * view + view_mask * cosine;
-    height = cosine / (d * d * (mask > 1e-9f ? mask : none + 1e-9f));
-    return;
-  }
-  Lanes away = 1 - half, logarithm;  // half < 1 by rounding alone is 1
-  away = away > 0 ? away : none;
-  away = away < 0.999999f ? away : none + 0.999999f;
-  log1m(away, logarithm);
-  exp_negative(lobe.exponent * logarithm, height);
-  height = half >= lobe.least ? height * cosine : none;
-}
-
-// Sums over all directions above the tangent plane. free: of those, which the object does not hide.
-FASTIBL_CLONES
-void sum_directions(const float* x, const float* y, const float* z, const float* solid_angle,
-                    const float* red, const float* green, const float* blue, std::size_t count,
-                    const std::uint8_t* free, const glm::vec3& normal, const glm::vec3& view,
-                    const LobeHeight& lobe, Sums& out) {
-  const Lanes none{};
-  const float nv = normal.x * view.x + normal.y * view.y + normal.z * view.z;
-  const float view_cosine = nv > 1e-3f ? nv : 1e-3f;
-  Lanes open[3]{}, seen[3]{}, open_lobe[3]{}, lobe_seen[3]{}, height{};
-  for (std::size_t k = 0; k < count; k += kLanes) {
-    Lanes dx, dy, dz;
-    load(x + k, dx), load(y + k, dy), load(z + k, dz);
-    Lanes cosine = dx * normal.x + dy * normal.y + dz * normal.z;
-    const IntLanes above = cosine > 0;
-    std::int32_t any = 0;
-    for (int i = 0; i < kLanes; ++i) any |= above[i];
-    if (any == 0) continue;
-    cosine = above ? cosine : none;
-    Bytes bytes;
-    std::memcpy(&bytes, free + k, sizeof bytes);
-    const IntLanes is_free = __builtin_convertvector(bytes, IntLanes) != 0;
-    Lanes light[3];
-    load(red + k, light[0]), load(green + k, light[1]), load(blue + k, light[2]);
-    for (int c = 0; c < 3; ++c) {
-      const Lanes part = cosine * light[c];
-      open[c] += part;
-      seen[c] += is_free ? part : none;
-    }
-    if (!lobe.any) continue;
-    Lanes length2 = 2 + 2 * (dx * view.x + dy * view.y + dz * view.z), length;
-    length2 = length2 > 1e-9f ? length2 : none + 1e-9f;
-    square_root(length2, length);
-    const Lanes half = (cosine + nv) / length;
-    if (!lobe.ggx) {
-      const IntLanes near = half >= lobe.least;
-      any = 0;
-      for (int i = 0; i < kLanes; ++i) any |= near[i] & above[i];
-      if (any == 0) continue;
-    }
-    Lanes weight, angle;
-    lobe_heights(lobe, cosine, half, view_cosine, weight);
-    if (lobe.ggx) {  // by Schlick's Fresnel term
-      const Lanes away = 1 - 0.5f * length, away2 = away * away;
-      weight = weight * (lobe.f0 + (1 - lobe.f0) * (away2 * away2 * away));
-    }
-    load(solid_angle + k, angle);
-    height += weight * angle;
-    for (int c = 0; c < 3; ++c) {
-      const Lanes part = weight * light[c];
-      open_lobe[c] += part;
-      lobe_seen[c] += is_free ? part : none;
-    }
-  }
-  for (int c = 0; c < 3; ++c) {
-    out.open_irradiance[c] = total(open[c]), out.irradiance[c] = total(seen[c]);
-    out.open_lobe[c] = total(open_lobe[c]), out.lobe[c] = total(lobe_seen[c]);
-  }
-  out.height = total(height);
-}
 
 }  // namespace
 
@@ -226,21 +114,31 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
     for (const std::size_t k : bright.cut_texels) rest[c][k] = 0;
   }
   static_assert(BrightPieces::kCount % kLanes == 0);
-  const LobeHeight height(lobe), none(std::nullopt);
+  constexpr float kSharpest = 600;
+  const LobeHeight height(lobe, kSharpest), none(std::nullopt, kSharpest);
+  const LitDirections coarse{x.data(),
+                             y.data(),
+                             z.data(),
+                             samples.solid_angles.data(),
+                             {rest[0].data(), rest[1].data(), rest[2].data()},
+                             directions};
+  const LitDirections fine{
+      bright.x.data(),
+      bright.y.data(),
+      bright.z.data(),
+      bright.solid_angles.data(),
+      {bright.channels[0].data(), bright.channels[1].data(), bright.channels[2].data()},
+      bright.count()};
   parallel_for(int(count), kGrain, [&](int begin, int end) {
     std::vector<std::uint8_t> free;
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
       const SceneSamples::Surface& s = samples.surface[i];
       const LobeHeight& seen = i < samples.seen ? height : none;
-      Sums sums, more;
-      sum_directions(x.data(), y.data(), z.data(), samples.solid_angles.data(), rest[0].data(),
-                     rest[1].data(), rest[2].data(), directions, &samples.free[i * directions],
-                     s.normal, samples.views[std::size_t(s.view)], seen, sums);
+      LightSums sums, more;
+      const glm::vec3 view = samples.views[std::size_t(s.view)];
+      sum_light(coarse, &samples.free[i * directions], s.normal, view, seen, sums);
       free_pieces(samples, bright, i, free);
-      sum_directions(bright.x.data(), bright.y.data(), bright.z.data(), bright.solid_angles.data(),
-                     bright.channels[0].data(), bright.channels[1].data(),
-                     bright.channels[2].data(), bright.count(), free.data(), s.normal,
-                     samples.views[std::size_t(s.view)], seen, more);
+      sum_light(fine, free.data(), s.normal, view, seen, more);
       for (int c = 0; c < 3; ++c) {
         light.open_irradiance[i][c] = sums.open_irradiance[c] + more.open_irradiance[c];
         light.irradiance[i][c] = sums.irradiance[c] + more.irradiance[c];

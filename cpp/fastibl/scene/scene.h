@@ -34,6 +34,8 @@ struct Scene {
   std::vector<float> visibility;    // P_V of Eq. 8, one a vertex in [0, 1]
   // Directions that the object blocks, of an open mesh on both sides; null: none that is known.
   std::shared_ptr<const VertexVisibility> directions;
+  // Whether what it blocks for all corners of a triangle it does within: edges were looked at.
+  bool corners_tell = false;
   std::vector<glm::vec3> origins;  // of each of its entries: where its rays started, but an offset
   std::shared_ptr<const Bvh> bvh;  // of `mesh`, for those rays; null where there are none
   SphereSet spheres;               // proxies of the mesh, in its frame

@@ -1,12 +1,16 @@
 #include "fastibl/shading/traced_shares.h"
 
 #include <algorithm>
+#include <unordered_map>
 #include <vector>
 
 #include "fastibl/core/parallel.h"
+#include "fastibl/scene/octahedral.h"
 #include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/shading/bake_visibility.h"
 #include "fastibl/shading/glossy_shares.h"
+#include "fastibl/shading/hidden_cells.h"
+#include "fastibl/shading/light_sums.h"
 
 namespace fastibl {
 namespace {
@@ -23,6 +27,63 @@ glm::vec3 barycentric(glm::vec3 p, glm::vec3 a, glm::vec3 b, glm::vec3 c) {
   return w / (w.x + w.y + w.z);
 }
 
+// Of the pieces, from corners of triangles: by the four cells around each.
+class CornerPieces {
+ public:
+  CornerPieces(const Scene& scene, const LightPieces& pieces)
+      : scene_(scene), pieces_(pieces), hidden_(scene.directions->size) {
+    const OctahedralGrid& grid = octahedral_grid(scene.directions->size);
+    const LitDirections& lit = pieces.directions();
+    for (std::size_t i = 0; i < pieces.count(); ++i) {
+      const OctahedralGrid::Corners at = grid.around({lit.x[i], lit.y[i], lit.z[i]});
+      cells_.push_back({at.cells[0], at.cells[1], at.cells[2], at.cells[3]});
+    }
+  }
+
+  // What all corners agree on. Valid until the next call.
+  std::span<const PieceState> of(const std::size_t entries[3], const TrianglePlace& place) {
+    if (std::equal(entries, entries + 3, last_)) return merged_;
+    std::copy(entries, entries + 3, last_);
+    if (known_.size() > kMostKept) known_.clear();
+    merged_ = corner(entries[0], place.corners[0].normal);
+    for (std::size_t k = 1; k < 3; ++k) {
+      const std::vector<PieceState>& other = corner(entries[k], place.corners[k].normal);
+      for (std::size_t i = 0; i < merged_.size(); ++i)
+        if (merged_[i] != other[i]) merged_[i] = PieceState::unknown;
+    }
+    return merged_;
+  }
+
+ private:
+  static constexpr std::size_t kMostKept = 2000;
+
+  const std::vector<PieceState>& corner(std::size_t entry, glm::vec3 normal) {
+    // Cells tell of what is above the tangent plane, of which another's is some way off.
+    constexpr float kNearHorizon = 0.15f;
+    std::vector<PieceState>& states = known_[entry];
+    if (!states.empty()) return states;
+    const LitDirections& lit = pieces_.directions();
+    hidden_.set(scene_.directions->edges_of(entry), scene_.directions->size);
+    states.assign(cells_.size(), PieceState::unknown);
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      if (lit.x[i] * normal.x + lit.y[i] * normal.y + lit.z[i] * normal.z < kNearHorizon) continue;
+      const std::array<int, 4>& c = cells_[i];
+      const int count = hidden_[c[0]] + hidden_[c[1]] + hidden_[c[2]] + hidden_[c[3]];
+      if (count == 0) states[i] = PieceState::free;
+      if (count == 4) states[i] = PieceState::hidden;
+    }
+    return states;
+  }
+
+  const Scene& scene_;
+  const LightPieces& pieces_;
+  HiddenCells hidden_;
+  std::vector<std::array<int, 4>> cells_;
+  std::unordered_map<std::size_t, std::vector<PieceState>> known_;
+  std::size_t last_[3] = {~std::size_t{0}, 0, 0};
+  std::vector<PieceState> merged_;
+};
+
 }  // namespace
 
 glm::vec3 ray_start(const TrianglePlace& place, float offset) {
@@ -36,21 +97,79 @@ glm::vec3 ray_start(const TrianglePlace& place, float offset) {
   return start + offset * place.normal;
 }
 
-float traced_share(const Bvh& bvh, const CubeMap& map, const glm::mat3& map_from_bvh,
-                   const LobeShape& lobe, glm::vec3 start, glm::vec3 normal, glm::vec3 view) {
-  constexpr float kGrazing = 0.02f;
+TracedLight::TracedLight(const Bvh& bvh, const CubeMap& map, const glm::mat3& map_from_bvh,
+                         bool diffuse, const std::optional<LobeShape>& lobe)
+    : bvh_(bvh),
+      map_(map),
+      map_from_bvh_(map_from_bvh),
+      diffuse_(diffuse),
+      lobe_(lobe),
+      height_(lobe, 1e6f),
+      pieces_(map, glm::transpose(map_from_bvh), kPieces) {}
+
+glm::vec4 TracedLight::shares(glm::vec3 start, glm::vec3 normal, glm::vec3 view,
+                              std::span<const PieceState> known) const {
+  constexpr float kGrazing = 0.02f, kTapsWorth = 3;
   const float cosine = glm::dot(normal, view);
   if (cosine < kGrazing) view = glm::normalize(view + (kGrazing - cosine) * normal);
-  const std::span<const LobeTap> taps =
-      lobe_taps(map, map_from_bvh * normal, map_from_bvh * view, lobe, kTracedRays);
-  const glm::mat3 bvh_from_map = glm::transpose(map_from_bvh);
-  thread_local DirectionSet directions(kTracedRays);
+  const LitDirections& lit = pieces_.directions();
+  thread_local std::vector<std::uint8_t> free, hidden;
+  thread_local std::vector<std::size_t> asked;
+  free.assign(lit.count, 0);
+  glm::vec4 result(1);
+  std::span<const LobeTap> taps;
+  bool by_taps = false;
+  LightSums sums;
+  if (lobe_) {
+    taps = lobe_taps(map_, map_from_bvh_ * normal, map_from_bvh_ * view, *lobe_, kRays);
+    float sum = 0, squares = 0;
+    for (const LobeTap& tap : taps) {
+      const float part = tap.weight * (tap.radiance.x + tap.radiance.y + tap.radiance.z);
+      sum += part, squares += part * part;
+    }
+    sum_light(lit, free.data(), normal, view, height_, sums);
+    const float whole = sums.open_lobe[0] + sums.open_lobe[1] + sums.open_lobe[2];
+    // Of the same weight there were (Σ w)² / Σ w²; taps lie better than pieces.
+    by_taps = kTapsWorth * sum * sum * sums.open_squares >= whole * whole * squares;
+    if (by_taps) result.w = along_taps(taps, start);
+  }
+  if (!diffuse_ && (!lobe_ || by_taps)) return result;
+  asked.clear();
+  for (std::size_t i = 0; i < pieces_.count(); ++i) {
+    if (!known.empty() && known[i] != PieceState::unknown)
+      free[i] = known[i] == PieceState::free;
+    else if (lit.x[i] * normal.x + lit.y[i] * normal.y + lit.z[i] * normal.z > 0)
+      asked.push_back(i);
+  }
+  if (!asked.empty()) {
+    DirectionSet set(int(asked.size()));
+    for (std::size_t i = 0; i < asked.size(); ++i)
+      set.set(int(i), {lit.x[asked[i]], lit.y[asked[i]], lit.z[asked[i]]});
+    hidden.assign(asked.size(), 0);
+    bvh_.occluded(start, set, 0, hidden);
+    for (std::size_t i = 0; i < asked.size(); ++i) free[asked[i]] = !hidden[i];
+  }
+  sum_light(lit, free.data(), normal, view, height_, sums);
+  const auto share = [](float part, float all) {
+    return all > 0 ? std::clamp(part / all, 0.0f, 1.0f) : 1.0f;
+  };
+  if (diffuse_)
+    for (int c = 0; c < 3; ++c) result[c] = share(sums.irradiance[c], sums.open_irradiance[c]);
+  if (lobe_ && !by_taps)
+    result.w = share(sums.lobe[0] + sums.lobe[1] + sums.lobe[2],
+                     sums.open_lobe[0] + sums.open_lobe[1] + sums.open_lobe[2]);
+  return result;
+}
+
+float TracedLight::along_taps(std::span<const LobeTap> taps, glm::vec3 start) const {
+  const glm::mat3 bvh_from_map = glm::transpose(map_from_bvh_);
+  thread_local DirectionSet directions(kRays);
   thread_local std::vector<std::uint8_t> hidden;
   directions.count = int(taps.size());
   for (std::size_t i = 0; i < taps.size(); ++i)
     directions.set(int(i), bvh_from_map * taps[i].direction);
   hidden.resize(taps.size());
-  bvh.occluded(start, directions, 0, hidden);
+  bvh_.occluded(start, directions, 0, hidden);
   float all = 0, free = 0;
   for (std::size_t i = 0; i < taps.size(); ++i) {
     const glm::vec3& light = taps[i].radiance;
@@ -62,38 +181,52 @@ float traced_share(const Bvh& bvh, const CubeMap& map, const glm::mat3& map_from
 }
 
 void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye,
-                  std::span<FragmentBand> bands) {
+                  std::span<const glm::vec4> self_shares, std::span<FragmentBand> bands) {
+  if (!scene.bvh || !scene.directions || self_shares.size() != scene.directions->entries()) return;
+  const bool diffuse = scene.material.reads_irradiance();
   const std::optional<LobeShape> lobe = scene.material.lobe();
-  if (!scene.bvh || !lobe) return;
+  if (!diffuse && !lobe) return;
   const Mesh& mesh = scene.mesh;
   const glm::mat3 map_from_mesh(scene.marker_from_object.rotation),
       mesh_from_map = glm::transpose(map_from_mesh);
   const glm::vec3 shift(scene.marker_from_object.translation);
   const float offset = ray_offset(scene.given_mesh());
-  parallel_for(int(bands.size()), 1, [&](int begin, int end) {
+  const TracedLight light(*scene.bvh, map, map_from_mesh, diffuse, lobe);
+  parallel_for(int(bands.size()), 4, [&](int begin, int end) {
+    CornerPieces corner_pieces(scene, light.pieces());
     for (int i = begin; i < end; ++i)
       for (Fragment& f : bands[std::size_t(i)].object) {
-        if (!is_touched(f.share.w)) continue;
         const glm::ivec3 index = mesh.triangles[std::size_t(f.triangle)];
-        const glm::vec3 view = glm::normalize(mesh_from_map * (eye - f.position));
         TrianglePlace place;
         place.position = mesh_from_map * (f.position - shift);
         place.normal = mesh_from_map * f.normal;
         glm::vec3 outwards(0);
         for (int k = 0; k < 3; ++k) outwards += scene.normals[std::size_t(index[k])];
         const bool behind = glm::dot(outwards, place.normal) < 0;
+        bool touched = false;
+        std::size_t entries[3];
         for (int k = 0; k < 3; ++k) {
           const std::size_t v = std::size_t(index[k]);
-          const std::size_t entry =
+          const std::size_t entry = entries[k] =
               behind && scene.directions->sides > 1 ? v + mesh.vertices.size() : v;
+          touched = touched || !scene.directions->edges_of(entry).empty();
           place.corners[std::size_t(k)] = {mesh.vertices[v],
                                            behind ? -scene.normals[v] : scene.normals[v],
                                            scene.origins[entry]};
         }
+        if (!touched || !(diffuse || is_touched(f.share.w))) continue;
         place.weights = barycentric(place.position, place.corners[0].position,
                                     place.corners[1].position, place.corners[2].position);
-        f.share.w = traced_share(*scene.bvh, map, map_from_mesh, *lobe, ray_start(place, offset),
-                                 place.normal, view);
+        const glm::vec3 view = glm::normalize(mesh_from_map * (eye - f.position));
+        const glm::vec4 traced = light.shares(
+            ray_start(place, offset), place.normal, view,
+            scene.corners_tell ? corner_pieces.of(entries, place) : std::span<const PieceState>{});
+        glm::vec3 before(0);
+        for (int k = 0; k < 3; ++k) before += place.weights[k] * glm::vec3(self_shares[entries[k]]);
+        if (diffuse)
+          f.share =
+              glm::vec4(glm::max(glm::vec3(f.share) + glm::vec3(traced) - before, 0.0f), f.share.w);
+        if (lobe && is_touched(f.share.w)) f.share.w = traced.w;
       }
   });
 }

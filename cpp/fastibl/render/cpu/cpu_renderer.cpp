@@ -30,7 +30,7 @@ class CpuRenderer final : public Renderer {
             rasterizer_.rasterize(in.scene, in.camera, in.camera_from_marker, in.light_shares,
                                   in.holdout_ratios, in.shades_alike_as_one);
         if (in.methods.self_shadow == SelfShadowMethod::traced && in.lighting.radiance)
-          trace_shares(in.scene, *in.lighting.radiance, eye, seen);
+          trace_shares(in.scene, *in.lighting.radiance, eye, in.self_shares, seen);
         double count = 0;
         for (const FragmentBand& band : seen) count += double(band.object.size());
         shaded_ = count;

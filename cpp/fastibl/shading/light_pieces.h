@@ -1,0 +1,29 @@
+// A few directions that stand for all light of a map: parts of its faces that hold about as much.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "fastibl/scene/cube_map.h"
+#include "fastibl/shading/light_sums.h"
+
+namespace fastibl {
+
+// Squares of the faces, each with no more than a `count`-th of the light of any channel, texels cut
+// where they hold more. There are up to some times `count` of them.
+class LightPieces {
+ public:
+  LightPieces(const CubeMap& map, const glm::mat3& frame_from_map, int count);
+  LightPieces(const LightPieces&) = delete;  // arrays point into it
+  LightPieces& operator=(const LightPieces&) = delete;
+
+  const LitDirections& directions() const { return arrays_; }
+  std::size_t count() const { return count_; }  // without what fills the last Lanes
+
+ private:
+  std::vector<float> x_, y_, z_, solid_angles_, channels_[3];
+  std::size_t count_ = 0;
+  LitDirections arrays_{};
+};
+
+}  // namespace fastibl
