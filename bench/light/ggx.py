@@ -109,6 +109,9 @@ def anisotropic() -> Iterator[Goal]:
         f"{name}, gradient (the paper's suggestion), at most 16 look-ups in the MIP levels",
         ANISOTROPIC, None, taps=16, method="gradient", glossy="mip",
     )  # fmt: skip
+    for taps in (64, 1024):
+        what = f"{name}, {taps} samples: mean error"
+        yield goal_of(what, ANISOTROPIC, None, taps=taps, method="sampled", glossy="mip")
 
 
 @row("light", "ggx, isotropic")

@@ -21,7 +21,7 @@ _DEFAULT = 8
 _VIEWS = (0, 30, 60, 75)  # degrees
 _WHAT = """Brushed and rough metal: the GGX lobe, which today's renderers use; alpha is its width along and across the
 brushing. The paper names such surfaces as future work and suggests texture gradients (“gradient”); the default sums a
-few look-ups along the lobe (“taps”). Truth is the sum over every texel, cut finer under the lobe. {count} surfaces at
+few look-ups along the lobe (“taps”); “sampled” is filtered importance sampling. Truth is the sum over every texel, cut finer under the lobe. {count} surfaces at
 0 to 75 degrees, widths {alphas}. Time is that of one surface, on one core, in batches from Python."""
 
 
@@ -51,11 +51,10 @@ def measure(inputs: Inputs) -> Section:
     section = Section("anisotropic", "Brushed and rough metal", _WHAT.format(count=len(n), alphas=shown))
     truths = {alpha: _truth(inputs, n, t, v, alpha) for alpha in effort.alphas}
     settings = [("taps", k) for k in _TAPS] + [("gradient", k) for k in (1, 4, 16)]
-    # The gradient reads the paper's own levels: plain means over squares of texels.
-    lit = {
-        "taps": {name: Lighting(cube) for name, cube in inputs.places.items()},
-        "gradient": {name: Lighting(cube, glossy="mip") for name, cube in inputs.places.items()},
-    }
+    settings += [("sampled", k) for k in (16, 64, 256)]
+    # The gradient and samples read the paper's own levels: plain means over squares of texels.
+    lit = {"taps": {name: Lighting(cube) for name, cube in inputs.places.items()}}
+    lit["gradient"] = lit["sampled"] = {name: Lighting(cube, glossy="mip") for name, cube in inputs.places.items()}
     count = effort.batch // 5
     batches = [tuple(units(count, seed + k).astype(np.float32) for k in range(3)) for seed in (30, 40)]
     first = next(iter(inputs.places))
