@@ -20,8 +20,11 @@ namespace {
 
 using Colours = std::vector<glm::vec3>;
 
-constexpr float kPlaneLevel = 0.35f;     // of the plane in the picture, by white
-constexpr float kBounceError = 0.06f;    // of the bounce's own size
+constexpr float kPlaneLevel = 0.35f;   // of the plane in the picture, by white
+constexpr float kBounceError = 0.06f;  // of the bounce's own size
+// What rays at a triangle's part of a pixel miss of the edges within it, by the object's mean
+// colour: places have no extent. By vertex, what is hidden is even over a pixel.
+constexpr double kWithinPixel = 0.012;
 constexpr float kFallbackAlbedo = 0.5f;  // of the plane where the map is black below the horizon
 
 // Colours of the first samples under some light: with all of their diffuse light and nothing
@@ -197,6 +200,7 @@ PlaneTruth plane_truth(const SceneSamples& samples, const SampleFlux& flux,
   return truth;
 }
 
+double square(double x) { return x * x; }
 double square(glm::vec3 difference) { return double(glm::dot(difference, difference)) / 3; }
 
 struct Judged {
@@ -248,13 +252,22 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
   const Candidates& c = errors.candidates;
   const std::size_t count = j.samples.seen;
   Colours truth;
-  for (std::size_t i = 0; i < count; ++i) truth.push_back(j.cut(j.true_colour(i)));
+  double mean = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    truth.push_back(j.cut(j.true_colour(i)));
+    mean += double(truth.back().x + truth.back().y + truth.back().z) / 3 / double(count);
+  }
+  const auto within_pixels = [&](SelfShadowMethod method) {
+    return method == SelfShadowMethod::traced ? square(kWithinPixel * mean) : 0.0;
+  };
   std::array<double, SceneSamples::kViews> seen{};
   for (std::size_t i = 0; i < count; ++i) seen[std::size_t(j.samples.surface[i].view)] += 1;
   for (const Colours& d : diffuse)
     for (const Colours& g : glossy)
-      for (const auto& s : shares)
+      for (std::size_t m = 0; m < shares.size(); ++m)
         for (const BounceMethod b : c.bounce) {
+          const std::vector<glm::vec4>& s = shares[m];
+          const double within_pixel = within_pixels(c.self_shadow[m]);
           const float kept = b == BounceMethod::none ? 0.0f : 1 - kBounceError;
           std::array<double, SceneSamples::kViews> sums{};
           for (std::size_t i = 0; i < count; ++i) {
@@ -266,6 +279,7 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
           }
           double sum = 0, worst = 0;
           for (std::size_t v = 0; v < sums.size(); ++v) {
+            sums[v] += within_pixel * seen[v];
             sum += sums[v];
             if (seen[v] > 0) worst = std::max(worst, sums[v] / seen[v] * double(count));
           }
@@ -295,13 +309,17 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
       const glm::vec3 right = j.glossy_factor[i] * j.truth.open_lobe[i];
       return j.true_colour(i) + (g[i] - right) * share(j.truth.lobe[i], j.truth.open_lobe[i]);
     }));
-  for (const auto& s : shares)
-    errors.self_shadow.push_back(alone([&](std::size_t i) {
-      return j.true_colour(i) +
-             j.diffuse_factor[i] / kPi *
-                 (j.truth.open_irradiance[i] * glm::vec3(s[i]) - j.truth.irradiance[i]) +
-             j.glossy_factor[i] * (j.truth.open_lobe[i] * s[i].w - j.truth.lobe[i]);
-    }));
+  for (std::size_t m = 0; m < shares.size(); ++m) {
+    const std::vector<glm::vec4>& s = shares[m];
+    errors.self_shadow.push_back(
+        within_pixels(c.self_shadow[m]) * double(count) * j.object_weight +
+        alone([&](std::size_t i) {
+          return j.true_colour(i) +
+                 j.diffuse_factor[i] / kPi *
+                     (j.truth.open_irradiance[i] * glm::vec3(s[i]) - j.truth.irradiance[i]) +
+                 j.glossy_factor[i] * (j.truth.open_lobe[i] * s[i].w - j.truth.lobe[i]);
+        }));
+  }
   for (const BounceMethod b : c.bounce)
     errors.bounce.push_back(alone([&](std::size_t i) {
       const float off = b == BounceMethod::none ? 1.0f : kBounceError;
