@@ -21,12 +21,12 @@ def programs():
     tree = ROOT / "build" / "replay"
     options = ["-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-O1", "-DFASTIBL_FUZZ=ON"]
     ninja = ["-G", "Ninja"] if shutil.which("ninja") else []
-    subprocess.run(
+    for command in (
         ["cmake", "-S", ROOT, "-B", tree, *ninja, *options, f"-DCMAKE_CXX_COMPILER={compiler}"],
-        check=True,
-        capture_output=True,
-    )
-    subprocess.run(["cmake", "--build", tree, "-j2"], check=True, capture_output=True)
+        ["cmake", "--build", tree, "-j2"],
+    ):
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        assert done.returncode == 0, done.stdout[-4000:]
     return tree / "tests" / "fuzz"
 
 

@@ -65,11 +65,15 @@ void evaluate_all(Input& in, const Lighting& lighting, float most) {
     // Near a light, it may be any multiple of the map's.
     const glm::vec3 place = in.near3();
     const bool placed = in.chance(3);
-    const GgxMethod method = GgxMethod(in.below(2));
+    const GgxMethod method = kGgxMethods[size_t(in.below(int(kGgxMethods.size())))];
     const GgxOptions options{method, in.chance(2) ? kGgxTaps : in.between(1, kMostGgxTaps)};
     const glm::vec2 shape = in.chance(2) ? glm::vec2(alpha.x) : alpha;  // round ones have a table
-    require_mean(GgxShading(lighting)(frame, v, shape, options, placed ? &place : nullptr),
-                 placed ? std::numeric_limits<float>::infinity() : most, "GGX light");
+    const GgxLight light =
+        GgxShading(lighting)(frame, v, shape, options, placed ? &place : nullptr);
+    require(light.albedo > 0 && light.edge_share >= 0 && light.edge_share <= 1, "GGX lobe");
+    require_mean(light.front, most, "GGX light but its edge");
+    require_mean(light.edge, most, "GGX light of the edge");
+    require_mean(light.mean(), placed ? std::numeric_limits<float>::infinity() : most, "GGX light");
   }
 }
 
