@@ -40,6 +40,6 @@ def test_every_target_has_seeds():
 def test_no_finding(target, programs):
     seeds = ROOT / "tests" / "fuzz" / "seeds" / target
     command = [programs / f"fuzz_{target}", seeds, os.environ["FASTIBL_FUZZ"]]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=programs)
     print(target, done.stdout)
     assert done.returncode == 0, done.stderr[-4000:]

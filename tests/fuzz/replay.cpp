@@ -1,5 +1,6 @@
 // Runs a target without libFuzzer. Arguments: files and folders of seeds, and numbers: that many
-// random inputs, the same ones every time.
+// random inputs, the same ones every time. The one that it stops at, or hangs in, is left in
+// ./random-input.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -29,12 +30,15 @@ void run_file(const std::filesystem::path& path) {
 }
 
 void run_random(long count) {
+  const char* kept = "random-input";
   std::mt19937_64 random(1);
   for (long i = 0; i < count; ++i) {
     std::vector<char> bytes(random() % 2048);
     for (char& b : bytes) b = char(random());
+    std::ofstream(kept, std::ios::binary).write(bytes.data(), std::streamsize(bytes.size()));
     run(bytes);
   }
+  std::filesystem::remove(kept);
 }
 
 }  // namespace

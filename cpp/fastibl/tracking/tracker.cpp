@@ -239,6 +239,7 @@ std::optional<Tracked> fit_still(const Detection& detection, std::span<const dou
     }
     const Pose pose = fit.best->camera_from_marker;
     used = agreeing(seen, lens, pose, limit(noise_of(matches, lens, pose)));
+    if (used.empty()) return std::nullopt;
   }
 
   // The last word between the two minima, on the tags that count.
