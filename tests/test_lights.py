@@ -171,6 +171,43 @@ def test_a_light_fades_in():
     assert (steps > 0).all() and steps.max() < 1.5 * np.median(steps)
 
 
+def test_a_lamp_switched_on_is_sharp_at_once():
+    """What appears in the map pops there, whoever shades it: it need not fade in as a light."""
+    n, v = units(400), units(400, 1)
+    v *= np.sign((n * v).sum(axis=1, keepdims=True))
+    others = [((1, 0.2, 0.3), 30.0), ((-0.5, 0.8, 0.1), 40.0)]
+    lit = discs([((0, 0.3, 1), 60.0), *others])
+    off = fastibl.Lighting(discs(others))
+    on = fastibl.Lighting(lit, previous=off)
+    assert len(on.lights) == 3
+    np.testing.assert_allclose(on.glossy(n, v, 128.0), fastibl.Lighting(lit).glossy(n, v, 128.0), rtol=1e-3)
+
+
+def test_a_strong_light_takes_the_place_of_a_weak_one():
+    """Of eight lights only the weakest makes room for a new lamp; the others keep their highlights meanwhile."""
+    turn = np.arange(9) * np.pi * (3 - np.sqrt(5))
+    z = np.linspace(0.9, -0.9, 9)
+    places = np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=-1)
+    lamps = [(tuple(p), 30.0 + 3 * k) for k, p in enumerate(places)]
+    first = fastibl.Lighting(discs(lamps[:8]))
+
+    def by_place(lighting):
+        return {k: li for li in lighting.lights for k in range(9) if angle(li.direction, places[k]) < 1}
+
+    before = by_place(first)
+    for level, at_once in ((500.0, True), (50.0, False)):
+        lighting = first
+        for frame in range(40):
+            cube = discs([*lamps[:8], (lamps[8][0], level)])  # another map each time
+            lighting = fastibl.Lighting(cube, previous=lighting)
+            now = by_place(lighting)
+            if frame == 0:
+                assert (8 in now, 0 in now) == (at_once, not at_once)
+            for k in range(1, 8):
+                np.testing.assert_allclose(now[k].irradiance, before[k].irradiance, rtol=0.1)
+        assert 8 in now and 0 not in now
+
+
 def test_lights_that_come_to_be_asked_for_fade_in_and_out():
     """A session's plan may take lights out of the map from one frame to the next: their highlights must not pop."""
     n, v = np.array([[0, 0, 1.0]]), np.array([[0, 0, 1.0]])

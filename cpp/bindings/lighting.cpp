@@ -47,16 +47,14 @@ bool own_lights(const Lighting& lighting) {
   return lighting.chain && (lighting.chain->most_lights > 0 || !lighting.chain->lights.empty());
 }
 
-std::vector<FoundLight> lights_of(const Lighting& lighting, const CubeLevel& source) {
-  if (!own_lights(lighting)) return find_lights(*lighting.radiance, source);
-  return find_lights(*lighting.radiance, source, lighting.chain->most_lights,
-                     lighting.chain->followed);
-}
-
 // The map on faces of 64² without its lights.
 CubeMap map_without_lights(const Lighting& lighting) {
   const CubeLevel source = working_level(*lighting.radiance);
-  const CubeLevel left = without_lights(source, lights_of(lighting, source));
+  const auto chain =
+      own_lights(lighting)
+          ? lighting.chain
+          : fit_glossy_chain(lighting.radiance, source, find_lights(*lighting.radiance, source));
+  const CubeLevel left = without_lights(source, chain->taken);
   std::vector<glm::vec3> faces;
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < left.size(); ++y)
@@ -222,7 +220,8 @@ sizes outside 1 to 256.)")
                 lights.push_back(placed(l, near_lights));
               return lights;
             }
-            for (const FoundLight& found : lights_of(lighting, working_level(*lighting.radiance)))
+            for (const FoundLight& found :
+                 find_lights(*lighting.radiance, working_level(*lighting.radiance)))
               lights.push_back(placed(found.light, near_lights));
             return lights;
           },

@@ -14,9 +14,11 @@ constexpr float kInner = 5 * kPi / 180, kOuter = 7.5f * kPi / 180;  // a disc fa
 // A light that holds less of the map's light than this stays in the map; up to twice as much, a
 // part of it does, so that it neither appears nor vanishes at once.
 constexpr double kLeastShare = 0.0025;
-// By how much the share that a light holds of its disc may change from one map to the next: lights
-// are shaded sharper than the map, and would pop.
+// By how much the share that a light holds of its disc may change from one map to the next, beside
+// what the map changed there: lights are shaded sharper than the map, and would pop.
 constexpr float kFade = 0.04f;
+// A light that appears lets another one that it is this much of go at once.
+constexpr double kMasks = 0.5;
 constexpr int kCandidates = 64;
 constexpr int kFinest = 256;  // face size of the level that refines directions
 
@@ -25,8 +27,9 @@ struct Bright {
   glm::vec3 direction;
   glm::vec3 excess;  // radiance above the threshold
   float solid_angle;
-  float flux;  // mean over RGB of what no light has taken yet
-  float left = 1;
+  float flux;         // mean over RGB of the excess
+  float before = -1;  // the same in the map before
+  float left = 1;     // the share that no light has taken yet
 };
 
 double luminance(glm::vec3 v) { return (double(v.x) + v.y + v.z) / 3; }
@@ -46,7 +49,8 @@ struct Scene {
   double total = 0;  // flux of the whole map
 };
 
-Scene bright_texels(const CubeLevel& level) {
+// before: the level of the map before, or null.
+Scene bright_texels(const CubeLevel& level, const CubeLevel* before) {
   const int n = level.size();
   static const std::vector<double> of_working_size = texel_solid_angles(64);
   const std::vector<double> angles = n == 64 ? of_working_size : texel_solid_angles(n);
@@ -66,8 +70,18 @@ Scene bright_texels(const CubeLevel& level) {
         if (!(value > threshold)) continue;
         const glm::vec3 excess = float(1 - threshold / value) * radiance;
         const float angle = float(angles[std::size_t(y) * std::size_t(n) + std::size_t(x)]);
-        scene.texels.push_back({f, x, y, glm::normalize(texel_direction(f, x, y, n)), excess, angle,
-                                angle * float(luminance(excess))});
+        Bright texel{f,
+                     x,
+                     y,
+                     glm::normalize(texel_direction(f, x, y, n)),
+                     excess,
+                     angle,
+                     angle * float(luminance(excess))};
+        texel.before = texel.flux;
+        if (before)
+          texel.before =
+              angle * float(std::max(luminance(before->texel(f, x, y)) - threshold, 0.0));
+        scene.texels.push_back(texel);
       }
   return scene;
 }
@@ -130,19 +144,32 @@ glm::vec3 brightest(const std::vector<Bright>& texels) {
 
 struct Taken {
   glm::vec3 centre;
-  double flux;                                      // mean over RGB
-  float before = -1;                                // its strength in the last map; −1: it is new
+  double flux = 0;                                  // mean over RGB
+  double flux_before = 0;                           // in the map before, at the same place
+  float before = 0;                                 // its strength there
   bool leaves = false;                              // for a stronger one
+  float fade = kFade;                               // how much of it may pass to the map, or back
   std::vector<std::pair<std::size_t, float>> part;  // of each texel's excess
+
+  double appeared() const { return std::max(flux - flux_before, 0.0); }
+  // The nearest to a strength that can be reached from the map before. What came or went may do so
+  // in the light or in the map.
+  float towards(float strength) const {
+    const double held = before * flux_before, went = std::max(flux_before - flux, 0.0);
+    return std::clamp(strength, std::max(0.0f, float((held - went) / flux) - fade),
+                      float((held + appeared()) / flux) + fade);
+  }
 };
 
 Taken take(std::vector<Bright>& texels, glm::vec3 centre) {
-  Taken taken{centre, 0, -1, false, {}};
+  Taken taken;
+  taken.centre = centre;
   for (std::size_t i = 0; i < texels.size(); ++i) {
     const float w = texels[i].left * window(texels[i].direction, centre);
     if (!(w > 0)) continue;
     taken.part.emplace_back(i, w);
     taken.flux += double(w) * texels[i].flux;
+    taken.flux_before += double(w) * texels[i].before;
     texels[i].left -= w;
   }
   return taken;
@@ -211,18 +238,18 @@ FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vecto
 }  // namespace
 
 std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, int count,
-                                    const std::optional<std::vector<Light>>& previous) {
+                                    const LightsBefore* before) {
   check(count >= 0 && count <= kMaxLights, "lights must be from 0 to ", kMaxLights, ", got ",
         count);
   std::vector<FoundLight> found;
-  const std::span<const Light> before = previous ? *previous : std::span<const Light>();
-  if (count == 0 && before.empty()) return found;
-  Scene scene = bright_texels(level);
+  const std::span<const Light> followed_lights = before ? before->lights : std::span<const Light>();
+  if (count == 0 && followed_lights.empty()) return found;
+  Scene scene = bright_texels(level, before ? &before->level : nullptr);
   std::vector<Bright>& texels = scene.texels;
   if (texels.empty()) return found;
   const double least = kLeastShare * scene.total;
   std::vector<Taken> taken;
-  for (const Light& light : before) {
+  for (const Light& light : followed_lights) {
     Taken again = take(texels, followed(texels, light.window));
     again.before = light.strength;
     again.leaves = int(taken.size()) >= count;
@@ -244,7 +271,8 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
       next = more.flux;
       // Only a light that is followed can be this much weaker.
       if (next < 1.5 * last->flux) break;
-      if (last->before > kFade) {
+      last->fade = std::max(kFade, float(kMasks * more.appeared() / last->flux));
+      if (last->towards(0) > 0) {
         last->leaves = true;
         break;
       }
@@ -254,14 +282,10 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
     taken.push_back(std::move(more));
   }
   for (const Taken& t : taken) {
-    // The last ones fade with their distance to the first that is left out, too.
-    float strength = smooth(float(t.flux / least - 1));
-    if (next > 0) strength *= smooth(float((t.flux / next - 1) / 0.25));
-    if (t.leaves) strength = 0;
-    if (previous) {
-      const float last = std::max(t.before, 0.0f);
-      strength = std::clamp(strength, last - kFade, last + kFade);
-    }
+    float strength = t.leaves ? 0 : smooth(float(t.flux / least - 1));
+    // With nothing to fade from, the last ones do by their distance to the first that is left out.
+    if (!before && next > 0) strength *= smooth(float((t.flux / next - 1) / 0.25));
+    if (before) strength = t.towards(strength);
     if (strength > 0) found.push_back(finished(map, level, texels, t, strength));
   }
   return found;

@@ -1,32 +1,31 @@
 // The dominant lights of a map.
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <optional>
+#include <span>
 #include <vector>
 
 #include "fastibl/scene/glossy_chain.h"
 
 namespace fastibl {
 
-// A light, and the radiance that it takes from each texel of the level that it was found on.
 struct FoundLight {
   Light light;
-  struct Part {
-    int face, x, y;
-    glm::vec3 radiance;
-  };
-  std::vector<Part> parts;
+  std::vector<TakenTexel> parts;
+};
+
+// Of the frame before, on a level of the same size.
+struct LightsBefore {
+  std::span<const Light> lights;
+  const CubeLevel& level;
 };
 
 // At most `count` lights: discs of up to 7° that hold what is brighter than four times the map's
-// mean. They change continuously with the map. previous: lights of an earlier frame, which are
-// followed; they and new ones grow, fade and give room to stronger ones by a 25th from map to map.
-// Where fewer are asked for than there were, the others fade first.
-// level: working_level() of the map, the map only refines directions.
+// mean. level: working_level() of the map, the map only refines directions.
+// Without a frame before they change continuously with the map. Its lights are followed; what
+// appeared or went since then belongs to its light at once, while the rest of what a light holds
+// grows, fades and gives room to stronger ones by a 25th from map to map. Where fewer are asked for
+// than there were, the others fade first.
 std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level,
-                                    int count = kMaxLights,
-                                    const std::optional<std::vector<Light>>& previous = {});
+                                    int count = kMaxLights, const LightsBefore* before = nullptr);
 
 }  // namespace fastibl

@@ -63,8 +63,8 @@ CubeLevel halved(const CubeLevel& fine) {
   return coarse;
 }
 
-void take_out(CubeLevel& level, const FoundLight& light, float share) {
-  for (const FoundLight::Part& p : light.parts)
+void take_out(CubeLevel& level, std::span<const TakenTexel> taken, float share) {
+  for (const TakenTexel& p : taken)
     level.texel(p.face, p.x, p.y) =
         glm::max(level.texel(p.face, p.x, p.y) - share * p.radiance, 0.0f);
 }
@@ -155,9 +155,9 @@ CubeLevel working_level(const CubeMap& map) {
   return resampled(map.level(k), kWorkingSize);
 }
 
-CubeLevel without_lights(const CubeLevel& source, std::span<const FoundLight> lights) {
+CubeLevel without_lights(const CubeLevel& source, std::span<const TakenTexel> taken) {
   CubeLevel left = source;
-  for (const FoundLight& light : lights) take_out(left, light, 1);
+  take_out(left, taken, 1);
   left.update_border();
   return left;
 }
@@ -175,6 +175,7 @@ std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map
   chain->map = std::move(map);
   for (const FoundLight& light : lights) {
     chain->lights.push_back(light.light);
+    chain->taken.insert(chain->taken.end(), light.parts.begin(), light.parts.end());
     chain->light_levels.push_back(chain->level_of(0.5f * light.light.angular_radius));
   }
   // `left`: what is left of the map at the size of the level before, and which shares were taken.
@@ -186,7 +187,7 @@ std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map
     for (std::size_t i = 0; i < lights.size(); ++i) {
       const float share = light_taken(k, chain->light_levels[i]);
       if (share == taken[i]) continue;
-      take_out(base, lights[i], share - taken[i]);
+      take_out(base, lights[i].parts, share - taken[i]);
       taken[i] = share;
       changed = true;
     }

@@ -20,6 +20,6 @@ std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map
                                               std::span<const FoundLight> lights);
 
 // What is left of `source` when lights are taken out whole.
-CubeLevel without_lights(const CubeLevel& source, std::span<const FoundLight> lights);
+CubeLevel without_lights(const CubeLevel& source, std::span<const TakenTexel> taken);
 
 }  // namespace fastibl

@@ -51,13 +51,17 @@ void make_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pr
     return;
   }
   const CubeLevel source = working_level(*lighting.radiance);
+  std::vector<FoundLight> lights;
   // Of the same map nothing fades: no map may come that would end it.
-  std::optional<std::vector<Light>> followed;
-  if (previous && previous->map != lighting.radiance) followed = previous->lights;
-  const std::vector<FoundLight> lights = find_lights(*lighting.radiance, source, most, followed);
+  if (previous && previous->map != lighting.radiance) {
+    const CubeLevel level = working_level(*previous->map);
+    const LightsBefore before{previous->lights, level};
+    lights = find_lights(*lighting.radiance, source, most, &before);
+  } else {
+    lights = find_lights(*lighting.radiance, source, most);
+  }
   std::shared_ptr<GlossyChain> chain = fit_glossy_chain(lighting.radiance, source, lights);
   chain->most_lights = most;
-  chain->followed = std::move(followed);
   lighting.chain = std::move(chain);
 }
 

@@ -3,7 +3,6 @@
 
 #include <array>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
@@ -22,6 +21,12 @@ struct Light {
 };
 inline constexpr int kMaxLights = 8;
 
+// What a light takes from a texel of the level that it was found on.
+struct TakenTexel {
+  int face, x, y;
+  glm::vec3 radiance;
+};
+
 // Levels 0 … 7. Level 0 is the map itself. Level k ≥ 1 holds at each direction the mean of the
 // radiance under the lobe ((1 + cos δ)/2)^{e/2} cos δ, e = 8192/4^{k−1}: half-vector exponent e at
 // normal incidence, standard deviation 2/√e along each axis, twice that of the level before. From
@@ -38,10 +43,9 @@ struct GlossyChain {
   std::array<glm::vec3, 25> harmonics{};
   // Lights that were taken out of levels, wholly or in part: they are to be shaded by themselves.
   std::vector<Light> lights;
-  int most_lights = 0;          // that were asked for
-  // Of an earlier frame's map, which the search started from; nothing: it started anew.
-  std::optional<std::vector<Light>> followed;
-  bool exact = false;           // convolved with the lobes themselves, by `prefiltered`
+  std::vector<TakenTexel> taken;  // by all of them, of 64² faces
+  int most_lights = 0;            // that were asked for
+  bool exact = false;             // convolved with the lobes themselves, by `prefiltered`
   // Where each light's own width lies among the levels.
   std::vector<float> light_levels;
 
