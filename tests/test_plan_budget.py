@@ -295,6 +295,50 @@ def test_costs_are_kept_and_broken_files_measured_again(tmp_path, monkeypatch):
     assert costs.costs_path() is None and fastibl.machine_costs() == table
 
 
+def test_a_plan_of_one_picture_is_judged_by_it(scene):
+    """Errors are of what the picture shows, and what is promised need not hold for views from elsewhere."""
+    camera, above = camera_of(320, 240, 50.0), looking((0, 0.02, -0.6), (0, -0.02, 0.75))
+
+    def plan(**picture):
+        return fastibl.make_plan(scene, room(), error=0.02, **picture)
+
+    all_round = plan()
+    beside = plan(camera=camera, camera_from_marker=looking((0, 0.5, -0.2), (0, -0.5, 0.3)))
+    from_above = plan(camera=camera, camera_from_marker=above)
+    for one in (beside, from_above):
+        print(f"{one.expected_error:.4f} within {one.assured_error:.4f}; all round {all_round.expected_error:.4f}")
+        np.testing.assert_allclose(one.assured_error, 1.25 * one.expected_error)
+        assert one.expected_error not in (all_round.expected_error, beside.best_error)
+    assert beside.expected_error != from_above.expected_error
+    again = plan(camera=camera, camera_from_marker=above)
+    assert again.expected_error == from_above.expected_error and again.methods == from_above.methods
+    # Nearer by, the object has more pixels.
+    near = plan(camera=camera, camera_from_marker=looking((0, 0.02, -0.3), (0, -0.02, 0.45)))
+    assert line(near, "shade").milliseconds > 1.1 * line(from_above, "shade").milliseconds
+    # It sees nothing of the object: that of all round.
+    away = plan(camera=camera, camera_from_marker=looking((0, -1, 0.2), (0, -1, 0.3)))
+    assert away.best_error == all_round.best_error
+    for half in ({"camera": camera}, {"camera_from_marker": above}):
+        same_error(lambda half=half: plan(**half), ValueError, "both")
+
+
+def test_a_picture_shows_the_object_where_it_stands():
+    def error(object_, camera_from_marker):
+        scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, fastibl.Pose(object_), spheres=20)
+        picture = {"camera": camera_of(320, 240, 50.0), "camera_from_marker": camera_from_marker}
+        return fastibl.make_plan(scene, room(), error=0.02, **picture).expected_error
+
+    pose = looking((0, 0.5, -0.2), (0, -0.5, 0.3))
+    turn = np.eye(4)
+    turn[:2, :2] = [[0, -1], [1, 0]]
+    moved, back = turn.copy(), np.eye(4)
+    moved[:2, 3], back[:2, 3] = (0.3, -0.2), (-0.3, 0.2)
+    turned = error(turn, pose)
+    assert abs(turned / error(np.eye(4), pose) - 1) > 0.02
+    # Object and camera moved by the same: the same picture.
+    np.testing.assert_allclose(error(moved, fastibl.Pose(pose.matrix @ back)), turned, rtol=0.02)
+
+
 def test_bad_budgets_are_refused(scene):
     same_error(lambda: fastibl.make_plan(scene, room(), error=-1), ValueError, "error budget")
     same_error(lambda: fastibl.make_plan(scene, room(), milliseconds=float("nan")), ValueError, "time budget")

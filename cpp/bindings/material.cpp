@@ -53,7 +53,7 @@ void set_colour(const py::object& value, const char* name, glm::vec3& constant,
     map = texture(value, name, 3, Coding::srgb);
     constant = glm::vec3(1);
   } else {
-    constant = require_colour(value, name);
+    constant = require_triple(value, name);
   }
 }
 
@@ -158,15 +158,15 @@ py::tuple state_of(const Material& m) {
 
 Material from_state(const py::tuple& t) {
   if (t.size() == 4)
-    return Material{require_colour(t[0], "diffuse"),
-                    require_colour(t[1], "glossy"),
+    return Material{require_triple(t[0], "diffuse"),
+                    require_triple(t[1], "glossy"),
                     t[2].cast<float>(),
-                    require_colour(t[3], "emission"),
+                    require_triple(t[3], "emission"),
                     nullptr,
                     nullptr};
   PbrMaterial p;
-  p.base_color = require_colour(t[0], "base_color"), p.metallic = t[1].cast<float>();
-  p.roughness = t[2].cast<float>(), p.emission = require_colour(t[3], "emission");
+  p.base_color = require_triple(t[0], "base_color"), p.metallic = t[1].cast<float>();
+  p.roughness = t[2].cast<float>(), p.emission = require_triple(t[3], "emission");
   p.anisotropy = t[4].cast<float>(), p.anisotropy_rotation = t[5].cast<float>();
   p.normal_scale = t[6].cast<float>();
   std::shared_ptr<const SurfaceTexture>* maps[] = {
@@ -188,10 +188,10 @@ diffuse: k_L. glossy: k_G. exponent: s >= 0, half-vector exponent, may be infini
 ValueError for negative values.)")
       .def(py::init([](const py::object& diffuse, const py::object& glossy, float exponent,
                        const py::object& emission) {
-             Material m{require_colour(diffuse, "diffuse"),
-                        require_colour(glossy, "glossy"),
+             Material m{require_triple(diffuse, "diffuse"),
+                        require_triple(glossy, "glossy"),
                         exponent,
-                        require_colour(emission, "emission"),
+                        require_triple(emission, "emission"),
                         nullptr,
                         nullptr};
              m.validate();

@@ -174,7 +174,7 @@ inline std::vector<glm::vec3> require_colours(const py::object& object, const ch
 }
 
 // Three numbers.
-inline glm::vec3 require_colour(const py::object& object, const char* name) {
+inline glm::vec3 require_triple(const py::object& object, const char* name) {
   const Floats array = require_floats<float>(object, name);
   if (array.ndim() != 1 || array.size() != 3)
     throw py::value_error(std::string(name) + " must be three numbers, got shape " +

@@ -278,15 +278,27 @@ void bind_plan(py::module_& module) {
                              "Largest relative error that leaving passes out makes.")
       .def("__str__", &bill)
       .def("__repr__", &bill);
+  py::class_<SceneSamples, std::shared_ptr<SceneSamples>>(module, "_SceneSamples");
+  module.def(
+      "_sample_scene",
+      [](const Scene& scene, const Camera& camera, const Pose& camera_from_marker) {
+        const py::gil_scoped_release release;
+        return std::const_pointer_cast<SceneSamples>(
+            sample_scene(scene, camera, camera_from_marker));
+      },
+      py::arg("scene"), py::arg("camera"), py::arg("camera_from_marker"),
+      "Places that a picture shows; None where it shows nothing of the object.");
   module.def(
       "_make_plan",
       [](const Scene& scene, const std::shared_ptr<Environment>& environment,
          const Methods& methods, bool track, bool capture, bool cast_shadow, double error,
-         double milliseconds, const std::map<std::string, double>& costs, bool offline) {
+         double milliseconds, const std::map<std::string, double>& costs, bool offline, int width,
+         int height, const SceneSamples* samples) {
         const py::gil_scoped_release release;
         PlanOptions options{methods, track, capture, cast_shadow, error, milliseconds, nullptr};
         options.costs = costs_from(costs);
-        options.workload = workload_of(scene, 640, 480, capture);
+        options.workload = workload_of(scene, width, height, capture);
+        if (samples) options.object_pixels = samples->object_area * width * height;
         Lighting lighting;
         MeasuredErrors measured;
         if (environment) {
@@ -302,7 +314,8 @@ void bind_plan(py::module_& module) {
           if (error > 0 || milliseconds > 0) {
             CandidateOptions from = candidate_options(scene);
             from.light_stays = !capture, from.hurried = milliseconds > 0, from.offline = offline;
-            measured = measure_errors(scene, {environment, &environment->radiance}, methods,
+            measured = measure_errors(scene, samples ? samples : scene.samples.get(),
+                                      {environment, &environment->radiance}, methods,
                                       candidates(methods, from), cast_shadow);
           }
           options.measured = &measured;
@@ -311,7 +324,8 @@ void bind_plan(py::module_& module) {
       },
       py::arg("scene"), py::arg("environment"), py::arg("methods"), py::arg("track"),
       py::arg("capture"), py::arg("cast_shadow"), py::arg("error"), py::arg("milliseconds"),
-      py::arg("costs"), py::arg("offline") = false);
+      py::arg("costs"), py::arg("offline"), py::arg("width"), py::arg("height"),
+      py::arg("samples"));
   module.def(
       "_measure_costs",
       [] {
@@ -340,8 +354,8 @@ void bind_plan(py::module_& module) {
         const Methods methods;
         const ProcessorClock measuring;
         const MeasuredErrors measured =
-            measure_errors(scene, {environment, &environment->radiance}, methods,
-                           candidates(methods, candidate_options(scene)), true);
+            measure_errors(scene, scene.samples.get(), {environment, &environment->radiance},
+                           methods, candidates(methods, candidate_options(scene)), true);
         const double first = measuring.seconds();
         PlanOptions options;
         options.error = 0.02, options.measured = &measured;
@@ -360,13 +374,14 @@ void bind_plan(py::module_& module) {
   module.def(
       "_measured_errors",
       [](const Scene& scene, const std::shared_ptr<Environment>& environment,
-         const Methods& methods, bool cast_shadow, bool offline) {
+         const Methods& methods, bool cast_shadow, bool offline, const SceneSamples* samples) {
         MeasuredErrors errors;
         {
           const py::gil_scoped_release release;
           CandidateOptions from = candidate_options(scene);
           from.light_stays = true, from.offline = offline;
-          errors = measure_errors(scene, {environment, &environment->radiance}, methods,
+          errors = measure_errors(scene, samples ? samples : scene.samples.get(),
+                                  {environment, &environment->radiance}, methods,
                                   candidates(methods, from), cast_shadow);
         }
         const Candidates& c = errors.candidates;
@@ -387,7 +402,7 @@ void bind_plan(py::module_& module) {
         return result;
       },
       py::arg("scene"), py::arg("environment"), py::arg("methods"), py::arg("cast_shadow") = true,
-      py::arg("offline") = false,
+      py::arg("offline") = false, py::arg("samples") = py::none(),
       "Squares of the picture's errors by candidate, of each step alone, and of all of the object "
       "and the plane, for light that stays: what a plan chooses from.");
   module.def(

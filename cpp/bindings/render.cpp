@@ -107,7 +107,7 @@ shadow.)")
       .def_property(
           "shadow_color", [](const Scene& s) { return triple(s.shadow_look.color); },
           [](Scene& s, const py::object& color) {
-            set_look(s, {s.shadow_look.strength, require_colour(color, "shadow_color")});
+            set_look(s, {s.shadow_look.strength, require_triple(color, "shadow_color")});
           },
           "Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black "
           "by "
@@ -277,7 +277,7 @@ plane gets without the object: it may exceed 1.)")
           "set_shadow_look",
           [](Session& s, double strength,
              const py::object&
-                 color) { s.set_shadow_look({float(strength), require_colour(color, "color")}); },
+                 color) { s.set_shadow_look({float(strength), require_triple(color, "color")}); },
           py::arg("strength") = 1.0, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
           "Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. "
           "Raises "

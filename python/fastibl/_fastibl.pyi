@@ -1537,6 +1537,8 @@ class Plan:
         """
         List of PlannedPass in the order in which they run.
         """
+class _SceneSamples:
+    pass
 class Scene:
     """
     An object ready to be rendered.
@@ -1819,13 +1821,13 @@ def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8
     """
 def _level_parameters(mapping: str, count: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     ...
-def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool = False) -> Plan:
+def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, samples: _SceneSamples) -> Plan:
     ...
 def _measure_costs() -> dict[str, float]:
     """
     Unit costs of this machine in nanoseconds, by name; some three seconds.
     """
-def _measured_errors(scene: ..., environment: Environment, methods: _Methods, cast_shadow: bool = True, offline: bool = False) -> dict:
+def _measured_errors(scene: ..., environment: Environment, methods: _Methods, cast_shadow: bool = True, offline: bool = False, samples: _SceneSamples = None) -> dict:
     """
     Squares of the picture's errors by candidate, of each step alone, and of all of the object and the plane, for light that stays: what a plan chooses from.
     """
@@ -1848,6 +1850,10 @@ def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8],
 def _row_evidence(image: typing.Any, board: Board, camera: Camera, first: Pose, last: Pose, spread: typing.SupportsFloat | typing.SupportsIndex = 1.1) -> typing.Any:
     """
     What a picture's edges alone say of pose and motion: the share of the readout at which the board's middle row is taken, its pose, and the normal equations (24, 24), (24,) of a change of (w, d), of its growth in a readout, and of the growth of that and so on; or None.
+    """
+def _sample_scene(scene: ..., camera: Camera, camera_from_marker: Pose) -> _SceneSamples:
+    """
+    Places that a picture shows; None where it shows nothing of the object.
     """
 def _seconds_to_evaluate(lighting: _Lighting, normals: typing.Any, repetitions: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     """

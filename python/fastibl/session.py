@@ -4,9 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from ._fastibl import Board as _CoreBoard
-from ._fastibl import CubeMap, Environment, FrameResult, Plan, Rig, Scene, _make_plan, _Session, with_gl
+from ._fastibl import (
+    Camera,
+    CubeMap,
+    Environment,
+    FrameResult,
+    Plan,
+    Pose,
+    Rig,
+    Scene,
+    _make_plan,
+    _sample_scene,
+    _SceneSamples,
+    _Session,
+    with_gl,
+)
 from .lighting import Lighting, Method, resolve_methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame
@@ -27,8 +42,10 @@ def make_plan(
     cast_shadow: bool = True,
     costs: Mapping[str, float] | None = None,
     offline: bool = False,
+    camera: Camera | None = None,
+    camera_from_marker: Pose | None = None,
 ) -> Plan:
-    """Plan of a frame of 640 x 480 pixels: print it for the bill.
+    """Plan of a frame: print it for the bill.
 
     With a budget and an environment, steps whose method is "auto" get the cheapest one within it: all are tried on
     this light at places of this scene whose true light is known by rays, and timed by `costs`.
@@ -37,9 +54,13 @@ def make_plan(
     none. methods: "auto", "paper" or a mapping from step to method. track, capture: whether poses and map come from
     pictures; capture defaults to whether no environment is given. costs: nanoseconds by name of this machine, see
     fastibl.costs.machine_costs; a built-in table by default. offline: pictures rather than a live view: methods that
-    take tenths of a second for one are among those that "auto" chooses from. Raises ValueError for unknown names or
-    negative budgets.
+    take tenths of a second for one are among those that "auto" chooses from. camera, camera_from_marker: of the
+    picture that is planned; errors are of it. Without them the frame has 640 x 480 pixels, errors are of eight views
+    all round, and what is promised holds for the worst of them; so where the picture shows nothing of the object.
+    Raises ValueError for unknown names, negative budgets, or a camera without its pose.
     """
+    if (camera is None) != (camera_from_marker is None):
+        raise ValueError("camera and camera_from_marker must both be given, or neither")
     environment = _known(environment)
     if capture is None:
         capture = environment is None
@@ -54,7 +75,21 @@ def make_plan(
         float(milliseconds),
         dict(costs or {}),
         bool(offline),
+        camera.width if camera else 640,
+        camera.height if camera else 480,
+        None if camera is None or camera_from_marker is None else _shown(scene, camera, camera_from_marker),
     )
+
+
+# Of each scene the last picture, and the places that it shows.
+_SHOWN: WeakKeyDictionary[Scene, tuple[tuple[Camera, Pose], _SceneSamples | None]] = WeakKeyDictionary()
+
+
+def _shown(scene: Scene, camera: Camera, camera_from_marker: Pose) -> _SceneSamples | None:
+    picture = camera, camera_from_marker
+    if scene not in _SHOWN or _SHOWN[scene][0] != picture:
+        _SHOWN[scene] = picture, _sample_scene(scene, *picture)
+    return _SHOWN[scene][1]
 
 
 def bake_shadow(scene: Scene) -> None:

@@ -39,7 +39,7 @@ Colours colours(const SceneSamples& samples, std::size_t count, const Material& 
     f.tangent = s.tangent, f.uv = s.uv;
     f.uv_dx = {0.02f, 0}, f.uv_dy = {0, 0.02f};  // a pixel's part of a texture, about
     glm::vec3 colour;
-    shading({&f, 1}, s.position + samples.views[std::size_t(s.view)], {&colour, 1});
+    shading({&f, 1}, s.position + s.to_eye, {&colour, 1});
     result.push_back(colour);
   }
   return result;
@@ -72,11 +72,11 @@ std::vector<glm::vec4> transfer_shares(const SceneSamples& samples, const CubeMa
     diffuse_shares(samples.visibility, light, irradiance, samples.normals, samples.turned,
                    by_vertex);
   const std::optional<LobeShape> lobe = material.lobe();
-  for (std::size_t v = 0; v < SceneSamples::kViews; ++v) {
-    constexpr float kFar = 1e4f;
+  for (std::size_t v = 0; v < samples.picture_count; ++v) {
+    const glm::vec3 lifted(0, 0, samples.lifted);
     if (lobe)
       glossy_shares(samples.visibility, light, *lobe, samples.vertices, samples.normals,
-                    kFar * (glm::transpose(samples.turned) * samples.views[v]), by_vertex);
+                    glm::transpose(samples.turned) * (samples.eyes[v] - lifted), by_vertex);
     for (std::size_t i = 0; i < result.size(); ++i) {
       const SceneSamples::Surface& s = samples.surface[i];
       if (s.view != int(v)) continue;
@@ -96,7 +96,7 @@ void trace_light(const SceneSamples& samples, const CubeMap& map, const Material
   parallel_for(int(shares.size()), 16, [&](int begin, int end) {
     for (int i = begin; i < end; ++i) {
       const SceneSamples::Surface& s = samples.surface[std::size_t(i)];
-      shares[std::size_t(i)] = light.shares(s.start, s.normal, samples.views[std::size_t(s.view)]);
+      shares[std::size_t(i)] = light.shares(s.start, s.normal, s.to_eye);
     }
   });
 }
@@ -161,7 +161,7 @@ glm::vec3 mean_received(const SceneSamples& samples, const Colours& sent, glm::v
     const SceneSamples::Surface& s = samples.surface[i];
     const glm::vec3 d = s.position - glm::vec3(place, 0);
     const float facing = -glm::dot(s.normal, d), distance2 = glm::dot(d, d) + near2;
-    const float seen = std::max(glm::dot(s.normal, samples.views[std::size_t(s.view)]), kGrazing);
+    const float seen = std::max(glm::dot(s.normal, s.to_eye), kGrazing);
     const float part = facing > 0 && d.z > 0 ? facing * d.z / (seen * distance2 * distance2) : 0;
     sum += part * sent[i], all += part;
   }
@@ -373,12 +373,12 @@ std::vector<Colours> glossy_of(const Judged& j, const Material& material,
 
 }  // namespace
 
-MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const CubeMap>& map,
-                              const Methods& asked, const Candidates& candidates,
-                              bool cast_shadow) {
+MeasuredErrors measure_errors(const Scene& scene, const SceneSamples* at,
+                              const std::shared_ptr<const CubeMap>& map, const Methods& asked,
+                              const Candidates& candidates, bool cast_shadow) {
   MeasuredErrors errors;
-  if (!scene.samples || scene.samples->empty() || !map || map->size() == 0) return errors;
-  const SceneSamples& samples = *scene.samples;
+  if (!at || at->empty() || !map || map->size() == 0) return errors;
+  const SceneSamples& samples = *at;
   const Material& material = scene.material;
   const SampleFlux flux(*map, samples);
   const BrightPieces bright(*map, samples, flux);

@@ -14,9 +14,10 @@ namespace fastibl {
 // is a sum of parts. Of the bounce no brute force is at hand: it is taken for 6 % of its size
 // wrong where it is there (docs/shadow.md). What is brighter than white is cut, as in a picture
 // that is exposed so that the plane has 0.35 of white, and of which the object takes 15 %.
-// The same scene and map give the same bits. Empty where the scene has no samples, or the map no
-// light. 20 to 130 ms.
-MeasuredErrors measure_errors(const Scene& scene, const std::shared_ptr<const CubeMap>& map,
-                              const Methods& asked, const Candidates& candidates, bool cast_shadow);
+// The same scene, samples and map give the same bits. at: samples of the scene, from all round or
+// from one place. Empty where there are none, or the map has no light. 20 to 130 ms.
+MeasuredErrors measure_errors(const Scene& scene, const SceneSamples* at,
+                              const std::shared_ptr<const CubeMap>& map, const Methods& asked,
+                              const Candidates& candidates, bool cast_shadow);
 
 }  // namespace fastibl

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -36,7 +38,6 @@ Pose upright(const Pose& pose) {
     for (int j = 0; j < 3; ++j) off = std::max(off, std::abs(tilt[i][j] - (i == j ? 1.0 : 0.0)));
   if (off < 1e-6) tilt = glm::dmat3(1);
   result.rotation = tilt;
-  result.translation = {0, 0, pose.translation.z};
   return result;
 }
 
@@ -59,34 +60,69 @@ struct Standing {
   float size;
 };
 
-void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
-                 SceneSamples& samples) {
+// What the object is seen by: rays of pixels, one number as another.
+struct View {
+  glm::vec3 eye;
+  int wanted;  // samples
+  std::function<std::optional<Ray>(int)> ray;
+};
+
+// From afar, on a circle at an elevation.
+void add_views(const Standing& object, int count, float elevation, int wanted,
+               std::vector<View>& views) {
+  constexpr float kFar = 1e4f;  // times the object's size
+  const float c = std::cos(elevation), s = std::sin(elevation);
   const float radius = object.box.radius();
+  const glm::vec3 centre = object.box.centre();
+  for (int v = 0; v < count; ++v) {
+    const float azimuth = 2 * std::numbers::pi_v<float> * (float(v) + 0.3f) / float(count);
+    const glm::vec3 to{c * std::cos(azimuth), c * std::sin(azimuth), s};
+    const glm::vec3 right = glm::normalize(glm::cross(glm::vec3(0, 0, 1), to));
+    const glm::vec3 up = glm::cross(to, right);
+    const int first = int(views.size()) * 1009;
+    // Evenly over the disc that holds the object: Roberts 2018, R2.
+    const auto ray = [=](int k) {
+      const float r = radius * std::sqrt(fraction(0.5f, first + k, 0.7548776662));
+      const float t = 2 * std::numbers::pi_v<float> * fraction(0.0f, first + k, 0.5698402910);
+      const glm::vec3 from =
+          centre + 2 * radius * to + r * std::cos(t) * right + r * std::sin(t) * up;
+      return std::optional(Ray{from, -to});
+    };
+    views.push_back({centre + kFar * radius * to, wanted, ray});
+  }
+}
+
+// Of one picture. place: of the object on the plane.
+View view_of(const Camera& camera, const Pose& camera_from_marker, glm::dvec2 place) {
+  const glm::dmat3 marker_from_camera = glm::transpose(camera_from_marker.rotation);
+  const glm::vec3 eye(-(marker_from_camera * camera_from_marker.translation) -
+                      glm::dvec3(place, 0));
+  const auto ray = [=, lens = Lens(camera), width = camera.width,
+                    height = camera.height](int k) -> std::optional<Ray> {
+    const auto d = lens.unproject(
+        {width * fraction(0.5f, k, 0.7548776662), height * fraction(0.5f, k, 0.5698402910)});
+    if (!d) return std::nullopt;
+    return Ray{eye, glm::vec3(glm::normalize(marker_from_camera * *d))};
+  };
+  return {eye, SceneSamples::kPictureSamples, ray};
+}
+
+void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
+                 const std::vector<View>& views, SceneSamples& samples) {
   std::map<std::pair<int, bool>, int> used;  // vertices and whether their back is seen
   int met = 0, tried = 0;
-  for (int v = 0; v < SceneSamples::kViews + SceneSamples::kViewsFromBelow; ++v) {
-    const bool above = v < SceneSamples::kViews;
-    const int around = above ? SceneSamples::kViews : SceneSamples::kViewsFromBelow;
-    const int wanted = above ? SceneSamples::kViewSamples : SceneSamples::kSamplesFromBelow;
-    const float azimuth = 2 * std::numbers::pi_v<float> * (float(v) + 0.3f) / float(around);
-    const float elevation = above ? SceneSamples::kElevation : -SceneSamples::kElevation;
-    const float c = std::cos(elevation), s = std::sin(elevation);
-    const glm::vec3 eye{c * std::cos(azimuth), c * std::sin(azimuth), s};
-    const glm::vec3 right = glm::normalize(glm::cross(glm::vec3(0, 0, 1), eye));
-    const glm::vec3 up = glm::cross(eye, right);
-    samples.views.push_back(eye);
+  for (int v = 0; v < int(views.size()); ++v) {
+    const View& view = views[std::size_t(v)];
+    const bool pictured = v < int(samples.picture_count);
+    samples.eyes.push_back(view.eye);
     int found = 0;
-    for (int k = 0; found < wanted && k < 40 * wanted; ++k) {
-      // Evenly over the disc that holds the object, no view as another: Roberts 2018, R2.
-      const int index = k + v * 1009;
-      const float r = radius * std::sqrt(fraction(0.5f, index, 0.7548776662));
-      const float t = 2 * std::numbers::pi_v<float> * fraction(0.0f, index, 0.5698402910);
-      const glm::vec3 from =
-          object.box.centre() + 2 * radius * eye + r * std::cos(t) * right + r * std::sin(t) * up;
-      const Bvh::Hit hit = bvh.nearest({from, -eye});
-      tried += above;
+    for (int k = 0; found < view.wanted && k < 40 * view.wanted; ++k) {
+      const std::optional<Ray> ray = view.ray(k);
+      tried += pictured;
+      if (!ray) continue;
+      const Bvh::Hit hit = bvh.nearest(*ray);
       if (hit.triangle < 0) continue;
-      met += above;
+      met += pictured;
       const glm::ivec3 triangle = object.mesh.triangles[std::size_t(hit.triangle)];
       const glm::vec3 w(1 - hit.u - hit.v, hit.u, hit.v);
       glm::vec3 n(0), p(0);
@@ -99,8 +135,10 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
       const glm::vec3 &a = object.mesh.vertices[std::size_t(triangle[0])],
                       &b = object.mesh.vertices[std::size_t(triangle[1])],
                       &c2 = object.mesh.vertices[std::size_t(triangle[2])];
-      const bool behind = glm::dot(glm::cross(b - a, c2 - a), eye) < 0;
-      SceneSamples::Surface sample{{}, w, p, behind ? -n : n, p, v, glm::vec4(0), glm::vec2(0)};
+      const glm::vec3 to_eye = glm::normalize(view.eye - p);
+      const bool behind = glm::dot(glm::cross(b - a, c2 - a), to_eye) < 0;
+      SceneSamples::Surface sample{{},           w,           p, behind ? -n : n, p, to_eye, v,
+                                   glm::vec4(0), glm::vec2(0)};
       for (int i = 0; i < 3; ++i) {
         const std::size_t corner = std::size_t(triangle[i]);
         if (!scene.mesh.uvs.empty()) sample.uv += w[i] * scene.mesh.uvs[corner];
@@ -113,12 +151,11 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
       for (int i = 0; i < 3; ++i)
         sample.corners[i] = used.try_emplace({triangle[i], behind}, int(used.size())).first->second;
       samples.surface.push_back(sample);
-      samples.seen += above;
+      samples.seen += pictured;
       ++found;
     }
   }
-  samples.object_area =
-      tried ? std::numbers::pi * double(radius) * double(radius) * met / tried : 0.0;
+  samples.object_area = tried ? double(met) / tried : 0.0;
   // What is kept of each vertex, in the order in which samples came to them.
   std::vector<std::pair<int, bool>> order(used.size());
   for (const auto& [side, place] : used) order[std::size_t(place)] = side;
@@ -182,35 +219,65 @@ void trace_surface(const Standing& object, const Bvh& bvh, SceneSamples& samples
   });
 }
 
-// Share of the views that see this place of the plane.
-double share_seen(const Bvh& bvh, glm::vec3 from, const std::vector<glm::vec3>& views) {
+// A place on the plane, and its area in pictures.
+struct PlanePlace {
+  glm::vec2 place;
+  double area;
+};
+
+// Share of the pictures that see this place of the plane.
+double share_seen(const Bvh& bvh, glm::vec3 from, std::span<const glm::vec3> eyes) {
   int seen = 0;
-  for (int v = 0; v < SceneSamples::kViews; ++v)
-    seen += !bvh.occluded(Ray{from, views[std::size_t(v)]});
-  return double(seen) / SceneSamples::kViews;
+  for (const glm::vec3& eye : eyes) seen += !bvh.occluded(Ray{from, glm::normalize(eye - from)});
+  return double(seen) / double(eyes.size());
 }
 
 // Within a disc on the plane that, with the object, fills the picture; towards its middle, where
 // shadows have their edges, closer to each other.
-void trace_plane(const Standing& object, const Bvh& bvh, SceneSamples& samples) {
+std::vector<PlanePlace> places_all_round(const Standing& object, const Bvh& bvh,
+                                         const SceneSamples& samples) {
   constexpr int n = SceneSamples::kPlaneSamples;
   constexpr double kPi = std::numbers::pi, kInwards = 0.75;  // 0.5: everywhere alike
   const double slope = std::sin(double(SceneSamples::kElevation));
-  const float radius = object.box.radius();
+  const std::span<const glm::vec3> eyes = std::span(samples.eyes).first(samples.picture_count);
   const glm::vec3 centre = object.box.centre();
   const double beneath = glm::length(glm::vec2(centre - object.box.lower));
   // What hovers has its shadow elsewhere.
   const double reach = std::max(std::sqrt(samples.object_area / kObjectShare / (kPi * slope)),
                                 1.2 * beneath + std::max(double(object.box.lower.z), 0.0));
-  samples.plane_first = {0};
+  std::vector<PlanePlace> places;
   for (int i = 0; i < n; ++i) {
     const double u = (i + 0.5) / n, r = reach * std::pow(u, kInwards);
     const double turn = 2 * kPi * fraction(0.0f, i, (std::sqrt(5.0) - 1) / 2);
     const glm::vec2 p = glm::vec2(centre) + glm::vec2(r * std::cos(turn), r * std::sin(turn));
-    const glm::vec3 from(p, samples.above);
     const double area = 2 * kInwards * kPi * reach * reach * std::pow(u, 2 * kInwards - 1) / n;
-    const double seen = area * slope * share_seen(bvh, from, samples.views);
-    if (!(seen > 0)) continue;
+    const double seen = area * slope * share_seen(bvh, {p, samples.above}, eyes);
+    if (seen > 0) places.push_back({p, seen});
+  }
+  return places;
+}
+
+// What a picture shows of the plane.
+std::vector<PlanePlace> places_of(const View& view, const Bvh& bvh) {
+  constexpr int n = SceneSamples::kPicturePlaneSamples;
+  std::vector<PlanePlace> places;
+  for (int k = 0; k < n; ++k) {
+    const std::optional<Ray> ray = view.ray(k);
+    if (!ray || !(ray->origin.z * ray->direction.z < 0) || bvh.nearest(*ray).triangle >= 0)
+      continue;
+    const float distance = -ray->origin.z / ray->direction.z;
+    places.push_back({glm::vec2(ray->origin + distance * ray->direction), 1.0 / n});
+  }
+  return places;
+}
+
+void trace_plane(const Standing& object, const Bvh& bvh, const std::vector<PlanePlace>& places,
+                 SceneSamples& samples) {
+  const float radius = object.box.radius();
+  const glm::vec3 centre = object.box.centre();
+  samples.plane_first = {0};
+  for (const auto& [p, area] : places) {
+    const glm::vec3 from(p, samples.above);
     const glm::vec3 to = centre - from;
     const float distance = glm::length(to);
     const float cosine =
@@ -219,7 +286,7 @@ void trace_plane(const Standing& object, const Bvh& bvh, SceneSamples& samples) 
     for (std::size_t k = 0; k < samples.direction_count(); ++k)
       if (samples.directions[k].z > 0 && glm::dot(samples.directions[k], to) >= cosine * distance)
         asked.push_back(int(k));
-    samples.plane.push_back(p), samples.plane_areas.push_back(seen);
+    samples.plane.push_back(p), samples.plane_areas.push_back(area);
     const std::vector<std::uint8_t> met = met_from(bvh, samples, from, asked);
     for (std::size_t k = 0; k < asked.size(); ++k)
       if (met[k]) samples.hidden.push_back(std::uint16_t(asked[k]));
@@ -227,12 +294,11 @@ void trace_plane(const Standing& object, const Bvh& bvh, SceneSamples& samples) 
   }
 }
 
-}  // namespace
-
-std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
+// pose: of the object, but for its place on the plane. picture: the only view, or null.
+std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const View* picture) {
   if (!scene.directions || scene.mesh.triangles.empty()) return nullptr;
   auto samples = std::make_shared<SceneSamples>();
-  const Pose pose = upright(scene.marker_from_object);
+  pose.translation.x = pose.translation.y = 0;
   samples->turned = glm::mat3(pose.rotation), samples->lifted = pose.translation.z;
   Standing object{scene.mesh, scene.shown_normals(), {}, 0};
   for (glm::vec3& p : object.mesh.vertices) p = glm::vec3(pose * glm::dvec3(p));
@@ -246,11 +312,38 @@ std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
   samples->above = 1e-5f * object.size;
   const Bvh& bvh = *samples->bvh;
   set_directions(*samples);
-  add_surface(scene, object, bvh, *samples);
+  std::vector<View> views;
+  if (picture)
+    views = {*picture};
+  else
+    add_views(object, SceneSamples::kViews, SceneSamples::kElevation, SceneSamples::kViewSamples,
+              views);
+  samples->picture_count = views.size();
+  add_views(object, SceneSamples::kViewsFromBelow, -SceneSamples::kElevation,
+            SceneSamples::kSamplesFromBelow, views);
+  add_surface(scene, object, bvh, views, *samples);
   if (samples->empty()) return nullptr;
+  // From afar all rays of a view start in a disc around the object.
+  if (!picture)
+    samples->object_area *= std::numbers::pi * double(samples->radius) * double(samples->radius);
   trace_surface(object, bvh, *samples);
-  trace_plane(object, bvh, *samples);
+  trace_plane(object, bvh,
+              picture ? places_of(*picture, bvh) : places_all_round(object, bvh, *samples),
+              *samples);
   return samples;
+}
+
+}  // namespace
+
+std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
+  return sample(scene, upright(scene.marker_from_object), nullptr);
+}
+
+std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene, const Camera& camera,
+                                                 const Pose& camera_from_marker) {
+  const View view =
+      view_of(camera, camera_from_marker, glm::dvec2(scene.marker_from_object.translation));
+  return sample(scene, scene.marker_from_object, &view);
 }
 
 }  // namespace fastibl

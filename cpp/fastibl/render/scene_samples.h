@@ -7,34 +7,39 @@
 #include <vector>
 
 #include "fastibl/scene/bvh.h"
+#include "fastibl/scene/camera.h"
 #include "fastibl/scene/scene.h"
 
 namespace fastibl {
 
-// Of the object as it stood when its scene was made, but for its turn about z. One that is tilted
-// or lifted later is judged as if it still stood so.
+// Of the object as it stood when they were made; seen from all round, but for its turn about z. One
+// that is tilted or lifted later is judged as if it still stood so. The frame is that of the
+// marker, moved along the plane to where the object stands.
 class SceneSamples {
  public:
   static constexpr int kLevelSize = 32;  // face edge of the level whose texels are the directions
   static constexpr int kViews = 8, kViewSamples = 120, kPlaneSamples = 400;
+  static constexpr int kPictureSamples = 480, kPicturePlaneSamples = 800;  // of one picture
   static constexpr int kViewsFromBelow = 4, kSamplesFromBelow = 60;
-  static constexpr float kElevation = 0.65f;  // of the views, radians
+  static constexpr float kElevation = 0.65f;  // of the views all round, radians
 
   struct Surface {
     int corners[3];  // in `vertices`: of the side that is seen
     glm::vec3 weights;
     glm::vec3 position, normal;  // where the object stands; unit, on the side that is seen
     glm::vec3 start;             // of its rays
-    int view;                    // in `views`
+    glm::vec3 to_eye;            // unit
+    int view;                    // in `eyes`
     glm::vec4 tangent;           // see Fragment
     glm::vec2 uv;
   };
-  // What the views see of the object, each pixel of them equally often: the first `seen` of views
-  // from above, the rest of views from below, which tell what the plane sees. eyes: so far away
-  // that directions are the same everywhere.
+  // What views see of the object, each pixel of them equally often: the first `seen` of those that
+  // pictures are taken from, the rest of views from below, which tell what the plane sees. Eyes all
+  // round and from below are so far away that directions are the same everywhere.
   std::vector<Surface> surface;
   std::size_t seen = 0;
-  std::vector<glm::vec3> views;  // unit, from the object to the eye; the first kViews from above
+  std::vector<glm::vec3> eyes;
+  std::size_t picture_count = 0;  // the first ones; the rest is from below
   // Directions are the texels' centres of a level of kLevelSize, face by face and row by row.
   std::vector<glm::vec3> directions;
   std::vector<float> solid_angles;
@@ -49,8 +54,8 @@ class SceneSamples {
   glm::vec3 centre{0};             // of the sphere around it
   float radius = 0;
   float above = 0;  // that rays from the plane start, metres
-  // Areas as a view of this elevation has them, m², in the mean over those from above: of the
-  // object, and that each place on the plane stands for.
+  // Areas in pictures, of the object, and that each place on the plane stands for: m² as a view
+  // from afar has them, in the mean over all, or shares of one picture.
   double object_area = 0;
   std::vector<double> plane_areas;
 
@@ -66,8 +71,11 @@ class SceneSamples {
   bool empty() const { return seen == 0; }
 };
 
-// Nothing where the directions that the object blocks were not worked out, or no view sees it. Some
-// 4 million rays.
+// Seen from all round. Nothing where the directions that the object blocks were not worked out, or
+// no view sees it. Some 4 million rays.
 std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene);
+// As one picture shows it. Nothing where it shows nothing of the object, too.
+std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene, const Camera& camera,
+                                                 const Pose& camera_from_marker);
 
 }  // namespace fastibl

@@ -134,7 +134,7 @@ void Session::choose_methods() {
     CandidateOptions choice = candidate_options(scene_);
     choice.light_stays = !light_moves(), choice.hurried = options_.milliseconds > 0;
     choice.offline = options_.offline, choice.traces = renderer_->traces();
-    measured_ = measure_errors(scene_, radiance, options_.methods,
+    measured_ = measure_errors(scene_, scene_.samples.get(), radiance, options_.methods,
                                candidates(options_.methods, choice), options_.cast_shadow);
     measured_light_ = faces_of(environment_->radiance);
   }

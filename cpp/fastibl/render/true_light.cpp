@@ -135,10 +135,9 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
       const SceneSamples::Surface& s = samples.surface[i];
       const LobeHeight& seen = i < samples.seen ? height : none;
       LightSums sums, more;
-      const glm::vec3 view = samples.views[std::size_t(s.view)];
-      sum_light(coarse, &samples.free[i * directions], s.normal, view, seen, sums);
+      sum_light(coarse, &samples.free[i * directions], s.normal, s.to_eye, seen, sums);
       free_pieces(samples, bright, i, free);
-      sum_light(fine, free.data(), s.normal, view, seen, more);
+      sum_light(fine, free.data(), s.normal, s.to_eye, seen, more);
       for (int c = 0; c < 3; ++c) {
         light.open_irradiance[i][c] = sums.open_irradiance[c] + more.open_irradiance[c];
         light.irradiance[i][c] = sums.irradiance[c] + more.irradiance[c];
