@@ -392,7 +392,13 @@ def test_the_picture_holds_the_shares():
 
 
 def test_methods_by_name():
-    assert [m.name for m in fastibl.methods("self_shadow")] == ["none", "ambient-occlusion", "transfer", "traced"]
+    assert [m.name for m in fastibl.methods("self_shadow")] == [
+        "none",
+        "ambient-occlusion",
+        "transfer",
+        "pixel-transfer",
+        "traced",
+    ]
     pictures = {
         m: session_of({"self_shadow": m})[0].object.rgba for m in ("none", "ambient-occlusion", "transfer", "auto")
     }
@@ -492,11 +498,40 @@ def test_traced_shares_against_brute_force(kind):
     assert rms["traced"] < 0.02 and rms["traced"] < 0.2 * rms["transfer"]
 
 
-def test_traced_is_of_the_cpu_alone():
+@pytest.mark.parametrize("kind", ["broad", "shiny", "ggx"])
+def test_shares_with_every_pixels_lobe_are_nearer_to_those_by_rays(kind):
+    """On a round surface the lobe turns from vertex to vertex, and across what is hidden."""
+    material = {
+        "broad": fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=16),
+        "shiny": fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=100),
+        "ggx": fastibl.Material.pbr((1, 1, 1), metallic=1.0, roughness=0.45),
+    }[kind]
+    cube = fastibl.CubeMap(smooth_map(size=32).faces.mean(axis=-1, keepdims=True) * np.ones(3))
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), material, spheres=0)
+    eye = np.array([0.3, -0.25, 0.25])
+    pose = looking(np.array([0, 0, 0.09]) - eye, eye)
+    traced, whole = share_picture(scene, "traced", cube, pose)
+    touched = whole & (traced < 0.99)
+    error = {}
+    for method in ("transfer", "pixel-transfer"):
+        share, _ = share_picture(scene, method, cube, pose)
+        off = np.abs(share - traced)[touched]
+        error[method] = np.array([np.sqrt(np.mean(off**2)), np.median(off)])
+    print(f"{kind}: RMS and median off those by rays, {touched.sum()} pixels: {error}")
+    assert touched.sum() > 200 and (error["pixel-transfer"] < 0.6 * error["transfer"]).all()
+
+
+@pytest.mark.parametrize("method", ["pixel-transfer", "traced"])
+def test_shares_of_pixels_are_of_the_cpu_alone(method):
     if _fastibl.with_gl:
-        same_error(lambda: session_of({"self_shadow": "traced"}, backend="gl"), ValueError, "traced", "cpu")
+        same_error(lambda: session_of({"self_shadow": method}, backend="gl"), ValueError, method, "cpu")
         session, _ = session_of({"self_shadow": "transfer"}, backend="gl")
-        same_error(lambda: session.set_methods({"self_shadow": "traced"}), ValueError, "traced", "cpu")
+        same_error(lambda: session.set_methods({"self_shadow": method}), ValueError, method, "cpu")
+
+
+def test_diffuse_light_is_by_vertex_whatever_the_pixels_lobe():
+    pictures = [session_of({"self_shadow": m}, MATTE)[0].object.rgba for m in ("transfer", "pixel-transfer")]
+    np.testing.assert_array_equal(*pictures)
 
 
 def test_traced_changes_the_maps_light_alone():

@@ -123,7 +123,8 @@ std::vector<Command> make_commands() {
       {"methods", "self-shadow", "a", "what the object hides of its own light",
        [](const Player& p) {
          Values values = method_names<kSelfShadowMethods>(p);
-         if (p.backend() == "gl") std::erase(values, name(SelfShadowMethod::traced));
+         for (const SelfShadowMethod method : kSelfShadowMethods)
+           if (p.backend() == "gl" && shares_by_pixel(method)) std::erase(values, name(method));
          return values;
        },
        method_of<&Methods::self_shadow>, set_method<&Methods::self_shadow, self_shadow_method>},

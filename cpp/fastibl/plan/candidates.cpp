@@ -40,8 +40,10 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
   else
     all.self_shadow = {SelfShadowMethod::none, SelfShadowMethod::ambient,
                        SelfShadowMethod::transfer};
-  if (asked.self_shadow == SelfShadowMethod::automatic && options.offline && options.traces)
-    all.self_shadow.push_back(SelfShadowMethod::traced);
+  if (asked.self_shadow == SelfShadowMethod::automatic && options.by_pixel) {
+    if (options.glossy) all.self_shadow.push_back(SelfShadowMethod::pixel_transfer);
+    if (options.offline) all.self_shadow.push_back(SelfShadowMethod::traced);
+  }
   if (asked.shadow != ShadowMethod::automatic)
     all.shadow = {{asked.shadow, asked.shadow_settings}};
   else if (options.baked_shadow)

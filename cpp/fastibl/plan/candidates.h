@@ -35,9 +35,10 @@ struct CandidateOptions {
   bool glossy = true;    // false: nothing glossy is shaded, and the default stays
   bool pbr = false;      // GGX reads a chain by its own taps, whatever `stretched` would
   bool hurried = false;  // there is a time budget
+  bool by_pixel = true;  // the back end finds what the object hides from single pixels
   // Pictures, not a live view: also what takes a millisecond for a few hundred pixels, `sampled` by
-  // 1024 taps and, where the back end has it, `traced`.
-  bool offline = false, traces = true;
+  // 1024 taps and `traced`.
+  bool offline = false;
 };
 // Those on the frontier of error and time on real maps (docs/light.md, docs/shadow.md). For light
 // that changes only what changes with it: `sh9` and `sh9-lobes` are off by 0.3 % of the light while

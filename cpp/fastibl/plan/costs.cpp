@@ -4,8 +4,8 @@
 
 namespace fastibl {
 
-const std::array<CostField, 37>& cost_fields() {
-  static constexpr std::array<CostField, 37> fields = {
+const std::array<CostField, 38>& cost_fields() {
+  static constexpr std::array<CostField, 38> fields = {
       {{"fold", &Costs::fold},
        {"faces", &Costs::faces},
        {"sh9", &Costs::sh9},
@@ -37,6 +37,7 @@ const std::array<CostField, 37>& cost_fields() {
        {"cells", &Costs::cells},
        {"share_edge", &Costs::share_edge},
        {"glossy_vertex", &Costs::glossy_vertex},
+       {"glossy_share", &Costs::glossy_share},
        {"traced_pixel", &Costs::traced_pixel},
        {"bounce", &Costs::bounce},
        {"bounce_group", &Costs::bounce_group},
@@ -166,8 +167,9 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
            w.object_pixels * (c.raster_pixel + (w.diffuse ? diffuse_pixel(c, m) : 0) +
                               (w.glossy ? glossy_pixel(c, m, w.pbr) : 0)) +
            (w.glossy && transfer ? c.glossy_vertex * w.vertices : 0);
-      if (m.self_shadow == SelfShadowMethod::traced)
-        ns += c.traced_pixel * w.object_pixels;
+      if (m.self_shadow == SelfShadowMethod::traced) ns += c.traced_pixel * w.object_pixels;
+      if (m.self_shadow == SelfShadowMethod::pixel_transfer && w.glossy)
+        ns += c.glossy_share * w.object_pixels;
       break;
     case PassId::composite:
       ns = c.composite_pixel * pixels + c.shadow_pixel * w.shadow_pixels;

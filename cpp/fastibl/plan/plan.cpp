@@ -311,9 +311,8 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
           leave_out("the object has no spheres");
         break;
       case PassId::self_shadow:
-        line.method =
-            name(methods.self_shadow == SelfShadowMethod::traced ? SelfShadowMethod::traced
-                                                                 : SelfShadowMethod::transfer);
+        line.method = name(shares_by_pixel(methods.self_shadow) ? methods.self_shadow
+                                                                : SelfShadowMethod::transfer);
         if (const std::string reason = no_transfer(scene); !reason.empty())
           leave_out(reason);
         else if (methods.self_shadow == SelfShadowMethod::none)
@@ -357,11 +356,13 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
       case PassId::shade: {
         const Material& m = scene.material;
-        const char* traced =
-            methods.self_shadow == SelfShadowMethod::traced ? ", self-shadow traced" : "";
+        const char* by_pixel =
+            methods.self_shadow == SelfShadowMethod::traced           ? ", self-shadow traced"
+            : methods.self_shadow == SelfShadowMethod::pixel_transfer ? ", self-shadow by pixel"
+                                                                      : "";
         if (m.pbr) {
           line.method = m.reads_irradiance() ? "diffuse + ggx" : "ggx";
-          line.method += traced;
+          line.method += by_pixel;
           break;
         }
         line.method = m.glossy == glm::vec3(0)    ? "diffuse"
@@ -374,7 +375,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
                    ? described(options.lighting->glossy, options.lighting->glossy_settings)
                    : described(methods.glossy, methods.glossy_settings)) +
               ")";
-        line.method += traced;
+        line.method += by_pixel;
         break;
       }
       default:

@@ -220,8 +220,12 @@ void measure_shadows(const Scene& scene, const Maps& all, Costs& costs) {
   costs.caps = shadow(ShadowMethod::cap_product, {});
 }
 
-// Of a picture of the ring, diffuse and glossy.
-double traced_pixel(Scene scene, const CubeMap& map, std::vector<glm::vec4> shares) {
+// Of a picture of the ring, diffuse and glossy: shares by rays, and with every pixel's lobe.
+struct PixelShares {
+  double traced, glossy;
+};
+PixelShares pixel_shares(Scene scene, const CubeMap& map, const CellLight& light,
+                         std::vector<glm::vec4> shares) {
   scene.material.glossy = glm::vec3(0.3f);
   const View v = view(160);
   const glm::vec3 eye(v.camera_from_marker.inverse().translation);
@@ -230,9 +234,14 @@ double traced_pixel(Scene scene, const CubeMap& map, std::vector<glm::vec4> shar
       rasterizer.rasterize(scene, v.camera, v.camera_from_marker, shares);
   double count = 0;
   for (const FragmentBand& band : seen) count += double(band.object.size());
+  count = at_least(count, 1);
+  GlossyPixelShares glossy;
+  PixelShares costs{};
+  costs.glossy = nanoseconds([&](int) { glossy(scene, light, eye, seen); }) / count;
   const ProcessorClock clock;
   trace_shares(scene, map, eye, shares, seen);
-  return 1e9 * clock.seconds() / at_least(count, 1);
+  costs.traced = 1e9 * clock.seconds() / count;
+  return costs;
 }
 
 void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
@@ -252,7 +261,8 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
                                         scene.normals, {0, -0.35f, 0.3f}, shares);
                         }) /
                         count;
-  costs.traced_pixel = traced_pixel(scene, *all[0], shares);
+  const PixelShares by_pixel = pixel_shares(scene, *all[0], light, shares);
+  costs.traced_pixel = by_pixel.traced, costs.glossy_share = by_pixel.glossy;
   SceneShadow caster;
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
   const PlaneExchange exchange(scene.mesh, *scene.directions);

@@ -10,6 +10,7 @@
 #include "fastibl/render/true_light.h"
 #include "fastibl/scene/response.h"
 #include "fastibl/shading/glossy_shares.h"
+#include "fastibl/shading/lobe_cells.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/shade.h"
 #include "fastibl/shading/traced_shares.h"
@@ -87,6 +88,29 @@ std::vector<glm::vec4> transfer_shares(const SceneSamples& samples, const CubeMa
   return result;
 }
 
+// Of the glossy light with each sample's lobe, by what is hidden from the corners around it.
+void share_by_pixel(const SceneSamples& samples, const CubeMap& map, const Material& material,
+                    std::vector<glm::vec4>& shares) {
+  const std::optional<LobeShape> lobe = material.lobe();
+  if (!lobe || samples.visibility.blocks_nothing()) return;
+  CellLight light;
+  light.update(map, glm::transpose(samples.turned), samples.visibility.size);
+  const LobeCells cells(light, *lobe);
+  const glm::mat3 mesh_from_marker = glm::transpose(samples.turned);
+  std::array<HiddenCells, 3> hidden{HiddenCells(cells.size()), HiddenCells(cells.size()),
+                                    HiddenCells(cells.size())};
+  for (std::size_t i = 0; i < shares.size(); ++i) {
+    if (!is_touched(shares[i].w)) continue;
+    const SceneSamples::Surface& s = samples.surface[i];
+    for (std::size_t k = 0; k < 3; ++k)
+      hidden[k].set(samples.visibility.edges_of(std::size_t(s.corners[k])),
+                    samples.visibility.size);
+    shares[i].w =
+        cells.share(mesh_from_marker * s.normal, mesh_from_marker * s.to_eye,
+                    {{hidden[0].masks(), hidden[1].masks(), hidden[2].masks()}, s.weights});
+  }
+}
+
 // By rays, where the object hides anything.
 void trace_light(const SceneSamples& samples, const CubeMap& map, const Material& material,
                  std::vector<glm::vec4>& shares) {
@@ -117,6 +141,8 @@ std::vector<std::vector<glm::vec4>> shares_of(const std::vector<SelfShadowMethod
       if (transfer.empty()) transfer = transfer_shares(samples, map, irradiance, material);
       result.push_back(transfer);
       if (method == SelfShadowMethod::traced) trace_light(samples, map, material, result.back());
+      if (method == SelfShadowMethod::pixel_transfer)
+        share_by_pixel(samples, map, material, result.back());
     }
   }
   return result;

@@ -12,6 +12,7 @@
 #include "fastibl/scene/object_layer.h"
 #include "fastibl/scene/picture.h"
 #include "fastibl/scene/shadow_map.h"
+#include "fastibl/shading/self_shadow.h"
 
 namespace fastibl {
 
@@ -37,6 +38,7 @@ struct RenderInput {
   std::span<const glm::vec4> holdout_ratios = {};
   // Of light_shares what the map alone is kept from, where near lights or the plane change them.
   std::span<const glm::vec4> self_shares = {};
+  const CellLight* cell_light = nullptr;  // that these were found with, if any
   bool shades_alike_as_one = false;  // see Plan; a GPU shades each triangle's part by itself
 };
 
@@ -44,8 +46,8 @@ class Renderer {
  public:
   virtual ~Renderer() = default;
   virtual std::string_view backend() const = 0;
-  // Whether it has SelfShadowMethod::traced: shares of single pixels.
-  virtual bool traces() const = 0;
+  // Whether it has the methods of self-shadow that find shares of single pixels.
+  virtual bool shares_pixels() const = 0;
   // Runs one of kRenderPasses; throws std::invalid_argument for another.
   virtual void run(PassId pass, const RenderInput& input) = 0;
   // Forgets a product, and what its next run would follow: the ratio is 1, or nothing covers the

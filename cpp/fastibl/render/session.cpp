@@ -36,8 +36,9 @@ constexpr double kSmallestHeight =
 namespace {
 
 void check_methods(const Methods& methods, const Renderer& renderer) {
-  check(methods.self_shadow != SelfShadowMethod::traced || renderer.traces(), "the ",
-        renderer.backend(), " back end has no self_shadow method traced; backend=\"cpu\" has it");
+  check(!shares_by_pixel(methods.self_shadow) || renderer.shares_pixels(), "the ",
+        renderer.backend(), " back end has no self_shadow method ", name(methods.self_shadow),
+        "; backend=\"cpu\" has it");
 }
 
 }  // namespace
@@ -133,7 +134,7 @@ void Session::choose_methods() {
     const auto radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
     CandidateOptions choice = candidate_options(scene_);
     choice.light_stays = !light_moves(), choice.hurried = options_.milliseconds > 0;
-    choice.offline = options_.offline, choice.traces = renderer_->traces();
+    choice.offline = options_.offline, choice.by_pixel = renderer_->shares_pixels();
     measured_ = measure_errors(scene_, scene_.samples.get(), radiance, options_.methods,
                                candidates(options_.methods, choice), options_.cast_shadow);
     measured_light_ = faces_of(environment_->radiance);
@@ -592,7 +593,7 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
   renderer_->run(
       id, {scene_, plan_.methods, *lighting_, rig_.back, drawn_from, frame.back, back_exposure_,
            bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_, plane_gain_,
-           holdout_ratios_, light_shares_, plan_.shades_alike_as_one});
+           holdout_ratios_, light_shares_, &cell_light_, plan_.shades_alike_as_one});
   return true;
 }
 

@@ -63,6 +63,8 @@ std::string_view name(SelfShadowMethod method) {
       return "none";
     case SelfShadowMethod::ambient:
       return "ambient-occlusion";
+    case SelfShadowMethod::pixel_transfer:
+      return "pixel-transfer";
     case SelfShadowMethod::traced:
       return "traced";
     default:

@@ -43,9 +43,10 @@ enum class ShadowMethod {
 enum class SelfShadowMethod {
   automatic,
   none,
-  ambient,   // P_V of Eq. 8: the share of directions that are free, whatever the light
-  transfer,  // the light of the directions that are free, by vertex and channel
-  traced,    // and the share of the glossy light by rays at every pixel that may be short of it
+  ambient,         // P_V of Eq. 8: the share of directions that are free, whatever the light
+  transfer,        // the light of the directions that are free, by vertex and channel
+  pixel_transfer,  // of the glossy light with every pixel's lobe, of directions by vertex
+  traced,          // by rays at every pixel that may be short of light
 };
 enum class BounceMethod {
   automatic,
@@ -64,6 +65,10 @@ enum class CaptureMethod {
   continuous,  // every picture of both cameras, all exposures merged
 };
 
+// Those that find shares of single pixels.
+inline bool shares_by_pixel(SelfShadowMethod method) {
+  return method == SelfShadowMethod::pixel_transfer || method == SelfShadowMethod::traced;
+}
 // Of those that ask which directions are free.
 inline bool knows_directions(SelfShadowMethod method) {
   return method != SelfShadowMethod::none && method != SelfShadowMethod::ambient;
@@ -80,9 +85,9 @@ inline constexpr std::array kNormalizations = {Normalization::energy, Normalizat
                                                Normalization::exact};
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product,
                                               ShadowMethod::directions, ShadowMethod::mesh};
-inline constexpr std::array kSelfShadowMethods = {SelfShadowMethod::none, SelfShadowMethod::ambient,
-                                                  SelfShadowMethod::transfer,
-                                                  SelfShadowMethod::traced};
+inline constexpr std::array kSelfShadowMethods = {
+    SelfShadowMethod::none, SelfShadowMethod::ambient, SelfShadowMethod::transfer,
+    SelfShadowMethod::pixel_transfer, SelfShadowMethod::traced};
 inline constexpr std::array kBounceMethods = {BounceMethod::none, BounceMethod::one};
 inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker, TrackingMethod::board,
                                                 TrackingMethod::edges};

@@ -1,25 +1,43 @@
 // The glossy light that an object keeps from itself.
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <span>
+#include <vector>
 
 #include "fastibl/scene/material.h"
+#include "fastibl/scene/scene.h"
 #include "fastibl/scene/vertex_visibility.h"
+#include "fastibl/shading/lobe_cells.h"
+#include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/self_shadow.h"
 
 namespace fastibl {
 
-inline constexpr float kMostTouched = 1 - 2e-5f;
-// Of a share that was interpolated between such ones: whether one of them was.
-inline bool is_touched(float share) { return share < 1 - 1e-6f; }
-
-// Share of the glossy light of a map that is free, to the fourth: 1 − Σ blocked cells / Σ all of
-// lobe × radiance, each cell with the lobe at its middle; radiance as the mean of its channels. 1
-// where nothing is in the lobe's reach, and at most kMostTouched where something is. eye: in the
-// frame of the mesh, as vertices and normals. Results as diffuse_shares has them.
+// Share of the glossy light of a map that is free, to the fourth: see LobeCells. eye: in the frame
+// of the mesh, as vertices and normals. Results as diffuse_shares has them.
 void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
                    const LobeShape& lobe, std::span<const glm::vec3> vertices,
                    std::span<const glm::vec3> unit_normals, glm::vec3 eye,
                    std::span<glm::vec4> shares);
+
+// The same at every pixel: with the lobe of the pixel, and what is hidden from its triangle's
+// corners.
+class GlossyPixelShares {
+ public:
+  // In place of the fragments' fourth shares, where glossy_shares found that a corner's lobe meets
+  // the object. eye: marker frame. light: of the scene's directions.
+  void operator()(const Scene& scene, const CellLight& light, glm::vec3 eye,
+                  std::span<FragmentBand> bands);
+
+ private:
+  void keep(const std::shared_ptr<const VertexVisibility>& visibility, int size);
+
+  std::shared_ptr<const VertexVisibility> visibility_;
+  int size_ = 0;
+  std::vector<std::size_t> first_;  // of each entry, in masks_
+  std::vector<std::uint16_t> masks_;
+};
 
 }  // namespace fastibl

@@ -15,18 +15,6 @@
 namespace fastibl {
 namespace {
 
-// Where a point in the plane of a triangle is between its corners; a little beyond is the edge.
-glm::vec3 barycentric(glm::vec3 p, glm::vec3 a, glm::vec3 b, glm::vec3 c) {
-  const glm::vec3 ab = b - a, ac = c - a, n = glm::cross(ab, ac);
-  const float area2 = glm::dot(n, n);
-  if (!(area2 > 0)) return {1, 0, 0};
-  const glm::vec3 ap = p - a;
-  glm::vec3 w(0, glm::dot(glm::cross(ap, ac), n) / area2, glm::dot(glm::cross(ab, ap), n) / area2);
-  w.x = 1 - w.y - w.z;
-  w = glm::max(w, glm::vec3(0));
-  return w / (w.x + w.y + w.z);
-}
-
 // Of the pieces, from corners of triangles: by the four cells around each.
 class CornerPieces {
  public:
@@ -41,9 +29,10 @@ class CornerPieces {
   }
 
   // What all corners agree on. Valid until the next call.
-  std::span<const PieceState> of(const std::size_t entries[3], const TrianglePlace& place) {
-    if (std::equal(entries, entries + 3, last_)) return merged_;
-    std::copy(entries, entries + 3, last_);
+  std::span<const PieceState> of(const std::array<std::size_t, 3>& entries,
+                                 const TrianglePlace& place) {
+    if (entries == last_) return merged_;
+    last_ = entries;
     if (known_.size() > kMostKept) known_.clear();
     merged_ = corner(entries[0], place.corners[0].normal);
     for (std::size_t k = 1; k < 3; ++k) {
@@ -80,22 +69,11 @@ class CornerPieces {
   HiddenCells hidden_;
   std::vector<std::array<int, 4>> cells_;
   std::unordered_map<std::size_t, std::vector<PieceState>> known_;
-  std::size_t last_[3] = {~std::size_t{0}, 0, 0};
+  std::array<std::size_t, 3> last_ = {~std::size_t{0}, 0, 0};
   std::vector<PieceState> merged_;
 };
 
 }  // namespace
-
-glm::vec3 ray_start(const TrianglePlace& place, float offset) {
-  glm::vec3 start(0);
-  for (int i = 0; i < 3; ++i) {
-    const TrianglePlace::Corner& c = place.corners[std::size_t(i)];
-    start +=
-        place.weights[i] *
-        (c.origin - std::min(glm::dot(place.position - c.position, c.normal), 0.0f) * c.normal);
-  }
-  return start + offset * place.normal;
-}
 
 TracedLight::TracedLight(const Bvh& bvh, const CubeMap& map, const glm::mat3& map_from_bvh,
                          bool diffuse, const std::optional<LobeShape>& lobe)
@@ -186,43 +164,25 @@ void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye,
   const bool diffuse = scene.material.reads_irradiance();
   const std::optional<LobeShape> lobe = scene.material.lobe();
   if (!diffuse && !lobe) return;
-  const Mesh& mesh = scene.mesh;
-  const glm::mat3 map_from_mesh(scene.marker_from_object.rotation),
-      mesh_from_map = glm::transpose(map_from_mesh);
-  const glm::vec3 shift(scene.marker_from_object.translation);
+  const glm::mat3 map_from_mesh(scene.marker_from_object.rotation);
   const float offset = ray_offset(scene.given_mesh());
   const TracedLight light(*scene.bvh, map, map_from_mesh, diffuse, lobe);
+  const FragmentPlaces places(scene);
   parallel_for(int(bands.size()), 4, [&](int begin, int end) {
     CornerPieces corner_pieces(scene, light.pieces());
     for (int i = begin; i < end; ++i)
       for (Fragment& f : bands[std::size_t(i)].object) {
-        const glm::ivec3 index = mesh.triangles[std::size_t(f.triangle)];
-        TrianglePlace place;
-        place.position = mesh_from_map * (f.position - shift);
-        place.normal = mesh_from_map * f.normal;
-        glm::vec3 outwards(0);
-        for (int k = 0; k < 3; ++k) outwards += scene.normals[std::size_t(index[k])];
-        const bool behind = glm::dot(outwards, place.normal) < 0;
-        bool touched = false;
-        std::size_t entries[3];
-        for (int k = 0; k < 3; ++k) {
-          const std::size_t v = std::size_t(index[k]);
-          const std::size_t entry = entries[k] =
-              behind && scene.directions->sides > 1 ? v + mesh.vertices.size() : v;
-          touched = touched || !scene.directions->edges_of(entry).empty();
-          place.corners[std::size_t(k)] = {mesh.vertices[v],
-                                           behind ? -scene.normals[v] : scene.normals[v],
-                                           scene.origins[entry]};
-        }
-        if (!touched || !(diffuse || is_touched(f.share.w))) continue;
-        place.weights = barycentric(place.position, place.corners[0].position,
-                                    place.corners[1].position, place.corners[2].position);
-        const glm::vec3 view = glm::normalize(mesh_from_map * (eye - f.position));
+        if (!(diffuse || is_touched(f.share.w))) continue;
+        const auto [entries, place] = places.of(f);
+        const bool touched = std::ranges::any_of(
+            entries, [&](std::size_t e) { return !scene.directions->edges_of(e).empty(); });
+        if (!touched) continue;
         const glm::vec4 traced = light.shares(
-            ray_start(place, offset), place.normal, view,
+            ray_start(place, offset), place.normal, places.view(f, eye),
             scene.corners_tell ? corner_pieces.of(entries, place) : std::span<const PieceState>{});
         glm::vec3 before(0);
-        for (int k = 0; k < 3; ++k) before += place.weights[k] * glm::vec3(self_shares[entries[k]]);
+        for (int k = 0; k < 3; ++k)
+          before += place.weights[k] * glm::vec3(self_shares[entries[std::size_t(k)]]);
         if (diffuse)
           f.share =
               glm::vec4(glm::max(glm::vec3(f.share) + glm::vec3(traced) - before, 0.0f), f.share.w);

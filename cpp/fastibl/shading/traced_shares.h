@@ -1,7 +1,6 @@
 // The light that an object keeps from itself, by rays at every pixel.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -13,23 +12,9 @@
 #include "fastibl/scene/scene.h"
 #include "fastibl/shading/light_pieces.h"
 #include "fastibl/shading/rasterize.h"
+#include "fastibl/shading/triangle_place.h"
 
 namespace fastibl {
-
-// A place on a triangle, one frame for all of it.
-struct TrianglePlace {
-  struct Corner {
-    glm::vec3 position, normal;  // unit, on the side that is seen
-    glm::vec3 origin;            // of its rays, but an offset
-  };
-  std::array<Corner, 3> corners;
-  glm::vec3 weights;           // of the corners
-  glm::vec3 position, normal;  // unit, on the side that is seen
-};
-// Where rays start: on the round surface that the normals are of, not on flat triangles, which
-// their own neighbours hide: Hanika 2021, Hacking the Shadow Terminator. The corners' own origins
-// are on it.
-glm::vec3 ray_start(const TrianglePlace& place, float offset);
 
 // What is known of a piece of the map without asking.
 enum class PieceState : std::uint8_t { free, hidden, unknown };

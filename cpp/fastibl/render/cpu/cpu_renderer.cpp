@@ -1,6 +1,7 @@
 #include <optional>
 
 #include "fastibl/render/renderer.h"
+#include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/shade.h"
 #include "fastibl/shading/traced_shares.h"
 #include "fastibl/shadow/scene_shadow.h"
@@ -11,7 +12,7 @@ namespace {
 class CpuRenderer final : public Renderer {
  public:
   std::string_view backend() const override { return "cpu"; }
-  bool traces() const override { return true; }
+  bool shares_pixels() const override { return true; }
 
   void run(PassId pass, const RenderInput& in) override {
     switch (pass) {
@@ -31,6 +32,8 @@ class CpuRenderer final : public Renderer {
                                   in.holdout_ratios, in.shades_alike_as_one);
         if (in.methods.self_shadow == SelfShadowMethod::traced && in.lighting.radiance)
           trace_shares(in.scene, *in.lighting.radiance, eye, in.self_shares, seen);
+        if (in.methods.self_shadow == SelfShadowMethod::pixel_transfer && in.cell_light)
+          glossy_shares_(in.scene, *in.cell_light, eye, seen);
         double count = 0;
         for (const FragmentBand& band : seen) count += double(band.object.size());
         shaded_ = count;
@@ -69,6 +72,7 @@ class CpuRenderer final : public Renderer {
  private:
   SceneShadow caster_;
   Rasterizer rasterizer_;
+  GlossyPixelShares glossy_shares_;
   std::optional<double> shaded_;
   ShadowMap shadow_;
   std::optional<ShadowLookUp> plane_;  // the shadow, or what the plane gains in its place

@@ -19,7 +19,7 @@ class Gl final : public GlRenderer {
   explicit Gl(bool own_context) : gpu_(own_context) {}
 
   std::string_view backend() const override { return "gl"; }
-  bool traces() const override { return false; }
+  bool shares_pixels() const override { return false; }
   std::string device() const override { return gpu_.device(); }
 
   void run(PassId pass, const RenderInput& in) override {
