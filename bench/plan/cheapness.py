@@ -88,7 +88,13 @@ def ratio(case: Case, budget: float, which: str) -> float | None:
     """
     # To a plan, light that is captured is light that moves.
     plan = fastibl.make_plan(
-        render.scene(case), cases.environment(case.map), error=budget, track=False, capture=which == "moving"
+        render.scene(case),
+        cases.environment(case.map),
+        error=budget,
+        track=False,
+        capture=which == "moving",
+        camera=cases.camera(),
+        camera_from_marker=cases.pose(),
     )
     good = [getattr(drawn, which) for drawn in every(case) if drawn.error <= budget]
     if not plan.meets_error or not good:
