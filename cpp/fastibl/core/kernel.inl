@@ -6,6 +6,7 @@ namespace portable {
 #define FASTIBL_TARGET
 #include FASTIBL_KERNEL
 #undef FASTIBL_TARGET
+#undef FASTIBL_KERNEL_INLINE
 }  // namespace portable
 #ifdef FASTIBL_WITH_AVX2
 namespace avx2 {
@@ -13,6 +14,7 @@ namespace avx2 {
 #define FASTIBL_TARGET __attribute__((target("avx2,fma")))
 #include FASTIBL_KERNEL
 #undef FASTIBL_TARGET
+#undef FASTIBL_KERNEL_INLINE
 #undef FASTIBL_IN_AVX2
 }  // namespace avx2
 #ifdef FASTIBL_KERNEL_AVX512
@@ -21,6 +23,7 @@ namespace avx512 {
 #define FASTIBL_TARGET __attribute__((target("avx2,fma,avx512f,avx512bw,avx512dq,avx512vl")))
 #include FASTIBL_KERNEL
 #undef FASTIBL_TARGET
+#undef FASTIBL_KERNEL_INLINE
 #undef FASTIBL_IN_AVX512
 }  // namespace avx512
 #endif

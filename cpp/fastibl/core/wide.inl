@@ -1,17 +1,21 @@
 // What kernels of Wide share; see core/wide.h. Included in namespaces `portable` and `avx2`.
 
-#define FASTIBL_INLINE FASTIBL_TARGET inline __attribute__((always_inline))
+// For short helpers of kernels, which are compiled as their caller is.
+#define FASTIBL_KERNEL_INLINE FASTIBL_TARGET inline __attribute__((always_inline))
 
 #ifdef FASTIBL_IN_AVX2
 
-FASTIBL_INLINE Wide larger(Wide a, Wide b) { return _mm256_max_ps(a, b); }
-FASTIBL_INLINE Wide smaller(Wide a, Wide b) { return _mm256_min_ps(a, b); }
-FASTIBL_INLINE Wide multiply_add(Wide a, Wide b, Wide c) { return _mm256_fmadd_ps(a, b, c); }
-FASTIBL_INLINE Wide repeat(float value) { return _mm256_set1_ps(value); }
+FASTIBL_KERNEL_INLINE Wide larger(Wide a, Wide b) { return _mm256_max_ps(a, b); }
+FASTIBL_KERNEL_INLINE Wide smaller(Wide a, Wide b) { return _mm256_min_ps(a, b); }
+FASTIBL_KERNEL_INLINE Wide multiply_add(Wide a, Wide b, Wide c) { return _mm256_fmadd_ps(a, b, c); }
+FASTIBL_KERNEL_INLINE Wide repeat(float value) { return _mm256_set1_ps(value); }
+FASTIBL_KERNEL_INLINE unsigned set_bits(WideInt mask) {
+  return unsigned(_mm256_movemask_ps(_mm256_castsi256_ps((__m256i)mask)));
+}
 
 // Eight vectors x y z x y z … to a register of each, and back: Melax, 3D Vector Normalization Using
 // 256-Bit Intel Advanced Vector Extensions, 2011.
-FASTIBL_INLINE void load_vectors(const float* p, Wide& x, Wide& y, Wide& z) {
+FASTIBL_KERNEL_INLINE void load_vectors(const float* p, Wide& x, Wide& y, Wide& z) {
   const auto halves = [](const float* low, const float* high) FASTIBL_TARGET {
     return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(low)), _mm_loadu_ps(high), 1);
   };
@@ -22,7 +26,7 @@ FASTIBL_INLINE void load_vectors(const float* p, Wide& x, Wide& y, Wide& z) {
   y = _mm256_shuffle_ps(yz, xy, _MM_SHUFFLE(3, 1, 2, 0));
   z = _mm256_shuffle_ps(yz, c, _MM_SHUFFLE(3, 0, 3, 1));
 }
-FASTIBL_INLINE void store_vectors(float* p, Wide x, Wide y, Wide z) {
+FASTIBL_KERNEL_INLINE void store_vectors(float* p, Wide x, Wide y, Wide z) {
   const __m256 xy = _mm256_shuffle_ps(x, y, _MM_SHUFFLE(2, 0, 2, 0));
   const __m256 yz = _mm256_shuffle_ps(y, z, _MM_SHUFFLE(3, 1, 3, 1));
   const __m256 zx = _mm256_shuffle_ps(z, x, _MM_SHUFFLE(3, 1, 2, 0));
@@ -39,16 +43,21 @@ FASTIBL_INLINE void store_vectors(float* p, Wide x, Wide y, Wide z) {
 
 #else
 
-FASTIBL_INLINE Wide larger(Wide a, Wide b) { return a > b ? a : b; }
-FASTIBL_INLINE Wide smaller(Wide a, Wide b) { return a < b ? a : b; }
-FASTIBL_INLINE Wide multiply_add(Wide a, Wide b, Wide c) { return a * b + c; }
-FASTIBL_INLINE Wide repeat(float value) {
+FASTIBL_KERNEL_INLINE Wide larger(Wide a, Wide b) { return a > b ? a : b; }
+FASTIBL_KERNEL_INLINE Wide smaller(Wide a, Wide b) { return a < b ? a : b; }
+FASTIBL_KERNEL_INLINE Wide multiply_add(Wide a, Wide b, Wide c) { return a * b + c; }
+FASTIBL_KERNEL_INLINE Wide repeat(float value) {
   return Wide{value, value, value, value, value, value, value, value};
 }
-FASTIBL_INLINE void load_vectors(const float* p, Wide& x, Wide& y, Wide& z) {
+FASTIBL_KERNEL_INLINE unsigned set_bits(WideInt mask) {
+  unsigned bits = 0;
+  for (int k = 0; k < kWide; ++k) bits |= unsigned(mask[k] & 1) << k;
+  return bits;
+}
+FASTIBL_KERNEL_INLINE void load_vectors(const float* p, Wide& x, Wide& y, Wide& z) {
   for (int i = 0; i < kWide; ++i) x[i] = p[3 * i], y[i] = p[3 * i + 1], z[i] = p[3 * i + 2];
 }
-FASTIBL_INLINE void store_vectors(float* p, Wide x, Wide y, Wide z) {
+FASTIBL_KERNEL_INLINE void store_vectors(float* p, Wide x, Wide y, Wide z) {
   for (int i = 0; i < kWide; ++i) p[3 * i] = x[i], p[3 * i + 1] = y[i], p[3 * i + 2] = z[i];
 }
 

@@ -2,7 +2,7 @@
 
 #include "fastibl/core/wide.inl"
 
-FASTIBL_INLINE void sharpen(Wide& cosine, float reach, float sharpening) {
+FASTIBL_KERNEL_INLINE void sharpen(Wide& cosine, float reach, float sharpening) {
   const Wide limit = repeat(reach), h = larger(cosine, -cosine), cut = limit - smaller(h, limit);
   cosine = h - repeat(sharpening) * cut * cut;
 }
@@ -41,5 +41,3 @@ FASTIBL_TARGET void sum_sources(const Source* sources, int count, const float* n
   }
   std::memcpy(sums, total, sizeof total);
 }
-
-#undef FASTIBL_INLINE

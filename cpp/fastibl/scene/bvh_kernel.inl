@@ -3,21 +3,9 @@
 
 #include "fastibl/core/wide.inl"
 
-#ifdef FASTIBL_IN_AVX2
-FASTIBL_INLINE unsigned set_bits(WideInt mask) {
-  return unsigned(_mm256_movemask_ps(_mm256_castsi256_ps((__m256i)mask)));
-}
-#else
-FASTIBL_INLINE unsigned set_bits(WideInt mask) {
-  unsigned bits = 0;
-  for (int k = 0; k < kWide; ++k) bits |= unsigned(mask[k] & 1) << k;
-  return bits;
-}
-#endif
-
 // Rays whose way through the box is not empty. Inverse directions are finite, so nothing is NaN;
 // the last factor covers the rounding of both ends.
-FASTIBL_INLINE unsigned meets_box(const Bvh::Node& node, const float* origin, Wide ix, Wide iy,
+FASTIBL_KERNEL_INLINE unsigned meets_box(const Bvh::Node& node, const float* origin, Wide ix, Wide iy,
                                   Wide iz, Wide t_min) {
   const Wide ax = (node.lower.x - origin[0]) * ix, bx = (node.upper.x - origin[0]) * ix;
   const Wide ay = (node.lower.y - origin[1]) * iy, by = (node.upper.y - origin[1]) * iy;
@@ -27,7 +15,7 @@ FASTIBL_INLINE unsigned meets_box(const Bvh::Node& node, const float* origin, Wi
   return set_bits(near <= far * 1.000001f);
 }
 
-FASTIBL_INLINE float squared_to_middle(const Bvh::Node& node, const float* origin) {
+FASTIBL_KERNEL_INLINE float squared_to_middle(const Bvh::Node& node, const float* origin) {
   const float x = node.lower.x + node.upper.x - 2 * origin[0],
               y = node.lower.y + node.upper.y - 2 * origin[1],
               z = node.lower.z + node.upper.z - 2 * origin[2];
@@ -102,5 +90,3 @@ FASTIBL_TARGET unsigned meets_any(const Bvh::Node* nodes, const Bvh::Corner* cor
     now = stack[--depth];
   }
 }
-
-#undef FASTIBL_INLINE

@@ -1,6 +1,7 @@
 // Irradiance of many normals; see core/wide.h for how it is compiled. Counts are whole blocks.
 
 #include "fastibl/core/wide.inl"
+#include "fastibl/scene/cube_kernel.inl"
 
 // Eq. 9. faces: 6 × RGB, over 1.75.
 FASTIBL_TARGET void six_face_block(const float* __restrict normals, int count, const float* faces,
@@ -22,7 +23,7 @@ FASTIBL_TARGET void six_face_block(const float* __restrict normals, int count, c
   }
 }
 
-FASTIBL_INLINE Wide lobe(Wide x, Wide y, Wide z, const Wide* axis) {
+FASTIBL_KERNEL_INLINE Wide lobe(Wide x, Wide y, Wide z, const Wide* axis) {
   return larger(multiply_add(x, axis[0], multiply_add(y, axis[1], z * axis[2])), Wide{});
 }
 
@@ -85,39 +86,13 @@ FASTIBL_TARGET void lobes_of(const float* normals, int count, const LobesKernel&
 // floats can be loaded at each.
 FASTIBL_TARGET void cube_block(const float* __restrict normals, int count, const float* texels,
                                int size, float* __restrict out) {
-  typedef float Four __attribute__((vector_size(16), aligned(4)));
-  const Wide one = repeat(1), half = repeat(0.5f), n = repeat(float(size)), none = {};
-  const int row = 3 * (size + 2);
-  const auto all = [](int value) FASTIBL_TARGET { return WideInt{} + value; };
   for (int i = 0; i < count; i += kWide, normals += 3 * kWide, out += 3 * kWide) {
     Wide x, y, z;
     load_vectors(normals, x, y, z);
-    const Wide ax = larger(x, -x), ay = larger(y, -y), az = larger(z, -z);
-    const WideInt along_x = (ax >= ay) & (ax >= az), along_y = ~along_x & (ay >= az);
-    const Wide axis = along_x ? x : along_y ? y : z, major = larger(axis, -axis);
-    const WideInt back = axis < none;
-    const Wide scale = half / larger(major, repeat(1e-30f));
-    const Wide s = along_x ? (back ? z : -z) : along_y ? x : (back ? -x : x);
-    const Wide t = along_y ? (back ? -z : z) : -y;
-    // smaller() and larger() in this order turn NaN into a position inside.
-    const Wide u = multiply_add(larger(smaller(multiply_add(s, scale, half), one), none), n, half);
-    const Wide v = multiply_add(larger(smaller(multiply_add(t, scale, half), one), none), n, half);
-    const WideInt ix = __builtin_convertvector(u, WideInt), iy = __builtin_convertvector(v, WideInt);
-    const Wide fx = u - __builtin_convertvector(ix, Wide), fy = v - __builtin_convertvector(iy, Wide);
-    const WideInt face = (along_x ? all(0) : along_y ? all(2) : all(4)) - back;
-    const WideInt at = face * (row * (size + 2)) + iy * row + ix * 3;
-    const Wide lower_right = fx * fy, lower = fy - lower_right, right = fx - lower_right;
-    const Wide rest = one - fx - lower;
+    const WideTexels places = texels_at(face_point(x, y, z), repeat(float(size)));
     for (int k = 0; k < kWide; ++k) {
-      const float* p = texels + at[k];
-      const auto load = [](const float* from) FASTIBL_TARGET {
-        return *reinterpret_cast<const Four*>(from);
-      };
-      const Four sum = rest[k] * load(p) + right[k] * load(p + 3) + lower[k] * load(p + row) +
-                         lower_right[k] * load(p + row + 3);
+      const FourFloats sum = look_up(texels, places, k);
       out[3 * k] = sum[0], out[3 * k + 1] = sum[1], out[3 * k + 2] = sum[2];
     }
   }
 }
-
-#undef FASTIBL_INLINE

@@ -5,11 +5,11 @@
 typedef std::uint8_t Bytes __attribute__((vector_size(8)));
 
 #ifdef FASTIBL_IN_AVX2
-FASTIBL_INLINE Wide numbers(const std::uint8_t* p) {
+FASTIBL_KERNEL_INLINE Wide numbers(const std::uint8_t* p) {
   return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i*)p)));
 }
 #else
-FASTIBL_INLINE Wide numbers(const std::uint8_t* p) {
+FASTIBL_KERNEL_INLINE Wide numbers(const std::uint8_t* p) {
   Bytes bytes;
   std::memcpy(&bytes, p, sizeof bytes);
   return __builtin_convertvector(bytes, Wide);
@@ -32,5 +32,3 @@ FASTIBL_TARGET void add_block(const std::uint16_t* source, const std::uint8_t* c
   }
   std::memcpy(sums, sum, sizeof sum);
 }
-
-#undef FASTIBL_INLINE

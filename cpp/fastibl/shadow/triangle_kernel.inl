@@ -36,8 +36,8 @@ FASTIBL_TARGET void count_rows(const std::int32_t* a, const std::int32_t* b, con
   }
 }
 
-FASTIBL_INLINE WideInt whole(Wide a) { return __builtin_convertvector(a, WideInt); }
-FASTIBL_INLINE Wide numbers(WideInt a) { return __builtin_convertvector(a, Wide); }
+FASTIBL_KERNEL_INLINE WideInt whole(Wide a) { return __builtin_convertvector(a, WideInt); }
+FASTIBL_KERNEL_INLINE Wide numbers(WideInt a) { return __builtin_convertvector(a, Wide); }
 
 // Triangles of at most kLow rows, which most are: by the arithmetic of draw_triangle, and without a
 // branch that depends on a triangle.
@@ -98,5 +98,3 @@ FASTIBL_TARGET void draw_low(const std::int32_t* chosen, int count, const std::i
     }
   }
 }
-
-#undef FASTIBL_INLINE
