@@ -71,6 +71,7 @@ uniform vec3 eye;  // marker frame
 #if GLOSSY != 2
 #include "shared/radiance.glsl"
 #include "shared/sphere_cap.glsl"
+#include "shared/placed_light.glsl"
 #include "shared/near_light.glsl"
 uniform vec3 map_centre;  // marker frame
 #if BOX

@@ -164,10 +164,15 @@ for integers or objects.)")
             const float* exponents = s.data();
             return map_blocks(n, [&](glm::vec3* to, int begin, int end) {
               for (int i = begin; i < end;) {
+                const int first = i;
                 const float own = exponents[i];  // usually the same for many in a row
-                const GlossyShading shading(with, own);
-                for (; i < end && exponents[i] == own; ++i)
-                  to[i] = shading(unit(vectors(n)[i]), unit(vectors(v)[i]));
+                std::vector<glm::vec3> own_normals, own_views;
+                for (; i < end && exponents[i] == own; ++i) {
+                  own_normals.push_back(unit(vectors(n)[i]));
+                  own_views.push_back(unit(vectors(v)[i]));
+                }
+                GlossyShading(with, own)(own_normals, own_views, {},
+                                         {to + first, own_normals.size()});
               }
             });
           },

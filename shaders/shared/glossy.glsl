@@ -47,7 +47,7 @@ FN float light_lobe(float s, float variance, vec3 n, vec3 v, vec3 l) {
 // Share of a light that look-ups at a level do not hold; light_level: where its own width lies.
 FN float light_share(float level, float light_level) {
   float k = min(floor(level), 6.0f);
-  float fine = k < 0.5f ? 0.0f : clamp(k - light_level, 0.0f, 1.0f);
+  float fine = min(k, 1.0f) * clamp(k - light_level, 0.0f, 1.0f);  // level 0 holds all of them
   float coarse = clamp(k + 1.0f - light_level, 0.0f, 1.0f);
   return fine + (level - k) * (coarse - fine);
 }

@@ -1,6 +1,6 @@
 // Glossy light from the chain of round lobes, its lights and spherical harmonics: as
 // scene/glossy.cpp. Needs shared/radiance.glsl, shared/glossy.glsl,
-// shared/near_light.glsl, and looked() of shade.frag.glsl.
+// shared/placed_light.glsl, and looked() of shade.frag.glsl.
 uniform samplerCube chain;       // levels 2 ... 7
 uniform samplerCube first_lobe;  // level 1; level 0 is the map itself
 uniform sampler2D lobe_table;    // rows: 4 taps, direction and integral, bands, spreads; columns: lobe_column()

@@ -1,9 +1,4 @@
-// Lights that are near, as they are seen from places beside the map's centre: a light at centre + direction / rho is
-// seen along direction - rho (place - centre), whose length is its distance by that from the centre. rho = 0 is a
-// distant light. Needs shared/sphere_cap.glsl.
-
-// Towards the light; its length is its distance, by that from the centre.
-FN vec3 near_arrow(vec3 direction, float rho, vec3 offset) { return direction - rho * offset; }
+// What is near: irradiance by lights of shared/placed_light.glsl, and walls. Needs shared/sphere_cap.glsl.
 
 // Irradiance on a surface with normal n by a sphere of even radiance, of which it may see a part only, by what a
 // surface that faces it at the map's centre gets. sin_radius: sine of its angular radius there, above 0. Inside of it
@@ -14,22 +9,6 @@ FN float near_irradiance(vec3 arrow, float sin_radius, vec3 n) {
   float sin2 = min(own2 / length2, 1.0f);
   float cosine = dot(n, arrow) / sqrt(length2);
   return cap_projected_solid_angle(cosine, sin2, 1.0f - sin2) / (3.14159265f * own2);
-}
-
-// A light of the glossy chain from there: radiance summed over its solid angle grows by `gain`, its variance (along
-// each axis, radians squared) with it, but to no more than that of a light all around.
-struct PlacedLight {
-  vec3 direction;
-  float variance;
-  float gain;
-};
-FN PlacedLight placed_light(vec3 direction, float rho, float variance, vec3 offset) {
-  PlacedLight light;
-  vec3 arrow = near_arrow(direction, rho, offset);
-  light.gain = min(1.0f / max(dot(arrow, arrow), 1e-12f), max(1.0f / variance, 1.0f));
-  light.direction = arrow * (1.0f / sqrt(max(dot(arrow, arrow), 1e-12f)));
-  light.variance = variance * light.gain;
-  return light;
 }
 
 // The direction from the centre of a box to what a ray d from a place in it meets; the box and the place are given from

@@ -7,7 +7,9 @@
 #include <limits>
 #include <random>
 
+#include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
+#include "fastibl/scene/glossy.h"
 #include "fastibl/scene/octahedral.h"
 #include "fastibl/scene/response.h"
 #include "fastibl/shading/hidden_cells.h"
@@ -57,6 +59,65 @@ TEST_CASE("points of many directions are those of single ones") {
     worst = std::max({worst, std::fabs(p.x - u[i]), std::fabs(p.y - v[i])});
   }
   CHECK(worst < 1e-6f);
+}
+
+TEST_CASE("glossy light of many places is that of single ones") {
+  std::mt19937 random(6);
+  std::normal_distribution<float> any;
+  const auto unit = [&] {
+    return glm::normalize(glm::vec3(any(random), any(random), any(random)));
+  };
+  constexpr int n = 32;
+  std::vector<glm::vec3> faces(6 * n * n);
+  for (glm::vec3& f : faces) f = glm::abs(unit());
+  faces[4 * n * n + 7 * n + 20] = {4e4f, 3e4f, 2e4f};
+  faces[2 * n * n + 25 * n + 3] = {1e2f, 3e3f, 2e2f};
+  std::vector<glm::vec3> normals(205), views(205), positions(205);
+  for (std::size_t i = 0; i < normals.size(); ++i)
+    normals[i] = unit(), views[i] = unit(), positions[i] = 0.3f * unit();
+  for (std::size_t i = 0; i < 40; ++i) views[i] = normals[i];  // along the normal
+  for (std::size_t i = 40; i < 80; ++i)                        // from behind
+    views[i] = glm::normalize(0.5f * unit() - normals[i]);
+  for (std::size_t i = 80; i < 120; ++i)  // grazing
+    views[i] = glm::normalize(glm::cross(normals[i], unit()));
+  float worst = 0;
+  for (const GlossyMethod method :
+       {GlossyMethod::centroid, GlossyMethod::stretched, GlossyMethod::mip, GlossyMethod::sampled})
+    for (const Normalization normalization : {Normalization::energy, Normalization::paper})
+      for (const int near : {0, 1, 2}) {
+        LightingOptions options;
+        options.glossy = method, options.normalization = normalization;
+        Lighting lighting = fit_lighting(std::make_shared<const CubeMap>(n, faces), options);
+        if (near > 0) {
+          REQUIRE((!lighting.chain || arrays_of(lighting).count > 1));
+          lighting.near_lights.centre = {0.05f, -0.02f, 0.1f};
+          lighting.light_distances.assign(kMaxLights, 0.8f);
+        }
+        if (near > 1) lighting.box = RoomBox{glm::dvec3(-2), glm::dvec3(3)};
+        for (const float s : {0.0f, 0.5f, 3.0f, 6.0f, 8.0f, 64.0f, 2e3f, 1e6f, INFINITY}) {
+          const GlossyShading shading(lighting, s);
+          std::vector<glm::vec3> out(normals.size()), at_centre(normals.size());
+          shading(normals, views, positions, out);
+          shading(normals, views, {}, at_centre);
+          for (std::size_t i = 0; i < out.size(); ++i) {
+            const glm::vec3 placed = shading(normals[i], views[i], positions[i]),
+                            central = shading(normals[i], views[i]);
+            for (int c = 0; c < 3; ++c) {
+              worst = std::max(worst, std::abs(out[i][c] - placed[c]) / (placed[c] + 1e-3f));
+              worst =
+                  std::max(worst, std::abs(at_centre[i][c] - central[c]) / (central[c] + 1e-3f));
+            }
+          }
+        }
+      }
+  MESSAGE("off by ", worst);
+  CHECK(worst < 2e-3f);  // of a map of noise, whose texels are as far apart as they can be
+
+  // What is no direction gives anything, and reads nothing beyond the map.
+  const Lighting lighting = fit_lighting(std::make_shared<const CubeMap>(n, faces));
+  const std::vector<glm::vec3> none = {glm::vec3(NAN), glm::vec3(0), glm::vec3(INFINITY, 0, 0)};
+  std::vector<glm::vec3> out(none.size());
+  GlossyShading(lighting, 64)(none, none, none, out);
 }
 
 TEST_CASE("bits of hidden cells are those of the runs, on finer and coarser grids") {

@@ -193,13 +193,14 @@ glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine,
   return matte + exponent_ * (value - matte);
 }
 
+float GlossyShading::scale(float cosine) const {
+  if (lighting_->normalization == Normalization::energy || exponent_ == 0) return 1;
+  return albedo_scale(lighting_->normalization, exponent_) * directional_albedo(cosine, exponent_);
+}
+
 glm::vec3 GlossyShading::shaded(glm::vec3 n, glm::vec3 v, const glm::vec3* position) const {
   const float cosine = glm::dot(n, v);
-  const glm::vec3 value = reflected(n, v, cosine, position);
-  if (lighting_->normalization == Normalization::energy || exponent_ == 0) return value;
-  return (albedo_scale(lighting_->normalization, exponent_) *
-          directional_albedo(cosine, exponent_)) *
-         value;
+  return scale(cosine) * reflected(n, v, cosine, position);
 }
 
 glm::vec3 evaluate_glossy(const Lighting& lighting, glm::vec3 normal, glm::vec3 view,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <vector>
 
 #include "fastibl/scene/directional_albedo.h"
@@ -45,6 +46,9 @@ class GlossyShading {
   glm::vec3 operator()(glm::vec3 normal, glm::vec3 view, glm::vec3 position) const {
     return shaded(normal, view, placed_ ? &position : nullptr);
   }
+  // The same of many, one value each. Without positions: as it is at the map's centre.
+  void operator()(std::span<const glm::vec3> normals, std::span<const glm::vec3> views,
+                  std::span<const glm::vec3> positions, std::span<glm::vec3> out) const;
 
  private:
   glm::vec3 shaded(glm::vec3 normal, glm::vec3 view, const glm::vec3* position) const;
@@ -53,7 +57,15 @@ class GlossyShading {
   glm::vec3 from_chain(glm::vec3 normal, glm::vec3 view, float cosine,
                        const glm::vec3* position) const;
 
+  // Whether many are shaded at once.
+  bool in_blocks() const {
+    return !boxed_ &&
+           (method_ == GlossyMethod::mip ? exponent_ > 0
+                                         : method_ != GlossyMethod::sampled && exponent_ >= 1);
+  }
   glm::vec3 looked(glm::vec3 direction, const glm::vec3* position) const;
+  // What the average over the lobe is multiplied with, by the cosine of the view.
+  float scale(float cosine) const;
 
   const Lighting* lighting_;
   GlossyMethod method_;  // of the lighting; `mip` where its chain is missing

@@ -19,6 +19,7 @@ using namespace glm;
 #include "shaders/shared/plane.glsl"
 #include "shaders/shared/sphere_cap.glsl"
 #include "shaders/shared/near_light.glsl"
+#include "shaders/shared/placed_light.glsl"
 }  // namespace fastibl::shared
 #undef FN
 #undef REAL

@@ -242,19 +242,25 @@ void SurfaceShading::operator()(std::span<const Fragment> fragments, glm::vec3 e
     return (*this)(fragments.last(rest), eye, colours.last(rest));
   }
   const bool diffuse = m.diffuse != glm::vec3(0), glossy = m.glossy != glm::vec3(0);
-  glm::vec3 normals[kBatch], irradiance[kBatch];
-  if (diffuse) {
-    for (std::size_t i = 0; i < fragments.size(); ++i) normals[i] = fragments[i].normal;
-    evaluate(lighting_->irradiance, std::span(normals).first(fragments.size()),
-             std::span(irradiance).first(fragments.size()));
-  }
+  glm::vec3 normals[kBatch], views[kBatch], positions[kBatch], light[kBatch];
   for (std::size_t i = 0; i < fragments.size(); ++i) {
-    const Fragment& f = fragments[i];
+    normals[i] = fragments[i].normal, positions[i] = fragments[i].position;
     colours[i] = m.emission;
-    if (diffuse) colours[i] += m.diffuse * (glm::vec3(f.share) / kPi) * irradiance[i];
-    if (glossy)
-      colours[i] +=
-          f.share.w * m.glossy * glossy_(f.normal, glm::normalize(eye - f.position), f.position);
+  }
+  const std::span<const glm::vec3> n(normals, fragments.size()), v(views, fragments.size()),
+      p(positions, fragments.size());
+  const std::span<glm::vec3> values(light, fragments.size());
+  if (diffuse) {
+    evaluate(lighting_->irradiance, n, values);
+    for (std::size_t i = 0; i < fragments.size(); ++i)
+      colours[i] += m.diffuse * (glm::vec3(fragments[i].share) / kPi) * light[i];
+  }
+  if (glossy) {
+    for (std::size_t i = 0; i < fragments.size(); ++i)
+      views[i] = glm::normalize(eye - positions[i]);
+    glossy_(n, v, p, values);
+    for (std::size_t i = 0; i < fragments.size(); ++i)
+      colours[i] += fragments[i].share.w * m.glossy * light[i];
   }
 }
 
