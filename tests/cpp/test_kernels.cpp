@@ -13,6 +13,7 @@
 #include "fastibl/scene/octahedral.h"
 #include "fastibl/scene/response.h"
 #include "fastibl/shading/hidden_cells.h"
+#include "fastibl/shading/interpolate.h"
 #include "fastibl/shading/light_pieces.h"
 #include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/sample_cells.h"
@@ -118,6 +119,46 @@ TEST_CASE("glossy light of many places is that of single ones") {
   const std::vector<glm::vec3> none = {glm::vec3(NAN), glm::vec3(0), glm::vec3(INFINITY, 0, 0)};
   std::vector<glm::vec3> out(none.size());
   GlossyShading(lighting, 64)(none, none, none, out);
+}
+
+TEST_CASE("a triangle's values between its corners are those of exact arithmetic, of slivers too") {
+  std::mt19937 random(5);
+  const auto at = [&](int most) {
+    return std::int64_t(std::uniform_int_distribution(-most, most)(random));
+  };
+  std::uniform_real_distribution<float> depth(0.2f, 5.f);
+  std::vector<Varying> values(3);
+  values[0].uv = {1, 0}, values[1].uv = {0, 1}, values[2].uv = {0, 0};
+  int slivers = 0;
+  for (int i = 0; i < 20000; ++i) {
+    PictureCorner v[3];
+    const int most = i % 2 ? 1 << 20 : 1 << 12;
+    for (PictureCorner& p : v) p = {at(most), at(most), depth(random), true};
+    if (i % 4 > 1)  // nearly on a line
+      v[2].x = (v[0].x + 3 * v[1].x) / 4 + at(1), v[2].y = (v[0].y + 3 * v[1].y) / 4 + at(1);
+    const std::int64_t area = edge(v[0], v[1], v[2].x, v[2].y);
+    if (area == 0) continue;
+    const std::int64_t px = (v[0].x + v[1].x + v[2].x) / 3, py = (v[0].y + v[1].y + v[2].y) / 3;
+    long double w[3];
+    for (int k = 0; k < 3; ++k)
+      w[k] = v[k].inverse_depth *
+             ((long double)edge(v[(k + 1) % 3], v[(k + 2) % 3], px, py) / (long double)area);
+    if (w[0] < 0 || w[1] < 0 || w[2] < 0) continue;
+    slivers += std::abs(area) < most;
+    const DrawnTriangle triangle(0, {0, 1, 2}, v[0], v[1], v[2]);
+    const int x = int(px >> 8), y = int(py >> 8);
+    const TrianglePart part{0, x, y, 1, int(px - x * 256), int(py - y * 256)};
+    Varying mean;
+    interpolate({&part, 1}, &triangle, values.data(), &mean);
+    const glm::vec3 shares = triangle.shares(px, py);
+    for (int k = 0; k < 2; ++k) {
+      const float expected = float(w[k] / (w[0] + w[1] + w[2]));
+      CHECK(std::abs(mean.uv[k] - expected) < 2e-4f);
+      CHECK(std::abs(shares[k] - expected) < 2e-4f);
+    }
+  }
+  MESSAGE(slivers, " slivers");
+  CHECK(slivers > 100);
 }
 
 TEST_CASE("bits of hidden cells are those of the runs, on finer and coarser grids") {

@@ -25,16 +25,6 @@ bool is_inside(const Bounds& box, glm::dvec3 p) {
          glm::all(glm::lessThanEqual(p, glm::dvec3(box.upper)));
 }
 
-// Shares of a triangle's three corners at a point of the picture, perspective-correct.
-glm::vec3 corner_weights(const PictureCorner& a, const PictureCorner& b, const PictureCorner& c,
-                         std::int64_t px, std::int64_t py) {
-  const float area = float(edge(a, b, c.x, c.y));
-  glm::vec3 w(float(edge(b, c, px, py)) / area, float(edge(c, a, px, py)) / area, 0);
-  w.z = 1 - w.x - w.y;
-  w *= glm::vec3(a.inverse_depth, b.inverse_depth, c.inverse_depth);
-  return w / (w.x + w.y + w.z);
-}
-
 constexpr float kNoneAlike = 2, kNever = -2;
 
 // Radians, at most 1: that of what is matte.
@@ -60,6 +50,27 @@ float alike_cosine(const Material& material) {
   constexpr float kPart = 1.0f / 12;
   // Textures may change from triangle to triangle.
   return material.textured() ? kNoneAlike : small_cosine(kPart * lobe_width(material));
+}
+
+// Whether the normals at two samples of a pixel may be farther apart than this cosine says. least:
+// cosine between the triangle's own. Its mean n of normals that lie `chord` apart, over a triangle
+// of this height, changes by at most 3 chord ratio / height from pixel to pixel, where `ratio` is
+// that of its depths, and is at least sqrt(1 - chord^2 / 3) long.
+bool may_bend(const PictureCorner& a, const PictureCorner& b, const PictureCorner& c, float least,
+              float cosine) {
+  constexpr float kApart = 0.8f * kSubpixel;  // two samples of a pixel
+  if (least >= cosine) return false;
+  if (!(least > 0.4f)) return true;
+  const auto squared = [](const PictureCorner& p, const PictureCorner& q) {
+    const float x = float(q.x - p.x), y = float(q.y - p.y);
+    return x * x + y * y;
+  };
+  const float longest = std::sqrt(std::max({squared(a, b), squared(b, c), squared(c, a)}));
+  const float height = std::abs(float(edge(a, b, c.x, c.y))) / longest;
+  const auto [far, near] = std::minmax({a.inverse_depth, b.inverse_depth, c.inverse_depth});
+  const float squared_chord = 2 - 2 * least;
+  const float step = kApart * 3 * std::sqrt(squared_chord) * (near / far) / height;
+  return !(step * step < (2 - 2 * cosine) * (1 - squared_chord / 3));
 }
 
 }  // namespace
@@ -91,6 +102,16 @@ struct Rasterizer::Geometry {
     return t < own_triangles() ? scene.mesh.triangles[t]
                                : holdout.triangles[t - own_triangles()] + int(own());
   }
+};
+
+struct Rasterizer::Work {
+  std::vector<SampleCell> cells;         // which name triangles by their place in the next
+  std::vector<DrawnTriangle> triangles;  // of a band
+  std::vector<std::uint8_t> bends;       // whether each may be curved
+  // Parts wait until there are enough to be interpolated together.
+  static constexpr std::size_t kParts = 128;
+  TrianglePart parts[kParts];
+  std::size_t waiting = 0;
 };
 
 void Rasterizer::project(const Geometry& g, const Pose& camera_from_marker) {
@@ -156,59 +177,13 @@ void Rasterizer::sort_triangles(const Geometry& g, int bands) {
       const glm::vec3 &n0 = g.scene.normals[std::size_t(index[0])],
                       &n1 = g.scene.normals[std::size_t(index[1])],
                       &n2 = g.scene.normals[std::size_t(index[2])];
-      bends_[i] = !(glm::dot(n0, n1) >= g.curved_cosine && glm::dot(n1, n2) >= g.curved_cosine &&
-                    glm::dot(n2, n0) >= g.curved_cosine);
+      const float least = std::min({glm::dot(n0, n1), glm::dot(n1, n2), glm::dot(n2, n0)});
+      bends_[i] = may_bend(a, b, c, least, g.curved_cosine);
     }
     const int y0 = std::max(int(std::min({a.y, b.y, c.y}) / kSubpixel) - top_, 0) / kBand;
     const int y1 = std::min(int(std::max({a.y, b.y, c.y}) / kSubpixel), bottom_) - top_;
     for (int band = y0; band <= y1 / kBand && y1 >= 0; ++band)
       triangles_of_[std::size_t(band)].push_back(int(i));
-  }
-}
-
-// The part of pixel (x, y) that `count` samples of a triangle cover, whose middle is at px, py.
-void Rasterizer::add(const Geometry& g, int triangle, int x, int y, int count, std::int64_t px,
-                     std::int64_t py, FragmentBand& band) const {
-  const glm::ivec3 index = g.corners_of(std::size_t(triangle));
-  const std::size_t i[3] = {std::size_t(index[0]), std::size_t(index[1]), std::size_t(index[2])};
-  const PictureCorner &a = corners_[i[0]], &b = corners_[i[1]], &c = corners_[i[2]];
-  const glm::vec3 w = corner_weights(a, b, c, px, py);
-  const float coverage = float(count) / kSamples;
-  if (std::size_t(triangle) >= g.own_triangles()) {
-    glm::vec3 ratio(1);
-    const std::size_t own = g.own();
-    if (!g.holdout_ratios.empty())
-      ratio = glm::vec3(w.x * g.holdout_ratios[i[0] - own] + w.y * g.holdout_ratios[i[1] - own] +
-                        w.z * g.holdout_ratios[i[2] - own]);
-    band.holdouts.push_back({x, y, coverage, ratio});
-    return;
-  }
-  // All sixteen numbers at once.
-  static_assert(sizeof(Varying) == sizeof(Float16));
-  Float16 at[3];
-  for (int k = 0; k < 3; ++k) std::memcpy(&at[k], &varyings_[i[k]], sizeof at[k]);
-  const Float16 mean = w.x * at[0] + w.y * at[1] + w.z * at[2];
-  Varying v;
-  std::memcpy(&v, &mean, sizeof v);
-  if (!g.fronts_only && is_back(a, b, c)) {
-    v.normal = -v.normal;
-    if (!g.back_shares.empty())
-      v.share = w.x * g.back_shares[i[0]] + w.y * g.back_shares[i[1]] + w.z * g.back_shares[i[2]];
-  }
-  // Written where it stays: copied at once, it would be waited for.
-  Fragment& fragment = band.object.emplace_back();
-  fragment.x = x, fragment.y = y, fragment.triangle = triangle, fragment.coverage = coverage;
-  fragment.position = v.position, fragment.share = v.share;
-  const float length = glm::length(v.normal);
-  fragment.normal = length > 0 ? v.normal / length : glm::vec3(0, 0, 1);
-  if (g.surface) fragment.tangent = glm::vec4(glm::vec3(v.tangent), v.tangent.w < 0 ? -1 : 1);
-  if (g.textured) {
-    const auto uv_at = [&](glm::vec3 u) {
-      return u.x * varyings_[i[0]].uv + u.y * varyings_[i[1]].uv + u.z * varyings_[i[2]].uv;
-    };
-    fragment.uv = v.uv;
-    fragment.uv_dx = uv_at(corner_weights(a, b, c, px + kSubpixel, py)) - v.uv;
-    fragment.uv_dy = uv_at(corner_weights(a, b, c, px, py + kSubpixel)) - v.uv;
   }
 }
 
@@ -224,36 +199,83 @@ void merge(Fragment& a, const Fragment& b) {
   a.tangent += t * (b.tangent - a.tangent);
 }
 
-// Of the fragments of one pixel, which begin at `first`, those whose normals hardly differ become
-// one, and are shaded once: of a fine mesh half of all pixels show two triangles or more.
-void merge(std::vector<Fragment>& fragments, std::size_t first, float cosine) {
-  std::size_t kept = first + 1;
-  for (std::size_t i = kept; i < fragments.size(); ++i) {
-    std::size_t k = first;
-    while (k < kept && !(glm::dot(fragments[k].normal, fragments[i].normal) >= cosine)) ++k;
-    if (k < kept)
-      merge(fragments[k], fragments[i]);
-    else
-      fragments[kept++] = fragments[i];
-  }
-  fragments.erase(fragments.begin() + std::ptrdiff_t(kept), fragments.end());
+// Of the fragments of one pixel, those whose normals hardly differ become one, and are shaded once:
+// of a fine mesh half of all pixels show two triangles or more.
+void append(const Fragment& f, float alike_cosine, std::vector<Fragment>& fragments) {
+  if (alike_cosine <= 1)
+    for (std::size_t k = fragments.size(); k-- > 0;) {
+      Fragment& before = fragments[k];
+      if (before.x != f.x || before.y != f.y) break;
+      if (glm::dot(before.normal, f.normal) >= alike_cosine) return merge(before, f);
+    }
+  fragments.push_back(f);
 }
 
 }  // namespace
 
-bool Rasterizer::is_curved(const Geometry& g, int triangle, int x, int y,
+void Rasterizer::add(const Geometry& g, const TrianglePart& part, Work& work,
+                     FragmentBand& band) const {
+  const DrawnTriangle& t = work.triangles[std::size_t(part.triangle)];
+  if (std::size_t(t.name) < g.own_triangles()) {
+    work.parts[work.waiting++] = part;
+    if (work.waiting == Work::kParts) flush(g, work, band);
+    return;
+  }
+  glm::vec3 ratio(1);
+  if (!g.holdout_ratios.empty()) {
+    const glm::vec3 w = t.shares(part.picture_x(), part.picture_y());
+    ratio = glm::vec3(0);
+    for (int k = 0; k < 3; ++k)
+      ratio += w[k] * glm::vec3(g.holdout_ratios[std::size_t(t.corners[k]) - g.own()]);
+  }
+  band.holdouts.push_back({part.x, part.y, float(part.count) / kSamples, ratio});
+}
+
+void Rasterizer::flush(const Geometry& g, Work& work, FragmentBand& band) const {
+  Varying means[Work::kParts];
+  interpolate({work.parts, work.waiting}, work.triangles.data(), varyings_.data(), means);
+  for (std::size_t i = 0; i < work.waiting; ++i) {
+    const TrianglePart& part = work.parts[i];
+    const DrawnTriangle& t = work.triangles[std::size_t(part.triangle)];
+    Fragment f{means[i]};
+    f.x = part.x, f.y = part.y, f.triangle = t.name, f.coverage = float(part.count) / kSamples;
+    const auto corner = [&](int k) { return std::size_t(t.corners[k]); };
+    if (!g.fronts_only && is_back(corners_[corner(0)], corners_[corner(1)], corners_[corner(2)])) {
+      f.normal = -f.normal;
+      if (!g.back_shares.empty()) {
+        const glm::vec3 w = t.shares(part.picture_x(), part.picture_y());
+        f.share = w.x * g.back_shares[corner(0)] + w.y * g.back_shares[corner(1)] +
+                  w.z * g.back_shares[corner(2)];
+      }
+    }
+    const float length = glm::length(f.normal);
+    f.normal = length > 0 ? f.normal / length : glm::vec3(0, 0, 1);
+    if (g.surface) f.tangent.w = f.tangent.w < 0 ? -1 : 1;
+    if (g.textured) {
+      const auto uv_at = [&](std::int64_t px, std::int64_t py) {
+        const glm::vec3 w = t.shares(px, py);
+        return w.x * varyings_[corner(0)].uv + w.y * varyings_[corner(1)].uv +
+               w.z * varyings_[corner(2)].uv;
+      };
+      f.uv_dx = uv_at(part.picture_x() + kSubpixel, part.picture_y()) - f.uv;
+      f.uv_dy = uv_at(part.picture_x(), part.picture_y() + kSubpixel) - f.uv;
+    }
+    append(f, g.alike_cosine, band.object);
+  }
+  work.waiting = 0;
+}
+
+bool Rasterizer::is_curved(const Geometry& g, const DrawnTriangle& t, const TrianglePart& part,
                            const SampleCell& cell) const {
-  const glm::ivec3& index = g.scene.mesh.triangles[std::size_t(triangle)];
-  const std::size_t i[3] = {std::size_t(index[0]), std::size_t(index[1]), std::size_t(index[2])};
-  const glm::vec3 &n0 = varyings_[i[0]].normal, &n1 = varyings_[i[1]].normal,
-                  &n2 = varyings_[i[2]].normal;
-  const PictureCorner &a = corners_[i[0]], &b = corners_[i[1]], &c = corners_[i[2]];
+  const glm::vec3 &n0 = varyings_[std::size_t(t.corners[0])].normal,
+                  &n1 = varyings_[std::size_t(t.corners[1])].normal,
+                  &n2 = varyings_[std::size_t(t.corners[2])].normal;
   glm::vec3 at[kSamples];
   int count = 0;
   for (std::size_t k = 0; k < kSamples; ++k) {
-    if (cell.triangle[k] != triangle) continue;
-    const glm::vec3 w = corner_weights(a, b, c, std::int64_t{x} * kSubpixel + kSampleX[k],
-                                       std::int64_t{y} * kSubpixel + kSampleY[k]);
+    if (cell.triangle[k] != part.triangle) continue;
+    const glm::vec3 w = t.shares(std::int64_t{part.x} * kSubpixel + kSampleX[k],
+                                 std::int64_t{part.y} * kSubpixel + kSampleY[k]);
     const glm::vec3 n = glm::normalize(w.x * n0 + w.y * n1 + w.z * n2);
     for (int j = 0; j < count; ++j)
       if (glm::dot(at[j], n) < g.curved_cosine) return true;
@@ -263,35 +285,42 @@ bool Rasterizer::is_curved(const Geometry& g, int triangle, int x, int y,
 }
 
 // Once a triangle, at the middle of the samples that it covers; at each of them where it is curved.
-void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, FragmentBand& band) const {
+void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, Work& work,
+                         FragmentBand& band) const {
+  constexpr int kMiddle = kSubpixel / 2;
   const SampleCell* cell = window.cells;
   for (int y = window.top; y <= window.bottom; ++y)
     for (int x = window.left; x <= window.right; ++x, ++cell) {
-      const std::size_t first = band.object.size();
+      const std::array<std::int32_t, kSamples>& seen = cell->triangle;
+      const bool alike = seen[0] == seen[1] && seen[0] == seen[2] && seen[0] == seen[3];
+      if (alike && seen[0] < 0) continue;
+      if (alike && !work.bends[std::size_t(seen[0])]) {
+        add(g, {seen[0], x, y, kSamples, kMiddle, kMiddle}, work, band);
+        continue;
+      }
       int asked = -1;  // whether it is curved
       bool curved = false;
       for (std::size_t s = 0; s < kSamples; ++s) {
-        const int t = cell->triangle[s];
-        if (t < 0) continue;
-        int count = 0;
+        if (seen[s] < 0) continue;
+        TrianglePart part{seen[s], x, y, 0, 0, 0};
         bool before = false;
-        std::int64_t px = 0, py = 0;
         for (std::size_t k = 0; k < kSamples; ++k) {
-          if (cell->triangle[k] != t) continue;
+          if (seen[k] != seen[s]) continue;
           before = before || k < s;
-          px += kSampleX[k], py += kSampleY[k], ++count;
+          part.px += kSampleX[k], part.py += kSampleY[k], ++part.count;
         }
-        if (count > 1 && may_bend(t)) {
-          if (t != asked) asked = t, curved = is_curved(g, t, x, y, *cell);
-          if (curved) before = false, count = 1, px = kSampleX[s], py = kSampleY[s];
+        part.px /= part.count, part.py /= part.count;
+        if (part.count > 1 && work.bends[std::size_t(seen[s])]) {
+          if (seen[s] != asked) {
+            asked = seen[s];
+            curved = is_curved(g, work.triangles[std::size_t(asked)], part, *cell);
+          }
+          if (curved) part.count = 1, part.px = kSampleX[s], part.py = kSampleY[s], before = false;
         }
-        if (!before)
-          add(g, t, x, y, count, std::int64_t{x} * kSubpixel + px / count,
-              std::int64_t{y} * kSubpixel + py / count, band);
+        if (!before) add(g, part, work, band);
       }
-      if (g.alike_cosine <= 1 && band.object.size() > first + 1)
-        merge(band.object, first, g.alike_cosine);
     }
+  flush(g, work, band);
 }
 
 std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& camera,
@@ -326,21 +355,26 @@ std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& 
   sort_triangles(geometry, bands);
   if (found_.size() < std::size_t(bands)) found_.resize(std::size_t(bands));
   parallel_for(bands, 1, [&](int begin, int end) {
-    std::vector<SampleCell> cells;
+    Work work;
     for (int i = begin; i < end; ++i) {
       FragmentBand& band = found_[std::size_t(i)];
       band.object.clear(), band.holdouts.clear();
-      const std::vector<int>& triangles = triangles_of_[std::size_t(i)];
-      if (triangles.empty()) continue;
+      if (triangles_of_[std::size_t(i)].empty()) continue;
       const int top = top_ + i * kBand, bottom = std::min(top + kBand - 1, bottom_);
-      cells.assign(std::size_t(width) * kBand, SampleCell{});
-      const SampleWindow window{cells.data(), left_, top, right_, bottom};
-      for (const int t : triangles) {
+      work.cells.assign(std::size_t(width) * kBand, SampleCell{});
+      const SampleWindow window{work.cells.data(), left_, top, right_, bottom};
+      work.triangles.clear(), work.bends.clear();
+      for (const int t : triangles_of_[std::size_t(i)]) {
         const glm::ivec3 index = geometry.corners_of(std::size_t(t));
-        fill_triangle(window, corners_[std::size_t(index[0])], corners_[std::size_t(index[1])],
-                      corners_[std::size_t(index[2])], t);
+        const PictureCorner &a = corners_[std::size_t(index[0])],
+                            &b = corners_[std::size_t(index[1])],
+                            &c = corners_[std::size_t(index[2])];
+        if (edge(a, b, c.x, c.y) == 0) continue;
+        fill_triangle(window, a, b, c, int(work.triangles.size()));
+        work.triangles.emplace_back(t, index, a, b, c);
+        work.bends.push_back(std::size_t(t) < bends_.size() && bends_[std::size_t(t)]);
       }
-      resolve(geometry, window, band);
+      resolve(geometry, window, work, band);
     }
   });
   return std::span(found_).first(std::size_t(bands));

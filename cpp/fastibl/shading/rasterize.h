@@ -7,21 +7,18 @@
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/scene.h"
+#include "fastibl/shading/interpolate.h"
 #include "fastibl/shading/sample_cells.h"
 
 namespace fastibl {
 
-// The part of a pixel that one triangle covers; several may share a pixel.
-struct Fragment {
-  int x, y;
-  int triangle;        // of the scene's mesh
-  float coverage;      // in quarters
-  glm::vec3 position;  // marker frame, metres
-  glm::vec3 normal;    // marker frame, unit, facing the camera's side of the triangle
-  glm::vec4 share;     // of its irradiance (RGB) and its glossy light that reaches it
-  // Of a textured or anisotropic material only:
-  glm::vec4 tangent{0};                 // marker frame; w: the side of n × t on which v grows
-  glm::vec2 uv{0}, uv_dx{0}, uv_dy{0};  // and its steps to the pixels to the right and below
+// The part of a pixel that one triangle covers; several may share a pixel. Its normal is of unit
+// length and faces the camera's side of the triangle.
+struct Fragment : Varying {
+  int x = 0, y = 0;
+  int triangle = 0;              // of the scene's mesh
+  float coverage = 0;            // in quarters
+  glm::vec2 uv_dx{0}, uv_dy{0};  // steps of uv to the pixels to the right and below
 };
 
 // The part of a pixel that a real object covers in front of the virtual one.
@@ -59,25 +56,19 @@ class Rasterizer {
                                     bool merge_alike = false);
 
  private:
-  // What is interpolated over triangles, marker frame.
-  struct Varying {
-    glm::vec3 position, normal;
-    glm::vec4 share, tangent;
-    glm::vec2 uv;
-  };
   struct Geometry;  // of one picture
+  struct Work;      // of one thread
   void project(const Geometry& geometry, const Pose& camera_from_marker);
   void set_varyings(const Scene& scene, std::span<const glm::vec4> light_shares);
   void sort_triangles(const Geometry& geometry, int bands);
-  bool may_bend(int triangle) const {
-    return std::size_t(triangle) < bends_.size() && bends_[std::size_t(triangle)];
-  }
   // Whether normals at a triangle's samples of a pixel are too far apart.
-  bool is_curved(const Geometry& geometry, int triangle, int x, int y,
+  bool is_curved(const Geometry& geometry, const DrawnTriangle& triangle, const TrianglePart& part,
                  const SampleCell& cell) const;
-  void resolve(const Geometry& geometry, const SampleWindow& window, FragmentBand& band) const;
-  void add(const Geometry& geometry, int triangle, int x, int y, int count, std::int64_t px,
-           std::int64_t py, FragmentBand& band) const;
+  void resolve(const Geometry& geometry, const SampleWindow& window, Work& work,
+               FragmentBand& band) const;
+  void add(const Geometry& geometry, const TrianglePart& part, Work& work,
+           FragmentBand& band) const;
+  void flush(const Geometry& geometry, Work& work, FragmentBand& band) const;
 
   std::vector<PictureCorner> corners_;          // of the object's vertices, then of the holdouts'
   std::vector<Varying> varyings_;               // of the object's vertices

@@ -29,7 +29,8 @@ struct Edges {
 };
 
 template <typename Int>
-Edges<Int> edges_of(const PictureCorner* const (&v)[3], std::int64_t area, int x0, int y0) {
+FASTIBL_INLINE Edges<Int> edges_of(const PictureCorner* const (&v)[3], std::int64_t area, int x0,
+                                   int y0) {
   Edges<Int> e;
   e.area = Int(area);
   for (int k = 0; k < 3; ++k) e.bias[k] = owns_edge(*v[(k + 1) % 3], *v[(k + 2) % 3]) ? 0 : -1;
@@ -45,8 +46,8 @@ Edges<Int> edges_of(const PictureCorner* const (&v)[3], std::int64_t area, int x
 
 // Of the pixels [x0, x1] × [y0, y1].
 template <typename Int>
-void fill(const SampleWindow& window, const PictureCorner* const (&v)[3], std::int64_t area, int x0,
-          int x1, int y0, int y1, int triangle) {
+FASTIBL_INLINE void fill(const SampleWindow& window, const PictureCorner* const (&v)[3],
+                         std::int64_t area, int x0, int x1, int y0, int y1, int triangle) {
   using IntN [[gnu::vector_size(kSamples * sizeof(Int))]] = Int;
   const Edges<Int> e = edges_of<Int>(v, area, x0, y0);
   IntN offset0, offset1;
@@ -76,6 +77,12 @@ void fill(const SampleWindow& window, const PictureCorner* const (&v)[3], std::i
   }
 }
 
+FASTIBL_CLONES
+void fill_small(const SampleWindow& window, const PictureCorner* const (&v)[3], std::int64_t area,
+                int x0, int x1, int y0, int y1, int triangle) {
+  fill<std::int32_t>(window, v, area, x0, x1, y0, y1, triangle);
+}
+
 }  // namespace
 
 void fill_triangle(const SampleWindow& window, const PictureCorner& a, const PictureCorner& b,
@@ -93,7 +100,7 @@ void fill_triangle(const SampleWindow& window, const PictureCorner& a, const Pic
             y1 = std::min(int(most_y / kSubpixel), window.bottom);
   if (x0 > x1 || y0 > y1) return;
   if (std::max(most_x - least_x, most_y - least_y) < kSmall)
-    fill<std::int32_t>(window, v, area, x0, x1, y0, y1, triangle);
+    fill_small(window, v, area, x0, x1, y0, y1, triangle);
   else
     fill<std::int64_t>(window, v, area, x0, x1, y0, y1, triangle);
 }
