@@ -322,6 +322,31 @@ def test_a_gyroscope_predicts_what_velocity_cannot():
             assert error(tracked, turned(angle)) < 0.02
 
 
+@pytest.mark.parametrize(
+    "pixels, roll, nearer", [(60, 0, 0), (8, 12, 0), (8, 0, 0.15), (25, 8, 0.08)], ids=["turn", "roll", "zoom", "all"]
+)
+def test_a_board_that_jumped_is_found_without_a_detector(pixels, roll, nearer):
+    """From one picture to the next it turns in the picture, grows and moves, by far more than a module."""
+    found, errors = 0, []
+    for k in range(12):
+        rng = np.random.default_rng(k)
+        pose = look_at(rng.uniform(-50, 50), rng.uniform(0.35, 0.7), rng.uniform(25, 60), rng.uniform(0, 40))
+        way = rng.uniform(0, 2 * np.pi)
+        turn = np.array([np.cos(way), np.sin(way), 0]) * pixels / CAMERA.fx
+        turn[2] = np.radians(roll) * rng.choice([-1, 1])
+        moved = pose.copy()
+        moved[:3] = cv2.Rodrigues(turn)[0] @ pose[:3]
+        moved[:3, 3] *= 1 - nearer
+        tracker = _EdgeTracker(BOARD, CAMERA)
+        assert tracker.track(shot(pose), 0.0, detect) is not None
+        tracked = tracker.track(shot(moved, seed=k + 1), 1 / 30, nothing)
+        if tracked is not None:
+            found += 1
+            errors.append(error(tracked, moved))
+    print(f"\nfound {found} of 12, worst {max(errors):.3f} degrees")
+    assert found >= 11 and max(errors) < 0.2
+
+
 @pytest.mark.parametrize("told", [True, False])
 def test_a_session_predicts_by_attitudes(told):
     """A camera that moves round the board while it turns to and fro; a picture in between has no board."""

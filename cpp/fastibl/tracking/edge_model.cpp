@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/find_tags.h"
 #include "fastibl/tracking/fit.h"
 #include "fastibl/tracking/fit_edges.h"
 #include "fastibl/tracking/fit_pixels.h"
@@ -11,12 +12,14 @@ namespace fastibl {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kCodeSeen = 0.6;     // code_match() of a tag that is itself; others reach 0.39
-constexpr double kCodeHidden = 0.25;  // below, a tag is hidden or another one
-constexpr double kReadable = 1.6;     // px of a module, to hold its colour
-constexpr double kClose = 0.55;       // mean match from which no shift is looked for
-constexpr double kLeastShare = 0.15;  // of the tags that could be read must be, and of the edges
-constexpr double kProvenShare = 0.5;  // the same where the start was not right
+constexpr double kCodeSeen = 0.6;      // code_match() of a tag that is itself; others reach 0.39
+constexpr double kCodeHidden = 0.25;   // below, a tag is hidden or another one
+constexpr double kReadable = 1.6;      // px of a module, to hold its colour
+constexpr double kClose = 0.55;        // mean match from which no tags are looked for
+constexpr std::size_t kLeastTags = 3;  // whose shifts tell more than one shift of all
+constexpr double kShiftError = 2;      // px of a tag's shift; farther off is another one
+constexpr double kLeastShare = 0.15;   // of the tags that could be read must be, and of the edges
+constexpr double kProvenShare = 0.5;   // the same where the start was not right
 constexpr std::size_t kFarEdges = 200;
 constexpr std::size_t kWideEdges =
     240;                            // from so many on, narrow ones, which err more, are left out
@@ -72,6 +75,28 @@ Pose shifted(const Pose& pose, const glm::dvec2& shift, const Camera& camera) {
   const double z = pose.translation.z;
   out.translation += glm::dvec3(shift.x * z / camera.fx, shift.y * z / camera.fy, 0);
   return out;
+}
+
+// Where the tags' own shifts put the board; one or two tell only that it is shifted. tags: as they
+// are projected from `pose`.
+Pose moved_to_tags(const LightReader& light, const BoardPattern& pattern,
+                   std::span<const ProjectedTag> tags, const Pose& pose, const Camera& camera,
+                   const Lens& lens, double radius) {
+  const std::vector<FoundTag> found = find_tags(light, pattern, tags, radius);
+  if (found.empty()) return pose;
+  const Pose start = shifted(pose, found[0].shift, camera);
+  if (found.size() < kLeastTags) return start;
+  // Against where a pose puts them without rolling: what rolls is in both.
+  std::vector<Match> matches;
+  const auto n = std::size_t(pattern.modules), stride = n + 1;
+  for (const FoundTag& tag : found)
+    for (const std::size_t k : {std::size_t(0), n, n * stride, n * stride + n}) {
+      const glm::dvec2& point = pattern.tags[tags[tag.which].index].nodes[k];
+      if (const auto pixel = lens.project(pose * glm::dvec3(point, 0)))
+        matches.push_back({point, *pixel + tag.shift, 1});
+    }
+  const auto fit = fit_pose(matches, lens, start, {Loss::Kind::huber, kShiftError});
+  return fit ? fit->camera_from_marker : start;
 }
 
 double prior_cost(const PosePrior& prior, const Pose& pose) {
@@ -275,9 +300,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   // What was found by a search may be a part of the board beside itself.
   const double share = codes.mean < kClose ? kProvenShare : kLeastShare;
   if (codes.mean < kClose && options.search_px > 0) {
-    const std::vector<ProjectedTag> tags = project(pose);
-    const glm::dvec2 shift = find_shift(light, pattern_, tags, options.search_px);
-    pose = shifted(pose, shift, camera_);
+    pose = moved_to_tags(light, pattern_, project(pose), pose, camera_, lens_, options.search_px);
     codes = read_codes(light, pattern_, project(pose));
   }
   if (codes.seen == 0 || codes.shown.empty()) return std::nullopt;

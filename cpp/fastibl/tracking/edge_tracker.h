@@ -16,7 +16,7 @@ namespace fastibl {
 struct EdgeTrackingOptions {
   std::size_t most_edges = 600;  // measured in a round; more are thinned out evenly
   int most_rounds = 5;           // of measuring and fitting, from close by
-  double search_px = 40;         // how far the board may lie from its prediction, by its codes
+  double search_px = 64;         // how far a tag may lie from its prediction, by its code
   double largest_error = 1.0;    // degrees; stated deviation of the rotation: beyond, there is none
   double longest_gap = 0.25;     // seconds between frames: beyond, nothing is predicted
   // Seconds; the pose that is given out follows as through a low-pass filter of this time constant,

@@ -8,8 +8,6 @@
 namespace fastibl {
 namespace {
 
-constexpr std::size_t kShiftTags = 4;  // whose codes settle a shift
-
 bool outside(const ProjectedTag& tag, const Camera& camera) {
   glm::dvec2 low = tag.nodes[0], high = tag.nodes[0];
   for (const glm::dvec2& p : tag.nodes) low = glm::min(low, p), high = glm::max(high, p);
@@ -22,13 +20,6 @@ double module_of(const ProjectedTag& tag, int stride) {
   const glm::dvec2 u = n[std::size_t(middle + 1)] - n[std::size_t(middle)],
                    v = n[std::size_t(middle + stride)] - n[std::size_t(middle)];
   return std::abs(u.x * v.y - u.y * v.x) / std::max(glm::length(u), glm::length(v));
-}
-
-double match_at(const LightReader& light, const BoardPattern& pattern,
-                std::span<const ProjectedTag> tags, const glm::dvec2& shift) {
-  double sum = 0;
-  for (const ProjectedTag& tag : tags) sum += code_match(light, pattern, tag, shift);
-  return sum;
 }
 
 // Rows and flow of the nodes lie between those of the corners; stops at the first that is not seen.
@@ -90,16 +81,14 @@ double middle_share(const BoardPattern& pattern, const Camera& camera, const Len
   return count > 0 ? sum / count : 0.5;
 }
 
-double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag,
-                  const glm::dvec2& shift) {
+double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag) {
   const std::vector<bool>& black = pattern.tags[tag.index].black;
   int count = 0, whites = 0, sum = 0, squares = 0, white_sum = 0;
   for (int row = 0; row < kTagModules; ++row)
     for (int column = 0; column < kTagModules; ++column) {
       const int node = (row + pattern.border) * pattern.nodes() + column + pattern.border;
-      const glm::dvec2 p = 0.5 * (tag.nodes[std::size_t(node)] +
-                                  tag.nodes[std::size_t(node + pattern.nodes() + 1)]) +
-                           shift;
+      const glm::dvec2 p =
+          0.5 * (tag.nodes[std::size_t(node)] + tag.nodes[std::size_t(node + pattern.nodes() + 1)]);
       if (!(p.x >= 0 && p.y >= 0 && p.x < light.width() && p.y < light.height())) continue;
       const int v = light.code(int(p.x), int(p.y));
       ++count, sum += v, squares += v * v;
@@ -109,33 +98,6 @@ double code_match(const LightReader& light, const BoardPattern& pattern, const P
   const double n = count, w = whites;
   const double spread = (n * squares - double(sum) * sum) * (w * (n - w));
   return spread > 0 ? (n * white_sum - w * sum) / std::sqrt(spread) : 0;
-}
-
-glm::dvec2 find_shift(const LightReader& light, const BoardPattern& pattern,
-                      std::span<const ProjectedTag> tags, double radius) {
-  std::vector<ProjectedTag> largest(tags.begin(), tags.end());
-  std::stable_sort(largest.begin(), largest.end(),
-                   [](const auto& a, const auto& b) { return a.module > b.module; });
-  if (largest.empty()) return glm::dvec2(0);
-  // Tags of one size: a step must not jump over the match of any of them.
-  largest.resize(std::min(largest.size(), kShiftTags));
-  std::erase_if(largest, [&](const auto& tag) { return tag.module < 0.7 * largest[0].module; });
-  double step = std::max(1.0, std::floor(0.45 * largest[0].module));
-  glm::dvec2 best(0);
-  double value = match_at(light, pattern, largest, best);
-  const auto look = [&](const glm::dvec2& centre, double reach) {
-    for (double y = -reach; y <= reach; y += step)
-      for (double x = -reach; x <= reach; x += step) {
-        const double match = match_at(light, pattern, largest, centre + glm::dvec2(x, y));
-        if (match > value) value = match, best = centre + glm::dvec2(x, y);
-      }
-  };
-  look(glm::dvec2(0), step * std::floor(radius / step));
-  while (step > 1) {
-    step = std::max(1.0, std::floor(step / 2));
-    look(best, step);
-  }
-  return best;
 }
 
 }  // namespace fastibl

@@ -28,12 +28,6 @@ double middle_share(const BoardPattern& pattern, const Camera& camera, const Len
 
 // Correlation of the picture at the data modules with the tag's code, −1 to 1; other codes of the
 // family reach 0.39. 0 where less than half of the tag is in the picture, or it is uniform there.
-double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag,
-                  const glm::dvec2& shift = glm::dvec2(0));
-
-// Whole pixels by which the tags are moved against where they were projected, at most `radius` in x
-// and y: the best match of the codes of the largest tags.
-glm::dvec2 find_shift(const LightReader& light, const BoardPattern& pattern,
-                      std::span<const ProjectedTag> tags, double radius);
+double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag);
 
 }  // namespace fastibl
