@@ -40,6 +40,27 @@ TEST_CASE("rows of codes are decoded and encoded as single ones are") {
     for (std::size_t i = 0; i < codes.size(); ++i)
       wrong += codes[i] != table.encode(linear[i]) || back[i] != table.decode(codes[i]);
     CHECK(wrong == 0);
+    // Around every code's ends, too.
+    std::vector<float> ends;
+    for (int k = 0; k < 255; ++k) {
+      float low = table.decode(std::uint8_t(k)), high = table.decode(std::uint8_t(k + 1));
+      while (std::nextafter(low, high) < high) {
+        const float middle = low + 0.5f * (high - low);
+        (table.encode(middle) > k ? high : low) = middle == low ? high : middle;
+      }
+      ends.push_back(low), ends.push_back(high);
+    }
+    codes.resize(ends.size());
+    table.encode(ends.data(), codes.data(), codes.size());
+    for (std::size_t i = 0; i < ends.size(); ++i) CHECK(codes[i] == table.encode(ends[i]));
+    // Factors that no code shows.
+    CHECK(table.least_unseen() < 1);
+    CHECK(table.most_unseen() > 1);
+    for (int k = 0; k < 256; ++k) {
+      const float value = table.decode(std::uint8_t(k));
+      CHECK(table.encode(value * table.least_unseen()) == k);
+      CHECK(table.encode(value * table.most_unseen()) == k);
+    }
   }
 }
 

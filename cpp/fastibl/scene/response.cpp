@@ -52,16 +52,18 @@ void look_up(const std::uint8_t* at, const float* table, std::size_t count, floa
   for (std::size_t i = 0; i < count; ++i) out[i] = table[int(at[i])];
 }
 
-// As ByteResponse::encode() where a guess is at most one code too low.
+// As ByteResponse::encode() where a guess is at most one code too low; by one look-up each.
 FASTIBL_CLONES
-void encode_by_one_step(const float* linear, const std::int32_t* guess, const float* upper,
-                        int guesses, std::size_t count, std::uint8_t* __restrict out) {
-  const float most = 1 - 0x1p-24f, scale = float(guesses);
+void encode_by_one_step(const float* linear, const std::uint32_t* step, int bins, std::size_t count,
+                        std::uint8_t* __restrict out) {
+  const float most = 1 - 0x1p-24f, scale = float(bins);
   for (std::size_t i = 0; i < count; ++i) {
     const float positive = linear[i] > 0 ? linear[i] : 0.0f;  // NaN too
-    const float value = positive < most ? positive : most;
-    const std::int32_t code = guess[int(value * scale)];
-    out[i] = std::uint8_t(code + (value >= upper[code]));
+    const float value = (positive < most ? positive : most) * scale;
+    const std::int32_t bin = std::int32_t(value);
+    const std::int32_t part = std::int32_t((value - float(bin)) * 0x1p24f);
+    const std::int32_t code = std::int32_t(step[bin] >> 24), last = step[bin] & 0xffffff;
+    out[i] = std::uint8_t(code + (part > last));
   }
 }
 
@@ -71,6 +73,9 @@ ByteResponse::ByteResponse(const Response& response) {
   for (int k = 0; k < 256; ++k) {
     decode_[std::size_t(k)] = response.decode(float(k) / 255.0f);
     upper_[std::size_t(k)] = k < 255 ? response.decode((float(k) + 0.5f) / 255.0f) : 2.0f;
+    // Of tiny values what the parts of a bin can tell: 2^-36.
+    if (upper_[std::size_t(k)] * kGuesses < 1)
+      upper_[std::size_t(k)] = std::ceil(upper_[std::size_t(k)] * 0x1p36f) * 0x1p-36f;
   }
   int code = 0;
   for (int i = 0; i < kGuesses; ++i) {
@@ -79,6 +84,16 @@ ByteResponse::ByteResponse(const Response& response) {
     if (i > 0) most_steps_ = std::max(most_steps_, code - guess_[std::size_t(i) - 1]);
   }
   most_steps_ = std::max(most_steps_, 255 - code);
+  for (std::size_t i = 0; i < kGuesses; ++i) {
+    const float end = upper_[std::size_t(guess_[i])] * kGuesses - float(i);
+    const std::uint32_t last = end < 1 ? std::uint32_t(end * 0x1p24f) - 1 : 0xffffffu;
+    step_[i] = std::uint32_t(guess_[i]) << 24 | last;
+  }
+  for (std::size_t k = 1; k < 256; ++k) {
+    const float slack = 1e-6f;  // of the products
+    least_unseen_ = std::max(least_unseen_, upper_[k - 1] / decode_[k] * (1 + slack));
+    if (k < 255) most_unseen_ = std::min(most_unseen_, upper_[k] / decode_[k] * (1 - slack));
+  }
 }
 
 void ByteResponse::decode(const std::uint8_t* encoded, float* linear, std::size_t count) const {
@@ -87,7 +102,7 @@ void ByteResponse::decode(const std::uint8_t* encoded, float* linear, std::size_
 
 void ByteResponse::encode(const float* linear, std::uint8_t* encoded, std::size_t count) const {
   if (most_steps_ <= 1)
-    encode_by_one_step(linear, guess_.data(), upper_.data(), kGuesses, count, encoded);
+    encode_by_one_step(linear, step_.data(), kGuesses, count, encoded);
   else
     for (std::size_t i = 0; i < count; ++i) encoded[i] = encode(linear[i]);
 }

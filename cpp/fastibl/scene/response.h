@@ -38,6 +38,9 @@ class ByteResponse {
   // Many at once: the same values and codes.
   void decode(const std::uint8_t* encoded, float* linear, std::size_t count) const;
   void encode(const float* linear, std::uint8_t* encoded, std::size_t count) const;
+  // Factors between which the linear value of no code becomes that of another one.
+  float least_unseen() const { return least_unseen_; }
+  float most_unseen() const { return most_unseen_; }
 
  private:
   static constexpr int kGuesses = 4096;
@@ -45,6 +48,9 @@ class ByteResponse {
   std::array<float, 256> upper_{};              // linear value at which code k ends
   std::array<std::int32_t, kGuesses> guess_{};  // code at the lower end of each bin
   int most_steps_ = 0;                          // from a guess to the code
+  // Where that is 1 at most: the code in 8 bits, and the last part of the bin that has it in 24.
+  std::array<std::uint32_t, kGuesses> step_{};
+  float least_unseen_ = 0, most_unseen_ = 2;
 };
 
 }  // namespace fastibl

@@ -1,6 +1,7 @@
 #include "fastibl/shading/shade.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -131,6 +132,14 @@ FASTIBL_CLONES
 void keep_changed(const float* before, const float* after, const std::uint8_t* codes, int count,
                   std::uint8_t* __restrict out) {
   for (int i = 0; i < count; ++i) out[i] = after[i] == before[i] ? out[i] : codes[i];
+}
+
+// Whether all factors lie between two others.
+FASTIBL_CLONES
+bool all_between(const float* factors, int count, float least, float most) {
+  int outside = 0;
+  for (int i = 0; i < count; ++i) outside += !(factors[i] >= least && factors[i] <= most);
+  return outside == 0;
 }
 
 // Ratio of what is seen beside the object, of which a real object h covers a part with its own.
@@ -316,24 +325,39 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
                                          : bytes_from(back, camera.response);
   const PlaneShadow plane(table, camera_from_marker, shadow);
   const Rectangle area = around(around(plane.area(), object), holdout);
+  constexpr int kStretch = 64;  // pixels that are blended together
   parallel_for(area.y1 - area.y0, 16, [&](int begin, int end) {
-    const std::size_t width = std::size_t(area.x1 - area.x0);
-    std::vector<glm::vec3> ratios(width), before(width), after(width);
-    std::vector<std::uint8_t> codes(3 * width);
+    const int width = area.x1 - area.x0;
+    std::vector<glm::vec3> ratios(std::size_t(width), glm::vec3(1));
+    std::array<glm::vec3, kStretch> before, after;
+    std::array<std::uint8_t, 3 * kStretch> codes;
     for (int y = area.y0 + begin; y < area.y0 + end; ++y) {
       plane.row(y, area.x0, ratios);
       const LayerRow hidden(holdout, area.x0, y), drawn(object, area.x0, y);
       for (int x = hidden.begin; x < hidden.end; ++x)
         ratios[std::size_t(x)] = with_holdout(ratios[std::size_t(x)], drawn.at(x).w, hidden.at(x));
-      std::uint8_t* p = out.pixel(area.x0, y);
-      table.response.decode(p, &before[0].x, 3 * width);
-      multiply(&ratios[0].x, &before[0].x, int(3 * width), &after[0].x);
-      for (int x = drawn.begin; x < drawn.end; ++x)
-        if (const glm::vec4 o = drawn.at(x); o.w > 0)
-          after[std::size_t(x)] = exposure_at(table, exposure, area.x0 + x, y) * glm::vec3(o) +
-                                  (1 - o.w) * after[std::size_t(x)];
-      table.response.encode(&after[0].x, codes.data(), 3 * width);
-      keep_changed(&before[0].x, &after[0].x, codes.data(), int(3 * width), p);
+      const auto blend = [&](int first, int last) {
+        std::uint8_t* p = out.pixel(area.x0 + first, y);
+        const int count = last - first, values = 3 * count;
+        table.response.decode(p, &before[0].x, std::size_t(values));
+        multiply(&ratios[std::size_t(first)].x, &before[0].x, values, &after[0].x);
+        for (int x = std::max(first, drawn.begin); x < std::min(last, drawn.end); ++x)
+          if (const glm::vec4 o = drawn.at(x); o.w > 0) {
+            glm::vec3& value = after[std::size_t(x - first)];
+            value = exposure_at(table, exposure, area.x0 + x, y) * glm::vec3(o) + (1 - o.w) * value;
+          }
+        table.response.encode(&after[0].x, codes.data(), std::size_t(values));
+        keep_changed(&before[0].x, &after[0].x, codes.data(), values, p);
+      };
+      // Most of the plane is as bright as it was, by less than a code.
+      for (int x = 0; x < width; x += kStretch) {
+        const int last = std::min(x + kStretch, width);
+        if ((x >= drawn.end || last <= drawn.begin) &&
+            all_between(&ratios[std::size_t(x)].x, 3 * (last - x), table.response.least_unseen(),
+                        table.response.most_unseen()))
+          continue;
+        blend(x, last);
+      }
     }
   });
   return out;
