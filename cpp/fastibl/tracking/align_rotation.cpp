@@ -82,13 +82,16 @@ class Candidates {
     // Half the angle across the picture's diagonal, generously: lenses differ.
     const double corner = std::hypot(std::max(camera.cx, camera.width - camera.cx) / camera.fx,
                                      std::max(camera.cy, camera.height - camera.cy) / camera.fy);
-    half_ = std::min(std::atan(1.3 * corner) + 0.05, 1.5);
+    const double half = std::min(std::atan(1.3 * corner) + 0.05, 1.5);
+    cosine_ = float(std::cos(half)), sine_ = float(std::sin(half));
     out_.clear();
   }
 
+  // reach: cosine. Whether the angle to the axis is below the sum of both, which is below half a
+  // turn.
   bool shows(const glm::vec3& middle, float reach) const {
-    const double cosine = glm::dot(glm::dvec3(middle), axis_);
-    return cosine > std::cos(std::min(half_ + std::acos(double(reach)), 3.1));
+    return glm::dot(middle, axis_) >
+           cosine_ * reach - sine_ * std::sqrt(std::max(1 - reach * reach, 0.0f));
   }
   void add(const std::vector<MapFeature>& features) {
     for (const MapFeature& f : features) {
@@ -110,10 +113,29 @@ class Candidates {
 
  private:
   const Sensor& sensor_;
-  glm::dvec3 axis_;
+  glm::vec3 axis_;
   const AlignmentOptions& options_;
   std::vector<Candidate>& out_;
-  double half_;
+  float cosine_, sine_;
+};
+
+// Tells cheaply of most directions that a picture does not show them: its rectangle, generously for
+// what its lens bends.
+class Outside {
+ public:
+  Outside(const Camera& camera, const glm::dmat3& rotation)
+      : rotation_(rotation),
+        x_(float(kGenerous * std::max(camera.cx, camera.width - camera.cx) / camera.fx)),
+        y_(float(kGenerous * std::max(camera.cy, camera.height - camera.cy) / camera.fy)) {}
+  bool operator()(const glm::vec3& direction) const {
+    const glm::vec3 d = rotation_ * direction;
+    return !(d.z > 0 && std::abs(d.x) <= x_ * d.z && std::abs(d.y) <= y_ * d.z);
+  }
+
+ private:
+  static constexpr double kGenerous = 1.4;
+  glm::mat3 rotation_;
+  float x_, y_;
 };
 
 // Projects the features of a level that a picture shows.
@@ -136,8 +158,10 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
         fine.around(tile.cone.middle, level) == 0)
       candidates.add(tile.features[level]);
   if (level == 0) candidates.limit(options.most);
+  const Outside outside(camera, rotation);
   for (const Candidate& candidate : scratch) {
     const MapFeature& f = *candidate.feature;
+    if (outside(f.direction)) continue;
     const glm::dvec3 d(f.direction);
     glm::dmat2x3 derivative;
     const auto pixel = view.lens->project(rotation * d, &derivative);
