@@ -32,16 +32,21 @@ constexpr float kFallbackAlbedo = 0.5f;  // of the plane where the map is black 
 // glossy, or the other way round.
 Colours colours(const SceneSamples& samples, std::size_t count, const Material& material,
                 const Lighting& lighting, glm::vec4 share) {
-  Colours result;
-  const SurfaceShading shading(material, lighting);
+  std::vector<Fragment> fragments;
   for (const SceneSamples::Surface& s : std::span(samples.surface).first(count)) {
-    Fragment f{};
+    Fragment& f = fragments.emplace_back();
     f.coverage = 1, f.position = s.position, f.normal = s.normal, f.share = share;
     f.tangent = s.tangent, f.uv = s.uv;
     f.uv_dx = {0.02f, 0}, f.uv_dy = {0, 0.02f};  // a pixel's part of a texture, about
-    glm::vec3 colour;
-    shading({&f, 1}, s.position + s.to_eye, {&colour, 1});
-    result.push_back(colour);
+  }
+  Colours result(count);
+  const SurfaceShading shading(material, lighting);
+  // Samples of one eye, one after the other.
+  for (std::size_t first = 0, last; first < count; first = last) {
+    const int view = samples.surface[first].view;
+    for (last = first; last < count && samples.surface[last].view == view;) ++last;
+    shading(std::span(fragments).subspan(first, last - first), samples.eyes[std::size_t(view)],
+            std::span(result).subspan(first, last - first));
   }
   return result;
 }
@@ -154,18 +159,29 @@ struct PlaneTruth {
   std::vector<std::size_t> counted;
 };
 
-// What the object hides of them from a place.
-glm::vec3 hidden_light(const BrightPieces& bright, const SceneSamples& samples, glm::vec2 place) {
+// What the object hides of them from a place. hidden: 1 for the directions that it hides there.
+glm::vec3 hidden_light(const BrightPieces& bright, const SceneSamples& samples, glm::vec2 place,
+                       const std::uint8_t* hidden) {
   const glm::vec3 from(place, samples.above), to = samples.centre - from;
   const float distance = glm::length(to);
   const float cosine = distance > samples.radius
                            ? std::sqrt(1 - samples.radius * samples.radius / (distance * distance))
                            : -1;
-  std::vector<std::size_t> asked;
-  for (std::size_t i = 0; i < bright.count(); ++i)
-    if (bright.z[i] > 0 && glm::dot(bright.direction(i), to) >= cosine * distance)
-      asked.push_back(i);
   glm::vec3 lost(0);
+  std::vector<std::size_t> asked;
+  constexpr std::size_t kCount = BrightPieces::kCount;
+  for (std::size_t b = 0; b < bright.cut_texels.size(); ++b) {
+    const std::size_t k = bright.cut_texels[b];
+    const bool same = same_around(hidden, k);
+    if (same && !hidden[k]) continue;
+    for (std::size_t i = b * kCount; i < (b + 1) * kCount; ++i) {
+      if (!(bright.z[i] > 0)) continue;
+      if (same)
+        lost += bright.z[i] * bright.flux(i);
+      else if (glm::dot(bright.direction(i), to) >= cosine * distance)
+        asked.push_back(i);
+    }
+  }
   if (asked.empty()) return lost;
   DirectionSet set(int(asked.size()));
   for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), bright.direction(asked[i]));
@@ -196,33 +212,41 @@ glm::vec3 mean_received(const SceneSamples& samples, const Colours& sent, glm::v
 
 PlaneTruth plane_truth(const SceneSamples& samples, const SampleFlux& flux,
                        const BrightPieces& bright, const Colours& sent) {
-  PlaneTruth truth;
+  const std::size_t places = samples.plane.size();
+  PlaneTruth truth{Colours(places, glm::vec3(1)), Colours(places, glm::vec3(0)), {}};
   const Response response;
-  for (std::size_t p = 0; p < samples.plane.size(); ++p) {
-    glm::vec3 lost = hidden_light(bright, samples, samples.plane[p]);
-    float factor = 0;
-    for (std::uint32_t e = samples.plane_first[p]; e < samples.plane_first[p + 1]; ++e) {
-      const std::size_t k = samples.hidden[e];
-      const float z = samples.directions[k].z;
-      if (!bright.cut[k]) lost += z * flux[k];
-      factor += z * samples.solid_angles[k] / kPi;
-    }
-    const glm::vec3 light =
-        factor > 0 ? factor * mean_received(samples, sent, samples.plane[p]) : glm::vec3(0);
-    glm::vec3 ratio(1), added(0);
-    bool counts = false;
-    for (int c = 0; c < 3; ++c) {
-      if (flux.plane[c] > 0) {
-        ratio[c] = std::max(1 - lost[c] / flux.plane[c], 0.0f);
-        added[c] = light[c] / flux.plane[c];
+  std::vector<std::uint8_t> counts(places, 0);
+  parallel_for(int(places), 16, [&](int begin, int end) {
+    std::vector<std::uint8_t> hidden(samples.direction_count());
+    for (std::size_t p = std::size_t(begin); p < std::size_t(end); ++p) {
+      const auto directions =
+          std::span(samples.hidden)
+              .subspan(samples.plane_first[p], samples.plane_first[p + 1] - samples.plane_first[p]);
+      std::fill(hidden.begin(), hidden.end(), std::uint8_t(0));
+      for (const std::uint16_t k : directions) hidden[k] = 1;
+      glm::vec3 lost = hidden_light(bright, samples, samples.plane[p], hidden.data());
+      float factor = 0;
+      for (const std::uint16_t k : directions) {
+        const float z = samples.directions[k].z;
+        if (!bright.cut[k]) lost += z * flux[k];
+        factor += z * samples.solid_angles[k] / kPi;
       }
-      const float change =
-          response.encode(kPlaneLevel * (ratio[c] + added[c])) - response.encode(kPlaneLevel);
-      counts = counts || std::abs(change) > 1 / 255.0f;
+      const glm::vec3 light =
+          factor > 0 ? factor * mean_received(samples, sent, samples.plane[p]) : glm::vec3(0);
+      glm::vec3 &ratio = truth.ratio[p], &added = truth.added[p];
+      for (int c = 0; c < 3; ++c) {
+        if (flux.plane[c] > 0) {
+          ratio[c] = std::max(1 - lost[c] / flux.plane[c], 0.0f);
+          added[c] = light[c] / flux.plane[c];
+        }
+        const float change =
+            response.encode(kPlaneLevel * (ratio[c] + added[c])) - response.encode(kPlaneLevel);
+        counts[p] |= std::abs(change) > 1 / 255.0f;
+      }
     }
-    truth.ratio.push_back(ratio), truth.added.push_back(added);
-    if (counts) truth.counted.push_back(p);
-  }
+  });
+  for (std::size_t p = 0; p < places; ++p)
+    if (counts[p]) truth.counted.push_back(p);
   return truth;
 }
 

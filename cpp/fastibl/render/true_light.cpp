@@ -64,13 +64,23 @@ BrightPieces::BrightPieces(const CubeMap& map, const SceneSamples& samples, cons
   }
 }
 
+bool same_around(const std::uint8_t* cells, std::size_t direction) {
+  constexpr int n = SceneSamples::kLevelSize;
+  const int row = int(direction) / n % n, column = int(direction) % n;
+  if (row == 0 || row == n - 1 || column == 0 || column == n - 1) return false;
+  const std::uint8_t* at = cells + direction;
+  for (int v = -1; v <= 1; ++v)
+    for (int u = -1; u <= 1; ++u)
+      if (at[v * n + u] != at[0]) return false;
+  return true;
+}
+
 namespace {
 
 // Which pieces are free from a sample: as the texel where its neighbours in the face are the same,
 // else by rays. Pieces below the tangent plane may be called free.
 void free_pieces(const SceneSamples& samples, const BrightPieces& bright, std::size_t sample,
                  std::vector<std::uint8_t>& free) {
-  constexpr int n = SceneSamples::kLevelSize;
   constexpr std::size_t kCount = BrightPieces::kCount;
   const std::uint8_t* coarse = &samples.free[sample * samples.direction_count()];
   const SceneSamples::Surface& s = samples.surface[sample];
@@ -78,11 +88,7 @@ void free_pieces(const SceneSamples& samples, const BrightPieces& bright, std::s
   free.assign(bright.count(), 0);
   for (std::size_t b = 0; b < bright.cut_texels.size(); ++b) {
     const std::size_t k = bright.cut_texels[b];
-    const int row = int(k) / n % n, column = int(k) % n;
-    bool same = row > 0 && row < n - 1 && column > 0 && column < n - 1;
-    for (int v = -1; same && v <= 1; ++v)
-      for (int u = -1; u <= 1; ++u)
-        same = same && coarse[std::ptrdiff_t(k) + v * n + u] == coarse[k];
+    const bool same = same_around(coarse, k);
     for (std::size_t i = b * kCount; i < (b + 1) * kCount; ++i) {
       if (same)
         free[i] = coarse[k];

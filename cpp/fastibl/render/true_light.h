@@ -41,6 +41,10 @@ struct BrightPieces {
   glm::vec3 flux(std::size_t i) const { return {channels[0][i], channels[1][i], channels[2][i]}; }
 };
 
+// Whether the directions beside one in its face are as it is in `cells`, one number a direction:
+// then so are its pieces. What of a texel is hidden is asked by rays at its ends alone.
+bool same_around(const std::uint8_t* cells, std::size_t direction);
+
 // One colour a sample of the object.
 struct TrueLight {
   std::vector<glm::vec3> irradiance, open_irradiance;  // without what the object hides, and with it
