@@ -13,6 +13,7 @@ import fastibl
 from conftest import same_error
 from fastibl import costs
 from fastibl._fastibl import _due_seconds, _measured_errors, _plan_seconds, with_gl
+from fastibl.comparison import irradiance_error
 from fastibl.lighting import AUTO
 from views import camera_of, looking
 
@@ -244,6 +245,37 @@ def test_a_time_budget_lowers_methods_and_does_not_swing(scene):
     assert changes <= 4 and len(set(seen[-40:])) == 1 and not result.plan.meets_milliseconds
     fixed = fastibl.Session(scene, fastibl.Rig(camera_of(64, 48, 45.0)), adapt=False, **options)
     assert len({repr(r.plan.methods) for r in frames(fixed, 40)}) == 1
+
+
+def test_without_time_for_all_the_light_is_made_in_turns(scene):
+    """Of frames that no methods are quick enough for each takes one step: a picture, or what is made of the map."""
+    film = fastibl.simulate(seconds=6, fps=10, seed=3, size=(320, 240), lamp=False)
+
+    def run(**options):
+        session = fastibl.Session(scene, film.rig, film.board, **options)
+        return [session.process(frame) for frame in film]
+
+    whole, spread, fixed = run(), run(milliseconds=0.05), run(milliseconds=0.05, adapt=False)
+    assert not any(r.plan.light_in_turns for r in whole + fixed)
+    turned = [k for k, r in enumerate(spread) if r.plan.light_in_turns]
+    assert len(turned) > 40 and turned == list(range(turned[0], len(film)))
+    assert "in turns" in str(spread[-1].plan) and "in turns" not in str(whole[-1].plan)
+    made = {"mips", "irradiance", "shadow"}
+    steps = []
+    for r in spread[turned[0] :]:
+        passes = set(r.timings)
+        taken = (r.front_taken is not None) + (r.back_taken is not None) + bool(passes & made)
+        steps.append((r.front_taken is not None, r.back_taken is not None, bool(passes & made)))
+        assert taken <= 1 and {"shade", "composite"} <= passes
+        assert bool(passes & made) == (made <= passes)
+        assert np.isfinite(r.plan.light_error) and r.plan.assured_error > 0
+    for kind in range(3):  # none of them has to wait for long
+        at = [k for k, step in enumerate(steps) if step[kind]]
+        assert max(np.diff(at)) <= 5 and at[0] <= 4 and len(steps) - at[-1] <= 5
+    truth = film.truth.environment(film[-1].time)
+    errors = [irradiance_error(runs[-1].environment, truth) for runs in (whole, spread)]
+    print(f"\nirradiance {errors[0]:.4f}, in turns {errors[1]:.4f} off; stated {spread[-1].plan.light_error:.3f}")
+    assert errors[1] <= errors[0] + 0.02
 
 
 REPLAY = """

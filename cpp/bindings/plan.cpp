@@ -104,6 +104,8 @@ std::string bill(const Plan& plan) {
   if (const auto light = plan.light_error(); light && std::isfinite(*light))
     text << "\nthe captured light is expected to be off by " << percent(*light)
          << ", whatever the methods";
+  if (plan.light_in_turns)
+    text << "\nthe light is made in turns, one step a frame: some frames late";
   if (plan.milliseconds_budget > 0)
     text << (plan.meets_milliseconds() ? "\nwithin" : "\nNOT within") << " the time budget of "
          << milliseconds(plan.milliseconds_budget);
@@ -262,6 +264,10 @@ void bind_plan(py::module_& module) {
           "light_error", &Plan::light_error,
           "Expected error of a captured map's irradiance, which is no part of the budget: "
           "no method makes it less. None where the map is given.")
+      .def_readonly(
+          "light_in_turns", &Plan::light_in_turns,
+          "Whether each frame takes one step of the light's work, because all of them do not fit "
+          "into the time budget: the light is some frames old, which light_error counts.")
       .def_property_readonly("assured_error", &Plan::assured_error,
                              "What the picture's error is not expected to exceed.")
       .def_readonly("best_error", &Plan::best_error,

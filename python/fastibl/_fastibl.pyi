@@ -1498,6 +1498,11 @@ class Plan:
         Expected error of a captured map's irradiance, which is no part of the budget: no method makes it less. None where the map is given.
         """
     @property
+    def light_in_turns(self) -> bool:
+        """
+        Whether each frame takes one step of the light's work, because all of them do not fit into the time budget: the light is some frames old, which light_error counts.
+        """
+    @property
     def meets_budget(self) -> bool:
         """
         Both of them.

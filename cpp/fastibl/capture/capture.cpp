@@ -59,7 +59,8 @@ Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignet
       lens(given),
       bounds(picture_bounds(given, lens)),
       noise(given.response),
-      bytes(given.response) {}
+      bytes(given.response),
+      probe_rays(Capture::probe_rays(given, lens)) {}
 
 Capture::KnownCamera& Capture::known(const Camera& camera) {
   for (KnownCamera& k : cameras_)

@@ -124,6 +124,7 @@ class Capture {
     PictureBounds bounds;
     SensorNoise noise;
     ByteResponse bytes;
+    std::vector<std::optional<glm::dvec3>> probe_rays;
     ExposureDoubt doubt;
     glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
     double looked_at = kNever;  // and when, seconds
@@ -143,7 +144,9 @@ class Capture {
   bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
             const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
             std::vector<int>& changed);
-  // Appends the parts of a picture that show what the map knows. In probe_level.cpp.
+  // Camera frame, nothing beyond the lens model: of the middles of a picture's parts that are
+  // compared with the map. In probe_level.cpp, as is what appends those that it knows.
+  static std::vector<std::optional<glm::dvec3>> probe_rays(const Camera& camera, const Lens& lens);
   void probe_level(const Picture& picture, const KnownCamera& camera,
                    const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask,
                    std::vector<LevelProbe>& probes) const;

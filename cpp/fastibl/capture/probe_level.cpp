@@ -12,26 +12,16 @@ constexpr int kLargest = 8;               // pixels along an edge of one
 constexpr int kStep = 2;                  // pixels between those that are read of a large one
 constexpr float kKnown = 0.15f;           // relative standard deviation of what counts as known
 
-struct Part {
-  glm::vec3 linear{0};
-  bool clipped = false;
-};
-
-// Mean over the size × size pixels from (x, y) on.
-Part part_of(const PixelReader& pixels, int x, int y, int size) {
-  Part part;
-  const int step = size > 2 * kStep ? kStep : 1;
-  int count = 0;
-  for (int v = y; v < y + size; v += step)
-    for (int u = x; u < x + size; u += step, ++count) {
-      part.linear += pixels.linear(u, v);
-      part.clipped |= pixels.reaches(u, v, CodeTable::kClippedCode);
-    }
-  part.linear /= float(count);
-  return part;
-}
-
 }  // namespace
+
+std::vector<std::optional<glm::dvec3>> Capture::probe_rays(const Camera& camera, const Lens& lens) {
+  std::vector<std::optional<glm::dvec3>> rays;
+  for (int row = 0; row < kRows; ++row)
+    for (int column = 0; column < kColumns; ++column)
+      rays.push_back(lens.unproject(
+          {(column + 0.5) * camera.width / kColumns, (row + 0.5) * camera.height / kRows}));
+  return rays;
+}
 
 void Capture::probe_level(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
                           ImageView<const std::uint8_t> mask,
@@ -52,7 +42,7 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
       const int x = std::clamp(int(cx) - size / 2, 0, picture.width - size);
       const int y = std::clamp(int(cy) - size / 2, 0, picture.height - size);
       if (!mask.empty() && !*mask.pixel(int(cx), int(cy))) continue;
-      const auto ray = k.lens.unproject({cx, cy});
+      const std::optional<glm::dvec3>& ray = k.probe_rays[std::size_t(row * kColumns + column)];
       if (!ray) continue;
       glm::dvec3 direction = glm::normalize(marker_from_camera.rotation * *ray);
       if (direction.z >= 0) {
@@ -79,8 +69,9 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
         probe.expected[c] = value * float(camera.gain * k.vignette(float(cx), float(cy)));
       }
       if (!known) continue;
-      const Part part = part_of(pixels, x, y, size);
-      probe.linear = part.linear, probe.clipped = part.clipped;
+      const PixelReader::Block part =
+          pixels.block(x, y, size, size > 2 * kStep ? kStep : 1, CodeTable::kClippedCode);
+      probe.linear = part.linear, probe.clipped = part.reaches;
       probes.push_back(probe);
     }
   }

@@ -251,6 +251,31 @@ CandidateOptions candidate_options(const Scene& scene) {
   return options;
 }
 
+namespace {
+
+double frame_milliseconds(const Plan& plan, const Workload& work) {
+  double each = 0, picture = 0, light = 0;
+  for (const PlannedPass& p : plan.passes) {
+    if (!p.milliseconds) continue;
+    const double time = *p.milliseconds * runs_per_frame(p.pass.id, work);
+    switch (p.pass.id) {
+      case PassId::capture:
+        picture = time / 2;  // of two cameras
+        break;
+      case PassId::track:
+      case PassId::shade:
+      case PassId::composite:
+        each += time;
+        break;
+      default:
+        light += time;
+    }
+  }
+  return each + (plan.light_in_turns ? std::max(picture, light) : 2 * picture + light);
+}
+
+}  // namespace
+
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options) {
   check(options.error >= 0, "an error budget must be at least 0, got ", options.error);
   check(options.milliseconds >= 0, "a time budget must be at least 0 ms, got ",
@@ -286,7 +311,8 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         break;
       case PassId::capture:
         line.method = name(methods.capture);
-        if (environment && options.capture) line.error = environment->predicted_error;
+        if (environment && options.capture)
+          line.error = std::hypot(environment->predicted_error, options.light_lag);
         if (!options.capture) leave_out("the environment is given");
         break;
       case PassId::mips:
@@ -384,9 +410,10 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     if (choice) set_measured_error(*choice, *options.measured, options.methods, line);
     line.milliseconds = pass_milliseconds(options.costs, id, methods, work) * options.slowdown;
     if (*line.milliseconds == 0 || !line.included) line.milliseconds.reset();
-    if (line.milliseconds) plan.milliseconds += *line.milliseconds * runs_per_frame(id, work);
     plan.passes.push_back(std::move(line));
   }
+  plan.light_in_turns = options.light_in_turns;
+  plan.milliseconds = frame_milliseconds(plan, work);
   return plan;
 }
 

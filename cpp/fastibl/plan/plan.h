@@ -42,8 +42,12 @@ struct Plan {
   // pixels one in a hundred by 0.2 %. Not within budgets below kLeastForOne.
   bool shades_alike_as_one = false;
   static constexpr double kLeastForOne = 0.005;
-  // Of a frame, by the cost table and the slowdown, of the passes that run in every one.
+  // Of a frame, by the cost table and the slowdown, of the passes that run in every one; in turns,
+  // of those and the longest turn.
   double milliseconds = 0;
+  // Whether a frame takes one step of the light's work: a picture into the map, or what is made of
+  // it, which then is some frames old.
+  bool light_in_turns = false;
   bool includes(PassId id) const;
   // Against the truth of the same map: picture_error, else the root of the sum of squares of the
   // known ones.
@@ -78,6 +82,8 @@ struct PlanOptions {
   // are chosen for them; else they are for the bill alone, so that choices do not depend on them.
   std::optional<double> object_pixels = {};
   double slowdown = 1;  // of this machine, now, by the cost table
+  bool light_in_turns = false;
+  double light_lag = 0;  // then, of the light: by what it is old
   // Methods of the plan before, which stay where others are hardly better; settled: in any case.
   const Methods* keep = nullptr;
   bool settled = false;

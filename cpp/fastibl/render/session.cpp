@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "fastibl/core/clock.h"
 #include "fastibl/render/make_scene.h"
@@ -21,6 +22,7 @@ constexpr double kSureTurn = 0.3 * std::numbers::pi / 180;
 // Seconds between looks around while the board is in view and does not move: where surroundings
 // agree with it, and where they do not because they are near, which takes longer to find out.
 constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
+constexpr double kLookAroundInTurns = 1;  // seconds: each costs as much as a picture's capture
 constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
 // Share of the light that differs when methods are chosen anew.
 constexpr float kOtherLight = 0.25f;
@@ -172,6 +174,7 @@ void Session::update_plan(bool choose) {
   if (const std::optional<double> pixels = renderer_->shaded(); pixels && *pixels > 0)
     options.object_pixels = pixels;
   options.slowdown = time_.slowdown();
+  options.light_in_turns = in_turns_, options.light_lag = double(light_lag_);
   // Of light that stays, what is chosen must not depend on what was before.
   const Methods before = plan_.methods;
   options.settled = !choose && plan_.picture_error;
@@ -321,7 +324,7 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
     return;
   }
   const Pose& pose = *result.back_from_marker;
-  if (!board_motion_.moving() && frame.time < look_again_) {
+  if (!board_motion_.moving() && !turns_.takes(LightStep::look)) {
     between_looks_ = {pose, frame.time, frame.attitude};
     return;
   }
@@ -332,7 +335,10 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
     around = track();
   board_motion_.look(pose, agreement, around, frame.time);
   if (agreement != Agreement::differs) agreed_ = frame.time;
-  look_again_ = frame.time + (frame.time - agreed_ < kDoubt ? kLookAround : kLookAroundNear) - 1e-6;
+  look_again_ = frame.time - 1e-6 +
+                (in_turns_                       ? kLookAroundInTurns
+                 : frame.time - agreed_ < kDoubt ? kLookAround
+                                                 : kLookAroundNear);
   hold_capture_ = board_motion_.moving();
   if (const std::optional<glm::dmat3> moved = board_motion_.moved()) {
     capture_->turn(*moved);
@@ -424,15 +430,25 @@ void Session::find_holdout_ratios() {
     ratio = glm::vec4(scene_.shadow_look.apply(glm::vec3(ratio)), 1);
 }
 
+// Before there is light, or where there is time for all, none is taken in turns.
+void Session::choose_turn(const Frame& frame) {
+  const bool continuous = options_.methods.capture == CaptureMethod::continuous;
+  in_turns_ = time_.spreads() && continuous && !fixed_environment_ && environment_ && lighting_;
+  if (!in_turns_) stale_ |= std::exchange(held_, 0), light_lag_ = 0;
+  turns_.next({!frame.front.empty() && rig_.front, !frame.back.empty() && continuous, held_ != 0,
+               frame.time >= look_again_},
+              in_turns_);
+}
+
 bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose) const {
   if (fixed_environment_) return false;
   if (hold_capture_) return false;
   const bool front_usable =
-      !frame.front.empty() && rig_.front &&
+      turns_.takes(LightStep::front) &&
       (pose || turned_ ||
        (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime));
   if (options_.methods.capture == CaptureMethod::continuous)
-    return front_usable || ((pose || turned_) && !frame.back.empty());
+    return front_usable || ((pose || turned_) && turns_.takes(LightStep::back));
   return front_usable &&
          (!last_capture_time_ || (frame.time - *last_capture_time_ >= kSinglePeriod &&
                                   frame.front_exposure == *capture_exposure_));
@@ -462,18 +478,17 @@ Pose Session::drawn_pose(const FrameResult& result) const {
 }
 
 void Session::capture_frame(const Frame& frame, FrameResult& result) {
-  const bool continuous = options_.methods.capture == CaptureMethod::continuous;
   const std::optional<Pose>& pose = result.back_from_marker;
   // Of what only turned, the place is not known: the plane that was seen from the board's pose
   // stays as it was.
   const bool plane = pose || !turned_;
-  if (continuous && (pose || turned_) && !frame.back.empty()) {
+  if ((pose || turned_) && turns_.takes(LightStep::back)) {
     result.back_taken =
         capture_->add(frame.back, rig_.back, pose ? *pose : *turned_, frame.back_exposure,
                       frame.time, {}, result.back_last_row, glm::dvec3(1), plane);
     back_exposure_ = result.back_taken->exposure;
   }
-  if (!frame.front.empty() && rig_.front) {
+  if (turns_.takes(LightStep::front)) {
     const auto front_from_marker = [&](double time) {
       if (!plane) return rig_.front_from_back * *turned_;
       const double later = time - last_pose_time_;
@@ -611,6 +626,7 @@ FrameResult Session::process(const Frame& frame) {
     result.timings[std::string(name(id))] += watch.seconds();
   };
 
+  choose_turn(frame);
   // Tracking decides what else can be done, so it runs by itself; a given pose stands in for it.
   if (frame.back_from_marker || !board_)
     result.back_from_marker = frame.back_from_marker;
@@ -631,8 +647,21 @@ FrameResult Session::process(const Frame& frame) {
   // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map,
   // and so do pictures whose rotation the surroundings tell.
   if (pose) wanted |= product::image;
-  for (const PassId id : due_passes(plan_, wanted, stale_))
-    timed(id, [&] { return run_pass(id, frame, result, drawn_from); });
+  const auto run = [&](const std::vector<PassId>& due) {
+    for (const PassId id : due) timed(id, [&] { return run_pass(id, frame, result, drawn_from); });
+  };
+  if (in_turns_ && (stale_ & product::light_pictures)) {
+    Products after = stale_;
+    const std::vector<PassId> due = due_passes(plan_, product::texels, after);
+    held_ |= after & ~stale_, stale_ &= ~product::light_pictures;
+    run(due);
+  }
+  const std::vector<glm::vec3> light_before =
+      in_turns_ ? faces_of(environment_->radiance) : std::vector<glm::vec3>();
+  if (in_turns_ && turns_.takes(LightStep::light)) stale_ |= std::exchange(held_, 0);
+  run(due_passes(plan_, wanted, stale_));
+  if (in_turns_ && turns_.takes(LightStep::light))
+    light_lag_ = difference(faces_of(environment_->radiance), light_before);
   ++since_measured_, ++since_set_;
   if (!fixed_environment_ && environment_)
     measure_due_ = measure_due_ || measured_light_.empty() ||

@@ -13,6 +13,7 @@
 #include "fastibl/capture/capture.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/plan.h"
+#include "fastibl/render/light_turns.h"
 #include "fastibl/render/measure_errors.h"
 #include "fastibl/render/recent_motion.h"
 #include "fastibl/render/renderer.h"
@@ -149,6 +150,7 @@ class Session {
   bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
   std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
   void follow_surroundings(const Frame& frame, FrameResult& result);
+  void choose_turn(const Frame& frame);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
   void capture_frame(const Frame& frame, FrameResult& result);
   void find_motion(const Frame& frame, FrameResult& result);
@@ -208,7 +210,11 @@ class Session {
   int since_measured_ = 0, since_set_ = 0;  // frames: methods judged, light given
   int set_in_a_row_ = 0;                    // times that light was given frame after frame
   TimeBudget time_;
+  LightTurns turns_;
+  bool in_turns_ = false;  // this frame
+  float light_lag_ = 0;    // by which the light changed from one of its turns to the next, relative
   Products stale_ = product::all & ~product::inputs;
+  Products held_ = 0;  // what pictures made stale, until the light's turn
   RecentMotion recent_;
   std::optional<MotionRate> motion_;  // of the back camera at last_pose_
   std::optional<Pose> last_pose_;

@@ -13,12 +13,19 @@ bool TimeBudget::add(double milliseconds, double planned, double budget) {
   double next = slowdown_;
   if (slow > kFrames / 10) {
     failed_ = slowdown_, since_failed_ = 0;
-    if (planned <= budget) next = slowdown_ * kUp;
+    if (planned <= budget)
+      next = slowdown_ * kUp;
+    else
+      spreads_ = true;
   } else if (int(times_.size()) < kFrames) {
     return false;
   } else if (*std::max_element(times_.begin(), times_.end()) < kSlack * budget) {
-    next = std::max(slowdown_ * kDown, kLeast);
-    if (next <= failed_) next = slowdown_;
+    if (spreads_) {
+      spreads_ = failed_ > 0;
+    } else {
+      next = std::max(slowdown_ * kDown, kLeast);
+      if (next <= failed_) next = slowdown_;
+    }
   }
   times_.clear();
   if (next == slowdown_) return false;

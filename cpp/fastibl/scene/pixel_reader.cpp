@@ -1,5 +1,7 @@
 #include "fastibl/scene/pixel_reader.h"
 
+#include <algorithm>
+
 #include "fastibl/scene/cube_map.h"
 
 namespace fastibl {
@@ -30,6 +32,25 @@ glm::vec3 PixelReader::linear(int x, int y) const {
               clean_radiance(p[2], ignored)};
     }
   }
+}
+
+PixelReader::Block PixelReader::block(int x, int y, int size, int step, int code) const {
+  Block out;
+  int count = 0;
+  for (int v = y; v < y + size; v += step) {
+    if (picture_.type == PixelType::uint8) {
+      const std::uint8_t* p = pixel_of<std::uint8_t>(picture_, x, v);
+      for (int u = 0; u < size; u += step, ++count, p += 3 * step) {
+        for (int c = 0; c < 3; ++c) out.linear[c] += bytes_.decode(p[c]);
+        out.reaches |= std::max({p[0], p[1], p[2]}) >= code;
+      }
+    } else {
+      for (int u = x; u < x + size; u += step, ++count)
+        out.linear += linear(u, v), out.reaches |= reaches(u, v, code);
+    }
+  }
+  out.linear /= float(count);
+  return out;
 }
 
 bool PixelReader::reaches(int x, int y, int code) const {

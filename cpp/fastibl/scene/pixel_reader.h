@@ -1,4 +1,4 @@
-// Single pixels of a picture; linear_from() reads whole ones.
+// Single pixels of a picture, and small blocks of them; linear_from() reads whole ones.
 #pragma once
 
 #include "fastibl/core/vector.h"
@@ -16,6 +16,12 @@ class PixelReader {
   glm::vec3 linear(int x, int y) const;
   // Whether a channel of an encoded picture is at least that code of 0 to 255.
   bool reaches(int x, int y, int code) const;
+  // Of the size × size pixels from (x, y) on, every step-th of a row and a column.
+  struct Block {
+    glm::vec3 linear{0};   // mean
+    bool reaches = false;  // any of them `code`
+  };
+  Block block(int x, int y, int size, int step, int code) const;
 
  private:
   const Picture& picture_;
