@@ -50,14 +50,20 @@ Image<float> linear_from(const Picture& picture, const Response& response) {
 }
 
 Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response) {
-  Image<std::uint8_t> out(picture.width, picture.height, 3);
   const int count = 3 * picture.width;
+  if (picture.type == PixelType::uint8) {
+    Image<std::uint8_t> out(picture.width, 0, 3);
+    out.height = picture.height;
+    out.data.reserve(std::size_t(count) * std::size_t(picture.height));
+    for (int y = 0; y < picture.height; ++y)
+      out.data.insert(out.data.end(), picture.row(y), picture.row(y) + count);
+    return out;
+  }
+  Image<std::uint8_t> out(picture.width, picture.height, 3);
   const ByteResponse table(response);
   for (int y = 0; y < picture.height; ++y) {
     std::uint8_t* to = out.row(y);
-    if (picture.type == PixelType::uint8) {
-      std::memcpy(to, picture.row(y), std::size_t(count));
-    } else if (picture.type == PixelType::uint16) {
+    if (picture.type == PixelType::uint16) {
       const auto* in = reinterpret_cast<const std::uint16_t*>(picture.row(y));
       for (int i = 0; i < count; ++i) to[i] = std::uint8_t((in[i] * 255u + 32767u) / 65535u);
     } else {

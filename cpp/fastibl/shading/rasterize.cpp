@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <memory>
+#include <mutex>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
@@ -113,6 +116,22 @@ struct Rasterizer::Work {
   TrianglePart parts[kParts];
   std::size_t waiting = 0;
 };
+
+Rasterizer::Rasterizer() = default;
+Rasterizer::~Rasterizer() = default;
+
+std::unique_ptr<Rasterizer::Work> Rasterizer::borrow() {
+  const std::lock_guard lock(idle_mutex_);
+  if (idle_.empty()) return std::make_unique<Work>();
+  std::unique_ptr<Work> work = std::move(idle_.back());
+  idle_.pop_back();
+  return work;
+}
+
+void Rasterizer::give_back(std::unique_ptr<Work> work) {
+  const std::lock_guard lock(idle_mutex_);
+  idle_.push_back(std::move(work));
+}
 
 void Rasterizer::project(const Geometry& g, const Pose& camera_from_marker) {
   const Pose camera_from_object = camera_from_marker * g.scene.marker_from_object;
@@ -249,7 +268,7 @@ void Rasterizer::flush(const Geometry& g, Work& work, FragmentBand& band) const 
       }
     }
     const float length = glm::length(f.normal);
-    f.normal = length > 0 ? f.normal / length : glm::vec3(0, 0, 1);
+    f.normal = length > 0 ? f.normal * (1 / length) : glm::vec3(0, 0, 1);
     if (g.surface) f.tangent.w = f.tangent.w < 0 ? -1 : 1;
     if (g.textured) {
       const auto uv_at = [&](std::int64_t px, std::int64_t py) {
@@ -355,7 +374,8 @@ std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& 
   sort_triangles(geometry, bands);
   if (found_.size() < std::size_t(bands)) found_.resize(std::size_t(bands));
   parallel_for(bands, 1, [&](int begin, int end) {
-    Work work;
+    std::unique_ptr<Work> borrowed = borrow();
+    Work& work = *borrowed;
     for (int i = begin; i < end; ++i) {
       FragmentBand& band = found_[std::size_t(i)];
       band.object.clear(), band.holdouts.clear();
@@ -376,6 +396,7 @@ std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& 
       }
       resolve(geometry, window, work, band);
     }
+    give_back(std::move(borrowed));
   });
   return std::span(found_).first(std::size_t(bands));
 }

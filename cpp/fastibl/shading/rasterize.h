@@ -1,6 +1,8 @@
 // Which surface a camera sees in each pixel: a z-buffer with four samples a pixel.
 #pragma once
 
+#include <memory>
+#include <mutex>
 #include <span>
 #include <vector>
 
@@ -43,6 +45,9 @@ float curved_cosine(const Material& material);
 // Keeps its memory from picture to picture.
 class Rasterizer {
  public:
+  Rasterizer();
+  ~Rasterizer();
+
   // Bands of rows from above, none where nothing is seen; valid until the next call. Vertices go
   // through the full lens model; edges between them are straight. Triangles with a vertex behind
   // the camera or beyond the lens model are left out. light_shares: of each vertex, and perhaps
@@ -69,12 +74,16 @@ class Rasterizer {
   void add(const Geometry& geometry, const TrianglePart& part, Work& work,
            FragmentBand& band) const;
   void flush(const Geometry& geometry, Work& work, FragmentBand& band) const;
+  std::unique_ptr<Work> borrow();
+  void give_back(std::unique_ptr<Work> work);
 
   std::vector<PictureCorner> corners_;          // of the object's vertices, then of the holdouts'
   std::vector<Varying> varyings_;               // of the object's vertices
   std::vector<std::vector<int>> triangles_of_;  // by band
   std::vector<std::uint8_t> bends_;  // of each of the object's triangles: it may be curved
   std::vector<FragmentBand> found_;
+  std::vector<std::unique_ptr<Work>> idle_;
+  std::mutex idle_mutex_;
   int left_ = 0, right_ = -1, top_ = 0, bottom_ = -1;  // of all vertices, within the picture
 };
 

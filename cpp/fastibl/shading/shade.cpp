@@ -134,6 +134,17 @@ void keep_changed(const float* before, const float* after, const std::uint8_t* c
   for (int i = 0; i < count; ++i) out[i] = after[i] == before[i] ? out[i] : codes[i];
 }
 
+// Draws a row of a layer over linear pixels. light: what its radiance is multiplied by, and by
+// `vignette` where there is one.
+FASTIBL_CLONES
+void draw_over(const float* layer, int count, float light, const float* vignette,
+               float* __restrict pixels) {
+  for (int i = 0; i < count; ++i) {
+    const float *o = layer + 4 * i, factor = vignette ? light * vignette[i] : light;
+    for (int c = 0; c < 3; ++c) pixels[3 * i + c] = factor * o[c] + (1 - o[3]) * pixels[3 * i + c];
+  }
+}
+
 // Whether all factors lie between two others.
 FASTIBL_CLONES
 bool all_between(const float* factors, int count, float least, float most) {
@@ -341,11 +352,13 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
         const int count = last - first, values = 3 * count;
         table.response.decode(p, &before[0].x, std::size_t(values));
         multiply(&ratios[std::size_t(first)].x, &before[0].x, values, &after[0].x);
-        for (int x = std::max(first, drawn.begin); x < std::min(last, drawn.end); ++x)
-          if (const glm::vec4 o = drawn.at(x); o.w > 0) {
-            glm::vec3& value = after[std::size_t(x - first)];
-            value = exposure_at(table, exposure, area.x0 + x, y) * glm::vec3(o) + (1 - o.w) * value;
-          }
+        const int from = std::max(first, drawn.begin), to = std::min(last, drawn.end);
+        if (from < to)
+          draw_over(
+              drawn.pixels + 4 * (from - drawn.begin), to - from, float(exposure * camera.gain),
+              table.vignette.empty() ? nullptr
+                                     : table.vignette.data() + y * camera.width + area.x0 + from,
+              &after[std::size_t(from - first)].x);
         table.response.encode(&after[0].x, codes.data(), std::size_t(values));
         keep_changed(&before[0].x, &after[0].x, codes.data(), values, p);
       };
