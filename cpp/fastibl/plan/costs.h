@@ -16,17 +16,17 @@ struct Costs {
   double fold = 82e3, faces = 5e3, sh9 = 10e3, lobes = 79e3, lobe = 29e3, cube = 162e3;
   double chain = 1.14e6, lights = 0.87e6, exact_chain = 23e6, mips = 300e3;
   // Of a pixel of the object, by what it reads.
-  double read_faces = 1.8, read_sh9 = 1.5, read_lobe = 0.3, read_cube = 4.7;
-  double mip = 39, look_up = 61, more_look_ups = 31, light = 15, sample = 39, ggx = 610;
-  double raster_pixel = 56, raster_vertex = 220;
-  double composite_pixel = 2.7, shadow_pixel = 3.4;
+  double read_faces = 1.8, read_sh9 = 1.5, read_lobe = 0.05, read_cube = 4.7;
+  double mip = 8.5, look_up = 15, more_look_ups = 9.6, light = 7.7, sample = 39, ggx = 610;
+  double raster_pixel = 47, raster_vertex = 220;
+  double composite_pixel = 2.2, shadow_pixel = 3.2;
   // Of the shadow: of a baked mesh, with a finer map, of one direction.
   double mesh_shadow = 370e3, fine_shadow = 1.95e6, direction = 3.5e3, caps = 7.8e6;
   // Of what the object hides of itself.
-  double cells = 90e3, share_edge = 1, glossy_vertex = 205, glossy_share = 500, traced_pixel = 25e3;
+  double cells = 90e3, share_edge = 1, glossy_vertex = 205, glossy_share = 180, traced_pixel = 25e3;
   double bounce = 175e3, bounce_group = 3.2, plane_texel = 4.1;
   // Of cameras' pictures.
-  double track = 1.5e6, capture_pixel = 3;
+  double track = 1.4e6, capture_pixel = 3;
   bool operator==(const Costs&) const = default;
 };
 struct CostField {
