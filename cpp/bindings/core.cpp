@@ -40,6 +40,21 @@ integers or objects. Without an argument: the identity.)")
           py::arg("rotation"), py::arg("translation"),
           "From a rotation vector (axis times angle in radians, (3,)) and a translation in metres "
           "(3,). Raises ValueError for another shape or values that are not finite.")
+      .def_static(
+          "look_at",
+          [](const py::object& eye, const py::object& target, const py::object& up) {
+            const auto vector = [](const py::object& given, const char* name) {
+              const Doubles v = require_floats<double>(given, name);
+              if (v.size() != 3) throw py::value_error(std::string(name) + " must have shape (3,)");
+              return glm::dvec3(v.data()[0], v.data()[1], v.data()[2]);
+            };
+            return Pose::look_at(vector(eye, "eye"), vector(target, "target"), vector(up, "up"));
+          },
+          py::arg("eye"), py::arg("target"), py::arg("up") = py::make_tuple(0.0, 0.0, 1.0),
+          "camera_from_marker of a camera at `eye` that sees `target` in the middle of its "
+          "picture, "
+          "and `up` upwards: (3,) each, metres, marker frame. Along `up` it is some other way up. "
+          "Raises ValueError for one and the same point, or what is not finite.")
       .def_property_readonly(
           "matrix", [](const Pose& p) { return matrix_array(p.matrix()); },
           "(4, 4) float64, a copy.")

@@ -10,11 +10,7 @@ from ._fastibl import Pose
 
 def looking(towards: ArrayLike, eye: ArrayLike = (0.0, 0.0, 0.05)) -> Pose:
     """camera_from_marker of a camera at `eye` (metres) that looks along `towards`, upright where it can be."""
-    z = np.asarray(towards, float) / np.linalg.norm(towards)
-    up = np.array([0.0, 0, 1]) if abs(z[2]) < 0.95 else np.array([0.0, 1, 0])
-    x = np.cross(z, up)
-    x /= np.linalg.norm(x)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([x, np.cross(z, x), z])
-    matrix[:3, 3] = -matrix[:3, :3] @ np.asarray(eye, float)
-    return Pose(matrix)
+    forward = np.asarray(towards, float) / np.linalg.norm(towards)
+    up = (0.0, 0.0, 1.0) if abs(forward[2]) < 0.95 else (0.0, 1.0, 0.0)
+    eye = np.asarray(eye, float)
+    return Pose.look_at(eye, eye + forward, up)

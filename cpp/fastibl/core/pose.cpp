@@ -36,6 +36,26 @@ Pose Pose::from_matrix(const glm::dmat4& m) {
   return {rotation, glm::dvec3(m[3])};
 }
 
+Pose Pose::look_at(const glm::dvec3& eye, const glm::dvec3& target, const glm::dvec3& up) {
+  constexpr double kParallel = 1e-9;  // sine
+  for (int k = 0; k < 3; ++k)
+    check(std::isfinite(eye[k]) && std::isfinite(target[k]) && std::isfinite(up[k]),
+          "eye, target and up must be finite");
+  const double far = glm::length(target - eye), size = glm::length(up);
+  check(far > 0 && std::isfinite(far), "a camera must look at another point than its own place");
+  check(size > 0 && std::isfinite(size), "up must be a direction, got a length of ", size);
+  const glm::dvec3 forward = (target - eye) / far;
+  glm::dvec3 right = glm::cross(forward, up / size);
+  if (glm::length(right) < kParallel) {
+    const bool steep = std::abs(forward.z) > 0.9;
+    right = glm::cross(forward, steep ? glm::dvec3(0, 1, 0) : glm::dvec3(0, 0, 1));
+  }
+  right = glm::normalize(right);
+  const glm::dmat3 marker_from_camera(right, glm::cross(forward, right), forward);
+  const glm::dmat3 rotation = glm::transpose(marker_from_camera);
+  return {rotation, -(rotation * eye)};
+}
+
 bool is_rotation(const glm::dmat3& r, double tolerance) {
   const glm::dmat3 off = departure(r);
   double sum = 0;

@@ -12,6 +12,11 @@ struct Pose {
   // Re-orthonormalises nothing; throws std::invalid_argument when the matrix is not a rigid
   // transform (columns orthonormal within 1e-6, determinant +1, last row 0 0 0 1, all finite).
   static Pose from_matrix(const glm::dmat4& matrix);
+  // camera_from_marker of a camera at `eye` (x right, y down, z forward) that sees `target` in the
+  // middle of its picture and `up` upwards; along `up`, some other way up. Throws
+  // std::invalid_argument where the two are one point, or anything is not finite.
+  static Pose look_at(const glm::dvec3& eye, const glm::dvec3& target,
+                      const glm::dvec3& up = {0, 0, 1});
   glm::dmat4 matrix() const;
   Pose inverse() const;
 
