@@ -80,7 +80,7 @@ std::string bill(const Plan& plan) {
     if (p.included) {
       column(p.method.empty() ? "-" : p.method, 40);
       column(p.error ? percent(*p.error) : "-", 16);
-      text << (p.milliseconds ? milliseconds(*p.milliseconds) : "-") << "\n";
+      text << (p.milliseconds ? milliseconds(*p.milliseconds) : "-") << (p.once ? " once\n" : "\n");
     } else {
       column("left out", 40), text << "at most " << percent(p.bound) << ": " << p.reason << "\n";
     }
@@ -94,7 +94,10 @@ std::string bill(const Plan& plan) {
     text << percent(plan.expected_error()) << " known, " << percent(plan.omission_bound())
          << " at most from what is left out";
   }
-  if (plan.error_budget > 0) {
+  if (plan.error_budget > 0 && !plan.picture_error && plan.meets_error()) {
+    text << "\nnot judged yet, nor whether it is within the error budget of "
+         << percent(plan.error_budget);
+  } else if (plan.error_budget > 0) {
     text << (plan.meets_error() ? "\nwithin" : "\nNOT within") << " the error budget of "
          << percent(plan.error_budget);
     if (!plan.meets_error() && plan.best_error)

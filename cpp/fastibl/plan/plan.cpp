@@ -174,6 +174,7 @@ double Plan::omission_bound() const {
 namespace {
 
 constexpr const char* kWithinBudget = "the picture is within the error budget without it";
+constexpr const char* kNoTime = "the time budget leaves none for it";
 
 // Methods by what they leave wrong under this light, where that was measured and there is a budget.
 std::optional<Choice> chosen(const Scene& scene, const PlanOptions& options, const Workload& work) {
@@ -251,6 +252,13 @@ CandidateOptions candidate_options(const Scene& scene) {
   return options;
 }
 
+void check_budgets(double error, double milliseconds) {
+  check(error >= 0 && error <= 1,
+        "an error budget must be a share, from 0 (none) to 1 (0.02 is 2 %), got ", error);
+  check(milliseconds >= 0 && std::isfinite(milliseconds),
+        "a time budget must be milliseconds from 0 (none) on, got ", milliseconds);
+}
+
 namespace {
 
 double frame_milliseconds(const Plan& plan, const Workload& work) {
@@ -277,9 +285,7 @@ double frame_milliseconds(const Plan& plan, const Workload& work) {
 }  // namespace
 
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options) {
-  check(options.error >= 0, "an error budget must be at least 0, got ", options.error);
-  check(options.milliseconds >= 0, "a time budget must be at least 0 ms, got ",
-        options.milliseconds);
+  check_budgets(options.error, options.milliseconds);
   Plan plan;
   plan.methods = options.methods;
   Workload work = options.workload;
@@ -291,6 +297,10 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     plan.picture_error = choice->error, plan.best_error = choice->best_error;
     plan.picture_assured = choice->assured, plan.best_assured = choice->best_assured;
   }
+  const char* dispensable =
+      options.milliseconds > 0 && !(choice && options.error > 0 && choice->assured <= options.error)
+          ? kNoTime
+          : kWithinBudget;
   const Methods& methods = plan.methods;
   plan.error_budget = options.error, plan.milliseconds_budget = options.milliseconds;
   // The nearest face of the paper's look-up may be another one there.
@@ -344,7 +354,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         else if (methods.self_shadow == SelfShadowMethod::none)
           leave_out(options.methods.self_shadow == methods.self_shadow
                         ? "no self-shadow was asked for"
-                        : kWithinBudget);
+                        : dispensable);
         else if (methods.self_shadow == SelfShadowMethod::ambient)
           leave_out("P_V of the mesh stands for it, whatever the light");
         break;
@@ -361,7 +371,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
         else if (const std::string reason = no_bounce(scene, options, line.bound); !reason.empty())
           leave_out(reason);
         else if (methods.bounce == BounceMethod::none)
-          leave_out(kWithinBudget);
+          leave_out(dispensable);
         break;
       case PassId::plane: {
         const bool bounced = plan.includes(PassId::bounce), look = scene.shadow_look.changes();
@@ -410,6 +420,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     if (choice) set_measured_error(*choice, *options.measured, options.methods, line);
     line.milliseconds = pass_milliseconds(options.costs, id, methods, work) * options.slowdown;
     if (*line.milliseconds == 0 || !line.included) line.milliseconds.reset();
+    line.once = runs_per_frame(id, work) < 1;
     plan.passes.push_back(std::move(line));
   }
   plan.light_in_turns = options.light_in_turns;

@@ -26,6 +26,7 @@ struct PlannedPass {
   // and, where nothing was measured, of irradiance: of the irradiance).
   std::optional<double> error;
   std::optional<double> milliseconds = {};  // of an included pass: of one run, where known
+  bool once = false;                        // it runs when the light has changed, not in each frame
 };
 
 struct Plan {
@@ -94,6 +95,9 @@ struct PlanOptions {
 Workload workload_of(const Scene& scene, int width, int height, bool light_changes);
 // What the scene tells of them.
 CandidateOptions candidate_options(const Scene& scene);
+
+// Throws std::invalid_argument for an error that is no share, or a time that is none.
+void check_budgets(double error, double milliseconds);
 
 // environment may be null: nothing is known of the light yet.
 Plan make_plan(const Scene& scene, const Environment* environment, const PlanOptions& options);

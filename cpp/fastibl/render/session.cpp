@@ -215,8 +215,7 @@ void Session::set_methods(const Methods& methods) {
   replan();
 }
 void Session::set_budgets(double error, double milliseconds) {
-  for (const double budget : {error, milliseconds})
-    check(budget >= 0 && std::isfinite(budget), "a budget must be 0 (none) or more, got ", budget);
+  check_budgets(error, milliseconds);
   options_.error = error, options_.milliseconds = milliseconds;
   time_ = {};
   replan();
