@@ -19,7 +19,7 @@ from fastibl.pictures import read_picture, write_picture
 
 
 def exr():
-    pytest.importorskip("OpenEXR", reason="pip install fastibl[exr]")
+    pytest.importorskip("OpenEXR", reason="pip install '.[exr]'")
 
 
 @pytest.fixture(params=["hdr", "exr"])

@@ -22,9 +22,12 @@ std::unique_ptr<Renderer> renderer_named(const std::string& backend) {
   if (backend == "gl") return make_gl_renderer();
 #else
   if (backend == "gl")
-    throw std::runtime_error("this fastibl was built without its GL back end (FASTIBL_GL=ON)");
+    throw std::runtime_error(
+        "this fastibl was built without its GL back end: FASTIBL_GL=ON pip install . builds it, "
+        "with "
+        "Debian's libepoxy-dev, libegl-dev, libgles2 and libgl1-mesa-dri");
 #endif
-  throw py::value_error("backend must be \"cpu\" or \"gl\", got \"" + backend + "\"");
+  throw py::value_error("backend must be \"auto\", \"cpu\" or \"gl\", got \"" + backend + "\"");
 }
 
 // Longest edge of a holdout's triangle by the radius of the object, to hold its shadow by vertex.

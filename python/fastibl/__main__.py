@@ -27,8 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = build_parser().parse_args(argv)
     try:
         return arguments.run(arguments) or 0
-    except (OSError, ValueError, TypeError, LookupError, ImportError) as error:
-        print(f"fastibl: error: {error}", file=sys.stderr)
+    except (OSError, ValueError, TypeError, LookupError, ImportError, RuntimeError, MemoryError) as error:
+        print(f"fastibl: error: {error or type(error).__name__}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("fastibl: interrupted", file=sys.stderr)

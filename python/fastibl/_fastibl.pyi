@@ -23,6 +23,11 @@ class Pose:
         """
         From a rotation vector (axis times angle in radians, (3,)) and a translation in metres (3,). Raises ValueError for another shape or values that are not finite.
         """
+    @staticmethod
+    def look_at(eye: typing.Any, target: typing.Any, up: typing.Any = (0.0, 0.0, 1.0)) -> Pose:
+        """
+        camera_from_marker of a camera at `eye` that sees `target` in the middle of its picture, and `up` upwards: (3,) each, metres, marker frame. Along `up` it is some other way up. Raises ValueError for one and the same point, or what is not finite.
+        """
     def __array__(self, *args, **kwargs) -> numpy.typing.NDArray[numpy.float64]:
         ...
     def __copy__(self) -> Pose:

@@ -78,12 +78,12 @@ def _error_rows(result: DemoResult) -> list[tuple[str, str, str, str]]:
         row(
             "irradiance method alone",
             lambda r: _percent(r.method_error["irradiance"]),
-            "given the true map: sh9 against the paper's six faces",
+            "given the true map",
         ),
         row(
             "shadow method alone",
             lambda r: f"{r.method_error['shadow']:.3f}",
-            "given the true map, RMS of the ratio: both multiply caps of overlapping spheres, the paper's idea",
+            "given the true map, RMS of the ratio",
         ),
     ]
     for still in result.stills:

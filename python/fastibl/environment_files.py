@@ -90,10 +90,14 @@ def write_environment(
     handedness: of .ktx2. "left", as the format says and as three.js and Babylon.js look it up: a direction (x, y, z) of
     the axes is the cube coordinate (-x, y, z), and faces look as seen from inside. "right": it is (x, y, z), as in the
     layouts above.
-    Raises ValueError for another layout, axes, handedness or ending, ImportError for .exr without OpenEXR.
+    Raises TypeError for what is no map, ValueError for another layout, axes, handedness or ending, ImportError for .exr
+    without OpenEXR.
     """
     path = Path(path)
     radiance = cube.radiance if isinstance(cube, Environment) else cube
+    if not isinstance(radiance, CubeMap):
+        got = type(cube).__name__
+        raise TypeError(f"a CubeMap or an Environment is written, got {got}: CubeMap(faces) takes (6, n, n, 3) floats")
     if layout not in LAYOUTS:
         raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {layout!r}")
     if layout != "equirect" and height is not None:

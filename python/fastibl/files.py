@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
 from ._fastibl import Material, Mesh
+from .expected import expect
 from .file_limits import check_file_size
 
 _MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
@@ -81,6 +83,8 @@ def stand(mesh: Mesh, height: float) -> Mesh:
 
     Raises ValueError for a height that is not positive and finite, or a flat mesh.
     """
+    expect(mesh, Mesh, "mesh", "read_mesh reads files")
+    expect(height, Real, "height", "metres")
     if not (np.isfinite(height) and height > 0):
         raise ValueError(f"height must be positive and finite (metres), got {height}")
     vertices = mesh.vertices.astype(np.float64)

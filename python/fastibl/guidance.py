@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ._fastibl import Camera, CubeMap, Environment, Pose, texel_directions, texel_solid_angles
 from .comparison import level_at_most
+from .expected import expect
 from .panorama import panorama_rays, seen_map
 
 _GRID = 16  # texels along an edge of a face, for choosing
@@ -55,6 +56,7 @@ def guide(
     now; without them the best place of the whole sky is given. height: of the picture, pixels. Raises ValueError for
     a pose without a camera or the reverse, or a height below 16.
     """
+    expect(environment, Environment, "environment", "what a Capture or a Session holds")
     if (camera is None) != (camera_from_marker is None):
         raise ValueError("guide() needs both a camera and its pose, or neither")
     if height < 16:

@@ -15,6 +15,7 @@ from ._fastibl import (
     _Methods,
     _prefilter,
 )
+from .expected import expect
 
 STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow", "self_shadow", "bounce")
 AUTO, PAPER = _Methods._auto(), _Methods._paper()
@@ -147,6 +148,7 @@ class Lighting(_Lighting):
         previous: Lighting | None = None,
     ):
         radiance = cube.radiance if isinstance(cube, Environment) else cube
+        expect(radiance, CubeMap, "cube", "CubeMap(faces) takes (6, n, n, 3) floats")
         super().__init__(
             radiance,
             method_name("diffuse", diffuse),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -22,6 +23,7 @@ from ._fastibl import (
     _Session,
     with_gl,
 )
+from .expected import expect
 from .lighting import Lighting, Method, resolve_methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame
@@ -61,6 +63,7 @@ def make_plan(
     """
     if (camera is None) != (camera_from_marker is None):
         raise ValueError("camera and camera_from_marker must both be given, or neither")
+    expect(scene, Scene, "scene", "Scene(mesh, material) makes one")
     environment = _known(environment)
     if capture is None:
         capture = environment is None
@@ -100,6 +103,10 @@ def bake_shadow(scene: Scene) -> None:
 
 
 def _known(environment: Environment | CubeMap | None) -> Environment | None:
+    expect(
+        environment, (Environment, CubeMap, type(None)), "environment",
+        "read_environment reads files, CubeMap(faces) takes (6, n, n, 3) floats",
+    )  # fmt: skip
     return Environment(environment) if isinstance(environment, CubeMap) else environment
 
 
@@ -107,7 +114,8 @@ class Session(_Session):
     """Track, capture, light, shadow, shade and composite, frame by frame.
 
     scene: Scene. rig: Rig (or only its back camera's). board: Board, or None where every frame brings its pose.
-    environment: Environment or CubeMap to use instead of capturing. error, milliseconds: budgets of the plan.
+    environment: Environment or CubeMap to use instead of capturing. error, milliseconds: budgets of the plan, a share
+    of the picture's light (0.02 is 2 %) and processor time of a frame, all threads together.
     methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
     function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
     distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.
@@ -153,6 +161,11 @@ class Session(_Session):
         costs: Mapping[str, float] | None = None,
         offline: bool = False,
     ):
+        expect(scene, Scene, "scene", "Scene(mesh, material) makes one")
+        expect(rig, Rig, "rig", "Rig(camera) is one of a back camera alone")
+        expect(board, (_CoreBoard, type(None)), "board", "light that is known is given as environment=")
+        for name, number in (("error", error), ("milliseconds", milliseconds)):
+            expect(number, (Real, type(None)), name)
         environment = _known(environment)
         resolved = resolve_methods(methods)
         bakes = resolved.shadow == "mesh" or (resolved.shadow == "auto" and len(scene.spheres))
@@ -190,6 +203,7 @@ class Session(_Session):
         runs backwards, an attitude that is no rotation, or a frame with neither picture nor pose; TypeError for other
         dtypes.
         """
+        expect(frame, Frame, "frame", "Frame(time, back=picture) is one of a picture")
         return self._process(
             frame.time,
             frame.back,
@@ -207,6 +221,7 @@ class Session(_Session):
         A scene that has spheres but no baked_shadow gets one as in the constructor; give one that has it where a frame
         must not wait. Raises ValueError for a scene that cannot be drawn.
         """
+        expect(scene, Scene, "scene", "Scene(mesh, material) makes one")
         bake_shadow(scene)
         self._set_scene(scene)
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Board, Camera, CubeMap, Pose, Rig, cubemap_from_equirect, texel_directions, texel_solid_angles
+from .expected import expect
 from .recording import Frame, Recording, RecordingWriter, Truth
 from .room import OBJECT, TABLE, Room, _look_up, table_albedo, truth_map, wood
 from .shutter import Shutter, bands, row_times
@@ -442,7 +443,9 @@ def simulate(
     """
     if not (np.isfinite(seconds) and seconds > 0 and np.isfinite(fps) and fps > 0):
         raise ValueError(f"seconds and fps must be positive and finite, got {seconds} and {fps}")
-    if len(tuple(size)) != 2 or min(size) < 16:
+    expect(rig, (Rig, type(None)), "rig", "Rig(camera) is one of a back camera alone")
+    expect(size, (tuple, list), "size", "(width, height), pixels")
+    if len(size) != 2 or min(size) < 16:
         raise ValueError(f"size must be (width, height), each at least 16 pixels, got {size}")
     timing = Shutter(shutter, flicker, flicker_depth, glare, clock_offset)
     rig = default_rig(tuple(size)) if rig is None else rig

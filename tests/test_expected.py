@@ -1,0 +1,93 @@
+"""What is no array, or not the one that belongs there: errors that name what was expected and what came."""
+
+import numpy as np
+import pytest
+
+import fastibl
+
+FACES = np.ones((6, 8, 8, 3), np.float32)
+CUBE = fastibl.CubeMap(FACES)
+MESH = fastibl.shapes.figurine(0.1)
+SCENE = fastibl.Scene(MESH)
+CAMERA = fastibl.Camera(96, 72, 110.0, 110.0, 48.0, 36.0)
+RIG = fastibl.Rig(CAMERA)
+
+
+def session(**options):
+    return fastibl.Session(SCENE, RIG, environment=CUBE, **options)
+
+
+@pytest.mark.parametrize(
+    "call, told",
+    [
+        (lambda: fastibl.write_environment("x.hdr", FACES), "CubeMap.*got ndarray"),
+        (lambda: fastibl.Session(SCENE, RIG, CUBE), "board must be Board or None, got CubeMap: .*environment="),
+        (lambda: fastibl.Session(SCENE, CAMERA), r"rig must be Rig, got Camera: Rig\(camera\)"),
+        (lambda: fastibl.Session(MESH, RIG), r"scene must be Scene, got Mesh: Scene\(mesh"),
+        (lambda: fastibl.Session(SCENE, RIG, environment=FACES), "environment must be .*got ndarray.*CubeMap"),
+        (lambda: fastibl.Session(SCENE, RIG, environment="room.hdr"), "environment .*got str.*read_environment"),
+        (lambda: session(milliseconds="8"), "milliseconds must be a number or None, got str"),
+        (lambda: session().set_environment(3), "environment .*got int"),
+        (lambda: session().set_scene(MESH), "scene must be Scene, got Mesh"),
+        (lambda: session().process(FACES[0]), "frame must be Frame, got ndarray"),
+        (lambda: fastibl.make_plan(SCENE, "x"), "environment .*got str"),
+        (lambda: fastibl.make_plan(MESH), "scene must be Scene, got Mesh"),
+        (lambda: fastibl.Lighting(FACES), "cube must be CubeMap, got ndarray"),
+        (lambda: fastibl.stand("spot.obj", 0.2), "mesh must be Mesh, got str: read_mesh"),
+        (lambda: fastibl.stand(MESH, "20 cm"), "height must be a number, got str: metres"),
+        (lambda: fastibl.guide(CUBE), "environment must be Environment, got CubeMap"),
+        (lambda: fastibl.simulate(rig=CAMERA), "rig must be Rig or None, got Camera"),
+        (lambda: fastibl.simulate(size=640), r"size must be tuple or list, got int: \(width, height\)"),
+    ],
+)
+def test_what_came_is_named(call, told):
+    with pytest.raises(TypeError, match=told) as error:
+        call()
+    assert len(str(error.value)) < 200
+
+
+def test_an_error_budget_is_a_share():
+    with pytest.raises(ValueError, match="0.02 is 2 %.*got 2"):
+        fastibl.make_plan(SCENE, CUBE, error=2)
+    running = session()
+    with pytest.raises(ValueError, match="share"):
+        running.set_budgets(1.5, 0)
+    running.set_budgets(1.0, 0)
+
+
+def test_a_camera_looks_at_a_point():
+    for eye, target in (
+        ((0.1, -0.4, 0.3), (0.0, 0.0, 0.05)),
+        ((0.2, 0.1, 0.5), (0.2, 0.1, 0.0)),
+        ((0, 0, 0), (0, 0, 1.0)),
+    ):
+        eye, target = np.float64(eye), np.float64(target)
+        pose = fastibl.Pose.look_at(eye, target)
+        x, y, z = pose.rotation @ target + pose.translation
+        np.testing.assert_allclose((x, y, z), (0, 0, np.linalg.norm(target - eye)), atol=1e-12)
+        np.testing.assert_allclose(pose.inverse().translation, eye, atol=1e-12)
+        np.testing.assert_allclose(np.linalg.det(pose.rotation), 1)
+        if abs(target[0] - eye[0]) > 0:  # the marker's up is up in the picture, whose y runs down
+            assert (pose.rotation @ np.float64([0, 0, 1]))[1] < 0
+            assert abs((pose.rotation @ np.float64([0, 0, 1]))[0]) < 1e-12
+    for bad in (((0.0, 0, 0), (0.0, 0, 0)), ((0.0, 0, np.nan), (0.0, 0, 1))):
+        with pytest.raises(ValueError):
+            fastibl.Pose.look_at(*bad)
+
+
+def test_before_anything_is_judged_no_budget_is_said_to_be_kept():
+    text = str(session().plan)
+    assert "not judged yet" in text and "\nwithin" not in text
+    pose = fastibl.Pose()
+    after = session()
+    result = after.process(fastibl.Frame(0.0, back_from_marker=pose))
+    assert "not judged" not in str(result.plan) and " once\n" in str(result.plan)
+
+
+def test_the_command_line_says_what_cannot_be_done_without_a_traceback(tmp_path, capsys):
+    from fastibl.__main__ import main
+
+    path = tmp_path / "map.hdr"
+    fastibl.write_environment(path, CUBE)
+    assert main(["export", str(path), "--size", "100000000", "--out", str(tmp_path / "out")]) == 2
+    assert "fastibl: error:" in capsys.readouterr().err
