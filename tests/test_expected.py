@@ -37,6 +37,7 @@ def session(**options):
         (lambda: fastibl.stand(MESH, "20 cm"), "height must be a number, got str: metres"),
         (lambda: fastibl.guide(CUBE), "environment must be Environment, got CubeMap"),
         (lambda: fastibl.simulate(rig=CAMERA), "rig must be Rig or None, got Camera"),
+        (lambda: fastibl.Frame("now"), "time must be a number, got str: seconds"),
         (lambda: fastibl.simulate(size=640), r"size must be tuple or list, got int: \(width, height\)"),
     ],
 )
@@ -44,6 +45,13 @@ def test_what_came_is_named(call, told):
     with pytest.raises(TypeError, match=told) as error:
         call()
     assert len(str(error.value)) < 200
+
+
+def test_what_is_no_time_and_no_cost_is_named():
+    with pytest.raises(ValueError, match="finite seconds, got nan"):
+        session().process(fastibl.Frame(float("nan"), back_from_marker=fastibl.Pose()))
+    with pytest.raises(ValueError, match='no "rastre"'):
+        fastibl.make_plan(SCENE, CUBE, milliseconds=8, costs={"rastre": 1.0})
 
 
 def test_an_error_budget_is_a_share():

@@ -1,5 +1,6 @@
-// Offline relighting: one photograph whose pose is known, under a sun that goes round. Writes
-// relit-0.ppm …; with any map in place of sky(): of another hour, of another place.
+// Offline relighting: one photograph whose pose is known, under a sun that goes round and rises.
+// relight [FOLDER] writes relit-0.ppm … there; with any map in place of sky(): of another hour, of
+// another place.
 #include <fastibl/render/make_scene.h>
 #include <fastibl/render/session.h>
 
@@ -20,7 +21,7 @@ int main(int argc, char** argv) {
   const auto light = [](int quarter) {
     const float angle = float(quarter) * std::numbers::pi_v<float> / 2;
     return std::make_shared<const Environment>(
-        environment_from(sky({std::cos(angle), std::sin(angle), 0.5f})));
+        environment_from(sky({std::cos(angle), std::sin(angle), 0.3f + 0.2f * float(quarter)})));
   };
   SceneOptions baked;
   baked.bake_shadow = true;  // once; then every light casts it in about a millisecond

@@ -26,6 +26,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
@@ -33,6 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Board, Camera, CubeMap, Pose, Response, Rig
+from .expected import expect
 from .file_limits import check_file_size, check_pixels, file_bytes
 from .picture_headers import jpeg_size, png_size
 
@@ -66,6 +68,9 @@ class Frame:
     back_from_marker: Pose | None = None
     back_last_row: Pose | None = None
     attitude: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        expect(self.time, Real, "time", "seconds")
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Frame):

@@ -525,8 +525,9 @@ void Session::check_frame(const Frame& frame) const {
         "a pose of the last row needs one of the first and a back camera with a readout, got a "
         "readout of ",
         rig_.back.readout, " s");
-  check(std::isfinite(frame.time) && (!last_time_ || frame.time >= *last_time_),
-        "time must not run backwards: ", frame.time, " s after ", last_time_.value_or(0), " s");
+  check(std::isfinite(frame.time), "a frame's time must be finite seconds, got ", frame.time);
+  check(!last_time_ || frame.time >= *last_time_, "time must not run backwards: ", frame.time,
+        " s after ", last_time_.value_or(0), " s");
 }
 
 LightingOptions Session::lighting_options() const {
