@@ -74,3 +74,11 @@ def test_what_is_no_map_is_refused(marked):
         fastibl.compare("room.hdr", marked)
     with pytest.raises((TypeError, ValueError)):
         fastibl.compare(marked, None)
+
+
+def test_a_comparison_reads_like_a_table():
+    ones = np.ones((6, 8, 8, 3), np.float32)
+    text = str(fastibl.compare(1.1 * ones, ones))
+    print("\n" + text)
+    assert [line.split()[0] for line in text.splitlines()] == ["matte", "glossy", "mirror", "irradiance"]
+    assert all("10.00 %" in line for line in text.splitlines())

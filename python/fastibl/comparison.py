@@ -15,14 +15,24 @@ from ._fastibl import CubeMap, Environment, texel_directions, texel_solid_angles
 class Comparison:
     """Errors of what a matte (irradiance), a glossy (exponent 64) and a mirror sphere would show.
 
-    rmse: relative to the true mean. scale_invariant_rmse: the same after the best common factor. angular: mean angle
-    between estimated and true RGB, in degrees. median: median relative error of the irradiance over normals.
+    rmse: relative to the true mean (1e-12 for a black one). scale_invariant_rmse: the same after the best
+    common factor. angular: mean angle between estimated and true RGB, in degrees. median: median relative error of the
+    irradiance over normals. Printed, it is a line a sphere.
     """
 
     rmse: dict[str, float]
     scale_invariant_rmse: dict[str, float]
     angular: dict[str, float]
     median: float
+
+    def __str__(self) -> str:
+        lines = [
+            f"{name + ' sphere':14s} {100 * self.rmse[name]:.2f} % of the true mean (RMS), "
+            f"{100 * self.scale_invariant_rmse[name]:.2f} % after the best factor, "
+            f"{self.angular[name]:.2f} degrees of colour"
+            for name in self.rmse
+        ]
+        return "\n".join([*lines, f"irradiance     {100 * self.median:.2f} %, median over normals"])
 
 
 def _radiance(source: Any) -> CubeMap:

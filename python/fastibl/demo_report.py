@@ -155,7 +155,7 @@ with it, laid it over the camera's picture, and says here how wrong each step wa
 <p>A hand carries the rig around a board on a table ({result.times[-1]:.0f} s). The back camera sees the board, which gives the
 pose. Both cameras see the room; every picture paints the directions that it sees into an environment map, the front
 camera with three exposures 4 stops apart, so that lamps and windows keep their true brightness. {html.escape("; ".join(events).capitalize())}.
-The object ({100 * HEIGHT:.0f} cm high, {len(result.scene.mesh.triangles)} triangles, {len(result.scene.spheres)} shadow spheres) is lit by that map alone.
+The object ({100 * HEIGHT:.0f} cm high, {len(result.scene.mesh.triangles)} triangles; the paper takes {len(result.scene.spheres)} spheres for its shadow) is lit by that map alone.
 The room is simulated, so the truth is known: pose, light, and the picture that a perfect system would have made
 (every direction of the true map, visibility by rays).</p>
 <h2>Pictures</h2>{"".join(stills)}

@@ -435,7 +435,7 @@ void Session::choose_turn(const Frame& frame) {
   in_turns_ = time_.spreads() && continuous && !fixed_environment_ && environment_ && lighting_;
   if (!in_turns_) stale_ |= std::exchange(held_, 0), light_lag_ = 0;
   turns_.next({!frame.front.empty() && rig_.front, !frame.back.empty() && continuous, held_ != 0,
-               frame.time >= look_again_},
+               rotation_tracker_ && frame.time >= look_again_},
               in_turns_);
 }
 
