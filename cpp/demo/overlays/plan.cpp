@@ -23,6 +23,7 @@ void draw_plan(Canvas& canvas, const View& view) {
   std::vector<Line> lines = {{cut(budget(plan), columns), plan.meets_budget() ? kGreen : kOrange}};
   if (const std::optional<double> light = plan.light_error())
     lines.push_back({"the captured light: " + percent(*light) + " unsure"});
+  if (plan.light_in_turns) lines.push_back({"the light is made in turns, one step a frame"});
   for (const PlannedPass& p : plan.passes) {
     const std::string pass(name(p.pass.id));
     if (!p.included) {
