@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <numeric>
 
 #include "fastibl/core/lanes.h"
@@ -20,8 +21,8 @@ constexpr double kSurely = 0.8;  // from which no other one is looked for
 constexpr double kTurn = 0.25, kSlack = 4;
 constexpr int kData = kTagModules * kTagModules;
 
-// Codes of a part of the picture less kMiddle, 0 outside of it; rows are read when they are asked
-// for.
+// Codes of a part of the picture less kMiddle, 0 outside of it. Rows are read, and take memory,
+// when they are asked for: of a tag that fills a large picture few are.
 class Window {
  public:
   static constexpr float kMiddle = 128;
@@ -31,8 +32,9 @@ class Window {
   void place(int left, int top, int width, int height) {
     left_ = left, top_ = top, width_ = width;
     stride_ = std::size_t(width) + kLanes;  // whole registers are read from the last column, too
-    codes_.assign(stride_ * std::size_t(height), 0.f), inside_.assign(stride_, 0.f);
-    read_.assign(std::size_t(height), false);
+    if (const std::size_t size = stride_ * std::size_t(height); size > size_)
+      codes_ = std::make_unique_for_overwrite<float[]>(size), size_ = size;
+    inside_.assign(stride_, 0.f), read_.assign(std::size_t(height), false);
     for (int x = first(); x < last(); ++x) inside_[std::size_t(x - left)] = 1;
   }
   // From a column on; of a row that is in the picture.
@@ -48,19 +50,21 @@ class Window {
   int last() const { return std::min(left_ + width_, light_.width()); }
   void read(std::size_t row) {
     float* to = &codes_[row * stride_];
+    std::fill(to, to + stride_, 0.f);
     for (int x = first(); x < last(); ++x)
       to[x - left_] = float(light_.code(x, top_ + int(row))) - kMiddle;
   }
 
   const LightReader& light_;
   int left_ = 0, top_ = 0, width_ = 0;
-  std::size_t stride_ = 0;
-  std::vector<float> codes_, inside_;
+  std::size_t stride_ = 0, size_ = 0;
+  std::unique_ptr<float[]> codes_;
+  std::vector<float> inside_;
   std::vector<bool> read_;
 };
 
-// Correlation with a code of its modules' middles, white ones first, at `count` shifts to the
-// right, a multiple of 16.
+// Correlation with a code of its modules' middles, white ones first, at `count` shifts to the right
+// and some more, to whole registers.
 FASTIBL_CLONES void correlate(const float* const* codes, const float* const* inside, int whites,
                               int modules, int count, float* out) {
   for (int x = 0; x < count; x += kLanes) {
@@ -87,11 +91,12 @@ class Search {
   Search(const LightReader& light, const BoardPattern& pattern)
       : light_(light), pattern_(pattern), window_(light) {}
 
-  // The best within `reach` of a shift.
+  // The best within `reach` of a shift. No match of a tag that mostly lies beside the picture: it
+  // may be millions of pixels large.
   FoundTag best(std::span<const ProjectedTag> tags, std::size_t which, const glm::dvec2& centre,
                 double reach) {
     const ProjectedTag& tag = tags[which];
-    place_modules(tag);
+    if (!place_modules(tag)) return {which, centre, 0};
     const int r = int(std::ceil(reach)), cx = int(std::lround(centre.x)),
               cy = int(std::lround(centre.y));
     const auto [left, right] = std::minmax_element(
@@ -115,7 +120,8 @@ class Search {
   }
 
  private:
-  void place_modules(const ProjectedTag& tag) {
+  bool place_modules(const ProjectedTag& tag) {
+    const glm::dvec2 size(light_.width(), light_.height());
     const std::vector<bool>& black = pattern_.tags[tag.index].black;
     int white = 0, last = kData;
     for (int row = 0; row < kTagModules; ++row)
@@ -124,10 +130,12 @@ class Search {
             std::size_t((row + pattern_.border) * pattern_.nodes() + column + pattern_.border);
         const glm::dvec2 p =
             0.5 * (tag.nodes[node] + tag.nodes[node + std::size_t(pattern_.nodes()) + 1]);
+        if (!glm::all(glm::lessThan(glm::abs(p - 0.5 * size), size))) return false;  // or no number
         const bool is_black = black[std::size_t(row * kTagModules + column)];
         places_[is_black ? --last : white++] = {int(std::floor(p.x)), int(std::floor(p.y))};
       }
     whites_ = white;
+    return true;
   }
 
   void look(int cx, int cy, int reach_x, int reach_y, int step, FoundTag& found) {
