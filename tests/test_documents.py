@@ -35,7 +35,7 @@ def test_python_blocks_run(page, tmp_path, monkeypatch, capsys):
         exec(compile(code, str(ROOT / page), "exec"), names)
     printed = capsys.readouterr().out
     if page == "README.md":
-        assert "composite" in printed and "Comparison(" in printed
+        assert "composite" in printed and "median over normals" in printed
 
 
 def options_of(parser):
