@@ -19,7 +19,7 @@ from fastibl.pictures import read_picture, write_picture
 
 
 def exr():
-    pytest.importorskip("OpenEXR", reason="pip install '.[exr]'")
+    pytest.importorskip("OpenEXR", reason="pip install fastibl[exr]")
 
 
 @pytest.fixture(params=["hdr", "exr"])
@@ -233,7 +233,7 @@ def test_bad_input_is_refused(marked, tmp_path, monkeypatch):
         return real(name, *rest, **options)
 
     monkeypatch.setattr(builtins, "__import__", without_openexr)
-    same_error(lambda: write(tmp_path / "a.exr", marked), ImportError, "'.[exr]'")
+    same_error(lambda: write(tmp_path / "a.exr", marked), ImportError, "fastibl[exr]")
 
 
 def test_a_broken_exr_is_refused(tmp_path):

@@ -22,7 +22,7 @@ def _openexr() -> Any:
     try:
         import OpenEXR
     except ImportError as error:
-        raise ImportError("reading and writing .exr needs OpenEXR: pip install '.[exr]'") from error
+        raise ImportError("reading and writing .exr needs OpenEXR: pip install fastibl[exr]") from error
     return OpenEXR
 
 

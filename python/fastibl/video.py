@@ -27,7 +27,7 @@ class VideoWriter:
         try:
             import av
         except ImportError as error:
-            raise ImportError("writing videos needs PyAV: pip install '.[video]'") from error
+            raise ImportError("writing videos needs PyAV: pip install fastibl[video]") from error
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._av, self._shape = av, ()
         self._container = av.open(str(self.path), "w")

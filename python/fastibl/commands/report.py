@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
-        raise ValueError("the report needs matplotlib: pip install '.[report]'") from error
+        raise ValueError("the report needs matplotlib: pip install fastibl[report]") from error
     return _measured(arguments, old)
 
 
