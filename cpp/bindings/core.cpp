@@ -52,8 +52,8 @@ integers or objects. Without an argument: the identity.)")
           },
           py::arg("eye"), py::arg("target"), py::arg("up") = py::make_tuple(0.0, 0.0, 1.0),
           "camera_from_marker of a camera at `eye` that sees `target` in the middle of its "
-          "picture, "
-          "and `up` upwards: (3,) each, metres, marker frame. Along `up` it is some other way up. "
+          "picture, and `up` upwards: (3,) each, metres, marker frame. Along `up` it is some other "
+          "way up. "
           "Raises ValueError for one and the same point, or what is not finite.")
       .def_property_readonly(
           "matrix", [](const Pose& p) { return matrix_array(p.matrix()); },

@@ -13,15 +13,13 @@ namespace fastibl::bindings {
 // Those of the names that are there; the rest are the built-in ones.
 inline Costs costs_from(const std::map<std::string, double>& given) {
   Costs costs;
-  std::size_t taken = 0;
-  for (const CostField& field : cost_fields())
-    if (const auto found = given.find(std::string(field.name)); found != given.end())
-      costs.*field.value = found->second, ++taken;
-  if (taken == given.size()) return costs;
-  for (const auto& [name, value] : given)
-    check(std::any_of(cost_fields().begin(), cost_fields().end(),
-                      [&](const CostField& field) { return field.name == name; }),
-          "costs has no \"", name, "\"; fastibl.default_costs() has all names");
+  for (const auto& [name, value] : given) {
+    const auto field = std::find_if(cost_fields().begin(), cost_fields().end(),
+                                    [&](const CostField& f) { return f.name == name; });
+    check(field != cost_fields().end(), "costs has no \"", name,
+          "\"; fastibl.default_costs() has all names");
+    costs.*field->value = value;
+  }
   return costs;
 }
 inline std::map<std::string, double> costs_map(const Costs& costs) {

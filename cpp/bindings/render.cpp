@@ -24,8 +24,7 @@ std::unique_ptr<Renderer> renderer_named(const std::string& backend) {
   if (backend == "gl")
     throw std::runtime_error(
         "this fastibl was built without its GL back end: FASTIBL_GL=ON pip install . builds it, "
-        "with "
-        "Debian's libepoxy-dev, libegl-dev, libgles2 and libgl1-mesa-dri");
+        "with Debian's libepoxy-dev, libegl-dev, libgles2 and libgl1-mesa-dri");
 #endif
   throw py::value_error("backend must be \"auto\", \"cpu\" or \"gl\", got \"" + backend + "\"");
 }

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from . import dds, ktx2
 from ._fastibl import CubeMap, Environment, Response, cubemap_from_equirect, equirect_from_cubemap
 from .axes import from_axes, handed, matrix, to_axes, turned
+from .expected import expect
 from .pictures import read_picture, write_picture
 
 LAYOUTS = ("equirect", "faces", "strip", "cross")
@@ -95,9 +96,7 @@ def write_environment(
     """
     path = Path(path)
     radiance = cube.radiance if isinstance(cube, Environment) else cube
-    if not isinstance(radiance, CubeMap):
-        got = type(cube).__name__
-        raise TypeError(f"a CubeMap or an Environment is written, got {got}: CubeMap(faces) takes (6, n, n, 3) floats")
+    expect(radiance, CubeMap, "cube", "CubeMap(faces) takes (6, n, n, 3) floats")
     if layout not in LAYOUTS:
         raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {layout!r}")
     if layout != "equirect" and height is not None:

@@ -656,12 +656,11 @@ FrameResult Session::process(const Frame& frame) {
     held_ |= after & ~stale_, stale_ &= ~product::light_pictures;
     run(due);
   }
-  const std::vector<glm::vec3> light_before =
-      in_turns_ ? faces_of(environment_->radiance) : std::vector<glm::vec3>();
-  if (in_turns_ && turns_.takes(LightStep::light)) stale_ |= std::exchange(held_, 0);
+  const bool lights = in_turns_ && turns_.takes(LightStep::light);
+  const std::shared_ptr<const Environment> before = environment_;
+  if (lights) stale_ |= std::exchange(held_, 0);
   run(due_passes(plan_, wanted, stale_));
-  if (in_turns_ && turns_.takes(LightStep::light))
-    light_lag_ = difference(faces_of(environment_->radiance), light_before);
+  if (lights) light_lag_ = difference(faces_of(environment_->radiance), faces_of(before->radiance));
   ++since_measured_, ++since_set_;
   if (!fixed_environment_ && environment_)
     measure_due_ = measure_due_ || measured_light_.empty() ||

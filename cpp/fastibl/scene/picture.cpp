@@ -52,8 +52,8 @@ Image<float> linear_from(const Picture& picture, const Response& response) {
 Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response) {
   const int count = 3 * picture.width;
   if (picture.type == PixelType::uint8) {
-    Image<std::uint8_t> out(picture.width, 0, 3);
-    out.height = picture.height;
+    Image<std::uint8_t> out;
+    out.width = picture.width, out.height = picture.height;
     out.data.reserve(std::size_t(count) * std::size_t(picture.height));
     for (int y = 0; y < picture.height; ++y)
       out.data.insert(out.data.end(), picture.row(y), picture.row(y) + count);

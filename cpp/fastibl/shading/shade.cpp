@@ -339,7 +339,7 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
   constexpr int kStretch = 64;  // pixels that are blended together
   parallel_for(area.y1 - area.y0, 16, [&](int begin, int end) {
     const int width = area.x1 - area.x0;
-    std::vector<glm::vec3> ratios(std::size_t(width), glm::vec3(1));
+    std::vector<glm::vec3> ratios(static_cast<std::size_t>(width));
     std::array<glm::vec3, kStretch> before, after;
     std::array<std::uint8_t, 3 * kStretch> codes;
     for (int y = area.y0 + begin; y < area.y0 + end; ++y) {

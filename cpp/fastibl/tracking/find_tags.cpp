@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <memory>
 #include <numeric>
 
@@ -15,7 +14,6 @@ namespace {
 
 constexpr std::size_t kAnchors = 4;  // largest tags, one of which has to be found
 constexpr std::size_t kMostTags = 48;
-constexpr double kFound = 0.6;   // code_match() of a tag that is itself; others reach 0.39
 constexpr double kSurely = 0.8;  // from which no other one is looked for
 // By so much of the way from one tag to the next their shifts may differ, and pixels.
 constexpr double kTurn = 0.25, kSlack = 4;
@@ -82,10 +80,6 @@ FASTIBL_CLONES void correlate(const float* const* codes, const float* const* ins
   }
 }
 
-struct Place {
-  int x, y;
-};
-
 class Search {
  public:
   Search(const LightReader& light, const BoardPattern& pattern)
@@ -99,10 +93,12 @@ class Search {
     if (!place_modules(tag)) return {which, centre, 0};
     const int r = int(std::ceil(reach)), cx = int(std::lround(centre.x)),
               cy = int(std::lround(centre.y));
-    const auto [left, right] = std::minmax_element(
-        places_, places_ + kData, [](const Place& a, const Place& b) { return a.x < b.x; });
-    const auto [top, bottom] = std::minmax_element(
-        places_, places_ + kData, [](const Place& a, const Place& b) { return a.y < b.y; });
+    const auto [left, right] =
+        std::minmax_element(places_, places_ + kData,
+                            [](const glm::ivec2& a, const glm::ivec2& b) { return a.x < b.x; });
+    const auto [top, bottom] =
+        std::minmax_element(places_, places_ + kData,
+                            [](const glm::ivec2& a, const glm::ivec2& b) { return a.y < b.y; });
     window_.place(left->x + cx - r, top->y + cy - r, right->x - left->x + 2 * r + 1,
                   bottom->y - top->y + 2 * r + 1);
     FoundTag found{which, centre, 0};
@@ -126,10 +122,7 @@ class Search {
     int white = 0, last = kData;
     for (int row = 0; row < kTagModules; ++row)
       for (int column = 0; column < kTagModules; ++column) {
-        const auto node =
-            std::size_t((row + pattern_.border) * pattern_.nodes() + column + pattern_.border);
-        const glm::dvec2 p =
-            0.5 * (tag.nodes[node] + tag.nodes[node + std::size_t(pattern_.nodes()) + 1]);
+        const glm::dvec2 p = module_middle(pattern_, tag, row, column);
         if (!glm::all(glm::lessThan(glm::abs(p - 0.5 * size), size))) return false;  // or no number
         const bool is_black = black[std::size_t(row * kTagModules + column)];
         places_[is_black ? --last : white++] = {int(std::floor(p.x)), int(std::floor(p.y))};
@@ -145,7 +138,7 @@ class Search {
     for (int y = cy - reach_y; y <= cy + reach_y; y += step) {
       int modules = 0, whites = 0;
       for (int k = 0; k < kData; ++k) {
-        const Place at{places_[k].x + first, places_[k].y + y};
+        const glm::ivec2 at = places_[k] + glm::ivec2(first, y);
         if (at.y < 0 || at.y >= light_.height()) continue;
         codes[modules] = window_.codes(at.x, at.y), inside[modules++] = window_.inside(at.x);
         whites += k < whites_;
@@ -160,7 +153,7 @@ class Search {
   const LightReader& light_;
   const BoardPattern& pattern_;
   Window window_;
-  Place places_[kData];
+  glm::ivec2 places_[kData];
   int whites_ = 0;
   std::vector<float> matches_;
 };
@@ -183,7 +176,7 @@ std::vector<FoundTag> find_tags(const LightReader& light, const BoardPattern& pa
     const FoundTag found = search.best(tags, left[k], glm::dvec2(0), radius);
     if (found.match > anchor.match) anchor = found;
   }
-  if (anchor.match < kFound) return {};
+  if (anchor.match < kCodeSeen) return {};
   std::vector<FoundTag> found = {anchor};
   std::erase(left, anchor.which);
   // How far each is from the nearest that was found, and which that is.
@@ -206,7 +199,7 @@ std::vector<FoundTag> find_tags(const LightReader& light, const BoardPattern& pa
     FoundTag tag = search.best(tags, which, shift, kSlack);
     if (tag.match < kSurely)
       tag = search.best(tags, which, shift, std::min(radius, kSlack + kTurn * away[which]));
-    if (tag.match < kFound) continue;
+    if (tag.match < kCodeSeen) continue;
     found.push_back(tag);
     measure();
   }

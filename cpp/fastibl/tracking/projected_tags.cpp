@@ -81,14 +81,18 @@ double middle_share(const BoardPattern& pattern, const Camera& camera, const Len
   return count > 0 ? sum / count : 0.5;
 }
 
+glm::dvec2 module_middle(const BoardPattern& pattern, const ProjectedTag& tag, int row,
+                         int column) {
+  const auto node = std::size_t((row + pattern.border) * pattern.nodes() + column + pattern.border);
+  return 0.5 * (tag.nodes[node] + tag.nodes[node + std::size_t(pattern.nodes()) + 1]);
+}
+
 double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag) {
   const std::vector<bool>& black = pattern.tags[tag.index].black;
   int count = 0, whites = 0, sum = 0, squares = 0, white_sum = 0;
   for (int row = 0; row < kTagModules; ++row)
     for (int column = 0; column < kTagModules; ++column) {
-      const int node = (row + pattern.border) * pattern.nodes() + column + pattern.border;
-      const glm::dvec2 p =
-          0.5 * (tag.nodes[std::size_t(node)] + tag.nodes[std::size_t(node + pattern.nodes() + 1)]);
+      const glm::dvec2 p = module_middle(pattern, tag, row, column);
       if (!(p.x >= 0 && p.y >= 0 && p.x < light.width() && p.y < light.height())) continue;
       const int v = light.code(int(p.x), int(p.y));
       ++count, sum += v, squares += v * v;

@@ -26,6 +26,11 @@ std::vector<ProjectedTag> project_tags(const BoardPattern& pattern, const Camera
 double middle_share(const BoardPattern& pattern, const Camera& camera, const Lens& lens,
                     const Pose& camera_from_marker);
 
+// Middle of a data module, pixels.
+glm::dvec2 module_middle(const BoardPattern& pattern, const ProjectedTag& tag, int row, int column);
+
+inline constexpr double kCodeSeen = 0.6;  // code_match() of a tag that is itself
+
 // Correlation of the picture at the data modules with the tag's code, −1 to 1; other codes of the
 // family reach 0.39. 0 where less than half of the tag is in the picture, or it is uniform there.
 double code_match(const LightReader& light, const BoardPattern& pattern, const ProjectedTag& tag);
