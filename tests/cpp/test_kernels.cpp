@@ -17,6 +17,7 @@
 #include "fastibl/shading/light_pieces.h"
 #include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/sample_cells.h"
+#include "fastibl/tracking/find_tags.h"
 
 using namespace fastibl;
 
@@ -180,6 +181,19 @@ TEST_CASE("a triangle's values between its corners are those of exact arithmetic
   }
   MESSAGE(slivers, " slivers");
   CHECK(slivers > 100);
+}
+
+TEST_CASE("a tag that is projected millions of pixels large is no match, and costs no memory") {
+  const BoardPattern pattern = pattern_of(Board::default_board());
+  const Image<std::uint8_t> picture(640, 480, 1, 100);
+  const LightTable table(Response::srgb(), 1);
+  const LightReader light(picture.view(), table);
+  for (const double size : {1e3, 1e6, 1e9, 1e15}) {
+    ProjectedTag tag{0, {}, size};
+    const int n = pattern.nodes();
+    for (int k = 0; k < n * n; ++k) tag.nodes.push_back(size * glm::dvec2(k % n - 3, k / n - 3));
+    CHECK(find_tags(light, pattern, {&tag, 1}, 64).empty());
+  }
 }
 
 TEST_CASE("bits of hidden cells are those of the runs, on finer and coarser grids") {
