@@ -4,8 +4,8 @@
 
 namespace fastibl {
 
-const std::array<CostField, 38>& cost_fields() {
-  static constexpr std::array<CostField, 38> fields = {
+const std::array<CostField, 39>& cost_fields() {
+  static constexpr std::array<CostField, 39> fields = {
       {{"fold", &Costs::fold},
        {"faces", &Costs::faces},
        {"sh9", &Costs::sh9},
@@ -30,6 +30,7 @@ const std::array<CostField, 38>& cost_fields() {
        {"raster_vertex", &Costs::raster_vertex},
        {"composite_pixel", &Costs::composite_pixel},
        {"shadow_pixel", &Costs::shadow_pixel},
+       {"shadow_texel", &Costs::shadow_texel},
        {"mesh_shadow", &Costs::mesh_shadow},
        {"fine_shadow", &Costs::fine_shadow},
        {"direction", &Costs::direction},
@@ -37,7 +38,7 @@ const std::array<CostField, 38>& cost_fields() {
        {"cells", &Costs::cells},
        {"share_edge", &Costs::share_edge},
        {"glossy_vertex", &Costs::glossy_vertex},
-       {"glossy_share", &Costs::glossy_share},
+       {"glossy_group", &Costs::glossy_group},
        {"traced_pixel", &Costs::traced_pixel},
        {"bounce", &Costs::bounce},
        {"bounce_group", &Costs::bounce_group},
@@ -93,11 +94,10 @@ double diffuse_pixel(const Costs& c, const Methods& m) {
   }
 }
 
-double glossy_pixel(const Costs& c, const Methods& m, bool pbr) {
-  constexpr int kLights = 4;  // that a map has, about
+double glossy_pixel(const Costs& c, const Methods& m, const Workload& w) {
   const GlossySettings& s = m.glossy_settings;
-  const double lights = c.light * (s.lights < 0 ? kLights : s.lights);
-  if (pbr && m.glossy != GlossyMethod::sampled) return c.ggx;
+  const double lights = c.light * (s.lights < 0 ? w.lights : std::min(s.lights, w.lights));
+  if (w.pbr && m.glossy != GlossyMethod::sampled) return c.ggx;
   switch (m.glossy) {
     case GlossyMethod::mip:
       return c.mip;
@@ -165,14 +165,15 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
     case PassId::shade:
       ns = c.raster_vertex * w.vertices +
            w.object_pixels * (c.raster_pixel + (w.diffuse ? diffuse_pixel(c, m) : 0) +
-                              (w.glossy ? glossy_pixel(c, m, w.pbr) : 0)) +
+                              (w.glossy ? glossy_pixel(c, m, w) : 0)) +
            (w.glossy && transfer ? c.glossy_vertex * w.vertices : 0);
       if (m.self_shadow == SelfShadowMethod::traced) ns += c.traced_pixel * w.object_pixels;
       if (m.self_shadow == SelfShadowMethod::pixel_transfer && w.glossy)
-        ns += c.glossy_share * w.object_pixels;
+        ns += c.glossy_group * w.lobe_groups * w.object_pixels;
       break;
     case PassId::composite:
       ns = c.composite_pixel * pixels + c.shadow_pixel * w.shadow_pixels;
+      if (w.light_changes) ns += c.shadow_texel * shadow_texels(m);
       break;
     default:
       break;

@@ -20,10 +20,11 @@ struct Costs {
   double mip = 8.5, look_up = 15, more_look_ups = 9.6, light = 7.7, sample = 39, ggx = 610;
   double raster_pixel = 47, raster_vertex = 220;
   double composite_pixel = 2.2, shadow_pixel = 3.2;
+  double shadow_texel = 2;  // made ready to be looked up
   // Of the shadow: of a baked mesh, with a finer map, of one direction.
   double mesh_shadow = 370e3, fine_shadow = 1.95e6, direction = 3.5e3, caps = 7.8e6;
   // Of what the object hides of itself.
-  double cells = 90e3, share_edge = 1, glossy_vertex = 205, glossy_share = 180, traced_pixel = 25e3;
+  double cells = 90e3, share_edge = 1, glossy_vertex = 205, glossy_group = 20, traced_pixel = 25e3;
   double bounce = 175e3, bounce_group = 3.2, plane_texel = 4.1;
   // Of cameras' pictures.
   double track = 1.4e6, capture_pixel = 3;
@@ -34,14 +35,16 @@ struct CostField {
   double Costs::*value;
 };
 // All of them, for files and printing.
-const std::array<CostField, 38>& cost_fields();
+const std::array<CostField, 39>& cost_fields();
 
 // What there is to do in a frame.
 struct Workload {
   int width = 640, height = 480;  // of the picture
-  double object_pixels = 25000, shadow_pixels = 245000;
+  double object_pixels = 25000, shadow_pixels = 307200;  // the latter: of the plane
   int vertices = 3000;
   double edges = 240e3, groups = 110e3;  // of VertexVisibility, and of PlaneExchange
+  double lobe_groups = 12;               // of cells, see shading/lobe_cells.h
+  int lights = 4;                        // that are taken out of a chain, at most
   bool light_changes = true;             // every frame, as where it is captured
   bool pbr = false, glossy = true, diffuse = true;
 };

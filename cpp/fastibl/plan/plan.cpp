@@ -231,11 +231,12 @@ void set_measured_error(const Choice& choice, const MeasuredErrors& measured, co
 }  // namespace
 
 Workload workload_of(const Scene& scene, int width, int height, bool light_changes) {
-  constexpr double kObject = 0.1, kShadow = 0.8;
+  constexpr double kObject = 0.1;
   constexpr double kGroups = 36;  // a vertex: 25 to 46 in five meshes
   Workload work;
   work.width = width, work.height = height;
-  work.object_pixels = kObject * width * height, work.shadow_pixels = kShadow * width * height;
+  work.object_pixels = kObject * width * height;
+  work.shadow_pixels = scene.casts_shadow() ? double(width) * height : 0;
   work.vertices = int(scene.mesh.vertices.size()), work.light_changes = light_changes;
   work.edges = scene.directions ? double(scene.directions->edges.size()) : 0;
   work.groups = kGroups * work.vertices;
@@ -290,6 +291,8 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
   plan.methods = options.methods;
   Workload work = options.workload;
   if (options.object_pixels) work.object_pixels = *options.object_pixels;
+  if (options.lighting && options.lighting->chain)
+    work.lights = int(options.lighting->chain->lights.size());
   const std::optional<Choice> choice =
       chosen(scene, options, options.milliseconds > 0 ? work : options.workload);
   if (choice) {

@@ -102,8 +102,12 @@ LightingOptions glossy_by(GlossyMethod method, GlossySettings settings = {}) {
   return options;
 }
 
-double fit(const Maps& maps, const LightingOptions& options) {
-  return nanoseconds([&](int k) { fit_lighting(maps[std::size_t(k % 2)], options); });
+// As one map after the other is fitted.
+double fit(const Maps& maps, LightingOptions options) {
+  options.follows = true;
+  Lighting last = fit_lighting(maps[1], options);
+  return nanoseconds(
+      [&](int k) { last = fit_lighting(maps[std::size_t(k % 2)], options, &last); });
 }
 
 void measure_fits(const Maps& all, Costs& costs) {
@@ -124,6 +128,22 @@ void measure_fits(const Maps& all, Costs& costs) {
   const ProcessorClock clock;
   fit_lighting(all[0], glossy_by(GlossyMethod::prefiltered));
   costs.exact_chain = 1e9 * clock.seconds();
+}
+
+double texels(const ShadowMap& shadow) {
+  return double(shadow.ratio.data.size() + shadow.outer.data.size() + shadow.fine.data.size()) / 3;
+}
+
+// Bytes of a picture that gets brighter to the right, with a camera's noise.
+std::vector<std::uint8_t> noisy_picture(const Camera& camera) {
+  std::vector<std::uint8_t> bytes;
+  std::uint32_t noise = 1;
+  for (int y = 0; y < camera.height; ++y)
+    for (int i = 0; i < 3 * camera.width; ++i) {
+      noise = 1664525 * noise + 1013904223;
+      bytes.push_back(std::uint8_t(60 + 40 * i / camera.width + int(noise >> 28)));
+    }
+  return bytes;
 }
 
 struct View {
@@ -174,8 +194,10 @@ void measure_pixels(const Scene& scene, const Maps& all, Costs& costs) {
   costs.read_lobe = at_least((lobes - costs.read_sh9) / 8, 0.05);
   costs.mip = at_least(shading(mirror, glossy_by(GlossyMethod::mip)) - base, 1);
   costs.look_up = at_least(shading(mirror, glossy_by(GlossyMethod::centroid, {0, 0})) - base, 1);
-  const double lit = shading(mirror, glossy_by(GlossyMethod::centroid, {0, -1})) - base;
-  costs.light = at_least((lit - costs.look_up) / 4, 0);
+  const LightingOptions with_lights = glossy_by(GlossyMethod::centroid, {0, -1});
+  const double lit = shading(mirror, with_lights) - base;
+  const std::size_t lights = fit_lighting(all[0], with_lights).chain->lights.size();
+  costs.light = at_least((lit - costs.look_up) / at_least(double(lights), 1), 0);
   const double three = shading(mirror, glossy_by(GlossyMethod::stretched, {3, 0})) - base;
   costs.more_look_ups = at_least((three - costs.look_up) / 2, 1);
   costs.sample =
@@ -191,7 +213,7 @@ void measure_pixels(const Scene& scene, const Maps& all, Costs& costs) {
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
   const ShadowLookUp nothing{ShadowMap{}}, look_up(shadow);
   const PixelTable table(v.camera);
-  const std::vector<std::uint8_t> bytes(std::size_t(v.camera.width * v.camera.height * 3), 128);
+  const std::vector<std::uint8_t> bytes = noisy_picture(v.camera);
   Picture back;
   back.width = v.camera.width, back.height = v.camera.height;
   back.data = bytes.data(), back.row_bytes = 3 * v.camera.width;
@@ -200,7 +222,9 @@ void measure_pixels(const Scene& scene, const Maps& all, Costs& costs) {
       nanoseconds([&](int) { composite(back, 1, table, v.camera_from_marker, object, nothing); });
   const double shaded =
       nanoseconds([&](int) { composite(back, 1, table, v.camera_from_marker, object, look_up); });
+  const double ready = nanoseconds([&](int) { const ShadowLookUp again(shadow); });
   costs.composite_pixel = bare / all_pixels;
+  costs.shadow_texel = ready / texels(shadow);
   costs.shadow_pixel = at_least((shaded - bare) / all_pixels, 0.1);
 }
 
@@ -220,7 +244,8 @@ void measure_shadows(const Scene& scene, const Maps& all, Costs& costs) {
   costs.caps = shadow(ShadowMethod::cap_product, {});
 }
 
-// Of a picture of the ring, diffuse and glossy: shares by rays, and with every pixel's lobe.
+// Of a picture of the ring, diffuse and glossy: shares by rays, and with every pixel's lobe, by the
+// groups of cells in its reach.
 struct PixelShares {
   double traced, glossy;
 };
@@ -237,7 +262,8 @@ PixelShares pixel_shares(Scene scene, const CubeMap& map, const CellLight& light
   count = at_least(count, 1);
   GlossyPixelShares glossy;
   PixelShares costs{};
-  costs.glossy = nanoseconds([&](int) { glossy(scene, light, eye, seen); }) / count;
+  costs.glossy = nanoseconds([&](int) { glossy(scene, light, eye, seen); }) / count /
+                 lobe_groups(scene.material.lobe());
   const ProcessorClock clock;
   trace_shares(scene, map, eye, shares, seen);
   costs.traced = 1e9 * clock.seconds() / count;
@@ -262,7 +288,7 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
                         }) /
                         count;
   const PixelShares by_pixel = pixel_shares(scene, *all[0], light, shares);
-  costs.traced_pixel = by_pixel.traced, costs.glossy_share = by_pixel.glossy;
+  costs.traced_pixel = by_pixel.traced, costs.glossy_group = by_pixel.glossy;
   SceneShadow caster;
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
   const PlaneExchange exchange(scene.mesh, *scene.directions);
@@ -273,8 +299,8 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
   const double sums = nanoseconds([&](int) { exchange.onto_object(exchange.onto_plane(sent)); });
   costs.bounce_group = sums / double(std::max<std::size_t>(exchange.groups(), 1));
   costs.bounce = at_least(whole - sums, 1e3);
-  const double texels = double(shadow.ratio.data.size() + shadow.outer.data.size()) / 3;
-  costs.plane_texel = nanoseconds([&](int) { plane_gain(shadow, {}, bounce); }) / texels;
+  costs.plane_texel = nanoseconds([&](int) { plane_gain(shadow, {}, bounce); }) /
+                      texels(shadow);
 }
 
 }  // namespace

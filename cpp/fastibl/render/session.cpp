@@ -171,6 +171,8 @@ void Session::update_plan(bool choose) {
   options.costs = options_.costs;
   options.workload = workload_of(scene_, rig_.back.width, rig_.back.height, light_moves());
   if (exchange_) options.workload.groups = double(exchange_->groups());
+  options.workload.lobe_groups = lobe_groups(scene_.material.lobe());
+  if (!options_.cast_shadow) options.workload.shadow_pixels = 0;
   if (const std::optional<double> pixels = renderer_->shaded(); pixels && *pixels > 0)
     options.object_pixels = pixels;
   options.slowdown = time_.slowdown();

@@ -179,18 +179,40 @@ FASTIBL_CLONES void add_up_between(const Cells& cells, const Flux& flux, const V
 // Cells along an edge of which two are no wider than the lobe's standard deviation.
 int size_for(float width) { return width > 0.75f ? 16 : width > 0.24f ? 32 : kFinest; }
 
-}  // namespace
-
-LobeCells::LobeCells(const CellLight& light, const LobeShape& lobe) {
+// A lobe's exponent, the cells that it is summed over, and the cosine of what is in its reach.
+struct Reach {
+  float exponent, least;
+  int size;
+  const Cells* cells;
+};
+Reach reach_of(const LobeShape& lobe) {
   // Sharper ones fall between the middles of cells.
   constexpr float kSharpest = 3600, kWidest = 1e-2f;
-  const float exponent = std::clamp(lobe.exponent, kWidest, kSharpest);
-  const float width = 2 / std::sqrt(exponent);
-  size_ = size_for(width);
-  cells_ = &cells_of(size_);
+  Reach at{};
+  at.exponent = std::clamp(lobe.exponent, kWidest, kSharpest);
+  const float width = 2 / std::sqrt(at.exponent);
+  at.size = size_for(width);
+  at.cells = &cells_of(at.size);
+  const float reach = kReach * width + at.cells->radius;
+  at.least = reach < kPi ? std::cos(reach) : -2.0f;
+  return at;
+}
+
+}  // namespace
+
+double lobe_groups(const std::optional<LobeShape>& lobe) {
+  if (!lobe) return 0;
+  const Reach at = reach_of(*lobe);
+  const double near = std::min(0.5 * (1 - double(at.least)), 1.0) * at.cells->groups;
+  // Those of a GGX lobe's tail are cells of a coarser grid.
+  return 1 + near + (lobe->ggx ? (at.cells->groups - near) / kLanes : 0);
+}
+
+LobeCells::LobeCells(const CellLight& light, const LobeShape& lobe) {
+  const Reach at = reach_of(lobe);
+  size_ = at.size, cells_ = at.cells, least_ = at.least;
   flux_ = flux_of(light, cells_->x.size());
-  const float reach = kReach * width + cells_->radius;
-  least_ = reach < kPi ? std::cos(reach) : -2.0f;
+  const float exponent = at.exponent;
   ggx_ = lobe.ggx;
   half_exponent_ = ggx_ ? 0 : 0.5f * exponent;
   alpha2_ = 2 / exponent;

@@ -1,6 +1,7 @@
 // The light of a map under the lobe of a glossy surface, cell by cell of a VertexVisibility's grid.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "fastibl/core/vector.h"
@@ -13,6 +14,9 @@ namespace fastibl {
 inline constexpr float kMostTouched = 1 - 2e-5f;
 // Of a share that was interpolated between such ones: whether one of them was.
 inline bool is_touched(float share) { return share < 1 - 1e-6f; }
+
+// How many groups of 16 cells a share is summed over, about; 0 without a lobe.
+double lobe_groups(const std::optional<LobeShape>& lobe);
 
 class LobeCells {
  public:
