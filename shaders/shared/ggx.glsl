@@ -1,5 +1,5 @@
-// GGX reflection by a few taps, for C++ (through scene/shared_formulas.h) and GLSL ES 3.00. All vectors are in the
-// frame of tangent, bitangent and normal; alpha is (alpha_x, alpha_y) along the first two.
+// GGX reflection by a few taps, for C++ (through scene/shared_formulas.h) and GLSL ES 3.00. Needs shared/ggx_light.glsl.
+// All vectors are in the frame of tangent, bitangent and normal; alpha is (alpha_x, alpha_y) along the first two.
 //
 // Let s be the slopes of the half vector h = (−s, 1)/|…| and r = s/alpha. GGX's D is the density 1/(π (1 + r²)²) of r
 // (Walter 2007, Heitz 2014), so the lobe D G2 / (4 n·v) of reflected light is that density times
@@ -14,12 +14,6 @@ struct GgxLobe {
   float narrow;     // half the lobe's width across, radians
   float view_size;  // |A v|
 };
-
-FN float ggx_size(vec3 w, vec2 alpha) {
-  float x = alpha.x * w.x;
-  float y = alpha.y * w.y;
-  return sqrt(w.z * w.z + x * x + y * y);
-}
 
 // view: unit, may be below the horizon by interpolation; it is lifted to it.
 FN GgxLobe ggx_lobe(vec3 view, vec2 alpha) {
@@ -107,50 +101,6 @@ FN vec4 ggx_tap(GgxLobe lobe, vec4 part, vec3 centre) {
   return vec4(d.x, d.y, d.z, 1.2f * sqrt(max(1.0f - dot(mean, d), lobe.narrow * lobe.narrow)));
 }
 
-// The lobe D G2 / (4 n·v) towards l, averaged over a round light of this variance (radians², along each axis) around l.
-// Slopes over alpha are stereographic coordinates: a sphere's area there has the density of GGX's r, so that of a disc of
-// squared radius R², its middle at r, the average is that of a cap, 2/(π w (w + k)), k = 1 + r² − R², w² = k² + 4 R².
-// In slopes a light has half its radius in the plane of v and l, and half over v·h across it (the Jacobian of
-// reflection): it is a disc of the shorter axis, and the lobe is wider along the longer one. R² is such that the middle
-// of the lobe is exact.
-FN float ggx_light(GgxLobe lobe, vec3 l, float variance) {
-  vec3 v = lobe.view;
-  vec3 h = normalize(vec3(l.x + v.x, l.y + v.y, l.z + v.z + 1e-6f));
-  float hz = max(h.z, 1e-3f);
-  float vh = max(dot(v, h), 5e-2f);
-  // Across the plane of v and l; any where there is none. Without a branch, for loops over lights.
-  vec3 q = cross(v, l);
-  float any = dot(q, q) > 1e-10f ? 0.0f : 1.0f;
-  float first = abs(h.x) < 0.7f ? any : 0.0f;
-  q = q + cross(h, vec3(first, any - first, 0.0f));
-  q = q * (1.0f / sqrt(max(dot(q, q), 1e-20f)));
-  vec3 p = cross(q, h);
-  vec2 sp = vec2(p.x, p.y);
-  vec2 sq = vec2(q.x, q.y) / vh;
-  float ax = lobe.alpha.x * lobe.alpha.x;
-  float ay = lobe.alpha.y * lobe.alpha.y;
-  float xx = variance * (sp.x * sp.x + sq.x * sq.x);
-  float yy = variance * (sp.y * sp.y + sq.y * sq.y);
-  float xy = variance * (sp.x * sp.y + sq.x * sq.y);
-  // Squares of the light's axes over the lobe's.
-  float sum = 0.5f * (xx / ax + yy / ay);
-  float product = max(xx * yy - xy * xy, 0.0f) / (ax * ay);
-  float longer = sum + sqrt(max(sum * sum - product, 0.0f));
-  float shorter = product / max(longer, 1e-20f);
-  float wider = 1.0f + longer - shorter;
-  float radius2 = sqrt((1.0f + longer) * (1.0f + shorter) / wider) - 1.0f;
-  xx = ax + (xx - shorter * ax);
-  yy = ay + (yy - shorter * ay);
-  float det = ax * ay * wider;
-  float sx = h.x / hz;
-  float sy = h.y / hz;
-  float k = 1.0f - radius2 + (yy * sx * sx - 2.0f * xy * sx * sy + xx * sy * sy) / det;
-  float w = sqrt(k * k + 4.0f * radius2);
-  float d = 2.0f / (3.14159265f * sqrt(det) * w * (w + k) * hz * hz * hz * hz);
-  float up = max(l.z, 0.0f);
-  return d * 0.5f * up / max(v.z * ggx_size(l, lobe.alpha) + up * lobe.view_size, 1e-12f);
-}
-
 // MIP level whose trilinear look-up blurs by this standard deviation: half a texel (a box and a tent), where a texel
 // is the root of the mean solid angle.
 FN float blur_level(float face_size, float width) {
@@ -165,13 +115,6 @@ FN vec3 ggx_reflected(vec3 f0, vec2 albedo, vec3 front, vec3 edge) {
   float whole = max(albedo.x + albedo.y, 1e-4f);
   return (f0 * front + edge) * (1.0f + f0 * (1.0f / whole - 1.0f));
 }
-// (1 − v·h)^5 of unit vectors, h half-way from v to l. Never quite 0 nor 1, so that there is an average of each weight.
-FN float ggx_edge(vec3 l, vec3 v) {
-  float x = 1.0f - sqrt(clamp(0.5f + 0.5f * dot(l, v), 0.0f, 1.0f));
-  float x2 = x * x;
-  return 1e-6f + (1.0f - 2e-6f) * x2 * x2 * x;
-}
-
 // Where the table of the directional albedo is read, in [0, 1] along each axis: roughness from √0.02 to 1, cosine
 // (fine near grazing), azimuth from the tangent.
 FN vec3 ggx_albedo_coordinate(vec3 view, float roughness) {

@@ -1,5 +1,6 @@
 // What a pbr material is at a point of the surface, and the light it reads: GLSL's side of shading/shade.cpp and
 // scene/ggx.cpp. Needs shared/radiance.glsl, and for GLOSSY 7 shared/glossy_chain.glsl.
+#include "shared/ggx_light.glsl"
 #include "shared/ggx.glsl"
 #if GLOSSY == 8
 #include "shared/sampled_lobe.glsl"
@@ -173,7 +174,7 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, o
   edge *= albedo.y / total.y;
 #if GLOSSY == 7
   for (int j = 0; j < light_count; ++j) {
-    float value = left[j] / near[j] * gain[j] * ggx_light(lobe, towards[j], spread[j]);
+    float value = left[j] / near[j] * gain[j] * ggx_light(lobe.view, lobe.alpha, lobe.view_size, towards[j], spread[j]);
     float e = ggx_edge(towards[j], lobe.view);
     front += (1.0 - e) * value * light_flux[j].rgb;
     edge += e * value * light_flux[j].rgb;

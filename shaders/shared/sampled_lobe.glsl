@@ -1,5 +1,5 @@
 // Glossy light by filtered samples: as scene/sampled_lobe.cpp. Needs shared/radiance.glsl, for glTF's model
-// shared/ggx.glsl.
+// shared/ggx_light.glsl and shared/ggx.glsl.
 uniform int taps;
 #if GLOSSY == 5
 uniform float exponent;   // below infinity

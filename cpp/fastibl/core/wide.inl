@@ -40,6 +40,22 @@ FASTIBL_KERNEL_INLINE void store_vectors(float* p, Wide x, Wide y, Wide z) {
   _mm_storeu_ps(p + 16, _mm256_extractf128_ps(b, 1));
   _mm_storeu_ps(p + 20, _mm256_extractf128_ps(c, 1));
 }
+// Eight rows to eight columns.
+FASTIBL_KERNEL_INLINE void transpose(Wide (&r)[kWide]) {
+  Wide pairs[kWide], fours[kWide];
+  for (int k = 0; k < kWide; k += 2)
+    pairs[k] = _mm256_unpacklo_ps(r[k], r[k + 1]), pairs[k + 1] = _mm256_unpackhi_ps(r[k], r[k + 1]);
+  for (int k = 0; k < kWide; k += 4)
+    for (int h = 0; h < 2; ++h) {
+      const Wide a = pairs[k + h], b = pairs[k + 2 + h];
+      fours[k + 2 * h] = _mm256_shuffle_ps(a, b, _MM_SHUFFLE(1, 0, 1, 0));
+      fours[k + 2 * h + 1] = _mm256_shuffle_ps(a, b, _MM_SHUFFLE(3, 2, 3, 2));
+    }
+  for (int k = 0; k < kWide / 2; ++k) {
+    r[k] = _mm256_permute2f128_ps(fours[k], fours[k + 4], 0x20);
+    r[k + 4] = _mm256_permute2f128_ps(fours[k], fours[k + 4], 0x31);
+  }
+}
 
 #else
 
@@ -59,6 +75,13 @@ FASTIBL_KERNEL_INLINE void load_vectors(const float* p, Wide& x, Wide& y, Wide& 
 }
 FASTIBL_KERNEL_INLINE void store_vectors(float* p, Wide x, Wide y, Wide z) {
   for (int i = 0; i < kWide; ++i) p[3 * i] = x[i], p[3 * i + 1] = y[i], p[3 * i + 2] = z[i];
+}
+FASTIBL_KERNEL_INLINE void transpose(Wide (&r)[kWide]) {
+  for (int i = 0; i < kWide; ++i)
+    for (int k = 0; k < i; ++k) {
+      const float a = r[i][k];
+      r[i][k] = r[k][i], r[k][i] = a;
+    }
 }
 
 #endif

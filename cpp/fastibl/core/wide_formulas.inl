@@ -48,6 +48,23 @@ FASTIBL_KERNEL_INLINE Wide exp2(Wide x) {
   return sum * (Wide)((__builtin_convertvector(whole, WideInt) + 127) << 23);
 }
 
+FASTIBL_KERNEL_INLINE Wide abs(Wide a) { return larger(a, -a); }
+FASTIBL_KERNEL_INLINE Wide step(Wide edge, float x) { return x < edge ? Wide{} : repeat(1); }
+// log2 of a normal number, within 1e-6 and 1e-7 of the result.
+FASTIBL_KERNEL_INLINE Wide log2(Wide x) {
+  // x = 2^whole · m with m from √½ to √2.
+  const WideInt bits = (WideInt)x, whole = (bits - 0x3f3504f3) >> 23;
+  const Wide m = (Wide)(bits - (whole << 23));
+  const Wide t = (m - 1) / (m + 1), t2 = t * t;  // log m = 2 atanh t
+  Wide sum = repeat(2.8853901f / 9);
+  for (const float c : {2.8853901f / 7, 2.8853901f / 5, 2.8853901f / 3, 2.8853901f})
+    sum = multiply_add(sum, t2, repeat(c));
+  return multiply_add(t, sum, __builtin_convertvector(whole, Wide));
+}
+
+struct vec2 {
+  Wide x, y;
+};
 struct vec3 {
   Wide x, y, z;
 };
@@ -63,6 +80,7 @@ FASTIBL_KERNEL_INLINE vec3 max(vec3 a, float b) { return {max(a.x, b), max(a.y, 
 FASTIBL_KERNEL_INLINE Wide dot(vec3 a, vec3 b) {
   return multiply_add(a.x, b.x, multiply_add(a.y, b.y, a.z * b.z));
 }
+FASTIBL_KERNEL_INLINE vec3 normalize(vec3 a) { return (1 / sqrt(dot(a, a))) * a; }
 FASTIBL_KERNEL_INLINE vec3 cross(vec3 a, vec3 b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }

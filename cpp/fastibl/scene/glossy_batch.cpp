@@ -7,6 +7,7 @@
 #include "fastibl/core/check.h"
 #include "fastibl/core/wide.h"
 #include "fastibl/scene/glossy.h"
+#include "fastibl/scene/level_arrays.h"
 
 #ifdef FASTIBL_WITH_AVX2
 #include <immintrin.h>
@@ -14,15 +15,6 @@
 
 namespace fastibl {
 namespace {
-
-// Levels of a cube map, in memory with their borders.
-struct LevelArrays {
-  const float* texels[GlossyChain::kLevelCount];  // the border's first of face 0
-  float sizes[GlossyChain::kLevelCount];
-  void set(int k, const CubeLevel& level) {
-    texels[k] = &level.texel(0, -1, -1).x, sizes[k] = float(level.size());
-  }
-};
 
 struct ChainKernel {
   const GlossyLobe* lobe;
@@ -87,9 +79,8 @@ void GlossyShading::operator()(std::span<const glm::vec3> normals, std::span<con
                 mip_block(n, v, size, levels, level - float(fine), to);
               });
   } else {
-    ChainKernel kernel{&lobe_, &lights_, &lighting_->chain->harmonics[0].x, {}, {}};
-    for (int k = 0; k < GlossyChain::kLevelCount; ++k)
-      kernel.levels.set(k, lighting_->chain->level(k));
+    ChainKernel kernel{&lobe_, &lights_, &lighting_->chain->harmonics[0].x,
+                       arrays_of(*lighting_->chain), {}};
     for (int c = 0; c < 3; ++c) kernel.centre[c] = lighting_->near_lights.centre[c];
     by_blocks(normals, views, placed_ ? positions : std::span<const glm::vec3>(), out,
               [&](const float* n, const float* v, const float* p, int size, float* to) {

@@ -7,7 +7,6 @@
 namespace fastibl {
 namespace {
 
-constexpr float kLeastRoughness = 0.14142136f;  // of kSmallestAlpha
 constexpr float kRightAngle = 0.5f * std::numbers::pi_v<float>;
 
 }  // namespace

@@ -11,6 +11,7 @@
 #define REAL3 dvec3
 namespace fastibl::shared {
 using namespace glm;
+#include "shaders/shared/ggx_light.glsl"
 #include "shaders/shared/ggx.glsl"
 #include "shaders/shared/glossy.glsl"
 #include "shaders/shared/lens.glsl"

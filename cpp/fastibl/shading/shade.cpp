@@ -160,56 +160,85 @@ glm::vec3 with_holdout(glm::vec3 plane, float object, glm::vec4 h) {
   return (glm::vec3(h) + std::max(free - h.w, 0.0f) * plane) / free;
 }
 
-// What a pbr material is at one point.
-struct SurfacePoint {
-  glm::vec3 base_color, emission;
-  float metallic, roughness;
-  SurfaceFrame frame;  // of the mapped normal; the tangent is the rougher direction
-};
-
 glm::vec3 read_map(const std::shared_ptr<const SurfaceTexture>& map, const Fragment& f) {
   return map ? map->sample(f.uv, map->level_of(f.uv_dx, f.uv_dy)) : glm::vec3(1);
 }
 
+// What a pbr material is at one point.
+struct SurfacePoint {
+  glm::vec3 base_color, emission;
+  float metallic, roughness;
+};
 SurfacePoint point_of(const Fragment& f, const PbrMaterial& m) {
-  SurfacePoint p;
-  p.base_color = m.base_color * read_map(m.base_color_map, f);
-  p.emission = m.emission * read_map(m.emission_map, f);
-  p.metallic = m.metallic * read_map(m.metallic_map, f).x;
-  p.roughness = m.roughness * read_map(m.roughness_map, f).x;
-  const glm::vec3 tangent(f.tangent);
-  p.frame = frame_around(f.normal, tangent);
-  if (m.normal_map) {
-    glm::vec3 n = read_map(m.normal_map, f);
-    n.x *= m.normal_scale, n.y *= m.normal_scale * f.tangent.w;
-    const glm::vec3 bent = n.x * p.frame.tangent + n.y * p.frame.bitangent + n.z * p.frame.normal;
-    if (glm::dot(bent, bent) > 1e-12f) p.frame = frame_around(glm::normalize(bent), tangent);
-  }
-  if (m.anisotropy > 0 && m.anisotropy_rotation != 0) {
-    const float c = std::cos(m.anisotropy_rotation),
-                s = std::sin(m.anisotropy_rotation) * f.tangent.w;
-    p.frame = frame_around(p.frame.normal, c * p.frame.tangent + s * p.frame.bitangent);
-  }
-  return p;
+  return {m.base_color * read_map(m.base_color_map, f), m.emission * read_map(m.emission_map, f),
+          m.metallic * read_map(m.metallic_map, f).x, m.roughness * read_map(m.roughness_map, f).x};
 }
 
-glm::vec3 shade_pbr(const Fragment& f, const Material& material, const Lighting& lighting,
-                    const GgxShading& ggx, glm::vec3 eye) {
+glm::vec3 mapped_normal(const Fragment& f, const PbrMaterial& m) {
+  if (!m.normal_map) return f.normal;
+  const SurfaceFrame frame = frame_around(f.normal, glm::vec3(f.tangent));
+  glm::vec3 n = read_map(m.normal_map, f);
+  n.x *= m.normal_scale, n.y *= m.normal_scale * f.tangent.w;
+  const glm::vec3 bent = n.x * frame.tangent + n.y * frame.bitangent + n.z * frame.normal;
+  return glm::dot(bent, bent) > 1e-12f ? glm::normalize(bent) : f.normal;
+}
+// The tangent is the rougher direction.
+SurfaceFrame frame_of(const Fragment& f, const PbrMaterial& m, glm::vec3 normal) {
+  const SurfaceFrame frame = frame_around(normal, glm::vec3(f.tangent));
+  if (m.anisotropy == 0 || m.anisotropy_rotation == 0) return frame;
+  const float c = std::cos(m.anisotropy_rotation),
+              s = std::sin(m.anisotropy_rotation) * f.tangent.w;
+  return frame_around(normal, c * frame.tangent + s * frame.bitangent);
+}
+
+constexpr std::size_t kBatch = 256;  // fragments that are shaded together
+
+// At most kBatch.
+void shade_pbr(std::span<const Fragment> fragments, const Material& material,
+               const Lighting& lighting, const GgxShading& ggx, glm::vec3 eye,
+               std::span<glm::vec3> colours) {
   const PbrMaterial& m = *material.pbr;
-  const SurfacePoint p = point_of(f, m);
-  const glm::vec3 view = glm::normalize(eye - f.position);
-  const glm::vec3 local(glm::dot(view, p.frame.tangent), glm::dot(view, p.frame.bitangent),
-                        glm::dot(view, p.frame.normal));
-  const glm::vec2 albedo = material.albedo->sample(local, p.roughness);
-  const glm::vec3 diffuse = shared::pbr_diffuse(p.base_color, p.metallic, albedo);
-  glm::vec3 colour = p.emission;
-  if (diffuse != glm::vec3(0))
-    colour += diffuse * (glm::vec3(f.share) / kPi) * evaluate(lighting.irradiance, p.frame.normal);
-  const GgxLight light = ggx(p.frame, view, ggx_alpha(p.roughness, m.anisotropy),
-                             GgxOptions::for_shading(lighting, m.anisotropy), &f.position);
-  return colour + f.share.w * shared::pbr_reflected(p.base_color, p.metallic, albedo,
-                                                    light.front_light(albedo),
-                                                    light.edge_light(albedo));
+  const std::size_t count = fragments.size();
+  SurfacePoint points[kBatch];
+  glm::vec3 normals[kBatch], views[kBatch], positions[kBatch], irradiance[kBatch];
+  float alphas[kBatch];
+  glm::vec2 albedos[kBatch];
+  GgxLight lights[kBatch];
+  for (std::size_t i = 0; i < count; ++i) {
+    const Fragment& f = fragments[i];
+    points[i] = point_of(f, m), normals[i] = mapped_normal(f, m), positions[i] = f.position;
+    views[i] = glm::normalize(eye - f.position);
+  }
+  if (m.anisotropy == 0 && lighting.glossy != GlossyMethod::sampled) {  // round: no frame
+    for (std::size_t i = 0; i < count; ++i) {
+      alphas[i] = ggx_alpha(points[i].roughness, 0).x;
+      albedos[i] =
+          material.albedo->sample({0, 0, glm::dot(views[i], normals[i])}, points[i].roughness);
+    }
+    ggx({normals, count}, {views, count}, {alphas, count}, {positions, count}, {lights, count});
+  } else {
+    for (std::size_t i = 0; i < count; ++i) {
+      const SurfaceFrame frame = frame_of(fragments[i], m, normals[i]);
+      const glm::vec3 local(glm::dot(views[i], frame.tangent), glm::dot(views[i], frame.bitangent),
+                            glm::dot(views[i], normals[i]));
+      albedos[i] = material.albedo->sample(local, points[i].roughness);
+      lights[i] = ggx(frame, views[i], ggx_alpha(points[i].roughness, m.anisotropy),
+                      GgxOptions::for_shading(lighting, m.anisotropy), &positions[i]);
+    }
+  }
+  const bool diffuse = material.reads_irradiance();
+  if (diffuse) evaluate(lighting.irradiance, {normals, count}, {irradiance, count});
+  for (std::size_t i = 0; i < count; ++i) {
+    const SurfacePoint& p = points[i];
+    const glm::vec4 share = fragments[i].share;
+    colours[i] = p.emission;
+    if (diffuse)
+      colours[i] += shared::pbr_diffuse(p.base_color, p.metallic, albedos[i]) *
+                    (glm::vec3(share) / kPi) * irradiance[i];
+    colours[i] += share.w * shared::pbr_reflected(p.base_color, p.metallic, albedos[i],
+                                                  lights[i].front_light(albedos[i]),
+                                                  lights[i].edge_light(albedos[i]));
+  }
 }
 
 float exposure_at(const PixelTable& table, double exposure, int x, int y) {
@@ -249,18 +278,13 @@ SurfaceShading::SurfaceShading(const Material& material, const Lighting& lightin
 
 void SurfaceShading::operator()(std::span<const Fragment> fragments, glm::vec3 eye,
                                 std::span<glm::vec3> colours) const {
-  constexpr std::size_t kBatch = 256;
   const Material& m = *material_;
-  if (m.pbr) {
-    for (std::size_t i = 0; i < fragments.size(); ++i)
-      colours[i] = shade_pbr(fragments[i], m, *lighting_, ggx_, eye);
-    return;
-  }
   if (fragments.size() > kBatch) {
     const std::size_t rest = fragments.size() - kBatch;
     (*this)(fragments.first(kBatch), eye, colours.first(kBatch));
     return (*this)(fragments.last(rest), eye, colours.last(rest));
   }
+  if (m.pbr) return shade_pbr(fragments, m, *lighting_, ggx_, eye, colours);
   const bool diffuse = m.diffuse != glm::vec3(0), glossy = m.glossy != glm::vec3(0);
   glm::vec3 normals[kBatch], views[kBatch], positions[kBatch], light[kBatch];
   for (std::size_t i = 0; i < fragments.size(); ++i) {
