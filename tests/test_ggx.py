@@ -193,6 +193,31 @@ def test_a_degenerate_tangent_is_any_tangent():
         np.testing.assert_allclose(lighting.ggx(n, v, 0.5, tangents=tangents), plain, rtol=0.02)
 
 
+@pytest.mark.parametrize("lights", [0, 3])
+def test_round_lobes_together_are_those_alone(lights):
+    """Round ones are worked out eight at a time; beside one that is not round, each by itself."""
+    rng = np.random.default_rng(3)
+    faces = cube_of(soft, 64).faces.copy()
+    for face in range(lights):
+        faces[face, 20:23, 30:33] += 300
+    lighting = fastibl.Lighting(fastibl.CubeMap(faces))
+    assert (len(lighting.lights) > 0) == (lights > 0)
+    count = 1003  # no multiple of 8
+    n, v = unit(rng.normal(size=(2, count, 3)))
+    v[:20] = n[:20]  # head-on
+    roughness = rng.uniform(0, 1, count)
+    together = lighting.ggx(n, v, roughness)
+    alone = lighting.ggx(
+        np.vstack([n, n[:1]]), np.vstack([v, v[:1]]), np.append(roughness, 0.5), np.append(np.zeros(count), 0.4)
+    )[:-1]
+    off = np.abs(together - alone).max(axis=1) / alone.max(axis=1)
+    print(f"{len(lighting.lights)} lights: {off.max():.1e} apart at most, median {np.median(off):.1e}")
+    assert off.max() < 1e-4 and np.median(off) < 2e-6
+    np.testing.assert_array_equal(together[:5], lighting.ggx(n[:5], v[:5], roughness[:5]))
+    behind = lighting.ggx(n, -n, roughness)  # no direction is the view's along the surface
+    assert np.isfinite(behind).all() and (behind >= 0).all()
+
+
 def test_bad_input_is_named():
     lighting = fastibl.Lighting(WHITE)
     n, v = np.array([0, 0, 1.0]), np.array([0, 0, 1.0])

@@ -37,8 +37,8 @@ const std::array<CostField, 39>& cost_fields() {
        {"caps", &Costs::caps},
        {"cells", &Costs::cells},
        {"share_edge", &Costs::share_edge},
-       {"glossy_vertex", &Costs::glossy_vertex},
-       {"glossy_group", &Costs::glossy_group},
+       {"vertex_group", &Costs::vertex_group},
+       {"pixel_group", &Costs::pixel_group},
        {"traced_pixel", &Costs::traced_pixel},
        {"bounce", &Costs::bounce},
        {"bounce_group", &Costs::bounce_group},
@@ -134,6 +134,7 @@ double shadow_texels(const Methods& m) {
 }  // namespace
 
 double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Workload& w) {
+  constexpr double kTouched = 0.6;  // of an object's pixels: those whose lobes meet it
   const double pixels = double(w.width) * w.height;
   const bool transfer = knows_directions(m.self_shadow);
   double ns = 0;
@@ -166,10 +167,10 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
       ns = c.raster_vertex * w.vertices +
            w.object_pixels * (c.raster_pixel + (w.diffuse ? diffuse_pixel(c, m) : 0) +
                               (w.glossy ? glossy_pixel(c, m, w) : 0)) +
-           (w.glossy && transfer ? c.glossy_vertex * w.vertices : 0);
+           (w.glossy && transfer ? c.vertex_group * w.lobe_groups * w.entries : 0);
       if (m.self_shadow == SelfShadowMethod::traced) ns += c.traced_pixel * w.object_pixels;
       if (m.self_shadow == SelfShadowMethod::pixel_transfer && w.glossy)
-        ns += c.glossy_group * w.lobe_groups * w.object_pixels;
+        ns += c.pixel_group * w.lobe_groups * kTouched * w.object_pixels;
       break;
     case PassId::composite:
       ns = c.composite_pixel * pixels + c.shadow_pixel * w.shadow_pixels;

@@ -13,18 +13,19 @@ namespace fastibl {
 // that must not depend on where they are made; render/measure_costs.h measures others.
 struct Costs {
   // Of a map.
-  double fold = 82e3, faces = 5e3, sh9 = 10e3, lobes = 79e3, lobe = 29e3, cube = 162e3;
-  double chain = 1.14e6, lights = 0.87e6, exact_chain = 23e6, mips = 300e3;
+  double fold = 84e3, faces = 4e3, sh9 = 6e3, lobes = 79e3, lobe = 13e3, cube = 150e3;
+  double chain = 1.13e6, lights = 0.39e6, exact_chain = 23e6, mips = 300e3;
   // Of a pixel of the object, by what it reads.
   double read_faces = 1.8, read_sh9 = 1.5, read_lobe = 0.05, read_cube = 4.7;
-  double mip = 8.5, look_up = 15, more_look_ups = 9.6, light = 7.7, sample = 39, ggx = 610;
+  double mip = 8.5, look_up = 15, more_look_ups = 9.6, light = 3.9, sample = 39, ggx = 190;
   double raster_pixel = 47, raster_vertex = 220;
-  double composite_pixel = 2.2, shadow_pixel = 3.2;
+  double composite_pixel = 2.1, shadow_pixel = 3.2;
   double shadow_texel = 2;  // made ready to be looked up
   // Of the shadow: of a baked mesh, with a finer map, of one direction.
   double mesh_shadow = 370e3, fine_shadow = 1.95e6, direction = 3.5e3, caps = 7.8e6;
-  // Of what the object hides of itself.
-  double cells = 90e3, share_edge = 1, glossy_vertex = 205, glossy_group = 20, traced_pixel = 25e3;
+  // Of what the object hides of itself; of a lobe at a vertex and at a pixel, by Workload's groups.
+  double cells = 90e3, share_edge = 0.9, vertex_group = 18, pixel_group = 38;
+  double traced_pixel = 25e3;
   double bounce = 175e3, bounce_group = 3.2, plane_texel = 4.1;
   // Of cameras' pictures.
   double track = 1.4e6, capture_pixel = 3;
@@ -39,10 +40,11 @@ const std::array<CostField, 39>& cost_fields();
 
 // What there is to do in a frame.
 struct Workload {
-  int width = 640, height = 480;  // of the picture
+  int width = 640, height = 480;                         // of the picture
   double object_pixels = 25000, shadow_pixels = 307200;  // the latter: of the plane
   int vertices = 3000;
-  double edges = 240e3, groups = 110e3;  // of VertexVisibility, and of PlaneExchange
+  double entries = 3000, edges = 240e3;  // of VertexVisibility
+  double groups = 110e3;                 // of PlaneExchange
   double lobe_groups = 12;               // of cells, see shading/lobe_cells.h
   int lights = 4;                        // that are taken out of a chain, at most
   bool light_changes = true;             // every frame, as where it is captured

@@ -238,6 +238,7 @@ Workload workload_of(const Scene& scene, int width, int height, bool light_chang
   work.object_pixels = kObject * width * height;
   work.shadow_pixels = scene.casts_shadow() ? double(width) * height : 0;
   work.vertices = int(scene.mesh.vertices.size()), work.light_changes = light_changes;
+  work.entries = scene.directions ? double(scene.directions->entries()) : 0;
   work.edges = scene.directions ? double(scene.directions->edges.size()) : 0;
   work.groups = kGroups * work.vertices;
   work.pbr = scene.material.pbr != nullptr;

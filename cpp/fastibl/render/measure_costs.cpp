@@ -106,8 +106,7 @@ LightingOptions glossy_by(GlossyMethod method, GlossySettings settings = {}) {
 double fit(const Maps& maps, LightingOptions options) {
   options.follows = true;
   Lighting last = fit_lighting(maps[1], options);
-  return nanoseconds(
-      [&](int k) { last = fit_lighting(maps[std::size_t(k % 2)], options, &last); });
+  return nanoseconds([&](int k) { last = fit_lighting(maps[std::size_t(k % 2)], options, &last); });
 }
 
 void measure_fits(const Maps& all, Costs& costs) {
@@ -257,12 +256,13 @@ PixelShares pixel_shares(Scene scene, const CubeMap& map, const CellLight& light
   Rasterizer rasterizer;
   const std::span<FragmentBand> seen =
       rasterizer.rasterize(scene, v.camera, v.camera_from_marker, shares);
-  double count = 0;
-  for (const FragmentBand& band : seen) count += double(band.object.size());
-  count = at_least(count, 1);
+  double count = 0, touched = 0;
+  for (const FragmentBand& band : seen)
+    for (const Fragment& f : band.object) ++count, touched += is_touched(f.share.w);
+  count = at_least(count, 1), touched = at_least(touched, 1);
   GlossyPixelShares glossy;
   PixelShares costs{};
-  costs.glossy = nanoseconds([&](int) { glossy(scene, light, eye, seen); }) / count /
+  costs.glossy = nanoseconds([&](int) { glossy(scene, light, eye, seen); }) / touched /
                  lobe_groups(scene.material.lobe());
   const ProcessorClock clock;
   trace_shares(scene, map, eye, shares, seen);
@@ -282,13 +282,13 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
                                       glm::mat3(1), shares);
                      }) /
                      double(scene.directions->edges.size());
-  costs.glossy_vertex = nanoseconds([&](int) {
-                          glossy_shares(*scene.directions, light, {}, scene.mesh.vertices,
-                                        scene.normals, {0, -0.35f, 0.3f}, shares);
-                        }) /
-                        count;
+  costs.vertex_group = nanoseconds([&](int) {
+                         glossy_shares(*scene.directions, light, {}, scene.mesh.vertices,
+                                       scene.normals, {0, -0.35f, 0.3f}, shares);
+                       }) /
+                       count / lobe_groups(LobeShape{});
   const PixelShares by_pixel = pixel_shares(scene, *all[0], light, shares);
-  costs.traced_pixel = by_pixel.traced, costs.glossy_group = by_pixel.glossy;
+  costs.traced_pixel = by_pixel.traced, costs.pixel_group = by_pixel.glossy;
   SceneShadow caster;
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
   const PlaneExchange exchange(scene.mesh, *scene.directions);
@@ -299,8 +299,7 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
   const double sums = nanoseconds([&](int) { exchange.onto_object(exchange.onto_plane(sent)); });
   costs.bounce_group = sums / double(std::max<std::size_t>(exchange.groups(), 1));
   costs.bounce = at_least(whole - sums, 1e3);
-  costs.plane_texel = nanoseconds([&](int) { plane_gain(shadow, {}, bounce); }) /
-                      texels(shadow);
+  costs.plane_texel = nanoseconds([&](int) { plane_gain(shadow, {}, bounce); }) / texels(shadow);
 }
 
 }  // namespace
