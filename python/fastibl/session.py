@@ -115,7 +115,8 @@ class Session(_Session):
 
     scene: Scene. rig: Rig (or only its back camera's). board: Board, or None where every frame brings its pose.
     environment: Environment or CubeMap to use instead of capturing. error, milliseconds: budgets of the plan, a share
-    of the picture's light (0.02 is 2 %) and processor time of a frame, all threads together.
+    of the picture's light (0.02 is 2 %) and processor time of a frame, which is then worked on by one thread: several
+    take more of it in all.
     methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
     function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
     distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.

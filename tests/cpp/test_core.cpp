@@ -2,11 +2,15 @@
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
+#include <atomic>
+#include <chrono>
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <thread>
 #include <vector>
 
+#include "fastibl/core/parallel.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/scene/response.h"
@@ -98,4 +102,34 @@ TEST_CASE("light that is followed does not jump where the method of its irradian
   MESSAGE("the old method is wrong by ", of_old, ", the fade by ", most);
   CHECK(of_old > 0.1f);
   CHECK(most < 0.5f * of_old);
+}
+
+TEST_CASE("one thread works on loops while it is asked to") {
+  using Loops = OneThread::Loops;
+  set_threads(2);
+  // Whether another thread joins within a tenth of a second.
+  const auto joined = [] {
+    std::atomic<bool> others = false;
+    const std::thread::id here = std::this_thread::get_id();
+    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(100);
+    parallel_for(8, 1, [&](int, int) {
+      if (std::this_thread::get_id() != here) others = true;
+      while (std::this_thread::get_id() == here && !others &&
+             std::chrono::steady_clock::now() < end) {
+      }
+    });
+    return others.load();
+  };
+  CHECK(joined());
+  {
+    const OneThread alone(Loops::alone);
+    CHECK(!joined());
+    {
+      const OneThread together(Loops::together);
+      CHECK(joined());
+    }
+    CHECK(!joined());
+  }
+  CHECK(joined());
+  set_threads(0);
 }

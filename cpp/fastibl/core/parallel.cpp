@@ -34,6 +34,7 @@ inline void relax() {
 }
 
 thread_local bool inside_loop = false;
+thread_local bool alone = false;  // see OneThread
 
 struct Job {
   Job(const std::function<void(int, int)>& f, int n, int g) : body(&f), count(n), grain(g) {}
@@ -173,16 +174,20 @@ int threads() {
 void parallel_for(int count, int grain, const std::function<void(int, int)>& body) {
   if (count <= 0) return;
   Job job(body, count, std::max(1, grain));
-  const bool nested = inside_loop;
+  const bool nested = inside_loop || alone;
   std::unique_lock lock(pool_mutex, std::defer_lock);
   if (!nested && count > job.grain && lock.try_lock() && size() > 1) {
     if (!pool) pool = new Pool(size() - 1);
     pool->run(job);
   } else {
+    const bool within = inside_loop;
     job.work();
-    inside_loop = nested;
+    inside_loop = within;
   }
   if (job.failure) std::rethrow_exception(job.failure);
 }
+
+OneThread::OneThread(Loops loops) : before_(alone) { alone = loops == Loops::alone; }
+OneThread::~OneThread() { alone = before_; }
 
 }  // namespace fastibl

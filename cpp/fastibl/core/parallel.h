@@ -16,4 +16,18 @@ int threads();
 // The first exception thrown by a body is rethrown here. Nested calls run in the calling thread.
 void parallel_for(int count, int grain, const std::function<void(int begin, int end)>& body);
 
+// While it lives, loops of its thread run in that thread alone: several share the work sooner, but
+// spend more processor time in all. together: as ever, within another one's life.
+class OneThread {
+ public:
+  enum class Loops { alone, together };
+  explicit OneThread(Loops loops);
+  ~OneThread();
+  OneThread(const OneThread&) = delete;
+  OneThread& operator=(const OneThread&) = delete;
+
+ private:
+  bool before_;
+};
+
 }  // namespace fastibl

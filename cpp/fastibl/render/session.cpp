@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "fastibl/core/clock.h"
+#include "fastibl/core/parallel.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/shading/glossy_shares.h"
 
@@ -137,6 +138,7 @@ void Session::choose_methods() {
     CandidateOptions choice = candidate_options(scene_);
     choice.light_stays = !light_moves(), choice.hurried = options_.milliseconds > 0;
     choice.offline = options_.offline, choice.by_pixel = renderer_->shares_pixels();
+    const OneThread loops(OneThread::Loops::together);  // of one frame in many
     measured_ = measure_errors(scene_, scene_.samples.get(), radiance, options_.methods,
                                candidates(options_.methods, choice), options_.cast_shadow);
     measured_light_ = faces_of(environment_->radiance);
@@ -618,6 +620,9 @@ FrameResult Session::process(const Frame& frame) {
   check_frame(frame);
   last_time_ = frame.time;
   if (frame.back_exposure) back_exposure_ = *frame.back_exposure;
+  using Loops = OneThread::Loops;
+  // A time budget counts the processor's time.
+  const OneThread loops(options_.milliseconds > 0 ? Loops::alone : Loops::together);
   const Stopwatch total;
   const ProcessorClock processor;
   FrameResult result;
