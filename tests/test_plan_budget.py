@@ -395,3 +395,24 @@ def test_light_that_is_given_frame_after_frame_is_judged_where_much_of_it_is_new
     other, fresh = shown(light(0, 50)), fastibl.Session(session.scene, rig, error=0.02)
     assert other.best_error != plans[-1].best_error
     assert other.best_error == shown(light(0, 50), fresh).best_error
+
+
+def test_light_that_drifts_away_is_judged_in_steps():
+    rig = fastibl.Rig(camera_of(64, 48, 45.0))
+    session = fastibl.Session(
+        fastibl.Scene(fastibl.shapes.figurine(0.12), fastibl.Material(glossy=(0.2,) * 3)), rig, error=0.02
+    )
+    d = fastibl.texel_directions(16)
+    lights = [fastibl.CubeMap((0.2 + 5 * 1.02**k * (d[..., 2:] > 0.9)) * np.ones(3)) for k in range(60)]
+    best = []
+    for cube in lights:
+        session.set_environment(fastibl.Environment(cube))
+        best.append(session.process(fastibl.Frame(0.0, back_from_marker=looking((0, 0.4, -0.3), (0, -0.4, 0.35)))).plan)
+    best = [plan.best_error for plan in best]
+    flux = np.array([cube.faces.mean() for cube in lights])
+    first = 3  # judged as light that moves
+    begins = int(np.argmax(1 - flux[first] / flux > 0.25))
+    changes = [k for k in range(first + 1, len(best)) if best[k] != best[k - 1]]
+    print(f"a quarter is new from frame {begins} on; judged by frame {changes}")
+    # Until the last step the plan goes by what was judged before.
+    assert begins + 5 <= changes[0] <= begins + 25 and min(np.diff(changes), default=60) >= 5

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <deque>
+#include <optional>
 #include <span>
+#include <utility>
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/lighting/fit_lighting.h"
@@ -128,29 +131,6 @@ void trace_light(const SceneSamples& samples, const CubeMap& map, const Material
       shares[std::size_t(i)] = light.shares(s.start, s.normal, s.to_eye);
     }
   });
-}
-
-// As each of the methods has them.
-std::vector<std::vector<glm::vec4>> shares_of(const std::vector<SelfShadowMethod>& methods,
-                                              const SceneSamples& samples, const CubeMap& map,
-                                              const Irradiance& irradiance,
-                                              const Material& material) {
-  std::vector<std::vector<glm::vec4>> result;
-  std::vector<glm::vec4> transfer;
-  for (const SelfShadowMethod method : methods) {
-    if (method == SelfShadowMethod::none) {
-      result.emplace_back(samples.seen, glm::vec4(1));
-    } else if (method == SelfShadowMethod::ambient) {
-      result.push_back(ambient_shares(samples));
-    } else {
-      if (transfer.empty()) transfer = transfer_shares(samples, map, irradiance, material);
-      result.push_back(transfer);
-      if (method == SelfShadowMethod::traced) trace_light(samples, map, material, result.back());
-      if (method == SelfShadowMethod::pixel_transfer)
-        share_by_pixel(samples, map, material, result.back());
-    }
-  }
-  return result;
 }
 
 // The plane: what is true there, and which places count.
@@ -398,112 +378,190 @@ void judge_plane(const Judged& j, const std::vector<Colours>& ratios, MeasuredEr
     errors.bounce[b] += error(j.plane.ratio, missing(c.bounce[b]));
 }
 
-std::vector<Colours> glossy_of(const Judged& j, const Material& material,
-                               const std::shared_ptr<const CubeMap>& map, const Methods& asked,
-                               const Candidates& candidates, const Lighting& reference) {
-  std::vector<Colours> result;
-  Lighting last;
-  for (const GlossyCandidate& g : candidates.glossy) {
+}  // namespace
+
+struct ErrorMeasurement::Work {
+  const SceneSamples& samples;
+  const std::shared_ptr<const CubeMap> map;
+  const Material material;
+  const Normalization normalization;
+  const Candidates candidates;
+  Scene standing;  // where it is judged: what a shadow reads of it
+  bool casts = false;
+  std::deque<void (Work::*)()> steps;
+  MeasuredErrors errors;
+
+  std::optional<SampleFlux> flux;
+  std::optional<BrightPieces> bright;
+  std::optional<Judged> judged;
+  LightingOptions plain;
+  Lighting reference, last;     // by the finest irradiance; whose chain the next one reads, too
+  std::vector<Colours> ratios;  // of the plane, by shadow
+  bool fine = true;             // what the last cast drew
+  std::vector<Colours> diffuse, glossy;
+  std::vector<glm::vec4> transfer;
+  std::vector<std::vector<glm::vec4>> shares;
+
+  Work(const SceneSamples& at, std::shared_ptr<const CubeMap> light, const Material& surface,
+       Normalization scale, const Candidates& all)
+      : samples(at),
+        map(std::move(light)),
+        material(surface),
+        normalization(scale),
+        candidates(all),
+        ratios(all.shadow.size()) {}
+
+  void find_truth() {
+    flux.emplace(*map, samples);
+    bright.emplace(*map, samples, *flux);
+    judged.emplace(
+        Judged{samples, true_light(samples, *flux, *bright, material.lobe()), {}, {}, {}, {}});
+  }
+
+  void read_material() {
+    Judged& j = *judged;
+    plain.diffuse = DiffuseMethod::sh9, plain.glossy = GlossyMethod::mip;
+    plain.normalization = normalization;
+    plain.measure_error = plain.chain = false;
+    const std::vector<glm::vec3> ones(6, glm::vec3(1));
+    const Lighting white = fit_lighting(std::make_shared<const CubeMap>(1, ones), plain);
+    const std::size_t every = samples.surface.size();
+    j.emission = colours(samples, every, material, white, glm::vec4(0));
+    j.diffuse_factor = colours(samples, every, material, white, {1, 1, 1, 0});
+    j.glossy_factor = colours(samples, samples.seen, material, white, {0, 0, 0, 1});
+    subtract(j.diffuse_factor, j.emission), subtract(j.glossy_factor, j.emission);
+    LightingOptions finest = plain;
+    finest.diffuse = DiffuseMethod::irradiance_cube;
+    reference = fit_lighting(map, finest);
+  }
+
+  // The next one, from the last on. Before the object: what the plane lacks, that lacks.
+  void cast_next() {
+    std::size_t k = ratios.size() - 1;
+    while (!ratios[k].empty()) --k;
+    const ShadowCandidate& s = candidates.shadow[k];
+    if (!fine && s.method == ShadowMethod::mesh &&
+        s.settings.directions == candidates.shadow[k + 1].settings.directions) {
+      ratios[k] = ratios[k + 1];  // a finer map was asked for, and not drawn
+      return;
+    }
+    SceneShadow caster;
+    ShadowOptions options;
+    options.method = s.method, options.settings = s.settings;
+    const ShadowMap shadow = caster.cast(*map, reference.plane_irradiance, standing, options);
+    ratios[k].assign(samples.plane.size(), glm::vec3(1));
+    shadow.sample(samples.plane, ratios[k]);
+    if (k + 1 == candidates.shadow.size())
+      add_lost(samples, *flux, shadow, judged->truth);  // the last is the finest
+    fine = s.method != ShadowMethod::mesh || !shadow.fine.empty();
+  }
+
+  void find_plane() {
+    Judged& j = *judged;
+    if (casts) {
+      Colours sent;
+      for (std::size_t i = 0; i < samples.surface.size(); ++i)
+        sent.push_back(j.diffuse_factor[i] * (j.truth.irradiance[i] - j.truth.lost[i]) +
+                       kPi * j.emission[i]);
+      j.plane = plane_truth(samples, *flux, *bright, sent);
+    }
+    j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
+    if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))
+      j.plane_radiance = kFallbackAlbedo / kPi * flux->plane;
+    j.white = (j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z) / 3 / kPlaneLevel;
+    if (j.white > 0) weigh(j);
+    if (!(j.object_weight > 0)) steps.clear();  // nothing to compare
+  }
+
+  void fit_diffuse() {
+    for (const DiffuseCandidate& d : candidates.diffuse) {
+      LightingOptions options = plain;
+      options.diffuse = d.method, options.diffuse_settings = d.settings;
+      const bool reads = material.reads_irradiance();
+      diffuse.push_back(diffuse_colours(
+          *judged, reads ? fit_lighting(map, options).irradiance : reference.irradiance));
+    }
+  }
+
+  void read_next_glossy() {
+    const GlossyCandidate& g = candidates.glossy[glossy.size()];
     if (!material.lobe()) {
-      result.emplace_back(j.samples.seen, glm::vec3(0));
-      continue;
+      glossy.emplace_back(samples.seen, glm::vec3(0));
+      return;
     }
     LightingOptions options;
     options.glossy = g.method, options.glossy_settings = g.settings;
-    options.normalization = asked.normalization;
+    options.normalization = normalization;
     options.irradiance = false;
     Lighting lighting = fit_lighting(map, options, last.radiance ? &last : nullptr);
     lighting.irradiance = reference.irradiance;
-    result.push_back(colours(j.samples, j.samples.seen, material, lighting, {0, 0, 0, 1}));
-    subtract(result.back(), j.emission);
+    glossy.push_back(colours(samples, samples.seen, material, lighting, {0, 0, 0, 1}));
+    subtract(glossy.back(), judged->emission);
     if (lighting.chain) last = std::move(lighting);
   }
-  return result;
+
+  void share_next() {
+    const SelfShadowMethod method = candidates.self_shadow[shares.size()];
+    if (method == SelfShadowMethod::none) {
+      shares.emplace_back(samples.seen, glm::vec4(1));
+    } else if (method == SelfShadowMethod::ambient) {
+      shares.push_back(ambient_shares(samples));
+    } else {
+      if (transfer.empty())
+        transfer = transfer_shares(samples, *map, reference.irradiance, material);
+      shares.push_back(transfer);
+      if (method == SelfShadowMethod::traced) trace_light(samples, *map, material, shares.back());
+      if (method == SelfShadowMethod::pixel_transfer)
+        share_by_pixel(samples, *map, material, shares.back());
+    }
+  }
+
+  void judge() {
+    errors.candidates = candidates;
+    judge_object(*judged, diffuse, glossy, shares, errors);
+    judge_plane(*judged, ratios, errors);
+  }
+};
+
+ErrorMeasurement::ErrorMeasurement(const Scene& scene, const SceneSamples* at,
+                                   std::shared_ptr<const CubeMap> map, const Methods& asked,
+                                   const Candidates& candidates, bool cast_shadow) {
+  if (!at || at->empty() || !map || map->size() == 0) return;
+  work_ =
+      std::make_unique<Work>(*at, std::move(map), scene.material, asked.normalization, candidates);
+  work_->standing.spheres = scene.spheres, work_->standing.baked_shadow = scene.baked_shadow;
+  work_->standing.marker_from_object.rotation = glm::dmat3(at->turned);
+  work_->standing.marker_from_object.translation = {0, 0, at->lifted};
+  std::deque<void (Work::*)()>& steps = work_->steps;
+  steps = {&Work::find_truth, &Work::read_material};
+  work_->casts = cast_shadow && scene.casts_shadow();
+  if (work_->casts) steps.insert(steps.end(), candidates.shadow.size(), &Work::cast_next);
+  steps.push_back(&Work::find_plane), steps.push_back(&Work::fit_diffuse);
+  steps.insert(steps.end(), candidates.glossy.size(), &Work::read_next_glossy);
+  steps.insert(steps.end(), candidates.self_shadow.size(), &Work::share_next);
+  steps.push_back(&Work::judge);
+}
+ErrorMeasurement::~ErrorMeasurement() = default;
+ErrorMeasurement::ErrorMeasurement(ErrorMeasurement&&) noexcept = default;
+ErrorMeasurement& ErrorMeasurement::operator=(ErrorMeasurement&&) noexcept = default;
+
+bool ErrorMeasurement::done() const { return !work_ || work_->steps.empty(); }
+
+void ErrorMeasurement::step() {
+  if (done()) return;
+  const auto next = work_->steps.front();
+  work_->steps.pop_front();
+  ((*work_).*next)();
 }
 
-}  // namespace
+MeasuredErrors ErrorMeasurement::errors() const { return work_ ? work_->errors : MeasuredErrors(); }
 
 MeasuredErrors measure_errors(const Scene& scene, const SceneSamples* at,
                               const std::shared_ptr<const CubeMap>& map, const Methods& asked,
                               const Candidates& candidates, bool cast_shadow) {
-  MeasuredErrors errors;
-  if (!at || at->empty() || !map || map->size() == 0) return errors;
-  const SceneSamples& samples = *at;
-  const Material& material = scene.material;
-  const SampleFlux flux(*map, samples);
-  const BrightPieces bright(*map, samples, flux);
-  cast_shadow = cast_shadow && scene.casts_shadow();
-
-  Judged j{samples, true_light(samples, flux, bright, material.lobe()), {}, {}, {}, {}};
-  LightingOptions plain;
-  plain.diffuse = DiffuseMethod::sh9, plain.glossy = GlossyMethod::mip;
-  plain.normalization = asked.normalization;
-  plain.measure_error = plain.chain = false;
-  const std::vector<glm::vec3> ones(6, glm::vec3(1));
-  const Lighting white = fit_lighting(std::make_shared<const CubeMap>(1, ones), plain);
-  const std::size_t every = samples.surface.size();
-  j.emission = colours(samples, every, material, white, glm::vec4(0));
-  j.diffuse_factor = colours(samples, every, material, white, {1, 1, 1, 0});
-  j.glossy_factor = colours(samples, samples.seen, material, white, {0, 0, 0, 1});
-  subtract(j.diffuse_factor, j.emission), subtract(j.glossy_factor, j.emission);
-
-  // Shadows first: what the plane lacks, the object lacks.
-  LightingOptions finest = plain;
-  finest.diffuse = DiffuseMethod::irradiance_cube;
-  const Lighting reference = fit_lighting(map, finest);
-  std::vector<Colours> ratios(candidates.shadow.size());
-  Scene standing;  // of which a shadow reads no more
-  standing.spheres = scene.spheres, standing.baked_shadow = scene.baked_shadow;
-  standing.marker_from_object.rotation = glm::dmat3(samples.turned);
-  standing.marker_from_object.translation = {0, 0, samples.lifted};
-  if (cast_shadow) {
-    bool fine = true;  // what the last cast drew
-    for (std::size_t k = candidates.shadow.size(); k-- > 0;) {
-      const ShadowCandidate& s = candidates.shadow[k];
-      if (!fine && s.method == ShadowMethod::mesh &&
-          s.settings.directions == candidates.shadow[k + 1].settings.directions) {
-        ratios[k] = ratios[k + 1];  // a finer map was asked for, and not drawn
-        continue;
-      }
-      SceneShadow caster;
-      ShadowOptions options;
-      options.method = s.method, options.settings = s.settings;
-      const ShadowMap shadow = caster.cast(*map, reference.plane_irradiance, standing, options);
-      ratios[k].assign(samples.plane.size(), glm::vec3(1));
-      shadow.sample(samples.plane, ratios[k]);
-      if (k + 1 == candidates.shadow.size())
-        add_lost(samples, flux, shadow, j.truth);  // the last is the finest
-      fine = s.method != ShadowMethod::mesh || !shadow.fine.empty();
-    }
-    Colours sent;
-    for (std::size_t i = 0; i < every; ++i)
-      sent.push_back(j.diffuse_factor[i] * (j.truth.irradiance[i] - j.truth.lost[i]) +
-                     kPi * j.emission[i]);
-    j.plane = plane_truth(samples, flux, bright, sent);
-  }
-  j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
-  if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))
-    j.plane_radiance = kFallbackAlbedo / kPi * flux.plane;
-  j.white = (j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z) / 3 / kPlaneLevel;
-  if (!(j.white > 0)) return errors;
-  weigh(j);
-  if (!(j.object_weight > 0)) return errors;
-
-  errors.candidates = candidates;
-  std::vector<Colours> diffuse;
-  for (const DiffuseCandidate& d : candidates.diffuse) {
-    LightingOptions options = plain;
-    options.diffuse = d.method, options.diffuse_settings = d.settings;
-    const bool reads = material.reads_irradiance();
-    diffuse.push_back(
-        diffuse_colours(j, reads ? fit_lighting(map, options).irradiance : reference.irradiance));
-  }
-  const std::vector<Colours> glossy = glossy_of(j, material, map, asked, candidates, reference);
-  const std::vector<std::vector<glm::vec4>> shares =
-      shares_of(candidates.self_shadow, samples, *map, reference.irradiance, material);
-  judge_object(j, diffuse, glossy, shares, errors);
-  judge_plane(j, ratios, errors);
-  return errors;
+  ErrorMeasurement measurement(scene, at, map, asked, candidates, cast_shadow);
+  while (!measurement.done()) measurement.step();
+  return measurement.errors();
 }
 
 }  // namespace fastibl

@@ -20,4 +20,23 @@ MeasuredErrors measure_errors(const Scene& scene, const SceneSamples* at,
                               const std::shared_ptr<const CubeMap>& map, const Methods& asked,
                               const Candidates& candidates, bool cast_shadow);
 
+// The same in steps of some ms (one of each candidate's, mostly): for frames, of which none has
+// time for all of it. at: has to live until it is done, as it is.
+class ErrorMeasurement {
+ public:
+  ErrorMeasurement(const Scene& scene, const SceneSamples* at, std::shared_ptr<const CubeMap> map,
+                   const Methods& asked, const Candidates& candidates, bool cast_shadow);
+  ~ErrorMeasurement();
+  ErrorMeasurement(ErrorMeasurement&&) noexcept;
+  ErrorMeasurement& operator=(ErrorMeasurement&&) noexcept;
+
+  bool done() const;
+  void step();
+  MeasuredErrors errors() const;  // once it is done
+
+ private:
+  struct Work;
+  std::unique_ptr<Work> work_;
+};
+
 }  // namespace fastibl

@@ -90,7 +90,7 @@ void Session::replan() {
 }
 
 void Session::judge_anew() {
-  measured_ = {}, measure_due_ = true;
+  measured_ = {}, measurement_.reset(), measure_due_ = true;
   update_plan();
   make_stale();
   if (plan_.includes(PassId::bounce)) place_exchange();  // now rather than in the first frame
@@ -133,15 +133,24 @@ float difference(const std::vector<glm::vec3>& a, const std::vector<glm::vec3>& 
 
 void Session::choose_methods() {
   if (measure_due_ && environment_ && (options_.error > 0 || options_.milliseconds > 0)) {
-    measure_due_ = false, choose_due_ = true, since_measured_ = 0;
+    measure_due_ = false, since_measured_ = 0;
     const auto radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
     CandidateOptions choice = candidate_options(scene_);
     choice.light_stays = !light_moves(), choice.hurried = options_.milliseconds > 0;
     choice.offline = options_.offline, choice.by_pixel = renderer_->shares_pixels();
-    const OneThread loops(OneThread::Loops::together);  // of one frame in many
-    measured_ = measure_errors(scene_, scene_.samples.get(), radiance, options_.methods,
-                               candidates(options_.methods, choice), options_.cast_shadow);
+    measurement_.emplace(scene_, scene_.samples.get(), radiance, options_.methods,
+                         candidates(options_.methods, choice), options_.cast_shadow);
     measured_light_ = faces_of(environment_->radiance);
+  }
+  if (measurement_) {
+    // At once where there is nothing to choose by, or one late frame is better than many; else a
+    // step in each frame.
+    const OneThread loops(OneThread::Loops::together);
+    const bool at_once = measured_.empty() || options_.milliseconds > 0;
+    do measurement_->step();
+    while (at_once && !measurement_->done());
+    if (measurement_->done())
+      measured_ = measurement_->errors(), measurement_.reset(), choose_due_ = true;
   }
   if (!choose_due_) return;
   choose_due_ = false;
@@ -253,7 +262,8 @@ void Session::set_environment(std::shared_ptr<const Environment> environment) {
     lighting_.reset();
     renderer_->clear(PassId::shadow);
   }
-  if (!moves || !judged) return judge_anew();
+  if (!moves || measured_.empty()) return judge_anew();
+  if (!judged && !measurement_) measure_due_ = true;
   if (set_in_a_row_ == kStream) choose_due_ = true;  // what is made for each light costs more now
   update_plan();
   make_stale();

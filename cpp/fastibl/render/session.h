@@ -205,7 +205,8 @@ class Session {
   std::vector<glm::vec4> holdout_ratios_;  // of RenderInput
   Plan plan_;
   MeasuredErrors measured_;
-  std::vector<glm::vec3> measured_light_;  // face by face
+  std::optional<ErrorMeasurement> measurement_;  // that goes on
+  std::vector<glm::vec3> measured_light_;        // face by face
   bool measure_due_ = true, choose_due_ = false;
   int since_measured_ = 0, since_set_ = 0;  // frames: methods judged, light given
   int set_in_a_row_ = 0;                    // times that light was given frame after frame
