@@ -130,6 +130,21 @@ def test_shadows_are_judged_where_they_fall(height):
     assert few > 1.5 * many and few > 0.002
 
 
+def test_sharp_shadows_are_judged_alike_wherever_they_fall():
+    """Their edges are a few pixels wide: places with rays hit them by chance."""
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), spheres=20)
+    scene.baked_shadow = fastibl.MeshShadow(scene.mesh)
+    d, found = fastibl.texel_directions(128), []
+    for azimuth in np.linspace(0, 2 * np.pi, 8, endpoint=False) + 0.1:
+        lamp = d @ [0.6 * np.cos(azimuth), 0.6 * np.sin(azimuth), 0.8] > np.cos(0.035)
+        cube = fastibl.CubeMap((0.5 + 300 * lamp)[..., None] * np.ones(3))
+        shadow = dict(zip(*_measured_errors(scene, fastibl.Environment(cube), AUTO)["shadow"], strict=True))
+        found.append([shadow[name] ** 0.5 for name in ("directions [directions=32]", "mesh [fine=0]")])
+    coarse, fine = np.array(found).T
+    print(f"32 directions {coarse.min():.4f} to {coarse.max():.4f}, mesh {fine.min():.4f} to {fine.max():.4f}")
+    assert coarse.max() < 1.5 * coarse.min() and fine.max() < 1.7 * fine.min()
+
+
 @pytest.mark.parametrize("value", [0.0, 1e-20, 1e6])
 def test_black_tiny_and_huge_maps(scene, value):
     cube = fastibl.CubeMap(np.full((6, 4, 4, 3), value, np.float32))

@@ -269,6 +269,11 @@ void weigh(Judged& j) {
   j.plane_weight = 1 / all / (mean * mean);
 }
 
+// Of the light on the plane that a shadow leaves, at the places of the samples.
+struct PlaneRatios {
+  Colours known, close;
+};
+
 Colours diffuse_colours(const Judged& j, const Irradiance& irradiance) {
   Colours result;
   for (std::size_t i = 0; i < j.samples.seen; ++i)
@@ -357,7 +362,25 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
     }));
 }
 
-void judge_plane(const Judged& j, const std::vector<Colours>& ratios, MeasuredErrors& errors) {
+// What a shadow is off from another one, both at the close places: see judge_plane().
+double apart(const Judged& j, const Colours& a, const Colours& b) {
+  const Response response;
+  const float bare = response.encode(kPlaneLevel);
+  double sum = 0;
+  for (std::size_t p = 0; p < a.size(); ++p) {
+    bool counts = false;  // where b changes the picture
+    for (int c = 0; c < 3; ++c)
+      counts |= std::abs(response.encode(kPlaneLevel * b[p][c]) - bare) > 1 / 255.0f;
+    if (counts)
+      sum += j.samples.close_areas[p] *
+             square(j.cut(j.plane_radiance * a[p]) - j.cut(j.plane_radiance * b[p]));
+  }
+  return sum * j.plane_weight;
+}
+
+// By places whose truth is known, but where shadows have their edges there are few of them: what a
+// shadow is off from the finest one, the last, is taken from the close places instead.
+void judge_plane(const Judged& j, const std::vector<PlaneRatios>& ratios, MeasuredErrors& errors) {
   const Candidates& c = errors.candidates;
   const auto error = [&](const Colours& ratio, float missing) {
     double sum = 0;
@@ -370,9 +393,18 @@ void judge_plane(const Judged& j, const std::vector<Colours>& ratios, MeasuredEr
     return sum * j.plane_weight;
   };
   const auto missing = [](BounceMethod b) { return b == BounceMethod::none ? 1.0f : kBounceError; };
-  for (const Colours& ratio : ratios) {
-    for (const BounceMethod b : c.bounce) errors.plane.push_back(error(ratio, missing(b)));
-    errors.shadow.push_back(error(ratio, 0));
+  for (const PlaneRatios& r : ratios) {
+    double closer = 0;
+    if (!r.known.empty()) {
+      double sum = 0;
+      for (const std::size_t p : j.plane.counted)
+        sum += j.samples.plane_areas[p] * square(j.cut(j.plane_radiance * r.known[p]) -
+                                                 j.cut(j.plane_radiance * ratios.back().known[p]));
+      closer = apart(j, r.close, ratios.back().close) - sum * j.plane_weight;
+    }
+    const auto with = [&](double known) { return std::max(known + closer, 0.0); };
+    for (const BounceMethod b : c.bounce) errors.plane.push_back(with(error(r.known, missing(b))));
+    errors.shadow.push_back(with(error(r.known, 0)));
   }
   for (std::size_t b = 0; b < c.bounce.size(); ++b)
     errors.bounce[b] += error(j.plane.ratio, missing(c.bounce[b]));
@@ -395,9 +427,9 @@ struct ErrorMeasurement::Work {
   std::optional<BrightPieces> bright;
   std::optional<Judged> judged;
   LightingOptions plain;
-  Lighting reference, last;     // by the finest irradiance; whose chain the next one reads, too
-  std::vector<Colours> ratios;  // of the plane, by shadow
-  bool fine = true;             // what the last cast drew
+  Lighting reference, last;         // by the finest irradiance; whose chain the next one reads, too
+  std::vector<PlaneRatios> ratios;  // by shadow
+  bool fine = true;                 // what the last cast drew
   std::vector<Colours> diffuse, glossy;
   std::vector<glm::vec4> transfer;
   std::vector<std::vector<glm::vec4>> shares;
@@ -438,7 +470,7 @@ struct ErrorMeasurement::Work {
   // The next one, from the last on. Before the object: what the plane lacks, that lacks.
   void cast_next() {
     std::size_t k = ratios.size() - 1;
-    while (!ratios[k].empty()) --k;
+    while (!ratios[k].known.empty()) --k;
     const ShadowCandidate& s = candidates.shadow[k];
     if (!fine && s.method == ShadowMethod::mesh &&
         s.settings.directions == candidates.shadow[k + 1].settings.directions) {
@@ -449,8 +481,10 @@ struct ErrorMeasurement::Work {
     ShadowOptions options;
     options.method = s.method, options.settings = s.settings;
     const ShadowMap shadow = caster.cast(*map, reference.plane_irradiance, standing, options);
-    ratios[k].assign(samples.plane.size(), glm::vec3(1));
-    shadow.sample(samples.plane, ratios[k]);
+    ratios[k].known.resize(samples.plane.size()),
+        ratios[k].close.resize(samples.close_plane.size());
+    shadow.sample(samples.plane, ratios[k].known);
+    shadow.sample(samples.close_plane, ratios[k].close);
     if (k + 1 == candidates.shadow.size())
       add_lost(samples, *flux, shadow, judged->truth);  // the last is the finest
     fine = s.method != ShadowMethod::mesh || !shadow.fine.empty();

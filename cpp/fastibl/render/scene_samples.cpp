@@ -235,8 +235,7 @@ double share_seen(const Bvh& bvh, glm::vec3 from, std::span<const glm::vec3> eye
 // Within a disc on the plane that, with the object, fills the picture; towards its middle, where
 // shadows have their edges, closer to each other.
 std::vector<PlanePlace> places_all_round(const Standing& object, const Bvh& bvh,
-                                         const SceneSamples& samples) {
-  constexpr int n = SceneSamples::kPlaneSamples;
+                                         const SceneSamples& samples, int n) {
   constexpr double kPi = std::numbers::pi, kInwards = 0.75;  // 0.5: everywhere alike
   const double slope = std::sin(double(SceneSamples::kElevation));
   const std::span<const glm::vec3> eyes = std::span(samples.eyes).first(samples.picture_count);
@@ -258,8 +257,7 @@ std::vector<PlanePlace> places_all_round(const Standing& object, const Bvh& bvh,
 }
 
 // What a picture shows of the plane.
-std::vector<PlanePlace> places_of(const View& view, const Bvh& bvh) {
-  constexpr int n = SceneSamples::kPicturePlaneSamples;
+std::vector<PlanePlace> places_of(const View& view, const Bvh& bvh, int n) {
   std::vector<PlanePlace> places;
   for (int k = 0; k < n; ++k) {
     const std::optional<Ray> ray = view.ray(k);
@@ -327,9 +325,13 @@ std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const 
   if (!picture)
     samples->object_area *= std::numbers::pi * double(samples->radius) * double(samples->radius);
   trace_surface(object, bvh, *samples);
-  trace_plane(object, bvh,
-              picture ? places_of(*picture, bvh) : places_all_round(object, bvh, *samples),
-              *samples);
+  const int count = picture ? SceneSamples::kPicturePlaneSamples : SceneSamples::kPlaneSamples;
+  const auto places = [&](int n) {
+    return picture ? places_of(*picture, bvh, n) : places_all_round(object, bvh, *samples, n);
+  };
+  trace_plane(object, bvh, places(count), *samples);
+  for (const auto& [p, area] : places(SceneSamples::kClose * count))
+    samples->close_plane.push_back(p), samples->close_areas.push_back(area);
   return samples;
 }
 

@@ -20,6 +20,7 @@ class SceneSamples {
   static constexpr int kLevelSize = 32;  // face edge of the level whose texels are the directions
   static constexpr int kViews = 8, kViewSamples = 120, kPlaneSamples = 400;
   static constexpr int kPictureSamples = 480, kPicturePlaneSamples = 800;  // of one picture
+  static constexpr int kClose = 10;  // times as many places on the plane without rays
   static constexpr int kViewsFromBelow = 4, kSamplesFromBelow = 60;
   static constexpr float kElevation = 0.65f;  // of the views all round, radians
 
@@ -58,6 +59,9 @@ class SceneSamples {
   // from afar has them, in the mean over all, or shares of one picture.
   double object_area = 0;
   std::vector<double> plane_areas;
+  // Many more, of which no rays are known: where shadows are compared with each other.
+  std::vector<glm::vec2> close_plane;
+  std::vector<double> close_areas;
 
   // Of the sides of vertices that samples lie between.
   VertexVisibility visibility;
