@@ -68,12 +68,17 @@ void evaluate_all(Input& in, const Lighting& lighting, float most) {
     const GgxMethod method = kGgxMethods[size_t(in.below(int(kGgxMethods.size())))];
     const GgxOptions options{method, in.chance(2) ? kGgxTaps : in.between(1, kMostGgxTaps)};
     const glm::vec2 shape = in.chance(2) ? glm::vec2(alpha.x) : alpha;  // round ones have a table
-    const GgxLight light =
-        GgxShading(lighting)(frame, v, shape, options, placed ? &place : nullptr);
+    const GgxShading shading(lighting);
+    const GgxLight light = shading(frame, v, shape, options, placed ? &place : nullptr);
     require(light.albedo > 0 && light.edge_share >= 0 && light.edge_share <= 1, "GGX lobe");
     require_mean(light.front, most, "GGX light but its edge");
     require_mean(light.edge, most, "GGX light of the edge");
     require_mean(light.mean(), placed ? std::numeric_limits<float>::infinity() : most, "GGX light");
+    GgxLight eight;  // as of many round lobes
+    shading({&n, 1}, {&v, 1}, {&alpha.x, 1}, {&place, placed ? 1u : 0u}, {&eight, 1});
+    require(eight.albedo > 0 && eight.edge_share >= 0 && eight.edge_share <= 1, "round GGX lobe");
+    require_mean(eight.front, most, "round GGX light but its edge");
+    require_mean(eight.edge, most, "round GGX light of the edge");
   }
 }
 
