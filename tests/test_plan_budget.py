@@ -370,6 +370,15 @@ def test_a_plan_of_one_picture_is_judged_by_it(scene):
         same_error(lambda half=half: plan(**half), ValueError, "both")
 
 
+def test_where_a_picture_shows_no_plane_its_shadow_does_not_matter(scene):
+    """What the object lacks of the plane's light is counted once, however many shadows are tried."""
+    picture = {"camera": camera_of(160, 120, 20.0), "camera_from_marker": looking((0, 0.4, 0.12), (0, -0.4, 0.1))}
+    tried = fastibl.make_plan(scene, room(), error=0.02, **picture)
+    finest = fastibl.Method("directions", directions=1024)
+    given = fastibl.make_plan(scene, room(), error=0.02, methods={"shadow": finest}, **picture)
+    assert given.best_error == pytest.approx(tried.best_error, rel=1e-6)
+
+
 def test_a_picture_shows_the_object_where_it_stands():
     def error(object_, camera_from_marker):
         scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, fastibl.Pose(object_), spheres=20)

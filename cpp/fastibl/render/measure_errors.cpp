@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <span>
 #include <utility>
@@ -190,11 +191,20 @@ glm::vec3 mean_received(const SceneSamples& samples, const Colours& sent, glm::v
   return all > 0 ? sum / all : glm::vec3(0);
 }
 
+// Whether light on the plane that is multiplied with this changes its picture by more than a code.
+bool shows(glm::vec3 gain) {
+  static const Response response;
+  static const float bare = response.encode(kPlaneLevel);
+  bool any = false;
+  for (int c = 0; c < 3; ++c)
+    any |= std::abs(response.encode(kPlaneLevel * gain[c]) - bare) > 1 / 255.0f;
+  return any;
+}
+
 PlaneTruth plane_truth(const SceneSamples& samples, const SampleFlux& flux,
                        const BrightPieces& bright, const Colours& sent) {
   const std::size_t places = samples.plane.size();
   PlaneTruth truth{Colours(places, glm::vec3(1)), Colours(places, glm::vec3(0)), {}};
-  const Response response;
   std::vector<std::uint8_t> counts(places, 0);
   parallel_for(int(places), 16, [&](int begin, int end) {
     std::vector<std::uint8_t> hidden(samples.direction_count());
@@ -219,10 +229,8 @@ PlaneTruth plane_truth(const SceneSamples& samples, const SampleFlux& flux,
           ratio[c] = std::max(1 - lost[c] / flux.plane[c], 0.0f);
           added[c] = light[c] / flux.plane[c];
         }
-        const float change =
-            response.encode(kPlaneLevel * (ratio[c] + added[c])) - response.encode(kPlaneLevel);
-        counts[p] |= std::abs(change) > 1 / 255.0f;
       }
+      counts[p] = shows(ratio + added);
     }
   });
   for (std::size_t p = 0; p < places; ++p)
@@ -362,46 +370,39 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
     }));
 }
 
-// What a shadow is off from another one, both at the close places: see judge_plane().
-double apart(const Judged& j, const Colours& a, const Colours& b) {
-  const Response response;
-  const float bare = response.encode(kPlaneLevel);
-  double sum = 0;
-  for (std::size_t p = 0; p < a.size(); ++p) {
-    bool counts = false;  // where b changes the picture
-    for (int c = 0; c < 3; ++c)
-      counts |= std::abs(response.encode(kPlaneLevel * b[p][c]) - bare) > 1 / 255.0f;
-    if (counts)
-      sum += j.samples.close_areas[p] *
-             square(j.cut(j.plane_radiance * a[p]) - j.cut(j.plane_radiance * b[p]));
-  }
-  return sum * j.plane_weight;
-}
-
 // By places whose truth is known, but where shadows have their edges there are few of them: what a
 // shadow is off from the finest one, the last, is taken from the close places instead.
 void judge_plane(const Judged& j, const std::vector<PlaneRatios>& ratios, MeasuredErrors& errors) {
   const Candidates& c = errors.candidates;
-  const auto error = [&](const Colours& ratio, float missing) {
+  // Of the picture's error squared: what the plane's gain is off at some places from a right one.
+  const auto off = [&](const std::vector<std::size_t>& places, const std::vector<double>& areas,
+                       auto&& gain, auto&& right) {
     double sum = 0;
-    for (const std::size_t p : j.plane.counted) {
-      const glm::vec3 right = j.plane.ratio[p] + j.plane.added[p];
-      const glm::vec3 gain = ratio[p] + j.plane.added[p] * (1 - missing);
-      sum += j.samples.plane_areas[p] *
-             square(j.cut(j.plane_radiance * gain) - j.cut(j.plane_radiance * right));
-    }
+    for (const std::size_t p : places)
+      sum +=
+          areas[p] * square(j.cut(j.plane_radiance * gain(p)) - j.cut(j.plane_radiance * right(p)));
     return sum * j.plane_weight;
   };
+  const auto error = [&](const Colours& ratio, float missing) {
+    return off(
+        j.plane.counted, j.samples.plane_areas,
+        [&](std::size_t p) { return ratio[p] + j.plane.added[p] * (1 - missing); },
+        [&](std::size_t p) { return j.plane.ratio[p] + j.plane.added[p]; });
+  };
   const auto missing = [](BounceMethod b) { return b == BounceMethod::none ? 1.0f : kBounceError; };
+  const PlaneRatios& finest = ratios.back();
+  std::vector<std::size_t> close;
+  for (std::size_t p = 0; p < finest.close.size(); ++p)
+    if (shows(finest.close[p])) close.push_back(p);
   for (const PlaneRatios& r : ratios) {
-    double closer = 0;
-    if (!r.known.empty()) {
-      double sum = 0;
-      for (const std::size_t p : j.plane.counted)
-        sum += j.samples.plane_areas[p] * square(j.cut(j.plane_radiance * r.known[p]) -
-                                                 j.cut(j.plane_radiance * ratios.back().known[p]));
-      closer = apart(j, r.close, ratios.back().close) - sum * j.plane_weight;
-    }
+    const auto from_finest = [&](const std::vector<std::size_t>& places,
+                                 const std::vector<double>& areas, Colours PlaneRatios::*ratio) {
+      return off(
+          places, areas, [&](std::size_t p) { return (r.*ratio)[p]; },
+          [&](std::size_t p) { return (finest.*ratio)[p]; });
+    };
+    const double closer = from_finest(close, j.samples.close_areas, &PlaneRatios::close) -
+                          from_finest(j.plane.counted, j.samples.plane_areas, &PlaneRatios::known);
     const auto with = [&](double known) { return std::max(known + closer, 0.0); };
     for (const BounceMethod b : c.bounce) errors.plane.push_back(with(error(r.known, missing(b))));
     errors.shadow.push_back(with(error(r.known, 0)));
@@ -419,8 +420,7 @@ struct ErrorMeasurement::Work {
   const Normalization normalization;
   const Candidates candidates;
   Scene standing;  // where it is judged: what a shadow reads of it
-  bool casts = false;
-  std::deque<void (Work::*)()> steps;
+  std::deque<std::function<void()>> steps;
   MeasuredErrors errors;
 
   std::optional<SampleFlux> flux;
@@ -434,14 +434,18 @@ struct ErrorMeasurement::Work {
   std::vector<glm::vec4> transfer;
   std::vector<std::vector<glm::vec4>> shares;
 
-  Work(const SceneSamples& at, std::shared_ptr<const CubeMap> light, const Material& surface,
+  Work(const Scene& scene, const SceneSamples& at, std::shared_ptr<const CubeMap> light,
        Normalization scale, const Candidates& all)
       : samples(at),
         map(std::move(light)),
-        material(surface),
+        material(scene.material),
         normalization(scale),
         candidates(all),
-        ratios(all.shadow.size()) {}
+        ratios(all.shadow.size()) {
+    standing.spheres = scene.spheres, standing.baked_shadow = scene.baked_shadow;
+    standing.marker_from_object.rotation = glm::dmat3(at.turned);
+    standing.marker_from_object.translation = {0, 0, at.lifted};
+  }
 
   void find_truth() {
     flux.emplace(*map, samples);
@@ -467,10 +471,8 @@ struct ErrorMeasurement::Work {
     reference = fit_lighting(map, finest);
   }
 
-  // The next one, from the last on. Before the object: what the plane lacks, that lacks.
-  void cast_next() {
-    std::size_t k = ratios.size() - 1;
-    while (!ratios[k].known.empty()) --k;
+  // From the last on. Before the object: what the plane lacks, that lacks.
+  void cast(std::size_t k) {
     const ShadowCandidate& s = candidates.shadow[k];
     if (!fine && s.method == ShadowMethod::mesh &&
         s.settings.directions == candidates.shadow[k + 1].settings.directions) {
@@ -481,8 +483,8 @@ struct ErrorMeasurement::Work {
     ShadowOptions options;
     options.method = s.method, options.settings = s.settings;
     const ShadowMap shadow = caster.cast(*map, reference.plane_irradiance, standing, options);
-    ratios[k].known.resize(samples.plane.size()),
-        ratios[k].close.resize(samples.close_plane.size());
+    ratios[k].known.resize(samples.plane.size());
+    ratios[k].close.resize(samples.close_plane.size());
     shadow.sample(samples.plane, ratios[k].known);
     shadow.sample(samples.close_plane, ratios[k].close);
     if (k + 1 == candidates.shadow.size())
@@ -491,14 +493,16 @@ struct ErrorMeasurement::Work {
   }
 
   void find_plane() {
+    const Judged& j = *judged;
+    Colours sent;
+    for (std::size_t i = 0; i < samples.surface.size(); ++i)
+      sent.push_back(j.diffuse_factor[i] * (j.truth.irradiance[i] - j.truth.lost[i]) +
+                     kPi * j.emission[i]);
+    judged->plane = plane_truth(samples, *flux, *bright, sent);
+  }
+
+  void weigh_picture() {
     Judged& j = *judged;
-    if (casts) {
-      Colours sent;
-      for (std::size_t i = 0; i < samples.surface.size(); ++i)
-        sent.push_back(j.diffuse_factor[i] * (j.truth.irradiance[i] - j.truth.lost[i]) +
-                       kPi * j.emission[i]);
-      j.plane = plane_truth(samples, *flux, *bright, sent);
-    }
     j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
     if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))
       j.plane_radiance = kFallbackAlbedo / kPi * flux->plane;
@@ -517,8 +521,7 @@ struct ErrorMeasurement::Work {
     }
   }
 
-  void read_next_glossy() {
-    const GlossyCandidate& g = candidates.glossy[glossy.size()];
+  void read_glossy(const GlossyCandidate& g) {
     if (!material.lobe()) {
       glossy.emplace_back(samples.seen, glm::vec3(0));
       return;
@@ -534,8 +537,7 @@ struct ErrorMeasurement::Work {
     if (lighting.chain) last = std::move(lighting);
   }
 
-  void share_next() {
-    const SelfShadowMethod method = candidates.self_shadow[shares.size()];
+  void share(SelfShadowMethod method) {
     if (method == SelfShadowMethod::none) {
       shares.emplace_back(samples.seen, glm::vec4(1));
     } else if (method == SelfShadowMethod::ambient) {
@@ -561,23 +563,23 @@ ErrorMeasurement::ErrorMeasurement(const Scene& scene, const SceneSamples* at,
                                    std::shared_ptr<const CubeMap> map, const Methods& asked,
                                    const Candidates& candidates, bool cast_shadow) {
   if (!at || at->empty() || !map || map->size() == 0) return;
-  work_ =
-      std::make_unique<Work>(*at, std::move(map), scene.material, asked.normalization, candidates);
-  work_->standing.spheres = scene.spheres, work_->standing.baked_shadow = scene.baked_shadow;
-  work_->standing.marker_from_object.rotation = glm::dmat3(at->turned);
-  work_->standing.marker_from_object.translation = {0, 0, at->lifted};
-  std::deque<void (Work::*)()>& steps = work_->steps;
-  steps = {&Work::find_truth, &Work::read_material};
-  work_->casts = cast_shadow && scene.casts_shadow();
-  if (work_->casts) steps.insert(steps.end(), candidates.shadow.size(), &Work::cast_next);
-  steps.push_back(&Work::find_plane), steps.push_back(&Work::fit_diffuse);
-  steps.insert(steps.end(), candidates.glossy.size(), &Work::read_next_glossy);
-  steps.insert(steps.end(), candidates.self_shadow.size(), &Work::share_next);
-  steps.push_back(&Work::judge);
+  work_ = std::make_unique<Work>(scene, *at, std::move(map), asked.normalization, candidates);
+  Work* const work = work_.get();
+  std::deque<std::function<void()>>& steps = work->steps;
+  steps = {[=] { work->find_truth(); }, [=] { work->read_material(); }};
+  if (cast_shadow && scene.casts_shadow()) {
+    for (std::size_t k = candidates.shadow.size(); k-- > 0;)
+      steps.push_back([=] { work->cast(k); });
+    steps.push_back([=] { work->find_plane(); });
+  }
+  steps.push_back([=] { work->weigh_picture(); });
+  steps.push_back([=] { work->fit_diffuse(); });
+  for (const GlossyCandidate& g : candidates.glossy) steps.push_back([=] { work->read_glossy(g); });
+  for (const SelfShadowMethod method : candidates.self_shadow)
+    steps.push_back([=] { work->share(method); });
+  steps.push_back([=] { work->judge(); });
 }
 ErrorMeasurement::~ErrorMeasurement() = default;
-ErrorMeasurement::ErrorMeasurement(ErrorMeasurement&&) noexcept = default;
-ErrorMeasurement& ErrorMeasurement::operator=(ErrorMeasurement&&) noexcept = default;
 
 bool ErrorMeasurement::done() const { return !work_ || work_->steps.empty(); }
 
@@ -585,7 +587,7 @@ void ErrorMeasurement::step() {
   if (done()) return;
   const auto next = work_->steps.front();
   work_->steps.pop_front();
-  ((*work_).*next)();
+  next();
 }
 
 MeasuredErrors ErrorMeasurement::errors() const { return work_ ? work_->errors : MeasuredErrors(); }

@@ -27,8 +27,6 @@ class ErrorMeasurement {
   ErrorMeasurement(const Scene& scene, const SceneSamples* at, std::shared_ptr<const CubeMap> map,
                    const Methods& asked, const Candidates& candidates, bool cast_shadow);
   ~ErrorMeasurement();
-  ErrorMeasurement(ErrorMeasurement&&) noexcept;
-  ErrorMeasurement& operator=(ErrorMeasurement&&) noexcept;
 
   bool done() const;
   void step();
