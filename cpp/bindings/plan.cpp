@@ -15,6 +15,7 @@
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/measure_costs.h"
 #include "fastibl/render/measure_errors.h"
+#include "fastibl/render/workload.h"
 
 namespace fastibl::bindings {
 namespace {
@@ -306,7 +307,7 @@ void bind_plan(py::module_& module) {
         const py::gil_scoped_release release;
         PlanOptions options{methods, track, capture, cast_shadow, error, milliseconds, nullptr};
         options.costs = costs_from(costs);
-        options.workload = workload_of(scene, width, height, capture);
+        options.workload = workload_of(scene, width, height, capture, cast_shadow);
         if (samples) options.object_pixels = samples->object_area * width * height;
         Lighting lighting;
         MeasuredErrors measured;

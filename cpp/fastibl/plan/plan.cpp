@@ -230,22 +230,6 @@ void set_measured_error(const Choice& choice, const MeasuredErrors& measured, co
 
 }  // namespace
 
-Workload workload_of(const Scene& scene, int width, int height, bool light_changes) {
-  constexpr double kObject = 0.1;
-  constexpr double kGroups = 36;  // a vertex: 25 to 46 in five meshes
-  Workload work;
-  work.width = width, work.height = height;
-  work.object_pixels = kObject * width * height;
-  work.shadow_pixels = scene.casts_shadow() ? double(width) * height : 0;
-  work.vertices = int(scene.mesh.vertices.size()), work.light_changes = light_changes;
-  work.entries = scene.directions ? double(scene.directions->entries()) : 0;
-  work.edges = scene.directions ? double(scene.directions->edges.size()) : 0;
-  work.groups = kGroups * work.vertices;
-  work.pbr = scene.material.pbr != nullptr;
-  work.glossy = scene.material.reads_radiance(), work.diffuse = scene.material.reads_irradiance();
-  return work;
-}
-
 CandidateOptions candidate_options(const Scene& scene) {
   CandidateOptions options;
   options.baked_shadow = scene.baked_shadow != nullptr;

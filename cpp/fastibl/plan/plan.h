@@ -90,9 +90,6 @@ struct PlanOptions {
   bool settled = false;
 };
 
-// Of a picture: an object a tenth of it and a shadow map over most of it, whatever the pose, so
-// that the same light gives the same choice.
-Workload workload_of(const Scene& scene, int width, int height, bool light_changes);
 // What the scene tells of them.
 CandidateOptions candidate_options(const Scene& scene);
 

@@ -8,6 +8,7 @@
 #include "fastibl/core/clock.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/render/make_scene.h"
+#include "fastibl/render/workload.h"
 #include "fastibl/shading/glossy_shares.h"
 
 namespace fastibl {
@@ -180,10 +181,9 @@ void Session::update_plan(bool choose) {
   options.lighting = lighting_.get();
   options.measured = &measured_;
   options.costs = options_.costs;
-  options.workload = workload_of(scene_, rig_.back.width, rig_.back.height, light_moves());
+  options.workload =
+      workload_of(scene_, rig_.back.width, rig_.back.height, light_moves(), options_.cast_shadow);
   if (exchange_) options.workload.groups = double(exchange_->groups());
-  options.workload.lobe_groups = lobe_groups(scene_.material.lobe());
-  if (!options_.cast_shadow) options.workload.shadow_pixels = 0;
   if (const std::optional<double> pixels = renderer_->shaded(); pixels && *pixels > 0)
     options.object_pixels = pixels;
   options.slowdown = time_.slowdown();

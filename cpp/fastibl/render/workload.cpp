@@ -1,0 +1,25 @@
+#include "fastibl/render/workload.h"
+
+#include "fastibl/shading/lobe_cells.h"
+
+namespace fastibl {
+
+Workload workload_of(const Scene& scene, int width, int height, bool light_changes,
+                     bool cast_shadow) {
+  constexpr double kObject = 0.1;
+  constexpr double kGroups = 36;  // a vertex: 25 to 46 in five meshes
+  Workload work;
+  work.width = width, work.height = height;
+  work.object_pixels = kObject * width * height;
+  work.shadow_pixels = cast_shadow && scene.casts_shadow() ? double(width) * height : 0;
+  work.vertices = int(scene.mesh.vertices.size()), work.light_changes = light_changes;
+  work.entries = scene.directions ? double(scene.directions->entries()) : 0;
+  work.edges = scene.directions ? double(scene.directions->edges.size()) : 0;
+  work.groups = kGroups * work.vertices;
+  work.lobe_groups = lobe_groups(scene.material.lobe());
+  work.pbr = scene.material.pbr != nullptr;
+  work.glossy = scene.material.reads_radiance(), work.diffuse = scene.material.reads_irradiance();
+  return work;
+}
+
+}  // namespace fastibl
