@@ -77,28 +77,26 @@ Floats ggx(Lighting& lighting, const py::object& normals, const py::object& view
     const bool round = options.method == GgxMethod::taps && options.taps == kGgxTaps &&
                        std::ranges::all_of(pairs, [](glm::vec2 a) { return a.x == a.y; });
     parallel_for(int(pairs.size()), 512, [&](int begin, int end) {
-      std::vector<SurfaceFrame> frames;
       std::vector<glm::vec3> unit_normals, unit_views;
       std::vector<float> round_alphas;
       for (int i = begin; i < end; ++i) {
-        frames.push_back(frame_around(unit(vectors(n)[i]), vectors(t)[i]));
-        unit_normals.push_back(frames.back().normal), unit_views.push_back(unit(vectors(v)[i]));
+        unit_normals.push_back(unit(vectors(n)[i])), unit_views.push_back(unit(vectors(v)[i]));
         round_alphas.push_back(pairs[std::size_t(i)].x);
       }
-      std::vector<GgxLight> light(frames.size());
+      std::vector<GgxLight> light(unit_normals.size());
       if (round) shading(unit_normals, unit_views, round_alphas, {}, light);
       for (std::size_t k = 0; k < light.size(); ++k) {
-        const glm::vec2 a = pairs[std::size_t(begin) + k];
+        const std::size_t i = std::size_t(begin) + k;
         const glm::vec3 view = unit_views[k];
-        if (!round) light[k] = shading(frames[k], view, a, options);
-        glm::vec3& value = to[std::size_t(begin) + k];
-        value = light[k].mean();
+        SurfaceFrame frame{};
+        if (!round || single) frame = frame_around(unit_normals[k], vectors(t)[i]);
+        if (!round) light[k] = shading(frame, view, pairs[i], options);
+        to[i] = light[k].mean();
         if (!single) continue;
-        const glm::dvec3 local(glm::dot(view, frames[k].tangent),
-                               glm::dot(view, frames[k].bitangent),
-                               glm::dot(view, frames[k].normal));
-        const glm::dvec2 albedo = integrate_ggx_albedo(local, glm::dvec2(a));
-        value *= float(albedo.x + albedo.y);
+        const glm::dvec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
+                               glm::dot(view, frame.normal));
+        const glm::dvec2 albedo = integrate_ggx_albedo(local, glm::dvec2(pairs[i]));
+        to[i] *= float(albedo.x + albedo.y);
       }
     });
   }

@@ -9,6 +9,17 @@ FN float ggx_size(vec3 w, vec2 alpha) {
   return sqrt(w.z * w.z + x * x + y * y);
 }
 
+// h × the x or the y axis, whichever is farther from h; times `part`.
+FN vec3 any_across(vec3 h, float part) {
+  float x = part * step(abs(h.x), 0.7f);
+  float y = part - x;
+  vec3 q = h;
+  q.x = -h.z * y;
+  q.y = h.z * x;
+  q.z = h.x * y - h.y * x;
+  return q;
+}
+
 // The lobe D G2 / (4 n·v) towards l, averaged over a round light of this variance (radians², along each axis) around l.
 // view_size: |A v|.
 // Slopes over alpha are stereographic coordinates: a sphere's area there has the density of GGX's r, so that of a disc of
@@ -24,12 +35,7 @@ FN float ggx_light(vec3 v, vec2 alpha, float view_size, vec3 l, float variance) 
   float vh = max(dot(v, h), 5e-2f);
   // Across the plane of v and l; any where there is none. Without a branch, for loops over lights.
   vec3 q = cross(v, l);
-  float any = step(dot(q, q), 1e-10f);
-  float first = any * step(abs(h.x), 0.7f);
-  float other = any - first;
-  q.x = q.x - h.z * other;
-  q.y = q.y + h.z * first;
-  q.z = q.z + h.x * other - h.y * first;
+  q = q + any_across(h, step(dot(q, q), 1e-10f));
   q = q * (1.0f / sqrt(max(dot(q, q), 1e-20f)));
   vec3 p = cross(q, h);
   float qx = q.x / vh;

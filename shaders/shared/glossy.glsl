@@ -44,12 +44,17 @@ FN float light_lobe(float s, float variance, vec3 n, vec3 v, vec3 l) {
          soft_positive(dot(n, l), 1.5f * sqrt(variance));
 }
 
-// Share of a light that look-ups at a level do not hold; light_level: where its own width lies.
-FN float light_share(float level, float light_level) {
-  float k = min(floor(level), 6.0f);
+// Share of a light that look-ups between levels k and k + 1 do not hold, `part` of them from the second; light_level:
+// where the light's own width lies.
+FN float light_share_between(float k, float part, float light_level) {
   float fine = min(k, 1.0f) * clamp(k - light_level, 0.0f, 1.0f);  // level 0 holds all of them
   float coarse = clamp(k + 1.0f - light_level, 0.0f, 1.0f);
-  return fine + (level - k) * (coarse - fine);
+  return fine + part * (coarse - fine);
+}
+// The same at a level.
+FN float light_share(float level, float light_level) {
+  float k = min(floor(level), 6.0f);
+  return light_share_between(k, level - k, light_level);
 }
 
 // How much a look-up sees of a light, up to a factor: both round, with spreads (standard deviations squared) that are

@@ -87,11 +87,10 @@ FASTIBL_TARGET void ggx_block(const float* normals, const float* views, const fl
   const Wide alpha = clamp(load(alphas), kSmallestAlpha, 1);
   // The surface's frame, with the tangent below the view; any where that is along the normal.
   const Wide cosine = dot(n, v);
-  vec3 side = v - cosine * n;
-  const Wide flat = sqrt(dot(side, side)), tilted = 1 - step(flat, 1e-6f);
-  const Wide first = (1 - tilted) * step(abs(n.x), 0.7f), other = (1 - tilted) - first;
-  side = tilted * side + vec3{-n.z * other, n.z * first, n.x * other - n.y * first};
-  const vec3 tangent = normalize(side), bitangent = cross(n, tangent);
+  const vec3 side = v - cosine * n;
+  const Wide flat = sqrt(dot(side, side)), none = step(flat, 1e-6f);
+  const vec3 tangent = normalize((1 - none) * side + any_across(n, none)),
+             bitangent = cross(n, tangent);
   const Wide up = max(cosine, 1e-3f), size = 1 / sqrt(flat * flat + up * up);
   const vec3 view{size * flat, Wide{}, size * up};
 
@@ -99,15 +98,15 @@ FASTIBL_TARGET void ggx_block(const float* normals, const float* views, const fl
   read_taps(k.nodes, flat, cosine, sqrt(alpha), taps);
   FourFloats front[kWide] = {}, edge[kWide] = {};
   Wide front_weight = {}, edge_weight = {}, highest = {};
-  vec2 directions[kGgxTaps];  // along tangent and normal
+  vec3 directions[kGgxTaps];  // in the surface's frame
   Wide fines[kGgxTaps], coarses[kGgxTaps], spreads[kGgxTaps];
   for (int t = 0; t < kGgxTaps; ++t) {
     const Wide across = taps.across[t], along = taps.up[t];
     const Wide length = 1 / sqrt(across * across + along * along);
-    const vec2 local{-length * across, length * along};
-    const vec3 direction = local.x * tangent + local.y * n;
+    const vec3 local{-length * across, Wide{}, length * along};
+    const vec3 direction = local.x * tangent + local.z * n;
     const Wide width = taps.width[t], weight = taps.weight[t], level = level_of(width, k);
-    const Wide e = weight * ggx_edge({local.x, Wide{}, local.y}, view), f = weight - e;
+    const Wide e = weight * ggx_edge(local, view), f = weight - e;
     const Wide fine = min(floor(level), GlossyChain::kLevelCount - 2), coarse = level - fine;
     const WideInt index = __builtin_convertvector(fine, WideInt);
     const WideFacePoint point = face_point(direction.x, direction.y, direction.z);
@@ -134,13 +133,10 @@ FASTIBL_TARGET void ggx_block(const float* normals, const float* views, const fl
                    dot(light.direction, n)};
       Wide near = {}, left = {};
       for (int t = 0; t < kGgxTaps; ++t) {
-        // As seen_by_tap() and light_share(), whose parts that all lights share are made before.
-        const Wide spread = spreads[t] + light.variance;
-        const Wide off = spread + 1 - directions[t].x * l.x - directions[t].y * l.z;
-        const Wide part = taps.weight[t] * spread / (off * off), past = fines[t] - lights.level[j];
-        const Wide fine = clamp(past, 0, 1), coarse = clamp(past + 1, 0, 1);
+        const Wide part =
+            taps.weight[t] * seen_by_tap(directions[t], l, spreads[t] + light.variance);
         near += part;
-        left += part * multiply_add(coarses[t], coarse - fine, fine);
+        left += part * light_share_between(fines[t], coarses[t], repeat(lights.level[j]));
       }
       const Wide value = left / max(near, 1e-30f) * light.gain *
                          ggx_light(view, round, view_size, l, light.variance);
