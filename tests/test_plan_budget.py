@@ -370,8 +370,9 @@ def test_a_plan_of_one_picture_is_judged_by_it(scene):
         same_error(lambda half=half: plan(**half), ValueError, "both")
 
 
-def test_where_a_picture_shows_no_plane_its_shadow_does_not_matter(scene):
+def test_where_a_picture_shows_no_plane_its_shadow_does_not_matter():
     """What the object lacks of the plane's light is counted once, however many shadows are tried."""
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)  # of which no session baked the shadow
     picture = {"camera": camera_of(160, 120, 20.0), "camera_from_marker": looking((0, 0.4, 0.12), (0, -0.4, 0.1))}
     tried = fastibl.make_plan(scene, room(), error=0.02, **picture)
     finest = fastibl.Method("directions", directions=1024)
