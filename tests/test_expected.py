@@ -47,6 +47,63 @@ def test_what_came_is_named(call, told):
     assert len(str(error.value)) < 200
 
 
+class Odd:
+    """What nothing takes."""
+
+
+def public_callables():
+    for name in fastibl.__all__:
+        thing = getattr(fastibl, name)
+        if callable(thing):
+            yield name, thing
+        for method, function in vars(thing).items() if isinstance(thing, type) else ():
+            if type(function).__name__ == "instancemethod" and not method.startswith("_"):
+                yield f"{name}.{method}", function
+
+
+def test_no_call_is_answered_with_signatures():
+    """pybind11 answers with all that would fit."""
+    asked = 0
+    for name, function in public_callables():
+        for args in ((), (Odd(),), (Odd(),) * 9):
+            if name in ("simulate", "Session") and not args:
+                continue
+            try:
+                function(*args)
+            except Exception as error:  # noqa: BLE001 - whatever it is, it is to be read
+                asked += isinstance(error, TypeError)
+                method = "." in name  # without an object of its class: no call that anybody makes
+                assert method or "argument types are supported" not in str(error), f"{name}: {error}"
+                assert method or len(str(error)) < 400, f"{name}: {error}"
+    assert asked > 150
+
+
+@pytest.mark.parametrize(
+    "call, told",
+    [
+        (lambda: fastibl.Rig("rig.yaml"), r"back must be Camera, got str: Camera\(width"),
+        (lambda: fastibl.Scene("spot.obj"), "mesh must be Mesh, got str: read_mesh reads files"),
+        (lambda: fastibl.Scene(MESH, None, None, "50"), "spheres must be a whole number, got str"),
+        (lambda: fastibl.Environment("room.hdr"), "radiance must be CubeMap, got str: read_environment"),
+        (lambda: fastibl.cast_shadow(CUBE, np.zeros((1, 4)), resolution=2.5), "resolution .*whole number, got float"),
+        (lambda: fastibl.fit_spheres(MESH, seed=-1), "seed .*from 0 to .*got -1"),
+        (lambda: fastibl.Material(color=3), "Material takes no color: diffuse, glossy, exponent, emission"),
+        (lambda: fastibl.Mesh([[0.0, 0, 0]]), "Mesh needs triangles: vertices, triangles"),
+        (lambda: fastibl.CubeMap(FACES, 8), r"CubeMap takes at most 1 \(faces\), got 2"),
+        (lambda: fastibl.Rig(CAMERA, back=CAMERA), "Rig got back twice"),
+        (lambda: fastibl.Environment(CUBE, (0, 0, 0)), "at most 1 without a name .radiance, centre"),
+        (lambda: fastibl.Environment(CUBE, box=[[1, 2, 3]]), r"box must be \(2 \(3 numbers\)\).*got \[\[1, 2, 3\]\]"),
+        (lambda: fastibl.Pose().angle_to(30), "other must be Pose, got int"),
+        (lambda: CUBE.sample(), "sample needs directions: directions, level"),
+        (lambda: fastibl.set_threads(np.zeros(3)), "count must be a whole number.*got array"),
+    ],
+)
+def test_the_argument_that_does_not_fit_is_named(call, told):
+    with pytest.raises(TypeError, match=told) as error:
+        call()
+    assert len(str(error.value)) < 200
+
+
 def test_what_is_no_time_and_no_cost_is_named():
     with pytest.raises(ValueError, match="finite seconds, got nan"):
         session().process(fastibl.Frame(float("nan"), back_from_marker=fastibl.Pose()))

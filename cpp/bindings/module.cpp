@@ -1,3 +1,4 @@
+#include "bindings/argument_errors.h"
 #include "bindings/numpy.h"
 
 PYBIND11_MODULE(_fastibl, module) {
@@ -23,6 +24,7 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_capture(module);
   bind_shadow(module);
   bind_mesh_shadow(module);
+  bind_object(module);
   bind_plane_exchange(module);
   bind_shading(module);
   bind_tracking(module);
@@ -34,4 +36,5 @@ PYBIND11_MODULE(_fastibl, module) {
 #else
   module.attr("with_gl") = false;
 #endif
+  explain_argument_errors(module);
 }

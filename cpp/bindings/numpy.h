@@ -198,6 +198,7 @@ void bind_ggx(py::module_& module);
 void bind_prefilter(py::module_& module);
 void bind_shadow(py::module_& module);
 void bind_mesh_shadow(py::module_& module);
+void bind_object(py::module_& module);
 void bind_plane_exchange(py::module_& module);
 void bind_shading(py::module_& module);
 void bind_plan(py::module_& module);

@@ -1063,6 +1063,88 @@ class BakedShadow:
         """
         Three arrays of each of two tables: where the entries of each block begin, their cells, their covers (n, 16).
         """
+class Scene:
+    """
+    An object ready to be rendered.
+
+    mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
+    frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
+    for no self-shadow at all. refine: split triangles where what the object hides of itself changes within them; the surface
+    stays the same, the paper's P_V too. Raises ValueError for negative numbers or what is no pose.
+    """
+    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96, refine: bool = True) -> None:
+        ...
+    def __repr__(self) -> str:
+        ...
+    @property
+    def baked_shadow(self) -> BakedShadow:
+        """
+        What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
+
+        Without it that method raises ValueError; where the object is tilted or lifted off the plane, its spheres cast the
+        shadow.
+        """
+    @baked_shadow.setter
+    def baked_shadow(self, arg1: typing.Any) -> None:
+        ...
+    @property
+    def holdouts(self) -> list[Mesh]:
+        """
+        Real objects as meshes, marker frame: list of Mesh, empty by default.
+
+        Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
+        leaves of the light on that surface. Set it before a Session is made. They keep no light from the virtual object, nor
+        its shadow from the plane behind them.
+        """
+    @holdouts.setter
+    def holdouts(self, arg1: collections.abc.Sequence[Mesh]) -> None:
+        ...
+    @property
+    def marker_from_object(self) -> Pose:
+        """
+        Pose: where the object stands.
+        """
+    @property
+    def material(self) -> Material:
+        """
+        Material of the object.
+        """
+    @property
+    def mesh(self) -> Mesh:
+        """
+        As it was given.
+        """
+    @property
+    def refined_mesh(self) -> Mesh:
+        """
+        The same surface with vertices where what the object hides of itself changes: what is shaded. mesh where nothing had to be split.
+        """
+    @property
+    def shadow_color(self) -> tuple:
+        """
+        Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black by default.
+        """
+    @shadow_color.setter
+    def shadow_color(self, arg1: typing.Any) -> None:
+        ...
+    @property
+    def shadow_strength(self) -> float:
+        """
+        How much of the shadow is drawn, from 0 (none) to 1 (as it falls, the default).
+        """
+    @shadow_strength.setter
+    def shadow_strength(self, arg1: typing.SupportsFloat | typing.SupportsIndex) -> None:
+        ...
+    @property
+    def spheres(self) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        (m, 4) float32: centre and radius, mesh frame.
+        """
+    @property
+    def visibility(self) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        P_V at the vertices of mesh, (v,) float32.
+        """
 class PlaneExchange:
     """
     Diffuse light from an object to the marker plane that it stands on, and back: one bounce.
@@ -1108,7 +1190,7 @@ class Bounce:
 
     scene: Scene, where it stands. Raises ValueError for one without visibility_rays.
     """
-    def __init__(self, scene: ...) -> None:
+    def __init__(self, scene: Scene) -> None:
         ...
     def update(self, lighting: _Lighting, shadow: ShadowMap) -> None:
         """
@@ -1549,88 +1631,6 @@ class Plan:
         """
 class _SceneSamples:
     pass
-class Scene:
-    """
-    An object ready to be rendered.
-
-    mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
-    frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
-    for no self-shadow at all. refine: split triangles where what the object hides of itself changes within them; the surface
-    stays the same, the paper's P_V too. Raises ValueError for negative numbers or what is no pose.
-    """
-    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96, refine: bool = True) -> None:
-        ...
-    def __repr__(self) -> str:
-        ...
-    @property
-    def baked_shadow(self) -> BakedShadow:
-        """
-        What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
-
-        Without it that method raises ValueError; where the object is tilted or lifted off the plane, its spheres cast the
-        shadow.
-        """
-    @baked_shadow.setter
-    def baked_shadow(self, arg1: typing.Any) -> None:
-        ...
-    @property
-    def holdouts(self) -> list[Mesh]:
-        """
-        Real objects as meshes, marker frame: list of Mesh, empty by default.
-
-        Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
-        leaves of the light on that surface. Set it before a Session is made. They keep no light from the virtual object, nor
-        its shadow from the plane behind them.
-        """
-    @holdouts.setter
-    def holdouts(self, arg1: collections.abc.Sequence[Mesh]) -> None:
-        ...
-    @property
-    def marker_from_object(self) -> Pose:
-        """
-        Pose: where the object stands.
-        """
-    @property
-    def material(self) -> Material:
-        """
-        Material of the object.
-        """
-    @property
-    def mesh(self) -> Mesh:
-        """
-        As it was given.
-        """
-    @property
-    def refined_mesh(self) -> Mesh:
-        """
-        The same surface with vertices where what the object hides of itself changes: what is shaded. mesh where nothing had to be split.
-        """
-    @property
-    def shadow_color(self) -> tuple:
-        """
-        Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black by default.
-        """
-    @shadow_color.setter
-    def shadow_color(self, arg1: typing.Any) -> None:
-        ...
-    @property
-    def shadow_strength(self) -> float:
-        """
-        How much of the shadow is drawn, from 0 (none) to 1 (as it falls, the default).
-        """
-    @shadow_strength.setter
-    def shadow_strength(self, arg1: typing.SupportsFloat | typing.SupportsIndex) -> None:
-        ...
-    @property
-    def spheres(self) -> numpy.typing.NDArray[numpy.float32]:
-        """
-        (m, 4) float32: centre and radius, mesh frame.
-        """
-    @property
-    def visibility(self) -> numpy.typing.NDArray[numpy.float32]:
-        """
-        P_V at the vertices of mesh, (v,) float32.
-        """
 class ObjectLayer:
     """
     The shaded object before it is laid over the picture.
@@ -1831,13 +1831,13 @@ def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8
     """
 def _level_parameters(mapping: str, count: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     ...
-def _make_plan(scene: ..., environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, samples: _SceneSamples) -> Plan:
+def _make_plan(scene: Scene, environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, samples: _SceneSamples) -> Plan:
     ...
 def _measure_costs() -> dict[str, float]:
     """
     Unit costs of this machine in nanoseconds, by name; some three seconds.
     """
-def _measured_errors(scene: ..., environment: Environment, methods: _Methods, cast_shadow: bool = True, offline: bool = False, samples: _SceneSamples = None) -> dict:
+def _measured_errors(scene: Scene, environment: Environment, methods: _Methods, cast_shadow: bool = True, offline: bool = False, samples: _SceneSamples = None) -> dict:
     """
     Squares of the picture's errors by candidate, of each step alone, and of all of the object and the plane, for light that stays: what a plan chooses from.
     """
@@ -1847,7 +1847,7 @@ def _method_settings(step: str, method: str) -> dict:
     """
     Names of a method's settings, with the values that are worth comparing beside the default.
     """
-def _plan_seconds(scene: ..., environment: Environment, repetitions: typing.SupportsInt | typing.SupportsIndex) -> tuple[float, float]:
+def _plan_seconds(scene: Scene, environment: Environment, repetitions: typing.SupportsInt | typing.SupportsIndex) -> tuple[float, float]:
     """
     CPU seconds of make_plan with measured errors, and of measuring them for light that changes.
     """
@@ -1861,7 +1861,7 @@ def _row_evidence(image: typing.Any, board: Board, camera: Camera, first: Pose, 
     """
     What a picture's edges alone say of pose and motion: the share of the readout at which the board's middle row is taken, its pose, and the normal equations (24, 24), (24,) of a change of (w, d), of its growth in a readout, and of the growth of that and so on; or None.
     """
-def _sample_scene(scene: ..., camera: Camera, camera_from_marker: Pose) -> _SceneSamples:
+def _sample_scene(scene: Scene, camera: Camera, camera_from_marker: Pose) -> _SceneSamples:
     """
     Places that a picture shows; None where it shows nothing of the object.
     """

@@ -96,7 +96,7 @@ def write_environment(
     """
     path = Path(path)
     radiance = cube.radiance if isinstance(cube, Environment) else cube
-    expect(radiance, CubeMap, "cube", "CubeMap(faces) takes (6, n, n, 3) floats")
+    expect(radiance, CubeMap, "cube")
     if layout not in LAYOUTS:
         raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {layout!r}")
     if layout != "equirect" and height is not None:

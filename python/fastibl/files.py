@@ -83,7 +83,7 @@ def stand(mesh: Mesh, height: float) -> Mesh:
 
     Raises ValueError for a height that is not positive and finite, or a flat mesh.
     """
-    expect(mesh, Mesh, "mesh", "read_mesh reads files")
+    expect(mesh, Mesh, "mesh")
     expect(height, Real, "height", "metres")
     if not (np.isfinite(height) and height > 0):
         raise ValueError(f"height must be positive and finite (metres), got {height}")

@@ -76,7 +76,7 @@ def _check_known(name: str, settings: Mapping[str, float]) -> None:
         if name in _method_names(step):
             known = set(_method_settings(step, name))
     if known is None:
-        every = ", ".join(name for step in STEPS for name in _method_names(step))
+        every = ", ".join(dict.fromkeys(name for step in STEPS for name in _method_names(step)))
         raise ValueError(f'no method "{name}"; there are: {every}')
     for key in settings:
         if key not in known:
@@ -148,7 +148,7 @@ class Lighting(_Lighting):
         previous: Lighting | None = None,
     ):
         radiance = cube.radiance if isinstance(cube, Environment) else cube
-        expect(radiance, CubeMap, "cube", "CubeMap(faces) takes (6, n, n, 3) floats")
+        expect(radiance, CubeMap, "cube")
         super().__init__(
             radiance,
             method_name("diffuse", diffuse),

@@ -63,7 +63,7 @@ def make_plan(
     """
     if (camera is None) != (camera_from_marker is None):
         raise ValueError("camera and camera_from_marker must both be given, or neither")
-    expect(scene, Scene, "scene", "Scene(mesh, material) makes one")
+    expect(scene, Scene, "scene")
     environment = _known(environment)
     if capture is None:
         capture = environment is None
@@ -103,10 +103,7 @@ def bake_shadow(scene: Scene) -> None:
 
 
 def _known(environment: Environment | CubeMap | None) -> Environment | None:
-    expect(
-        environment, (Environment, CubeMap, type(None)), "environment",
-        "read_environment reads files, CubeMap(faces) takes (6, n, n, 3) floats",
-    )  # fmt: skip
+    expect(environment, (Environment, CubeMap, type(None)), "environment")
     return Environment(environment) if isinstance(environment, CubeMap) else environment
 
 
@@ -162,8 +159,8 @@ class Session(_Session):
         costs: Mapping[str, float] | None = None,
         offline: bool = False,
     ):
-        expect(scene, Scene, "scene", "Scene(mesh, material) makes one")
-        expect(rig, Rig, "rig", "Rig(camera) is one of a back camera alone")
+        expect(scene, Scene, "scene")
+        expect(rig, Rig, "rig")
         expect(board, (_CoreBoard, type(None)), "board", "light that is known is given as environment=")
         for name, number in (("error", error), ("milliseconds", milliseconds)):
             expect(number, (Real, type(None)), name)
@@ -204,7 +201,7 @@ class Session(_Session):
         runs backwards, an attitude that is no rotation, or a frame with neither picture nor pose; TypeError for other
         dtypes.
         """
-        expect(frame, Frame, "frame", "Frame(time, back=picture) is one of a picture")
+        expect(frame, Frame, "frame")
         return self._process(
             frame.time,
             frame.back,
@@ -222,7 +219,7 @@ class Session(_Session):
         A scene that has spheres but no baked_shadow gets one as in the constructor; give one that has it where a frame
         must not wait. Raises ValueError for a scene that cannot be drawn.
         """
-        expect(scene, Scene, "scene", "Scene(mesh, material) makes one")
+        expect(scene, Scene, "scene")
         bake_shadow(scene)
         self._set_scene(scene)
 

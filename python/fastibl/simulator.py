@@ -443,7 +443,7 @@ def simulate(
     """
     if not (np.isfinite(seconds) and seconds > 0 and np.isfinite(fps) and fps > 0):
         raise ValueError(f"seconds and fps must be positive and finite, got {seconds} and {fps}")
-    expect(rig, (Rig, type(None)), "rig", "Rig(camera) is one of a back camera alone")
+    expect(rig, (Rig, type(None)), "rig")
     expect(size, (tuple, list), "size", "(width, height), pixels")
     if len(size) != 2 or min(size) < 16:
         raise ValueError(f"size must be (width, height), each at least 16 pixels, got {size}")

@@ -1,0 +1,109 @@
+#include <pybind11/stl.h>
+
+#include "bindings/numpy.h"
+#include "fastibl/render/make_scene.h"
+#include "fastibl/shading/holdout.h"
+#include "fastibl/shadow/mesh_shadow.h"
+
+namespace fastibl::bindings {
+namespace {
+
+// Longest edge of a holdout's triangle by the radius of the object, to hold its shadow by vertex.
+constexpr float kHoldoutDetail = 0.15f;
+
+void set_look(Scene& scene, const ShadowLook& look) {
+  look.validate();
+  scene.shadow_look = look;
+}
+
+}  // namespace
+
+void bind_object(py::module_& module) {
+  py::class_<Scene>(module, "Scene", R"(An object ready to be rendered.
+
+mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
+frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
+for no self-shadow at all. refine: split triangles where what the object hides of itself changes within them; the surface
+stays the same, the paper's P_V too. Raises ValueError for negative numbers or what is no pose.)")
+      .def(py::init([](const Mesh& mesh, const std::optional<Material>& material,
+                       const py::object& marker_from_object, int spheres, int rays, bool refine) {
+             const Pose pose = marker_from_object.is_none()
+                                   ? Pose{}
+                                   : require_pose(marker_from_object, "marker_from_object");
+             const py::gil_scoped_release release;
+             SceneOptions options{spheres, rays};
+             options.refine = refine;
+             return make_scene(mesh, material.value_or(Material{}), pose, options);
+           }),
+           py::arg("mesh"), py::arg("material") = py::none(),
+           py::arg("marker_from_object") = py::none(), py::arg("spheres") = 50,
+           py::arg("visibility_rays") = 96, py::arg("refine") = true)
+      .def_property_readonly("mesh", &Scene::given_mesh, "As it was given.")
+      .def_readonly("refined_mesh", &Scene::mesh,
+                    "The same surface with vertices where what the object hides of itself changes: "
+                    "what is shaded. mesh where nothing had to be split.")
+      .def_readonly("material", &Scene::material, "Material of the object.")
+      .def_readonly("marker_from_object", &Scene::marker_from_object,
+                    "Pose: where the object stands.")
+      .def_property_readonly(
+          "visibility",
+          [](const Scene& s) {
+            return py::array_t<float>(py::ssize_t(s.given_mesh().vertices.size()),
+                                      s.visibility.data());
+          },
+          "P_V at the vertices of mesh, (v,) float32.")
+      .def_property_readonly(
+          "spheres",
+          [](const Scene& s) {
+            Floats out({py::ssize_t(s.spheres.size()), py::ssize_t{4}});
+            std::memcpy(out.mutable_data(), s.spheres.data(), s.spheres.size() * sizeof(glm::vec4));
+            return out;
+          },
+          "(m, 4) float32: centre and radius, mesh frame.")
+      .def_property(
+          "baked_shadow",
+          [](const Scene& s) { return std::const_pointer_cast<MeshShadow>(s.baked_shadow); },
+          [](Scene& s, const py::object& given) {
+            const py::object baked =
+                py::hasattr(given, "baked") ? py::object(given.attr("baked")) : given;
+            s.baked_shadow = baked.cast<std::shared_ptr<MeshShadow>>();
+          },
+          R"(What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
+
+Without it that method raises ValueError; where the object is tilted or lifted off the plane, its spheres cast the
+shadow.)")
+      .def_property(
+          "shadow_strength", [](const Scene& s) { return s.shadow_look.strength; },
+          [](Scene& s, double strength) {
+            set_look(s, {float(strength), s.shadow_look.color});
+          },
+          "How much of the shadow is drawn, from 0 (none) to 1 (as it falls, the default).")
+      .def_property(
+          "shadow_color", [](const Scene& s) { return triple(s.shadow_look.color); },
+          [](Scene& s, const py::object& color) {
+            set_look(s, {s.shadow_look.strength, require_triple(color, "shadow_color")});
+          },
+          "Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black "
+          "by "
+          "default.")
+      .def_property(
+          "holdouts",
+          [](const Scene& s) { return s.holdouts ? s.holdouts->meshes : std::vector<Mesh>{}; },
+          [](Scene& s, const std::vector<Mesh>& meshes) {
+            const py::gil_scoped_release release;
+            const Bounds box = bounds(s.mesh.vertices);
+            s.holdouts = std::make_shared<const Holdouts>(
+                make_holdouts(meshes, kHoldoutDetail * box.radius()));
+          },
+          R"(Real objects as meshes, marker frame: list of Mesh, empty by default.
+
+Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
+leaves of the light on that surface. Set it before a Session is made. They keep no light from the virtual object, nor
+its shadow from the plane behind them.)")
+      .def("__repr__", [](const Scene& s) {
+        return "<fastibl.Scene of " + std::to_string(s.given_mesh().triangles.size()) +
+               " triangles, " + std::to_string(s.spheres.size()) + " spheres>";
+      });
+}
+
+}  // namespace fastibl::bindings

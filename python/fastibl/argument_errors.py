@@ -1,0 +1,147 @@
+"""A call of the extension that its arguments do not fit: what is wrong with it, instead of all that would fit.
+
+pybind11 answers such a call with signatures; the extension gives that answer to `explain`
+(cpp/bindings/argument_errors.h).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence, Set
+from numbers import Real
+from operator import index
+from typing import Any, NamedTuple, SupportsIndex
+
+from . import _fastibl
+from .expected import wrong_type
+
+# What each annotation of pybind11's takes. Others (arrays, callables) say themselves what they expected.
+_KINDS: dict[str, type] = {
+    "typing.SupportsFloat": Real,
+    "typing.SupportsInt": SupportsIndex,
+    "typing.SupportsIndex": SupportsIndex,
+    "str": str,
+    "bool": bool,
+    "dict": dict,
+    "list": list,
+    "tuple": tuple,
+    "None": type(None),
+    "collections.abc.Sequence": Sequence,
+    "collections.abc.Mapping": Mapping,
+    "collections.abc.Set": Set,
+    "typing.Annotated": Sequence,  # of a fixed length
+}
+_OPENING, _CLOSING = "([{", ")]}"
+
+
+class _Parameter(NamedTuple):
+    name: str
+    annotation: str
+    kinds: tuple[type, ...]  # empty: anything, as far as can be seen from here
+    needed: bool
+    by_name: bool  # after a bare *
+
+    def fits(self, value: Any) -> bool:
+        """As far as can be seen."""
+        if not isinstance(value, self.kinds or object):
+            return False
+        if SupportsIndex not in self.kinds or value is None:
+            return True
+        try:
+            return 0 <= index(value) < 2**31
+        except TypeError:  # an array
+            return False
+
+    def expected(self) -> str:
+        """What a sequence should hold."""
+        text = self.annotation.replace("typing.SupportsFloat | typing.SupportsIndex", "numbers")
+        text = text.replace("typing.SupportsInt | typing.SupportsIndex", "whole numbers")
+        sized = r'typing\.Annotated\[collections\.abc\.Sequence\[([^][]*)\], "FixedSize\((\d+)\)"\]'
+        while re.search(sized, text):
+            text = re.sub(sized, r"(\2 \1)", text)
+        return re.sub(r"collections\.abc\.(\w+)\[([^][]*)\]", r"\1 of \2", text)
+
+
+def _split(text: str, at: str) -> list[str]:
+    """At a character outside brackets and quotes."""
+    parts, depth, quote = [""], 0, ""
+    for c in text:
+        if quote:
+            quote = "" if c == quote else quote
+        elif c in "'\"":
+            quote = c
+        else:
+            depth += (c in _OPENING) - (c in _CLOSING)
+        if c == at and not depth and not quote:
+            parts.append("")
+        else:
+            parts[-1] += c
+    return [p.strip() for p in parts]
+
+
+def _kind(annotation: str) -> type | None:
+    outer = annotation.partition("[")[0]
+    if outer.startswith("fastibl._fastibl."):
+        return getattr(_fastibl, outer.rpartition(".")[2], None)
+    return _KINDS.get(outer)
+
+
+def _parameters(signature: str) -> list[_Parameter]:
+    found, by_name = [], False
+    for text in _split(signature, ","):
+        if text == "*":
+            by_name = True
+        if not re.match(r"\w+:", text):
+            continue
+        name, _, rest = text.partition(":")
+        annotation, *default = _split(rest, "=")
+        kinds = [_kind(a) for a in _split(annotation, "|")]
+        if None in kinds:
+            kinds = []
+        elif Real in kinds:  # whole ones are among them
+            kinds = [k for k in kinds if k is not SupportsIndex]
+        found.append(_Parameter(name, annotation, tuple(dict.fromkeys(kinds)), not default, by_name))
+    return found
+
+
+def explain(message: str, args: tuple, kwargs: Mapping[str, Any]) -> str:
+    """What is wrong with the first argument that does not fit; pybind11's message where that cannot be told.
+
+    args: with `self`.
+    """
+    signatures = re.findall(r"^ {4}\d+\. (.*)$", message, re.MULTILINE)
+    if len(signatures) != 1:
+        return message
+    match = re.match(r"(?:fastibl\._fastibl\._?(\w+))?\((.*)\)(?: -> .*)?$", signatures[0])
+    if match is None:
+        return message
+    constructed, every = match[1], _parameters(match[2])
+    name = constructed or message.partition("(")[0] or "it"
+    args = args[1:] if constructed or (every and every[0].name == "self") else args
+    every = [p for p in every if p.name != "self"]
+    names = ", ".join(p.name for p in every) or "no arguments"
+    by_place = [p for p in every if not p.by_name]
+    if len(args) > len(by_place):
+        most = f"{len(by_place)} without a name" if len(by_place) < len(every) else str(len(by_place))
+        return f"{name} takes at most {most} ({names}), got {len(args)}"
+    given = {p.name: value for p, value in zip(by_place, args, strict=False)}
+    for key in kwargs:
+        if key in given:
+            return f"{name} got {key} twice"
+        if key not in {p.name for p in every}:
+            return f"{name} takes no {key}: {names}"
+    given.update(kwargs)
+    for p in every:
+        if p.name not in given:
+            if p.needed:
+                return f"{name} needs {p.name}: {names}"
+            continue
+        value, what = given[p.name], "it" if re.fullmatch(r"arg\d", p.name) else p.name
+        if not isinstance(value, p.kinds or object):
+            return wrong_type(value, p.kinds, what)
+        if not p.fits(value):
+            return f"{what} must be a whole number from 0 to {2**31 - 1}, got {value!r}"
+    holders = [p for p in every if "[" in p.annotation and p.name in given]
+    if len(holders) == 1:
+        return f"{holders[0].name} must be {holders[0].expected()}, got {given[holders[0].name]!r}"
+    return message
