@@ -370,6 +370,22 @@ def test_a_plan_of_one_picture_is_judged_by_it(scene):
         same_error(lambda half=half: plan(**half), ValueError, "both")
 
 
+def test_a_coarse_picture_averages_what_is_wrong_within_its_pixels():
+    """What the object hides of itself by vertex is wrong at edges, which pixels of 1 cm do not show."""
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), fastibl.Material((0.8, 0.8, 0.8)), spheres=20)
+    methods = {"self_shadow": "transfer", "diffuse": "irradiance-cube", "bounce": "one-bounce"}
+
+    def error(width):
+        camera = fastibl.Camera(width, width * 3 // 4, 1.2 * width, 1.2 * width, width / 2, width * 3 / 8)
+        pose = fastibl.Pose.look_at((0.2, -0.5, 0.3), (0, 0, 0.08))
+        picture = {"camera": camera, "camera_from_marker": pose}
+        return fastibl.make_plan(scene, room(), error=0.02, methods=methods, **picture).expected_error
+
+    coarse, fine = error(40), error(640)
+    print(f"40 x 30: {coarse:.4f}; 640 x 480: {fine:.4f}")
+    assert fine > 1.2 * coarse
+
+
 def test_where_a_picture_shows_no_plane_its_shadow_does_not_matter():
     """What the object lacks of the plane's light is counted once, however many shadows are tried."""
     scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)  # of which no session baked the shadow

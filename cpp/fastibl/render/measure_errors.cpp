@@ -255,15 +255,28 @@ struct Judged {
     return emission[i] + diffuse_factor[i] * (truth.irradiance[i] - truth.lost[i]) / kPi +
            glossy_factor[i] * truth.lobe[i];
   }
+  // Of pixels, by the colours of their samples; where those leave a part, the plane shows.
+  template <typename Colour>
+  Colours pixels(Colour&& colour) const {
+    Colours result;
+    for (std::size_t p = 0; p + 1 < samples.pixels.size(); ++p) {
+      const std::size_t first = samples.pixels[p], last = samples.pixels[p + 1];
+      glm::vec3 sum = (1 - samples.part * float(last - first)) * plane_radiance;
+      for (std::size_t i = first; i < last; ++i) sum += samples.part * colour(i);
+      result.push_back(cut(sum));
+    }
+    return result;
+  }
+  Colours true_pixels() const {
+    return pixels([this](std::size_t i) { return true_colour(i); });
+  }
 };
 
 void weigh(Judged& j) {
-  const std::size_t count = j.samples.seen;
+  const Colours pixels = j.true_pixels();
+  const std::size_t count = pixels.size();
   double object = 0, plane = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const glm::vec3 c = j.cut(j.true_colour(i));
-    object += double(c.x + c.y + c.z) / 3 / double(count);
-  }
+  for (const glm::vec3& c : pixels) object += double(c.x + c.y + c.z) / 3 / double(count);
   double beside = 0;
   for (const std::size_t p : j.plane.counted) {
     const glm::vec3 c = j.cut(j.plane_radiance * (j.plane.ratio[p] + j.plane.added[p]));
@@ -293,18 +306,18 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
                   const std::vector<Colours>& glossy,
                   const std::vector<std::vector<glm::vec4>>& shares, MeasuredErrors& errors) {
   const Candidates& c = errors.candidates;
-  const std::size_t count = j.samples.seen;
-  Colours truth;
+  const Colours truth = j.true_pixels();
+  const std::size_t count = truth.size();
   double mean = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    truth.push_back(j.cut(j.true_colour(i)));
-    mean += double(truth.back().x + truth.back().y + truth.back().z) / 3 / double(count);
-  }
+  for (const glm::vec3& t : truth) mean += double(t.x + t.y + t.z) / 3 / double(count);
   const auto within_pixels = [&](SelfShadowMethod method) {
     return method == SelfShadowMethod::traced ? square(kWithinPixel * mean) : 0.0;
   };
+  const auto view_of = [&](std::size_t pixel) {
+    return std::size_t(j.samples.surface[j.samples.pixels[pixel]].view);
+  };
   std::array<double, SceneSamples::kViews> seen{};
-  for (std::size_t i = 0; i < count; ++i) seen[std::size_t(j.samples.surface[i].view)] += 1;
+  for (std::size_t p = 0; p < count; ++p) seen[view_of(p)] += 1;
   for (const Colours& d : diffuse)
     for (const Colours& g : glossy)
       for (std::size_t m = 0; m < shares.size(); ++m)
@@ -312,14 +325,13 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
           const std::vector<glm::vec4>& s = shares[m];
           const double within_pixel = within_pixels(c.self_shadow[m]);
           const float kept = b == BounceMethod::none ? 0.0f : 1 - kBounceError;
-          std::array<double, SceneSamples::kViews> sums{};
-          for (std::size_t i = 0; i < count; ++i) {
+          const Colours made = j.pixels([&](std::size_t i) {
             const glm::vec3 lost = j.diffuse_factor[i] * j.truth.lost[i] * (kept / kPi);
-            const glm::vec3 colour = j.emission[i] +
-                                     glm::max(d[i] * glm::vec3(s[i]) - lost, glm::vec3(0)) +
-                                     g[i] * s[i].w;
-            sums[std::size_t(j.samples.surface[i].view)] += square(j.cut(colour) - truth[i]);
-          }
+            return j.emission[i] + glm::max(d[i] * glm::vec3(s[i]) - lost, glm::vec3(0)) +
+                   g[i] * s[i].w;
+          });
+          std::array<double, SceneSamples::kViews> sums{};
+          for (std::size_t p = 0; p < count; ++p) sums[view_of(p)] += square(made[p] - truth[p]);
           double sum = 0, worst = 0;
           for (std::size_t v = 0; v < sums.size(); ++v) {
             sums[v] += within_pixel * seen[v];
@@ -331,8 +343,9 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
         }
   // Of each step alone, the others as they truly are.
   const auto alone = [&](auto&& colour) {
+    const Colours made = j.pixels(colour);
     double sum = 0;
-    for (std::size_t i = 0; i < count; ++i) sum += square(j.cut(colour(i)) - truth[i]);
+    for (std::size_t p = 0; p < count; ++p) sum += square(made[p] - truth[p]);
     return sum * j.object_weight;
   };
   const auto share = [](glm::vec3 part, glm::vec3 whole) {

@@ -11,6 +11,7 @@
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/shading/sample_cells.h"
 #include "fastibl/shading/traced_shares.h"
 
 namespace fastibl {
@@ -60,11 +61,12 @@ struct Standing {
   float size;
 };
 
-// What the object is seen by: rays of pixels, one number as another.
+// What the object is seen by: one number as another.
 struct View {
   glm::vec3 eye;
-  int wanted;  // samples
-  std::function<std::optional<Ray>(int)> ray;
+  int wanted;                                    // pixels
+  std::function<std::optional<Ray>(int)> ray;    // through any place
+  std::function<std::vector<Ray>(int)> samples;  // of the pixel there
 };
 
 // From afar, on a circle at an elevation.
@@ -88,7 +90,8 @@ void add_views(const Standing& object, int count, float elevation, int wanted,
           centre + 2 * radius * to + r * std::cos(t) * right + r * std::sin(t) * up;
       return std::optional(Ray{from, -to});
     };
-    views.push_back({centre + kFar * radius * to, wanted, ray});
+    views.push_back(
+        {centre + kFar * radius * to, wanted, ray, [=](int k) { return std::vector{*ray(k)}; }});
   }
 }
 
@@ -97,19 +100,67 @@ View view_of(const Camera& camera, const Pose& camera_from_marker, glm::dvec2 pl
   const glm::dmat3 marker_from_camera = glm::transpose(camera_from_marker.rotation);
   const glm::vec3 eye(-(marker_from_camera * camera_from_marker.translation) -
                       glm::dvec3(place, 0));
-  const auto ray = [=, lens = Lens(camera), width = camera.width,
-                    height = camera.height](int k) -> std::optional<Ray> {
-    const auto d = lens.unproject(
-        {width * fraction(0.5f, k, 0.7548776662), height * fraction(0.5f, k, 0.5698402910)});
+  // In pixels: Roberts 2018, R2.
+  const auto place_of = [width = camera.width, height = camera.height](int k) {
+    return glm::dvec2(width * fraction(0.5f, k, 0.7548776662),
+                      height * fraction(0.5f, k, 0.5698402910));
+  };
+  const auto through = [=, lens = Lens(camera)](glm::dvec2 pixel) -> std::optional<Ray> {
+    const auto d = lens.unproject(pixel);
     if (!d) return std::nullopt;
     return Ray{eye, glm::vec3(glm::normalize(marker_from_camera * *d))};
   };
-  return {eye, SceneSamples::kPictureSamples, ray};
+  const auto samples = [=](int k) {
+    const glm::dvec2 corner = glm::floor(place_of(k));
+    std::vector<Ray> rays;
+    for (int i = 0; i < kSamples; ++i)
+      if (const auto ray =
+              through(corner + glm::dvec2(kSampleX[i], kSampleY[i]) / double(kSubpixel)))
+        rays.push_back(*ray);
+    return rays;
+  };
+  return {eye, SceneSamples::kPicturePixels, [=](int k) { return through(place_of(k)); }, samples};
 }
 
-void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
-                 const std::vector<View>& views, SceneSamples& samples) {
-  std::map<std::pair<int, bool>, int> used;  // vertices and whether their back is seen
+// Vertices and whether their back is seen, and their places among those that are kept.
+using Sides = std::map<std::pair<int, bool>, int>;
+
+// What a ray of a view meets of the object.
+std::optional<SceneSamples::Surface> surface_at(const Scene& scene, const Standing& object,
+                                                const SceneSamples& samples, const Ray& ray,
+                                                int view, Sides& used) {
+  const Bvh::Hit hit = samples.bvh->nearest(ray);
+  if (hit.triangle < 0) return std::nullopt;
+  const glm::ivec3 triangle = object.mesh.triangles[std::size_t(hit.triangle)];
+  const glm::vec3 w(1 - hit.u - hit.v, hit.u, hit.v);
+  glm::vec3 corners[3], n(0), p(0);
+  for (int i = 0; i < 3; ++i) {
+    corners[i] = object.mesh.vertices[std::size_t(triangle[i])];
+    n += w[i] * object.normals[std::size_t(triangle[i])], p += w[i] * corners[i];
+  }
+  if (!(glm::dot(n, n) > 1e-12f)) return std::nullopt;
+  n = glm::normalize(n);
+  const glm::vec3 to_eye = glm::normalize(samples.eyes[std::size_t(view)] - p);
+  const glm::vec3 facing = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
+  const bool behind = glm::dot(facing, to_eye) < 0;
+  SceneSamples::Surface sample{{},           w,           p, behind ? -n : n, p, to_eye, view,
+                               glm::vec4(0), glm::vec2(0)};
+  for (int i = 0; i < 3; ++i) {
+    const std::size_t corner = std::size_t(triangle[i]);
+    if (!scene.mesh.uvs.empty()) sample.uv += w[i] * scene.mesh.uvs[corner];
+    if (!scene.tangents.empty()) {
+      const glm::vec4& tangent = scene.tangents[corner];
+      sample.tangent += glm::vec4(w[i] * (samples.turned * glm::vec3(tangent)), 0);
+      sample.tangent.w = tangent.w;
+    }
+    sample.corners[i] = used.try_emplace({triangle[i], behind}, int(used.size())).first->second;
+  }
+  return sample;
+}
+
+void add_surface(const Scene& scene, const Standing& object, const std::vector<View>& views,
+                 SceneSamples& samples) {
+  Sides used;
   int met = 0, tried = 0;
   for (int v = 0; v < int(views.size()); ++v) {
     const View& view = views[std::size_t(v)];
@@ -117,44 +168,18 @@ void add_surface(const Scene& scene, const Standing& object, const Bvh& bvh,
     samples.eyes.push_back(view.eye);
     int found = 0;
     for (int k = 0; found < view.wanted && k < 40 * view.wanted; ++k) {
-      const std::optional<Ray> ray = view.ray(k);
-      tried += pictured;
-      if (!ray) continue;
-      const Bvh::Hit hit = bvh.nearest(*ray);
-      if (hit.triangle < 0) continue;
-      met += pictured;
-      const glm::ivec3 triangle = object.mesh.triangles[std::size_t(hit.triangle)];
-      const glm::vec3 w(1 - hit.u - hit.v, hit.u, hit.v);
-      glm::vec3 n(0), p(0);
-      for (int i = 0; i < 3; ++i) {
-        n += w[i] * object.normals[std::size_t(triangle[i])];
-        p += w[i] * object.mesh.vertices[std::size_t(triangle[i])];
-      }
-      if (!(glm::dot(n, n) > 1e-12f)) continue;
-      n = glm::normalize(n);
-      const glm::vec3 &a = object.mesh.vertices[std::size_t(triangle[0])],
-                      &b = object.mesh.vertices[std::size_t(triangle[1])],
-                      &c2 = object.mesh.vertices[std::size_t(triangle[2])];
-      const glm::vec3 to_eye = glm::normalize(view.eye - p);
-      const bool behind = glm::dot(glm::cross(b - a, c2 - a), to_eye) < 0;
-      SceneSamples::Surface sample{{},           w,           p, behind ? -n : n, p, to_eye, v,
-                                   glm::vec4(0), glm::vec2(0)};
-      for (int i = 0; i < 3; ++i) {
-        const std::size_t corner = std::size_t(triangle[i]);
-        if (!scene.mesh.uvs.empty()) sample.uv += w[i] * scene.mesh.uvs[corner];
-        if (!scene.tangents.empty()) {
-          const glm::vec4& tangent = scene.tangents[corner];
-          sample.tangent += glm::vec4(w[i] * (samples.turned * glm::vec3(tangent)), 0);
-          sample.tangent.w = tangent.w;
-        }
-      }
-      for (int i = 0; i < 3; ++i)
-        sample.corners[i] = used.try_emplace({triangle[i], behind}, int(used.size())).first->second;
-      samples.surface.push_back(sample);
-      samples.seen += pictured;
-      ++found;
+      const std::size_t first = samples.surface.size();
+      for (const Ray& ray : view.samples(k))
+        if (const auto sample = surface_at(scene, object, samples, ray, v, used))
+          samples.surface.push_back(*sample);
+      const bool any = samples.surface.size() > first;
+      found += any;
+      if (!pictured) continue;
+      tried += 1, met += any;
+      if (any) samples.pixels.push_back(first), samples.seen = samples.surface.size();
     }
   }
+  samples.pixels.push_back(samples.seen);
   samples.object_area = tried ? double(met) / tried : 0.0;
   // What is kept of each vertex, in the order in which samples came to them.
   std::vector<std::pair<int, bool>> order(used.size());
@@ -319,7 +344,8 @@ std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const 
   samples->picture_count = views.size();
   add_views(object, SceneSamples::kViewsFromBelow, -SceneSamples::kElevation,
             SceneSamples::kSamplesFromBelow, views);
-  add_surface(scene, object, bvh, views, *samples);
+  if (picture) samples->part = 1.0f / kSamples;
+  add_surface(scene, object, views, *samples);
   if (samples->empty()) return nullptr;
   // From afar all rays of a view start in a disc around the object.
   if (!picture)

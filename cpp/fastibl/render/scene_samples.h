@@ -19,7 +19,7 @@ class SceneSamples {
  public:
   static constexpr int kLevelSize = 32;  // face edge of the level whose texels are the directions
   static constexpr int kViews = 8, kViewSamples = 120, kPlaneSamples = 400;
-  static constexpr int kPictureSamples = 480, kPicturePlaneSamples = 800;  // of one picture
+  static constexpr int kPicturePixels = 600, kPicturePlaneSamples = 1600;  // of one picture
   static constexpr int kClose = 10;  // times as many places on the plane without rays
   static constexpr int kViewsFromBelow = 4, kSamplesFromBelow = 60;
   static constexpr float kElevation = 0.65f;  // of the views all round, radians
@@ -39,6 +39,11 @@ class SceneSamples {
   // round and from below are so far away that directions are the same everywhere.
   std::vector<Surface> surface;
   std::size_t seen = 0;
+  // Of the seen ones, where each pixel's begin, and their end: those of a picture's pixel that meet
+  // the object of the four that it is drawn by. All round each is a pixel of its own, which it
+  // fills.
+  std::vector<std::size_t> pixels;
+  float part = 1;  // of its pixel, that a sample fills
   std::vector<glm::vec3> eyes;
   std::size_t picture_count = 0;  // the first ones; the rest is from below
   // Directions are the texels' centres of a level of kLevelSize, face by face and row by row.
