@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping, Sequence, Set
 from numbers import Real
 from operator import index
+from reprlib import repr
 from typing import Any, NamedTuple, SupportsIndex
 
 from . import _fastibl
@@ -41,10 +42,8 @@ class _Parameter(NamedTuple):
     needed: bool
     by_name: bool  # after a bare *
 
-    def fits(self, value: Any) -> bool:
-        """As far as can be seen."""
-        if not isinstance(value, self.kinds or object):
-            return False
+    def has_room_for(self, value: Any) -> bool:
+        """Whether a whole number, where one is expected, is none that is too large, or below 0."""
         if SupportsIndex not in self.kinds or value is None:
             return True
         try:
@@ -139,9 +138,9 @@ def explain(message: str, args: tuple, kwargs: Mapping[str, Any]) -> str:
         value, what = given[p.name], "it" if re.fullmatch(r"arg\d", p.name) else p.name
         if not isinstance(value, p.kinds or object):
             return wrong_type(value, p.kinds, what)
-        if not p.fits(value):
-            return f"{what} must be a whole number from 0 to {2**31 - 1}, got {value!r}"
+        if not p.has_room_for(value):
+            return f"{what} must be a whole number from 0 to {2**31 - 1}, got {repr(value)}"
     holders = [p for p in every if "[" in p.annotation and p.name in given]
     if len(holders) == 1:
-        return f"{holders[0].name} must be {holders[0].expected()}, got {given[holders[0].name]!r}"
+        return f"{holders[0].name} must be {holders[0].expected()}, got {repr(given[holders[0].name])}"
     return message
