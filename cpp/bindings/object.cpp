@@ -84,8 +84,7 @@ shadow.)")
             set_look(s, {s.shadow_look.strength, require_triple(color, "shadow_color")});
           },
           "Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black "
-          "by "
-          "default.")
+          "by default.")
       .def_property(
           "holdouts",
           [](const Scene& s) { return s.holdouts ? s.holdouts->meshes : std::vector<Mesh>{}; },

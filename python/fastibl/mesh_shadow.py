@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import BakedShadow, CubeMap, Environment, Mesh, MeshShadowLight, Pose, ShadowMap
+from .expected import expect
 
 _FORMAT = 1  # of the files, and of how a table is baked: another number makes older files stale
 _PATIENCE = 0.5  # seconds before a progress bar appears
@@ -70,8 +71,7 @@ class MeshShadow:
         cache: bool = True,
         progress: bool | Callable[[float], bool] = True,
     ) -> None:
-        if not isinstance(mesh, Mesh):
-            raise TypeError(f"mesh must be a fastibl.Mesh, got {type(mesh).__name__}")
+        expect(mesh, Mesh, "mesh")
         if extent is not None and not 0 < extent < np.inf:
             raise ValueError(f"extent must be above 0 metres, got {extent}")
         options = (int(resolution), float(extent or 0), int(rings), int(samples))

@@ -28,7 +28,7 @@ using Colours = std::vector<glm::vec3>;
 constexpr float kPlaneLevel = 0.35f;   // of the plane in the picture, by white
 constexpr float kBounceError = 0.06f;  // of the bounce's own size
 // What rays at a triangle's part of a pixel miss of the edges within it, by the object's mean
-// colour: places have no extent. By vertex, what is hidden is even over a pixel.
+// colour: here each sample has rays of its own. By vertex, what is hidden is even over a pixel.
 constexpr double kWithinPixel = 0.012;
 constexpr float kFallbackAlbedo = 0.5f;  // of the plane where the map is black below the horizon
 
@@ -259,6 +259,7 @@ struct Judged {
   template <typename Colour>
   Colours pixels(Colour&& colour) const {
     Colours result;
+    result.reserve(samples.pixels.size());
     for (std::size_t p = 0; p + 1 < samples.pixels.size(); ++p) {
       const std::size_t first = samples.pixels[p], last = samples.pixels[p + 1];
       glm::vec3 sum = (1 - samples.part * float(last - first)) * plane_radiance;
