@@ -328,6 +328,27 @@ def test_unseen_texels_take_a_mean_of_what_is_near():
     assert worst < 1e-4
 
 
+def test_the_unseen_runs_evenly_from_tile_to_tile():
+    """Between texels that nobody saw light changes no more across the edges of tiles than within them."""
+    cube, camera, size, tile = smooth_map(), camera_of(), 64, 4
+    capture = fastibl.Capture(size=size, centre=CENTRE)
+    pose = looking((0.4, 1, 0.1))
+    capture.add(picture_of(cube.sample, camera, pose), camera, pose)
+    env = capture.environment()
+    steps = {"within": [], "across": []}
+    for axis in (1, 2):
+        faces, unseen = (np.moveaxis(a, axis, 0) for a in (env.radiance.faces.astype(float), env.confidence == 0))
+        step = np.abs(faces[1:] / faces[:-1] - 1).max(axis=-1)
+        up = np.moveaxis(fastibl.texel_directions(size)[..., 2] > 0, axis, 0)
+        both = unseen[1:] & unseen[:-1] & (up[1:] == up[:-1])
+        edge = (np.arange(1, size) % tile == 0)[:, None, None]
+        steps["across"].append(step[both & edge]), steps["within"].append(step[both & ~edge])
+    within, across = (np.concatenate(steps[where]) for where in ("within", "across"))
+    print(f"largest step within tiles {within.max():.2%}, across their edges {across.max():.2%}")
+    assert within.max() > 1e-3  # it does change
+    assert across.max() <= 1.05 * within.max()
+
+
 def test_clipped_pictures_at_the_border_do_not_darken_the_unseen():
     """A turning camera whose pictures clip in every second exposure: what nobody saw stays as bright as the rest."""
     camera, capture, lowest = camera_of(), fastibl.Capture(size=64, centre=CENTRE), []

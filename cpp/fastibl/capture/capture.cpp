@@ -29,18 +29,6 @@ constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so s
 constexpr int kBands = 16;
 constexpr float kMostDrift = 0.5f;  // pictures a readout; a place that moves faster is no film's
 
-// Texels that were not seen take `fill`.
-FASTIBL_CLONES void fill_unseen(const double* __restrict last_seen, const float* __restrict fill,
-                                int count, float* __restrict r, float* __restrict g,
-                                float* __restrict b) {
-  for (int i = 0; i < count; ++i) {
-    const bool seen = last_seen[i] > -1e300;
-    r[i] = seen ? r[i] : fill[0];
-    g[i] = seen ? g[i] : fill[1];
-    b[i] = seen ? b[i] : fill[2];
-  }
-}
-
 }  // namespace
 
 struct Capture::View {
@@ -360,7 +348,7 @@ void Capture::unroll(const Camera& camera, const Roll& roll, int first, int coun
 // Whether the value of the tile's unseen texels is nearly what it is to be.
 bool Capture::is_small_refill(int tile) const {
   const glm::vec3 from = filled_[std::size_t(tile)];
-  const glm::vec3 step = glm::abs(unseen_.fill(tile) - from), limit = kSmallRefill * from;
+  const glm::vec3 step = glm::abs(unseen_.fill(tile).mean() - from), limit = kSmallRefill * from;
   return step.x <= limit.x && step.y <= limit.y && step.z <= limit.z;
 }
 
@@ -389,16 +377,18 @@ bool Capture::refill(int tile) {
     refill_from_prior(tile);
     return true;
   }
-  const glm::vec3 fill = unseen_.fill(tile);
-  filled_[std::size_t(tile)] = fill;
-  if (seen == 0) {
-    pyramids_.make(tile, fill);
-    return true;
-  }
+  const FillPatch fill = unseen_.fill(tile);
+  filled_[std::size_t(tile)] = fill.mean();
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  fill_unseen(state_.last_seen.texels(tile), &fill.x, r.texels(), &state_.value[0][start],
-              &state_.value[1][start], &state_.value[2][start]);
-  make_levels(tile);
+  float* const texels[3] = {&state_.value[0][start], &state_.value[1][start],
+                            &state_.value[2][start]};
+  const std::size_t table = r.width() == grid_.widest();
+  lay_patch(fill, r, columns_[table].data(), rows_[table].data(),
+            seen > 0 ? state_.last_seen.texels(tile) : nullptr, texels);
+  if (seen > 0)
+    make_levels(tile);
+  else
+    pyramids_.make(tile, texels);
   return true;
 }
 

@@ -235,7 +235,7 @@ class Capture {
   LightBoost boost_;
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
-  std::vector<glm::vec3> filled_;         // by tile: the value of unseen texels in the map
+  std::vector<glm::vec3> filled_;         // by tile: the mean of unseen texels in the map
   std::vector<std::uint8_t> stale_fill_;  // where it is no longer that of unseen_
   int next_refill_ = 0, pictures_ = 0;
   std::vector<int> new_sums_;  // tiles that unseen_ does not know yet

@@ -180,23 +180,11 @@ void Capture::write_tile(int tile, Environment& snapshot) const {
     interleave(channels.data(), r.width() >> level, r.height() >> level, 3 * to.row_stride(),
                &to.texel(r.face, r.x0 >> level, r.y0 >> level).x);
   };
-  const bool seen = sums_[std::size_t(tile)].count > 0;
   std::vector<float> room;
-  if (seen || has_prior(tile))
-    write(0, shown_texels(tile, room));
-  else
-    for (int y = r.y0; y < r.y1; ++y) {
-      glm::vec3* row = &map.base(0).texel(r.face, r.x0, y);
-      if (y == r.y0)
-        std::fill_n(row, r.width(), filled_[std::size_t(tile)]);
-      else
-        std::memcpy(row, &map.base(0).texel(r.face, r.x0, r.y0),
-                    sizeof *row * std::size_t(r.width()));
-    }
+  write(0, shown_texels(tile, room));
   for (int k = 1; k < pyramids_.levels(); ++k)
     write(k,
           {pyramids_.level(tile, 0, k), pyramids_.level(tile, 1, k), pyramids_.level(tile, 2, k)});
-  if (!seen) return;
   std::copy_n(&state_.relative[start], grid_.stride(), &snapshot.variance[start]);
   snapshot.last_seen.copy(tile, state_.last_seen);
 }

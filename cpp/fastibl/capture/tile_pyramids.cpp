@@ -93,16 +93,4 @@ void TilePyramids::make(int tile, const float* const fine[3]) {
     make_levels(fine[c], weights, grid_.widest(), &values_[c][std::size_t(tile) * stride_]);
 }
 
-void TilePyramids::make(int tile, glm::vec3 constant) {
-  if (levels_ == 1) return;
-  const std::size_t texels = std::size_t(grid_.widest()) * std::size_t(grid_.widest());
-  constant_.resize(3 * texels);
-  const float* channels[3];
-  for (std::size_t c = 0; c < 3; ++c) {
-    std::fill_n(&constant_[c * texels], texels, constant[int(c)]);
-    channels[c] = &constant_[c * texels];
-  }
-  make(tile, channels);
-}
-
 }  // namespace fastibl

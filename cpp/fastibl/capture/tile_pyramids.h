@@ -21,7 +21,6 @@ class TilePyramids {
   int width(int level) const { return grid_.widest() >> level; }
   // fine: texels of the tile, row by row, by channel.
   void make(int tile, const float* const fine[3]);
-  void make(int tile, glm::vec3 constant);
   // 1 ≤ level < levels(), row by row.
   const float* level(int tile, int channel, int level) const {
     return &values_[channel][std::size_t(tile) * stride_ + starts_[std::size_t(level)]];
@@ -33,7 +32,7 @@ class TilePyramids {
   std::size_t stride_ = 0, weight_stride_ = 0;
   std::vector<std::size_t> starts_;  // by level, of a tile's values
   std::vector<float> weights_;  // by tile of one face, of the texels of all levels but the last
-  std::vector<float> values_[3], constant_;
+  std::vector<float> values_[3];
 };
 
 }  // namespace fastibl

@@ -58,14 +58,14 @@ FASTIBL_CLONES void sum_nearness(const float* const from[7], int count, const fl
 }  // namespace
 
 UnseenTiles::UnseenTiles(TileGrid grid, float plane_albedo)
-    : grid_(grid), plane_albedo_(plane_albedo) {
+    : grid_(grid), meetings_(grid), plane_albedo_(plane_albedo) {
   for (int tile = 0; tile < grid.count(); ++tile) {
     const glm::vec3 d = tile_cone(grid, tile).middle;
     x_.push_back(d.x), y_.push_back(d.y), z_.push_back(d.z);
     above_.push_back(d.z >= 0);
   }
   const std::size_t count = std::size_t(grid.count());
-  first_seen_.assign(count, kNever);
+  first_seen_.assign(count, kNever), open_.assign(count, 1);
   fill_.resize(count);
   for (std::size_t i = 0; i < count; ++i)
     fill_[i] = glm::vec3(above_[i] ? kMidGrey : kMidGrey * plane_albedo);
@@ -127,8 +127,33 @@ void UnseenTiles::interpolate(bool above, const Sources& from, bool all,
     const glm::vec3 value = glm::vec3(total[1], total[2], total[3]) / std::max(total[0], 1e-37f);
     if (!all && !moved(fill_[i], value, kMoved)) continue;
     fill_[i] = value;
-    refilled.push_back(tile);
+    append_with_neighbours(tile, refilled);
   }
+}
+
+FillPatch UnseenTiles::fill(int tile) const {
+  const glm::vec3 own = shown(tile);
+  FillPatch out;
+  out.values.fill(own);
+  if (given_sky_ && above_[std::size_t(tile)]) return out;
+  for (std::size_t k = 0; k < out.values.size(); ++k) {
+    glm::vec3 rest(0);
+    int count = 0;
+    for (const int other : meetings_.at(tile, int(k))) {
+      const std::size_t i = std::size_t(other);
+      if (above_[i] != above_[std::size_t(tile)] || !(open_[i] || other == tile)) continue;
+      rest += shown(other) - own, ++count;
+    }
+    out.values[k] += rest / float(count);
+  }
+  return out;
+}
+
+void UnseenTiles::append_with_neighbours(int tile, std::vector<int>& refilled) const {
+  refilled.push_back(tile);
+  for (const int corner : {0, 2, 6, 8})
+    for (const int other : meetings_.at(tile, corner))
+      if (other != tile && open_[std::size_t(other)]) refilled.push_back(other);
 }
 
 void UnseenTiles::fill_half(bool above, glm::vec3 value, std::vector<int>& refilled) {
@@ -187,6 +212,7 @@ void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSum
   const bool had[2] = {seen_[0], seen_[1]};
   for (const int tile : changed) {
     const std::size_t i = std::size_t(tile);
+    open_[i] = sums[i].count < tile_rect(grid_, tile).texels();
     if (sums[i].count == 0) continue;
     seen_[above_[i]] = true;
     if (first_seen_[i] == kNever) first_seen_[i] = time;
@@ -201,8 +227,8 @@ void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSum
     glm::dvec3 irradiance(0);  // of the plane
     for (std::size_t i = 0; i < sums.size(); ++i)
       if (above_[i])
-        irradiance +=
-            sums[i].irradiance + unseen_part(tile_projected[i], sums[i]) * glm::dvec3(fill(int(i)));
+        irradiance += sums[i].irradiance +
+                      unseen_part(tile_projected[i], sums[i]) * glm::dvec3(shown(int(i)));
     fill_half(false, glm::vec3(double(plane_albedo_) / std::numbers::pi * irradiance), refilled);
   }
 }

@@ -6,17 +6,18 @@
 #include <span>
 #include <vector>
 
+#include "fastibl/capture/fill_patch.h"
 #include "fastibl/capture/texel_state.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/cube_tiles.h"
 
 namespace fastibl {
 
-// For each tile the value of its unseen texels: the mean of what was seen on the same side of the
-// horizon, weighted by the eighth power of nearness (Shepard's interpolation). It is steady from
-// picture to picture: what was seen only just now, or clipped, counts little; a lamp at the border
-// of the seen does not stand for half the sky; values follow once they are wrong by more than a
-// small share.
+// For each tile the light of its unseen texels: the mean of what was seen on the same side of the
+// horizon, weighted by the eighth power of nearness (Shepard's interpolation), and from there
+// evenly over to the tiles around. It is steady from picture to picture: what was seen only just
+// now, or clipped, counts little; a lamp at the border of the seen does not stand for half the sky;
+// values follow once they are wrong by more than a small share.
 class UnseenTiles {
  public:
   UnseenTiles(TileGrid grid, float plane_albedo);
@@ -30,8 +31,8 @@ class UnseenTiles {
   }
 
   // Takes the sums of all tiles at `time` (seconds), of which `changed` have new ones; appends the
-  // tiles whose fill changed to `refilled`. Once a half has a fill, a tile is looked at in every
-  // fourth call.
+  // tiles whose fill changed to `refilled`, some of them more than once. Once a half has a fill, a
+  // tile is looked at in every fourth call.
   void update(std::span<const int> changed, const std::vector<TileSums>& sums,
               const std::vector<double>& tile_projected, double time, std::vector<int>& refilled);
 
@@ -39,10 +40,8 @@ class UnseenTiles {
   void give_sky() { given_sky_ = true; }
   void give(int tile, glm::vec3 fill) { fill_[std::size_t(tile)] = fill; }
 
-  glm::vec3 fill(int tile) const {
-    const std::size_t i = std::size_t(tile);
-    return above_[i] ? glm::min(brightness_ * fill_[i], kRadianceCap) : fill_[i];
-  }
+  // At each edge and corner the mean of the unseen tiles that meet there, on the same side.
+  FillPatch fill(int tile) const;
   // Irradiance of the plane by what was not seen of the sky, without what the plane says of it.
   glm::dvec3 sky_irradiance(const std::vector<TileSums>& sums,
                             const std::vector<double>& tile_projected) const;
@@ -56,6 +55,12 @@ class UnseenTiles {
   Sources sources(bool above, const std::vector<TileSums>& sums, double time) const;
   void interpolate(bool above, const Sources& from, bool all, const std::vector<TileSums>& sums,
                    std::vector<int>& refilled);
+  // Appends a tile and those around it, which run over to it.
+  void append_with_neighbours(int tile, std::vector<int>& refilled) const;
+  glm::vec3 shown(int tile) const {
+    const std::size_t i = std::size_t(tile);
+    return above_[i] ? glm::min(brightness_ * fill_[i], kRadianceCap) : fill_[i];
+  }
   void find_brightness(const std::vector<TileSums>& sums, const std::vector<double>& tile_projected,
                        std::vector<int>& refilled);
   // One fill for a half of the sphere of which nothing was seen.
@@ -63,9 +68,11 @@ class UnseenTiles {
   glm::vec3 sky_without_pictures(const std::vector<TileSums>& sums) const;
 
   TileGrid grid_;
+  TileMeetings meetings_;
   float plane_albedo_;
   std::vector<float> x_, y_, z_;    // unit directions of the tiles' centres
   std::vector<int> above_;          // side of the horizon
+  std::vector<std::uint8_t> open_;  // not all of the tile was seen
   std::vector<double> first_seen_;  // seconds; −∞ until then
   std::vector<glm::vec3> fill_;     // of the sky, without
   glm::vec3 brightness_{1};         // by which what the plane shows corrects it
