@@ -707,3 +707,20 @@ def test_one_texel_and_one_pixel():
     capture = fastibl.Capture(size=1)
     capture.add(np.full((1, 1, 3), 0.25), camera, looking(UP))
     np.testing.assert_allclose(capture.environment().radiance.faces[4, 0, 0], 0.25, rtol=1e-6)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_maps_after_a_turn_forget_what_was_forgotten(held):
+    """Whoever still holds maps from before."""
+    film = fastibl.simulate(seconds=1, fps=4, size=(160, 120), lamp=False, hand=False)
+    capture, maps = fastibl.Capture(size=32, board=film.board), []
+    for frame in film:
+        capture.add(frame.back, film.rig.back, film.truth.pose(frame.time), frame.back_exposure, frame.time)
+        maps += [capture.environment()] if held else []
+        capture.environment()
+    seen = np.isfinite(capture.last_seen).sum()
+    capture.turn(fastibl.Pose.from_rotation_vector([0, 0, np.pi / 2], [0, 0, 0]))
+    env, left = capture.environment(), np.isfinite(capture.last_seen)
+    assert left.sum() < seen
+    np.testing.assert_array_equal(env.confidence > 0, left)
+    np.testing.assert_array_equal(np.isfinite(env.age), left)
