@@ -83,3 +83,20 @@ def test_unseen_parts_are_as_bright_as_the_board_says():
     print(f"plane {np.array(plane) / true} of its true irradiance")
     np.testing.assert_allclose(plane, true, rtol=0.06)
     assert with_board < 0.7 * without
+
+
+def test_a_tinted_camera_reads_the_same_light():
+    """What a camera makes of each channel is told as its tint: the board's white is read with it."""
+    film = fastibl.simulate(seconds=1, fps=4, size=(320, 240), lamp=False, hand=False)
+    read = []
+    for tint in ((1.0, 1.0, 1.0), (2.0, 1.0, 0.5)):
+        capture = fastibl.Capture(size=32, board=film.board)
+        for frame in film:
+            linear = film.rig.back.response.decode(frame.back / np.float32(255)) * np.float32(tint)
+            pose = film.truth.pose(frame.time)
+            capture.add(linear.astype(np.float32), film.rig.back, pose, frame.back_exposure, frame.time, tint=tint)
+        env = capture.environment()
+        up = fastibl.texel_directions(32)[..., 2] > 0
+        read.append(np.concatenate([env.plane_irradiance, env.radiance.faces[up & (env.confidence == 0)].mean(axis=0)]))
+    print("irradiance of the plane, and what is unseen:", *np.round(read, 2), sep="\n")
+    np.testing.assert_allclose(read[1], read[0], rtol=0.02)

@@ -200,7 +200,7 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
       any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), plane,
                   changed);
     });
-  if (one && plane) read_meter(picture, *one, poses, taken.exposure);
+  if (one && plane) read_meter(picture, *one, poses, taken);
   if (any) take_changes(changed, refills);
   return taken;
 }
@@ -210,7 +210,8 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
                    std::vector<int>& changed) {
   const Camera& camera = k.camera;
   const double exposure = taken.exposure;
-  if (options_.locate_lights && plane) locate_lights(picture, k, poses, exposure);
+  const double tint = (taken.tint.x + taken.tint.y + taken.tint.z) / 3;  // of what is grey
+  if (options_.locate_lights && plane) locate_lights(picture, k, poses, exposure * tint);
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
   if (options_.board)
@@ -251,7 +252,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
                   halved,
                   mask,
                   scale,
-                  float(kRimOfLight * bright_ / scale),
+                  float(kRimOfLight * bright_ * tint / scale),
                   glm::vec3(1.0 / taken.tint)};
   leave_out_quiet_tiles(view);
   changed_.assign(tiles_.size(), 0);
@@ -270,10 +271,11 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
 }
 
 void Capture::read_meter(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
-                         double exposure) {
+                         const Taken& taken) {
   if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return;
-  const auto read = meter_->read(k.pixels(picture), k.camera, k.lens, poses.at(0.5), exposure);
+  auto read = meter_->read(k.pixels(picture), k.camera, k.lens, poses.at(0.5), taken.exposure);
   if (!read) return;
+  *read /= taken.tint;
   metered_ = time_, plane_irradiance_ = read;
   unseen_.measure_plane(*read, kMeterDeviation * *read);
 }

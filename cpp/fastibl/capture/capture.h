@@ -151,7 +151,7 @@ class Capture {
                    const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask,
                    std::vector<LevelProbe>& probes) const;
   void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
-                  double exposure);
+                  const Taken& taken);
   void take_changes(const std::vector<int>& changed, int refills);
   // Renews boost_; appends tiles that show it. In capture_map.cpp.
   void boost_lights(std::vector<int>& shown);
