@@ -80,6 +80,7 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
         options.sphere_count);
   check(options.visibility_rays >= 0, "the number of rays must be at least 0, got ",
         options.visibility_rays);
+  mesh = turned_outwards(std::move(mesh));
   Scene scene;
   scene.normals = vertex_normals(mesh);
   scene.visibility.assign(mesh.vertices.size(), 1.0f);
@@ -96,11 +97,10 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
   }
   if (options.bake_shadow)
     scene.baked_shadow = std::make_shared<const MeshShadow>(*MeshShadow::bake(mesh));
-  const bool closed = is_closed(mesh);
-  scene.fronts_only = closed && faces_outwards(mesh);
+  scene.fronts_only = is_closed(mesh) && faces_outwards(mesh);
   scene.mesh = std::move(mesh);
   if (options.visibility_rays > 0 && options.direction_cells != 0)
-    add_directions(options, !closed, scene);
+    add_directions(options, !scene.fronts_only, scene);
   scene.tangents = vertex_tangents(scene.mesh, scene.normals);
   scene.material = material;
   scene.marker_from_object = marker_from_object;

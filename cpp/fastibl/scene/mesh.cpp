@@ -91,6 +91,22 @@ class Parts {
   std::vector<int> above_;
 };
 
+// Of what a triangle spans with the middle of its mesh, times six; below 0 where it is seen from
+// its back there.
+class SixVolumes {
+ public:
+  explicit SixVolumes(const Mesh& mesh) : mesh_(mesh), middle_(bounds(mesh.vertices).centre()) {}
+  double operator()(const glm::ivec3& t) const {
+    glm::dvec3 corner[3];
+    for (int k = 0; k < 3; ++k) corner[k] = glm::dvec3(mesh_.vertices[std::size_t(t[k])]) - middle_;
+    return glm::dot(corner[0], glm::cross(corner[1], corner[2]));
+  }
+
+ private:
+  const Mesh& mesh_;
+  glm::dvec3 middle_;  // for the digits
+};
+
 }  // namespace
 
 bool is_closed(const Mesh& mesh) {
@@ -109,16 +125,36 @@ bool faces_outwards(const Mesh& mesh) {
   Parts parts(place.size());
   for (const glm::ivec3& t : mesh.triangles)
     for (int k = 1; k < 3; ++k) parts.join(place[std::size_t(t[0])], place[std::size_t(t[k])]);
-  const glm::dvec3 centre = bounds(mesh.vertices).centre();  // digits
-  std::map<int, double> volumes;                             // six times
-  for (const glm::ivec3& t : mesh.triangles) {
-    glm::dvec3 corner[3];
-    for (int k = 0; k < 3; ++k) corner[k] = glm::dvec3(mesh.vertices[std::size_t(t[k])]) - centre;
-    volumes[parts.of(place[std::size_t(t[0])])] +=
-        glm::dot(corner[0], glm::cross(corner[1], corner[2]));
-  }
+  const SixVolumes volume(mesh);
+  std::map<int, double> volumes;
+  for (const glm::ivec3& t : mesh.triangles)
+    volumes[parts.of(place[std::size_t(t[0])])] += volume(t);
   return std::all_of(volumes.begin(), volumes.end(),
                      [](const auto& part) { return part.second >= 0; });
+}
+
+Mesh turned_outwards(Mesh mesh) {
+  mesh.validate();
+  const auto turn = [&] {
+    for (glm::ivec3& t : mesh.triangles) std::swap(t[1], t[2]);
+  };
+  if (!mesh.normals.empty()) {
+    double along = 0;
+    for (const glm::ivec3& t : mesh.triangles) {
+      const auto corner = [&](int k) { return glm::dvec3(mesh.vertices[std::size_t(t[k])]); };
+      const glm::dvec3 area = glm::cross(corner(1) - corner(0), corner(2) - corner(0));
+      for (int k = 0; k < 3; ++k)
+        along += glm::dot(area, glm::dvec3(mesh.normals[std::size_t(t[k])]));
+    }
+    if (along < 0) turn();
+  }
+  if (!is_closed(mesh)) return mesh;
+  double volume = 0;
+  for (const SixVolumes of(mesh); const glm::ivec3& t : mesh.triangles) volume += of(t);
+  if (!(volume < 0)) return mesh;
+  turn();
+  for (glm::vec3& n : mesh.normals) n = -n;
+  return mesh;
 }
 
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {

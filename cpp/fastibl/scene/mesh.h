@@ -27,6 +27,10 @@ bool is_closed(const Mesh& mesh);
 // outside only fronts are seen.
 bool faces_outwards(const Mesh& mesh);
 
+// With all triangles the other way round where, taken together, they look against the mesh's own
+// normals; and a closed mesh that is inside out by its volume the right way, its normals with it.
+Mesh turned_outwards(Mesh mesh);
+
 // Unit normals of the vertices: those given, else weighted by the angle of each triangle there; +z
 // where none is defined.
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh);
