@@ -256,6 +256,7 @@ void main() {
     vec4 t = w.x * texelFetch(tangents, texel(index.x), 0) + w.y * texelFetch(tangents, texel(index.y), 0) +
              w.z * texelFetch(tangents, texel(index.z), 0);
     t = vec4(marker_from_object * t.xyz, t.w < 0.0 ? -1.0 : 1.0);
+    if (behind) t = -t;  // what is a bump is a dent from here
     mat3x2 uv = mat3x2(texelFetch(uvs, texel(index.x), 0).xy, texelFetch(uvs, texel(index.y), 0).xy,
                        texelFetch(uvs, texel(index.z), 0).xy);
     vec2 here = uv * w;

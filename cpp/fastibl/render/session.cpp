@@ -398,12 +398,22 @@ void Session::find_near_shares() {
   near_shares_ = near_share_maker_.update(scene_, *lighting_, of);
 }
 
-// Of the light of the map, and what near lights change of them.
-std::vector<glm::vec4> Session::own_shares() const {
+// Of the light of the map, by side where both are seen: near lights and the bounce do not change
+// them alike.
+std::vector<glm::vec4> Session::shares_of_sides() const {
   std::vector<glm::vec4> shares = light_shares_;
-  if (near_shares_.empty()) return shares;
   if (shares.empty())
     for (const float v : scene_.visibility) shares.emplace_back(glm::vec3(v), 1);
+  const std::size_t vertices = scene_.mesh.vertices.size();
+  while (shares.size() < vertices * std::size_t(scene_.sides()))
+    shares.push_back(shares[shares.size() - vertices]);
+  return shares;
+}
+
+// Those, and what near lights change of them.
+std::vector<glm::vec4> Session::own_shares() const {
+  if (near_shares_.empty()) return light_shares_;
+  std::vector<glm::vec4> shares = shares_of_sides();
   add_shares(near_shares_, shares);
   return shares;
 }
@@ -596,10 +606,9 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
     case PassId::shade:
       find_glossy_shares(drawn_from);
       if (bounce_.empty() && near_shares_.empty()) break;
-      changed_shares_ = own_shares();
-      if (changed_shares_.empty())
-        for (const float v : scene_.visibility) changed_shares_.emplace_back(glm::vec3(v), 1);
-      add_shares(bounce_, changed_shares_);
+      changed_shares_ = shares_of_sides();
+      if (!near_shares_.empty()) add_shares(near_shares_, changed_shares_);
+      if (!bounce_.empty()) add_shares(bounce_, changed_shares_);
       break;
     default:
       break;

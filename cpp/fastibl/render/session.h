@@ -162,6 +162,7 @@ class Session {
   void find_glossy_shares(const Pose& camera_from_marker);
   void place_exchange();
   void find_near_shares();
+  std::vector<glm::vec4> shares_of_sides() const;
   std::vector<glm::vec4> own_shares() const;
   void find_bounce();
   void find_holdout_ratios();

@@ -57,6 +57,7 @@ struct Scene {
   }
   const Mesh& given_mesh() const { return given ? *given : mesh; }
   bool has_holdouts() const { return holdouts && !holdouts->mesh.triangles.empty(); }
+  int sides() const { return directions ? directions->sides : 1; }  // of triangles that are seen
   bool casts_shadow() const { return !spheres.empty() || baked_shadow; }
 
   // The spheres where the object stands.

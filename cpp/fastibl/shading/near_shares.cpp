@@ -94,7 +94,9 @@ bool hardly_moved(const NearLight& a, const NearLight& b) {
 
 std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& lighting,
                                           SharesOf of) {
-  const std::size_t count = scene.mesh.vertices.size();
+  // Of surfaces that are seen from behind, both sides.
+  const std::size_t vertices = scene.mesh.vertices.size(),
+                    count = vertices * std::size_t(scene.sides());
   const NearLights& near_lights = lighting.near_lights;
   std::vector<glm::vec3> shares(count, glm::vec3(0));
   if (near_lights.empty()) return shares;
@@ -106,7 +108,8 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
   const glm::mat3 turn(scene.marker_from_object.rotation), back = glm::transpose(turn);
   const glm::vec3 shift(scene.marker_from_object.translation);
   std::vector<glm::vec3> normals(count), all(count);
-  for (std::size_t i = 0; i < count; ++i) normals[i] = turn * scene.normals[i];
+  for (std::size_t i = 0; i < count; ++i)
+    normals[i] = i < vertices ? turn * scene.normals[i] : -normals[i - vertices];
   evaluate(lighting.irradiance, normals, all);
 
   std::vector<Kept> now;
@@ -134,7 +137,9 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
       const std::span<const std::uint16_t> edges =
           hidden ? visibility->edges_of(i) : std::span<const std::uint16_t>();
       if (!edges.empty()) hidden->set(edges, visibility->size);
-      const glm::vec3 offset = turn * scene.mesh.vertices[i] + shift - near_lights.centre;
+      const glm::vec3 offset =
+          turn * scene.mesh.vertices[i % vertices] + shift - near_lights.centre;
+      const glm::vec3 normal = back * normals[i];
       for (std::size_t m = 0; m < moved.size(); ++m) {
         Kept& kept = kept_[moved[m]];
         const NearLight& light = kept.light;
@@ -147,8 +152,8 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
             here *= free_part(
                 *hidden,
                 Disc(*grid, back * (arrow / length), std::min(light.sin_radius / length, 1.0f)),
-                scene.normals[i]);
-          if (centre > 0) centre *= free_part(*hidden, discs[m], scene.normals[i]);
+                normal);
+          if (centre > 0) centre *= free_part(*hidden, discs[m], normal);
         }
         kept.changes[i] = here - centre;
       }
@@ -157,7 +162,7 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
       glm::vec3 change(0);
       for (std::size_t k = 0; k < kept_.size(); ++k)
         change += kept_[k].changes[i] * near_lights.lights[k].irradiance;
-      if (of == SharesOf::visibility) change *= scene.visibility[i];
+      if (of == SharesOf::visibility) change *= scene.visibility[i % vertices];
       for (int c = 0; c < 3; ++c)
         shares[i][c] = all[i][c] > 0 ? std::clamp(change[c] / all[i][c], -1.0f, kMostShare) : 0.0f;
     }

@@ -259,8 +259,9 @@ void Rasterizer::flush(const Geometry& g, Work& work, FragmentBand& band) const 
     Fragment f{means[i]};
     f.x = part.x, f.y = part.y, f.triangle = t.name, f.coverage = float(part.count) / kSamples;
     const auto corner = [&](int k) { return std::size_t(t.corners[k]); };
+    if (g.surface) f.tangent.w = f.tangent.w < 0 ? -1 : 1;
     if (!g.fronts_only && is_back(corners_[corner(0)], corners_[corner(1)], corners_[corner(2)])) {
-      f.normal = -f.normal;
+      f.normal = -f.normal, f.tangent = -f.tangent;  // what is a bump is a dent from here
       if (!g.back_shares.empty()) {
         const glm::vec3 w = t.shares(part.picture_x(), part.picture_y());
         f.share = w.x * g.back_shares[corner(0)] + w.y * g.back_shares[corner(1)] +
@@ -269,7 +270,6 @@ void Rasterizer::flush(const Geometry& g, Work& work, FragmentBand& band) const 
     }
     const float length = glm::length(f.normal);
     f.normal = length > 0 ? f.normal * (1 / length) : glm::vec3(0, 0, 1);
-    if (g.surface) f.tangent.w = f.tangent.w < 0 ? -1 : 1;
     if (g.textured) {
       const auto uv_at = [&](std::int64_t px, std::int64_t py) {
         const glm::vec3 w = t.shares(px, py);
