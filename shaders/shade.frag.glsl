@@ -146,7 +146,14 @@ vec3 shade(vec3 position, vec3 n, vec4 share) {
 #if PAPER
   value *= directional_albedo(cosine);
 #endif
-  colour += share.a * glossy_albedo * value;
+#if GLOSSY == 2
+  vec3 glossy_share = share.rgb;
+#elif GLOSSY == 4
+  vec3 glossy_share = mix(vec3(share.a), share.rgb, matte_share);
+#else
+  float glossy_share = share.a;
+#endif
+  colour += glossy_share * glossy_albedo * value;
 #endif
   return colour;
 }

@@ -243,6 +243,7 @@ double square(glm::vec3 difference) { return double(glm::dot(difference, differe
 
 struct Judged {
   const SceneSamples& samples;
+  const Material& material;
   TrueLight truth;
   Colours emission, diffuse_factor, glossy_factor;  // of the material: colours by light of 1
   PlaneTruth plane;
@@ -329,7 +330,7 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
           const Colours made = j.pixels([&](std::size_t i) {
             const glm::vec3 lost = j.diffuse_factor[i] * j.truth.lost[i] * (kept / kPi);
             return j.emission[i] + glm::max(d[i] * glm::vec3(s[i]) - lost, glm::vec3(0)) +
-                   g[i] * s[i].w;
+                   g[i] * glossy_share(s[i], j.material);
           });
           std::array<double, SceneSamples::kViews> sums{};
           for (std::size_t p = 0; p < count; ++p) sums[view_of(p)] += square(made[p] - truth[p]);
@@ -374,7 +375,8 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
           return j.true_colour(i) +
                  j.diffuse_factor[i] / kPi *
                      (j.truth.open_irradiance[i] * glm::vec3(s[i]) - j.truth.irradiance[i]) +
-                 j.glossy_factor[i] * (j.truth.open_lobe[i] * s[i].w - j.truth.lobe[i]);
+                 j.glossy_factor[i] *
+                     (j.truth.open_lobe[i] * glossy_share(s[i], j.material) - j.truth.lobe[i]);
         }));
   }
   for (const BounceMethod b : c.bounce)
@@ -464,8 +466,8 @@ struct ErrorMeasurement::Work {
   void find_truth() {
     flux.emplace(*map, samples);
     bright.emplace(*map, samples, *flux);
-    judged.emplace(
-        Judged{samples, true_light(samples, *flux, *bright, material.lobe()), {}, {}, {}, {}});
+    judged.emplace(Judged{
+        samples, material, true_light(samples, *flux, *bright, material.lobe()), {}, {}, {}, {}});
   }
 
   void read_material() {

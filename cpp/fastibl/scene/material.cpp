@@ -85,7 +85,7 @@ void Material::validate() const {
 
 bool Material::reads_irradiance() const {
   if (pbr) return pbr->base_color != glm::vec3(0) && (pbr->metallic < 1 || pbr->metallic_map);
-  return diffuse != glm::vec3(0) || (glossy != glm::vec3(0) && exponent == 0);
+  return diffuse != glm::vec3(0) || (glossy != glm::vec3(0) && exponent < 1);
 }
 
 std::optional<LobeShape> Material::lobe() const {

@@ -304,7 +304,7 @@ void SurfaceShading::operator()(std::span<const Fragment> fragments, glm::vec3 e
       views[i] = glm::normalize(eye - positions[i]);
     glossy_(n, v, p, values);
     for (std::size_t i = 0; i < fragments.size(); ++i)
-      colours[i] += fragments[i].share.w * m.glossy * light[i];
+      colours[i] += glossy_share(fragments[i].share, m) * m.glossy * light[i];
   }
 }
 

@@ -16,6 +16,13 @@
 
 namespace fastibl {
 
+// Share of a lobe's light that reaches the eye: towards exponent 0, Lambert's law, that of diffuse
+// light.
+inline glm::vec3 glossy_share(const glm::vec4& share, const Material& m) {
+  if (m.pbr || m.exponent >= 1) return glm::vec3(share.w);
+  return glm::mix(glm::vec3(share), glm::vec3(share.w), m.exponent);
+}
+
 // L = emission + k_L · share · E/π + k_G · share · glossy, towards an eye (marker frame), with the
 // shares of the fragment (P_V and 1 in the paper); of a pbr material emission + diffuse · share ·
 // E/π + reflectance · share · (average over the GGX lobe). Keeps pointers to what it is made of.
