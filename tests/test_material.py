@@ -493,3 +493,57 @@ def test_the_true_renderer_agrees(name):
     # The truth's colour is that of one ray a pixel: blocks of texture are filtered in ours alone.
     limit = 0.06 if name == "textures" else 0.03
     assert inside.sum() > 500 and difference.mean() < limit * true.linear[inside].mean()
+
+
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=needs_gl)])
+@pytest.mark.parametrize("methods", [{"self_shadow": "ambient-occlusion"}, {"self_shadow": "transfer"}, {}])
+def test_exponent_0_is_diffuse_light(backend, methods, marked):
+    """Self-shadow and bounce included; and what lies between it and exponent 1 goes there."""
+    mesh, pictures = fastibl.shapes.figurine(0.1), []
+    for exponent in (None, 0.0, 1e-6):
+        material = (
+            fastibl.Material(diffuse=(0.6,) * 3)
+            if exponent is None
+            else fastibl.Material(diffuse=(0,) * 3, glossy=(0.6,) * 3, exponent=exponent)
+        )
+        scene = fastibl.Scene(mesh, material)
+        for bounce in {None: ("none", "one-bounce"), 0: ("one-bounce",), 1e-6: ("none",)}[exponent]:
+            session = fastibl.Session(
+                scene,
+                fastibl.Rig(CAMERA),
+                environment=marked,
+                methods={"diffuse": "irradiance-cube", **methods, "bounce": bounce},
+                backend=backend,
+            )
+            session.process(fastibl.Frame(0.0, back_from_marker=POSE))
+            pictures.append(session.object.rgba.astype(float))
+    plain, bounced, zero, nearly = pictures
+    print(f"exponent 0: {np.abs(zero - bounced).max():.1e}, 1e-6: {np.abs(nearly - plain).max():.1e}")
+    assert np.abs(plain - bounced).max() > 0.01
+    assert np.abs(zero - bounced).max() < 2e-5
+    if methods:  # else it may be another self-shadow
+        assert np.abs(nearly - plain).max() < 2e-5
+
+
+def test_the_bounce_of_an_emission_texture_is_not_left_out(marked):
+    """What a texture glows with counts, not the factor beside it."""
+    light = fastibl.CubeMap(1000 * marked.faces)
+    gains = []
+    for emission in ((5000.0,) * 3, np.full((4, 4, 3), 5000, np.float32)):
+        scene = fastibl.Scene(sphere(), fastibl.Material.pbr((0, 0, 0), 0.0, 0.5, emission=emission))
+        session = fastibl.Session(scene, fastibl.Rig(CAMERA), environment=light)
+        session.process(fastibl.Frame(0.0, back_from_marker=POSE))
+        gains.append(session.plane_gain.image)
+    assert gains[0].max() > 1.05
+    np.testing.assert_allclose(gains[1], gains[0], rtol=1e-4)
+
+
+@needs_gl
+@pytest.mark.parametrize("glow", [1e-8, 1e5, 1e8])
+def test_gl_shows_emission_textures_of_any_strength(glow):
+    texture = (glow * np.random.default_rng(1).uniform(0.5, 1, (8, 8, 3))).astype(np.float32)
+    material = fastibl.Material.pbr((0, 0, 0), 1.0, 1.0, emission=texture)
+    black = fastibl.CubeMap(np.zeros((6, 4, 4, 3), np.float32))
+    cpu, gl = (layer_of(square(), material, black, FROM_ABOVE, ABOVE, backend)[..., :3] for backend in ("cpu", "gl"))
+    print(f"glow {glow:g}: GL off by {np.abs(gl / cpu - 1).max():.1e}")
+    assert np.abs(gl / cpu - 1).max() < 2e-3

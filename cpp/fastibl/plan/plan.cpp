@@ -73,7 +73,8 @@ std::optional<double> bounce_bound(const Scene& scene, const Lighting* lighting)
   const glm::vec3 sent = !m.pbr ? m.diffuse + (m.exponent == 0 ? m.glossy : glm::vec3(0))
                          : m.pbr->metallic < 1 || m.pbr->metallic_map ? m.pbr->base_color
                                                                       : glm::vec3(0);
-  const glm::vec3 emission = m.pbr ? m.pbr->emission : m.emission;
+  glm::vec3 emission = m.pbr ? m.pbr->emission : m.emission;
+  if (m.pbr && m.pbr->emission_map) emission *= m.pbr->emission_map->largest();
   if (sent == glm::vec3(0) && emission == glm::vec3(0)) return 0.0;
   if (!lighting || !lighting->radiance) return std::nullopt;
   const glm::dvec3 mean = mean_of(*lighting->radiance);

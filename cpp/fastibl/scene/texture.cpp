@@ -49,6 +49,9 @@ SurfaceTexture::SurfaceTexture(Image<float> image) {
         image.channels);
   for (const float value : image.data)
     check(std::isfinite(value), "a texture's values must be finite, got ", value);
+  largest_ = texel(image, 0, 0);
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x) largest_ = glm::max(largest_, texel(image, x, y));
   levels_.push_back(std::move(image));
   while (levels_.back().width > 1 || levels_.back().height > 1)
     levels_.push_back(half(levels_.back()));

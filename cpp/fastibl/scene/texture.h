@@ -21,6 +21,8 @@ class SurfaceTexture {
   // Each level is the 2×2 mean of the one above; where that has an odd width, of all but its last.
   const Image<float>& level(int k) const { return levels_[std::size_t(k)]; }
 
+  glm::vec3 largest() const { return largest_; }  // of each channel
+
   // Trilinear; one channel is given three times.
   glm::vec3 sample(glm::vec2 uv, float level) const;
   // The level whose texels are as large as the longer of the two steps of uv from pixel to pixel.
@@ -29,6 +31,7 @@ class SurfaceTexture {
 
  private:
   std::vector<Image<float>> levels_;
+  glm::vec3 largest_{0};
 };
 
 }  // namespace fastibl

@@ -1,6 +1,7 @@
 #include "fastibl/render/gl/material_textures.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "fastibl/core/check.h"
 
@@ -9,10 +10,19 @@ namespace {
 
 constexpr const char* kNames[] = {"base_color_map", "metallic_map", "roughness_map", "emission_map",
                                   "normal_map"};
+constexpr std::size_t kEmission = 3;
 constexpr float kHalfMax = 65504;
 
+// The power of two that brings the largest of these values to 2^10: above are four of half floats'
+// binary digits of size, below 24.
+float unit_of(const SurfaceTexture& map) {
+  const glm::vec3 most = map.largest();
+  const float largest = std::max({most.x, most.y, most.z});
+  return largest > 0 ? std::exp2(float(std::ilogb(largest) - 10)) : 1.0f;
+}
+
 // A new texture each time: its size and channels may be others than before.
-GLuint make(Gpu& gpu, const SurfaceTexture& map) {
+GLuint make(Gpu& gpu, const SurfaceTexture& map, float unit) {
   const GLuint id = gpu.new_texture();
   glActiveTexture(GL_TEXTURE0);
   glBindTexture(GL_TEXTURE_2D, id);
@@ -22,7 +32,7 @@ GLuint make(Gpu& gpu, const SurfaceTexture& map) {
     const Image<float>& level = map.level(k);
     values.resize(level.data.size());
     std::transform(level.data.begin(), level.data.end(), values.begin(),
-                   [](float v) { return std::clamp(v, -kHalfMax, kHalfMax); });
+                   [&](float v) { return std::clamp(v / unit, -kHalfMax, kHalfMax); });
     glTexImage2D(GL_TEXTURE_2D, k, colour ? GL_RGB16F : GL_R16F, level.width, level.height, 0,
                  colour ? GL_RGB : GL_RED, GL_FLOAT, values.data());
   }
@@ -43,11 +53,14 @@ void MaterialTextures::upload(Gpu& gpu, const Material& material) {
     if (maps_[i].shown == maps[i]) continue;
     gpu.remove(maps_[i].texture);
     maps_[i] = {};
+    if (i == kEmission) emission_unit_ = 1;
     if (!maps[i]) continue;
     check(maps[i]->width() <= gpu.largest() && maps[i]->height() <= gpu.largest(),
           "the GL driver's textures have at most ", gpu.largest(), " texels along an edge, got ",
           maps[i]->width(), " × ", maps[i]->height());
-    maps_[i].texture = {make(gpu, *maps[i]), maps[i]->width(), maps[i]->height()};
+    const float unit = i == kEmission ? unit_of(*maps[i]) : 1.0f;
+    if (i == kEmission) emission_unit_ = unit;
+    maps_[i].texture = {make(gpu, *maps[i], unit), maps[i]->width(), maps[i]->height()};
     maps_[i].shown = maps[i];
   }
   if (table_ == material.albedo) return;

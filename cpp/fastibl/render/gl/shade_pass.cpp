@@ -262,7 +262,7 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   if (sampled) glUniform1i(p.uniform("taps"), in.lighting.glossy_settings.taps);
   set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
   set(p, "base_color", m.base_color);
-  set(p, "emission", m.emission);
+  set(p, "emission", material_.emission_unit() * m.emission);
   glUniform1f(p.uniform("metallic"), m.metallic);
   glUniform1f(p.uniform("roughness"), m.roughness);
   glUniform1f(p.uniform("normal_scale"), m.normal_scale);
