@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from test_place import ball
 
 import fastibl
 from conftest import same_error
@@ -505,3 +506,20 @@ def test_unchanged_light_and_pose_reuse_the_shadow(marked):
     assert ran == [["irradiance", "shadow", "shade", "composite"], ["shade", "composite"], ["shade", "composite"]]
     session.move(placed(1))
     assert session.process(fastibl.Frame(1.0, back_from_marker=pose)).passes == ["shadow", "shade", "composite"]
+
+
+def test_samples_of_a_lobe_are_not_chosen_where_walls_are_near():
+    """They would be seen far away: a smaller budget would give a worse picture."""
+    d = fastibl.texel_directions(64).astype(np.float64)
+    stripes = 0.5 + 0.45 * np.sin(14 * d[..., :1]) * np.cos(11 * d[..., 1:2]) * np.cos(9 * d[..., 2:])
+    cube = fastibl.CubeMap((stripes * [1, 0.9, 0.8]).astype(np.float32))
+    scene = fastibl.Scene(ball(), fastibl.Material.pbr((1, 1, 1), 1.0, 0.3))
+    rig, pose = fastibl.Rig(camera_of(96, 72, 50.0)), looking((0, 0.25, -0.2), (0, -0.25, 0.25))
+    chosen = {}
+    for box in (None, [(-1, -1, 0), (1, 1, 2)]):
+        light = fastibl.Environment(cube, centre=(0, 0, 0.05), box=box)
+        session = fastibl.Session(scene, rig, environment=light, error=0.001, cast_shadow=False)
+        result = session.process(fastibl.Frame(0.0, back_from_marker=pose))
+        chosen[box is not None] = result.plan.methods.glossy
+    print("glossy, with a box or without:", chosen)
+    assert chosen[False] == "sampled" != chosen[True]

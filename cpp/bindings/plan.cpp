@@ -323,6 +323,7 @@ void bind_plan(py::module_& module) {
           options.lighting = &lighting;
           if (error > 0 || milliseconds > 0) {
             CandidateOptions from = candidate_options(scene);
+            from.boxed = environment->box.has_value();
             from.light_stays = !capture, from.hurried = milliseconds > 0, from.offline = offline;
             measured = measure_errors(scene, samples ? samples : scene.samples.get(),
                                       {environment, &environment->radiance}, methods,

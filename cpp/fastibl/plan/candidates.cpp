@@ -25,10 +25,13 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
     all.glossy = {{GlossyMethod::centroid, {0, 0}},   {GlossyMethod::centroid, {0, -1}},
                   {GlossyMethod::stretched, {2, -1}}, {GlossyMethod::stretched, {3, -1}},
                   {GlossyMethod::sampled, {64, -1}},  {GlossyMethod::sampled, {256, -1}}};
+    if (options.offline) all.glossy.push_back({GlossyMethod::sampled, {1024, -1}});
+    if (options.boxed)
+      std::erase_if(all.glossy,
+                    [](const GlossyCandidate& g) { return g.method == GlossyMethod::sampled; });
     if (options.pbr)
       std::erase_if(all.glossy,
                     [](const GlossyCandidate& g) { return g.method == GlossyMethod::stretched; });
-    if (options.offline) all.glossy.push_back({GlossyMethod::sampled, {1024, -1}});
     if (rough) all.glossy.insert(all.glossy.begin(), {GlossyMethod::mip, {}});
     if (options.light_stays) {
       all.glossy.push_back({GlossyMethod::prefiltered, {1, -1}});

@@ -35,6 +35,7 @@ struct CandidateOptions {
   bool glossy = true;    // false: nothing glossy is shaded, and the default stays
   bool pbr = false;      // GGX reads a chain by its own taps, whatever `stretched` would
   bool hurried = false;  // there is a time budget
+  bool boxed = false;    // walls are near: samples of a lobe would see them far away
   bool by_pixel = true;  // the back end finds what the object hides from single pixels
   // Pictures, not a live view: also what takes a millisecond for a few hundred pixels, `sampled` by
   // 1024 taps and `traced`.

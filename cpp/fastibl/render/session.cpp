@@ -137,6 +137,7 @@ void Session::choose_methods() {
     measure_due_ = false, since_measured_ = 0;
     const auto radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
     CandidateOptions choice = candidate_options(scene_);
+    choice.boxed = environment_->box.has_value();
     choice.light_stays = !light_moves(), choice.hurried = options_.milliseconds > 0;
     choice.offline = options_.offline, choice.by_pixel = renderer_->shares_pixels();
     measurement_.emplace(scene_, scene_.samples.get(), radiance, options_.methods,
