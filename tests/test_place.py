@@ -494,3 +494,44 @@ def test_few_vertices_on_the_plane_make_no_bright_spots(mesh):
         print(f"plane at most {with_[plane].max()} of 150, object at most {np.abs(with_ - without)[faces].max()} off")
         assert faces.sum() > 500 and with_[plane].max() <= 153
         assert np.abs(with_ - without)[faces].max() < 12
+
+
+def wall_and_floor(half=0.0):
+    """A box beside the object, and a floor under all."""
+    lower, upper = np.float32((0.06, -0.2, 0)), np.float32((0.08, 0.2, 0.2))
+    corners = np.array(list(itertools.product(*zip(lower, upper, strict=True))))
+    sides = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    sides += [[2, 3, 7], [2, 7, 6], [1, 5, 7], [1, 7, 3], [0, 2, 6], [0, 6, 4]]
+    meshes = [fastibl.Mesh(corners, sides)]
+    if half:
+        square = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * half - [0, 0, 0.001]
+        meshes.append(fastibl.Mesh(square, [[0, 1, 2], [0, 2, 3]]))
+    return meshes
+
+
+def test_a_large_holdout_takes_no_shadow_from_a_small_one():
+    faces = np.zeros((6, 32, 32, 3), np.float32)
+    d = fastibl.texel_directions(32).astype(float)
+    faces[d[..., 2] > 0] = 0.3  # a floor hides nothing of it
+    faces[d @ [-0.9, -0.1, 0.42] > 0.98 * np.linalg.norm(d, axis=-1)] = 50.0  # over the object, onto the wall
+    pose = fastibl.Pose.look_at((-0.25, -0.25, 0.25), (0.03, 0, 0.05))
+    ratios = {}
+    for half in (0.0, 0.5, 5.0, 100.0):
+        scene = scene_of(ball(radius=0.05, height=0.06))
+        scene.holdouts = wall_and_floor(half)
+        session = session_of(scene, fastibl.CubeMap(faces))
+        shown(session, pose=pose)
+        layer = session.holdout
+        full = np.zeros((CAMERA.height, CAMERA.width, 2))
+        h, w = layer.rgba.shape[:2]
+        full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba[..., [0, 3]]
+        ratios[half] = full
+    wall = ratios[0.0][..., 1] >= 1
+    alone = ratios[0.0][wall, 0]
+    assert alone.min() < 0.5, "no shadow on the wall"
+    for half, full in list(ratios.items())[1:]:
+        wrong = np.sqrt(((full[wall, 0] - alone) ** 2).mean())
+        print(
+            f"with a floor of {2 * half:g} m: the wall's ratio down to {full[wall, 0].min():.2f}, {wrong:.3f} RMS off"
+        )
+        assert wrong < 0.01

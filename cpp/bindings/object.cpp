@@ -8,9 +8,6 @@
 namespace fastibl::bindings {
 namespace {
 
-// Longest edge of a holdout's triangle by the radius of the object, to hold its shadow by vertex.
-constexpr float kHoldoutDetail = 0.15f;
-
 void set_look(Scene& scene, const ShadowLook& look) {
   look.validate();
   scene.shadow_look = look;
@@ -91,8 +88,9 @@ shadow.)")
           [](Scene& s, const std::vector<Mesh>& meshes) {
             const py::gil_scoped_release release;
             const Bounds box = bounds(s.mesh.vertices);
-            s.holdouts = std::make_shared<const Holdouts>(
-                make_holdouts(meshes, kHoldoutDetail * box.radius()));
+            const glm::vec3 centre(s.marker_from_object * glm::dvec3(box.centre()));
+            s.holdouts =
+                std::make_shared<const Holdouts>(make_holdouts(meshes, centre, box.radius()));
           },
           R"(Real objects as meshes, marker frame: list of Mesh, empty by default.
 

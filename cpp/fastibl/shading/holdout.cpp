@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <utility>
 
@@ -14,11 +15,14 @@
 namespace fastibl {
 namespace {
 
-constexpr float kMostTriangles = 16000;  // about, after cutting
-constexpr float kCrease = 0.77f;         // cosine of 40°: beyond, an edge of the mesh is one
-constexpr float kOffset = 1e-4f;         // of the holdouts' radius, as in bake_visibility.cpp
-constexpr int kSize = 64;                // cells of the sphere along an edge
-constexpr int kGrain = 64;               // vertices
+constexpr std::size_t kMostTriangles = 32000;  // after cutting
+constexpr float kDetail = 0.15f;  // longest edge of a triangle near the object, by its radius
+constexpr float kNear = 2;        // radii from its middle: from there on edges may be longer, by
+constexpr float kGrowths[] = {0, 0.02f, 0.05f, 0.1f, 0.2f, 0.4f};  // so much of the distance
+constexpr float kCrease = 0.77f;  // cosine of 40°: beyond, an edge of the mesh is one
+constexpr float kOffset = 1e-4f;  // of the object's radius, from where rays to it start
+constexpr int kSize = 64;         // cells of the sphere along an edge
+constexpr int kGrain = 64;        // vertices
 
 glm::vec3 triangle_normal(const Mesh& mesh, const glm::ivec3& t) {
   const glm::vec3 a = mesh.vertices[std::size_t(t[0])], b = mesh.vertices[std::size_t(t[1])],
@@ -46,15 +50,27 @@ void append(const Mesh& part, Mesh& all) {
   }
 }
 
-// Cuts every edge that is longer in half, until none is: by its length alone, so that triangles
-// beside each other cut the edge that they share alike.
-void cut(Mesh& mesh, float longest) {
+// The longest edge around a place.
+struct EdgeLimit {
+  glm::vec3 centre;
+  float radius, detail, growth;
+  float operator()(glm::vec3 middle) const {
+    return std::max(detail, growth * (glm::length(middle - centre) - kNear * radius));
+  }
+};
+
+// Cuts every edge that is longer in half, until none is: by its own place and length alone, so that
+// triangles beside each other cut the edge that they share alike. False, and half done, where that
+// takes too many triangles.
+bool cut(Mesh& mesh, const EdgeLimit& limit) {
+  const std::size_t most = std::max(kMostTriangles, mesh.triangles.size());
   for (bool more = true; more;) {
     more = false;
+    if (mesh.triangles.size() > most) return false;
     std::map<std::pair<int, int>, int> middles;
     const auto middle = [&](int i, int j) {
       const glm::vec3 a = mesh.vertices[std::size_t(i)], b = mesh.vertices[std::size_t(j)];
-      if (!(glm::length(b - a) > longest)) return -1;
+      if (!(glm::length(b - a) > limit(0.5f * a + 0.5f * b))) return -1;
       const auto [found, added] = middles.try_emplace(std::minmax(i, j), int(mesh.vertices.size()));
       if (added) {
         mesh.vertices.push_back(0.5f * (a + b));
@@ -87,6 +103,17 @@ void cut(Mesh& mesh, float longest) {
     }
     mesh.triangles = std::move(triangles);
   }
+  return true;
+}
+
+Mesh cut_around(const Mesh& mesh, glm::vec3 centre, float radius) {
+  constexpr float kCoarser = 1.2f;
+  float detail = kDetail * radius;
+  for (const float growth : kGrowths)
+    if (Mesh tried = mesh; cut(tried, {centre, radius, detail, growth})) return tried;
+  for (;; detail *= kCoarser)
+    if (Mesh tried = mesh; cut(tried, {centre, radius, detail, *std::rbegin(kGrowths)}))
+      return tried;
 }
 
 // Runs of the marked cells.
@@ -99,21 +126,15 @@ void append_runs(const std::vector<std::uint8_t>& marked, std::vector<std::uint1
 
 }  // namespace
 
-Holdouts make_holdouts(std::vector<Mesh> meshes, float detail) {
-  check(detail > 0 && std::isfinite(detail), "the detail of holdouts must be above 0, got ",
-        detail);
+Holdouts make_holdouts(std::vector<Mesh> meshes, glm::vec3 centre, float radius) {
+  check(radius > 0 && std::isfinite(radius), "an object's radius must be above 0, got ", radius);
   Holdouts holdouts;
-  float area = 0;
   for (const Mesh& mesh : meshes) {
     mesh.validate();
     append(mesh, holdouts.mesh);
   }
-  for (const glm::ivec3& t : holdouts.mesh.triangles)
-    area += 0.5f * glm::length(triangle_normal(holdouts.mesh, t));
   if (!meshes.empty()) {
-    // Right-angled triangles with this for their longest edge have a quarter of its square, and
-    // halving edges makes them half as long again.
-    cut(holdouts.mesh, std::max(detail, std::sqrt(8 * area / kMostTriangles)));
+    holdouts.mesh = cut_around(holdouts.mesh, centre, radius);
     holdouts.own = mesh_visibility(holdouts.mesh, {kSize});
   }
   holdouts.normals = holdouts.mesh.normals;
@@ -134,7 +155,7 @@ VertexVisibility hidden_by_object(const Scene& scene) {
   const float radius = box.radius(), cell = 4.0f / kSize;
   const std::vector<glm::vec3>& directions = octahedral_grid(kSize).directions();
   const std::vector<glm::vec3>& vertices = holdouts.mesh.vertices;
-  const float offset = kOffset * bounds(vertices).radius();
+  const float offset = kOffset * radius;
   const int blocks = (int(vertices.size()) + kGrain - 1) / kGrain;
   std::vector<VertexVisibility> parts(static_cast<std::size_t>(blocks));
   parallel_for(blocks, 1, [&](int begin, int end) {

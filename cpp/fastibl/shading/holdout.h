@@ -11,9 +11,10 @@
 
 namespace fastibl {
 
-// detail: longest edge of a triangle, metres; larger where the meshes have too much surface for
-// that. Throws what validate() of the meshes throws.
-Holdouts make_holdouts(std::vector<Mesh> meshes, float detail);
+// centre, radius: of the object, marker frame, metres. Around it triangles are cut as small as its
+// shadow needs, farther out less so where there would be too many. Throws what validate() of the
+// meshes throws.
+Holdouts make_holdouts(std::vector<Mesh> meshes, glm::vec3 centre, float radius);
 
 // Directions of the marker frame that the scene's object hides from each vertex of its holdouts,
 // and nothing else of them does. Rays towards all 64² cells that the object's bounding sphere
