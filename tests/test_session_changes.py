@@ -69,3 +69,32 @@ def test_light_that_is_given_frame_after_frame_moves():
     place = lit(1, 4000.0)
     stream.set_environment(place)
     assert stream.process(given()).shadow_map == session(place).process(given()).shadow_map
+
+
+@pytest.mark.parametrize("change", ["methods", "cast_shadow"])
+def test_a_shadow_that_is_asked_for_later_is_baked_then(change):
+    if change == "methods":
+        session = fastibl.Session(ball(), RIG, environment=lit_from_above(), methods={"shadow": "directions"})
+    else:
+        session = fastibl.Session(ball(), RIG, environment=lit_from_above(), cast_shadow=False)
+    session.process(given())
+    if change == "methods":
+        session.set_methods({"shadow": "mesh"})
+    else:
+        session.set_cast_shadow(True)
+    changed = session.process(given(1.0))
+    own = fastibl.Session(ball(), RIG, environment=lit_from_above(), methods={"shadow": "mesh"}).process(given(1.0))
+    assert "mesh" in str(changed.plan) and changed.shadow_map == own.shadow_map
+    assert changed.shadow_map.image.min() < 0.9
+
+
+def test_no_shadow_is_baked_for_a_session_without():
+    scene = ball()
+    session = fastibl.Session(scene, RIG, environment=WHITE, cast_shadow=False)
+    session.set_methods("auto")
+    assert scene.baked_shadow is None
+    for spheres in (0, 10):  # the constructor and set_scene agree
+        other, first = ball(spheres=spheres), ball(spheres=spheres)
+        session = fastibl.Session(first, RIG, environment=WHITE)
+        session.set_scene(other)
+        assert (other.baked_shadow is None) == (first.baked_shadow is None) == (spheres == 0)

@@ -6,6 +6,7 @@
 #include "bindings/numpy.h"
 #include "bindings/room_box.h"
 #include "fastibl/render/session.h"
+#include "fastibl/shadow/mesh_shadow.h"
 #ifdef FASTIBL_WITH_GL
 #include "fastibl/render/gl/gl_renderer.h"
 #endif
@@ -206,8 +207,11 @@ plane gets without the object: it may exceed 1.)")
              const py::object& pose) { s.move(require_pose(pose, "marker_from_object")); },
           py::arg("marker_from_object"),
           "Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is no pose.")
-      .def("set_cast_shadow", &Session::set_cast_shadow, py::arg("cast"),
-           "Switch the shadow on or off.")
+      .def("_set_cast_shadow", &Session::set_cast_shadow, py::arg("cast"))
+      .def(
+          "_set_baked_shadow",
+          [](Session& s, const std::shared_ptr<MeshShadow>& baked) { s.set_baked_shadow(baked); },
+          py::arg("baked"))
       .def(
           "_set_environment",
           [](Session& s, const std::shared_ptr<Environment>& e) { s.set_environment(e); },

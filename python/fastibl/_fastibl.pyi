@@ -1744,6 +1744,10 @@ class _Session:
         ...
     def _set_backend(self, backend: str) -> None:
         ...
+    def _set_baked_shadow(self, baked: BakedShadow) -> None:
+        ...
+    def _set_cast_shadow(self, cast: bool) -> None:
+        ...
     def _set_environment(self, environment: Environment) -> None:
         ...
     def _set_methods(self, methods: _Methods) -> None:
@@ -1757,10 +1761,6 @@ class _Session:
     def set_budgets(self, error: typing.SupportsFloat | typing.SupportsIndex = 0.0, milliseconds: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         """
         Keep to other budgets from the next frame on, 0 for none. Raises ValueError for values that are negative or not finite.
-        """
-    def set_cast_shadow(self, cast: bool) -> None:
-        """
-        Switch the shadow on or off.
         """
     def set_material(self, material: Material) -> None:
         """

@@ -95,10 +95,10 @@ def _shown(scene: Scene, camera: Camera, camera_from_marker: Pose) -> _SceneSamp
     return _SHOWN[scene][1]
 
 
-def bake_shadow(scene: Scene) -> None:
-    """Gives a scene that has spheres its baked_shadow where it has none; takes seconds for a mesh that was not baked
-    before."""
-    if scene.baked_shadow is None and len(scene.spheres):
+def bake_shadow(scene: Scene, method: str = "auto") -> None:
+    """Gives a scene its baked_shadow where it has none and this shadow method draws it, "auto" where there are spheres;
+    takes seconds for a mesh that was not baked before."""
+    if scene.baked_shadow is None and (method == "mesh" or (method == "auto" and len(scene.spheres))):
         scene.baked_shadow = MeshShadow(scene.mesh)
 
 
@@ -166,9 +166,9 @@ class Session(_Session):
             expect(number, (Real, type(None)), name)
         environment = _known(environment)
         resolved = resolve_methods(methods)
-        bakes = resolved.shadow == "mesh" or (resolved.shadow == "auto" and len(scene.spheres))
-        if cast_shadow and bakes and scene.baked_shadow is None:
-            scene.baked_shadow = MeshShadow(scene.mesh)
+        self._drawn, self._shadow, self._casts = scene, resolved.shadow, bool(cast_shadow)
+        if cast_shadow:
+            bake_shadow(scene, resolved.shadow)
         super().__init__(
             scene,
             rig,
@@ -220,8 +220,10 @@ class Session(_Session):
         must not wait. Raises ValueError for a scene that cannot be drawn.
         """
         expect(scene, Scene, "scene")
-        bake_shadow(scene)
+        if self._casts:
+            bake_shadow(scene, self._shadow)
         self._set_scene(scene)
+        self._drawn = scene
 
     def set_environment(self, environment: Environment | CubeMap | None) -> None:
         """Use given light from the next frame on, a CubeMap as a map known everywhere; None to capture.
@@ -232,8 +234,26 @@ class Session(_Session):
         self._set_environment(_known(environment))
 
     def set_methods(self, methods: Methods) -> None:
-        """Use other methods from the next frame on. Raises ValueError for unknown names."""
-        self._set_methods(resolve_methods(methods))
+        """Use other methods from the next frame on; bakes the mesh as the constructor does. Raises ValueError for
+        unknown names."""
+        resolved = resolve_methods(methods)
+        self._set_methods(resolved)
+        self._shadow = resolved.shadow
+        self._bake()
+
+    def set_cast_shadow(self, cast: bool) -> None:
+        """Switch the shadow on or off; bakes the mesh as the constructor does."""
+        self._set_cast_shadow(cast)
+        self._casts = cast
+        self._bake()
+
+    def _bake(self) -> None:
+        """Of a session that began without: it has a scene of its own."""
+        if not self._casts or self._drawn.baked_shadow is not None:
+            return
+        bake_shadow(self._drawn, self._shadow)
+        if self._drawn.baked_shadow is not None:
+            self._set_baked_shadow(self._drawn.baked_shadow)
 
     def set_backend(self, backend: str) -> None:
         """Render with another back end ("cpu", "gl", "auto") from the next frame on.

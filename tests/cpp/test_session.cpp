@@ -90,3 +90,23 @@ TEST_CASE("budgets set later give what a session that began with them gives") {
   CHECK_THROWS_AS(changed.set_budgets(-1, 0), std::invalid_argument);
   CHECK_THROWS_AS(changed.set_budgets(0.1, std::nan("")), std::invalid_argument);
 }
+
+TEST_CASE("a frame that failed leaves nothing half done") {
+  const Camera160 camera;
+  Scene bare = scene(0.05f);
+  bare.baked_shadow = nullptr;
+  for (const double error : {0.02, 0.0}) {
+    SessionOptions options;
+    options.error = error, options.methods.shadow = ShadowMethod::directions;
+    Session session{bare, camera.rig, std::nullopt, light(), nullptr, make_cpu_renderer(), options};
+    const Image<std::uint8_t> before = session.process(camera.frame).image;
+    Methods unbaked = options.methods;
+    unbaked.shadow = ShadowMethod::mesh;
+    session.set_methods(unbaked);
+    for (int k = 0; k < 3; ++k)  // the same error each time
+      CHECK_THROWS_WITH_AS(session.process(camera.frame), doctest::Contains("baked"),
+                           std::invalid_argument);
+    session.set_methods(options.methods);
+    CHECK(session.process(camera.frame).image == before);
+  }
+}

@@ -149,8 +149,13 @@ void Session::choose_methods() {
     // step in each frame.
     const OneThread loops(OneThread::Loops::together);
     const bool at_once = measured_.empty() || options_.milliseconds > 0;
-    do measurement_->step();
-    while (at_once && !measurement_->done());
+    try {
+      do measurement_->step();
+      while (at_once && !measurement_->done());
+    } catch (...) {  // of half a judgement nothing can be made
+      measurement_.reset(), measure_due_ = true;
+      throw;
+    }
     if (measurement_->done())
       measured_ = measurement_->errors(), measurement_.reset(), choose_due_ = true;
   }
@@ -236,6 +241,11 @@ void Session::set_budgets(double error, double milliseconds) {
 }
 void Session::set_cast_shadow(bool cast) {
   options_.cast_shadow = cast;
+  replan();
+}
+void Session::set_baked_shadow(std::shared_ptr<const MeshShadow> baked) {
+  scene_.baked_shadow = std::move(baked);
+  renderer_->clear(PassId::shadow);
   replan();
 }
 void Session::set_shadow_look(const ShadowLook& look) {
@@ -675,7 +685,16 @@ FrameResult Session::process(const Frame& frame) {
   // and so do pictures whose rotation the surroundings tell.
   if (pose) wanted |= product::image;
   const auto run = [&](const std::vector<PassId>& due) {
-    for (const PassId id : due) timed(id, [&] { return run_pass(id, frame, result, drawn_from); });
+    std::size_t next = 0;
+    try {
+      for (; next < due.size(); ++next)
+        timed(due[next], [&] { return run_pass(due[next], frame, result, drawn_from); });
+    } catch (...) {  // what was not made is still to be made
+      for (const PlannedPass& p : plan_.passes)
+        if (std::find(due.begin() + std::ptrdiff_t(next), due.end(), p.pass.id) != due.end())
+          stale_ |= p.pass.writes;
+      throw;
+    }
   };
   if (in_turns_ && (stale_ & product::light_pictures)) {
     Products after = stale_;

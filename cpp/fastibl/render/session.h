@@ -130,6 +130,8 @@ class Session {
   // negative or not finite.
   void set_budgets(double error, double milliseconds);
   void set_cast_shadow(bool cast);
+  // Of the scene's mesh, or null.
+  void set_baked_shadow(std::shared_ptr<const MeshShadow> baked);
   void set_shadow_look(const ShadowLook& look);
   // null: capture. Light that is given in every frame is taken for light that moves; see
   // session.cpp.
