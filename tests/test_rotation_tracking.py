@@ -355,3 +355,61 @@ def test_capture_turns_with_the_marker(film):
     print(f"turned map against the old one: {100 * error:.2f} % of the mean")
     assert error < 0.05
     assert not np.isfinite(capture.last_seen[d[..., 2] < 0]).any()  # the plane is forgotten
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.3])
+def test_surroundings_are_followed_whatever_the_front_camera_makes_of_light(film, ratio):
+    """The same pictures of a front camera that is `ratio` times as sensitive, by the word of its exposure."""
+    counts = []
+    for factor in (1.0, ratio):
+        session = fastibl.Session(scene(), film.rig, film.board, size=64, front_ratio=(factor,) * 3)
+        turned = 0
+        for frame in film:
+            result = session.process(dataclasses.replace(frame, front_exposure=frame.front_exposure / factor))
+            turned += result.turned is not None
+        counts.append(turned)
+    print(f"followed in {counts[0]} frames, with a ratio of {ratio} in {counts[1]}")
+    assert counts[0] > 10 and abs(counts[1] - counts[0]) <= 2
+
+
+@pytest.mark.parametrize("degrees", [0, 20])
+def test_given_light_that_is_turned_against_the_place_is_not_followed(film, degrees):
+    """The board does not move, and no rotation by that map is stated."""
+    place = textured()
+    directions = fastibl.texel_directions(128).astype(np.float64) @ about_z(np.radians(degrees))
+    given = fastibl.CubeMap(place.sample(directions, level=0.0))
+    session = fastibl.Session(scene(), film.rig, film.board, given, size=64)
+    moved, errors = 0, []
+    for frame in film:
+        result = session.process(frame)
+        moved += result.board_moved
+        if result.turned is not None:
+            errors.append(angle(result.turned.back_from_marker, film.truth.pose(frame.time)))
+    print(f"turned by {degrees}: followed in {len(errors)} frames, off by {max(errors, default=0):.2f} degrees at most")
+    assert moved == 0 and max(errors, default=0) < 1.0
+    if degrees == 0:
+        assert len(errors) > 10
+
+
+def test_light_is_captured_on_where_poses_become_given():
+    """Though the board seemed to move in the frame before."""
+    place, hand = TurnedPlace(textured()), HandPath(np.random.default_rng(0), 12.0)
+
+    def path(time):
+        place.turned = np.radians(40) * np.clip((time - 1.2) / 1.0, 0, 1)
+        turn = np.eye(4)
+        turn[:3, :3] = about_z(place.turned)
+        return hand.back_from_marker(time) @ fastibl.Pose(turn)
+
+    film = simulate(place, seconds=2.4, fps=15, size=SIZE, hand=False, lamp=False, path=path)
+    session = fastibl.Session(scene(), film.rig, film.board, size=64)
+    held, given = False, []
+    for frame in film:
+        if held:
+            frame = dataclasses.replace(frame, back_from_marker=film.truth.pose(frame.time))
+        result = session.process(frame)
+        if held:
+            given.append(result.back_taken is not None)
+        held = held or (frame.time > 1.2 and result.back_from_marker is not None and result.back_taken is None)
+    print(f"captured of {len(given)} frames with a pose: {sum(given)}")
+    assert held and all(given)

@@ -268,6 +268,7 @@ void Session::set_environment(std::shared_ptr<const Environment> environment) {
   set_in_a_row_ = little ? set_in_a_row_ + 1 : 0, since_set_ = 0;
   const bool moves = set_in_a_row_ >= kStream;
   fixed_environment_ = environment != nullptr;
+  if (!little) given_elsewhere_ = false;
   environment_ = std::move(environment);
   if (!moves) {  // another place: nothing is to fade
     lighting_.reset();
@@ -310,13 +311,14 @@ std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) 
 // Where the board is in view: whether it lies where it lay. Where it is not: how the cameras
 // turned.
 void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
-  turned_.reset(), hold_capture_ = false;
   RigPictures pictures;  // what is of unknown exposure cannot be compared
   pictures.number = ++moments_;
   if (frame.back_exposure)
     pictures.back = frame.back, pictures.back_exposure = *frame.back_exposure;
-  if (frame.front_exposure)
-    pictures.front = frame.front, pictures.front_exposure = *frame.front_exposure;
+  if (frame.front_exposure) {  // compared is green
+    pictures.front = frame.front;
+    pictures.front_exposure = *frame.front_exposure * options_.front_ratio.y;
+  }
   if (!rotation_tracker_) return;
   const auto start = [&](const Pose& pose) {
     rotation_tracker_->start(pose, frame.time, pictures);
@@ -327,7 +329,8 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
     if (frame.attitude && known_attitude_)
       turn = *frame.attitude * glm::transpose(*known_attitude_);
     known_attitude_ = frame.attitude;
-    return rotation_tracker_->track(*environment_, pictures, frame.time, turn);
+    const auto around = given_elsewhere_ ? capture_->environment() : environment_;
+    return rotation_tracker_->track(*around, pictures, frame.time, turn);
   };
   if (!environment_) {
     // Before there is a map there is a pose to start from.
@@ -365,6 +368,12 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
                                                  : kLookAroundNear);
   hold_capture_ = board_motion_.moving();
   if (const std::optional<glm::dmat3> moved = board_motion_.moved()) {
+    if (fixed_environment_ && !given_elsewhere_) {
+      // Not the board: what was given is turned against the place, or of another one.
+      given_elsewhere_ = true;
+      rotation_tracker_->forget();
+      return start(pose);
+    }
     capture_->turn(*moved);
     rotation_tracker_->forget();
     result.board_moved = true;
@@ -664,6 +673,7 @@ FrameResult Session::process(const Frame& frame) {
   };
 
   choose_turn(frame);
+  turned_.reset(), hold_capture_ = false;
   // Tracking decides what else can be done, so it runs by itself; a given pose stands in for it.
   if (frame.back_from_marker || !board_)
     result.back_from_marker = frame.back_from_marker;
