@@ -438,3 +438,41 @@ def test_light_of_a_matte_object_still_answers_glossy_questions():
     fresh = fastibl.Lighting(cube)
     np.testing.assert_array_equal(lighting.glossy(n, n, 50.0), fresh.glossy(n, n, 50.0))
     np.testing.assert_array_equal(lighting.ggx(n, n, 0.4), fresh.ggx(n, n, 0.4))
+
+
+@pytest.mark.parametrize("told", ["constant", "drifting", "untold", "changed before"])
+def test_the_paper_goes_on_whatever_exposures_are_told(told):
+    """Every five seconds where they stay within a twentieth or are not told; every eight where they do not."""
+    session = fastibl.Session(ball(), rig_of_two(), size=16, methods="auto" if told == "changed before" else "paper")
+    took = []
+    for k in range(52):
+        exposure = {"constant": 1.0, "drifting": 1.05**k, "untold": None, "changed before": 1.0 if k < 4 else 0.5}[told]
+        if told == "changed before" and k == 4:
+            session.set_methods("paper")
+        result = session.process(given(0.5 * k, front=FRONT, front_exposure=exposure))
+        took += [0.5 * k] if result.front_taken is not None and k >= (told == "changed before") * 4 else []
+    print(f"{told}: {took}")
+    assert len(took) >= 4 and max(np.diff([*took, 25.5])) <= 8.0
+    if told in ("constant", "untold"):
+        assert took == [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]
+
+
+def test_a_picture_that_is_left_out_changes_no_exposure():
+    """The object is drawn as bright as in the frame before."""
+    film = fastibl.simulate(seconds=1, fps=10, size=(160, 120), lamp=False, hand=False)
+    session = fastibl.Session(ball(fastibl.Material(diffuse=(0.3,) * 3)), film.rig, size=32)
+    means = []
+    for k, frame in enumerate(film):
+        frame.back_from_marker = film.truth.pose(frame.time)
+        frame.back_exposure = frame.back_exposure if k == 0 else None
+        if k == 8:
+            frame.back = np.random.default_rng(0).integers(0, 255, frame.back.shape).astype(np.uint8)
+        result = session.process(frame)
+        layer = session.object
+        whole = layer.rgba[..., 3] > 0.99
+        part = result.image[layer.y : layer.y + whole.shape[0], layer.x : layer.x + whole.shape[1]]
+        means.append(float(part[whole].mean()))
+        if k == 8:
+            assert result.back_taken.how == "left out"
+    print("mean code of the object:", np.round(means[6:], 1))
+    assert abs(means[8] - means[7]) < 25 and means[8] < 250

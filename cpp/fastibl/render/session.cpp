@@ -30,7 +30,9 @@ constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundin
 constexpr float kOtherLight = 0.25f;
 constexpr int kStream = 3;           // frames in a row that come with light of their own
 constexpr int kLeastFrames = 60;     // from one time to the next: it takes as long as some frames
-constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures
+constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures, which have one
+constexpr double kSameExposure = 0.05;  // exposure, by so much of its logarithm; where none comes
+constexpr double kSinglePatience = 8;   // for so many seconds, another will do
 constexpr int kBounceCells = 32;     // of the plane, along an edge
 constexpr double kSmallestHeight =
     0.01;  // metres: an object's centre for capture, however flat it is
@@ -230,6 +232,7 @@ void Session::move(const Pose& marker_from_object) {
 }
 void Session::set_methods(const Methods& methods) {
   check_methods(methods, *renderer_);
+  if (methods.capture != options_.methods.capture) last_capture_time_.reset();
   options_.methods = methods;
   replan();
 }
@@ -492,9 +495,15 @@ bool Session::wants_capture(const Frame& frame, const std::optional<Pose>& pose)
        (frame.back.empty() && last_pose_ && frame.time - last_pose_time_ <= kPoseLifetime));
   if (options_.methods.capture == CaptureMethod::continuous)
     return front_usable || ((pose || turned_) && turns_.takes(LightStep::back));
-  return front_usable &&
-         (!last_capture_time_ || (frame.time - *last_capture_time_ >= kSinglePeriod &&
-                                  frame.front_exposure == *capture_exposure_));
+  if (!front_usable || !last_capture_time_) return front_usable;
+  const double since = frame.time - *last_capture_time_;
+  return since >= kSinglePeriod && (since >= kSinglePatience || is_single_exposure(frame));
+}
+
+// Whether a front picture has the exposure of the first that was captured.
+bool Session::is_single_exposure(const Frame& frame) const {
+  if (!frame.front_exposure || !single_exposure_) return !frame.front_exposure && !single_exposure_;
+  return std::abs(std::log(*frame.front_exposure / *single_exposure_)) <= kSameExposure;
 }
 
 // The rows' motion as tracked or given, or else that of the last frames.
@@ -529,7 +538,7 @@ void Session::capture_frame(const Frame& frame, FrameResult& result) {
     result.back_taken =
         capture_->add(frame.back, rig_.back, pose ? *pose : *turned_, frame.back_exposure,
                       frame.time, {}, result.back_last_row, glm::dvec3(1), plane);
-    back_exposure_ = result.back_taken->exposure;
+    if (result.back_taken->as != TakenAs::left_out) back_exposure_ = result.back_taken->exposure;
   }
   if (turns_.takes(LightStep::front)) {
     const auto front_from_marker = [&](double time) {
@@ -544,8 +553,9 @@ void Session::capture_frame(const Frame& frame, FrameResult& result) {
     result.front_taken =
         capture_->add(frame.front, *rig_.front, front_from_marker(frame.time), frame.front_exposure,
                       frame.time, {}, last_row, options_.front_ratio, plane);
+    if (result.front_taken->as == TakenAs::left_out) return;
+    if (!last_capture_time_ || !is_single_exposure(frame)) single_exposure_ = frame.front_exposure;
     last_capture_time_ = frame.time;
-    if (!capture_exposure_) capture_exposure_ = frame.front_exposure;
   }
 }
 

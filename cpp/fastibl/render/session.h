@@ -154,6 +154,7 @@ class Session {
   void follow_surroundings(const Frame& frame, FrameResult& result);
   void choose_turn(const Frame& frame);
   bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
+  bool is_single_exposure(const Frame& frame) const;
   void capture_frame(const Frame& frame, FrameResult& result);
   void find_motion(const Frame& frame, FrameResult& result);
   // Of the row that shows the middle of the object.
@@ -226,7 +227,7 @@ class Session {
   double last_pose_time_ = 0;
   std::optional<double> last_time_;
   double back_exposure_ = 1;  // of the last back picture, as far as it is known
-  std::optional<double> last_capture_time_, capture_exposure_;  // of the paper's single pictures
+  std::optional<double> last_capture_time_, single_exposure_;  // of the paper's single pictures
 };
 
 }  // namespace fastibl
