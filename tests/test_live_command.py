@@ -278,7 +278,7 @@ def test_an_untold_front_exposure_is_measured_by_the_boards_white():
     for _ in range(3):
         session, told = fastibl.Session(scene, source.rig, source.board, error=0), False
         for frame in source:
-            assert frame.front_exposure == source.exposure
+            assert frame.front_exposure == source.exposure and source.as_told(frame).front_exposure is None
             result = session.process(frame)
             assert result.front_taken is None or result.front_taken.how != "left out"
             told = told or source.measure(result.environment)
@@ -290,3 +290,4 @@ def test_an_untold_front_exposure_is_measured_by_the_boards_white():
     assert off[-1] < 0.45 < off[0] and not measured[-1]
     told = AssumedFront(film)  # what is told stays
     assert [f.front_exposure for f in told] == [f.front_exposure for f in film] and not told.measure(result.environment)
+    assert told.as_told(film[0]) is film[0]

@@ -51,6 +51,10 @@ class AssumedFront:
                 frame = replace(frame, front_exposure=self.exposure)
             yield frame
 
+    def as_told(self, frame: Frame) -> Frame:
+        """A frame that came from here as it came from the source: what was assumed is told to nobody else."""
+        return replace(frame, front_exposure=None) if self._untold else frame
+
     def measure(self, environment: Environment | None) -> bool:
         """Whether a captured map tells another exposure, which is then used; the map itself is in the wrong scale.
 
