@@ -489,3 +489,21 @@ def test_a_followed_frame_costs_a_fraction_of_a_detected_one():
                 times.append(1e3 * (time.thread_time() - begin))
     print(f"\na followed frame: {np.median(times):.2f} ms")
     assert min(times) < 3
+
+
+def test_without_times_pictures_without_the_board_count():
+    """A frame is a thirtieth of a second, whether or not the board is in it."""
+    film = fastibl.simulate(seconds=1, fps=30, size=(320, 240), lamp=False, hand=False, readout=0.02)
+    poses = []
+    for timed in (True, False):
+        tracker = fastibl.Tracker(film.board, film.rig.back)
+        found = []
+        for k, frame in enumerate(film):
+            picture = np.full_like(frame.back, 90) if 12 <= k < 15 else frame.back
+            tracked = tracker.track(picture, frame.time if timed else None)
+            found.append(None if tracked is None else tracked.camera_from_marker)
+        poses.append(found)
+    assert poses[0][13] is None and poses[0][16] is not None
+    apart = [np.degrees(a.angle_to(b)) for a, b in zip(*poses, strict=True) if a is not None]
+    print(f"with times and without: at most {max(apart):.1e} degrees apart")
+    assert max(apart) < 1e-3

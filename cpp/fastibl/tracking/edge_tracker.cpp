@@ -113,9 +113,10 @@ std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<
   check(picture.width == camera_.width && picture.height == camera_.height, "the picture is ",
         picture.width, " x ", picture.height, ", but the camera is ", camera_.width, " x ",
         camera_.height);
-  const double time = given.value_or(last_ ? last_->time + kFrame : 0);
+  const double time = given.value_or(clock_ + kFrame);
   check(std::isfinite(time) && (!last_ || time >= last_->time),
         "time must not run backwards: ", time, " s after ", last_ ? last_->time : 0, " s");
+  clock_ = time;
   if (last_ && time - last_->time > options_.longest_gap) reset();
 
   Image<std::uint8_t> converted;

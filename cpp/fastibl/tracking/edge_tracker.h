@@ -94,6 +94,7 @@ class EdgeTracker {
   EdgeTrackingOptions options_;
   EdgeModel model_;
   std::optional<Moment> last_, before_, shown_;
+  double clock_ = 0;  // seconds: of the last picture, whatever it showed
   RowState rows_;  // at last_, of a rolling shutter
 };
 
