@@ -60,7 +60,7 @@ inline Detector make_detector(py::object callable) {
     const py::gil_scoped_acquire gil;
     // The capsule owns nothing: the picture is the caller's, so no copy is made.
     const py::array_t<std::uint8_t> view({py::ssize_t{grey.height}, py::ssize_t{grey.width}},
-                                         {py::ssize_t{grey.row_stride}, py::ssize_t{1}}, grey.data,
+                                         {py::ssize_t{grey.stride()}, py::ssize_t{1}}, grey.data,
                                          py::capsule(grey.data, [](void*) {}));
     view.attr("setflags")(py::arg("write") = false);
     const py::object found = (*shared)(view, board, camera);

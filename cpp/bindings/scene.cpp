@@ -326,18 +326,11 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
             const Doubles k = require_floats<double>(K, "K");
             if (k.ndim() != 2 || k.shape(0) != 3 || k.shape(1) != 3)
               throw py::value_error("K must have shape (3, 3), got " + shape_of(k));
-            Camera camera{size.first,
-                          size.second,
-                          k.at(0, 0),
-                          k.at(1, 1),
-                          k.at(0, 2) + 0.5,
-                          k.at(1, 2) + 0.5,
-                          std::move(distortion),
-                          response.value_or(Response{}),
-                          gain,
-                          std::move(vignetting),
-                          readout,
-                          camera_model(model)};
+            Camera camera =
+                Camera::from_opencv(size.first, size.second, k.at(0, 0), k.at(1, 1), k.at(0, 2),
+                                    k.at(1, 2), std::move(distortion), camera_model(model));
+            camera.response = response.value_or(Response{});
+            camera.gain = gain, camera.vignetting = std::move(vignetting), camera.readout = readout;
             camera.validate();
             return camera;
           },

@@ -154,7 +154,7 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
         if (picture.type != PixelType::uint8) throw py::type_error("image must be uint8");
         const EdgeModel model(board, camera);
         const py::gil_scoped_release release;
-        return model.track({picture.row(0), picture.width, picture.height, 3, picture.row_bytes},
+        return model.track({picture.row(0), picture.width, picture.height, 3, picture.stride()},
                            start, {}, {});
       },
       py::arg("image"), py::arg("board"), py::arg("camera"), py::arg("start"),
@@ -193,7 +193,7 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
         if (picture.type != PixelType::uint8) throw py::type_error("image must be uint8");
         const LightTable table(camera.response, 3);
         const LightReader light(
-            {picture.row(0), picture.width, picture.height, 3, picture.row_bytes}, table);
+            {picture.row(0), picture.width, picture.height, 3, picture.stride()}, table);
         const BoardPattern pattern = pattern_of(board);
         const Lens lens(camera);
         const RowMotion motion = motion_between(first, last);

@@ -9,16 +9,19 @@
 
 namespace fastibl {
 
-// Borrowed pixels, channels interleaved, rows `row_stride` elements apart. Does not own.
+// Borrowed pixels, channels interleaved. Does not own.
 template <typename T>
 struct ImageView {
   T* data = nullptr;
   int width = 0;
   int height = 0;
   int channels = 3;
-  std::ptrdiff_t row_stride = 0;  // in elements of T
+  std::ptrdiff_t row_stride = 0;  // from row to row, in elements of T; 0: they are packed
 
-  T* row(int y) const { return data + y * row_stride; }
+  std::ptrdiff_t stride() const {
+    return row_stride != 0 ? row_stride : std::ptrdiff_t{width} * channels;
+  }
+  T* row(int y) const { return data + y * stride(); }
   T* pixel(int x, int y) const { return row(y) + std::ptrdiff_t{x} * channels; }
   bool empty() const { return data == nullptr || width <= 0 || height <= 0; }
   operator ImageView<const T>() const { return {data, width, height, channels, row_stride}; }

@@ -16,15 +16,13 @@ glm::dmat3 departure(const glm::dmat3& r) {
 
 }  // namespace
 
-Pose Pose::from_matrix(const glm::dmat4& m) {
+void Pose::validate() const {
   for (int c = 0; c < 4; ++c)
-    for (int r = 0; r < 4; ++r)
-      check(std::isfinite(m[c][r]), "a pose must be finite, got ", m[c][r], " at row ", r,
-            ", column ", c);
-  check(m[0][3] == 0 && m[1][3] == 0 && m[2][3] == 0 && m[3][3] == 1,
-        "the last row of a pose must be 0 0 0 1, got ", m[0][3], " ", m[1][3], " ", m[2][3], " ",
-        m[3][3]);
-  const glm::dmat3 rotation(m);
+    for (int r = 0; r < 3; ++r) {
+      const double value = c < 3 ? rotation[c][r] : translation[r];
+      check(std::isfinite(value), "a pose must be finite, got ", value, " at row ", r, ", column ",
+            c);
+    }
   const glm::dmat3 departures = departure(rotation);
   double off = 0;
   for (int c = 0; c < 3; ++c)
@@ -33,7 +31,15 @@ Pose Pose::from_matrix(const glm::dmat4& m) {
         off);
   check(glm::determinant(rotation) > 0,
         "the rotation of a pose must have determinant +1, got a mirror");
-  return {rotation, glm::dvec3(m[3])};
+}
+
+Pose Pose::from_matrix(const glm::dmat4& m) {
+  const Pose pose{glm::dmat3(m), glm::dvec3(m[3])};
+  pose.validate();
+  check(m[0][3] == 0 && m[1][3] == 0 && m[2][3] == 0 && m[3][3] == 1,
+        "the last row of a pose must be 0 0 0 1, got ", m[0][3], " ", m[1][3], " ", m[2][3], " ",
+        m[3][3]);
+  return pose;
 }
 
 Pose Pose::look_at(const glm::dvec3& eye, const glm::dvec3& target, const glm::dvec3& up) {

@@ -9,8 +9,10 @@ struct Pose {
   glm::dmat3 rotation{1.0};     // orthonormal, determinant +1
   glm::dvec3 translation{0.0};  // metres
 
-  // Re-orthonormalises nothing; throws std::invalid_argument when the matrix is not a rigid
-  // transform (columns orthonormal within 1e-6, determinant +1, last row 0 0 0 1, all finite).
+  // Throws std::invalid_argument for what is not a rigid transform: columns orthonormal within
+  // 1e-6, determinant +1, all finite.
+  void validate() const;
+  // Re-orthonormalises nothing; throws as validate() does, and for another last row than 0 0 0 1.
   static Pose from_matrix(const glm::dmat4& matrix);
   // camera_from_marker of a camera at `eye` (x right, y down, z forward) that sees `target` in the
   // middle of its picture and `up` upwards; along `up`, some other way up. Throws

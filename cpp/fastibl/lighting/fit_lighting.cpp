@@ -91,6 +91,8 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   Lighting lighting;
   lighting.glossy =
       options.glossy == GlossyMethod::automatic ? GlossyMethod::centroid : options.glossy;
+  check_settings(options.diffuse, options.diffuse_settings);
+  check_settings(lighting.glossy, options.glossy_settings);
   lighting.glossy_settings = resolved(lighting.glossy, options.glossy_settings);
   lighting.normalization = options.normalization;
   if (options.irradiance) {

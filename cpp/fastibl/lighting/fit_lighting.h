@@ -24,7 +24,8 @@ struct LightingOptions {
   const Environment* environment = nullptr;
 };
 // previous: of the frame before, or null. What was found then is moved along instead of searched
-// anew, which is faster, and steady; a chain of the same map is kept.
+// anew, which is faster, and steady; a chain of the same map is kept. Throws std::invalid_argument
+// without a map, and for settings out of range.
 Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOptions& options = {},
                       const Lighting* previous = nullptr);
 

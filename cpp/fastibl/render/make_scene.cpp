@@ -76,6 +76,7 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
                  const SceneOptions& options) {
   mesh.validate();
   check_fits(material, mesh);
+  marker_from_object.validate();
   check(options.sphere_count >= 0, "the number of spheres must be at least 0, got ",
         options.sphere_count);
   check(options.visibility_rays >= 0, "the number of rays must be at least 0, got ",

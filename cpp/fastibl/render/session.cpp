@@ -42,9 +42,23 @@ constexpr double kSmallestHeight =
 namespace {
 
 void check_methods(const Methods& methods, const Renderer& renderer) {
+  check_settings(methods.diffuse, methods.diffuse_settings);
+  check_settings(methods.glossy, methods.glossy_settings);
+  check_settings(methods.shadow, methods.shadow_settings);
   check(!shares_by_pixel(methods.self_shadow) || renderer.shares_pixels(), "the ",
         renderer.backend(), " back end has no self_shadow method ", name(methods.self_shadow),
         "; backend=\"cpu\" has it");
+}
+
+void check_scene(const Scene& scene) {
+  check(!scene.mesh.triangles.empty() && scene.normals.size() == scene.mesh.vertices.size(),
+        "a session needs a scene with a mesh, as make_scene() makes it");
+  scene.marker_from_object.validate();
+  scene.shadow_look.validate();
+}
+
+void check_environment(const Environment* environment) {
+  check(!environment || environment->radiance.size() > 0, "the environment has no map");
 }
 
 }  // namespace
@@ -60,6 +74,8 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
       detector_(std::move(detector)),
       renderer_(std::move(renderer)),
       options_(options) {
+  check_scene(scene_);
+  check_environment(environment_.get());
   rig_.back.validate();
   if (rig_.front) rig_.front->validate();
   if (board_) board_->validate(), edge_tracker_.emplace(*board_, rig_.back);
@@ -83,7 +99,6 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   capture.centre = scene_.marker_from_object * glm::dvec3(box.centre());
   capture.centre.z = std::max(capture.centre.z, kSmallestHeight);
   capture_.emplace(std::move(capture));
-  scene_.shadow_look.validate();
   replan();
 }
 
@@ -214,7 +229,7 @@ void Session::update_plan(bool choose) {
 }
 
 void Session::set_scene(Scene scene) {
-  scene.shadow_look.validate();
+  check_scene(scene);
   scene_ = std::move(scene);
   cell_light_ = {}, holdout_light_ = {}, near_share_maker_ = {};
   exchange_.reset(), hidden_from_.reset();
@@ -227,6 +242,7 @@ void Session::set_material(const Material& material) {
   replan();
 }
 void Session::move(const Pose& marker_from_object) {
+  marker_from_object.validate();
   scene_.marker_from_object = marker_from_object;
   stale_ |= product::placement;
 }
@@ -259,6 +275,7 @@ void Session::set_shadow_look(const ShadowLook& look) {
   stale_ |= product::plane | product::holdout | product::image;
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
+  check_environment(environment.get());
   // Light that comes frame after frame, a little other each time, is taken as captured light is: it
   // moves, and what can be seen of that fades; methods are judged anew where much of it is new.
   bool little = false, judged = false;
@@ -564,6 +581,8 @@ void Session::check_frame(const Frame& frame) const {
     check(picture.empty() || (picture.width == camera.width && picture.height == camera.height),
           "the ", which, " picture must be the camera's ", camera.width, " × ", camera.height,
           ", got ", picture.width, " × ", picture.height);
+    check(picture.empty() || std::abs(picture.stride()) >= picture.packed(), "rows of the ", which,
+          " picture must be its ", picture.packed(), " bytes apart, got ", picture.stride());
   };
   matches(frame.back, rig_.back, "back");
   if (rig_.front) matches(frame.front, *rig_.front, "front");
@@ -571,6 +590,8 @@ void Session::check_frame(const Frame& frame) const {
   for (const std::optional<double>& exposure : {frame.back_exposure, frame.front_exposure})
     check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
           "exposures must be positive and finite, got ", exposure.value_or(0));
+  for (const std::optional<Pose>& pose : {frame.back_from_marker, frame.back_last_row})
+    if (pose) pose->validate();
   check(!frame.attitude || is_rotation(*frame.attitude, kAttitude),
         "a frame's attitude must be a rotation");
   check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,

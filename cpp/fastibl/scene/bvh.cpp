@@ -155,6 +155,7 @@ void DirectionSet::set(int index, glm::vec3 direction) {
 }
 
 Bvh::Bvh(const Mesh& mesh) {
+  if (!mesh.triangles.empty()) mesh.validate();
   std::vector<Item> items;
   items.reserve(mesh.triangles.size());
   for (const glm::ivec3& t : mesh.triangles) {

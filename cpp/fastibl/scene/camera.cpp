@@ -72,6 +72,16 @@ void Camera::validate() const {
         "a camera's readout must be seconds, finite and not negative, got ", readout);
 }
 
+Camera Camera::from_opencv(int width, int height, double fx, double fy, double cx, double cy,
+                           std::vector<double> distortion, CameraModel model) {
+  Camera camera;
+  camera.width = width, camera.height = height;
+  camera.fx = fx, camera.fy = fy, camera.cx = cx + 0.5, camera.cy = cy + 0.5;
+  camera.distortion = std::move(distortion), camera.model = model;
+  camera.validate();
+  return camera;
+}
+
 std::string_view name(CameraModel model) { return kModels[std::size_t(model)]; }
 
 CameraModel camera_model(std::string_view name) {

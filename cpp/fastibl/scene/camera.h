@@ -38,9 +38,16 @@ struct Camera {
   // objects drawn over, perspective pictures.
   CameraModel model = CameraModel::perspective;
 
-  // Throws std::invalid_argument for sizes or focal lengths ≤ 0, NaN, or another number of
-  // coefficients.
+  // Throws std::invalid_argument for sizes that are not from 1 to 16384 pixels, focal lengths not
+  // from 0.001 to 10⁷, a principal point further than that, a gain ≤ 0, a readout < 0, another
+  // number of coefficients, and whatever is not finite.
   void validate() const;
+
+  // From OpenCV's numbers, whose pixel centres are whole: half a pixel is added to cx and cy.
+  // Throws as validate().
+  static Camera from_opencv(int width, int height, double fx, double fy, double cx, double cy,
+                            std::vector<double> distortion = {},
+                            CameraModel model = CameraModel::perspective);
 
   // Pixel of a point in the camera frame. Nothing behind a perspective camera, nor beyond the
   // radius where the lens model stops growing (it would fold back into the picture). May lie

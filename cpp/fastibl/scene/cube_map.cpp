@@ -227,14 +227,19 @@ CubeMap::CubeMap(int size, std::span<const glm::vec3> faces) : CubeMap(size) {
         " needs ", 6 * std::size_t(size) * std::size_t(size), " texels, got ", faces.size());
   const glm::vec3* in = faces.data();
   for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < size; ++y, in += size) {
+    for (int y = 0; y < size; ++y, in += size) std::copy(in, in + size, &base().texel(f, 0, y));
+  clean();
+  update();
+}
+
+void CubeMap::clean() {
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < size(); ++y) {
       glm::vec3* row = &base().texel(f, 0, y);
-      std::copy(in, in + size, row);
-      if (all_clean(&row->x, 3 * size)) continue;
-      for (int x = 0; x < size; ++x)
+      if (all_clean(&row->x, 3 * size())) continue;
+      for (int x = 0; x < size(); ++x)
         for (int c = 0; c < 3; ++c) row[x][c] = clean_radiance(row[x][c], cleaned_);
     }
-  update();
 }
 
 void CubeMap::update() {
@@ -298,15 +303,26 @@ void CubeMap::update_levels(std::vector<FaceRect> changed, int written) {
       for (const FaceRect& r : changed) reductions_[k]->reduce(levels_[k], r, levels_[k + 1]);
     levels_[k + 1].update_border(edges_of(changed, coarse));
   }
+  // What is not finite reaches the top.
+  bool finite = true;
+  for (int f = 0; f < 6; ++f) {
+    const glm::vec3& top = levels_.back().texel(f, 0, 0);
+    finite &= std::isfinite(top.x + top.y + top.z);
+  }
+  if (finite) return;
+  clean();
+  update();
 }
 
 const CubeLevel& CubeMap::level_at_most(int size) const {
+  check(!levels_.empty(), "an empty map has no levels");
   for (const CubeLevel& level : levels_)
     if (level.size() <= size) return level;
   return levels_.back();
 }
 
 glm::vec3 CubeMap::sample(glm::vec3 direction, float level) const {
+  check(!levels_.empty(), "an empty map cannot be looked up");
   const float top = float(level_count() - 1);
   const float clamped = level > 0 ? (level < top ? level : top) : 0.0f;  // NaN gives 0
   const int k = std::min(int(clamped), level_count() - 1);
@@ -315,6 +331,11 @@ glm::vec3 CubeMap::sample(glm::vec3 direction, float level) const {
   const glm::vec3 fine = levels_[std::size_t(k)].sample(at);
   if (f == 0) return fine;
   return fine + f * (levels_[std::size_t(k) + 1].sample(at) - fine);
+}
+
+glm::dvec3 CubeMap::mean() const {
+  check(!levels_.empty(), "an empty map has no mean");
+  return levels_.front().mean();
 }
 
 glm::dvec3 CubeLevel::mean() const {

@@ -113,7 +113,7 @@ std::uint64_t new_tile_version();
 // cube).
 class CubeMap {
  public:
-  CubeMap() = default;
+  CubeMap() = default;  // of size 0: has no levels, and cannot be looked up
   // faces: 6 n² texels, packed face by face. Cleans them. Throws for size < 1 or another length.
   CubeMap(int size, std::span<const glm::vec3> faces);
   // Black, to be written by way of base(). Throws for size < 1.
@@ -125,9 +125,12 @@ class CubeMap {
   // The level whose faces are at most `size` texels wide.
   const CubeLevel& level_at_most(int size) const;
   const CleaningStatistics& cleaned() const { return cleaned_; }
+  // For a maker that cleaned what it was given.
+  void set_cleaned(const CleaningStatistics& statistics) { cleaned_ = statistics; }
 
   // Level 0 for its maker to write: clean values only, in no border. update() then makes what
-  // depends on it, the same bits as if all were made anew.
+  // depends on it, the same bits as if all were made anew. Where NaN or infinity was written, it
+  // cleans the map.
   CubeLevel& base() { return levels_[0]; }
   void update();                              // everything changed
   void update(std::span<const int> changed);  // tiles
@@ -146,13 +149,14 @@ class CubeMap {
 
   // Seamless trilinear look-up; level is clamped to [0, level_count − 1], NaN to 0.
   glm::vec3 sample(glm::vec3 direction, float level) const;
-  glm::dvec3 mean() const { return levels_.front().mean(); }
+  glm::dvec3 mean() const;
   bool operator==(const CubeMap& other) const {
     return levels_ == other.levels_ && cleaned_ == other.cleaned_;
   }
 
  private:
   void update_levels(std::vector<FaceRect> changed, int written);
+  void clean();
   std::vector<CubeLevel> levels_;
   std::vector<std::shared_ptr<const CubeReduction>> reductions_;  // from level k to k + 1
   std::vector<std::uint64_t> versions_;                           // of the tiles

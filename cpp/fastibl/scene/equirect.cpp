@@ -64,15 +64,15 @@ glm::dvec3 light_of(ImageView<const float> image) {
 }
 
 // A picture of clean values: itself, or a copy.
-ImageView<const float> cleaned(ImageView<const float> image, Image<float>& copy) {
+ImageView<const float> cleaned(ImageView<const float> image, Image<float>& copy,
+                               CleaningStatistics& statistics) {
   bool clean = true;
   for (int y = 0; y < image.height && clean; ++y) clean = all_clean(image.row(y), 3 * image.width);
   if (clean) return image;
   copy = Image<float>(image.width, image.height, 3);
-  CleaningStatistics ignored;
   for (int y = 0; y < image.height; ++y)
     for (int i = 0; i < 3 * image.width; ++i)
-      copy.row(y)[i] = clean_radiance(image.row(y)[i], ignored);
+      copy.row(y)[i] = clean_radiance(image.row(y)[i], statistics);
   return std::as_const(copy).view();
 }
 
@@ -81,9 +81,12 @@ ImageView<const float> cleaned(ImageView<const float> image, Image<float>& copy)
 CubeMap cubemap_from_equirect(ImageView<const float> image, int size, EquirectFilter filter) {
   check(!image.empty(), "an equirectangular picture must not be empty");
   check(image.channels == 3, "an equirectangular picture needs 3 channels, got ", image.channels);
+  check(std::abs(image.stride()) >= std::ptrdiff_t{3} * image.width, "rows of ", image.width,
+        " pixels of three values must be that far apart, got ", image.stride());
   check(size >= 1, "faces must be at least 1 texel wide, got ", size);
   Image<float> copy;
-  const ImageView<const float> clean = cleaned(image, copy);
+  CleaningStatistics statistics;
+  const ImageView<const float> clean = cleaned(image, copy, statistics);
   CubeMap cube(size);
   if (filter == EquirectFilter::point) {
     resample_points(clean, cube.base());
@@ -103,6 +106,7 @@ CubeMap cubemap_from_equirect(ImageView<const float> image, int size, EquirectFi
       }
   }
   cube.update();
+  cube.set_cleaned(statistics);
   return cube;
 }
 
@@ -110,6 +114,7 @@ Image<float> equirect_from_cubemap(const CubeMap& cube, int height) {
   check(height >= 1, "the height of an equirectangular picture must be at least 1, got ", height);
   const int width = 2 * height;
   const int n = cube.size();
+  check(n > 0, "an empty map has no picture");
   const int split = std::max(2, int(std::ceil(6 * (std::numbers::pi / height) / (2.0 / n) / 2)));
   const Azimuths azimuth(width * split);
   const CubeLevel& base = cube.level(0);

@@ -66,8 +66,8 @@ class Columns {
     const int count = std::min(kBlock, image.width - block_ * kBlock);
     // Pixels are read as four floats: the very last one has no fourth.
     const int last = image.height - 1;
-    read_rows(image.pixel(block_ * kBlock, 0), image.row_stride, last, count, ends.data(), stride_,
-              0, sums_, above_.data(), value_.data());
+    read_rows(image.pixel(block_ * kBlock, 0), image.stride(), last, count, ends.data(), stride_, 0,
+              sums_, above_.data(), value_.data());
     float row[3 * kBlock + 1] = {};
     std::copy_n(image.pixel(block_ * kBlock, last), 3 * count, row);
     read_rows(row, 0, 1, count, ends.data() + last, stride_, 4 * std::size_t(last), sums_,

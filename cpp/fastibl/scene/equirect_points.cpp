@@ -84,7 +84,7 @@ void resample_points(ImageView<const float> image, CubeLevel& faces) {
       const glm::vec3 step = face_direction(f, 1, t) - origin;
       place_row(&origin.x, &step.x, n, image.width, image.height, places.left.data(),
                 places.right.data(), places.upper.data(), places.fx.data(), places.fy.data());
-      look_up_row(image.data, image.row_stride, image.height > 1 ? image.row_stride : 0, end, copy,
+      look_up_row(image.data, image.stride(), image.height > 1 ? image.stride() : 0, end, copy,
                   places.left.data(), places.right.data(), places.upper.data(), places.fx.data(),
                   places.fy.data(), n, &faces.texel(f, 0, y).x);
     }

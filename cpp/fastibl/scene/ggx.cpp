@@ -165,6 +165,8 @@ GgxShading::GgxShading(const Lighting& lighting) : lighting_(&lighting) {
 
 GgxLight GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
                                 const GgxOptions& options, const glm::vec3* position) const {
+  check(lighting_->radiance != nullptr, "the lighting has no map");
+  for (int k = 0; k < 2; ++k) alpha[k] = std::min(std::max(kSmallestAlpha, alpha[k]), 1.0f);
   if (options.method == GgxMethod::sampled)
     return sampled_ggx(*lighting_->radiance, frame, view, alpha, options.taps);
   const glm::vec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),

@@ -33,7 +33,7 @@ inline constexpr std::array kGgxMethods = {GgxMethod::taps, GgxMethod::gradient,
 
 struct GgxOptions {
   GgxMethod method = GgxMethod::taps;
-  int taps = kGgxTaps;  // 1 to 16; of samples to kMostSampledTaps
+  int taps = kGgxTaps;  // 1 to 16; of samples to kMaxSampledTaps
 
   // Of materials: twice as many along a brushed one's lobe, or small bright lights show each tap.
   static GgxOptions for_shading(const Lighting& lighting, float anisotropy) {
@@ -89,9 +89,10 @@ struct GgxLight {
 class GgxShading {
  public:
   explicit GgxShading(const Lighting& lighting);
-  // unit_view: marker frame, surface to eye. position: marker frame, from where its lights are seen
-  // where they are; null: all light as at the map's centre. Round lobes of as many taps as usual
-  // come from a table (IsotropicTaps).
+  explicit GgxShading(Lighting&& lighting) = delete;
+  // unit_view: marker frame, surface to eye. alpha: clamped to 0.02 … 1, NaN to 0.02. position:
+  // marker frame, from where its lights are seen where they are; null: all light as at the map's
+  // centre. Round lobes of as many taps as usual come from a table (IsotropicTaps).
   GgxLight operator()(const SurfaceFrame& frame, glm::vec3 unit_view, glm::vec2 alpha,
                       const GgxOptions& options = {}, const glm::vec3* position = nullptr) const;
   // Round lobes of many places, in the order given: the same within 1e-5 of the brightest that a

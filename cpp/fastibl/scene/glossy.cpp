@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/seen_lights.h"
@@ -106,6 +107,7 @@ GlossyLobe::GlossyLobe(const GlossyChain& chain, int tap_count, float s)
 
 GlossyShading::GlossyShading(const Lighting& lighting, float exponent)
     : lighting_(&lighting), method_(lighting.glossy), exponent_(exponent) {
+  check(exponent >= 0, "a lobe's exponent must be at least 0, got ", exponent);
   if (exponent == 0 || !lighting.radiance) return;
   if (!lighting.chain && method_ != GlossyMethod::sampled) method_ = GlossyMethod::mip;
   if (method_ == GlossyMethod::mip) {
@@ -137,7 +139,7 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
   tangent *= 1 / std::max(glm::length(tangent), 1e-6f);
   const glm::vec3 mirror = c * n - sine * tangent, down = -sine * n - c * tangent;
   const float at = shared::lobe_column(c);
-  const int i = std::min(int(at), GlossyLobe::kColumns - 2);
+  const int i = at > 0 ? std::min(int(at), GlossyLobe::kColumns - 2) : 0;  // NaN gives 0
   const float f = at - float(i);
   const GlossyLobe::Column &a = lobe_.columns[std::size_t(i)],
                            &b = lobe_.columns[std::size_t(i) + 1];
@@ -199,6 +201,7 @@ float GlossyShading::scale(float cosine) const {
 }
 
 glm::vec3 GlossyShading::shaded(glm::vec3 n, glm::vec3 v, const glm::vec3* position) const {
+  check(exponent_ == 0 || lighting_->radiance, "the lighting has no map");
   const float cosine = glm::dot(n, v);
   return scale(cosine) * reflected(n, v, cosine, position);
 }

@@ -1,5 +1,6 @@
 #include "fastibl/scene/irradiance.h"
 
+#include "fastibl/core/check.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -16,6 +17,7 @@ glm::vec3 evaluate(const Irradiance& e, glm::vec3 n) {
       return shared::lobes_irradiance(e.polynomial.data(), e.lobes.axes.data(), e.lobes.counts[0],
                                       e.lobes.count(), e.lobes.colours.data(), n);
     case DiffuseMethod::irradiance_cube:
+      check(e.cube != nullptr, "an irradiance cube that was not made cannot be looked up");
       return e.cube->sample(n);
     default:
       return shared::sh9_irradiance(e.polynomial.data(), n);

@@ -22,7 +22,6 @@ struct Lobes {
   int count() const { return counts[0] + counts[1]; }
 };
 
-// Irradiance E(n) = ∫ L(w) max(n·w, 0) dw in the form that a method left it.
 // Where the method changed from one map to the next, so that the light does not jump: what the old
 // method gives more than the new one, part of which is still in Irradiance::cube.
 struct FadingIrradiance {
@@ -32,6 +31,7 @@ struct FadingIrradiance {
   float weight;                 // of the rest, below 1
 };
 
+// Irradiance E(n) = ∫ L(w) max(n·w, 0) dw in the form that a method left it.
 struct Irradiance {
   DiffuseMethod method = DiffuseMethod::sh9;  // never `automatic`
   DiffuseSettings settings;

@@ -45,7 +45,9 @@ GgxTaps IsotropicTaps::at(glm::vec3 view, float roughness) const {
   const float x = (1 - std::sqrt(left)) * (kAngles - 1);
   const float y = std::clamp((roughness - kLeastRoughness) / (1 - kLeastRoughness), 0.0f, 1.0f) *
                   (kRoughnesses - 1);
-  const int column = std::min(int(x), kAngles - 2), row = std::min(int(y), kRoughnesses - 2);
+  // NaN gives 0.
+  const int column = x > 0 ? std::min(int(x), kAngles - 2) : 0,
+            row = y > 0 ? std::min(int(y), kRoughnesses - 2) : 0;
   const float fx = x - float(column), fy = y - float(row);
   const Node* lower = &nodes_[std::size_t(row) * kAngles + std::size_t(column)];
   const Node* upper = lower + kAngles;

@@ -22,7 +22,8 @@ struct Lighting {
   std::shared_ptr<const CubeMap> radiance;   // with the MIP levels that `mip` reads
   std::shared_ptr<const GlossyChain> chain;  // that other methods read, and the lights
   glm::vec3 plane_irradiance{0};             // E(z), summed over the map
-  std::optional<double> irradiance_error;    // relative, RMS, of `irradiance`; none: not measured
+  std::optional<double> irradiance_error;    // relative, RMS, of `irradiance`; none: not
+                                             // measured; 0 where none was asked for
   // Those of the map whose place is known. All other fields hold their light, too, as distant.
   NearLights near_lights;
   // Walls that glossy surfaces see where they are, around the centre of near_lights.

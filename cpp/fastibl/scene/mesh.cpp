@@ -110,6 +110,7 @@ class SixVolumes {
 }  // namespace
 
 bool is_closed(const Mesh& mesh) {
+  mesh.validate();
   const std::vector<int> place = places_of(mesh);
   std::map<std::pair<int, int>, int> edges;  // times that it runs upwards, less downwards
   for (const glm::ivec3& t : mesh.triangles)
@@ -121,6 +122,7 @@ bool is_closed(const Mesh& mesh) {
 }
 
 bool faces_outwards(const Mesh& mesh) {
+  mesh.validate();
   const std::vector<int> place = places_of(mesh);
   Parts parts(place.size());
   for (const glm::ivec3& t : mesh.triangles)
@@ -158,6 +160,7 @@ Mesh turned_outwards(Mesh mesh) {
 }
 
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {
+  mesh.validate();
   std::vector<glm::vec3> normals = mesh.normals;
   if (normals.empty()) {
     normals.assign(mesh.vertices.size(), glm::vec3(0));
@@ -169,6 +172,9 @@ std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {
 }
 
 std::vector<glm::vec4> vertex_tangents(const Mesh& mesh, std::span<const glm::vec3> normals) {
+  mesh.validate();
+  check(normals.size() == mesh.vertices.size(), "there must be a normal for each of ",
+        mesh.vertices.size(), " vertices, got ", normals.size());
   std::vector<glm::vec4> sums(mesh.vertices.size(), glm::vec4(0));
   if (!mesh.uvs.empty())
     add_by_angle(mesh, sums, [&](const glm::ivec3& t, const glm::dvec3* p, glm::vec3) {
@@ -193,6 +199,7 @@ std::vector<glm::vec4> vertex_tangents(const Mesh& mesh, std::span<const glm::ve
 }
 
 Bounds bounds(std::span<const glm::vec3> points) {
+  check(!points.empty(), "no points have no bounds");
   Bounds box{points.front(), points.front()};
   for (const glm::vec3& p : points)
     box.lower = glm::min(box.lower, p), box.upper = glm::max(box.upper, p);

@@ -20,6 +20,8 @@ struct Mesh {
   bool operator==(const Mesh&) const = default;
 };
 
+// The functions below throw std::invalid_argument for a mesh that is not valid.
+
 // Whether triangles leave no edge free, so that no back of one can be seen from outside: each edge
 // runs one way as often as the other. Vertices at one place count as one.
 bool is_closed(const Mesh& mesh);

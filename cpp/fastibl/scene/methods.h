@@ -205,6 +205,16 @@ Settings settings_with(Method method, const std::map<std::string, int>& given) {
   }
   return settings;
 }
+// Throws std::invalid_argument where a setting that the method reads is out of range; what stands
+// for the method's own choice is not.
+template <typename Settings, typename Method>
+void check_settings(Method method, const Settings& settings) {
+  for (const Setting<Settings>& s : settings_of(method)) {
+    const int value = settings.*s.value;
+    check((value >= s.least && value <= s.most) || value == Settings{}.*s.value, "setting ", s.name,
+          " of ", name(method), " must be from ", s.least, " to ", s.most, ", got ", value);
+  }
+}
 template <typename Settings, typename Method>
 std::map<std::string, int> settings_map(Method method, const Settings& settings) {
   std::map<std::string, int> values;

@@ -10,16 +10,22 @@ namespace fastibl {
 
 enum class PixelType { uint8, uint16, float32 };
 
-// Borrowed; rows `row_bytes` apart, three interleaved channels.
+// Borrowed; three interleaved channels.
 struct Picture {
   const void* data = nullptr;
   PixelType type = PixelType::uint8;
   int width = 0, height = 0;
-  std::ptrdiff_t row_bytes = 0;
+  std::ptrdiff_t row_bytes = 0;  // from row to row; 0: they are packed
 
   bool empty() const { return data == nullptr; }
+  std::ptrdiff_t packed() const {  // bytes of a row
+    return std::ptrdiff_t{width} * (type == PixelType::uint8    ? 3
+                                    : type == PixelType::uint16 ? 6
+                                                                : 12);
+  }
+  std::ptrdiff_t stride() const { return row_bytes != 0 ? row_bytes : packed(); }
   const std::uint8_t* row(int y) const {
-    return static_cast<const std::uint8_t*>(data) + y * row_bytes;
+    return static_cast<const std::uint8_t*>(data) + y * stride();
   }
 };
 

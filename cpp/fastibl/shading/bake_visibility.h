@@ -11,8 +11,9 @@
 namespace fastibl {
 
 struct VisibilityOptions {
-  // Cells of the sphere along an edge: 16, 32 or 64 (11°, 5.6°, 2.8°). Rays towards 16² directions,
-  // then towards finer ones where neighbours differ: about 130, 250 and 530 a vertex.
+  // Cells of the sphere along an edge: 16, 32, 64 or 128 (11° to 1.4°). Rays towards 16²
+  // directions, then towards finer ones where neighbours differ: of the first three about 130, 250
+  // and 530 a vertex.
   int size = 64;
 };
 

@@ -12,7 +12,7 @@ namespace fastibl {
 struct ShadowOptions {
   ShadowMethod method = ShadowMethod::automatic;  // directions
   ShadowSettings settings = {};
-  // Texels along an edge. 0: the method's own number, see default_resolution().
+  // Texels along an edge. 0: the method's own number, 64 for caps, 128 for directions.
   int resolution = 0;
   float extent = 0;  // half the edge in metres; 0 = 3 × the spheres' half width or half height
   std::optional<glm::vec2> centre = {};  // metres; by default the middle of the spheres

@@ -27,6 +27,12 @@ struct Caster {
 
 constexpr int kBlock = 64;  // points handled together
 
+void check_irradiance(glm::vec3 irradiance) {
+  for (int c = 0; c < 3; ++c)
+    check(std::isfinite(irradiance[c]) && irradiance[c] >= 0,
+          "the plane's irradiance must be finite and at least 0, got ", irradiance[c]);
+}
+
 // What the points of a block see of one sphere.
 struct Caps {
   float sin2_alpha[kBlock], cos2_alpha[kBlock];  // cos² ≤ 0: the point is in the sphere or on it
@@ -107,9 +113,8 @@ class Obstruction {
               ShadowMethod method)
       : radiance_(radiance), method_(method) {
     check(radiance.size() > 0, "the radiance map is empty");
+    check_irradiance(irradiance);
     for (int c = 0; c < 3; ++c) {
-      check(std::isfinite(irradiance[c]) && irradiance[c] >= 0,
-            "the plane's irradiance must be finite and at least 0, got ", irradiance[c]);
       // Times a radiance of at most 1e9, the inverse of a smaller one would overflow.
       lit_[c] = irradiance[c] > 1e-28f;
       inverse_[c] = lit_[c] ? 1 / irradiance[c] : 0;
@@ -197,6 +202,7 @@ std::vector<glm::vec3> shadow_ratio(const CubeMap& radiance, glm::vec3 plane_irr
 ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const SphereSet& spheres,
                       const ShadowOptions& options) {
   check_options(options);
+  check_irradiance(plane_irradiance);
   const ShadowMethod method = resolved(options.method);
   check(method != ShadowMethod::mesh, "the mesh method needs a baked mesh, got spheres");
   if (method == ShadowMethod::directions)

@@ -26,7 +26,7 @@ std::vector<glm::vec3> shadow_ratio(const CubeMap& radiance, glm::vec3 plane_irr
 
 // The same at the texels of a map, by any method, without a memory: see DirectionShadow. A map
 // without an outer one fades to exactly 1 over its outer tenth (distance along x or y from its
-// centre), so that a long shadow ends softly.
+// centre), so that a long shadow ends softly. plane_irradiance is read by the caps alone.
 ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const SphereSet& spheres,
                       const ShadowOptions& options = {});
 

@@ -123,7 +123,7 @@ std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<
   if (picture.type != PixelType::uint8) converted = bytes_from(picture, camera_.response);
   const ImageView<const std::uint8_t> bytes =
       converted.empty() ? ImageView<const std::uint8_t>{picture.row(0), picture.width,
-                                                        picture.height, 3, picture.row_bytes}
+                                                        picture.height, 3, picture.stride()}
                         : std::as_const(converted).view();
   PosePrior prior;
   prior.gravity_in_marker = options_.gravity_in_marker;

@@ -30,7 +30,7 @@ class LightReader {
   template <int Channels, int Count>
   void read(int x, int y, bool down, float* out) const {
     const std::uint8_t* p = picture_.row(y) + std::ptrdiff_t{x} * Channels;
-    const std::ptrdiff_t step = down ? picture_.row_stride : Channels;
+    const std::ptrdiff_t step = down ? picture_.stride() : Channels;
     for (int k = 0; k < Count; ++k, p += step)
       out[k] = Channels == 1 ? table_[p[0]] : table_[p[0]] + table_[p[1]] + table_[p[2]];
   }

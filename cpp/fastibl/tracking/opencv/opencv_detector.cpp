@@ -88,7 +88,7 @@ Detector opencv_detector(const OpenCvDetectorOptions& options) {
     check(grey.channels == 1 && !grey.empty(), "the detector needs a grey picture, got ",
           grey.channels, " channels, ", grey.width, " × ", grey.height);
     const cv::Mat image(grey.height, grey.width, CV_8UC1, const_cast<std::uint8_t*>(grey.data),
-                        std::size_t(grey.row_stride));  // read only
+                        std::size_t(grey.stride()));  // read only
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
     detect(image, options, board, corners, ids);

@@ -1,0 +1,207 @@
+// What a C++ caller can get wrong, where Python's bindings check before: an error that names it, or
+// a defined result.
+#define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/render/make_scene.h"
+#include "fastibl/render/session.h"
+#include "fastibl/scene/bvh.h"
+#include "fastibl/scene/equirect.h"
+#include "fastibl/scene/ggx.h"
+#include "fastibl/scene/glossy.h"
+#include "fastibl/shadow/sphere_shadow.h"
+
+using namespace fastibl;
+
+namespace {
+
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+
+std::shared_ptr<const CubeMap> grey(int size = 16) {
+  return std::make_shared<const CubeMap>(
+      size, std::vector<glm::vec3>(std::size_t(6 * size * size), glm::vec3(1)));
+}
+
+bool finite(glm::vec3 v) { return std::isfinite(v.x + v.y + v.z); }
+
+Scene tetrahedron() {
+  Mesh mesh;
+  mesh.vertices = {{0, 0, 0}, {0.1f, 0, 0}, {0, 0.1f, 0}, {0, 0, 0.1f}};
+  mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+  return make_scene(mesh, Material());
+}
+
+// A camera above the plane.
+struct View {
+  Rig rig;
+  std::vector<std::uint8_t> pixels = std::vector<std::uint8_t>(64 * 48 * 3, 100);
+  Frame frame;
+  View() {
+    rig.back = Camera::from_opencv(64, 48, 80, 80, 31.5, 23.5);
+    frame.back = {pixels.data(), PixelType::uint8, 64, 48};
+    frame.back_from_marker = Pose::look_at({0.2, -0.3, 0.3}, {0, 0, 0});
+  }
+  Session session(Scene scene, std::shared_ptr<const Environment> environment,
+                  SessionOptions options = {}) const {
+    return {std::move(scene),    rig,    std::nullopt, std::move(environment), nullptr,
+            make_cpu_renderer(), options};
+  }
+};
+
+}  // namespace
+
+TEST_CASE("settings that a method does not have") {
+  const auto fitted = [](LightingOptions options) { return fit_lighting(grey(), options); };
+  for (const int taps : {1, 5, 1000, -2}) {
+    CAPTURE(taps);
+    LightingOptions options;
+    options.glossy = GlossyMethod::stretched, options.glossy_settings.taps = taps;
+    CHECK_THROWS_WITH_AS(fitted(options), doctest::Contains("taps"), std::invalid_argument);
+  }
+  LightingOptions own;
+  own.glossy = GlossyMethod::stretched;  // 0 taps: the method's own number
+  CHECK(finite(evaluate_glossy(fitted(own), {0, 0, 1}, {0, 0, 1}, 64)));
+  LightingOptions lights;
+  lights.glossy_settings.lights = 9;
+  CHECK_THROWS_AS(fitted(lights), std::invalid_argument);
+  for (const int size : {0, -1, 257}) {
+    CAPTURE(size);
+    LightingOptions cube;
+    cube.diffuse = DiffuseMethod::irradiance_cube, cube.diffuse_settings.size = size;
+    CHECK_THROWS_WITH_AS(fitted(cube), doctest::Contains("size"), std::invalid_argument);
+    cube.diffuse_settings = {}, cube.diffuse_settings.source = size;
+    CHECK_THROWS_WITH_AS(fitted(cube), doctest::Contains("source"), std::invalid_argument);
+  }
+  SessionOptions options;
+  options.methods.glossy = GlossyMethod::sampled, options.methods.glossy_settings.taps = 100000000;
+  CHECK_THROWS_AS(View().session(tetrahedron(), nullptr, options), std::invalid_argument);
+  Session session = View().session(tetrahedron(), nullptr);
+  CHECK_THROWS_AS(session.set_methods(options.methods), std::invalid_argument);
+}
+
+TEST_CASE("sessions of what is empty") {
+  const auto empty = std::make_shared<const Environment>();
+  CHECK_THROWS_AS(View().session(tetrahedron(), empty), std::invalid_argument);
+  CHECK_THROWS_AS(View().session(Scene{}, nullptr), std::invalid_argument);
+  Session session = View().session(tetrahedron(), nullptr);
+  CHECK_THROWS_AS(session.set_environment(empty), std::invalid_argument);
+  CHECK_THROWS_AS(session.set_scene(Scene{}), std::invalid_argument);
+}
+
+TEST_CASE("poses that are none") {
+  const View view;
+  Session session =
+      view.session(tetrahedron(), std::make_shared<const Environment>(environment_from(*grey())));
+  Pose nowhere;
+  nowhere.translation.x = std::nan("");
+  Pose twice;
+  twice.rotation *= 2.0;
+  for (const Pose& pose : {nowhere, twice}) {
+    Frame frame = view.frame;
+    frame.back_from_marker = pose;
+    CHECK_THROWS_WITH_AS(session.process(frame), doctest::Contains("pose"), std::invalid_argument);
+    CHECK_THROWS_AS(session.move(pose), std::invalid_argument);
+    CHECK_THROWS_AS(make_scene(tetrahedron().mesh, Material(), pose), std::invalid_argument);
+  }
+  CHECK(session.process(view.frame).image.width == 64);
+}
+
+TEST_CASE("exponents, normals and views that are none") {
+  LightingOptions options;
+  for (const GlossyMethod method : kGlossyMethods) {
+    CAPTURE(name(method));
+    options.glossy = method;
+    const Lighting lighting = fit_lighting(grey(), options);
+    for (const float exponent : {kNaN, -1.0f, -1e9f})
+      CHECK_THROWS_AS(GlossyShading(lighting, exponent), std::invalid_argument);
+    // Of no direction there is no light, but an answer.
+    for (const float exponent : {0.0f, 1.0f, 64.0f, std::numeric_limits<float>::infinity()}) {
+      evaluate_glossy(lighting, glm::vec3(kNaN), {0, 0, 1}, exponent);
+      evaluate_glossy(lighting, {0, 0, 1}, glm::vec3(kNaN), exponent);
+    }
+    const GgxShading ggx(lighting);
+    const SurfaceFrame frame{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    for (const float alpha : {0.0f, -1.0f, 2.0f, kNaN})
+      CHECK(glm::length(ggx(frame, {0, 0, 1}, glm::vec2(alpha)).mean() - 1.0f) < 1e-3f);
+    ggx(frame, glm::vec3(kNaN), glm::vec2(0.3f));
+  }
+  const Lighting none;
+  CHECK_THROWS_AS(evaluate_glossy(none, {0, 0, 1}, {0, 0, 1}, 8), std::invalid_argument);
+  const GgxShading dark(none);
+  CHECK_THROWS_AS(dark({{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {0, 0, 1}, glm::vec2(0.3f)),
+                  std::invalid_argument);
+}
+
+TEST_CASE("maps and meshes that are empty or broken") {
+  const CubeMap none;
+  CHECK_THROWS_AS(none.sample({0, 0, 1}, 0), std::invalid_argument);
+  CHECK_THROWS_AS(none.mean(), std::invalid_argument);
+  CHECK_THROWS_AS(none.level_at_most(8), std::invalid_argument);
+  CHECK_THROWS_AS(equirect_from_cubemap(none, 16), std::invalid_argument);
+  Irradiance cube;
+  cube.method = DiffuseMethod::irradiance_cube;
+  CHECK_THROWS_AS(evaluate(cube, {0, 0, 1}), std::invalid_argument);
+
+  Mesh mesh = tetrahedron().mesh;
+  CHECK_THROWS_AS(vertex_tangents(mesh, {}), std::invalid_argument);
+  mesh.triangles[0].x = 1000;
+  CHECK_THROWS_AS(is_closed(mesh), std::invalid_argument);
+  CHECK_THROWS_AS(faces_outwards(mesh), std::invalid_argument);
+  CHECK_THROWS_AS(vertex_normals(mesh), std::invalid_argument);
+  CHECK_THROWS_AS(Bvh{mesh}, std::invalid_argument);
+  CHECK_THROWS_AS(bounds({}), std::invalid_argument);
+
+  for (const ShadowMethod method : {ShadowMethod::directions, ShadowMethod::cap_product})
+    for (const float irradiance : {kNaN, -5.0f}) {
+      ShadowOptions options;
+      options.method = method;
+      CHECK_THROWS_AS(cast_shadow(*grey(), glm::vec3(irradiance), {{0, 0, 0.1f, 0.05f}}, options),
+                      std::invalid_argument);
+    }
+}
+
+TEST_CASE("rows without a distance are packed") {
+  std::vector<float> half(16 * 8 * 3);  // its lower half is white
+  std::fill(half.begin() + 16 * 4 * 3, half.end(), 1.0f);
+  const CubeMap map = cubemap_from_equirect({half.data(), 16, 8}, 8);
+  CHECK(map.mean().x == doctest::Approx(0.5).epsilon(1e-4));
+  CHECK_THROWS_AS(cubemap_from_equirect({half.data(), 16, 8, 3, 16}, 8), std::invalid_argument);
+
+  View view;
+  std::fill(view.pixels.end() - 64 * 3, view.pixels.end(), std::uint8_t{50});
+  Session session = view.session(tetrahedron(), nullptr);
+  CHECK(*session.process(view.frame).image.pixel(10, 47) == 50);
+  view.frame.back.row_bytes = 64;
+  CHECK_THROWS_AS(session.process(view.frame), std::invalid_argument);
+}
+
+TEST_CASE("what is no light is cleaned, and counted, however it came") {
+  std::vector<float> picture(16 * 8 * 3, 1.0f);
+  picture[0] = kNaN, picture[50] = -2, picture[99] = std::numeric_limits<float>::infinity();
+  const CleaningStatistics& found = cubemap_from_equirect({picture.data(), 16, 8}, 8).cleaned();
+  CHECK(found == CleaningStatistics{1, 1, 1});
+
+  for (const float bad : {kNaN, std::numeric_limits<float>::infinity()}) {
+    CubeMap whole(16), part(16);
+    for (CubeMap* map : {&whole, &part})
+      for (int f = 0; f < 6; ++f)
+        for (int y = 0; y < 16; ++y)
+          for (int x = 0; x < 16; ++x) map->base().texel(f, x, y) = glm::vec3(1);
+    part.update();
+    whole.base().texel(2, 3, 4).y = bad, part.base().texel(2, 3, 4).y = bad;
+    whole.update();
+    const int tile = tile_place(part.tiles(), 2, 3, 4).tile;
+    part.update({&tile, 1});
+    for (const CubeMap& map : {whole, part}) {
+      CHECK(map.cleaned().total() == 1);
+      CHECK(map.level(0).texel(2, 3, 4).y == (std::isnan(bad) ? 0 : kRadianceCap));
+      const Lighting lighting = fit_lighting(std::make_shared<const CubeMap>(map));
+      CHECK(finite(evaluate(lighting.irradiance, {0, 0, 1})));
+    }
+  }
+}
