@@ -350,7 +350,7 @@ void Capture::unroll(const Camera& camera, const Roll& roll, int first, int coun
 // Whether the value of the tile's unseen texels is nearly what it is to be.
 bool Capture::is_small_refill(int tile) const {
   const glm::vec3 from = filled_[std::size_t(tile)];
-  const glm::vec3 step = glm::abs(unseen_.fill(tile).mean() - from), limit = kSmallRefill * from;
+  const glm::vec3 step = glm::abs(unseen_.middle(tile) - from), limit = kSmallRefill * from;
   return step.x <= limit.x && step.y <= limit.y && step.z <= limit.z;
 }
 
@@ -384,9 +384,7 @@ bool Capture::refill(int tile) {
   const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
   float* const texels[3] = {&state_.value[0][start], &state_.value[1][start],
                             &state_.value[2][start]};
-  const std::size_t table = r.width() == grid_.widest();
-  lay_patch(fill, r, columns_[table].data(), rows_[table].data(),
-            seen > 0 ? state_.last_seen.texels(tile) : nullptr, texels);
+  lay_patch(fill, r, seen > 0 ? state_.last_seen.texels(tile) : nullptr, texels);
   if (seen > 0)
     make_levels(tile);
   else

@@ -8,20 +8,34 @@
 namespace fastibl {
 namespace {
 
-// middle: the value there. rest: of the others by how much they differ from it, 0 in the middle.
-// scale: from numbers of texels to shares of the tile, along x and y.
-FASTIBL_CLONES void lay_channel(float middle, const float* rest, const float* scale, int count,
-                                const float* columns, const float* rows,
+// What the middle and the two sides count for at a place from -1 to 1.
+struct Parts {
+  float left, inner, right;
+  FASTIBL_INLINE explicit Parts(float at) {
+    left = at < 0 ? -at : 0, right = at > 0 ? at : 0;
+    inner = 1 - left - right;
+  }
+};
+
+// rest: of the patch's values by how much they differ from the one in the middle.
+FASTIBL_CLONES void lay_channel(float middle, const float* rest, int width, int height,
                                 const double* __restrict last_seen, float* __restrict out) {
-  for (int i = 0; i < count; ++i) {
-    const float s = 2 * (columns[i] + 0.5f) * scale[0] - 1, t = 2 * (rows[i] + 0.5f) * scale[1] - 1;
-    const float left = s < 0 ? -s : 0, right = s > 0 ? s : 0, inner = 1 - left - right;
-    const auto row = [&](int k) {
-      return left * rest[k] + inner * rest[k + 1] + right * rest[k + 2];
+  const float step = 2 / float(width);
+  for (int y = 0; y < height; ++y, out += width) {
+    const Parts row((2 * float(y) + 1) / float(height) - 1);
+    float part[3];
+    for (int k = 0; k < 3; ++k)
+      part[k] = row.left * rest[k] + row.inner * rest[3 + k] + row.right * rest[6 + k];
+    const auto laid = [&](int x) {
+      const Parts column((float(x) + 0.5f) * step - 1);
+      return middle + column.left * part[0] + column.inner * part[1] + column.right * part[2];
     };
-    const float upper = t < 0 ? -t : 0, lower = t > 0 ? t : 0;
-    const float laid = middle + upper * row(0) + (1 - upper - lower) * row(3) + lower * row(6);
-    out[i] = last_seen && last_seen[i] > -1e300 ? out[i] : laid;
+    if (!last_seen) {
+      for (int x = 0; x < width; ++x) out[x] = laid(x);
+      continue;
+    }
+    for (int x = 0; x < width; ++x) out[x] = last_seen[x] > -1e300 ? out[x] : laid(x);
+    last_seen += width;
   }
 }
 
@@ -34,14 +48,13 @@ glm::vec3 FillPatch::mean() const {
   return middle + rest / 16.0f;
 }
 
-void lay_patch(const FillPatch& patch, const FaceRect& tile, const float* columns,
-               const float* rows, const double* last_seen, float* const channels[3]) {
-  const float scale[2] = {1 / float(tile.width()), 1 / float(tile.height())};
+void lay_patch(const FillPatch& patch, const FaceRect& tile, const double* last_seen,
+               float* const channels[3]) {
   for (int c = 0; c < 3; ++c) {
     const float middle = patch.values[4][c];
     float rest[9];
     for (std::size_t k = 0; k < 9; ++k) rest[k] = patch.values[k][c] - middle;
-    lay_channel(middle, rest, scale, tile.texels(), columns, rows, last_seen, channels[c]);
+    lay_channel(middle, rest, tile.width(), tile.height(), last_seen, channels[c]);
   }
 }
 

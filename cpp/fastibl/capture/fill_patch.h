@@ -18,10 +18,10 @@ struct FillPatch {
   glm::vec3 mean() const;  // where all are the same, the same bits
 };
 
-// Writes a patch to the texels of a tile, row by row, by channel. columns, rows: numbers of each
-// texel's. last_seen: only texels that were never seen are written; null: all are.
-void lay_patch(const FillPatch& patch, const FaceRect& tile, const float* columns,
-               const float* rows, const double* last_seen, float* const channels[3]);
+// Writes a patch to the texels of a tile, row by row, by channel. last_seen: only texels that were
+// never seen are written; null: all are.
+void lay_patch(const FillPatch& patch, const FaceRect& tile, const double* last_seen,
+               float* const channels[3]);
 
 // Which tiles meet where a patch has its values: one in the middle, two at an edge, four in a
 // corner, of the cube three.

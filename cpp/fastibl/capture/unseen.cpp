@@ -132,7 +132,7 @@ void UnseenTiles::interpolate(bool above, const Sources& from, bool all,
 }
 
 FillPatch UnseenTiles::fill(int tile) const {
-  const glm::vec3 own = shown(tile);
+  const glm::vec3 own = middle(tile);
   FillPatch out;
   out.values.fill(own);
   if (given_sky_ && above_[std::size_t(tile)]) return out;
@@ -142,7 +142,7 @@ FillPatch UnseenTiles::fill(int tile) const {
     for (const int other : meetings_.at(tile, int(k))) {
       const std::size_t i = std::size_t(other);
       if (above_[i] != above_[std::size_t(tile)] || !(open_[i] || other == tile)) continue;
-      rest += shown(other) - own, ++count;
+      rest += middle(other) - own, ++count;
     }
     out.values[k] += rest / float(count);
   }
@@ -228,7 +228,7 @@ void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSum
     for (std::size_t i = 0; i < sums.size(); ++i)
       if (above_[i])
         irradiance += sums[i].irradiance +
-                      unseen_part(tile_projected[i], sums[i]) * glm::dvec3(shown(int(i)));
+                      unseen_part(tile_projected[i], sums[i]) * glm::dvec3(middle(int(i)));
     fill_half(false, glm::vec3(double(plane_albedo_) / std::numbers::pi * irradiance), refilled);
   }
 }

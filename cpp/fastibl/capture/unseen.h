@@ -40,7 +40,13 @@ class UnseenTiles {
   void give_sky() { given_sky_ = true; }
   void give(int tile, glm::vec3 fill) { fill_[std::size_t(tile)] = fill; }
 
-  // At each edge and corner the mean of the unseen tiles that meet there, on the same side.
+  // In the middle of a tile,
+  glm::vec3 middle(int tile) const {
+    const std::size_t i = std::size_t(tile);
+    return above_[i] ? glm::min(brightness_ * fill_[i], kRadianceCap) : fill_[i];
+  }
+  // and all over it: at each edge and corner the mean of the unseen tiles that meet there, on the
+  // same side.
   FillPatch fill(int tile) const;
   // Irradiance of the plane by what was not seen of the sky, without what the plane says of it.
   glm::dvec3 sky_irradiance(const std::vector<TileSums>& sums,
@@ -57,10 +63,6 @@ class UnseenTiles {
                    std::vector<int>& refilled);
   // Appends a tile and those around it, which run over to it.
   void append_with_neighbours(int tile, std::vector<int>& refilled) const;
-  glm::vec3 shown(int tile) const {
-    const std::size_t i = std::size_t(tile);
-    return above_[i] ? glm::min(brightness_ * fill_[i], kRadianceCap) : fill_[i];
-  }
   void find_brightness(const std::vector<TileSums>& sums, const std::vector<double>& tile_projected,
                        std::vector<int>& refilled);
   // One fill for a half of the sphere of which nothing was seen.
