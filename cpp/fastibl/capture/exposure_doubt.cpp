@@ -6,12 +6,12 @@
 namespace fastibl {
 namespace {
 
-constexpr double kTolerance = 0.18;  // ln: a fifth brighter or darker is nothing to wonder about
-constexpr double kUniform = 0.3;     // spread of ln within a picture that is off as a whole
-constexpr double kUsable = 0.6;      // the same of one that an exposure is read from
-constexpr double kSame = 0.15;       // ln: two pictures are off alike
+constexpr double kTolerance = 0.18;    // ln: a fifth brighter or darker is nothing to wonder about
+constexpr double kUniform = 0.3;       // spread of ln within a picture that is off as a whole
+constexpr double kUsable = 0.6;        // the same of one that an exposure is read from
+constexpr double kSame = 0.15;         // ln: two pictures are off alike
 constexpr double kStays = 0.2 - 1e-6;  // seconds, and times' rounding, and
-constexpr int kPictures = 4;         // pictures: what is off as long is the place
+constexpr int kPictures = 4;           // pictures: what is off as long is the place
 
 glm::dvec3 log_of(const PictureLevel& level, double told) {
   return glm::dvec3(std::log(level.exposure / told)) + glm::log(level.tint);

@@ -12,7 +12,7 @@ namespace {
 constexpr double kInside = 0.9;  // of a picture's half width and height: what lies within is whole
 // Metres, and seconds with times' rounding: sooner there is nothing new to see.
 constexpr double kStep = 0.02, kPause = 0.2 - 1e-6;
-constexpr double kBlur = 0.03;                // radians around a light that it lights in the map
+constexpr double kBlur = 0.03;     // radians around a light that it lights in the map
 constexpr double kParallax = 0.2;  // of the irradiance, for a radian between centre and camera
 constexpr double kOutline = 1.5;   // of a light's radius: a disc that holds it though it is no disc
 constexpr double kPixelBlur = 2;

@@ -33,7 +33,7 @@ constexpr int kLeastFrames = 60;     // from one time to the next: it takes as l
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures, which have one
 constexpr double kSameExposure = 0.05;  // exposure, by so much of its logarithm; where none comes
 constexpr double kSinglePatience = 8;   // for so many seconds, another will do
-constexpr int kBounceCells = 32;     // of the plane, along an edge
+constexpr int kBounceCells = 32;        // of the plane, along an edge
 constexpr double kSmallestHeight =
     0.01;  // metres: an object's centre for capture, however flat it is
 

@@ -191,7 +191,7 @@ class Session {
   std::optional<Known> between_looks_;  // the last pose since
   std::optional<Pose> turned_;          // of this frame, sure enough to capture with
   bool hold_capture_ = false;           // the board seems to move
-  bool given_elsewhere_ = false;  // the given light does not lie as the surroundings do
+  bool given_elsewhere_ = false;        // the given light does not lie as the surroundings do
   std::unique_ptr<Renderer> renderer_;
   SessionOptions options_;
   std::optional<Capture> capture_;
