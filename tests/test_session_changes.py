@@ -98,3 +98,12 @@ def test_no_shadow_is_baked_for_a_session_without():
         session = fastibl.Session(first, RIG, environment=WHITE)
         session.set_scene(other)
         assert (other.baked_shadow is None) == (first.baked_shadow is None) == (spheres == 0)
+
+
+def test_a_shadow_that_another_session_baked_is_cast_too():
+    scene = ball()
+    session = fastibl.Session(scene, RIG, environment=lit_from_above(), cast_shadow=False)
+    session.process(given())
+    other = fastibl.Session(scene, RIG, environment=lit_from_above()).process(given())
+    session.set_cast_shadow(True)
+    assert session.process(given(1.0)).shadow_map == other.shadow_map

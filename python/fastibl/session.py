@@ -248,11 +248,9 @@ class Session(_Session):
         self._bake()
 
     def _bake(self) -> None:
-        """Of a session that began without: it has a scene of its own."""
-        if not self._casts or self._drawn.baked_shadow is not None:
-            return
-        bake_shadow(self._drawn, self._shadow)
-        if self._drawn.baked_shadow is not None:
+        """What was baked since the session took the scene is new to it, whoever baked it."""
+        if self._casts:
+            bake_shadow(self._drawn, self._shadow)
             self._set_baked_shadow(self._drawn.baked_shadow)
 
     def set_backend(self, backend: str) -> None:
