@@ -6,19 +6,12 @@
 #include <vector>
 
 #include "fastibl/core/check.h"
+#include "fastibl/render/gl/half_scale.h"
 
 namespace fastibl {
 namespace {
 
 constexpr int kBakedSize = 32;  // texels along a face of a method that is no cube map itself
-constexpr float kHalfMax = 32768;
-
-// What stored values are multiplied with, so that the largest one fits half floats.
-float scale_for(float largest) {
-  if (!(largest > 0)) return 1;
-  // A scale below this has an inverse that overflows; such light is black on any picture.
-  return std::max(std::exp2(std::ceil(std::log2(largest / kHalfMax))), 1e-30f);
-}
 
 // A rectangle into level k of the bound cube map; fits: that level has its size already, otherwise
 // the rectangle is its face.
@@ -86,7 +79,7 @@ FaceRect on_level(const FaceRect& r, int n, int m) {
 void LightTextures::upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map) {
   check(map && map->size() > 0, "the radiance map is empty");
   // The scale is a power of two, so it seldom changes; when it does, so do all stored values.
-  const float scale = gpu.half() ? scale_for(largest_value(*map)) : 1.0f;
+  const float scale = gpu.half() ? half_scale(largest_value(*map)) : 1.0f;
   const bool fits = radiance_size_ == map->size();
   const bool follows = fits && scale == radiance_scale_;
   const std::array<FaceRect, 6> rects =
@@ -139,7 +132,7 @@ void LightTextures::upload_baked(Gpu& gpu, const Irradiance& irradiance) {
         largest = std::max({largest, e.x, e.y, e.z});
         texels.emplace_back(e, 1);
       }
-  baked_scale_ = gpu.half() ? scale_for(largest) : 1.0f;
+  baked_scale_ = gpu.half() ? half_scale(largest) : 1.0f;
   for (glm::vec4& t : texels) t /= baked_scale_;
   glActiveTexture(GL_TEXTURE0);
   const bool fits = baked_.id && baked_size_ == n;

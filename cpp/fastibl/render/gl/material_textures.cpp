@@ -1,9 +1,9 @@
 #include "fastibl/render/gl/material_textures.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "fastibl/core/check.h"
+#include "fastibl/render/gl/half_scale.h"
 
 namespace fastibl {
 namespace {
@@ -12,14 +12,6 @@ constexpr const char* kNames[] = {"base_color_map", "metallic_map", "roughness_m
                                   "normal_map"};
 constexpr std::size_t kEmission = 3;
 constexpr float kHalfMax = 65504;
-
-// The power of two that brings the largest of these values to 2^10: above are four of half floats'
-// binary digits of size, below 24.
-float unit_of(const SurfaceTexture& map) {
-  const glm::vec3 most = map.largest();
-  const float largest = std::max({most.x, most.y, most.z});
-  return largest > 0 ? std::exp2(float(std::ilogb(largest) - 10)) : 1.0f;
-}
 
 // A new texture each time: its size and channels may be others than before.
 GLuint make(Gpu& gpu, const SurfaceTexture& map, float unit) {
@@ -45,6 +37,13 @@ GLuint make(Gpu& gpu, const SurfaceTexture& map, float unit) {
 
 }  // namespace
 
+float MaterialTextures::emission_unit() const {
+  const std::shared_ptr<const SurfaceTexture>& map = maps_[kEmission].shown;
+  if (!map) return 1;
+  const glm::vec3 most = map->largest();
+  return half_scale(std::max({most.x, most.y, most.z}));
+}
+
 void MaterialTextures::upload(Gpu& gpu, const Material& material) {
   const PbrMaterial& m = *material.pbr;
   const std::shared_ptr<const SurfaceTexture> maps[] = {
@@ -53,15 +52,13 @@ void MaterialTextures::upload(Gpu& gpu, const Material& material) {
     if (maps_[i].shown == maps[i]) continue;
     gpu.remove(maps_[i].texture);
     maps_[i] = {};
-    if (i == kEmission) emission_unit_ = 1;
     if (!maps[i]) continue;
     check(maps[i]->width() <= gpu.largest() && maps[i]->height() <= gpu.largest(),
           "the GL driver's textures have at most ", gpu.largest(), " texels along an edge, got ",
           maps[i]->width(), " × ", maps[i]->height());
-    const float unit = i == kEmission ? unit_of(*maps[i]) : 1.0f;
-    if (i == kEmission) emission_unit_ = unit;
-    maps_[i].texture = {make(gpu, *maps[i], unit), maps[i]->width(), maps[i]->height()};
     maps_[i].shown = maps[i];
+    const float unit = i == kEmission ? emission_unit() : 1.0f;
+    maps_[i].texture = {make(gpu, *maps[i], unit), maps[i]->width(), maps[i]->height()};
   }
   if (table_ == material.albedo) return;
   const int rows = GgxAlbedo::kRoughnesses * material.albedo->azimuths();

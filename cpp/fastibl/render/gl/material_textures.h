@@ -14,9 +14,8 @@ class MaterialTextures {
   // Level by level as the CPU made them, in half floats.
   void upload(Gpu& gpu, const Material& material);
   void bind(Gpu& gpu, const Program& p) const;  // what was uploaded last
-  // What values of the emission map are multiplied with to be what they were: half floats hold
-  // neither 1e5 nor 1e-8.
-  float emission_unit() const { return emission_unit_; }
+  // What stored values of the emission map that was uploaded last are multiplied with.
+  float emission_unit() const;
 
  private:
   static constexpr int kMaps = 5;
@@ -26,7 +25,6 @@ class MaterialTextures {
         shown;  // that is in it; kept alive, so its address is its own
   };
   std::array<Map, kMaps> maps_;
-  float emission_unit_ = 1;
   Texture albedo_;
   std::shared_ptr<const GgxAlbedo> table_;
 };
