@@ -322,8 +322,7 @@ void bind_plan(py::module_& module) {
           lighting = fit_lighting({environment, &environment->radiance}, choice);
           options.lighting = &lighting;
           if (error > 0 || milliseconds > 0) {
-            CandidateOptions from = candidate_options(scene);
-            from.boxed = environment->box.has_value();
+            CandidateOptions from = candidate_options(scene, *environment);
             from.light_stays = !capture, from.hurried = milliseconds > 0, from.offline = offline;
             measured = measure_errors(scene, samples ? samples : scene.samples.get(),
                                       {environment, &environment->radiance}, methods,
@@ -364,9 +363,9 @@ void bind_plan(py::module_& module) {
         const py::gil_scoped_release release;
         const Methods methods;
         const ProcessorClock measuring;
-        const MeasuredErrors measured =
-            measure_errors(scene, scene.samples.get(), {environment, &environment->radiance},
-                           methods, candidates(methods, candidate_options(scene)), true);
+        const MeasuredErrors measured = measure_errors(
+            scene, scene.samples.get(), {environment, &environment->radiance}, methods,
+            candidates(methods, candidate_options(scene, *environment)), true);
         const double first = measuring.seconds();
         PlanOptions options;
         options.error = 0.02, options.measured = &measured;
@@ -389,7 +388,7 @@ void bind_plan(py::module_& module) {
         MeasuredErrors errors;
         {
           const py::gil_scoped_release release;
-          CandidateOptions from = candidate_options(scene);
+          CandidateOptions from = candidate_options(scene, *environment);
           from.light_stays = true, from.offline = offline;
           errors = measure_errors(scene, samples ? samples : scene.samples.get(),
                                   {environment, &environment->radiance}, methods,

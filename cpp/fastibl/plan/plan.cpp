@@ -231,11 +231,12 @@ void set_measured_error(const Choice& choice, const MeasuredErrors& measured, co
 
 }  // namespace
 
-CandidateOptions candidate_options(const Scene& scene) {
+CandidateOptions candidate_options(const Scene& scene, const Environment& environment) {
   CandidateOptions options;
   options.baked_shadow = scene.baked_shadow != nullptr;
   options.glossy = scene.material.reads_radiance();
   options.pbr = scene.material.pbr != nullptr;
+  options.boxed = environment.box.has_value();
   return options;
 }
 

@@ -90,8 +90,8 @@ struct PlanOptions {
   bool settled = false;
 };
 
-// What the scene tells of them.
-CandidateOptions candidate_options(const Scene& scene);
+// What the scene and its light tell of them.
+CandidateOptions candidate_options(const Scene& scene, const Environment& environment);
 
 // Throws std::invalid_argument for an error that is no share, or a time that is none.
 void check_budgets(double error, double milliseconds);

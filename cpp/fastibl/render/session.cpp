@@ -153,8 +153,7 @@ void Session::choose_methods() {
   if (measure_due_ && environment_ && (options_.error > 0 || options_.milliseconds > 0)) {
     measure_due_ = false, since_measured_ = 0;
     const auto radiance = std::shared_ptr<const CubeMap>(environment_, &environment_->radiance);
-    CandidateOptions choice = candidate_options(scene_);
-    choice.boxed = environment_->box.has_value();
+    CandidateOptions choice = candidate_options(scene_, *environment_);
     choice.light_stays = !light_moves(), choice.hurried = options_.milliseconds > 0;
     choice.offline = options_.offline, choice.by_pixel = renderer_->shares_pixels();
     measurement_.emplace(scene_, scene_.samples.get(), radiance, options_.methods,
@@ -263,6 +262,7 @@ void Session::set_cast_shadow(bool cast) {
   replan();
 }
 void Session::set_baked_shadow(std::shared_ptr<const MeshShadow> baked) {
+  if (baked == scene_.baked_shadow) return;
   scene_.baked_shadow = std::move(baked);
   renderer_->clear(PassId::shadow);
   replan();

@@ -227,19 +227,18 @@ CubeMap::CubeMap(int size, std::span<const glm::vec3> faces) : CubeMap(size) {
         " needs ", 6 * std::size_t(size) * std::size_t(size), " texels, got ", faces.size());
   const glm::vec3* in = faces.data();
   for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < size; ++y, in += size) std::copy(in, in + size, &base().texel(f, 0, y));
-  clean();
+    for (int y = 0; y < size; ++y, in += size) {
+      std::copy(in, in + size, &base().texel(f, 0, y));
+      clean_row(f, y);
+    }
   update();
 }
 
-void CubeMap::clean() {
-  for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < size(); ++y) {
-      glm::vec3* row = &base().texel(f, 0, y);
-      if (all_clean(&row->x, 3 * size())) continue;
-      for (int x = 0; x < size(); ++x)
-        for (int c = 0; c < 3; ++c) row[x][c] = clean_radiance(row[x][c], cleaned_);
-    }
+void CubeMap::clean_row(int face, int y) {
+  glm::vec3* row = &base().texel(face, 0, y);
+  if (all_clean(&row->x, 3 * size())) return;
+  for (int x = 0; x < size(); ++x)
+    for (int c = 0; c < 3; ++c) row[x][c] = clean_radiance(row[x][c], cleaned_);
 }
 
 void CubeMap::update() {
@@ -310,7 +309,8 @@ void CubeMap::update_levels(std::vector<FaceRect> changed, int written) {
     finite &= std::isfinite(top.x + top.y + top.z);
   }
   if (finite) return;
-  clean();
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < size(); ++y) clean_row(f, y);
   update();
 }
 

@@ -156,7 +156,7 @@ class CubeMap {
 
  private:
   void update_levels(std::vector<FaceRect> changed, int written);
-  void clean();
+  void clean_row(int face, int y);
   std::vector<CubeLevel> levels_;
   std::vector<std::shared_ptr<const CubeReduction>> reductions_;  // from level k to k + 1
   std::vector<std::uint64_t> versions_;                           // of the tiles

@@ -150,10 +150,9 @@ Mesh turned_outwards(Mesh mesh) {
     }
     if (along < 0) turn();
   }
-  if (!is_closed(mesh)) return mesh;
-  double volume = 0;
+  double volume = 0;  // of an open one by chance
   for (const SixVolumes of(mesh); const glm::ivec3& t : mesh.triangles) volume += of(t);
-  if (!(volume < 0)) return mesh;
+  if (!(volume < 0) || !is_closed(mesh)) return mesh;
   turn();
   for (glm::vec3& n : mesh.normals) n = -n;
   return mesh;

@@ -183,6 +183,12 @@ Method method_named(std::string_view text, const std::array<Method, N>& methods,
   return methods[0];
 }
 
+template <typename Settings, typename Method>
+void check_range(Method method, const Setting<Settings>& s, int value) {
+  check(value >= s.least && value <= s.most, "setting ", s.name, " of ", name(method),
+        " must be from ", s.least, " to ", s.most, ", got ", value);
+}
+
 // Settings of a method with these given by name, the rest by default; throws std::invalid_argument
 // for a name that the method does not have, naming those that it has, and for a value out of range.
 template <typename Settings, typename Method>
@@ -195,8 +201,7 @@ Settings settings_with(Method method, const std::map<std::string, int>& given) {
     for (const Setting<Settings>& s : all) {
       names += (names.empty() ? "" : ", ") + std::string(s.name);
       if (s.name != key) continue;
-      check(value >= s.least && value <= s.most, "setting ", key, " of ", name(method),
-            " must be from ", s.least, " to ", s.most, ", got ", value);
+      check_range(method, s, value);
       settings.*s.value = value;
       found = true;
     }
@@ -209,11 +214,8 @@ Settings settings_with(Method method, const std::map<std::string, int>& given) {
 // for the method's own choice is not.
 template <typename Settings, typename Method>
 void check_settings(Method method, const Settings& settings) {
-  for (const Setting<Settings>& s : settings_of(method)) {
-    const int value = settings.*s.value;
-    check((value >= s.least && value <= s.most) || value == Settings{}.*s.value, "setting ", s.name,
-          " of ", name(method), " must be from ", s.least, " to ", s.most, ", got ", value);
-  }
+  for (const Setting<Settings>& s : settings_of(method))
+    if (settings.*s.value != Settings{}.*s.value) check_range(method, s, settings.*s.value);
 }
 template <typename Settings, typename Method>
 std::map<std::string, int> settings_map(Method method, const Settings& settings) {
