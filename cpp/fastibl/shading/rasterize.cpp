@@ -23,6 +23,13 @@ bool is_back(const PictureCorner& a, const PictureCorner& b, const PictureCorner
   return edge(a, b, c.x, c.y) > 0;
 }
 
+PictureCorner picture_corner(const Lens& lens, const glm::dvec3& p) {
+  const auto pixel = lens.project(p);
+  if (!pixel || !(std::abs(pixel->x) < kFarthest) || !(std::abs(pixel->y) < kFarthest)) return {};
+  return {std::llround(pixel->x * kSubpixel), std::llround(pixel->y * kSubpixel), float(1 / p.z),
+          true};
+}
+
 bool is_inside(const Bounds& box, glm::dvec3 p) {
   return glm::all(glm::greaterThanEqual(p, glm::dvec3(box.lower))) &&
          glm::all(glm::lessThanEqual(p, glm::dvec3(box.upper)));
@@ -89,21 +96,35 @@ struct Rasterizer::Geometry {
   const Scene& scene;
   const Camera& camera;
   const Mesh& holdout;                     // may be empty
-  std::span<const glm::vec4> back_shares;  // may be empty
+  std::span<const glm::vec4> back_shares;  // may be empty, as the next
   std::span<const glm::vec4> holdout_ratios;
   bool fronts_only;     // backs of the object's triangles are hidden
   bool surface;         // tangents are asked for
   bool textured;        // places on the textures are
   float alike_cosine;   // of normals that are merged
   float curved_cosine;  // of normals that are too far apart for one
+  const CutMesh& cut;
 
-  // Vertices and triangles of the holdouts follow the object's.
+  // Vertices and triangles of the holdouts follow the object's, and what is new where they are cut
+  // follows both.
   std::size_t own() const { return scene.mesh.vertices.size(); }
+  std::size_t vertices() const { return own() + holdout.vertices.size(); }
   std::size_t own_triangles() const { return scene.mesh.triangles.size(); }
-  std::size_t triangles() const { return own_triangles() + holdout.triangles.size(); }
+  std::size_t whole_triangles() const { return own_triangles() + holdout.triangles.size(); }
+  std::size_t triangles() const { return whole_triangles() + cut.triangles.size(); }
   glm::ivec3 corners_of(std::size_t t) const {
-    return t < own_triangles() ? scene.mesh.triangles[t]
-                               : holdout.triangles[t - own_triangles()] + int(own());
+    return t < own_triangles()     ? scene.mesh.triangles[t]
+           : t < whole_triangles() ? holdout.triangles[t - own_triangles()] + int(own())
+                                   : cut.triangles[t - whole_triangles()].corners;
+  }
+  // The triangle that this one is, or is a part of.
+  std::size_t whole(std::size_t t) const {
+    return t < whole_triangles() ? t : std::size_t(cut.triangles[t - whole_triangles()].whole);
+  }
+  bool is_own(std::size_t t) const { return whole(t) < own_triangles(); }
+  // bends: as bends_. Parts may bend if any may.
+  bool may_bend(std::size_t t, const std::vector<std::uint8_t>& bends) const {
+    return !bends.empty() && is_own(t) && (t >= own_triangles() || bends[t]);
   }
 };
 
@@ -142,26 +163,75 @@ void Rasterizer::project(const Geometry& g, const Pose& camera_from_marker) {
       const glm::dvec3 p = i < g.own()
                                ? camera_from_object * glm::dvec3(g.scene.mesh.vertices[i])
                                : camera_from_marker * glm::dvec3(g.holdout.vertices[i - g.own()]);
-      const auto pixel = lens.project(p);
-      PictureCorner& corner = corners_[i];
-      corner.valid = pixel && std::abs(pixel->x) < kFarthest && std::abs(pixel->y) < kFarthest;
-      if (!corner.valid) continue;
-      corner.x = std::llround(pixel->x * kSubpixel), corner.y = std::llround(pixel->y * kSubpixel);
-      corner.inverse_depth = float(1 / p.z);
+      corners_[i] = picture_corner(lens, p);
     }
   });
-  left_ = g.camera.width, right_ = -1, top_ = g.camera.height, bottom_ = -1;
+}
+
+// Cuts what reaches behind the camera or beyond the lens model.
+void Rasterizer::cut(Geometry& g, const Pose& camera_from_marker) {
+  cut_ = {};
+  const Lens lens(g.camera);
+  const auto cut_one = [&](const Mesh& mesh, const Pose& camera_from_mesh, std::size_t first_vertex,
+                           std::size_t first_triangle) {
+    PictureCorner* const corners = corners_.data() + first_vertex;
+    const std::size_t n = mesh.vertices.size();
+    if (std::all_of(corners, corners + n, [](const PictureCorner& c) { return c.valid; })) return;
+    cut_.replaced.resize(g.whole_triangles());
+    const CutMesh made = cut_to_view(mesh, ViewVolume(mesh, g.camera, camera_from_mesh));
+    for (std::size_t i = 0; i < made.replaced.size(); ++i)
+      cut_.replaced[first_triangle + i] = made.replaced[i];
+    const int shift = int(g.vertices() + cut_.vertices.size()) - int(n);
+    const auto numbered = [&](int vertex) {
+      return vertex + (std::size_t(vertex) < n ? int(first_vertex) : shift);
+    };
+    for (CutMesh::Triangle t : made.triangles) {
+      for (int k = 0; k < 3; ++k) t.corners[k] = numbered(t.corners[k]);
+      t.whole += int(first_triangle);
+      cut_.triangles.push_back(t);
+    }
+    for (CutMesh::Vertex v : made.vertices) {
+      corners_.push_back(picture_corner(lens, camera_from_mesh * v.position));
+      v.triangle += int(first_triangle);
+      cut_.vertices.push_back(v);
+    }
+  };
+  cut_one(g.scene.mesh, camera_from_marker * g.scene.marker_from_object, 0, 0);
+  cut_one(g.holdout, camera_from_marker, g.own(), g.own_triangles());
+  if (cut_.vertices.empty()) return;
+  // Values of the vertices from `first` on, and of the new ones after them.
+  const auto extend = [&](std::span<const glm::vec4> values, std::size_t first,
+                          std::vector<glm::vec4>& all) {
+    if (values.empty()) return values;
+    all.assign(values.begin(), values.end());
+    all.resize(corners_.size() - first);
+    for (std::size_t i = 0; i < cut_.vertices.size(); ++i) {
+      const CutMesh::Vertex& v = cut_.vertices[i];
+      if ((std::size_t(v.triangle) < g.own_triangles()) == (first == 0))
+        all[g.vertices() + i - first] =
+            v.mean(g.corners_of(std::size_t(v.triangle)) - int(first), values.data());
+    }
+    return std::span<const glm::vec4>(all);
+  };
+  g.back_shares = extend(g.back_shares, 0, cut_back_shares_);
+  g.holdout_ratios = extend(g.holdout_ratios, g.own(), cut_holdout_ratios_);
+}
+
+// Pixels that the corners are around.
+void Rasterizer::set_window(const Camera& camera) {
+  left_ = camera.width, right_ = -1, top_ = camera.height, bottom_ = -1;
   for (const PictureCorner& corner : corners_) {
     if (!corner.valid) continue;
     const int x = int(corner.x / kSubpixel), y = int(corner.y / kSubpixel);
     left_ = std::min(left_, x - 1), right_ = std::max(right_, x + 1);
     top_ = std::min(top_, y - 1), bottom_ = std::max(bottom_, y + 1);
   }
-  left_ = std::max(left_, 0), right_ = std::min(right_, g.camera.width - 1);
-  top_ = std::max(top_, 0), bottom_ = std::min(bottom_, g.camera.height - 1);
+  left_ = std::max(left_, 0), right_ = std::min(right_, camera.width - 1);
+  top_ = std::max(top_, 0), bottom_ = std::min(bottom_, camera.height - 1);
 }
 
-void Rasterizer::set_varyings(const Scene& scene, std::span<const glm::vec4> light_shares) {
+void Rasterizer::set_varyings(const Geometry& g, std::span<const glm::vec4> light_shares) {
+  const Scene& scene = g.scene;
   const glm::mat3 marker_from_object(scene.marker_from_object.rotation);
   const std::vector<glm::vec3>& normals = scene.shown_normals();
   varyings_.resize(scene.mesh.vertices.size());
@@ -180,6 +250,23 @@ void Rasterizer::set_varyings(const Scene& scene, std::span<const glm::vec4> lig
       v.uv = scene.mesh.uvs.empty() ? glm::vec2(0) : scene.mesh.uvs[i];
     }
   });
+  if (cut_.vertices.empty()) return;
+  varyings_.resize(corners_.size());
+  for (std::size_t i = 0; i < cut_.vertices.size(); ++i) {
+    const CutMesh::Vertex& v = cut_.vertices[i];
+    if (!g.is_own(std::size_t(v.triangle))) continue;
+    const glm::ivec3& corners = scene.mesh.triangles[std::size_t(v.triangle)];
+    Varying& mean = varyings_[g.vertices() + i];
+    mean = {};
+    for (int k = 0; k < 3; ++k) {
+      const float w = v.weights[k];
+      const Varying& corner = varyings_[std::size_t(corners[k])];
+      mean.position += w * corner.position, mean.normal += w * corner.normal;
+      mean.share += w * corner.share, mean.tangent += w * corner.tangent, mean.uv += w * corner.uv;
+    }
+    if (!std::isfinite(glm::dot(mean.position, glm::vec3(1))))
+      corners_[g.vertices() + i].valid = false;
+  }
 }
 
 void Rasterizer::sort_triangles(const Geometry& g, int bands) {
@@ -187,11 +274,12 @@ void Rasterizer::sort_triangles(const Geometry& g, int bands) {
   for (std::vector<int>& triangles : triangles_of_) triangles.clear();
   bends_.resize(g.curved_cosine > kNever ? g.own_triangles() : 0);
   for (std::size_t i = 0; i < g.triangles(); ++i) {
+    if (i < cut_.replaced.size() && cut_.replaced[i]) continue;
     const glm::ivec3 index = g.corners_of(i);
     const PictureCorner &a = corners_[std::size_t(index[0])], &b = corners_[std::size_t(index[1])],
                         &c = corners_[std::size_t(index[2])];
     if (!a.valid || !b.valid || !c.valid) continue;
-    if (g.fronts_only && i < g.own_triangles() && is_back(a, b, c)) continue;
+    if (g.fronts_only && g.is_own(i) && is_back(a, b, c)) continue;
     if (i < bends_.size()) {
       const glm::vec3 &n0 = g.scene.normals[std::size_t(index[0])],
                       &n1 = g.scene.normals[std::size_t(index[1])],
@@ -357,19 +445,22 @@ std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& 
         "there must be a ratio for each vertex of the holdouts, ", holdout.vertices.size(),
         ", got ", holdout_ratios.size());
   const glm::dvec3 eye = (camera_from_marker * scene.marker_from_object).inverse().translation;
-  const Geometry geometry{scene,
-                          camera,
-                          holdout,
-                          light_shares.subspan(std::min(own, light_shares.size())),
-                          holdout_ratios,
-                          scene.fronts_only && !is_inside(bounds(scene.mesh.vertices), eye),
-                          !scene.tangents.empty() && scene.material.pbr != nullptr,
-                          !scene.mesh.uvs.empty() && scene.material.textured(),
-                          merge_alike ? alike_cosine(scene.material) : kNoneAlike,
-                          curved_cosine(scene.material)};
+  Geometry geometry{scene,
+                    camera,
+                    holdout,
+                    light_shares.subspan(std::min(own, light_shares.size())),
+                    holdout_ratios,
+                    scene.fronts_only && !is_inside(bounds(scene.mesh.vertices), eye),
+                    !scene.tangents.empty() && scene.material.pbr != nullptr,
+                    !scene.mesh.uvs.empty() && scene.material.textured(),
+                    merge_alike ? alike_cosine(scene.material) : kNoneAlike,
+                    curved_cosine(scene.material),
+                    cut_};
   project(geometry, camera_from_marker);
+  cut(geometry, camera_from_marker);
+  set_window(camera);
   if (left_ > right_ || top_ > bottom_) return {};
-  set_varyings(scene, light_shares);
+  set_varyings(geometry, light_shares);
   const int width = right_ - left_ + 1, bands = (bottom_ - top_) / kBand + 1;
   sort_triangles(geometry, bands);
   if (found_.size() < std::size_t(bands)) found_.resize(std::size_t(bands));
@@ -391,8 +482,8 @@ std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& 
                             &c = corners_[std::size_t(index[2])];
         if (edge(a, b, c.x, c.y) == 0) continue;
         fill_triangle(window, a, b, c, int(work.triangles.size()));
-        work.triangles.emplace_back(t, index, a, b, c);
-        work.bends.push_back(std::size_t(t) < bends_.size() && bends_[std::size_t(t)]);
+        work.triangles.emplace_back(int(geometry.whole(std::size_t(t))), index, a, b, c);
+        work.bends.push_back(geometry.may_bend(std::size_t(t), bends_));
       }
       resolve(geometry, window, work, band);
     }

@@ -9,6 +9,7 @@
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/scene.h"
+#include "fastibl/shading/cut_to_view.h"
 #include "fastibl/shading/interpolate.h"
 #include "fastibl/shading/sample_cells.h"
 
@@ -49,9 +50,9 @@ class Rasterizer {
   ~Rasterizer();
 
   // Bands of rows from above, none where nothing is seen; valid until the next call. Vertices go
-  // through the full lens model; edges between them are straight. Triangles with a vertex behind
-  // the camera or beyond the lens model are left out. light_shares: of each vertex, and perhaps
-  // of their backs after them; empty: P_V of the scene, and all of the glossy light.
+  // through the full lens model; edges between them are straight. Where one is behind the camera or
+  // beyond the lens model, triangles are cut (cut_to_view.h). light_shares: of each vertex, and
+  // perhaps of their backs after them; empty: P_V of the scene, and all of the glossy light.
   // holdout_ratios: of each vertex of the holdouts; empty: 1. merge_alike: parts of one pixel whose
   // normals hardly differ, for the material that there is, become one; of textures none.
   std::span<FragmentBand> rasterize(const Scene& scene, const Camera& camera,
@@ -64,7 +65,9 @@ class Rasterizer {
   struct Geometry;  // of one picture
   struct Work;      // of one thread
   void project(const Geometry& geometry, const Pose& camera_from_marker);
-  void set_varyings(const Scene& scene, std::span<const glm::vec4> light_shares);
+  void cut(Geometry& geometry, const Pose& camera_from_marker);
+  void set_window(const Camera& camera);
+  void set_varyings(const Geometry& geometry, std::span<const glm::vec4> light_shares);
   void sort_triangles(const Geometry& geometry, int bands);
   // Whether normals at a triangle's samples of a pixel are too far apart.
   bool is_curved(const Geometry& geometry, const DrawnTriangle& triangle, const TrianglePart& part,
@@ -77,9 +80,12 @@ class Rasterizer {
   std::unique_ptr<Work> borrow();
   void give_back(std::unique_ptr<Work> work);
 
-  std::vector<PictureCorner> corners_;          // of the object's vertices, then of the holdouts'
-  std::vector<Varying> varyings_;               // of the object's vertices
-  std::vector<std::vector<int>> triangles_of_;  // by band
+  // Of the object's vertices, of the holdouts', and of what is new where either is cut.
+  std::vector<PictureCorner> corners_;
+  std::vector<Varying> varyings_;  // of the object's vertices; if it is cut, of all corners
+  CutMesh cut_;                    // numbered as corners_ and Geometry's triangles
+  std::vector<glm::vec4> cut_back_shares_, cut_holdout_ratios_;  // with those of new corners
+  std::vector<std::vector<int>> triangles_of_;                   // by band
   std::vector<std::uint8_t> bends_;  // of each of the object's triangles: it may be curved
   std::vector<FragmentBand> found_;
   std::vector<std::unique_ptr<Work>> idle_;

@@ -81,6 +81,13 @@ def cases() -> Iterator[Case]:
                 lambda c=camera, p=pose, b=backend: _camera(c, p, b),
                 backend,
             )
+        yield Case(
+            "render",
+            "four triangles of 100 km around the camera",
+            "every sample sees one",
+            lambda b=backend: _around(b),
+            backend,
+        )
         for exposure in EXPOSURES:
             yield Case(
                 "composite",
@@ -196,6 +203,21 @@ def _camera(camera: Camera, pose: np.ndarray, backend: str) -> Outcome:
         Outcome(result.image.shape == (camera.height, camera.width, 3), f"picture {result.image.shape}"),
         is_light(session.object.rgba, what="object"),
     )
+
+
+def _around(backend: str) -> Outcome:
+    corners = 1e5 * np.array([(1.0, 1, 1), (-1, -1, 1), (-1, 1, -1), (1, -1, -1)])
+    mesh = Mesh(corners, [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)])
+    scene = Scene(mesh, Material(diffuse=(0, 0, 0), emission=(1, 1, 1)), spheres=0, visibility_rays=0, refine=False)
+    open_samples = 0.0
+    for lens in ([], [-0.3, 0.05, 0, 0]):
+        camera = Camera(64, 64, 50, 50, 32, 32, lens)
+        session = _session("black", scene, backend, camera, {"self_shadow": "none"})
+        for target in (*np.eye(3), *-np.eye(3)):
+            session.process(Frame(time=0.0, back_from_marker=seen_from((0, 0, 0), target)))
+            layer = session.object.rgba
+            open_samples += 4 * (64 * 64 - float(layer[..., 3].sum()))
+    return Outcome(open_samples == 0, f"{open_samples:g} samples of 12 pictures see nothing")
 
 
 def _back(camera: Camera) -> np.ndarray:

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 namespace fastibl {
 namespace {
@@ -51,30 +52,44 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
       same_bytes(scene.mesh.triangles, mesh_.triangles) &&
       same_bytes(scene.shown_normals(), normal_) && same_bytes(scene.mesh.uvs, mesh_.uvs))
     return;
-  const Mesh& mesh = scene.mesh;
-  mesh_ = {};  // until all is uploaded: a failure must not pass for a mesh that is there
+  mesh_ = {}, share_.clear();  // until all is uploaded: a failure must not pass for what is there
+  cut_ = {};
+  normal_ = scene.shown_normals(), tangent_ = scene.tangents;
+  upload_tables(gpu, scene.mesh);
+  std::vector<Corner> corners;
+  for (const glm::ivec3& t : scene.mesh.triangles) {
+    const GLuint number = GLuint(corners.size() / 3 + 1);
+    for (int k = 0; k < 3; ++k) corners.push_back({scene.mesh.vertices[std::size_t(t[k])], number});
+  }
+  fill(buffers_[0], corners, GL_STATIC_DRAW);
+  corner_count_ = int(corners.size());
+  mesh_ = scene.mesh;
+}
+
+// What is new where it is cut follows the mesh.
+void MeshBuffers::upload_tables(Gpu& gpu, const Mesh& mesh) {
   std::vector<glm::vec4> vertices, tangents;  // position, normal, the next position …
   std::vector<glm::vec2> uvs;
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     vertices.emplace_back(mesh.vertices[i], 0);
-    vertices.emplace_back(scene.shown_normals()[i], 0);
-    tangents.push_back(scene.tangents.empty() ? glm::vec4(0) : scene.tangents[i]);
+    vertices.emplace_back(normal_[i], 0);
+    tangents.push_back(tangent_.empty() ? glm::vec4(0) : tangent_[i]);
     uvs.push_back(mesh.uvs.empty() ? glm::vec2(0) : mesh.uvs[i]);
   }
   std::vector<glm::ivec4> triangles;
-  std::vector<Corner> corners;
-  for (const glm::ivec3& t : mesh.triangles) {
-    triangles.emplace_back(t, 0);
-    for (int k = 0; k < 3; ++k)
-      corners.push_back({mesh.vertices[std::size_t(t[k])], GLuint(triangles.size())});
+  for (const glm::ivec3& t : mesh.triangles) triangles.emplace_back(t, 0);
+  for (const CutMesh::Vertex& v : cut_.vertices) {
+    const glm::ivec3& corners = mesh.triangles[std::size_t(v.triangle)];
+    vertices.emplace_back(glm::vec3(v.position), 0);
+    vertices.emplace_back(v.mean(corners, normal_.data()), 0);
+    tangents.push_back(v.mean(corners, tangents.data()));
+    uvs.push_back(v.mean(corners, uvs.data()));
   }
+  for (const CutMesh::Triangle& t : cut_.triangles) triangles.emplace_back(t.corners, 0);
   upload_rows(gpu, vertices_, GL_RGBA32F, GL_RGBA, GL_FLOAT, vertices);
   upload_rows(gpu, tangents_, GL_RGBA32F, GL_RGBA, GL_FLOAT, tangents);
   upload_rows(gpu, uvs_, GL_RG32F, GL_RG, GL_FLOAT, uvs);
   upload_rows(gpu, triangles_, GL_RGBA32I, GL_RGBA_INTEGER, GL_INT, triangles);
-  fill(buffers_[0], corners, GL_STATIC_DRAW);
-  corner_count_ = int(corners.size());
-  mesh_ = mesh, normal_ = scene.shown_normals();
 }
 
 void MeshBuffers::upload_shares(Gpu& gpu, const Scene& scene, std::span<const glm::vec4> shares) {
@@ -83,9 +98,33 @@ void MeshBuffers::upload_shares(Gpu& gpu, const Scene& scene, std::span<const gl
     for (const float visibility : scene.visibility) now.emplace_back(glm::vec3(visibility), 1);
   if (same_bytes(now, share_)) return;
   share_.clear();  // until it is uploaded
-  std::vector<glm::vec4> rows = now;
-  upload_rows(gpu, shares_, GL_RGBA32F, GL_RGBA, GL_FLOAT, rows);
+  upload_share_table(gpu, mesh_, now);
   share_ = std::move(now);
+}
+
+void MeshBuffers::upload_share_table(Gpu& gpu, const Mesh& mesh,
+                                     const std::vector<glm::vec4>& shares) {
+  std::vector<glm::vec4> rows;
+  const std::size_t own = mesh.vertices.size();
+  for (std::size_t side = 0; side < shares.size(); side += own) {
+    const glm::vec4* values = shares.data() + side;
+    rows.insert(rows.end(), values, values + own);
+    for (const CutMesh::Vertex& v : cut_.vertices)
+      rows.push_back(v.mean(mesh.triangles[std::size_t(v.triangle)], values));
+  }
+  upload_rows(gpu, shares_, GL_RGBA32F, GL_RGBA, GL_FLOAT, rows);
+}
+
+void MeshBuffers::set_cut(Gpu& gpu, CutMesh cut) {
+  const bool same = cut.vertices.empty() && cut_.vertices.empty();
+  cut_ = std::move(cut);
+  if (same) return;
+  Mesh mesh;
+  std::vector<glm::vec4> shares;
+  std::swap(mesh, mesh_), std::swap(shares, share_);  // until it is uploaded
+  upload_tables(gpu, mesh);
+  upload_share_table(gpu, mesh, shares);
+  std::swap(mesh, mesh_), std::swap(shares, share_);
 }
 
 void MeshBuffers::bind(Gpu& gpu) const {
@@ -99,28 +138,26 @@ void MeshBuffers::bind_uvs(Gpu& gpu) const {
   gpu.bind("uvs", uvs_);
 }
 
-int MeshBuffers::use_whole() const {
+int MeshBuffers::use_whole(Gpu& gpu) {
+  set_cut(gpu, {});
   glBindVertexArray(vertex_arrays_[0]);
   return corner_count_;
 }
 
-int MeshBuffers::use_visible_part(const Camera& camera, const Pose& camera_from_object) const {
-  constexpr double kFarthest = 1 << 21;  // pixels, as the CPU's rasteriser
-  const Lens lens(camera);
-  std::vector<char> good(mesh_.vertices.size());
-  for (std::size_t i = 0; i < good.size(); ++i) {
-    const auto pixel = lens.project(camera_from_object * glm::dvec3(mesh_.vertices[i]));
-    good[i] = pixel && std::abs(pixel->x) < kFarthest && std::abs(pixel->y) < kFarthest;
-  }
+int MeshBuffers::use_visible_part(Gpu& gpu, const Camera& camera, const Pose& camera_from_object) {
+  set_cut(gpu, cut_to_view(mesh_, ViewVolume(mesh_, camera, camera_from_object)));
   std::vector<Corner> corners;
-  for (std::size_t t = 0; t < mesh_.triangles.size(); ++t) {
-    const glm::ivec3& index = mesh_.triangles[t];
-    if (!good[std::size_t(index[0])] || !good[std::size_t(index[1])] ||
-        !good[std::size_t(index[2])])
-      continue;
-    for (int k = 0; k < 3; ++k)
-      corners.push_back({mesh_.vertices[std::size_t(index[k])], GLuint(t + 1)});
-  }
+  const auto add = [&](const glm::ivec3& index, std::size_t number) {
+    for (int k = 0; k < 3; ++k) {
+      const std::size_t i = std::size_t(index[k]), own = mesh_.vertices.size();
+      corners.push_back({i < own ? mesh_.vertices[i] : glm::vec3(cut_.vertices[i - own].position),
+                         GLuint(number)});
+    }
+  };
+  for (std::size_t t = 0; t < mesh_.triangles.size(); ++t)
+    if (!cut_.replaced[t]) add(mesh_.triangles[t], t + 1);
+  for (std::size_t t = 0; t < cut_.triangles.size(); ++t)
+    add(cut_.triangles[t].corners, mesh_.triangles.size() + t + 1);
   fill(buffers_[1], corners, GL_STREAM_DRAW);
   glBindVertexArray(vertex_arrays_[1]);
   return int(corners.size());

@@ -10,6 +10,7 @@
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/scene.h"
+#include "fastibl/shading/cut_to_view.h"
 
 namespace fastibl {
 
@@ -21,22 +22,29 @@ class MeshBuffers {
   const Mesh& mesh() const { return mesh_; }
   // Where shares of the vertices' backs begin; 0: there are none.
   int backs() const {
-    return share_.size() > mesh_.vertices.size() ? int(mesh_.vertices.size()) : 0;
+    const std::size_t own = mesh_.vertices.size();
+    return share_.size() > own ? int(own + cut_.vertices.size()) : 0;
   }
   void bind(Gpu& gpu) const;      // the tables,
   void bind_uvs(Gpu& gpu) const;  // and those that pbr materials read besides
 
-  // Corners to draw as triangles; they return how many.
-  int use_whole() const;
-  // Only triangles whose corners all lie before the camera and within the lens model.
-  int use_visible_part(const Camera& camera, const Pose& camera_from_object) const;
+  // Corners to draw as triangles; they return how many. Before bind().
+  int use_whole(Gpu& gpu);
+  // Cut to what lies before the camera and within the lens model.
+  int use_visible_part(Gpu& gpu, const Camera& camera, const Pose& camera_from_object);
 
  private:
+  void upload_tables(Gpu& gpu, const Mesh& mesh);
+  void upload_share_table(Gpu& gpu, const Mesh& mesh, const std::vector<glm::vec4>& shares);
+  void set_cut(Gpu& gpu, CutMesh cut);
+
   Texture triangles_, vertices_, tangents_, uvs_, shares_;
   GLuint buffers_[2] = {}, vertex_arrays_[2] = {};  // of the whole mesh, and of a part
   Mesh mesh_;                                       // that is in the buffers
   std::vector<glm::vec3> normal_;
-  std::vector<glm::vec4> share_;  // that are in their texture
+  std::vector<glm::vec4> tangent_;  // may be empty
+  std::vector<glm::vec4> share_;    // that are in their texture
+  CutMesh cut_;  // whose new vertices and triangles are in the textures, after the mesh's
   int corner_count_ = 0;
 };
 

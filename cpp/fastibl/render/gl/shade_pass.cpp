@@ -152,13 +152,14 @@ void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& out
   };
   glUniform1ui(p.uniform("first"), 0);
   draw(true, outline.area.empty() ? 0
-             : outline.whole      ? mesh_.use_whole()
-                                  : mesh_.use_visible_part(in.camera, camera_from_object(in)));
+             : outline.whole      ? mesh_.use_whole(gpu)
+                                  : mesh_.use_visible_part(gpu, in.camera, camera_from_object(in)));
   if (has_holdout_) {
     set_projection(p, in, in.camera_from_marker);
     glUniform1ui(p.uniform("first"), kFirstHoldout);
-    draw(false, holdout.whole ? holdout_mesh_.use_whole()
-                              : holdout_mesh_.use_visible_part(in.camera, in.camera_from_marker));
+    draw(false, holdout.whole
+                    ? holdout_mesh_.use_whole(gpu)
+                    : holdout_mesh_.use_visible_part(gpu, in.camera, in.camera_from_marker));
   }
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_SCISSOR_TEST);

@@ -1,0 +1,63 @@
+// Triangles cut to what a camera can see of them, so that one with a corner behind the camera, or
+// beyond its lens model, keeps its part that is seen; what the lens bends is split.
+#pragma once
+
+#include <vector>
+
+#include "fastibl/core/pose.h"
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/mesh.h"
+
+namespace fastibl {
+
+// What a perspective camera's picture shows of a mesh and somewhat more, as planes in the mesh's
+// frame. All that it holds lies before the camera, by 0.1 mm or a thousandth of the farthest depth,
+// and within the lens model.
+class ViewVolume {
+ public:
+  ViewVolume(const Mesh& mesh, const Camera& camera, const Pose& camera_from_mesh);
+  bool holds(const glm::dvec3& point) const;
+
+  struct Plane {
+    glm::dvec3 normal;  // inwards
+    double shift;
+    double at(const glm::dvec3& p) const { return glm::dot(normal, p) + shift; }
+  };
+  const std::vector<Plane>& planes() const { return planes_; }
+  double depth(const glm::dvec3& point) const { return planes_[0].at(point) + nearest_; }
+  glm::dvec2 ideal(const glm::dvec3& point) const;  // on the plane z = 1
+  // Whether the lens bends the line between two points of the plane z = 1 by 0.2 pixels.
+  bool bends(const glm::dvec2& a, const glm::dvec2& b) const;
+
+ private:
+  Lens lens_;
+  Pose camera_from_mesh_;
+  glm::dvec2 focal_;  // pixels
+  double nearest_;    // depth, metres
+  std::vector<Plane> planes_;
+};
+
+struct CutMesh {
+  struct Vertex {
+    glm::dvec3 position;  // mesh frame
+    int triangle;         // of the mesh, that it lies on,
+    glm::vec3 weights;    // between whose corners
+    // Of a value that each of the mesh's vertices has.
+    template <typename T>
+    T mean(const glm::ivec3& corners, const T* values) const {
+      return weights.x * values[corners.x] + weights.y * values[corners.y] +
+             weights.z * values[corners.z];
+    }
+  };
+  struct Triangle {
+    glm::ivec3 corners;  // the mesh's vertices, and the new ones after them
+    int whole;           // the triangle of the mesh that it is a part of
+  };
+  std::vector<Vertex> vertices;     // that are new
+  std::vector<Triangle> triangles;  // that are drawn instead of those
+  std::vector<char> replaced;       // of each triangle of the mesh
+};
+// Neighbours stay without cracks: where they are cut or split, they share the new corners' places.
+CutMesh cut_to_view(const Mesh& mesh, const ViewVolume& volume);
+
+}  // namespace fastibl
