@@ -41,6 +41,8 @@ FASTIBL_TARGET void mip_block(const float* normals, const float* views, int coun
   }
 }
 
+constexpr float kOutside = 2e-14f;  // what light_lobe gives far beyond a lobe, where all is below
+
 // positions: null where all are the map's centre.
 FASTIBL_TARGET void chain_block(const float* normals, const float* views, const float* positions,
                                 int count, const ChainKernel& k, float* out) {
@@ -105,6 +107,11 @@ FASTIBL_TARGET void chain_block(const float* normals, const float* views, const 
         PlacedLight light{towards, repeat(lights.variance[l]), repeat(1)};
         if (lights.inverse_distance[l] > 0)
           light = placed_light(towards, repeat(lights.inverse_distance[l]), light.variance, offset);
+        const Wide facing = soft_positive(dot(n, light.direction), 1.5f * sqrt(light.variance));
+        if (!set_bits(facing > 0)) continue;
+        const Wide through =
+            light_lobe(repeat(lobe.exponent), light.variance, n, v, light.direction);
+        if (!set_bits(through > kOutside)) continue;
         Wide near = {}, left = {};
         for (int t = 0; t < taps; ++t) {
           const Wide part = weights[t] * seen_by_tap(directions[t], light.direction,
@@ -112,8 +119,8 @@ FASTIBL_TARGET void chain_block(const float* normals, const float* views, const 
           near += part;
           left += part * light_share(levels[t], repeat(lights.level[l]));
         }
-        const Wide share = light.gain * (by_harmonics + by_taps * left / max(near, 1e-30f)) *
-                           light_lobe(repeat(lobe.exponent), light.variance, n, v, light.direction);
+        const Wide share =
+            light.gain * (by_harmonics + by_taps * left / max(near, 1e-30f)) * through;
         sum += vec3{share * lights.red[l], share * lights.green[l], share * lights.blue[l]};
       }
       value += exp2(-column(offsetof(Column, log_integral))) * sum;
