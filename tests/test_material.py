@@ -138,6 +138,15 @@ def test_textures_are_filtered():
     assert repeated[32, 8, 0] > 0.9 > 0.1 > repeated[32, 24, 0] and repeated[32, 40, 0] > 0.9
 
 
+@pytest.mark.parametrize("width", [2, 3, 5, 7, 8, 15, 33])
+def test_levels_keep_the_mean_of_odd_sizes(width):
+    """A texture smaller than a pixel shows the mean of all of its texels, also of the last column and row."""
+    picture = np.zeros((width, width, 3), np.float32)
+    picture[:, -1, 0], picture[-1, :, 1] = 1, 1
+    seen = emitting(picture, square(repeat=200))
+    np.testing.assert_allclose(seen[32, 32, :2], 1 / width, rtol=0.02)
+
+
 def test_metallic_and_roughness_maps():
     """A map whose halves hold two values looks like the two materials."""
     rng = np.random.default_rng(3)
@@ -419,7 +428,7 @@ def test_several_materials_become_an_atlas(tmp_path):
 
 
 def test_gltf_of_text_with_nodes(tmp_path):
-    """A .gltf with its buffer beside it, interleaved vertices, a mirroring node and no normals."""
+    """A .gltf with its buffer beside it, interleaved vertices, a mirroring node and no normals: flat triangles."""
     corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], np.float32)
     data = np.hstack([corners, corners[:, :2]]).astype("<f4").tobytes() + np.uint16([0, 1, 2, 0, 2, 3]).tobytes()
     (tmp_path / "the data.bin").write_bytes(data)
@@ -445,8 +454,9 @@ def test_gltf_of_text_with_nodes(tmp_path):
     path = tmp_path / "square.gltf"
     path.write_text(json.dumps(header))
     mesh, material = fastibl.read_object(path, up="z")
+    corners = corners[[2, 1, 0, 3, 2, 0]]  # mirrored: the other way round
     np.testing.assert_allclose(mesh.vertices, corners * [-1, 2, 1] + [0, 0, 2])
-    np.testing.assert_allclose(mesh.normals, np.broadcast_to([0, 0, 1], (4, 3)), atol=1e-6)
+    np.testing.assert_allclose(mesh.normals, np.broadcast_to([0, 0, 1], (6, 3)), atol=1e-6)
     np.testing.assert_allclose(mesh.uvs, corners[:, :2] * [1, -1] + [0, 1])
     assert material.roughness == pytest.approx(0.4) and material.metallic == 1
     assert material.anisotropy == pytest.approx(0.6) and material.anisotropy_rotation == pytest.approx(1.0)

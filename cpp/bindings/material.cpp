@@ -17,7 +17,8 @@ float decoded(float value, Coding coding) {
 
 // A picture (h, w, 3), or (h, w) and (h, w, 1) for one channel: uint8, or float as it is.
 std::shared_ptr<const SurfaceTexture> texture(const py::array& array, const char* name,
-                                              int channels, Coding coding) {
+                                              int channels, Coding coding,
+                                              const SurfaceTexture::Wraps& wraps) {
   const bool fits = channels == 3 ? array.ndim() == 3 && array.shape(2) == 3
                                   : array.ndim() == 2 || (array.ndim() == 3 && array.shape(2) == 1);
   if (!fits || array.shape(0) < 1 || array.shape(1) < 1)
@@ -39,18 +40,45 @@ std::shared_ptr<const SurfaceTexture> texture(const py::array& array, const char
                     : coding == Coding::normal ? decoded(value, coding)
                                                : value;
   }
-  return std::make_shared<const SurfaceTexture>(std::move(image));
+  return std::make_shared<const SurfaceTexture>(std::move(image), wraps);
 }
 
 bool is_texture(const py::object& value) {
   return py::isinstance<py::array>(value) && py::reinterpret_borrow<py::array>(value).ndim() >= 2;
 }
 
+// One mode by name, or one along u and another along v.
+SurfaceTexture::Wraps wraps_of(const py::object& wrap) {
+  const auto one = [](const py::handle& mode) {
+    if (!py::isinstance<py::str>(mode))
+      throw py::type_error("wrap must be repeat, clamp or mirror, or two of them, got " +
+                           std::string(py::str(py::type::handle_of(mode).attr("__name__"))));
+    return wrap_mode(mode.cast<std::string>());
+  };
+  if (!py::isinstance<py::tuple>(wrap) && !py::isinstance<py::list>(wrap))
+    return {one(wrap), one(wrap)};
+  const py::sequence both = wrap;
+  if (both.size() != 2)
+    throw py::value_error("wrap must be one mode or two, along u and v, got " +
+                          std::to_string(both.size()));
+  return {one(both[0]), one(both[1])};
+}
+
+// Of the textures, which have one; two names.
+py::object wrap_of(const PbrMaterial& m) {
+  for (const auto* map :
+       {&m.base_color_map, &m.metallic_map, &m.roughness_map, &m.emission_map, &m.normal_map})
+    if (*map)
+      return py::make_tuple(std::string(name((*map)->wraps()[0])),
+                            std::string(name((*map)->wraps()[1])));
+  return py::make_tuple("repeat", "repeat");
+}
+
 // Either a constant, or a texture beside which the constant becomes 1.
 void set_colour(const py::object& value, const char* name, glm::vec3& constant,
-                std::shared_ptr<const SurfaceTexture>& map) {
+                std::shared_ptr<const SurfaceTexture>& map, const SurfaceTexture::Wraps& wraps) {
   if (is_texture(value)) {
-    map = texture(value, name, 3, Coding::srgb);
+    map = texture(value, name, 3, Coding::srgb, wraps);
     constant = glm::vec3(1);
   } else {
     constant = require_triple(value, name);
@@ -58,9 +86,9 @@ void set_colour(const py::object& value, const char* name, glm::vec3& constant,
 }
 
 void set_number(const py::object& value, const char* name, float& constant,
-                std::shared_ptr<const SurfaceTexture>& map) {
+                std::shared_ptr<const SurfaceTexture>& map, const SurfaceTexture::Wraps& wraps) {
   if (is_texture(value)) {
-    map = texture(value, name, 1, Coding::linear);
+    map = texture(value, name, 1, Coding::linear, wraps);
     constant = 1;
     return;
   }
@@ -91,17 +119,18 @@ py::object number_or_array(float constant, const std::shared_ptr<const SurfaceTe
 
 Material pbr(const py::object& base_color, const py::object& metallic, const py::object& roughness,
              const py::object& normal, const py::object& emission, float anisotropy,
-             float anisotropy_rotation, float normal_scale) {
+             float anisotropy_rotation, float normal_scale, const py::object& wrap) {
   PbrMaterial m;
-  set_colour(base_color, "base_color", m.base_color, m.base_color_map);
-  set_number(metallic, "metallic", m.metallic, m.metallic_map);
-  set_number(roughness, "roughness", m.roughness, m.roughness_map);
-  set_colour(emission, "emission", m.emission, m.emission_map);
+  const SurfaceTexture::Wraps wraps = wraps_of(wrap);
+  set_colour(base_color, "base_color", m.base_color, m.base_color_map, wraps);
+  set_number(metallic, "metallic", m.metallic, m.metallic_map, wraps);
+  set_number(roughness, "roughness", m.roughness, m.roughness_map, wraps);
+  set_colour(emission, "emission", m.emission, m.emission_map, wraps);
   if (!normal.is_none()) {
     if (!py::isinstance<py::array>(normal))
       throw py::type_error("normal must be a texture (height, width, 3) or None, got " +
                            std::string(py::str(py::type::handle_of(normal).attr("__name__"))));
-    m.normal_map = texture(normal, "normal", 3, Coding::normal);
+    m.normal_map = texture(normal, "normal", 3, Coding::normal, wraps);
   }
   m.anisotropy = anisotropy, m.anisotropy_rotation = anisotropy_rotation;
   m.normal_scale = normal_scale;
@@ -153,7 +182,7 @@ py::tuple state_of(const Material& m) {
   return py::make_tuple(triple(p.base_color), p.metallic, p.roughness, triple(p.emission),
                         p.anisotropy, p.anisotropy_rotation, p.normal_scale, map(p.base_color_map),
                         map(p.metallic_map), map(p.roughness_map), map(p.emission_map),
-                        map(p.normal_map));
+                        map(p.normal_map), wrap_of(p));
 }
 
 Material from_state(const py::tuple& t) {
@@ -173,7 +202,8 @@ Material from_state(const py::tuple& t) {
       &p.base_color_map, &p.metallic_map, &p.roughness_map, &p.emission_map, &p.normal_map};
   for (std::size_t i = 0; i < 5; ++i)
     if (const py::object array = t[7 + i]; !array.is_none())
-      *maps[i] = texture(array, "texture", i == 1 || i == 2 ? 1 : 3, Coding::linear);
+      *maps[i] =
+          texture(array, "texture", i == 1 || i == 2 ? 1 : 3, Coding::linear, wraps_of(t[12]));
   return Material::make_pbr(p);
 }
 
@@ -205,7 +235,7 @@ ValueError for negative values.)")
           py::arg("metallic") = 0.0, py::arg("roughness") = 0.5, py::arg("normal") = py::none(),
           py::arg("emission") = py::make_tuple(0.0, 0.0, 0.0), py::kw_only(),
           py::arg("anisotropy") = 0.0f, py::arg("anisotropy_rotation") = 0.0f,
-          py::arg("normal_scale") = 1.0f,
+          py::arg("normal_scale") = 1.0f, py::arg("wrap") = "repeat",
           R"(glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is no metal), compensated for
 scattering more than once, over a diffuse base.
 
@@ -214,7 +244,8 @@ metallic, roughness: a number in [0, 1], or a texture (height, width): uint8 by 
 texture (height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along growing v,
 its x and y times normal_scale; or None. anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along
 the tangent, where u grows, turned by anisotropy_rotation (radians) towards where v grows. Without uvs the tangent
-runs around the mesh's z axis, and textures are refused by Scene. Textures repeat; they are filtered trilinearly.
+runs around the mesh's z axis, and textures are refused by Scene. Textures are filtered trilinearly; wrap: what
+is beyond them, "repeat", "clamp" (their border) or "mirror", or two of these, along u and v.
 Raises ValueError for values out of range or another shape, TypeError for another dtype.)")
       .def_property_readonly(
           "model", [](const Material& m) { return m.pbr ? "pbr" : "blinn-phong"; },
@@ -265,6 +296,8 @@ Raises ValueError for values out of range or another shape, TypeError for anothe
                                return py::float_(p.normal_scale);
                              }),
                              "Factor on the normal map's x and y; None of Eq. 3.")
+      .def_property_readonly("wrap", of_pbr(&wrap_of),
+                             "What is beyond its textures along u and v; None of Eq. 3.")
       .def(
           "__eq__", [](const Material& a, const Material& b) { return a == b; }, py::is_operator())
       .def("__repr__", &text_of)

@@ -611,7 +611,7 @@ class Material:
     """
     __hash__: typing.ClassVar[None] = None
     @staticmethod
-    def pbr(base_color: typing.Any = (0.8, 0.8, 0.8), metallic: typing.Any = 0.0, roughness: typing.Any = 0.5, normal: typing.Any = None, emission: typing.Any = (0.0, 0.0, 0.0), *, anisotropy: typing.SupportsFloat | typing.SupportsIndex = 0.0, anisotropy_rotation: typing.SupportsFloat | typing.SupportsIndex = 0.0, normal_scale: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> Material:
+    def pbr(base_color: typing.Any = (0.8, 0.8, 0.8), metallic: typing.Any = 0.0, roughness: typing.Any = 0.5, normal: typing.Any = None, emission: typing.Any = (0.0, 0.0, 0.0), *, anisotropy: typing.SupportsFloat | typing.SupportsIndex = 0.0, anisotropy_rotation: typing.SupportsFloat | typing.SupportsIndex = 0.0, normal_scale: typing.SupportsFloat | typing.SupportsIndex = 1.0, wrap: typing.Any = 'repeat') -> Material:
         """
         glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is no metal), compensated for
         scattering more than once, over a diffuse base.
@@ -621,7 +621,8 @@ class Material:
         texture (height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along growing v,
         its x and y times normal_scale; or None. anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along
         the tangent, where u grows, turned by anisotropy_rotation (radians) towards where v grows. Without uvs the tangent
-        runs around the mesh's z axis, and textures are refused by Scene. Textures repeat; they are filtered trilinearly.
+        runs around the mesh's z axis, and textures are refused by Scene. Textures are filtered trilinearly; wrap: what
+        is beyond them, "repeat", "clamp" (their border) or "mirror", or two of these, along u and v.
         Raises ValueError for values out of range or another shape, TypeError for another dtype.
         """
     def __eq__(self, arg0: Material) -> bool:
@@ -693,6 +694,11 @@ class Material:
     def roughness(self) -> typing.Any:
         """
         A number or a texture; None of Eq. 3.
+        """
+    @property
+    def wrap(self) -> typing.Any:
+        """
+        What is beyond its textures along u and v; None of Eq. 3.
         """
 class Light:
     """
@@ -1851,7 +1857,11 @@ def _plan_seconds(scene: Scene, environment: Environment, repetitions: typing.Su
     """
     CPU seconds of make_plan with measured errors, and of measuring them for light that changes.
     """
+def _polygon_triangles(corners: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> numpy.typing.NDArray[numpy.int32]:
+    ...
 def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex, bool]], model: str, error: typing.SupportsFloat | typing.SupportsIndex) -> list[CubeMap]:
+    ...
+def _read_obj(content: bytes) -> ...:
     ...
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """

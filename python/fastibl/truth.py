@@ -84,8 +84,13 @@ class PbrSurface:
 
 
 def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: NDArray | None) -> PbrSurface:
-    """The material where uvs (n, 2) read its textures: bilinear, repeating, without MIP levels. tangents: (n, 4)."""
+    """The material where uvs (n, 2) read its textures: bilinear, without MIP levels. tangents: (n, 4)."""
     count = len(normals)
+
+    def texels(i: NDArray, n: int, wrap: str) -> NDArray:
+        if wrap == "clamp":
+            return np.clip(i, 0, n - 1)
+        return i % n if wrap == "repeat" else np.minimum(i % (2 * n), 2 * n - 1 - i % (2 * n))
 
     def at(value: object, channels: int) -> NDArray:
         array = np.asarray(value, np.float64)
@@ -97,8 +102,11 @@ def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: ND
         f, g = x - i, y - j
         if channels > 1:
             f, g = f[:, None], g[:, None]
-        upper = (1 - f) * array[j % h, i % w] + f * array[j % h, (i + 1) % w]
-        return (1 - g) * upper + g * ((1 - f) * array[(j + 1) % h, i % w] + f * array[(j + 1) % h, (i + 1) % w])
+        along_u, along_v = material.wrap
+        left, right = texels(i, w, along_u), texels(i + 1, w, along_u)
+        top, bottom = texels(j, h, along_v), texels(j + 1, h, along_v)
+        upper = (1 - f) * array[top, left] + f * array[top, right]
+        return (1 - g) * upper + g * ((1 - f) * array[bottom, left] + f * array[bottom, right])
 
     def frame_of(n: NDArray, t: NDArray) -> NDArray:
         b = np.cross(n, t)

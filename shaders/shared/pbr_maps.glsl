@@ -37,7 +37,7 @@ vec3 read_map(sampler2D map, vec2 uv, vec2 dx, vec2 dy) {
   float top = floor(log2(max(size.x, size.y)));
   float level = clamp(texture_level(size, dx, dy), 0.0, top);
   float k = floor(level);
-  vec2 at = vec2(uv.x - floor(uv.x), 1.0 - (uv.y - floor(uv.y)));
+  vec2 at = vec2(uv.x, 1.0 - uv.y);
   vec3 fine = textureLod(map, at, k).rgb;
   return mix(fine, textureLod(map, at, min(k + 1.0, top)).rgb, level - k);
 }

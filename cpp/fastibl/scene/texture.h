@@ -1,6 +1,8 @@
 // Pictures on surfaces: linear values with a MIP chain.
 #pragma once
 
+#include <array>
+#include <string_view>
 #include <vector>
 
 #include "fastibl/core/image.h"
@@ -8,17 +10,25 @@
 
 namespace fastibl {
 
-// uv (0, 0) is the lower left corner of the picture, whose row 0 is at v = 1; it repeats.
+// What is beyond the picture, along one axis: it again, its border, or it as in a mirror.
+enum class Wrap { repeat, clamp, mirror };
+std::string_view name(Wrap wrap);
+Wrap wrap_mode(std::string_view name);  // throws std::invalid_argument for no name
+
+// uv (0, 0) is the lower left corner of the picture, whose row 0 is at v = 1.
 class SurfaceTexture {
  public:
+  using Wraps = std::array<Wrap, 2>;  // along u and v
   // Of 1 or 3 channels; throws for an empty one, another number, or values that are not finite.
-  explicit SurfaceTexture(Image<float> image);
+  explicit SurfaceTexture(Image<float> image, Wraps wraps = {Wrap::repeat, Wrap::repeat});
 
   int width() const { return levels_[0].width; }
   int height() const { return levels_[0].height; }
+  const Wraps& wraps() const { return wraps_; }
   int channels() const { return levels_[0].channels; }
   int level_count() const { return int(levels_.size()); }
-  // Each level is the 2×2 mean of the one above; where that has an odd width, of all but its last.
+  // Each level is the 2×2 mean of the one above, of a little more where that has an odd size: the
+  // mean of all texels stays.
   const Image<float>& level(int k) const { return levels_[std::size_t(k)]; }
 
   glm::vec3 largest() const { return largest_; }  // of each channel
@@ -31,6 +41,7 @@ class SurfaceTexture {
 
  private:
   std::vector<Image<float>> levels_;
+  Wraps wraps_;
   glm::vec3 largest_{0};
 };
 

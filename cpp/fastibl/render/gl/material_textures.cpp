@@ -29,8 +29,9 @@ GLuint make(Gpu& gpu, const SurfaceTexture& map, float unit) {
                  colour ? GL_RGB : GL_RED, GL_FLOAT, values.data());
   }
   set_sampling(GL_TEXTURE_2D, GL_LINEAR, GL_LINEAR_MIPMAP_NEAREST);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_REPEAT);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_REPEAT);
+  constexpr GLint kWraps[] = {GL_REPEAT, GL_CLAMP_TO_EDGE, GL_MIRRORED_REPEAT};
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, kWraps[std::size_t(map.wraps()[0])]);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, kWraps[std::size_t(map.wraps()[1])]);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, map.level_count() - 1);
   return id;
 }
