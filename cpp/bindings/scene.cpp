@@ -13,6 +13,7 @@
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/equirect.h"
 #include "fastibl/scene/mesh.h"
+#include "fastibl/scene/obj_file.h"
 #include "fastibl/scene/wide_lens.h"
 
 namespace fastibl::bindings {
@@ -605,6 +606,28 @@ fastibl[board]). Print at 100 % and measure the line below the tags. Raises Valu
 }
 
 void bind_mesh(py::module_& module) {
+  module.def(
+      "_read_obj",
+      [](const py::bytes& content) {
+        const std::string_view text = content;
+        const py::gil_scoped_release release;
+        return read_obj(text);
+      },
+      py::arg("content"));
+  module.def(
+      "_polygon_triangles",
+      [](const py::array_t<double, py::array::c_style | py::array::forcecast>& corners) {
+        if (corners.ndim() != 2 || corners.shape(1) != 3)
+          throw py::value_error("corners must have shape (n, 3), got " + shape_of(corners));
+        std::vector<glm::dvec3> polygon;
+        for (py::ssize_t i = 0; i < corners.shape(0); ++i)
+          polygon.emplace_back(corners.at(i, 0), corners.at(i, 1), corners.at(i, 2));
+        const std::vector<glm::ivec3> found = polygon_triangles(polygon);
+        py::array_t<int> out({py::ssize_t(found.size()), py::ssize_t{3}});
+        std::memcpy(out.mutable_data(), found.data(), found.size() * sizeof(glm::ivec3));
+        return out;
+      },
+      py::arg("corners"));
   py::class_<Mesh>(module, "Mesh", R"(Triangle mesh.
 
 vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)

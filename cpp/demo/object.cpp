@@ -3,76 +3,28 @@
 #include <array>
 #include <cmath>
 #include <fstream>
-#include <map>
-#include <sstream>
-#include <tuple>
+#include <iterator>
+#include <string>
 
 #include "fastibl/core/check.h"
+#include "fastibl/scene/obj_file.h"
 
 namespace fastibl::demo {
-namespace {
 
-// Index of a corner "7/1/3", "7//3" or "-1" among `count` vertices.
-std::size_t corner_index(const std::string& corner, std::size_t count, const std::string& where) {
-  std::istringstream text(corner.substr(0, corner.find('/')));
-  long index = 0;
-  const bool read = bool(text >> index) && text.eof();
-  if (index < 0) index += long(count) + 1;
-  check(read && index >= 1 && index <= long(count), where, ": expected a vertex from 1 to ", count,
-        ", got \"", corner, "\"");
-  return std::size_t(index - 1);
-}
-
-// Only what triangles use, each place once, in the order of first use in the file's vertices.
-Mesh compact(const std::vector<glm::dvec3>& places, const std::vector<glm::ivec3>& triangles) {
-  std::vector<bool> used(places.size());
-  for (const glm::ivec3& t : triangles)
-    for (int k = 0; k < 3; ++k) used[std::size_t(t[k])] = true;
+Mesh read_object(const std::filesystem::path& path, bool z_up) {
+  check(std::filesystem::is_regular_file(path), "no mesh at ", path.string());
+  std::ifstream file(path, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  check(!file.bad(), path.string(), " cannot be read");
   Mesh mesh;
-  std::map<std::tuple<double, double, double>, int> at;
-  std::vector<int> renamed(places.size());
-  for (std::size_t v = 0; v < places.size(); ++v) {
-    if (!used[v]) continue;
-    const glm::dvec3& p = places[v];
-    const auto [entry, fresh] = at.try_emplace({p.x, p.y, p.z}, int(mesh.vertices.size()));
-    if (fresh) mesh.vertices.emplace_back(p);
-    renamed[v] = entry->second;
+  try {
+    mesh = read_obj(text);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(path.string() + ": " + error.what());
   }
-  for (const glm::ivec3& t : triangles)
-    mesh.triangles.emplace_back(renamed[std::size_t(t.x)], renamed[std::size_t(t.y)],
-                                renamed[std::size_t(t.z)]);
-  return mesh;
-}
-
-}  // namespace
-
-Mesh read_obj(const std::filesystem::path& path, bool z_up) {
-  std::ifstream file(path);
-  check(std::filesystem::is_regular_file(path) && file.good(), "no mesh at ", path.string());
-  std::vector<glm::dvec3> places;
-  std::vector<glm::ivec3> triangles;
-  std::string line;
-  for (int number = 1; std::getline(file, line); ++number) {
-    const std::string where = path.string() + " line " + std::to_string(number);
-    std::istringstream words(line);
-    std::string word;
-    words >> word;
-    if (word == "v") {
-      glm::dvec3 p;
-      check(bool(words >> p.x >> p.y >> p.z), where, ": expected three numbers, got \"", line,
-            "\"");
-      places.push_back(z_up ? p : glm::dvec3(p.x, -p.z, p.y));
-    } else if (word == "f") {
-      std::vector<int> corners;
-      while (words >> word) corners.push_back(int(corner_index(word, places.size(), where)));
-      check(corners.size() >= 3, where, ": a face needs at least 3 corners, got ", corners.size());
-      for (std::size_t k = 2; k < corners.size(); ++k)
-        triangles.emplace_back(corners[0], corners[k - 1], corners[k]);
-    }
-  }
-  check(!triangles.empty(), path.string(), " holds no triangles");
-  Mesh mesh = compact(places, triangles);
-  mesh.validate();
+  for (auto* vectors : {&mesh.vertices, &mesh.normals})
+    if (!z_up)
+      for (glm::vec3& v : *vectors) v = glm::vec3(v.x, -v.z, v.y);
   return mesh;
 }
 

@@ -7,10 +7,9 @@
 
 namespace fastibl::demo {
 
-// Vertices and polygons of a Wavefront OBJ; the rest of the file is ignored. Vertices at the same
-// place become one, so that normals are smooth across texture seams. z_up: otherwise y is up in the
-// file and is turned to z. Throws std::invalid_argument that names file and line.
-Mesh read_obj(const std::filesystem::path& path, bool z_up);
+// Of a Wavefront .obj, as fastibl/scene/obj_file.h. z_up: otherwise y is up in the file and is turned
+// to z. Throws std::invalid_argument that names file and line.
+Mesh read_object(const std::filesystem::path& path, bool z_up);
 
 // A torus knot with a tube that is thin in places; smooth, concave, and in its own shadow.
 Mesh knot();

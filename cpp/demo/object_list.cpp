@@ -22,7 +22,7 @@ Mesh ObjectList::mesh(const std::string& name) {
         "expected a .obj file or one of knot, "
         "ball, steps; got \"",
         name, '"');
-  Mesh mesh = read_obj(name, z_up_);
+  Mesh mesh = read_object(name, z_up_);
   if (std::find(names_.begin(), names_.end(), name) == names_.end()) names_.push_back(name);
   return mesh;
 }

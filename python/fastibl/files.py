@@ -3,53 +3,40 @@
 from __future__ import annotations
 
 import os
+import warnings
+from collections.abc import Callable
 from numbers import Real
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ._fastibl import Material, Mesh
+from . import gltf
+from ._fastibl import Material, Mesh, _polygon_triangles, _read_obj
 from .expected import expect
-from .file_limits import check_file_size
-
-_MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
+from .file_limits import check_file_size, file_bytes
 
 
 def read_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:
     """Triangle mesh of a file (.obj, .ply, .glb, .gltf, .stl, .off), turned so that +z is up.
 
-    up: the file's upward axis, "y" (most files) or "z". Vertices at the same place are merged, so that normals
-    are smooth across texture seams. Raises FileNotFoundError; ValueError for a file that is no such mesh, damaged, or
+    up: the file's upward axis, "y" (most files) or "z". Vertices at one place with one normal become one. Normals are
+    the file's own; without them they are smooth, across texture seams as well, but flat in glTF, as that format has it.
+    Polygons are cut into triangles. Raises FileNotFoundError; ValueError for a file that is no such mesh, damaged, or
     larger than fastibl.file_limits allows.
     """
-    import trimesh
-
-    from . import gltf_container
-
-    path = Path(path)
-    if up not in ("y", "z"):
-        raise ValueError(f'up must be "y" or "z", got {up!r}')
-    if not path.is_file():
-        raise FileNotFoundError(f"no mesh at {path}")
-    if path.suffix.lower() not in _MESHES:  # others of trimesh's are archives, or fetch what they name
-        raise ValueError(f"{path} is no mesh that is read; those end in {', '.join(_MESHES)}")
+    path = _existing(path, up, "mesh")
+    if path.suffix.lower() not in _READERS:  # others of trimesh's are archives, or fetch what they name
+        raise ValueError(f"{path} is no mesh that is read; those end in {', '.join(_READERS)}")
     check_file_size(path)
     try:
-        if path.suffix.lower() in (".glb", ".gltf"):
-            gltf_container.check(path)
-        loaded = trimesh.load(path, force="mesh", process=False, skip_materials=True)
-        if len(getattr(loaded, "faces", ())) > 0:
-            loaded.merge_vertices(merge_tex=True, merge_norm=True)
-    except Exception as error:  # trimesh raises what its loaders raise
+        mesh = _READERS[path.suffix.lower()](path)
+    except Exception as error:  # trimesh and plyfile raise what they like
         raise ValueError(f"{path} is not a mesh that can be read: {error}") from error
-    if len(getattr(loaded, "faces", ())) == 0:
+    if mesh is None or len(mesh.triangles) == 0:
         raise ValueError(f"{path} holds no triangles")
-    vertices = np.asarray(loaded.vertices, np.float64)
-    if vertices.shape[1:] != (3,):
-        raise ValueError(f"{path} must have vertices of 3 coordinates, got {vertices.shape[1:]}")
-    if up == "y":
-        vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
-    return Mesh(vertices, np.asarray(loaded.faces, np.int64))
+    _warn_if_far(path, mesh)
+    return _turned(mesh, up)
 
 
 def read_object(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Material]:
@@ -59,23 +46,105 @@ def read_object(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Mate
     Material.pbr with the file's textures. Several meshes and materials become one: see fastibl.gltf for how and for
     what is left out. Raises FileNotFoundError, or ValueError for a file that cannot be read.
     """
-    from . import gltf
-
-    path = Path(path)
-    if up not in ("y", "z"):
-        raise ValueError(f'up must be "y" or "z", got {up!r}')
-    if not path.is_file():
-        raise FileNotFoundError(f"no object at {path}")
+    path = _existing(path, up, "object")
     if path.suffix.lower() not in (".glb", ".gltf"):
         raise ValueError(f"{path} is no .glb or .gltf; read_mesh reads the mesh of other files")
     try:
         mesh, material = gltf.read(path)
     except ValueError as error:
         raise ValueError(f"{path} is not an object that can be read: {error}") from error
-    if up == "y":
-        turned = [a[:, [0, 2, 1]] * np.float32([1, -1, 1]) for a in (mesh.vertices, mesh.normals)]
-        mesh = Mesh(turned[0], mesh.triangles, mesh.uvs, turned[1])
-    return mesh, material
+    return _turned(mesh, up), material
+
+
+def _existing(path: str | os.PathLike[str], up: str, what: str) -> Path:
+    if up not in ("y", "z"):
+        raise ValueError(f'up must be "y" or "z", got {up!r}')
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"no {what} at {path}")
+    return Path(path)
+
+
+def _turned(mesh: Mesh, up: str) -> Mesh:
+    if up == "z":
+        return mesh
+    turn = lambda a: None if a is None else a[:, [0, 2, 1]] * np.float32([1, -1, 1])  # noqa: E731
+    return Mesh(turn(mesh.vertices), mesh.triangles, mesh.uvs, turn(mesh._given_normals))
+
+
+def _warn_if_far(path: Path, mesh: Mesh) -> None:
+    """Coordinates are kept in 24 bits: of a scan in a map's coordinates, too few are left."""
+    size, away = np.ptp(mesh.vertices, axis=0).max(), np.abs(mesh.vertices).max()
+    if size < 1e-4 * away:
+        warnings.warn(
+            f"{path} is {size:g} wide and {away:g} away from its origin: its places are rounded to {away * 6e-8:.1g}; "
+            "move it to its origin first",
+            stacklevel=3,
+        )
+
+
+def _merged(vertices: NDArray, triangles: NDArray, normals: NDArray | None) -> Mesh:
+    """Vertices at one place, with one normal, become one; those of no triangle go."""
+    both = np.asarray(vertices, np.float32) + 0.0  # -0 is 0
+    if both.shape[1:] != (3,):
+        raise ValueError(f"expected vertices of 3 coordinates, got {both.shape[1:]}")
+    if normals is not None:
+        both = np.hstack([both, np.asarray(normals, np.float32) + 0.0])
+    used, named = np.unique(triangles, return_inverse=True)
+    _, first, same = np.unique(both[used], axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)  # as in the file
+    number = np.empty(len(order), np.int64)
+    number[order] = np.arange(len(order))
+    kept = both[used[first[order]]]
+    return Mesh(
+        kept[:, :3], number[same.reshape(-1)][named.reshape(-1)].reshape(-1, 3), None,
+        None if normals is None else kept[:, 3:],
+    )  # fmt: skip
+
+
+def _read_gltf(path: Path) -> Mesh:
+    mesh = gltf.read_geometry(path)
+    return _merged(mesh.vertices, mesh.triangles, mesh.normals)
+
+
+def _read_ply(path: Path) -> Mesh | None:
+    from plyfile import PlyData
+
+    with open(path, "rb") as file:
+        data = PlyData.read(file, mmap=False, known_list_len={})
+    if "face" not in data or len(data["face"]) == 0:
+        return None
+    vertex = data["vertex"].data
+    places = np.stack([vertex[axis] for axis in "xyz"], axis=1).astype(np.float64)
+    normals = None
+    if {"nx", "ny", "nz"} <= set(vertex.dtype.names):
+        normals = np.stack([vertex[axis] for axis in ("nx", "ny", "nz")], axis=1)
+    faces = data["face"].data
+    corners = faces["vertex_indices" if "vertex_indices" in faces.dtype.names else "vertex_index"]
+    counts = np.array([len(polygon) for polygon in corners])
+    triangles = [np.stack(corners[counts == 3])] if (counts == 3).any() else []
+    for polygon in corners[counts > 3]:
+        triangles.append(polygon[_polygon_triangles(places[polygon])])
+    if not triangles:
+        return None
+    every = np.concatenate(triangles).astype(np.int64)
+    if every.min() < 0 or every.max() >= len(places):
+        raise ValueError(f"a face names vertex {every.max()} of {len(places)}")
+    return _merged(places, every, normals)
+
+
+def _read_by_trimesh(path: Path) -> Mesh | None:
+    import trimesh
+
+    loaded = trimesh.load(path, force="mesh", process=False, skip_materials=True)
+    if len(getattr(loaded, "faces", ())) == 0:
+        return None
+    return _merged(loaded.vertices, np.asarray(loaded.faces, np.int64), None)
+
+
+_READERS: dict[str, Callable[[Path], Mesh | None]] = {
+    ".obj": lambda path: _read_obj(file_bytes(path)), ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf,
+    ".stl": _read_by_trimesh, ".off": _read_by_trimesh,
+}  # fmt: skip
 
 
 def stand(mesh: Mesh, height: float) -> Mesh:

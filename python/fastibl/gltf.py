@@ -1,13 +1,16 @@
 """glTF 2.0 files (.glb, .gltf): one mesh with its material.
 
-All nodes of the file's scene are merged. Several materials become one: their textures are laid side by side in an
-atlas, each in a cell with a margin of 1/16, so that textures that repeat need a file of one material, and cells mix
-where they are seen smaller than 1/16. Left out: transparency, occlusion maps (P_V takes their place), vertex colours,
-skins and morphs. Refused by name: extensions that change what is read here, compressed meshes, a second set of uvs.
+All nodes of the file's scene are merged; skins show their rest pose; without normals triangles are flat, as glTF has
+it. Several materials become one: their textures are laid side by side in an atlas, each in a cell with a margin of
+1/16, so that textures that repeat need a file of one material, and cells mix where they are seen smaller than 1/16.
+Left out, with a warning that names them: transparency, vertex colours, morphs, and extensions that add to a material
+(clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place), points and lines. Refused by name:
+specular-glossiness materials, compressed meshes, a second set of uvs.
 """
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,13 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh
-from .file_limits import MOST_PIXELS, MOST_VERTICES
+from .file_limits import MOST_PIXELS, MOST_TRIANGLES, MOST_VERTICES
 from .gltf_container import DAMAGES, WIDTHS, Container
 from .picture_headers import jpeg_size, png_size
 from .pictures import decode_picture
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _KNOWN = {"KHR_materials_anisotropy", "KHR_materials_emissive_strength", "KHR_mesh_quantization"}
+_OTHER_MODEL = "KHR_materials_pbrSpecularGlossiness"
+_COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
+_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _ATLAS = 4096  # texels along an edge, at most
 
 
@@ -38,6 +44,7 @@ class _Surface:
     normal_scale: float = 1.0
     anisotropy: float = 0.0
     anisotropy_rotation: float = 0.0
+    wraps: set[tuple[str, str]] = field(default_factory=set)  # of its textures
 
     def maps(self) -> list[NDArray]:
         every = (self.base_color, self.metallic, self.roughness, self.emission, self.normal)
@@ -47,6 +54,7 @@ class _Surface:
         return Material.pbr(
             self.base_color, self.metallic, self.roughness, self.normal, self.emission, anisotropy=self.anisotropy,
             anisotropy_rotation=self.anisotropy_rotation, normal_scale=self.normal_scale,
+            wrap=next(iter(self.wraps), "repeat"),
         )  # fmt: skip
 
 
@@ -68,46 +76,71 @@ class _File(Container):
         if unknown:
             raise ValueError(f"it requires the extension {sorted(unknown)[0]}")
         self.buffers = [self.bytes(b.get("uri")) for b in self.json.get("buffers", ())]
-        self.pixels = self.vertices = 0
+        self.pixels = self.vertices = self.triangles = 0
+        self.pictures: dict[int, NDArray] = {}
+        self.left_out: set[str] = set()
 
     def _view(self, index: int) -> tuple[bytes, int, int, int | None]:
         view = self.json["bufferViews"][index]
+        _refuse_compressed(view)
         return self.buffers[view["buffer"]], view.get("byteOffset", 0), view["byteLength"], view.get("byteStride")
 
     def array(self, index: int) -> NDArray:
         """Values (n, width) of an accessor; normalised integers as floats."""
         a = self.json["accessors"][index]
-        if "sparse" in a or "bufferView" not in a:
-            raise ValueError("it has sparse accessors")
         kind, width = np.dtype(_TYPES[a["componentType"]]).newbyteorder("<"), WIDTHS[a["type"]]
-        buffer, offset, _, stride = self._view(a["bufferView"])
-        offset += a.get("byteOffset", 0)
-        step = stride or kind.itemsize * width
-        if a["count"] < 1 or offset + step * (a["count"] - 1) + kind.itemsize * width > len(buffer):
-            raise ValueError("an accessor reaches beyond its buffer")
-        out = np.ndarray((a["count"], width), kind, buffer, offset, (step, kind.itemsize))
+        if a["count"] < 1 or a["count"] > MOST_VERTICES:
+            raise ValueError(f"one of its accessors has {a['count']} values; there may be 1 to {MOST_VERTICES}")
+        if "bufferView" in a:
+            out = self._values(a, kind, width, a["count"]).copy()
+        else:
+            if "sparse" not in a:
+                raise ValueError("one of its accessors has no values")
+            out = np.zeros((a["count"], width), kind)
+        if "sparse" in a:
+            changed, at = a["sparse"], a["sparse"]["indices"]
+            index_kind = np.dtype(_TYPES[at["componentType"]]).newbyteorder("<")
+            where = self._values(at, index_kind, 1, changed["count"])[:, 0]
+            out[where] = self._values(changed["values"], kind, width, changed["count"])
         if a.get("normalized") and kind.kind in "iu":
             return np.maximum(out.astype(np.float32) / np.iinfo(kind).max, -1)
-        return out.copy()
+        return out
 
-    def picture(self, reference: dict[str, Any]) -> NDArray[np.uint8]:
-        """(h, w, 3) uint8 RGB of a texture that a material names."""
+    def _values(self, place: dict[str, Any], kind: np.dtype, width: int, count: int) -> NDArray:
+        buffer, offset, _, stride = self._view(place["bufferView"])
+        offset += place.get("byteOffset", 0)
+        step = stride or kind.itemsize * width
+        if count < 1 or offset + step * (count - 1) + kind.itemsize * width > len(buffer):
+            raise ValueError("one of its accessors reaches beyond its buffer")
+        return np.ndarray((count, width), kind, buffer, offset, (step, kind.itemsize))
+
+    def picture(self, reference: dict[str, Any], surface: _Surface) -> NDArray:
+        """(h, w, 3) uint8 or uint16 RGB of a texture that a material names."""
         if reference.get("texCoord", 0) != 0 or "KHR_texture_transform" in reference.get("extensions", {}):
             raise ValueError("its textures use a second set of uvs or KHR_texture_transform")
-        source = self.json["textures"][reference["index"]].get("source")
+        texture = self.json["textures"][reference["index"]]
+        sampler = self.json["samplers"][texture["sampler"]] if "sampler" in texture else {}
+        surface.wraps.add((_WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]))
+        source = texture.get("source")
         if source is None:
             raise ValueError("a texture has no picture of a kind that glTF 2 itself knows")
-        image = self.json["images"][source]
+        if source not in self.pictures:
+            self.pictures[source] = self._decoded(self.json["images"][source], f"texture {source}")
+        return self.pictures[source]
+
+    def _decoded(self, image: dict[str, Any], name: str) -> NDArray:
         if "bufferView" in image:
             buffer, offset, length, _ = self._view(image["bufferView"])
             data = buffer[offset : offset + length]
         else:
             data = self.bytes(image["uri"])
-        decoded = decode_picture(data, png_size if data[:1] == b"\x89" else jpeg_size, f"texture {source}")
+        if data[:1] not in (b"\x89", b"\xff"):
+            raise ValueError(f"{name} is neither PNG nor JPEG")
+        decoded = decode_picture(data, png_size if data[:1] == b"\x89" else jpeg_size, name)
         self.pixels += decoded.shape[0] * decoded.shape[1]
         if self.pixels > MOST_PIXELS:
             raise ValueError(f"its textures have more than {MOST_PIXELS} pixels together")
-        return decoded if decoded.dtype == np.uint8 else (decoded >> 8).astype(np.uint8)
+        return decoded
 
     def surface(self, index: int) -> _Surface:
         out = _Surface()
@@ -116,19 +149,24 @@ class _File(Container):
         m = self.json["materials"][index]
         pbr = m.get("pbrMetallicRoughness", {})
         extensions = m.get("extensions", {})
+        if _OTHER_MODEL in extensions:
+            raise ValueError(f"its materials are of {_OTHER_MODEL}, not of metal and roughness")
+        self.left_out |= {name for name in extensions if name.startswith("KHR_materials_")} - _KNOWN
+        if m.get("alphaMode", "OPAQUE") != "OPAQUE":
+            self.left_out.add("transparency")
         out.base_color = np.asarray(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float32)
         if "baseColorTexture" in pbr:
-            out.base_color = out.base_color * _linear(self.picture(pbr["baseColorTexture"]))
+            out.base_color = out.base_color * _linear(self.picture(pbr["baseColorTexture"], out))
         out.metallic, out.roughness = float(pbr.get("metallicFactor", 1)), float(pbr.get("roughnessFactor", 1))
         if "metallicRoughnessTexture" in pbr:
-            picture = self.picture(pbr["metallicRoughnessTexture"]).astype(np.float32) / 255
+            picture = _unit(self.picture(pbr["metallicRoughnessTexture"], out))
             out.roughness, out.metallic = out.roughness * picture[..., 1], out.metallic * picture[..., 2]
         strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         out.emission = np.asarray(m.get("emissiveFactor", [0, 0, 0]), np.float32) * strength
         if "emissiveTexture" in m and out.emission.any():
-            out.emission = out.emission * _linear(self.picture(m["emissiveTexture"]))
+            out.emission = out.emission * _linear(self.picture(m["emissiveTexture"], out))
         if "normalTexture" in m:
-            out.normal = self.picture(m["normalTexture"]).astype(np.float32) / 255
+            out.normal = _unit(self.picture(m["normalTexture"], out))
             out.normal_scale = float(m["normalTexture"].get("scale", 1))
         anisotropy = extensions.get("KHR_materials_anisotropy", {})
         if "anisotropyTexture" in anisotropy:
@@ -139,41 +177,94 @@ class _File(Container):
 
     def parts(self) -> list[_Part]:
         out: list[_Part] = []
-        for node, here in self.nodes():
+        places = list(self.nodes())
+        for _, node, here in places:
             if "mesh" in node:
+                joints = (
+                    self._joints(node["skin"], {index: there for index, _, there in places}) if "skin" in node else None
+                )
                 for primitive in self.json["meshes"][node["mesh"]]["primitives"]:
-                    out += self._part(primitive, here)
+                    out += self._part(primitive, here, joints)
+        if not out:
+            raise ValueError("it holds no triangles")
         return out
 
-    def _part(self, primitive: dict[str, Any], transform: NDArray) -> list[_Part]:
-        if primitive.get("mode", 4) != 4:
-            return []  # points, lines; strips and fans are rare
-        if primitive.get("extensions"):
-            raise ValueError(f"its meshes use {sorted(primitive['extensions'])[0]}")
+    def _joints(self, index: int, places: dict[int, NDArray]) -> NDArray:
+        """Matrices (n, 4, 4) that take a skin's vertices to the scene, in its rest pose."""
+        skin = self.json["skins"][index]
+        joints = np.array([places[joint] for joint in skin["joints"]])
+        if "inverseBindMatrices" not in skin:
+            return joints
+        inverse = self.array(skin["inverseBindMatrices"])[: len(joints)].astype(np.float64)
+        return joints @ inverse.reshape(-1, 4, 4).transpose(0, 2, 1)
+
+    def _part(self, primitive: dict[str, Any], transform: NDArray, joints: NDArray | None) -> list[_Part]:
+        if primitive.get("mode", 4) not in (4, 5, 6):
+            return []  # points, lines
+        _refuse_compressed(primitive)
         attributes = primitive["attributes"]
         vertices = self.array(attributes["POSITION"]).astype(np.float64)
         self.vertices += len(vertices)
         if self.vertices > MOST_VERTICES:
             raise ValueError(f"it has more than {MOST_VERTICES} vertices")
         index = self.array(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(vertices))
-        triangles = index[: len(index) // 3 * 3].reshape(-1, 3).astype(np.int64)
-        linear = transform[:3, :3]
-        if np.linalg.det(linear) < 0:
-            triangles = triangles[:, ::-1]
-        placed = vertices @ linear.T + transform[:3, 3]
-        if "NORMAL" in attributes:
-            normals = self.array(attributes["NORMAL"]).astype(np.float64) @ np.linalg.pinv(linear)
-        else:  # smooth across vertices at one place
-            places, same = np.unique(placed, axis=0, return_inverse=True)
-            normals = Mesh(places, same.reshape(-1)[triangles]).normals[same.reshape(-1)]
+        triangles = _triangles(index.astype(np.int64), primitive.get("mode", 4))
+        self.triangles += len(triangles)
+        if self.triangles > MOST_TRIANGLES:
+            raise ValueError(f"it has more than {MOST_TRIANGLES} triangles")
+        if len(triangles) == 0:
+            return []
+        if triangles.min() < 0 or triangles.max() >= len(vertices):
+            raise ValueError(f"a triangle names vertex {triangles.max()} of {len(vertices)}")
+        if "COLOR_0" in attributes:
+            self.left_out.add("vertex colours")
+        if "targets" in primitive:
+            self.left_out.add("morphs")
+        normals = self.array(attributes["NORMAL"]).astype(np.float64) if "NORMAL" in attributes else None
         uvs = None
         if "TEXCOORD_0" in attributes:
             uvs = self.array(attributes["TEXCOORD_0"]).astype(np.float64) * [1, -1] + [0, 1]
+        placing = transform
+        if joints is not None and "JOINTS_0" in attributes and "WEIGHTS_0" in attributes:
+            weights = self.array(attributes["WEIGHTS_0"]).astype(np.float64)
+            weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)
+            placing = np.einsum("nk,nkij->nij", weights, joints[self.array(attributes["JOINTS_0"])])
+        linear = placing[..., :3, :3]
+        placed = np.einsum("...ij,...j->...i", linear, vertices) + placing[..., :3, 3]
+        if normals is not None:
+            normals = np.einsum("...ji,...j->...i", np.linalg.pinv(linear), normals)
+        if np.linalg.det(linear).mean() < 0:
+            triangles = triangles[:, ::-1]
+        if normals is None:
+            placed, uvs = placed[triangles.reshape(-1)], None if uvs is None else uvs[triangles.reshape(-1)]
+            triangles = np.arange(len(placed)).reshape(-1, 3)
+            normals = np.cross(placed[1::3] - placed[::3], placed[2::3] - placed[::3]).repeat(3, axis=0)
         return [_Part(placed, triangles, normals, uvs, primitive.get("material", -1))]
 
 
-def _linear(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
-    x = np.arange(256) / 255
+def _refuse_compressed(part: dict[str, Any]) -> None:
+    compressed = _COMPRESSED.intersection(part.get("extensions", ()))
+    if compressed:
+        raise ValueError(f"its meshes use {min(compressed)}")
+
+
+def _triangles(index: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+    """(n, 3) of a list (4), a strip (5) or a fan (6)."""
+    if mode == 4:
+        return index[: len(index) // 3 * 3].reshape(-1, 3)
+    k = np.arange(max(len(index) - 2, 0))
+    if mode == 5:
+        return index[np.stack([k, k + 1 + k % 2, k + 2 - k % 2], axis=1)]
+    return index[np.stack([k + 1, k + 2, 0 * k], axis=1)]
+
+
+def _unit(picture: NDArray) -> NDArray[np.float32]:
+    return picture.astype(np.float32) / np.iinfo(picture.dtype).max
+
+
+def _linear(picture: NDArray) -> NDArray[np.float32]:
+    most = np.iinfo(picture.dtype).max
+    x = np.arange(most + 1) / most
     return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)[picture]
 
 
@@ -241,27 +332,41 @@ def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> _Surface:
     )  # fmt: skip
 
 
-def read(path: Path) -> tuple[Mesh, Material]:
-    """Mesh in the file's frame (y up) and material. Raises ValueError for what cannot be read, and says why."""
-    try:
-        file = _File(path)
-        parts = file.parts()
-        if not parts:
-            raise ValueError("it holds no triangles")
-        surfaces = {m: file.surface(m) for m in sorted({p.material for p in parts})}
-    except DAMAGES as error:
-        raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
-    surface = next(iter(surfaces.values())) if len(surfaces) == 1 else _atlas(parts, surfaces)
-    if surface.maps() and any(p.uvs is None for p in parts):
-        raise ValueError("a mesh with a texture has no uvs")
+def _mesh(parts: list[_Part]) -> Mesh:
     # Flat triangles define no normal; any will do.
     normals = np.concatenate([p.normals for p in parts])
-    normals[~np.isfinite(normals).all(axis=1)] = 0
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(np.isfinite(lengths) & (lengths > 0), normals / lengths, 0)
     starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
-    mesh = Mesh(
+    return Mesh(
         np.concatenate([p.vertices for p in parts]),
         np.concatenate([p.triangles + start for p, start in zip(parts, starts, strict=False)]),
         None if any(p.uvs is None for p in parts) else np.concatenate([p.uvs for p in parts]),
         normals,
     )
-    return mesh, surface.material()
+
+
+def read_geometry(path: Path) -> Mesh:
+    """The mesh alone, in the file's frame (y up). Raises ValueError for what cannot be read, and says why."""
+    try:
+        return _mesh(_File(path).parts())
+    except DAMAGES as error:
+        raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
+
+
+def read(path: Path) -> tuple[Mesh, Material]:
+    """Mesh in the file's frame (y up) and material. Raises ValueError for what cannot be read, and says why."""
+    try:
+        file = _File(path)
+        parts = file.parts()
+        surfaces = {m: file.surface(m) for m in sorted({p.material for p in parts})}
+    except DAMAGES as error:
+        raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
+    if file.left_out:
+        warnings.warn(f"{path}: left out are {', '.join(sorted(file.left_out))}", stacklevel=3)
+    surface = next(iter(surfaces.values())) if len(surfaces) == 1 else _atlas(parts, surfaces)
+    if surface.maps() and any(p.uvs is None for p in parts):
+        raise ValueError("a mesh with a texture has no uvs")
+    if len(surface.wraps) > 1 and any(p.uvs.min() < -1e-3 or p.uvs.max() > 1 + 1e-3 for p in parts):
+        raise ValueError("its textures go on beyond their borders in different ways")
+    return _mesh(parts), surface.material()

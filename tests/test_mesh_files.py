@@ -1,0 +1,368 @@
+"""Mesh files as programs write them: polygons, normals, strips, skins, names of indices, faults."""
+
+import base64
+import json
+import struct
+
+import cv2
+import numpy as np
+import pytest
+
+import fastibl
+from conftest import same_error
+from fastibl.gltf_container import WIDTHS
+
+CUBE = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
+SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+NORMALS = [(-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)]
+
+
+def area_of(mesh):
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(float) for k in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+
+def volume_of(mesh):
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(float) for k in range(3))
+    return np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+
+
+def read(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return fastibl.read_mesh(path, up="z")
+
+
+# --- .obj
+
+
+def cube_obj(corner):
+    lines = ["v {} {} {}".format(*p) for p in CUBE] + ["vn {} {} {}".format(*n) for n in NORMALS] + ["vt 0 0"]
+    return "\n".join([*lines, *("f " + " ".join(corner(v + 1, k + 1) for v in side) for k, side in enumerate(SIDES))])
+
+
+@pytest.mark.parametrize("corner", ["{0}", "{0}/1", "{0}//{1}", "{0}/1/{1}"])
+def test_obj_corners(corner, tmp_path):
+    """Smooth without normals; a file's own keep its edges sharp."""
+    mesh = read(tmp_path, "cube.obj", cube_obj(corner.format))
+    sharp = "{1}" in corner
+    assert len(mesh.vertices) == (24 if sharp else 8) and len(mesh.triangles) == 12
+    assert area_of(mesh) == pytest.approx(6) and volume_of(mesh) == pytest.approx(1)
+    assert np.abs(mesh.normals).max() == pytest.approx(1 if sharp else 3**-0.5, abs=1e-6)
+
+
+LINES = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+TRIANGLES = {
+    "a mark at its start": "\ufeff" + LINES + "f 1 2 3\n",
+    "tabs and spaces": "\tv\t0 0 0\n  v 1  0 0 \nv 0 1 0 1.0\n \tf 1\t2 3 \n",
+    "other ends of lines": (LINES + "f 1 2 3").replace("\n", "\r\n"),
+    "remarks": "# v 9 9 9\n" + LINES.replace("\n", " # here\n") + "f 1 2 3 # there\n",
+    "lines that go on": LINES.replace("0 1 0", "0 \\\n 1 \\\n0") + "f 1 \\\n2 3",
+    "what is not read": "mtllib a.mtl\no thing\ng all\ns 1\nusemtl red\nvp 1 2\n" + LINES + "l 1 2\nf 1 2 3\np 1\n",
+    "colours of vertices": LINES.replace(" 0\n", " 0 0.5 0.5 0.5\n") + "f 1 2 3\n",
+    "a plus, and exponents": "v +0 0e0 0\nv 1.0E+0 0 0\nv 0 +1e-0 -0\nf 1 2 3\n",
+    "vertices after the face": "f 1 2 3\n" + LINES,
+    "what nothing uses": LINES + "v 9 9 9\nf 1 2 3\nv nan 1 1\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TRIANGLES)
+def test_obj_texts(name, tmp_path):
+    mesh = read(tmp_path, "a.obj", TRIANGLES[name])
+    np.testing.assert_array_equal(mesh.vertices[mesh.triangles], [[(0, 0, 0), (1, 0, 0), (0, 1, 0)]])
+
+
+def test_obj_indices_that_count_back(tmp_path):
+    """Each from the vertices so far, as programs write that append one part after the other."""
+    part = "v 0 0 {0}\nv 1 0 {0}\nv 0 1 {0}\nf -3 -2 -1\n"
+    mesh = read(tmp_path, "a.obj", part.format(0) + part.format(5))
+    assert sorted(mesh.vertices[mesh.triangles].mean(axis=1)[:, 2]) == [0, 5]
+
+
+def polygon_obj(points, start):
+    order = [(start + k) % len(points) + 1 for k in range(len(points))]
+    return "".join("v {} {} {}\n".format(*p) for p in points) + "f " + " ".join(map(str, order))
+
+
+POLYGONS = {
+    "an L": ([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 3.0),
+    "an arrow": ([(0, 0), (2, 1), (0, 2), (1.5, 1)], 0.5),
+    "a comb": ([(0, 0), (5, 0), (5, 2), (4, 2), (4, 1), (3, 1), (3, 2), (2, 2), (2, 1), (1, 1), (1, 2), (0, 2)], 8.0),
+    "corners on an edge": ([(0, 0), (1, 0), (2, 0), (2, 2), (1, 2), (0, 2)], 4.0),
+    "a corner twice": ([(0, 0), (2, 0), (2, 0), (2, 2), (0, 2)], 4.0),
+    "a hole by a slit": ([(0, 0), (3, 0), (3, 3), (0, 3), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)], 8.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", POLYGONS)
+def test_polygons(name, tmp_path):
+    """Their area, whichever corner comes first, whichever way they lie, and no triangle the other way round."""
+    flat, area = POLYGONS[name]
+    rng = np.random.default_rng(2)
+    for start in range(len(flat)):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        points = np.pad(np.array(flat), ((0, 0), (0, 1))) @ turn.T
+        mesh = read(tmp_path, "a.obj", polygon_obj(points.tolist(), start))
+        a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(float) for k in range(3))
+        signed = np.cross(b - a, c - a) @ (np.linalg.det(turn) * turn[:, 2]) / 2
+        assert signed.sum() == pytest.approx(area, abs=1e-5) and signed.min() > -1e-5
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (LINES + "f 0 1 2", ["line 4", '"0"']),
+        (LINES + "f 1 2 9", ["line 4", "from 1 to 3", '"9"']),
+        (LINES + "f 1 2 -9", ["line 4", '"-9"']),
+        (LINES + "f 1//1 2//1 3//1", ["line 4", "normal from 1 to 0"]),
+        (LINES + "f 1 2", ["line 4", "3 corners", "2"]),
+        (LINES + "f 1 2 3x", ["line 4", "3x"]),
+        (LINES + "f 99999999999999999999 2 3", ["line 4", "99999999999999999999"]),
+        (LINES + "f " + "1 2 3 " * 400, ["line 4", "1024", "1200"]),
+        ("v 0 0\n", ["line 1", "three numbers"]),
+        ("v 1,0 0 0\n", ["line 1", "1,0"]),
+        ("v 1e999 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", ["finite"]),
+        ("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", ["finite"]),
+        (LINES, ["holds no triangles"]),
+        ("", ["holds no triangles"]),
+    ],
+)
+def test_obj_errors(text, words, tmp_path):
+    same_error(lambda: read(tmp_path, "a.obj", text), ValueError, "a.obj", *words)
+
+
+def test_far_meshes_are_told(tmp_path):
+    far = "".join(f"v {500000 + x} {4649776 + y} 120\n" for x, y in ((0, 0), (1, 0), (0, 1))) + "f 1 2 3"
+    with pytest.warns(UserWarning, match=r"a.obj is 1 wide .* rounded to 0.3"):
+        read(tmp_path, "a.obj", far)
+
+
+# --- .ply
+
+
+def ply(form, faces, extra=b"", vertex=b"", rows=None):
+    head = b"ply\nformat %s 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty float z\n" % (
+        form,
+        len(CUBE),
+    )
+    head += vertex + b"element face %d\nproperty list uchar int vertex_indices\n" % len(faces) + extra + b"end_header\n"
+    rows = rows or CUBE
+    if form == b"ascii":
+        lines = [" ".join(map(str, row)) for row in rows]
+        tail = " 6 0 0 1 0 0 1" if extra else ""
+        return head + "\n".join([*lines, *(f"{len(f)} " + " ".join(map(str, f)) + tail for f in faces)]).encode()
+    order = "<" if b"little" in form else ">"
+    return (
+        head
+        + b"".join(struct.pack(f"{order}{len(row)}f", *row) for row in rows)
+        + b"".join(struct.pack(f"{order}B{len(f)}i", len(f), *f) for f in faces)
+    )
+
+
+MIXED = [*SIDES[:3], *((s[0], s[1], s[2]) for s in SIDES[3:]), *((s[0], s[2], s[3]) for s in SIDES[3:])]
+
+
+@pytest.mark.parametrize("form", [b"ascii", b"binary_little_endian", b"binary_big_endian"])
+def test_ply_of_triangles_and_quads(form, tmp_path):
+    mesh = read(tmp_path, "a.ply", ply(form, MIXED))
+    assert len(mesh.vertices) == 8 and len(mesh.triangles) == 12
+    assert area_of(mesh) == pytest.approx(6) and volume_of(mesh) == pytest.approx(1)
+
+
+def test_ply_with_normals_and_with_uvs_of_corners(tmp_path):
+    out = [(*p, *(np.array(p) * 2 - 1) / 3**0.5) for p in CUBE]
+    named = b"property float nx\nproperty float ny\nproperty float nz\n"
+    mesh = read(tmp_path, "a.ply", ply(b"binary_little_endian", SIDES, vertex=named, rows=out))
+    np.testing.assert_allclose(mesh.normals, (mesh.vertices * 2 - 1) / 3**0.5, atol=1e-6)
+    corners = ply(b"ascii", [s[:3] for s in SIDES], extra=b"property list uchar float texcoord\n")
+    assert len(read(tmp_path, "b.ply", corners).triangles) == 6
+    same_error(lambda: read(tmp_path, "c.ply", ply(b"ascii", [(0, 1, 8)])), ValueError, "c.ply", "vertex 8 of 8")
+
+
+def test_stl_and_off(tmp_path):
+    off = "OFF\n8 6 0\n" + "\n".join(
+        ["{} {} {}".format(*p) for p in CUBE] + ["4 " + " ".join(map(str, s)) for s in SIDES]
+    )
+    assert volume_of(read(tmp_path, "a.off", off)) == pytest.approx(1)
+    triangles = np.array([(s[0], s[k], s[k + 1]) for s in SIDES for k in (1, 2)])
+    stl = bytes(80) + struct.pack("<I", 12)
+    for t in triangles:
+        stl += struct.pack("<12fH", 0, 0, 0, *np.ravel(np.array(CUBE)[t]), 0)
+    mesh = read(tmp_path, "a.stl", stl)
+    assert len(mesh.vertices) == 8 and volume_of(mesh) == pytest.approx(1)
+
+
+# --- glTF
+
+KINDS = {
+    np.dtype(k): n for k, n in (("i1", 5120), ("u1", 5121), ("<i2", 5122), ("<u2", 5123), ("<u4", 5125), ("<f4", 5126))
+}
+POINTS = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0, 2, 0), (1, 2, 0)], "<f4")
+
+
+class Gltf:
+    """A file made of arrays."""
+
+    def __init__(self):
+        self.data, self.json = b"", {"asset": {"version": "2.0"}, "bufferViews": [], "accessors": [], "nodes": []}
+
+    def view(self, array):
+        self.json["bufferViews"].append({"buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes})
+        self.data += array.tobytes() + bytes(-array.nbytes % 4)
+        return len(self.json["bufferViews"]) - 1
+
+    def add(self, array, **more):
+        kind = {v: k for k, v in WIDTHS.items() if k != "MAT2"}[1 if array.ndim == 1 else int(np.prod(array.shape[1:]))]
+        self.json["accessors"].append(
+            {"bufferView": self.view(array), "componentType": KINDS[array.dtype], "count": len(array), "type": kind}
+            | more
+        )
+        return len(self.json["accessors"]) - 1
+
+    def write(self, path, primitives, **more):
+        self.json["meshes"] = [{"primitives": primitives}]
+        self.json["nodes"] = self.json["nodes"] or [{"mesh": 0}]
+        uri = "data:application/octet-stream;base64," + base64.b64encode(self.data).decode()
+        self.json["buffers"] = [{"byteLength": len(self.data), "uri": uri}]
+        path.write_text(json.dumps(self.json | more))
+        return path
+
+
+@pytest.mark.parametrize("mode, index, area", [(4, [0, 1, 2, 2, 1, 3], 1.0), (5, [0, 1, 2, 3, 4, 5], 2.0),
+                                               (6, [0, 1, 3, 5, 4], 2.0)])  # fmt: skip
+def test_gltf_strips_and_fans(mode, index, area, tmp_path):
+    file = Gltf()
+    path = file.write(
+        tmp_path / "a.gltf",
+        [{"mode": mode, "attributes": {"POSITION": file.add(POINTS)}, "indices": file.add(np.uint16(index))}],
+    )
+    for mesh in (fastibl.read_mesh(path, up="z"), fastibl.read_object(path, up="z")[0]):
+        assert area_of(mesh) == pytest.approx(area)
+        np.testing.assert_allclose(mesh.normals, np.broadcast_to([0, 0, 1], mesh.normals.shape), atol=1e-6)
+
+
+def test_gltf_quantised_sparse_and_placed(tmp_path):
+    """Both readers put what is quantised where its nodes say."""
+    file = Gltf()
+    short = file.add(np.int16(POINTS[:, :3] / 2 * 32767), normalized=True)
+    sparse = file.add(POINTS)
+    file.json["accessors"][sparse]["sparse"] = {
+        "count": 1, "indices": {"bufferView": file.view(np.array([5], "<u2")), "componentType": 5123},
+        "values": {"bufferView": file.view(np.array([(9, 2, 0)], "<f4"))},
+    }  # fmt: skip
+    index = file.add(np.uint32([0, 1, 2, 2, 1, 3, 2, 3, 4, 4, 3, 5]))
+    file.json["nodes"] = [{"mesh": 0, "translation": [10, 0, 0], "scale": [2, 2, 2]}]
+    path = file.write(tmp_path / "a.gltf", [{"attributes": {"POSITION": short}, "indices": index},
+                                            {"attributes": {"POSITION": sparse}, "indices": index}],
+                      extensionsRequired=["KHR_mesh_quantization"])  # fmt: skip
+    for mesh in (fastibl.read_mesh(path, up="z"), fastibl.read_object(path, up="z")[0]):
+        np.testing.assert_allclose(mesh.vertices.min(axis=0), (10, 0, 0), atol=1e-3)
+        np.testing.assert_allclose(mesh.vertices.max(axis=0), (28, 4, 0), atol=1e-3)
+        assert area_of(mesh) == pytest.approx(2 + 24, rel=1e-3)
+
+
+def test_gltf_skins_rest(tmp_path):
+    """By their joints, whatever the node says that holds the mesh."""
+    file = Gltf()
+    inverse = np.tile(np.eye(4, dtype="<f4"), (2, 1, 1))
+    inverse[1, 3, :3] = (0, -1, 0)  # columns follow each other
+    attributes = {"POSITION": file.add(POINTS), "JOINTS_0": file.add(np.uint8([[k > 1, 0, 0, 0] for k in range(6)])),
+                  "WEIGHTS_0": file.add(np.tile(np.float32([1, 0, 0, 0]), (6, 1)))}  # fmt: skip
+    index = file.add(np.uint16([0, 1, 2, 2, 1, 3]))
+    file.json["nodes"] = [
+        {"mesh": 0, "skin": 0, "scale": [100, 100, 100]},
+        {"scale": [2, 2, 2], "children": [2]},
+        {"translation": [0, 3, 0]},
+    ]
+    skins = [{"joints": [1, 2], "inverseBindMatrices": file.add(inverse)}]
+    path = file.write(tmp_path / "a.gltf", [{"attributes": attributes, "indices": index}], skins=skins)
+    mesh = fastibl.read_mesh(path, up="z")
+    expected = [(0, 0, 0), (2, 0, 0), (0, 6, 0), (2, 6, 0)]  # doubled; the upper ones about the joint at 1, moved to 3
+    assert {tuple(np.round(p, 5)) for p in mesh.vertices.tolist()} == {tuple(map(float, p)) for p in expected}
+
+
+def textured(tmp_path, uvs, samplers=None, picture=None, **material):
+    """A square of 2 x 2 whose texture is red on the left, green on the right."""
+    file = Gltf()
+    if picture is None:
+        picture = np.zeros((2, 4, 3), np.uint8)
+        picture[:, :2, 2], picture[:, 2:, 1] = 255, 255
+    cv2.imwrite(str(tmp_path / "a.png"), picture)
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], "<f4")
+    attributes = {"POSITION": file.add(corners), "TEXCOORD_0": file.add(np.asarray(uvs, "<f4"))}
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}} | material
+    texture = {"source": 0, "sampler": 0} if samplers else {"source": 0}
+    part = {"attributes": attributes, "indices": file.add(np.uint16([0, 1, 2, 0, 2, 3])), "material": 0}
+    more = {"materials": [material], "images": [{"uri": "a.png"}], "textures": [texture], "samplers": samplers or []}
+    return file.write(tmp_path / "a.gltf", [part], **more)
+
+
+TWICE = [(-1, 2), (2, 2), (2, -1), (-1, -1)]  # three times along u and v, from the one before
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+@pytest.mark.parametrize("mode, seen", [(10497, "rrggrrggrrgg"), (33071, "rrrrrrgggggg"), (33648, "ggrrrrggggrr")])
+def test_textures_go_on_beyond_their_borders(mode, seen, backend, tmp_path):
+    mesh, material = fastibl.read_object(textured(tmp_path, TWICE, [{"wrapS": mode, "wrapT": mode}]), up="z")
+    assert material.wrap[0] == {10497: "repeat", 33071: "clamp", 33648: "mirror"}[mode]
+    camera = fastibl.Camera(120, 120, 60, 60, 60, 60)  # the square fills the picture
+    scene = fastibl.Scene(mesh, material, spheres=0, visibility_rays=0)
+    try:
+        session = fastibl.Session(
+            scene, fastibl.Rig(camera), environment=fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32)), backend=backend
+        )
+    except RuntimeError as error:
+        pytest.skip(str(error))
+    above = fastibl.Pose(np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1.0], [0, 0, 0, 1]]))
+    session.process(fastibl.Frame(0.0, back_from_marker=above))
+    row = session.object.rgba[60, 5::10, :2]
+    assert "".join("r" if red > green else "g" for red, green in row) == seen
+    # What brute force reads.
+    from fastibl.truth import pbr_surface
+
+    at = np.stack([np.arange(-0.99, 2, 0.25), np.full(12, 0.3)], axis=1)
+    surface = pbr_surface(material, np.tile([0.0, 0, 1], (12, 1)), np.tile([1.0, 0, 0, 1], (12, 1)), at)
+    assert "".join("r" if red > green else "g" for red, green, _ in surface.base_color) == seen
+
+
+def test_wrap_is_named():
+    picture = np.zeros((2, 2, 3), np.uint8)
+    assert fastibl.Material.pbr(picture).wrap == ("repeat", "repeat")
+    assert fastibl.Material.pbr(picture, wrap=("clamp", "mirror")).wrap == ("clamp", "mirror")
+    assert fastibl.Material.pbr(picture, wrap="clamp") != fastibl.Material.pbr(picture)
+    same_error(lambda: fastibl.Material.pbr(picture, wrap="border"), ValueError, "repeat, clamp or mirror", "border")
+    same_error(lambda: fastibl.Material.pbr(picture, wrap=("clamp",)), ValueError, "two", "1")
+    same_error(lambda: fastibl.Material.pbr(picture, wrap=3), TypeError, "repeat, clamp or mirror", "int")
+
+
+def test_sixteen_bits_stay(tmp_path):
+    flat = np.full((4, 4, 3), 32768, np.uint16)
+    flat[..., 0] = 65535
+    path = textured(tmp_path, TWICE, picture=flat, normalTexture={"index": 0}, pbrMetallicRoughness={})
+    np.testing.assert_allclose(fastibl.read_object(path)[1].normal[..., :2], 32768 / 65535, atol=1e-6)
+
+
+def test_one_picture_of_many_materials_counts_once(tmp_path, monkeypatch):
+    monkeypatch.setattr("fastibl.gltf.MOST_PIXELS", 8)
+    path = textured(tmp_path, TWICE, emissiveTexture={"index": 0}, emissiveFactor=[1, 1, 1])
+    assert fastibl.read_object(path)[1].emission.shape == (2, 4, 3)
+
+
+def test_what_is_left_out_is_said(tmp_path):
+    clear = {"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}, "alphaMode": "MASK"}
+    with pytest.warns(UserWarning, match="a.gltf: left out are KHR_materials_clearcoat, transparency"):
+        fastibl.read_object(textured(tmp_path, TWICE, **clear))
+    other = {"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [1, 0, 0, 1]}}}
+    same_error(
+        lambda: fastibl.read_object(textured(tmp_path, TWICE, **other)),
+        ValueError,
+        "KHR_materials_pbrSpecularGlossiness",
+    )
+    file = Gltf()
+    points = file.add(POINTS[:3])
+    packed = {"attributes": {"POSITION": points}, "extensions": {"KHR_draco_mesh_compression": {"bufferView": 0}}}
+    path = file.write(tmp_path / "packed.gltf", [{"attributes": {"POSITION": points}}, packed])
+    for reader in (fastibl.read_mesh, fastibl.read_object):
+        same_error(lambda reader=reader: reader(path), ValueError, "packed.gltf", "KHR_draco_mesh_compression")
+    packed["extensions"] = {"KHR_materials_variants": {"mappings": []}}
+    assert len(fastibl.read_mesh(file.write(tmp_path / "variants.gltf", [packed])).triangles) == 1
