@@ -57,6 +57,10 @@ def dies(item, path):
     path.write_text("whole")
 
 
+def always_dies(item, path):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
 def threads_used(item, path):
     path.write_text(str(fastibl.threads()))
 
@@ -117,10 +121,17 @@ def test_names_are_checked_before_anything_runs(tmp_path):
 
 
 def test_a_worker_that_is_killed_is_told_of(tmp_path):
-    summary = batch.run(dies, range(4), tmp_path, workers=1, progress=False)
-    lost = summary.failed
-    assert "2" in [i.name for i in lost] and all("terminated abruptly" in i.error for i in lost)
-    assert all(text == b"whole" for text in results(tmp_path).values())
+    """And stops nobody else, with one worker or more."""
+    for workers in (1, 2):
+        out = tmp_path / str(workers)
+        summary = batch.run(dies, range(12), out, workers=workers, progress=False)
+        lost = summary.failed
+        assert [i.name for i in lost] == ["2"] and "terminated abruptly" in lost[0].error
+        assert [i.name for i in summary.items] == [str(i) for i in range(12)] and len(summary.of("done")) == 11
+        assert all(text == b"whole" for text in results(out).values()) and len(results(out)) == 11
+        assert not (out / ".unfinished").exists()
+    both = batch.run(always_dies, range(3), tmp_path / "all", workers=2, progress=False)
+    assert len(both.failed) == 3
 
 
 def test_workers_share_the_cores(tmp_path):

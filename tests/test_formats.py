@@ -272,6 +272,131 @@ def test_hostile_maps_are_refused(name, tmp_path):
     same_error(lambda: fastibl.read_environment(tmp_path / name, response=response), ValueError, name, word)
 
 
+EQUIRECT = np.random.default_rng(5).uniform(0.1, 2, (16, 32, 3)).astype(np.float32)
+
+
+def exr_of(path, parts):
+    """A file of (header, channels) parts."""
+    exr = pytest.importorskip("OpenEXR")
+    made = [
+        exr.Part({"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage, **head}, channels, f"part {k}")
+        for k, (head, channels) in enumerate(parts)
+    ]
+    with exr.File(made) as file:
+        file.write(str(path))
+    return path
+
+
+def test_exr_of_several_kinds_of_numbers_and_parts(tmp_path):
+    """Half RGB beside float alpha; depth in a part before the picture."""
+    half = {c: EQUIRECT[..., k].astype(np.float16) for k, c in enumerate("RGB")}
+    expected = fastibl.cubemap_from_equirect(EQUIRECT.astype(np.float16).astype(np.float32), size=16).faces
+    mixed = exr_of(tmp_path / "a.exr", [({}, half | {"A": np.ones((16, 32), np.float32)})])
+    np.testing.assert_array_equal(fastibl.read_environment(mixed, 16).faces, expected)
+    parts = exr_of(tmp_path / "b.exr", [({}, {"Z": np.ones((16, 32), np.float32)}), ({}, half)])
+    np.testing.assert_array_equal(fastibl.read_environment(parts, 16).faces, expected)
+
+
+def test_exr_data_window(tmp_path):
+    """A part of the picture lies where its windows say; the rest is black."""
+    window = lambda left, top, w, h: (np.array([left, top], np.int32), np.array([left + w - 1, top + h - 1], np.int32))  # noqa: E731
+    for display, data in (
+        ((0, 0, 32, 16), (8, 4, 16, 8)),
+        ((5, -3, 32, 16), (5, -3, 32, 10)),
+        ((4, 4, 16, 8), (0, 0, 32, 16)),
+    ):
+        (left, top, w, h), (x, y, dw, dh) = display, data
+        path = exr_of(tmp_path / "a.exr", [({"displayWindow": window(*display), "dataWindow": window(*data)},
+                                            {"RGB": np.ascontiguousarray(EQUIRECT[:dh, :dw])})])  # fmt: skip
+        whole = np.zeros((h, w, 3), np.float32)
+        for row in range(h):
+            for column in range(w):
+                if 0 <= row + top - y < dh and 0 <= column + left - x < dw:
+                    whole[row, column] = EQUIRECT[row + top - y, column + left - x]
+        expected = fastibl.cubemap_from_equirect(whole, size=8).faces
+        np.testing.assert_array_equal(fastibl.read_environment(path, 8).faces, expected)
+
+
+def test_exr_primaries(tmp_path):
+    """A colour in ACES' primaries is the same colour in Rec. 709: by Mitsuba's and the ACES documents' matrix."""
+    to_709 = np.array([[2.52169, -1.13413, -0.38756], [-0.27648, 1.37272, -0.09624], [-0.01538, -0.15298, 1.16835]])
+    aces = EQUIRECT @ np.linalg.inv(to_709).T.astype(np.float32)
+    head = {"chromaticities": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)}
+    found = fastibl.read_environment(exr_of(tmp_path / "a.exr", [(head, {"RGB": aces.astype(np.float32)})]), 16).faces
+    np.testing.assert_allclose(found, fastibl.cubemap_from_equirect(EQUIRECT, size=16).faces, atol=2e-3)
+    same = {"chromaticities": (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)}
+    found = fastibl.read_environment(exr_of(tmp_path / "b.exr", [(same, {"RGB": EQUIRECT})]), 16).faces
+    np.testing.assert_array_equal(found, fastibl.cubemap_from_equirect(EQUIRECT, size=16).faces)
+
+
+def hdr_with(tmp_path, *lines, order=b"-Y 16 +X 32"):
+    from fastibl.pictures import write_picture
+
+    write_picture(tmp_path / "plain.hdr", EQUIRECT)
+    data = (tmp_path / "plain.hdr").read_bytes()
+    data = data.replace(b"\n\n", b"\n" + b"".join(line + b"\n" for line in lines) + b"\n", 1)
+    (tmp_path / "a.hdr").write_bytes(data.replace(b"-Y 16 +X 32", order))
+    return fastibl.read_environment(tmp_path / "plain.hdr", 16).faces, tmp_path / "a.hdr"
+
+
+def test_radiance_headers(tmp_path):
+    """Radiance's own definition of EXPOSURE; pictures that run from another corner."""
+    plain, path = hdr_with(tmp_path, b"EXPOSURE=2", b"VIEW=-vta", b"EXPOSURE= 4.0e+00")
+    np.testing.assert_allclose(fastibl.read_environment(path, 16).faces, plain / 8, rtol=1e-6)
+    from fastibl.pictures import read_picture
+
+    upright = read_picture(tmp_path / "plain.hdr")
+    for order, flips in ((b"+Y 16 +X 32", 0), (b"-Y 16 -X 32", 1), (b"+Y 16 -X 32", (0, 1))):
+        _, path = hdr_with(tmp_path, order=order)
+        np.testing.assert_array_equal(read_picture(path), np.flip(upright, flips))
+    _, path = hdr_with(tmp_path, order=b"+X 32 -Y 16")
+    same_error(lambda: fastibl.read_environment(path), ValueError, "a.hdr", "columns")
+    (tmp_path / "xyz.hdr").write_bytes(
+        path.read_bytes().replace(b"+X 32 -Y 16", b"-Y 16 +X 32").replace(b"rgbe", b"xyze")
+    )
+    same_error(lambda: fastibl.read_environment(tmp_path / "xyz.hdr"), ValueError, "xyz.hdr", "32-bit_rle_xyze")
+
+
+def test_photographs_are_no_crosses(marked, tmp_path):
+    photograph = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "photograph.png"), photograph)
+    read = lambda name: fastibl.read_environment(tmp_path / name, response=fastibl.Response.srgb())  # noqa: E731
+    same_error(lambda: read("photograph.png"), ValueError, "photograph.png", "corners are not empty", "twice as wide")
+    same_error(
+        lambda: fastibl.read_environment(tmp_path / "photograph.png", response="srgb"), TypeError, "response", "str"
+    )
+    fastibl.write_environment(tmp_path / "cross.hdr", marked, layout="cross")
+    assert fastibl.read_environment(tmp_path / "cross.hdr").size == marked.size
+
+
+def test_what_files_hold_is_counted_when_cleaned(tmp_path):
+    broken = EQUIRECT.copy()
+    broken[3, 3, 0], broken[4, 4, 1], broken[5, 5, 2] = np.nan, -1, np.inf
+    path = exr_of(tmp_path / "a.exr", [({}, {"RGB": broken})])
+    expected = fastibl.cubemap_from_equirect(broken, size=16).cleaned
+    assert min(expected.values()) > 0
+    for axes in ("marker", "gltf"):
+        assert fastibl.read_environment(path, 16, axes=axes).cleaned == expected
+
+
+def test_an_export_that_fails_leaves_what_was_there(marked, tmp_path):
+    fastibl.export_light(marked, tmp_path, size=32, levels=3, sh="filament")
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    assert "sh.txt" in before and "light.json" in before
+    for wrong in (dict(size=48, gltf=True), dict(layout="equirect"), dict(format="ktx2", levels=9, size=64)):
+        with pytest.raises(ValueError):
+            fastibl.export_light(marked, tmp_path, **wrong)
+        assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+    for call in (fastibl.export_light, fastibl.write_gltf_light, fastibl.write_usd):
+        same_error(lambda call=call: call(*((None, tmp_path) if call is fastibl.export_light else (
+            tmp_path / ("a.glb" if call is fastibl.write_gltf_light else "a.usda"), None))),
+            TypeError, "cube must be CubeMap", "None")  # fmt: skip
+    same_error(lambda: fastibl.write_shadow(tmp_path / "a.exr", None), TypeError, "shadow must be ShadowMap", "None")
+    same_error(lambda: fastibl.compare("room.hdr", marked), TypeError, "a map must be", "str")
+    same_error(lambda: fastibl.compare(np.zeros((6, 4, 4, 3), np.uint8), marked), TypeError)
+    same_error(lambda: fastibl.write_environment(tmp_path / "a.hdr", marked, height=-4), ValueError, "height", "-4")
+
+
 def test_hostile_exr(tmp_path):
     """A header of 64 thousand squared pixels on a small file: refused before any of them is asked for."""
     pytest.importorskip("OpenEXR", reason="pip install fastibl[exr]")

@@ -88,6 +88,10 @@ same texels in that part of a face. For what is made from a map, to be renewed o
           },
           "Numbers of values that cleaning on entry changed: nan, negative, capped.")
       .def(
+          "_count_cleaned_of",
+          [](CubeMap& cube, const CubeMap& made_of) { cube.set_cleaned(made_of.cleaned()); },
+          py::arg("made_of"))
+      .def(
           "mean", [](const CubeMap& cube) { return triple(cube.mean()); },
           "Solid-angle mean radiance of the sphere, RGB.")
       .def(

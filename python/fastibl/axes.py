@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ._fastibl import CubeMap, texel_directions
+from ._fastibl import CubeMap, Environment, texel_directions
+from .expected import expect
 
 # Rows give a direction in the named axes from one in the marker frame: x stays, up is y, and what lies up the board
 # (marker +y) lies along -z, where a glTF or three.js camera looks.
@@ -35,6 +36,13 @@ _FACES = np.array(
 )
 
 
+def radiance_of(cube: CubeMap | Environment) -> CubeMap:
+    """The map itself. Raises TypeError for what is neither."""
+    radiance = cube.radiance if isinstance(cube, Environment) else cube
+    expect(radiance, CubeMap, "cube")
+    return radiance
+
+
 def matrix(axes: str, picture: bool = False) -> NDArray[np.int_]:
     """(3, 3): a direction in the named axes is this matrix times the one in the marker frame.
 
@@ -56,7 +64,9 @@ def turned(cube: CubeMap, turn: NDArray[np.int_]) -> CubeMap:
     face = np.argmax(along, axis=-1)
     column = (np.einsum("...i,...i", there, _FACES[face, 1]) + n - 1) // 2
     row = (np.einsum("...i,...i", there, _FACES[face, 2]) + n - 1) // 2
-    return CubeMap(cube.faces[face, row, column])
+    result = CubeMap(cube.faces[face, row, column])
+    result._count_cleaned_of(cube)
+    return result
 
 
 def to_axes(cube: CubeMap, axes: str) -> CubeMap:

@@ -113,8 +113,8 @@ def run(
     begin = time.perf_counter()
     results = {n: Item(n, "kept") for n in names if (out / n).exists()}
     todo = {n: item for n, item in zip(names, items, strict=True) if n not in results}
-    with _executor(executor, workers, len(todo)) as (runner, share), _bar(len(names), len(results), progress) as bar:
-        for item in _finished(runner, function, todo, out.absolute(), threads or share):
+    with _bar(len(names), len(results), progress) as bar:
+        for item in _every(executor, workers, function, todo, out.absolute(), threads):
             results[item.name] = item
             bar.update()
             if item.error:
@@ -180,20 +180,46 @@ def _bar(total: int, initial: int, shown: bool) -> Iterator[Any]:
         yield bar
 
 
+def _every(
+    executor: Any, workers: int | None, function: Callable[[Any, Path], object], todo: dict[str, Any], out: Path,
+    threads: int | None,
+) -> Iterator[Item]:  # fmt: skip
+    """All items. A process that is killed takes its pool with it: those that it may have worked on go alone, one after
+    the other, to tell which it was, and the others to a new pool."""
+    left, hopeful = dict(todo), executor is None
+    while left:
+        lost: list[str] = []
+        before = len(left)
+        with _executor(executor, workers, before) as (runner, share):
+            for item in _finished(runner, function, dict(left), out, threads or share, lost if hopeful else None):
+                del left[item.name]
+                yield item
+        hopeful = bool(lost) or len(left) < before  # else no process even begins
+        for name in lost:
+            with _executor(None, 1, 1) as (runner, _):
+                yield from _finished(runner, function, {name: left.pop(name)}, out, threads or share, None)
+
+
 def _finished(
-    runner: Any, function: Callable[[Any, Path], object], todo: dict[str, Any], out: Path, threads: int | None
-) -> Iterator[Item]:
-    """Items as they come back, from futures of any kind."""
+    runner: Any, function: Callable[[Any, Path], object], todo: dict[str, Any], out: Path, threads: int | None,
+    lost: list[str] | None,
+) -> Iterator[Item]:  # fmt: skip
+    """Items as they come back, from futures of any kind. lost: takes the names of those that may have ended their
+    process, with which all others come to nothing, and are not given; None: they are failed items."""
+    from concurrent.futures.process import BrokenProcessPool
+
     back: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-    futures = []
+    futures, begun = [], {}
     try:
         for n, item in todo.items():
             # A name of its own: an executor that remembers calls must not answer with an earlier one's failure.
             part = out / _UNFINISHED / f"{uuid.uuid4().hex[:12]}-{n}"
+            begun[n] = _mark(part)
             try:
                 future = runner.submit(_attempt, function, item, part, out / n, threads)
             except Exception as broke:  # the pool: of those that were submitted we hear
-                yield Item(n, "failed", 0.0, _last_line(broke))
+                if lost is None:
+                    yield Item(n, "failed", 0.0, _last_line(broke))
                 continue
             futures.append(future)
             future.add_done_callback(lambda done, n=n: back.put((n, done)))
@@ -201,8 +227,14 @@ def _finished(
             n, future = back.get()
             try:
                 seconds, error, trace = future.result()
-            except Exception as lost:  # its process was killed, or it cannot be sent there
-                seconds, error, trace = 0.0, _last_line(lost), ""
+            except BrokenProcessPool as broke:
+                if lost is not None:
+                    if begun[n].exists():
+                        lost.append(n)
+                    continue
+                seconds, error, trace = 0.0, _last_line(broke), ""
+            except Exception as broke:  # its process was killed, or it cannot be sent there
+                seconds, error, trace = 0.0, _last_line(broke), ""
             yield Item(n, "failed" if error else "done", seconds, error, trace)
     except BaseException:
         for future in futures:
@@ -217,11 +249,12 @@ def _attempt(
     begin = time.perf_counter()
     error = trace = ""
     try:
+        part.parent.mkdir(exist_ok=True)
+        _mark(part).touch()
         if threads is not None:
             from ._fastibl import set_threads
 
             set_threads(threads)
-        part.parent.mkdir(exist_ok=True)
         function(item, part)
         if not part.exists():
             raise FileNotFoundError("the function returned without writing a file or folder at its path")
@@ -230,7 +263,13 @@ def _attempt(
     except Exception as raised:  # noqa: BLE001 - the summary tells
         error, trace = _last_line(raised), traceback.format_exc()
         _remove(part)
+    _mark(part).unlink(missing_ok=True)
     return time.perf_counter() - begin, error, trace
+
+
+def _mark(part: Path) -> Path:
+    """A file that is there while an item is worked on."""
+    return part.with_name(f"{part.name}.begun")
 
 
 def _last_line(error: BaseException) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import CubeMap, Environment, texel_directions, texel_solid_angles
+from .expected import expect
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,8 @@ class Comparison:
 def _radiance(source: Any) -> CubeMap:
     if isinstance(source, Environment):
         return source.radiance
-    return source if isinstance(source, CubeMap) else CubeMap(np.asarray(source, np.float64))
+    expect(source, (CubeMap, np.ndarray), "a map")
+    return source if isinstance(source, CubeMap) else CubeMap(source)
 
 
 def level_at_most(source: Any, size: int) -> NDArray:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import dds, ktx2
 from ._fastibl import CubeMap, Environment, Response, cubemap_from_equirect, equirect_from_cubemap
-from .axes import from_axes, handed, matrix, to_axes, turned
+from .axes import from_axes, handed, matrix, radiance_of, to_axes, turned
 from .expected import expect
 from .pictures import read_picture, write_picture
 
@@ -42,6 +42,7 @@ def read_environment(
     allows; ImportError for .exr without OpenEXR, and for a .ktx2 packed by Zstandard without zstandard.
     """
     path = Path(path)
+    expect(response, (Response, type(None)), "response", "Response.srgb() is that of most pictures")
     turn = matrix(axes, picture=True)
     if path.suffix.lower() in _CUBE_READERS:
         if response is not None:
@@ -56,6 +57,7 @@ def read_environment(
         faces = image.reshape(6, width, width, 3)
     elif 3 * width == 4 * height and height % 3 == 0:
         n = height // 3
+        _check_cross(path, image, n)
         faces = np.stack([image[r * n : (r + 1) * n, c * n : (c + 1) * n] for r, c in _CROSS])
     elif width == height and path.stem.endswith("_px"):
         faces = _read_faces(path, image, response)
@@ -65,6 +67,18 @@ def read_environment(
             "1 x 6, a cross 4 x 3"
         )
     return from_axes(CubeMap(faces), axes)
+
+
+def _check_cross(path: Path, image: NDArray[np.float32], n: int) -> None:
+    """Most photographs are 4 x 3 too: nothing is between the arms of a cross."""
+    empty = [
+        image[r * n : (r + 1) * n, c * n : (c + 1) * n] for r in range(3) for c in range(4) if (r, c) not in _CROSS
+    ]
+    if max(float(np.std(cell, axis=(0, 1)).max()) for cell in empty) > 0.02 * float(np.mean(image)):
+        raise ValueError(
+            f"{path} is 4 x 3, as a cross of cube faces is, but its corners are not empty; an equirectangular picture "
+            "is twice as wide as high"
+        )
 
 
 def write_environment(
@@ -95,8 +109,7 @@ def write_environment(
     without OpenEXR.
     """
     path = Path(path)
-    radiance = cube.radiance if isinstance(cube, Environment) else cube
-    expect(radiance, CubeMap, "cube")
+    radiance = radiance_of(cube)
     if layout not in LAYOUTS:
         raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {layout!r}")
     if layout != "equirect" and height is not None:
@@ -118,6 +131,8 @@ def averaged_equirect(cube: CubeMap, height: int | None = None) -> NDArray[np.fl
     Samples at the pixels' centres alone put the irradiance of a map with small bright lights 0.3 % off.
     """
     height = 2 * cube.size if height is None else height
+    if height < 1:
+        raise ValueError(f"height must be at least 1 pixel, got {height}")
     finer = next((k for k in (4, 2) if k * height <= _FINEST), 1)
     fine = equirect_from_cubemap(cube, height=finer * height)
     return fine.reshape(height, finer, 2 * height, finer, 3).mean(axis=(1, 3))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ._fastibl import CubeMap, Environment, _level_parameters
-from .axes import handed, matrix, to_axes
+from .axes import handed, matrix, radiance_of, to_axes
 from .environment_files import FACES, write_environment, write_faces
 from .gltf_light import write_gltf_light
 from .ktx2 import write_ktx2
@@ -26,6 +28,7 @@ SH_BASIS = (
     "real, orthonormal, no Condon-Shortley phase: 0.282095; 0.488603 y, z, x; 1.092548 xy, 1.092548 yz, "
     "0.315392 (3 z^2 - 1), 1.092548 xz, 0.546274 (x^2 - y^2); irradiance is the sum times pi, 2 pi/3, pi/4 by order"
 )
+_MANIFEST = "light.json"
 
 
 def export_light(
@@ -61,23 +64,15 @@ def export_light(
         raise ValueError(f"format must be one of {', '.join(FORMATS)}, got {format!r}")
     if irradiance < 1:
         raise ValueError(f"irradiance must be at least 1 texel wide, got {irradiance}")
-    for convention in sh:
+    for convention in (sh := (sh,) if isinstance(sh, str) else tuple(sh)):
         if convention not in CONVENTIONS:
             raise ValueError(f"sh must be of {', '.join(CONVENTIONS)}, got {convention!r}")
-    radiance = cube.radiance if isinstance(cube, Environment) else cube
+    radiance = radiance_of(cube)
     alphas = _level_parameters(mapping, levels)
     turned = to_axes(radiance, axes)
     lighting = Lighting(turned)
     made = [level for level in lighting.prefiltered(size, levels, mapping=mapping, error=error) if level is not None]
     diffuse = lighting.irradiance_cube(irradiance)
-
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_environment(folder / f"environment.{format}", radiance, axes=axes, handedness=handedness)
-    if format == "ktx2":
-        cubes = _write_ktx2(folder, diffuse, made, handedness)
-    else:
-        cubes = _write_pictures(folder, diffuse, made, format, layout)
     manifest = {
         "axes": axes,
         "axes_from_marker": matrix(axes).tolist(),
@@ -86,20 +81,37 @@ def export_light(
         "handedness": handedness if format == "ktx2" else "right",
         "environment": f"environment.{format}",
         "sh9": {"basis": SH_BASIS, "radiance": np.round(lighting.sh9.astype(np.float64), 8).tolist()},
-        "irradiance": {"size": irradiance, "files": cubes[0]},
-        "prefiltered": {
+        "lights": [_light(light) for light in getattr(lighting, "lights", ())],
+    }
+    with _written_whole(Path(folder)) as part:
+        write_environment(part / f"environment.{format}", radiance, axes=axes, handedness=handedness)
+        if format == "ktx2":
+            cubes = _write_ktx2(part, diffuse, made, handedness)
+        else:
+            cubes = _write_pictures(part, diffuse, made, format, layout)
+        manifest["irradiance"] = {"size": irradiance, "files": cubes[0]}
+        manifest["prefiltered"] = {
             "model": "D(theta/2) cos(theta) of GGX, normalised, view along the normal",
             "mapping": mapping,
             "levels": [
                 {"size": level.size, "alpha": alpha, "roughness": float(np.sqrt(alpha)), "files": files}
                 for level, alpha, files in zip(made, alphas, cubes[1:], strict=True)
             ],
-        },
-        "lights": [_light(light) for light in getattr(lighting, "lights", ())],
-        "also": _write_others(folder, radiance, axes, size, error, format, sh, gltf, usd),
-    }
-    (folder / "light.json").write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+        }
+        manifest["also"] = _write_others(part, radiance, axes, size, error, format, sh, gltf, usd)
+        (part / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
     return manifest
+
+
+@contextmanager
+def _written_whole(folder: Path) -> Iterator[Path]:
+    """A folder whose files go into `folder` together, if all could be written; the manifest last."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".unfinished-") as unfinished:
+        yield Path(unfinished)
+        (folder / _MANIFEST).unlink(missing_ok=True)  # it would speak of files that are there no more
+        for path in sorted(Path(unfinished).iterdir(), key=lambda path: path.name == _MANIFEST):
+            os.replace(path, folder / path.name)
 
 
 def _write_pictures(folder: Path, diffuse: CubeMap, made: list[CubeMap], format: str, layout: str) -> list[list[str]]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import CubeMap, Environment, __version__
-from .axes import handed, to_axes
+from .axes import handed, radiance_of, to_axes
 from .lighting import Lighting
 from .sh_files import COSINE
 
@@ -45,7 +45,7 @@ def write_gltf_light(
         raise ValueError(f"{path} must end in .glb or .gltf")
     if size < 2 * _SMALLEST or size & (size - 1):
         raise ValueError(f"size must be a power of two of at least {2 * _SMALLEST}, got {size}")
-    turned = to_axes(cube.radiance if isinstance(cube, Environment) else cube, "gltf")
+    turned = to_axes(radiance_of(cube), "gltf")
     levels = Lighting(turned).prefiltered(size, (size // _SMALLEST).bit_length(), mapping="gltf", error=error)
     # Cube coordinates of the extension's readers are left-handed, for the harmonics as for the faces.
     mirrored = [handed(level, "left").faces for level in levels if level is not None]

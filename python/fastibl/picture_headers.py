@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import struct
 
-_RADIANCE = re.compile(rb"[-+]Y +(\d{1,10}) +[-+]X +(\d{1,10})[ \r]*\n")
+_RADIANCE = re.compile(rb"([-+])Y +(\d{1,10}) +([-+])X +(\d{1,10})[ \r]*\n")
+_BY_COLUMNS = re.compile(rb"[-+]X +\d{1,10} +[-+]Y +\d{1,10}[ \r]*\n")
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOF0 to SOF15 but DHT, JPG, DAC
 
 
@@ -39,9 +40,41 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
 
 def radiance_size(data: bytes) -> tuple[int, int]:
     """(width, height) of a Radiance .hdr file. Raises ValueError for what is none."""
+    found = _radiance_head(data)
+    return int(found[4]), int(found[2])
+
+
+def radiance_upright(data: bytes) -> tuple[bytes, tuple[int, ...], float]:
+    """A Radiance .hdr file said to run from the upper left; the axes along which it does not; its exposure.
+
+    The exposure is the product of its EXPOSURE lines: values in the file are radiance times it (Ward, Radiance picture
+    files). Raises ValueError for what is no such file, or one that runs by columns, or of XYZ.
+    """
+    found = _radiance_head(data)
+    head = data[: found.start()]
+    form = re.search(rb"^FORMAT=(.*?)\s*$", head, re.MULTILINE)
+    if form and form[1].strip() != b"32-bit_rle_rgbe":
+        raise ValueError(f"its FORMAT is {form[1].decode(errors='replace').strip()}; expected 32-bit_rle_rgbe")
+    exposure = 1.0
+    for line in re.findall(rb"^EXPOSURE=\s*([-+.\deE]+)\s*$", head, re.MULTILINE):
+        try:
+            exposure *= float(line)
+        except ValueError:
+            continue
+    flips = tuple(axis for axis, sign in ((0, b"+"), (1, b"-")) if found[1 if axis == 0 else 3] == sign)
+    upright = b"-Y %d +X %d\n" % (int(found[2]), int(found[4]))
+    if flips:
+        data = head + upright + data[found.end() :]
+    return data, flips, exposure if 1e-30 < exposure < 1e30 else 1.0
+
+
+def _radiance_head(data: bytes) -> re.Match[bytes]:
     # The size is the line after the header's blank line; a comment may hold one that is none.
     end = data.find(b"\n\n", 0, 65536)
-    found = _RADIANCE.match(data, end + 2) if end > 0 else None
-    if not data.startswith(b"#?") or not found:
-        raise ValueError("it is no Radiance picture")
-    return int(found[2]), int(found[1])
+    if data.startswith(b"#?") and end > 0:
+        found = _RADIANCE.match(data, end + 2)
+        if found:
+            return found
+        if _BY_COLUMNS.match(data, end + 2):
+            raise ValueError("it runs by columns (X before Y); pictures are read that run by rows")
+    raise ValueError("it is no Radiance picture")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ._fastibl import Response
 from .file_limits import check_file_size, check_pixels, file_bytes
-from .picture_headers import jpeg_size, png_size, radiance_size
+from .picture_headers import jpeg_size, png_size, radiance_size, radiance_upright
 
 LINEAR = (".hdr", ".exr")
 ENCODED = (".png", ".jpg", ".jpeg")
@@ -60,7 +60,10 @@ def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
     """
     import cv2
 
+    flips, exposure = (), 1.0
     try:
+        if size_of is radiance_size:
+            data, flips, exposure = radiance_upright(data)
         width, height = size_of(data)
     except ValueError as error:
         raise ValueError(f"{name} is not a picture that can be read: {error}") from error
@@ -73,7 +76,8 @@ def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
         image = None
     if image is None or image.shape != (height, width, 3):
         raise ValueError(f"{name} is not a picture that can be read: it is damaged or cut off")
-    return np.ascontiguousarray(image[..., ::-1])
+    image = np.flip(image[..., ::-1], flips)
+    return np.ascontiguousarray(image if exposure == 1 else image * np.float32(1 / exposure))
 
 
 def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> None:
@@ -117,16 +121,51 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
     pixels = sum(_exr_pixels(path, header, exr) for header in headers)
     check_pixels(path, pixels, 1)  # of all parts together
     try:
-        with exr.File(str(path)) as file:
-            channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
+        with exr.File(str(path), separate_channels=True) as file:
+            parts = [{name: np.array(c.pixels, np.float32) for name, c in p.channels.items()} for p in file.parts]
     except Exception as error:
         raise ValueError(f"{path} is not an OpenEXR picture that can be read: {error}") from error
-    for name in ("RGB", "RGBA"):
-        if name in channels:
-            return np.ascontiguousarray(channels[name][..., :3], np.float32)
-    if not {"R", "G", "B"} <= set(channels):
-        raise ValueError(f"{path} holds the channels {', '.join(sorted(channels))}; expected R, G and B")
-    return np.stack([channels[c] for c in "RGB"], axis=-1).astype(np.float32)
+    for header, channels in zip(headers, parts, strict=True):
+        if {"R", "G", "B"} <= set(channels):
+            return _as_rec709(_displayed(np.stack([channels[c] for c in "RGB"], axis=-1), path, header), header)
+    names = sorted({name for channels in parts for name in channels})
+    raise ValueError(f"{path} holds the channels {', '.join(names)}; expected R, G and B")
+
+
+def _displayed(image: NDArray[np.float32], path: Path, header: dict[str, Any]) -> NDArray[np.float32]:
+    """The picture that a data window is a part of: black around it."""
+    (left, top), _ = header["dataWindow"]
+    (first, upper), (last, lower) = header.get("displayWindow", header["dataWindow"])
+    width, height = int(last) - int(first) + 1, int(lower) - int(upper) + 1
+    x, y = int(left) - int(first), int(top) - int(upper)
+    if (x, y, width, height) == (0, 0, image.shape[1], image.shape[0]):
+        return image
+    check_pixels(path, width, height)
+    whole = np.zeros((height, width, 3), np.float32)
+    part = image[max(-y, 0) : max(height - y, 0), max(-x, 0) : max(width - x, 0)]
+    whole[max(y, 0) : max(y, 0) + part.shape[0], max(x, 0) : max(x, 0) + part.shape[1]] = part
+    return whole
+
+
+_REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # with its white, D65
+_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+
+
+def _as_rec709(image: NDArray[np.float32], header: dict[str, Any]) -> NDArray[np.float32]:
+    """By the header's primaries, its white taken to D65 (Lindbloom, Chromatic Adaptation: Bradford)."""
+    given = np.asarray(header.get("chromaticities", _REC709), np.float64).reshape(-1)
+    if given.shape != (8,) or np.abs(given - _REC709).max() < 2e-3:
+        return image
+    (xyz_of, white), (xyz_of_709, white_709) = _xyz_of_rgb(given), _xyz_of_rgb(np.array(_REC709))
+    adapted = np.linalg.inv(_BRADFORD) @ np.diag((_BRADFORD @ white_709) / (_BRADFORD @ white)) @ _BRADFORD
+    return (image @ (np.linalg.inv(xyz_of_709) @ adapted @ xyz_of).T.astype(np.float32)).astype(np.float32)
+
+
+def _xyz_of_rgb(chromaticities: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(3, 3), and the white's XYZ, of x and y of red, green, blue and white."""
+    x, y = chromaticities[::2], chromaticities[1::2]
+    every = np.stack([x / y, np.ones(4), (1 - x - y) / y]) if (y != 0).all() else np.full((3, 4), np.nan)
+    return every[:, :3] * np.linalg.solve(every[:, :3], every[:, 3]), every[:, 3]
 
 
 def _exr_pixels(path: Path, header: dict[str, Any], exr: Any) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import CubeMap, Environment
-from .axes import to_axes
+from .axes import radiance_of, to_axes
 from .lighting import Lighting
 
 CONVENTIONS = ("filament", "three.js")
@@ -32,7 +32,7 @@ def spherical_harmonics(cube: CubeMap | Environment, convention: str, axes: str 
     """
     if convention not in CONVENTIONS:
         raise ValueError(f"convention must be one of {', '.join(CONVENTIONS)}, got {convention!r}")
-    radiance = Lighting(to_axes(cube.radiance if isinstance(cube, Environment) else cube, axes)).sh9.astype(np.float64)
+    radiance = Lighting(to_axes(radiance_of(cube), axes)).sh9.astype(np.float64)
     if convention == "three.js":
         return radiance
     return radiance * (BASIS * COSINE / np.pi)[:, None]

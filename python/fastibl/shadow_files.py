@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import ShadowMap
+from .expected import expect
 from .pictures import write_exr
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
@@ -36,6 +37,7 @@ def write_shadow(
     suffix = path.suffix.lower()
     if suffix not in (".exr", ".png"):
         raise ValueError(f"{path} must end in .exr or .png")
+    expect(shadow, ShadowMap, "shadow")
     extent = float(shadow.reach if extent is None else extent)
     if not 0 < extent < np.inf:
         raise ValueError(f"extent must be positive and finite (metres), got {extent}")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ._fastibl import CubeMap, Environment
-from .axes import matrix, turned
+from .axes import matrix, radiance_of, turned
 from .environment_files import averaged_equirect
 from .pictures import LINEAR, write_picture
 
@@ -45,8 +45,9 @@ def write_usd(
         raise ValueError(f"{path} must end in .usda")
     if f".{format}" not in LINEAR:
         raise ValueError(f'format must be "hdr" or "exr", got {format!r}')
-    picture_from_marker = _PICTURE_FROM_DOME @ _DOME_FROM_STAGE.get(axes, np.eye(3, dtype=int)) @ matrix(axes)
-    radiance = cube.radiance if isinstance(cube, Environment) else cube
+    stage_from_marker = matrix(axes)  # which knows their names
+    picture_from_marker = _PICTURE_FROM_DOME @ _DOME_FROM_STAGE[axes] @ stage_from_marker
+    radiance = radiance_of(cube)
     picture = path.with_name(f"{path.stem}_dome.{format}")
     write_picture(picture, averaged_equirect(turned(radiance, picture_from_marker), height))
     path.write_text(_stage(picture.name, axes), encoding="utf-8")
