@@ -89,6 +89,13 @@ class Window:
             self._tool("key", "--window", self._id, key)
             time.sleep(0.05)
 
+    def hold(self, key: str, seconds: float) -> None:
+        """As a keyboard repeats it."""
+        self._tool("windowfocus", self._id)
+        self._tool("keydown", key)
+        time.sleep(seconds)
+        self._tool("keyup", key)
+
     def type(self, text: str) -> None:
         self._tool("type", "--window", self._id, "--delay", "30", text)
 

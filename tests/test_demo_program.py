@@ -211,6 +211,98 @@ def edited(folder, tmp_path, name, edit):
     return copy
 
 
+MATRIX = "camera_matrix: !!opencv-matrix"
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda text: text.replace("rows: 3", "sizes: [" + "1094795585, " * 40 + "1]", 1), "rows and cols"),
+        (lambda text: text.replace("rows: 3", "rows: 2000000000", 1), "must be a matrix of 2000000000"),
+        (lambda text: text.replace("rows: 3", "rows: -3", 1), "must be a matrix of -3"),
+        (lambda text: text.replace("cols: 3", "cols: 4", 1), "must be a matrix of 3 × 4 values"),
+        (lambda text: text.replace("width: 320", "width: 320.5", 1), "must be a whole number, got 320.5"),
+        (lambda text: text.replace("width: 320", "width: wide", 1), "no number width"),
+        (lambda text: text + "x: 1\n" * 2**20, "at most 4194304"),
+    ],
+)
+def test_hostile_calibrations(folder, tmp_path, change, message):
+    """OpenCV's own reader of matrices writes beyond its memory."""
+    text = run("--recording", edited(folder, tmp_path, "rig.yaml", change), "--headless", code=2)
+    assert message in text and "rig.yaml" in text
+
+
+def test_pictures_that_are_cut_or_elsewhere(folder, tmp_path):
+    copy = shutil.copytree(folder, tmp_path / "copy")
+    whole = cv2.imencode(".jpg", cv2.imread(str(copy / "back" / "00000.png")))[1].tobytes()
+    table = copy / "frames.csv"
+    for name, content, words in (
+        ("cut.jpg", whole[:-200], "may be cut off"),
+        ("out.png", tmp_path / "secret.png", "leads out of the recording's folder"),
+        ("list.mkv#0", b"#EXTM3U\n#EXTINF:1,\n" + str(tmp_path / "secret.ts").encode(), "no Matroska, AVI or MP4 file"),
+    ):
+        path = copy / name.partition("#")[0]
+        if isinstance(content, bytes):
+            path.write_bytes(content)
+        else:
+            shutil.copy(folder / "back" / "00000.png", content)
+            path.symlink_to(content)
+        table.write_text(f"time,camera,file,exposure\n0.0,back,back/00000.png,1.0\n0.1,back,{name},1.0\n")
+        done = subprocess.run(
+            [str(PROGRAM), "--recording", str(copy), "--headless"], capture_output=True, text=True, timeout=300
+        )
+        assert done.returncode == 0 and words in done.stderr and "1 of 2 frames were read" in done.stderr
+
+
+def test_nothing_is_lost_on_the_way(folder, tmp_path):
+    """Every frame is recorded and written, whatever else is asked for at it; what never came is told."""
+    out, recorded = tmp_path / "out", tmp_path / "recorded"
+    arguments = [str(part) for part in (
+        PROGRAM, "--recording", folder, "--headless", "--record", recorded, "--out", out,
+        "--screenshot", tmp_path / "a.png", "--at", 3,
+        "--do", "2:object=ball", "--do", "2:height=0.06", "--do", "40:height=0.2",
+    )]  # fmt: skip
+    done = subprocess.run(arguments, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert len(pictures(out)) == 5 and (tmp_path / "a.png").is_file()
+    assert "recorded 5 frames" in done.stdout and "no room" not in done.stdout
+    assert "ball, 6 cm high" in done.stdout
+    assert "frame 40 of height=0.2 never came: there were 5 frames" in done.stderr
+    assert 'height: expected a number, got "abc"' in run(
+        "--recording", folder, "--headless", "--do", "2:height=abc", code=2
+    )
+    assert "only the simulated room has one" in run("--recording", folder, "--headless", "--do", "2:lamp=on", code=2)
+
+
+def test_the_front_cameras_own_times_do_not_make_videos_faster(folder, tmp_path):
+    copy = shutil.copytree(folder, tmp_path / "copy")
+    rows = [line.split(",") for line in (copy / "frames.csv").read_text().splitlines()[1:]]
+    moved = [[str(float(t) + 0.03 * (camera == "front")), camera, *rest] for t, camera, *rest in rows]
+    (copy / "frames.csv").write_text("\n".join(["time,camera,file,exposure", *(",".join(r) for r in moved)]) + "\n")
+    run("--recording", copy, "--headless", "--out", tmp_path / "a.webm")
+    assert cv2.VideoCapture(str(tmp_path / "a.webm")).get(cv2.CAP_PROP_FPS) == pytest.approx(10, abs=0.1)
+
+
+def test_hard_edges_stay_hard(folder, tmp_path):
+    """A file's own normals, in the program as in Python."""
+    corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    lines = ["v {} {} {}".format(*p) for p in corners]
+    lines += ["vn {} {} {}".format(*n) for n in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))]
+    lines += ["f " + " ".join(f"{v + 1}//{k + 1}" for v in side) for k, side in enumerate(sides)]
+    (tmp_path / "cube.obj").write_text("\n".join(lines))
+    run("--recording", folder, "--object", tmp_path / "cube.obj", "--up", "z", "--headless", "--poses", "truth",
+        "--height", 0.09, "--frames", 1, *MATERIAL, "--out", tmp_path / "a.png")  # fmt: skip
+    recording = fastibl.Recording.open(folder)
+    mesh = fastibl.stand(fastibl.read_mesh(tmp_path / "cube.obj", up="z"), 0.09)
+    assert len(mesh.vertices) == 24
+    material = fastibl.Material(diffuse=(0.5, 0.4, 0.3), glossy=(0.2, 0.3, 0.4), exponent=40)
+    session = fastibl.Session(fastibl.Scene(mesh, material), recording.rig, recording.board, backend="cpu")
+    frame = recording[0]
+    frame.back_from_marker = recording.truth.pose(frame.time)
+    np.testing.assert_array_equal(session.process(frame).image, cv2.imread(str(tmp_path / "a.png"))[..., ::-1])
+
+
 @pytest.mark.parametrize(
     "name, edit, message",
     [

@@ -164,6 +164,43 @@ def test_killed_while_recording(tmp_path):
     assert "is cut off; it is left out" in done.stderr
 
 
+def test_ctrl_c_ends_what_is_written(tmp_path):
+    command = [
+        str(part)
+        for part in (
+            PROGRAM,
+            *SMALL,
+            "--frames",
+            100000,
+            "--record",
+            tmp_path / "rec",
+            "--out",
+            tmp_path / "a.webm",
+        )
+    ]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    end = time.monotonic() + 60
+    table, rows = tmp_path / "rec" / "frames.csv", 0
+    while rows < 30 and time.monotonic() < end:
+        time.sleep(0.02)
+        rows = table.read_text().count("\n") if table.exists() else 0
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)[0]
+    assert process.returncode == 0 and "frames/s of processing" in said
+    written = int(re.search(r"recorded (\d+) frames", said)[1])
+    video, shown = cv2.VideoCapture(str(tmp_path / "a.webm")), 0
+    while video.read()[0]:
+        shown += 1
+    assert shown == written == len(fastibl.Recording.open(tmp_path / "rec"))
+
+
+def test_the_simulated_board_shows_its_white(tmp_path):
+    """The paper is not clipped, so that it tells how bright the light on the table is."""
+    run(*SMALL, "--frames", 1, "--out", tmp_path)
+    picture = cv2.imread(str(next(tmp_path.glob("*.png"))))
+    assert (picture >= 254).any(axis=-1).mean() < 0.01 and np.percentile(picture, 99) > 180
+
+
 def test_names_that_leave_the_recording(tmp_path):
     run(*SMALL, "--frames", 1, "--record", tmp_path / "rec")
     table = tmp_path / "rec" / "frames.csv"

@@ -107,6 +107,40 @@ def test_clicks_and_text(screen, tmp_path):
         assert "record" not in window.output.partition("Esc, too")[2]  # as "r" would have told
 
 
+def test_keys_that_are_held_and_tab_twice(screen, tmp_path):
+    with Window(screen, *SMALL, folder=tmp_path) as window:
+        window.wait_for("Esc, too")
+        window.press("Tab")
+        window.wait_for("interface: off")
+        window.press("Tab")
+        window.wait_for("interface: on")
+        window.press("m")  # which no text field takes
+        window.wait_for("methods: paper")
+        window.hold("r", 2.0)
+        window.press("r")
+        window.wait_for("recorded ")
+        window.press("q")
+        assert window.wait() == 0
+    assert len(list(tmp_path.glob("fastibl-recording*"))) == 1
+
+
+def test_a_recording_that_is_gone_does_not_begin_again(screen, tmp_path):
+    simulated = tmp_path / "rec"
+    subprocess.run([str(PROGRAM), *SMALL, "--headless", "--frames", "3", "--record", str(simulated)], check=True)
+    with Window(screen, "--recording", simulated, "--object", "ball", folder=tmp_path) as window:
+        window.wait_for("Esc, too")
+        simulated.rename(tmp_path / "away")
+        window.press("c")
+        window.wait_for("no recording at")
+        window.press("m")
+        window.wait_for("methods: paper")
+        window.press("q")
+        assert window.wait() == 0
+    # What the command line asks for and cannot be done ends it.
+    with Window(screen, "--simulate", "--record", tmp_path / "away", folder=tmp_path) as window:
+        assert window.wait() == 2
+
+
 def test_frozen_frames_show_what_is_changed(screen, tmp_path):
     with Window(screen, *SMALL, "--no-interface", folder=tmp_path) as window:
         window.wait_for("Esc, too")

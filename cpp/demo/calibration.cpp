@@ -1,5 +1,6 @@
 #include "demo/calibration.h"
 
+#include <cmath>
 #include <opencv2/core.hpp>
 
 #include "fastibl/core/check.h"
@@ -9,8 +10,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::uintmax_t kMostBytes = 1 << 22;  // of a file
+constexpr std::int64_t kMostValues = 1 << 16;   // of a matrix
+
 cv::FileStorage open(const fs::path& path) {
   check(fs::is_regular_file(path), "the file ", path.string(), " is missing");
+  check(fs::file_size(path) <= kMostBytes, path.string(), " has ", fs::file_size(path),
+        " bytes; a calibration has at most ", kMostBytes);
   try {
     cv::FileStorage storage(path.string(), cv::FileStorage::READ);
     check(storage.isOpened(), path.string(), " cannot be opened");
@@ -27,42 +33,76 @@ double number(const cv::FileNode& node, const char* name, const fs::path& path) 
   return item.real();
 }
 
-// Elements of a matrix row by row; empty where there is none.
-std::vector<double> numbers(const cv::FileNode& node) {
+// Elements of a matrix row by row; empty where there is none. Value by value: FileNode::mat() of a
+// broken file writes beyond its memory.
+std::vector<double> numbers(const cv::FileNode& parent, const char* name, const fs::path& path) {
+  const cv::FileNode node = parent[name];
   if (node.empty()) return {};
-  cv::Mat_<double> matrix;
-  node.mat().convertTo(matrix, CV_64F);
-  return {matrix.begin(), matrix.end()};
+  check(node.isMap(), path.string(), ": ", name, " must be a matrix");
+  const cv::FileNode rows = node["rows"], columns = node["cols"], data = node["data"];
+  check(rows.isInt() && columns.isInt(), path.string(), ": ", name,
+        " must be a matrix with rows and cols");
+  const std::int64_t height = int(rows), width = int(columns), count = height * width;
+  check(height > 0 && width > 0 && count <= kMostValues && data.isSeq() &&
+            std::int64_t(data.size()) == count,
+        path.string(), ": ", name, " must be a matrix of ", height, " × ", width, " values");
+  std::vector<double> values;
+  for (const cv::FileNode& value : data) {
+    check(value.isInt() || value.isReal(), path.string(), ": ", name, " must hold numbers");
+    values.push_back(value.real());
+  }
+  return values;
 }
 
-Response read_response(const cv::FileNode& node, const fs::path& path) {
+int whole(const cv::FileNode& node, const char* name, const fs::path& path) {
+  const double value = number(node, name, path);
+  check(value == std::floor(value) && std::abs(value) < 1e9, path.string(), ": ", name,
+        " must be a whole number, got ", value);
+  return int(value);
+}
+
+// What OpenCV itself refuses, with the file's name.
+template <typename Read>
+auto told(const fs::path& path, Read&& read) {
+  try {
+    return read();
+  } catch (const cv::Exception& error) {
+    throw std::invalid_argument(path.string() + " is damaged: " + error.err);
+  }
+}
+
+Response read_response(const cv::FileNode& camera, const fs::path& path) {
+  const cv::FileNode node = camera["response"];
   if (node.empty()) return Response::srgb();
   if (node.isString()) {
     check(node.string() == "srgb", path.string(), ": response must be \"srgb\" or a curve, got \"",
           node.string(), "\"");
     return Response::srgb();
   }
-  const std::vector<double> curve = numbers(node);
+  const std::vector<double> curve = numbers(camera, "response", path);
   return Response::from_curve({curve.begin(), curve.end()});
 }
 
 Camera read_camera(const cv::FileNode& node, const char* name, const fs::path& path) {
   check(node.isMap(), path.string(), ": ", name, " must be a map");
-  const std::vector<double> k = numbers(node["camera_matrix"]);
+  const std::vector<double> k = numbers(node, "camera_matrix", path);
   check(k.size() == 9, path.string(), " has no 3 × 3 camera_matrix of the ", name, " camera");
   check(k[1] == 0, path.string(), ": the ", name, " camera has a skew of ", k[1],
         "; expected a camera_matrix without");
   Camera camera;
-  camera.width = int(number(node, "width", path));
-  camera.height = int(number(node, "height", path));
+  camera.width = whole(node, "width", path);
+  camera.height = whole(node, "height", path);
   camera.fx = k[0], camera.fy = k[4];
   camera.cx = k[2] + 0.5, camera.cy = k[5] + 0.5;  // OpenCV counts from a pixel's centre
-  camera.distortion = numbers(node["distortion"]);
-  camera.vignetting = numbers(node["vignetting"]);
-  camera.response = read_response(node["response"], path);
+  camera.distortion = numbers(node, "distortion", path);
+  camera.vignetting = numbers(node, "vignetting", path);
+  camera.response = read_response(node, path);
   if (!node["readout"].empty()) camera.readout = number(node, "readout", path);
   if (!node["gain"].empty()) camera.gain = number(node, "gain", path);
-  if (!node["model"].empty()) camera.model = camera_model(std::string(node["model"]));
+  if (!node["model"].empty()) {
+    check(node["model"].isString(), path.string(), ": model must be a name");
+    camera.model = camera_model(std::string(node["model"]));
+  }
   camera.validate();
   return camera;
 }
@@ -79,26 +119,32 @@ Pose pose_of(const std::vector<double>& m, const fs::path& path) {
 }  // namespace
 
 Rig read_rig(const fs::path& path) {
-  const cv::FileStorage storage = open(path);
-  check(!storage["back"].empty(), path.string(), " has no back camera");
-  Rig rig;
-  rig.back = read_camera(storage["back"], "back", path);
-  if (storage["front"].empty()) return rig;
-  rig.front = read_camera(storage["front"], "front", path);
-  rig.front_from_back = pose_of(numbers(storage["front_from_back"]), path);
-  return rig;
+  return told(path, [&] {
+    const cv::FileStorage storage = open(path);
+    const cv::FileNode root = storage.root();
+    check(!root["back"].empty(), path.string(), " has no back camera");
+    Rig rig;
+    rig.back = read_camera(root["back"], "back", path);
+    if (root["front"].empty()) return rig;
+    rig.front = read_camera(root["front"], "front", path);
+    rig.front_from_back = pose_of(numbers(root, "front_from_back", path), path);
+    return rig;
+  });
 }
 
-std::optional<Board> read_board(const fs::path& path) {
+namespace {
+
+std::optional<Board> board_of(const fs::path& path) {
   const cv::FileStorage storage = open(path);
-  const std::vector<double> ids = numbers(storage["ids"]), corners = numbers(storage["corners"]);
+  const cv::FileNode root = storage.root();
+  const std::vector<double> ids = numbers(root, "ids", path),
+                            corners = numbers(root, "corners", path);
   if (ids.empty()) return std::nullopt;
   check(corners.size() == 8 * ids.size(), path.string(),
         ": expected four corners (x, y) for each of ", ids.size(), " tags, got ", corners.size(),
         " numbers");
   Board board;
-  const cv::FileNode root = storage.root();
-  board.border_bits = int(number(root, "border_bits", path));
+  board.border_bits = whole(root, "border_bits", path);
   board.width = number(root, "width", path), board.height = number(root, "height", path);
   for (std::size_t k = 0; k < ids.size(); ++k) {
     Tag tag{int(ids[k]), {}};
@@ -108,6 +154,12 @@ std::optional<Board> read_board(const fs::path& path) {
   }
   board.validate();
   return board;
+}
+
+}  // namespace
+
+std::optional<Board> read_board(const fs::path& path) {
+  return told(path, [&] { return board_of(path); });
 }
 
 namespace {

@@ -14,6 +14,7 @@ namespace {
 // Pictures that a camera gets to settle its exposure before it is held: radiance is compared
 // between pictures, so an exposure that changes unseen would change the light.
 constexpr int kSettling = 15;
+constexpr int kNetwork = 5000;  // milliseconds in which a camera on the network must answer
 constexpr double kAgain = 0.5;  // seconds between tries to open a camera that was lost
 
 bool is_number(const std::string& place) {
@@ -42,6 +43,10 @@ CameraReader::~CameraReader() {
 void CameraReader::open() {
   if (is_number(place_))
     capture_.open(std::stoi(place_));
+  else if (place_.find("://") != std::string::npos)  // gives up before half a minute
+    capture_.open(
+        place_, cv::CAP_FFMPEG,
+        {cv::CAP_PROP_OPEN_TIMEOUT_MSEC, kNetwork, cv::CAP_PROP_READ_TIMEOUT_MSEC, kNetwork});
   else
     capture_.open(place_);
   check(capture_.isOpened(), "the ", name_, " camera ", place_, " does not open");
@@ -57,7 +62,13 @@ void CameraReader::open() {
   check(picture.cols == camera_.width && picture.rows == camera_.height, "the ", name_,
         " camera is calibrated for ", camera_.width, " × ", camera_.height, ", but gives ",
         picture.cols, " × ", picture.rows);
-  if (is_number(place_)) hold_exposure();
+  held_ = file;
+  if (is_number(place_))
+    hold_exposure();
+  else if (!file && !told_)
+    std::cerr << "fastibl-demo: the " << name_ << " camera does not tell its exposure; light is "
+              << "measured by what its pictures share\n",
+        told_ = true;
   const double fps = file ? capture_.get(cv::CAP_PROP_FPS) : 0;
   period_ = fps > 0 ? 1 / fps : 0;
 }
@@ -67,6 +78,7 @@ void CameraReader::hold_exposure() {
   const bool held = capture_.set(cv::CAP_PROP_AUTO_EXPOSURE, 1) &&  // V4L2's manual mode
                     capture_.set(cv::CAP_PROP_EXPOSURE, settled);
   const bool white = capture_.set(cv::CAP_PROP_AUTO_WB, 0);
+  held_ = held;
   if (!held || !white)
     std::cerr << "fastibl-demo: the " << name_ << " camera cannot hold its "
               << (held ? "white balance" : "exposure") << "; measured light will drift with it\n";

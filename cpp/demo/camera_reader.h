@@ -31,6 +31,8 @@ class CameraReader {
   // Whether the camera was lost; it is opened again as soon as it is there.
   bool lost() const { return lost_; }
   const std::string& name() const { return name_; }
+  // Multiplier of radiance: 1 where the camera holds it, else unknown. A file's counts as held.
+  std::optional<double> exposure() const { return held_ ? std::optional(1.0) : std::nullopt; }
 
  private:
   void open();  // throws std::invalid_argument
@@ -47,7 +49,8 @@ class CameraReader {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<Shot> shot_;
-  std::atomic<bool> lost_ = false;
+  std::atomic<bool> lost_ = false, held_ = false;
+  bool told_ = false;  // that its exposure is not known
   bool closing_ = false;
   std::thread thread_;
 };

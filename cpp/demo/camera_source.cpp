@@ -16,16 +16,25 @@ CameraSource::CameraSource(const std::string& back, const std::string& front, Ri
   if (!front.empty()) front_ = std::make_unique<CameraReader>(front, *rig_.front, "front", clock_);
 }
 
-// The newest of both, stamped with the back camera's time.
+// The newest of both, stamped with the back camera's time; the front camera's alone while the back
+// camera is lost.
 std::optional<OwnedFrame> CameraSource::next() {
   const std::optional<CameraReader::Shot> back = back_->newest(kWait);
-  if (!back) return std::nullopt;
+  if (!back && !(front_ && back_->lost())) return std::nullopt;
   OwnedFrame frame;
-  frame.time = back->time;
-  frame.back = rgb_from(back->picture);
-  if (front_)
-    if (const std::optional<CameraReader::Shot> front = front_->newest(0))
-      frame.front = rgb_from(front->picture);
+  if (back) {
+    frame.time = back->time;
+    frame.back = rgb_from(back->picture);
+    frame.back_exposure = back_->exposure();
+  }
+  if (!front_) return frame;
+  const std::optional<CameraReader::Shot> front = front_->newest(0);
+  if (front) {
+    frame.front = rgb_from(front->picture);
+    frame.front_exposure = front_->exposure();
+    if (!back) frame.time = front->time;
+  }
+  if (!back && !front) return std::nullopt;
   return frame;
 }
 

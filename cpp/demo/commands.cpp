@@ -15,11 +15,11 @@ using Values = std::vector<std::string>;
 Values off_on(const Player&) { return {"off", "on"}; }
 std::string switched(bool on) { return on ? "on" : "off"; }
 
-double number(const std::string& text) {
+double number(const char* command, const std::string& text) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  check(error == std::errc{} && end == text.data() + text.size(), "expected a number, got \"", text,
-        '"');
+  check(error == std::errc{} && end == text.data() + text.size(), command,
+        ": expected a number, got \"", text, '"');
   return value;
 }
 std::string plain(float value) {  // as short as it reads
@@ -89,7 +89,7 @@ std::vector<Command> make_commands() {
          return Values{"0.06", "0.12", "0.2"};
        },
        [](const Player& p) { return plain(float(p.height())); },
-       [](Player& p, const std::string& v) { p.set_height(number(v)); }, true},
+       [](Player& p, const std::string& v) { p.set_height(number("height", v)); }, true},
       {"object", "turn-left", ",", "turns the object by 15 degrees", nullptr, nullptr,
        [](Player& p, const std::string&) { p.turn(15); }},
       {"object", "turn-right", ".", "the other way", nullptr, nullptr,
@@ -102,7 +102,8 @@ std::vector<Command> make_commands() {
          return Values{"1", "0.75", "0.5", "0.25", "0"};
        },
        [](const Player& p) { return plain(p.shadow_look().strength); },
-       [](Player& p, const std::string& v) { p.set_shadow_strength(number(v)); }, true},
+       [](Player& p, const std::string& v) { p.set_shadow_strength(number("shadow-strength", v)); },
+       true},
 
       {"methods", "methods", "m", "the library's choice, or the paper's of 2014",
        [](const Player&) {
@@ -141,7 +142,7 @@ std::vector<Command> make_commands() {
        [](const Player&) { return Values{"0", "0.5", "1", "2", "5", "10"}; },
        [](const Player& p) { return plain(float(100 * p.options().error)); },
        [](Player& p, const std::string& v) {
-         p.set_budgets(number(v) / 100, p.options().milliseconds);
+         p.set_budgets(number("error", v) / 100, p.options().milliseconds);
        },
        true},
       {"budget", "milliseconds", "i", "processor time for a frame (0: any)",
@@ -149,7 +150,10 @@ std::vector<Command> make_commands() {
          return Values{"0", "5", "10", "20", "33"};
        },
        [](const Player& p) { return plain(float(p.options().milliseconds)); },
-       [](Player& p, const std::string& v) { p.set_budgets(p.options().error, number(v)); }, true},
+       [](Player& p, const std::string& v) {
+         p.set_budgets(p.options().error, number("milliseconds", v));
+       },
+       true},
 
       {"run", "freeze", "space", "holds the frame; all can be changed", off_on,
        [](const Player& p) { return switched(p.frozen); },
@@ -158,7 +162,10 @@ std::vector<Command> make_commands() {
        [](Player& p, const std::string&) { p.frozen = p.step = true; }},
       {"run", "lamp", "l", "the simulated room's lamp", off_on,
        [](const Player& p) { return switched(p.lamp()); },
-       [](Player& p, const std::string& v) { p.set_lamp(v == "on"); }},
+       [](Player& p, const std::string& v) {
+         check(p.source().has_lamp(), "lamp: only the simulated room has one");
+         p.set_lamp(v == "on");
+       }},
       {"run", "record", "r", "the cameras' pictures, as a recording", off_on,
        [](const Player& p) { return switched(p.recording()); },
        [](Player& p, const std::string& v) { p.set_recording(v == "on"); }},

@@ -8,7 +8,7 @@
 namespace fastibl::demo {
 namespace {
 
-constexpr int kGrid = 8;  // texels along an edge of a face, for choosing
+constexpr int kGrid = 16;  // texels along an edge of a face, for choosing
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kView = 28 * kDegree;  // from the middle of a picture to what it surely shows
 constexpr double kNear = 90 * kDegree;  // a turn by this much more must show e times as much

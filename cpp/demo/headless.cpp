@@ -1,5 +1,6 @@
 #include "demo/headless.h"
 
+#include <csignal>
 #include <iostream>
 #include <thread>
 
@@ -18,28 +19,36 @@ void take_screenshot(Player& player) {
   std::cout << "wrote " << path.string() << '\n';
 }
 
+volatile std::sig_atomic_t interrupted = 0;
+
 }  // namespace
 
+// Ctrl-C ends it as --frames does: what was written so far is whole.
 void run_headless(const Args& args) {
+  std::signal(SIGINT, [](int) {
+    interrupted = 1;
+    std::signal(SIGINT, SIG_DFL);  // a second one ends at once
+  });
   Player player(args, false);
   Output output(args.out, player.source().fps());
   Script script(args);
   while (args.frames == 0 || player.count() < args.frames) {
     script.before_frame(player);
-    if (player.quit) break;
+    if (player.quit || interrupted) break;
     if (!player.advance()) {
       if (player.ended()) break;
       continue;
     }
     script.after_frame(player);
     player.timings().count_frame();
+    const bool shows = player.picture_is_new();  // else it fed the map
     take_screenshot(player);
-    if (!player.picture_is_new()) continue;  // it fed the map; there is no picture to show
-    output.add(player.picture());
+    if (shows) output.add(player.picture());
   }
   output.finish();
   check(player.count() > 0, "no frame could be read");
   script.at_the_end(player);
+  script.tell_what_never_came(player);
   take_screenshot(player);
   player.set_recording(false);
   player.timings().print(std::cout);

@@ -111,7 +111,9 @@ void Interface::build(Player& player) {
     build_group(player, group);
     if (group != "object") continue;
     ImGui::SetNextItemWidth(150);
+    ImGui::PushAllowKeyboardFocus(false);  // Tab hides the panel, and goes to no field
     const bool entered = ImGui::InputText("##file", &file_, ImGuiInputTextFlags_EnterReturnsTrue);
+    ImGui::PopAllowKeyboardFocus();
     ImGui::SameLine();
     if ((ImGui::Button("load OBJ file") || entered) && !file_.empty())
       do_it(player, *parse_order("object").command, file_);

@@ -11,7 +11,7 @@ class Player;
 
 class Interface {
  public:
-  // Pixels, of the panel at the window's left; high enough for what is open at first.
+  // Window units, of the panel at the window's left; high enough for what is open at first.
   static constexpr int kWidth = 300, kHeight = 560;
 
   // With the window's context current, after the window's own callbacks were set. desktop_gl: the

@@ -7,8 +7,8 @@
 
 namespace fastibl::demo {
 
-// Of a Wavefront .obj, as fastibl/scene/obj_file.h. z_up: otherwise y is up in the file and is turned
-// to z. Throws std::invalid_argument that names file and line.
+// Of a Wavefront .obj, as fastibl/scene/obj_file.h. z_up: otherwise y is up in the file and is
+// turned to z. Throws std::invalid_argument that names file and line.
 Mesh read_object(const std::filesystem::path& path, bool z_up);
 
 // A torus knot with a tube that is thin in places; smooth, concave, and in its own shadow.

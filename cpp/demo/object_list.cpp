@@ -9,12 +9,14 @@ namespace fastibl::demo {
 
 ObjectList::ObjectList(const std::vector<std::filesystem::path>& files, bool z_up)
     : names_{"knot", "ball", "steps"}, z_up_(z_up) {
-  for (const std::filesystem::path& file : files)
-    if (std::find(names_.begin(), names_.end(), file.string()) == names_.end())
-      names_.push_back(file.string());
+  for (const std::filesystem::path& file : files) add(file.string());
 }
 
-Mesh ObjectList::mesh(const std::string& name) {
+void ObjectList::add(const std::string& name) {
+  if (std::find(names_.begin(), names_.end(), name) == names_.end()) names_.push_back(name);
+}
+
+Mesh ObjectList::mesh(const std::string& name) const {
   if (name == "knot") return knot();
   if (name == "ball") return ball();
   if (name == "steps") return steps();
@@ -22,9 +24,7 @@ Mesh ObjectList::mesh(const std::string& name) {
         "expected a .obj file or one of knot, "
         "ball, steps; got \"",
         name, '"');
-  Mesh mesh = read_object(name, z_up_);
-  if (std::find(names_.begin(), names_.end(), name) == names_.end()) names_.push_back(name);
-  return mesh;
+  return read_object(name, z_up_);
 }
 
 }  // namespace fastibl::demo

@@ -15,9 +15,10 @@ class ObjectList {
   ObjectList(const std::vector<std::filesystem::path>& files, bool z_up);
 
   const std::vector<std::string>& names() const { return names_; }
-  // Of a name, or of an OBJ file that is not yet in the list and is added. In its own frame, as it
-  // came. Throws std::invalid_argument for neither.
-  Mesh mesh(const std::string& name);
+  // Of a name, or of an OBJ file. In its own frame, as it came. Throws std::invalid_argument for
+  // neither.
+  Mesh mesh(const std::string& name) const;
+  void add(const std::string& name);  // to the list, where it is not there
 
  private:
   std::vector<std::string> names_;

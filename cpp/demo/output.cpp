@@ -1,6 +1,7 @@
 #include "demo/output.h"
 
 #include <cstdio>
+#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
 #include "demo/pixels.h"
@@ -42,10 +43,13 @@ void Output::add(const Image<std::uint8_t>& picture) {
   } else if (path_.extension() == ".webm") {
     cv::Mat bgr = bgr_from(picture);
     if (bgr.channels() == 4) cv::cvtColor(bgr, bgr, cv::COLOR_BGRA2BGR);
-    if (!video_.isOpened() &&
-        !video_.open(path_.string(), cv::VideoWriter::fourcc('V', 'P', '9', '0'), fps_, bgr.size()))
-      throw std::runtime_error("this OpenCV cannot write VP9 video to " + path_.string() +
-                               "; write to a folder instead");
+    if (!video_.isOpened()) {
+      if (!std::ofstream(path_)) throw std::runtime_error("could not write " + path_.string());
+      if (!video_.open(path_.string(), cv::VideoWriter::fourcc('V', 'P', '9', '0'), fps_,
+                       bgr.size()))
+        throw std::runtime_error("this OpenCV cannot write VP9 video to " + path_.string() +
+                                 "; write to a folder instead");
+    }
     video_.write(bgr);
   } else {
     char name[16];
@@ -57,7 +61,11 @@ void Output::add(const Image<std::uint8_t>& picture) {
 
 void Output::finish() {
   if (path_.extension() == ".png" && !last_.empty()) write_png(path_, last_);
-  video_.release();
+  if (!video_.isOpened()) return;
+  video_.release();  // which tells nothing of a full disk
+  cv::VideoCapture written(path_.string());
+  if (!written.isOpened() || !written.grab())
+    throw std::runtime_error("could not write " + path_.string() + "; is the disk full?");
 }
 
 }  // namespace fastibl::demo

@@ -1,5 +1,6 @@
 #include "demo/player.h"
 
+#include <cstdio>
 #include <iostream>
 #include <numbers>
 
@@ -29,7 +30,7 @@ Player::Player(const Args& args, bool live)
       if (kOverlays[k].name == name) overlays_[k] = true;
   make_session(make_object(objects_.mesh(object_), height_));
   if (!args.material_name.empty()) set_material(args.material_name);
-  if (!args.record.empty()) set_recording(true, args.record);
+  if (!args.record.empty()) begin_recording(args.record);
 }
 
 Scene Player::make_object(Mesh mesh, double height) const {
@@ -68,7 +69,9 @@ bool Player::advance() {
   frame_ = std::make_shared<const OwnedFrame>(std::move(*next));
   ++count_;
   record_frame();
-  FrameResult result = session_->process(frame_->view());
+  Frame frame = frame_->view();
+  assumed_.fill(frame);
+  FrameResult result = session_->process(frame);
   timings_.add(result.timings);
   changed_ = false;
   // A front picture alone feeds the map; there is nothing to show.
@@ -80,6 +83,13 @@ bool Player::advance() {
   tracked_ = result_.tracked;
   if (!result_.back_from_marker) ++unseen_;
   drawn_ = false;
+  if (const auto exposure = assumed_.measure(result_.environment.get())) {
+    begin_session();
+    char text[32];
+    std::snprintf(text, sizeof text, "%.2g", *exposure);
+    say(std::string("the front camera's exposure is taken for ") + text +
+        ", as the board's white tells; the light is captured anew");
+  }
   return true;
 }
 
@@ -113,18 +123,20 @@ const Image<std::uint8_t>& Player::picture() {
   return picture_;
 }
 
-void Player::begin_object(const std::string& name, double height) {
-  try {
-    Mesh mesh = objects_.mesh(name);
-    coming_name_ = name, coming_height_ = height;
-    coming_ = std::async(live_ ? std::launch::async : std::launch::deferred,
-                         [this, mesh = std::move(mesh), height]() mutable {
-                           return make_object(std::move(mesh), height);
-                         });
-    say("making " + name);
-  } catch (const std::exception& error) {
-    told_or_thrown(error);
-  }
+// Of several wishes while one object is made, the last counts.
+void Player::wish_for_object(const std::string& name, double height) {
+  coming_name_ = name, coming_height_ = height;
+  again_ = live_ && coming_.valid();
+  if (!again_) begin_object();
+}
+
+void Player::begin_object() {
+  again_ = false;
+  say("making " + coming_name_);
+  coming_ = std::async(live_ ? std::launch::async : std::launch::deferred,
+                       [this, name = coming_name_, height = coming_height_] {
+                         return make_object(objects_.mesh(name), height);
+                       });
 }
 
 void Player::adopt_object() {
@@ -132,25 +144,31 @@ void Player::adopt_object() {
   if (live_ && coming_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
   try {
     Scene scene = coming_.get();
-    scene.material = session_->scene().material;
-    scene.shadow_look = session_->scene().shadow_look;
-    check_fits(scene.material, scene.mesh);
-    session_->set_scene(std::move(scene));
-    object_ = coming_name_, height_ = coming_height_;
-    turn(0);
-    say(object_ + ", " + std::to_string(std::lround(100 * height_)) + " cm high");
-    changed_ = true;
+    if (!again_) show_object(std::move(scene));
   } catch (const std::exception& error) {
-    told_or_thrown(error);
+    if (!again_) told_or_thrown(error);
   }
+  if (again_) begin_object();
+}
+
+void Player::show_object(Scene scene) {
+  scene.material = session_->scene().material;
+  scene.shadow_look = session_->scene().shadow_look;
+  check_fits(scene.material, scene.mesh);
+  session_->set_scene(std::move(scene));
+  object_ = coming_name_, height_ = coming_height_;
+  objects_.add(object_);
+  turn(0);
+  say(object_ + ", " + std::to_string(std::lround(100 * height_)) + " cm high");
+  changed_ = true;
 }
 
 void Player::set_object(const std::string& name) {
-  if (!coming_.valid()) begin_object(name, height_);
+  wish_for_object(name, coming_.valid() ? coming_height_ : height_);
 }
 void Player::set_height(double metres) {
   check(metres >= 0.01 && metres <= 2, "the height must be from 0.01 to 2 m, got ", metres);
-  if (!coming_.valid()) begin_object(object_, metres);
+  wish_for_object(coming_.valid() ? coming_name_ : object_, metres);
 }
 void Player::set_material(const std::string& name) {
   session_->set_material(material_named(name, args_.material));
@@ -190,8 +208,7 @@ void Player::set_recording(bool on, const std::filesystem::path& path) {
       std::filesystem::path folder = path.empty() ? "fastibl-recording" : path;
       for (int k = 2; path.empty() && std::filesystem::exists(folder); ++k)
         folder = "fastibl-recording-" + std::to_string(k);
-      recorder_ = std::make_unique<Recorder>(folder, source_->rig(), board_);
-      return say("recording to " + folder.string());
+      return begin_recording(folder);
     }
     const std::unique_ptr<Recorder> ending = std::move(recorder_);
     ending->close();
@@ -203,10 +220,15 @@ void Player::set_recording(bool on, const std::filesystem::path& path) {
   }
 }
 
+void Player::begin_recording(const std::filesystem::path& folder) {
+  recorder_ = std::make_unique<Recorder>(folder, source_->rig(), board_);
+  say("recording to " + folder.string());
+}
+
 void Player::record_frame() {
   if (!recorder_) return;
   try {
-    recorder_->add(frame_);
+    recorder_->add(frame_, !source_->live());
   } catch (const std::exception& error) {
     recorder_.reset();
     told_or_thrown(error);
@@ -215,16 +237,21 @@ void Player::record_frame() {
 
 void Player::restart() {
   if (!source_->live()) {
-    set_recording(false);  // time begins again
-    source_.reset();       // one at a time
-    source_ = open_source(args_);
+    std::unique_ptr<FrameSource> again = open_source(args_);  // or this one stays
+    set_recording(false);                                     // time begins again
+    source_ = std::move(again);
   }
+  begin_session();
+  result_ = {};
+  say("beginning again");
+}
+
+// As it is, without its map.
+void Player::begin_session() {
   Scene scene = session_->scene();
   const SessionOptions options = session_->options();
   session_ = std::make_unique<Session>(std::move(scene), source_->rig(), board_, nullptr,
                                        opencv_detector(), make_renderer(), options);
-  result_ = {};
-  say("beginning again");
 }
 
 void Player::say(const std::string& message) {

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <filesystem>
 #include <future>
 #include <memory>
 #include <string>
 
 #include "demo/args.h"
+#include "demo/assumed_front.h"
 #include "demo/frame_source.h"
 #include "demo/materials.h"
 #include "demo/object_list.h"
@@ -68,16 +70,24 @@ class Player {
   const std::string& backend() const { return backend_; }
   bool lamp() const { return source_->lamp(); }
   bool paper() const { return methods() == Methods::paper(); }
+  bool is_making() const {  // an object, beside the frames
+    return live_ && coming_.valid() &&
+           coming_.wait_for(std::chrono::seconds(0)) != std::future_status::ready;
+  }
   bool recording() const { return recorder_ != nullptr; }
   std::string notice() const;             // what was said last, while it is new
   int unseen() const { return unseen_; }  // frames without the board
 
  private:
   Scene make_object(Mesh mesh, double height) const;
-  void begin_object(const std::string& name, double height);
+  void wish_for_object(const std::string& name, double height);
+  void begin_object();
   void adopt_object();
+  void show_object(Scene scene);
+  void begin_recording(const std::filesystem::path& folder);
   std::unique_ptr<Renderer> make_renderer();
   void make_session(Scene scene);
+  void begin_session();
   void record_frame();
   void told_or_thrown(const std::exception& error);
 
@@ -91,10 +101,12 @@ class Player {
   std::optional<Board> board_;
   std::unique_ptr<Session> session_;
   std::future<Scene> coming_;  // the next object
-  std::string coming_name_;
+  std::string coming_name_;    // of the last wish
   double coming_height_ = 0;
+  bool again_ = false;  // the wish is another than what is being made
   std::unique_ptr<Recorder> recorder_;
   std::shared_ptr<const OwnedFrame> frame_;
+  AssumedFront assumed_;
   FrameResult result_;
   std::optional<Tracked> tracked_;  // of the frame, however often it is drawn
   Image<std::uint8_t> picture_;

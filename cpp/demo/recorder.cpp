@@ -75,8 +75,9 @@ void Recorder::close() {
   if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
 }
 
-void Recorder::add(std::shared_ptr<const OwnedFrame> frame) {
-  const std::lock_guard lock(mutex_);
+void Recorder::add(std::shared_ptr<const OwnedFrame> frame, bool wait) {
+  std::unique_lock lock(mutex_);
+  if (wait) changed_.wait(lock, [&] { return error_ || waiting_.size() < kMostWaiting; });
   if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
   if (waiting_.size() >= kMostWaiting) {
     ++dropped_;
@@ -112,6 +113,7 @@ void Recorder::run() {
         const std::lock_guard lock(mutex_);
         waiting_.pop_front();
       }
+      changed_.notify_all();
       if (since_sync.seconds() < kSync) continue;
       since_sync = {};
       for (const int file : {table_, attitudes_})
@@ -122,6 +124,7 @@ void Recorder::run() {
     const std::lock_guard lock(mutex_);
     error_ = std::current_exception();
     waiting_.clear();
+    changed_.notify_all();
   }
 }
 

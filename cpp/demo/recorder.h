@@ -25,8 +25,9 @@ class Recorder {
   Recorder(const std::filesystem::path& folder, const Rig& rig, const std::optional<Board>& board);
   ~Recorder();  // writes what waits
 
-  // Drops it where too many wait. Throws what ended the recording, if anything did.
-  void add(std::shared_ptr<const OwnedFrame> frame);
+  // Where too many wait, waits itself or drops it. Throws what ended the recording, if anything
+  // did.
+  void add(std::shared_ptr<const OwnedFrame> frame, bool wait = false);
   void close();  // writes what waits; throws what ended the recording
 
   int written() const { return written_; }  // frames; both after close()

@@ -6,6 +6,7 @@
 #include <iostream>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
+#include <string_view>
 
 #include "demo/calibration.h"
 #include "demo/pixels.h"
@@ -15,7 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kSameTime = 1e-3;  // seconds between a frame and its true pose
+constexpr std::size_t kMostBytes = 1 << 30;  // of a picture
+constexpr double kSameTime = 1e-3;           // seconds between a frame and its true pose
 
 std::vector<std::string> cells(std::string line) {
   if (!line.empty() && line.back() == '\r') line.pop_back();
@@ -44,10 +46,30 @@ std::optional<FileName> file_name(const std::string& text) {
   return FileName{text.substr(0, mark), number};
 }
 
-// Whether a name of a recording, which others may have written, is of a file in its folder.
+// Whether a name of a recording, which others may have written, is of a place in its folder.
 bool stays_inside(const std::string& name) {
   const fs::path path = fs::path(name).lexically_normal();
   return path.is_relative() && !path.empty() && *path.begin() != "..";
+}
+
+// Of a file in a recording's folder, wherever links lead.
+fs::path inside(const fs::path& folder, const std::string& name, const char* what) {
+  const fs::path path = folder / name;
+  if (!fs::is_regular_file(path))
+    throw std::runtime_error(std::string("the ") + what + " " + path.string() + " is missing");
+  const fs::path way = fs::canonical(path).lexically_relative(fs::canonical(folder));
+  if (way.empty() || *way.begin() == "..")
+    throw std::runtime_error(std::string("the ") + what + " " + path.string() +
+                             " leads out of the recording's folder");
+  return path;
+}
+
+std::vector<char> bytes_of(const fs::path& path, std::size_t most) {
+  std::ifstream file(path, std::ios::binary);
+  std::vector<char> bytes(std::min<std::uintmax_t>(fs::file_size(path), most));
+  file.read(bytes.data(), std::streamsize(bytes.size()));
+  bytes.resize(std::size_t(std::max<std::streamsize>(file.gcount(), 0)));
+  return bytes;
 }
 
 double number(const std::string& text, const std::string& where) {
@@ -193,10 +215,12 @@ std::optional<OwnedFrame> RecordingReader::next() {
 Image<std::uint8_t> RecordingReader::read(const std::string& file) {
   const FileName name = *file_name(file);
   if (name.number) return rgb_from(read_video(name.file, *name.number));
-  const fs::path path = folder_ / file;
-  if (!fs::is_regular_file(path))
-    throw std::runtime_error("the picture " + path.string() + " is missing");
-  const cv::Mat picture = cv::imread(path.string(), cv::IMREAD_COLOR);
+  const fs::path path = inside(folder_, file, "picture");
+  const std::vector<char> data = bytes_of(path, kMostBytes);
+  const std::string_view content(data.data(), data.size());
+  // The decoder fills what a JPEG that was cut off lacks.
+  const bool cut = content.starts_with("\xff\xd8") && content.rfind("\xff\xd9") == content.npos;
+  const cv::Mat picture = cut || data.empty() ? cv::Mat() : cv::imdecode(data, cv::IMREAD_COLOR);
   if (picture.empty())
     throw std::runtime_error("the picture " + path.string() + " cannot be read; it may be cut off");
   return rgb_from(picture);
@@ -204,11 +228,16 @@ Image<std::uint8_t> RecordingReader::read(const std::string& file) {
 
 // Frame by frame: seeking is not exact in every container.
 cv::Mat RecordingReader::read_video(const std::string& name, int number) {
-  const fs::path path = folder_ / name;
-  if (!fs::is_regular_file(path))
-    throw std::runtime_error("the video " + path.string() + " is missing");
+  const fs::path path = inside(folder_, name, "video");
   Video& video = videos_[name];
   if (!video.capture.isOpened() || number < video.following) {
+    // By content: a playlist of that name would have FFmpeg read what it names.
+    const std::vector<char> head = bytes_of(path, 12);
+    const std::string_view kind(head.data(), head.size());
+    if (!kind.starts_with("\x1a\x45\xdf\xa3") && !kind.starts_with("RIFF") &&
+        kind.substr(std::min<std::size_t>(4, kind.size()), 4) != "ftyp")
+      throw std::runtime_error("the video " + path.string() +
+                               " cannot be read: it is no Matroska, AVI or MP4 file");
     video = {cv::VideoCapture(path.string()), 0};
     if (!video.capture.isOpened())
       throw std::runtime_error("the video " + path.string() + " cannot be read");
@@ -223,8 +252,15 @@ cv::Mat RecordingReader::read_video(const std::string& name, int number) {
 }
 
 double RecordingReader::fps() const {
-  const double span = moments_.rbegin()->first - moments_.begin()->first;
-  return span > 0 ? double(moments_.size() - 1) / span : 30;
+  // Front pictures may have times of their own.
+  int count = 0;
+  double first = 0, last = 0;
+  for (const auto& [time, moment] : moments_) {
+    if (moment.back.file.empty()) continue;
+    if (count++ == 0) first = time;
+    last = time;
+  }
+  return last > first ? (count - 1) / (last - first) : 30;
 }
 
 }  // namespace fastibl::demo

@@ -12,6 +12,7 @@ class Script {
   void before_frame(Player& player);  // the one that advance() takes next
   void after_frame(Player& player);
   void at_the_end(Player& player);
+  void tell_what_never_came(const Player& player) const;  // on stderr
 
  private:
   const Args& args_;

@@ -66,10 +66,13 @@ class Viewer {
     }
     check(player_.count() > 0 || !player_.ended(), "no frame could be read");
     script_.at_the_end(player_);
+    script_.tell_what_never_came(player_);
     show(false);
     save_screenshot();
     player_.set_recording(false);
     player_.timings().print(std::cout);
+    // An object that is still being made would be waited for.
+    if (player_.is_making()) std::cout << std::flush, std::_Exit(0);
   }
 
  private:
@@ -85,7 +88,7 @@ class Viewer {
   }
 
   void press_key(const std::string& key) {
-    if (interface_->takes_keys()) return;
+    if (interface_->takes_keys() && key != "tab") return;  // which hides the panel and its field
     try {
       press(player_, key);
     } catch (const std::exception& error) {

@@ -99,18 +99,21 @@ Window::Window(int width, int height, const std::string& title) {
   }
   glfwSetWindowUserPointer(window_, this);
   glfwSetKeyCallback(window_, [](GLFWwindow* window, int key, int, int action, int) {
-    if (action == GLFW_RELEASE) return;
-    std::vector<std::string>& keys = static_cast<Window*>(glfwGetWindowUserPointer(window))->keys_;
+    Window& self = *static_cast<Window*>(glfwGetWindowUserPointer(window));
+    self.held_ = action == GLFW_REPEAT;  // letters follow the key that types them
+    if (action != GLFW_PRESS) return;
+    std::vector<std::string>& keys = self.keys_;
     if (key == GLFW_KEY_ESCAPE) keys.emplace_back("q");
     if (key == GLFW_KEY_F1) keys.emplace_back("h");
     if (key == GLFW_KEY_TAB) keys.emplace_back("tab");
   });
   // Letters by what they type, not where they lie: keyboards differ.
   glfwSetCharCallback(window_, [](GLFWwindow* window, unsigned letter) {
+    Window& self = *static_cast<Window*>(glfwGetWindowUserPointer(window));
+    // One that is held down steps through a recording, but begins no recording after the other.
+    if (self.held_ && letter != 'n' && letter != ',' && letter != '.') return;
     if (letter >= 'A' && letter <= 'Z') letter += 'a' - 'A';
-    if (letter < 128)
-      static_cast<Window*>(glfwGetWindowUserPointer(window))
-          ->keys_.push_back(letter == ' ' ? "space" : std::string(1, char(letter)));
+    if (letter < 128) self.keys_.push_back(letter == ' ' ? "space" : std::string(1, char(letter)));
   });
   const Current current(window_);
   glfwSwapInterval(0);
@@ -160,11 +163,19 @@ void Window::set_picture(const std::uint8_t* rgb, int width, int height) {
   picture_width_ = width, picture_height_ = height;
 }
 
+// Window units, of which a fine screen has several pixels.
+int Window::in_pixels(int units) const {
+  int width = 0, height = 0, pixels = 0;
+  glfwGetWindowSize(window_, &width, &height);
+  glfwGetFramebufferSize(window_, &pixels, &height);
+  return width > 0 ? int(std::lround(double(units) * pixels / width)) : units;
+}
+
 void Window::show(int left, const std::function<void()>& over) {
   const Current current(window_);
   int w = 0, h = 0;
   glfwGetFramebufferSize(window_, &w, &h);
-  draw(left, w, h);
+  draw(in_pixels(left), w, h);
   over();
   glfwSwapBuffers(window_);
 }
@@ -179,7 +190,8 @@ Window::Pixels Window::pixels(int left, const std::function<void()>& over) {
   if (picture_width_ == 0) return out;
   const Current current(window_);
   glfwGetFramebufferSize(window_, &out.width, &out.height);
-  draw(left, out.width, out.height);  // what the back buffer holds after a swap is not defined
+  draw(in_pixels(left), out.width,
+       out.height);  // what the back buffer holds after a swap is not defined
   over();
   std::vector<std::uint8_t> rgba(std::size_t(out.width) * out.height * 4);
   glPixelStorei(GL_PACK_ALIGNMENT, 1);

@@ -24,8 +24,8 @@ class Window {
 
   // rgb: packed rows, top row first.
   void set_picture(const std::uint8_t* rgb, int width, int height);
-  // The picture fitted into what is right of `left` pixels, its aspect kept; then what `over` draws
-  // with the context current.
+  // The picture fitted into what is right of `left` window units, its aspect kept; then what `over`
+  // draws with the context current.
   void show(int left, const std::function<void()>& over);
   // For what else needs the context.
   void with_context(const std::function<void()>& body);
@@ -47,12 +47,13 @@ class Window {
   Pixels pixels(int left, const std::function<void()>& over);  // as show() has it
 
  private:
-  void draw(int left, int width, int height);
+  void draw(int left, int width, int height);  // in pixels
+  int in_pixels(int units) const;
 
   GLFWwindow* window_ = nullptr;
   unsigned texture_ = 0, program_ = 0, vertex_array_ = 0;
   int picture_width_ = 0, picture_height_ = 0;
-  bool desktop_gl_ = true;
+  bool desktop_gl_ = true, held_ = false;  // held_: the key that was pressed last
   std::vector<std::string> keys_;
 };
 

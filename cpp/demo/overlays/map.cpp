@@ -20,7 +20,9 @@ std::vector<Line> told(const View& view, const Guidance& guidance) {
   const Environment& environment = *view.result.environment;
   std::vector<Line> lines = {
       {"map: " + fixed(100 * guidance.seen, 0) + " % of the sky seen,"},
-      {"light within " + fixed(100 * environment.predicted_error, 1) + " %"}};
+      {"its light is off by about " + fixed(100 * environment.predicted_error, 0) + " %,"},
+      {"by " + fixed(100 * environment.predicted_low, 0) + " to " +
+       fixed(100 * environment.predicted_high, 0) + " % 9 times in 10"}};
   if (view.true_light) {
     const double off = table_light(environment.radiance) / table_light(*view.true_light) - 1;
     lines.push_back({fixed(100 * off, 1) + " % by the true map, below"});
