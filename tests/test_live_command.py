@@ -76,6 +76,9 @@ def test_without_a_camera_the_simulator_is_offered(no_camera, capsys):
         (["--recording", "nowhere"], "nowhere"),
         (["--environment", "nowhere.hdr", "--front", "1"], "leave one away"),
         (["--simulate", "--port", "70000"], "--port"),
+        (["--recording", "x", "--fov", "50"], "--fov is of cameras"),
+        (["--recording", "x", "--rig", "rig.yaml"], "--rig is of cameras"),
+        (["--recording", "x", "--exposures", "bracket"], "--exposures is of cameras"),
         (["--simulate", "--object", "a/x.obj", "b/x.obj"], "by name"),
     ],
 )
@@ -162,6 +165,12 @@ def test_a_recording_as_a_video_without_a_page(recording, tmp_path, capsys):
     assert "4 frames" in capsys.readouterr().out
     video = cv2.VideoCapture(str(out))
     assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 4
+
+
+def test_seconds_end_it_when_the_pictures_did_before(recording, tmp_path):
+    command = [sys.executable, "-m", "fastibl", "live", "--recording", str(recording), "--folder", str(tmp_path)]
+    done = subprocess.run([*command, "--seconds", "2", "--error", "0"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and "4 frames" in done.stdout
 
 
 def test_control_c_ends_it_and_keeps_what_was_written(recording, tmp_path):

@@ -7,6 +7,7 @@ import re
 import socket
 import threading
 import time
+import warnings
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 import fastibl
 from fastibl.live_page import Choices, LiveLoop, PageServer, Settings, pictures, server
 from fastibl.live_page.viewers import Viewers
+from fastibl.recording import RecordingWarning
 from views import camera_of, looking
 
 CAMERA = camera_of(96, 72, 50.0)
@@ -337,6 +339,85 @@ def test_record(run, tmp_path):
     assert recording.path.parent == tmp_path
 
 
+def test_starting_anew_ends_a_recording_unless_time_goes_on(run):
+    for live in (False, True):
+        source = Source()
+        source.live = live
+        client, _, loop = run(source)
+        client.change(record=True)
+        client.until(lambda s: s["recording"] and s["recording"]["written"] > 5)
+        session = loop._session
+        client.change(restart=True)
+        state = client.until(
+            lambda s, loop=loop, session=session: loop._session is not session and s["state"] == "running"
+        )
+        assert bool(state["recording"]) == live
+        client.change(record=False)
+        client.until(lambda s: any("recorded" in m["text"] for m in s["messages"]))
+
+
+def test_a_step_shows_a_back_picture(run):
+    class Between(Source):
+        """A front picture alone after each back picture."""
+
+        def __iter__(self):
+            for frame in super().__iter__():
+                yield frame
+                yield fastibl.Frame(frame.time + 0.004, front=frame.back)
+
+    source = Between()
+    source.rig = fastibl.Rig(CAMERA, CAMERA, fastibl.Pose(np.diag([1.0, -1, -1, 1])))
+    client, _, _ = run(source)
+    client.change(freeze=True)
+    frozen = client.until(lambda s: s["state"] == "frozen")
+    for k in range(1, 5):
+        client.change(step=True)
+        client.until(lambda s, k=k: s["picture"] == frozen["picture"] + k)
+
+
+def test_changes_of_a_frozen_picture_leave_the_map(run):
+    """Half of the picture says one thing and half another: captured again and again it would be believed more."""
+    source = Source()
+    client, _, loop = run(source, options={"environment": None})
+    client.change(freeze=True)
+    client.until(lambda s: s["state"] == "frozen")
+    before = loop.latest.get().result.environment
+    for k in range(20):
+        client.change(turn=10 * k)
+        client.until(lambda s, k=k: s["settings"]["turn"] == 10 * k)
+    after = loop.latest.get().result.environment
+    np.testing.assert_array_equal(after.radiance.faces, before.radiance.faces)
+    np.testing.assert_array_equal(after.confidence, before.confidence)
+    client.change(freeze=False)
+    client.until(lambda s: s["state"] == "running")
+    moved = loop.latest.get().result.environment
+    assert moved is not None and moved.coverage > 0
+
+
+def test_the_page_knows_the_papers_methods(run):
+    client, _, loop = run()
+    _, body = client.ask("choices")
+    paper = json.loads(body)["paper"]
+    for step, name in paper.items():
+        assert name == fastibl.lighting.method_name(step, "paper")
+    client.change(methods={**paper, "shadow": "directions"})
+    plan = client.until(lambda s: any("directions" in p["method"] for p in s["plan"]["passes"]))["plan"]["passes"]
+    passes = {p["name"]: p for p in plan}
+    assert not passes["bounce"]["included"]
+    assert "transfer" not in passes["self_shadow"]["method"] or not passes["self_shadow"]["included"]
+
+
+def test_warnings_of_a_recording_are_said(run):
+    class Cut(Source):
+        def __iter__(self):
+            yield from list(super().__iter__())[:2]
+            warnings.warn("frame 2 of 9 is cut off", RecordingWarning, stacklevel=1)
+
+    client, _, _ = run(Cut(count=2))
+    state = client.until(lambda s: s["state"] == "ended")
+    assert any("frame 2 of 9 is cut off" in m["text"] for m in state["messages"])
+
+
 def test_what_cannot_be_done_is_said(run, tmp_path):
     client, _, loop = run()
     loop.folder = tmp_path / "nowhere" / "at all"
@@ -369,6 +450,7 @@ def test_what_cannot_be_done_is_said(run, tmp_path):
         {"error": True},
         {"milliseconds": 1e9},
         {"turn": "north"},
+        {"turn": 10**400},
         {"methods": "best"},
         {"methods": {"diffuse": "mip"}},
         {"methods": {"cooking": "auto"}},
@@ -408,6 +490,7 @@ def test_bad_requests(run):
     for garbage in (
         b"\0" * 100 + b"\r\n\r\n",
         b"GET / HTTP/9.9\r\n\r\n",
+        b"GET http://[::1/ HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n" % page.port,
         b"GET " + b"/" * 70000 + b" HTTP/1.1\r\n\r\n",
     ):
         with socket.create_connection(("127.0.0.1", page.port), 10) as raw:
@@ -415,6 +498,11 @@ def test_bad_requests(run):
             with contextlib.suppress(ConnectionError):
                 assert b" 200 " not in raw.recv(1000)
     assert Client(page).state()["state"] == "running"
+    before = len(page.served)
+    for k in range(20):
+        client = Client(page)
+        assert client.ask(f"unknown{k}")[0].status == 404
+    assert len(page.served) == before, "what is asked for grows without end"
 
 
 def test_viewers_are_bounded_and_forgotten(run):

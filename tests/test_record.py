@@ -94,6 +94,11 @@ def test_the_command(tmp_path, capsys):
     assert times == sorted(times)
     assert main(["record", str(out), "--back", str(tmp_path / "none"), "--patience", "0.2"]) == 2
     assert "no camera gave a picture" in capsys.readouterr().err
+    assert [f.time for f in Recording.open(out)] == times, "what was there is gone, and nothing came"
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.txt").write_text("")
+    assert main(["record", str(tmp_path / "other"), "--back", video, "--seconds", "0.3"]) == 2
+    assert "thesis.txt" in capsys.readouterr().err
 
 
 def test_a_killed_program_leaves_a_recording(tmp_path):

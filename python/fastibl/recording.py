@@ -189,6 +189,13 @@ class Recording:
             return list(self._frames.times)
         return [frame.time for frame in self._frames]
 
+    @property
+    def back_times(self) -> list[float]:
+        """Time of each frame that has a back picture: front pictures may come between. Without reading pictures."""
+        if isinstance(self._frames, _StoredFrames):
+            return [time for time, pictures in self._frames.moments if "back" in pictures]
+        return self.times
+
     def __repr__(self) -> str:
         where = f" at {self.path}" if self.path else ""
         return f"<fastibl.Recording of {len(self)} frames, {self.duration:.1f} s{where}>"
@@ -203,8 +210,6 @@ class RecordingWriter:
 
     def __init__(self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False):
         self.path = Path(path)
-        if self.path.exists() and not self.path.is_dir():
-            raise FileExistsError(f"{self.path} is a file; a recording is a folder")
         self._clear()
         self.path.mkdir(parents=True, exist_ok=True)
         write_rig(self.path / "rig.yaml", rig)
@@ -217,15 +222,21 @@ class RecordingWriter:
         self._rows.writerow(("time", "camera", "file", "exposure"))
         self._attitudes: TextIO | None = None
 
-    def _clear(self) -> None:
-        if not self.path.is_dir():
-            return
+    @staticmethod
+    def check_path(path: str | os.PathLike[str]) -> None:
+        """Raises FileExistsError where a recording cannot be written: for a file, or a folder of other things."""
+        path = Path(path)
+        if path.exists() and not path.is_dir():
+            raise FileExistsError(f"{path} is a file; a recording is a folder")
         known = {"rig.yaml", "board.yaml", "frames.csv", "attitudes.csv", "truth"}
         known |= {name for camera in CAMERAS for name in (camera, f"{camera}.mkv")}
-        other = sorted(p.name for p in self.path.iterdir() if p.name not in known)
+        other = sorted(p.name for p in path.iterdir() if p.name not in known) if path.is_dir() else []
         if other:
-            raise FileExistsError(f"{self.path} holds {other[0]}, which is no part of a recording; choose another")
-        for item in self.path.iterdir():
+            raise FileExistsError(f"{path} holds {other[0]}, which is no part of a recording; choose another")
+
+    def _clear(self) -> None:
+        self.check_path(self.path)
+        for item in self.path.iterdir() if self.path.is_dir() else ():
             if item.is_dir():
                 for file in item.iterdir():
                     file.unlink()

@@ -67,6 +67,8 @@ class CameraSource(_Closing):
     Others are as LiveCamera has them.
     """
 
+    live = True  # its times go on when it is iterated again
+
     def __init__(
         self,
         rig: Rig,

@@ -27,6 +27,7 @@ class AssumedFront:
 
     def __init__(self, source: Any):
         self.source, self.rig, self.board = source, source.rig, source.board
+        self.live = getattr(source, "live", False)
         self.exposure = 1.0
         self._untold, self._frames, self._rounds = False, 0, 0
 

@@ -87,10 +87,22 @@ def _simulated(arguments: argparse.Namespace) -> Opened:
 
 
 def _recorded(arguments: argparse.Namespace) -> Opened:
+    from ..guessed_rig import DEGREES
     from ..recording import Recording
     from ..sources import Paced
 
+    for name, usual in (
+        ("rig", None),
+        ("fov", DEGREES),
+        ("front_fov", DEGREES),
+        ("exposures", "adaptive"),
+        ("flicker", 0),
+    ):
+        if getattr(arguments, name) != usual:
+            raise ValueError(f"--{name.replace('_', '-')} is of cameras; a recording has its own")
     recording = Recording.open(arguments.recording)
+    if arguments.board is not None:
+        recording.board = board_of(arguments.board)
     if recording.board is None:
         raise ValueError(f"{arguments.recording} says nothing of a board; nothing can be put before its pictures")
     return Opened(Paced(recording, catch_up=_CATCH_UP), f"recording {recording.path.name}")

@@ -7,7 +7,6 @@ import math
 import signal
 import sys
 import threading
-import time
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -228,10 +227,10 @@ class _Watch:
                 "the light is captured anew"
             )
             self.loop.change({"restart": True})
-        if self._seconds is not None:
-            self._end = self._end or time.monotonic() + self._seconds
-            if time.monotonic() >= self._end:
-                self.loop.stop()
+        if self._seconds is not None and self._end is None:  # by a clock: a recording may end before
+            self._end = threading.Timer(self._seconds, self.loop.stop)
+            self._end.daemon = True
+            self._end.start()
 
     def _light(self, session: Session, played: Played) -> None:
         """Makes a given map as bright as the board's white is in the camera's picture."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -33,9 +34,10 @@ def run(arguments: argparse.Namespace) -> int:
     from ..exposure import Bracket
     from ..guessed_rig import DEGREES, guessed_rig
     from ..recorder import Recorder
-    from ..recording import read_rig
+    from ..recording import RecordingWriter, read_rig
     from ..sources import CameraSource
 
+    RecordingWriter.check_path(arguments.out)
     back = 0 if arguments.back is None and arguments.front is None else arguments.back
     rig = (
         guessed_rig(arguments.size, None if arguments.front is None else arguments.size)
@@ -58,11 +60,13 @@ def run(arguments: argparse.Namespace) -> int:
         patience=arguments.patience,
         log=lambda line: tqdm.write(f"fastibl: {line}", file=sys.stderr),
     )
-    with source, Recorder(arguments.out, rig, board) as recorder:
+    recorder = None  # until the first frame: an older recording is there till then
+    with source, ExitStack() as stack:
         end = None
         with tqdm(desc="record", unit="frame") as bar:
             try:
                 for frame in source:
+                    recorder = recorder or stack.enter_context(Recorder(arguments.out, rig, board))
                     recorder.add(frame)
                     bar.update()
                     bar.set_postfix(dropped=recorder.dropped + source.dropped, refresh=False)
@@ -71,12 +75,12 @@ def run(arguments: argparse.Namespace) -> int:
                         break
             except KeyboardInterrupt:
                 pass
+    if recorder is None:
+        raise ValueError(f"no camera gave a picture within {arguments.patience:g} s")
     if recorder.error is not None:
         raise recorder.error
     print(
         f"{arguments.out}: {recorder.written} frames, {recorder.dropped} dropped for lack of speed of the disk, "
         f"{source.dropped} pictures not asked for in time"
     )
-    if not recorder.written:
-        raise ValueError(f"no camera gave a picture within {arguments.patience:g} s")
     return 0

@@ -53,7 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
         backend=arguments.backend,
         distance=arguments.distance,
     )
-    fps = (len(recording) - 1) / recording.duration if len(recording) > 1 and recording.duration > 0 else 15.0
+    times = recording.back_times
+    fps = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 15.0
     seconds, seen, result = [], 0, None
     with VideoWriter(arguments.out, fps) as video:
         for frame in tqdm(recording, total=len(recording), unit="frame"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from .. import shapes
 from .._fastibl import Material, Mesh, with_gl
 from ..files import read_mesh, read_object, stand
-from ..lighting import STEPS, methods
+from ..lighting import STEPS, method_name, methods
 
 OWN = "its own"  # the material of the object's file, or of the command line
 _MOST_ERROR, _MOST_MILLISECONDS = 1.0, 1000.0
@@ -90,6 +89,7 @@ class Choices:
             "objects": self.objects,
             "materials": [OWN, *self.materials],
             "methods": self.methods,
+            "paper": {step: method_name(step, "paper") for step in STEPS},
             "backends": self.backends,
         }
 
@@ -138,7 +138,7 @@ def _one_of(name: str, value: Any, choices: Sequence[Any]) -> Any:
 
 
 def _number(name: str, value: Any, least: float, most: float) -> float:
-    good = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    good = isinstance(value, (int, float)) and not isinstance(value, bool)  # NaN is in no range
     if not (good and least <= value <= most):
         raise ValueError(f"{name} must be a number from {least:g} to {most:g}, got {str(value)[:40]!r}")
     return float(value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ import numpy as np
 from .._fastibl import Material, Pose, Scene
 from ..live import Played, play
 from ..recorder import Recorder
+from ..recording import RecordingWarning
 from ..session import Session, bake_shadow
 from .choices import OWN, Choices
 from .snapshot import Latest, Snapshot
@@ -125,6 +127,15 @@ class LiveLoop:
 
     def run(self, until_end: bool = False) -> None:
         """Runs until stop(); when the source has ended it waits for changes, or returns where `until_end`."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", RecordingWarning)
+            shown = warnings.showwarning
+            warnings.showwarning = lambda message, category, *rest: (
+                self.say(str(message)) if issubclass(category, RecordingWarning) else shown(message, category, *rest)
+            )
+            self._run(until_end)
+
+    def _run(self, until_end: bool) -> None:
         try:
             while not self._stopping.is_set():
                 self._restarting = False
@@ -163,7 +174,8 @@ class LiveLoop:
                 return str(error)
             if played is None:
                 return "no more pictures come"
-            self._steps = max(0, self._steps - 1)
+            if played.frame.back is not None:  # a front picture alone shows nothing
+                self._steps = max(0, self._steps - 1)
             self._take(played)
 
     def _take(self, played: Played) -> None:
@@ -228,13 +240,19 @@ class LiveLoop:
                 self._show()
 
     def _process_again(self, played: Played) -> None:
-        """The last picture once more. Its place in the map is the same, so that it tells nothing new."""
+        """The last picture once more, in the light that was captured with it: a picture counts once."""
         frame = replace(played.frame, front=None)
+        captured = None if played.result is None or self._options.get("environment") else played.result.environment
         try:
+            if captured is not None:
+                self._session.set_environment(captured)
             result = self._session.process(frame)
         except (ValueError, TypeError) as error:
             self.say(str(error))
             return
+        finally:
+            if captured is not None:
+                self._session.set_environment(None)
         self._timings.append(result.timings)
         self._show(**self._pictures(Played(played.frame, result, {})), timings=tuple(self._timings))
 
@@ -269,6 +287,8 @@ class LiveLoop:
         self._steps += 1
 
     def _set_restart(self, value: bool) -> None:
+        if not getattr(self.source, "live", False):
+            self._end_recording()  # its times begin again
         self._restarting = True
         self._note(freeze=False)
 

@@ -56,7 +56,7 @@ async function change(changes) {
     const answer = await ask(address("control"), {
       method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(changes),
     });
-    if (!answer.ok) note(await answer.text());
+    note(answer.ok ? "" : await answer.text());
   } catch { /* told by ask() */ }
 }
 async function savePicture() {
@@ -279,7 +279,7 @@ function rowOf(pass) {
     select.addEventListener("change", () => {
       waiting[`method-${pass.step}`] = performance.now() + 1500;
       const now = last.settings.methods;
-      const whole = typeof now === "string" && now === "paper" ? paperMethods() : {};
+      const whole = now === "paper" ? choices.paper : {}; // what a change of one step goes on from
       change({ methods: { ...whole, [pass.step]: select.value } });
     });
     cells.method.append((cells.select = select));
@@ -287,15 +287,6 @@ function rowOf(pass) {
   rows.set(pass.name, { row, cells });
   $("plan").append(row);
   return rows.get(pass.name);
-}
-// The paper's methods by step, as the plan names them: what a change of one step goes on from.
-function paperMethods() {
-  const found = {};
-  for (const pass of last.plan.passes) {
-    const names = pass.step ? choices.methods[pass.step].filter((name) => pass.method.includes(name)) : [];
-    if (names.length) found[pass.step] = names.sort((a, b) => b.length - a.length)[0];
-  }
-  return found;
 }
 function renderPlan(s) {
   if (!s.plan || !choices) return;
@@ -356,18 +347,29 @@ function wire() {
   press("axes", () => { axes = !axes; $("axes").setAttribute("aria-pressed", axes); shown = 0; aborting.abort(); });
   press("help", () => $("keys").showModal());
   for (const name of ["object", "material", "backend", "methods"]) $(name).addEventListener("change", () => change({ [name]: $(name).value }));
+  // A list that was clicked gives the keys back; one that is chosen from by keys has them.
+  let clicked = false;
+  document.addEventListener("pointerdown", () => { clicked = true; }, true);
+  document.addEventListener("keydown", () => { clicked = false; }, true);
+  document.addEventListener("change", (event) => { if (clicked && event.target.matches("select")) event.target.blur(); });
   $("shadow").addEventListener("change", () => change({ shadow: $("shadow").checked }));
   let turning = 0;
   $("turn").addEventListener("input", () => {
     setText($("turned"), `${$("turn").value}°`), (waiting.turn = performance.now() + 1500);
     clearTimeout(turning), (turning = setTimeout(() => change({ turn: Number($("turn").value) }), 40));
   });
-  $("error-budget").addEventListener("change", () => change({ error: Number($("error-budget").value) / 100 }));
-  $("time-budget").addEventListener("change", () => change({ milliseconds: Number($("time-budget").value) }));
+  const budget = (id, send) => $(id).addEventListener("change", () => {
+    const field = $(id), value = Number(field.value);
+    if (value >= Number(field.min) && value <= Number(field.max)) send(value);
+    else note(`${field.labels[0].textContent} must be from ${field.min} to ${field.max}, got ${field.value}`);
+  });
+  budget("error-budget", (percents) => change({ error: percents / 100 }));
+  budget("time-budget", (milliseconds) => change({ milliseconds }));
   const keys = { f: "freeze", " ": "freeze", s: "step", r: "record", p: "save", n: "restart", a: "axes", "?": "help", h: "help" };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.repeat || $("keys").open) return;
-    if (event.target.matches("select, input, button") && (event.key === " " || !event.target.matches("button"))) return;
+    if (event.target.matches("select, input[type=number]")) return; // they take letters and numbers themselves
+    if (event.target.matches("input, button") && event.key === " ") return;
     const views = Object.keys(VIEWS);
     if (keys[event.key]) $(keys[event.key]).click(), event.preventDefault();
     else if (views[event.key - 1]) show(views[event.key - 1]);

@@ -177,7 +177,10 @@ class _Handler(BaseHTTPRequestHandler):
             answer = f"{refusal}\n".encode()
         self._send(status, kind, answer, headers)
         view = f"/{self.rest}" if what == "picture" and status == HTTPStatus.OK else ""
-        self.server.page.count((what or "page") + view, time.thread_time() - begin)
+        self.server.page.count(
+            (what if what in kinds and what else "page" if what in kinds else "others") + view,
+            time.thread_time() - begin,
+        )
 
     def _send(self, status: HTTPStatus, kind: str, answer: bytes, headers: Mapping[str, str]) -> None:
         self.send_response(status)
@@ -209,7 +212,10 @@ class _Handler(BaseHTTPRequestHandler):
         foreign = self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
         if foreign or (origin is not None and origin != f"http://{host}"):
             raise _Refusal(HTTPStatus.FORBIDDEN, "other pages may not ask here")
-        parts = urlsplit(self.path)
+        try:
+            parts = urlsplit(self.path)
+        except ValueError:
+            raise _Refusal(HTTPStatus.BAD_REQUEST, "this is no address") from None
         token, slash, path = parts.path.lstrip("/").partition("/")
         if not hmac.compare_digest(token.encode(), page.token.encode()) or not slash:
             raise _Refusal(HTTPStatus.FORBIDDEN, "open the address that `fastibl live` printed: it ends in a token")
