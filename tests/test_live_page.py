@@ -407,6 +407,17 @@ def test_the_page_knows_the_papers_methods(run):
     assert "transfer" not in passes["self_shadow"]["method"] or not passes["self_shadow"]["included"]
 
 
+def test_who_looks_on_sees_no_slow_motion(run, monkeypatch):
+    """Frames that take long for their error get a budget of time, once, where none was asked for."""
+    monkeypatch.setattr("fastibl.live_page.loop._SLOW", 0.0)
+    client, _, loop = run()
+    state = client.until(lambda s: s["settings"]["milliseconds"] == 50)
+    assert any("methods are now chosen for 50 ms" in m["text"] for m in state["messages"])
+    client.change(milliseconds=0)
+    picture = client.until(lambda s: s["settings"]["milliseconds"] == 0)["picture"]
+    assert client.until(lambda s: s["picture"] > picture + 15)["settings"]["milliseconds"] == 0
+
+
 def test_warnings_of_a_recording_are_said(run):
     class Cut(Source):
         def __iter__(self):

@@ -13,6 +13,11 @@ namespace fastibl::demo {
 namespace {
 
 constexpr double kNew = 3;  // seconds for which what was said is shown
+// A person who looks on, and asked for no time, sees no slow motion: a mirror within 2 % may take
+// most of a second.
+constexpr double kSlow = 0.15;       // seconds a frame
+constexpr int kSlowFrames = 5;       // one after the other
+constexpr double kQuickEnough = 50;  // milliseconds that are asked for then
 
 }  // namespace
 
@@ -73,6 +78,7 @@ bool Player::advance() {
   assumed_.fill(frame);
   FrameResult result = session_->process(frame);
   timings_.add(result.timings);
+  watch_time(result);
   changed_ = false;
   // A front picture alone feeds the map; there is nothing to show.
   if (frame_->back.empty()) {
@@ -91,6 +97,19 @@ bool Player::advance() {
         ", as the board's white tells; the light is captured anew");
   }
   return true;
+}
+
+void Player::watch_time(const FrameResult& result) {
+  if (!live_ || options().milliseconds > 0 || options().error == 0) return;
+  const double seconds = result.timings.at("total");
+  slow_ = seconds > kSlow ? slow_ + 1 : 0;
+  if (slow_ < kSlowFrames || hurried_) return;
+  hurried_ = true;  // once: who then asks for none gets none
+  char text[96];
+  std::snprintf(text, sizeof text, "%.0f ms a frame for %g %%: methods are now chosen for %g ms",
+                1000 * seconds, 100 * options().error, kQuickEnough);
+  set_budgets(options().error, kQuickEnough);
+  say(text);
 }
 
 // By what was changed. The map stays as it is: a picture counts once.

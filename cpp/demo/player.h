@@ -89,6 +89,7 @@ class Player {
   void make_session(Scene scene);
   void begin_session();
   void record_frame();
+  void watch_time(const FrameResult& result);
   void told_or_thrown(const std::exception& error);
 
   Args args_;
@@ -111,7 +112,8 @@ class Player {
   std::optional<Tracked> tracked_;  // of the frame, however often it is drawn
   Image<std::uint8_t> picture_;
   bool changed_ = false, drawn_ = false;
-  int count_ = 0, unseen_ = 0;
+  int count_ = 0, unseen_ = 0, slow_ = 0;  // frames
+  bool hurried_ = false;                   // a time was asked for because it was slow
   Timings timings_;
   std::string said_;
   Stopwatch clock_;

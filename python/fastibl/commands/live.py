@@ -121,6 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
             about=opened.about,
             after_frame=watch.take,
             log=lambda line: tqdm.write(f"fastibl: {line}", file=sys.stderr),
+            watched=not arguments.no_page,
         )
         log.to, watch.loop = loop.say, loop
         if not arguments.no_page:

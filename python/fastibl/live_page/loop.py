@@ -26,6 +26,9 @@ _WINDOW = 1.0  # seconds over which pictures are counted
 _TIMINGS = 30  # frames whose timings are shown
 _MESSAGES = 20  # that are kept
 _WAITING = 64  # changes that may wait
+_SLOW = 0.15  # seconds a frame
+_SLOW_FRAMES = 5  # one after the other
+_QUICK_ENOUGH = 50.0  # milliseconds that are asked for then
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,8 @@ class LiveLoop:
     source: gives Frames, and again from its begin when it is iterated again. choices: what may be changed. settings:
     to begin with. options: further ones of Session (environment, distance, ...). folder: of recordings. about: the
     source in words, or a function that gives them. after_frame: called with the session and what it made of each frame,
-    in the loop's thread. log: is given each message, too.
+    in the loop's thread. log: is given each message, too. watched: by a person, for whom frames that take long for
+    their error get a budget of time.
     """
 
     def __init__(
@@ -76,10 +80,11 @@ class LiveLoop:
         about: str | Callable[[], str] = "",
         after_frame: Callable[[Session, Played], None] | None = None,
         log: Callable[[str], None] = lambda line: None,
+        watched: bool = True,
     ):
         self.source, self.choices, self.folder = source, choices, folder
         self._options, self._after_frame, self._log = dict(options or {}), after_frame, log
-        self._settings = settings
+        self._settings, self._watched = settings, watched
         self._about = about if callable(about) else lambda: about
         self._queue: queue.Queue[tuple[str, Any]] = queue.Queue(_WAITING)
         self._stopping = threading.Event()
@@ -97,6 +102,7 @@ class LiveLoop:
         self._object = self._load(settings.object)
         self._session = self._make_session()
         self.frames = 0  # processed
+        self._slow, self._hurried = 0, False  # frames; whether a time was asked for because of them
         self.latest = Latest(Snapshot(source.rig, settings=settings, source=self._about()))
 
     # For other threads.
@@ -190,10 +196,25 @@ class LiveLoop:
             while now - self._times[0] > _WINDOW:
                 self._times.popleft()
             self._timings.append(result.timings)
+            self._watch_time(result.timings["total"])
             changes |= self._pictures(played) | {"timings": tuple(self._timings), "fps": self._fps(now), "made": now}
         self._show(state="frozen" if self._settings.freeze else "running", **changes)
         if self._after_frame is not None:
             self._after_frame(self._session, played)
+
+    def _watch_time(self, seconds: float) -> None:
+        """Who looks on, and asked for no time, sees no slow motion: a mirror within 2 % may take most of a second."""
+        if self._settings.milliseconds or not self._settings.error or not self._watched:
+            return
+        self._slow = self._slow + 1 if seconds > _SLOW else 0
+        if self._slow < _SLOW_FRAMES or self._hurried:
+            return
+        self._hurried = True  # once: who then asks for none gets none
+        self._set_milliseconds(_QUICK_ENOUGH)
+        self.say(
+            f"{1000 * seconds:.0f} ms a frame for {100 * self._settings.error:g} %: methods are now chosen for "
+            f"{_QUICK_ENOUGH:g} ms"
+        )
 
     def _fps(self, now: float) -> float:
         span = now - self._times[0]
