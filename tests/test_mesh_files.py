@@ -325,6 +325,30 @@ def test_textures_go_on_beyond_their_borders(mode, seen, backend, tmp_path):
     assert "".join("r" if red > green else "g" for red, green, _ in surface.base_color) == seen
 
 
+TRANSFORM = {"offset": [0.1, -0.2], "rotation": 0.7, "scale": [2, 0.5]}
+
+
+def test_textures_are_moved_and_read_with_other_uvs(tmp_path):
+    """T R S (u, v, 1), v downwards, R as the text of KHR_texture_transform has it (KhronosGroup/glTF, issue 1563)."""
+    base = {"index": 0, "extensions": {"KHR_texture_transform": TRANSFORM}}
+    pbr = {"pbrMetallicRoughness": {"baseColorTexture": base}}
+    mesh, _ = fastibl.read_object(textured(tmp_path, TWICE, **pbr))
+    (c, s), (x, y), (u, v) = (np.cos(0.7), np.sin(0.7)), TRANSFORM["offset"], TRANSFORM["scale"]
+    moved = np.array([[1, 0, x], [0, 1, y], [0, 0, 1]]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    moved = moved @ np.diag([u, v, 1.0])
+    expected = np.array([moved @ [a, b, 1] for a, b in TWICE])[:, :2]
+    found = {tuple(np.round(uv, 4)) for uv in mesh.uvs}
+    assert found == {tuple(np.round((a, 1 - b), 4)) for a, b in expected.astype(np.float32)}
+    path = textured(tmp_path, TWICE, pbrMetallicRoughness={"baseColorTexture": {"index": 0, "texCoord": 1}})
+    content = json.loads(path.read_text())
+    attributes = content["meshes"][0]["primitives"][0]["attributes"]
+    attributes["TEXCOORD_1"] = attributes.pop("TEXCOORD_0")
+    path.write_text(json.dumps(content))
+    assert np.abs(fastibl.read_object(path)[0].uvs).max() == pytest.approx(2)
+    both = textured(tmp_path, TWICE, normalTexture={"index": 0}, **pbr)
+    same_error(lambda: fastibl.read_object(both), ValueError, "a.gltf", "in different ways")
+
+
 def test_wrap_is_named():
     picture = np.zeros((2, 2, 3), np.uint8)
     assert fastibl.Material.pbr(picture).wrap == ("repeat", "repeat")

@@ -5,7 +5,7 @@ it. Several materials become one: their textures are laid side by side in an atl
 1/16, so that textures that repeat need a file of one material, and cells mix where they are seen smaller than 1/16.
 Left out, with a warning that names them: transparency, vertex colours, morphs, and extensions that add to a material
 (clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place), points and lines. Refused by name:
-specular-glossiness materials, compressed meshes, a second set of uvs.
+specular-glossiness materials, compressed meshes, and a material whose textures lie in different ways on its mesh.
 """
 
 from __future__ import annotations
@@ -25,11 +25,38 @@ from .picture_headers import jpeg_size, png_size
 from .pictures import decode_picture
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
-_KNOWN = {"KHR_materials_anisotropy", "KHR_materials_emissive_strength", "KHR_mesh_quantization"}
+_KNOWN = {
+    "KHR_materials_anisotropy", "KHR_materials_emissive_strength", "KHR_mesh_quantization", "KHR_texture_transform",
+}  # fmt: skip
 _OTHER_MODEL = "KHR_materials_pbrSpecularGlossiness"
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _ATLAS = 4096  # texels along an edge, at most
+
+
+@dataclass(frozen=True)
+class _Lie:
+    """Which set of uvs a texture is read with, and where KHR_texture_transform takes them."""
+
+    uvs: int = 0
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0  # radians
+    scale: tuple[float, float] = (1.0, 1.0)
+
+    @classmethod
+    def of(cls, reference: dict[str, Any]) -> _Lie:
+        own = reference.get("texCoord", 0)
+        t = reference.get("extensions", {}).get("KHR_texture_transform")
+        if t is None:
+            return cls(int(own))
+        (x, y), (u, v) = t.get("offset", (0, 0)), t.get("scale", (1, 1))
+        return cls(int(t.get("texCoord", own)), (float(x), float(y)), float(t.get("rotation", 0)), (float(u), float(v)))
+
+    def applied(self, uvs: NDArray) -> NDArray:
+        """Both with v downwards, as the format has it. Turned as its text, its test model and all readers have it; the
+        matrix that it shows turns the other way (KhronosGroup/glTF, issue 1563)."""
+        c, s = np.cos(self.rotation), np.sin(self.rotation)
+        return (uvs * self.scale) @ np.array([[c, -s], [s, c]]) + self.offset
 
 
 @dataclass
@@ -45,6 +72,7 @@ class _Surface:
     anisotropy: float = 0.0
     anisotropy_rotation: float = 0.0
     wraps: set[tuple[str, str]] = field(default_factory=set)  # of its textures
+    lies: set[_Lie] = field(default_factory=set)  # how they lie on the mesh
 
     def maps(self) -> list[NDArray]:
         every = (self.base_color, self.metallic, self.roughness, self.emission, self.normal)
@@ -60,13 +88,23 @@ class _Surface:
 
 @dataclass
 class _Part:
-    """A primitive in the file's frame; uvs with v upwards."""
+    """A primitive in the file's frame. sets: of uvs, with v downwards. uvs: those that its textures are read with, with
+    v upwards."""
 
     vertices: NDArray
     triangles: NDArray
     normals: NDArray
-    uvs: NDArray | None
+    sets: dict[int, NDArray]
     material: int
+    uvs: NDArray | None = None
+
+    def lay(self, surface: _Surface) -> None:
+        """Chooses the uvs that a surface's textures are read with."""
+        if len(surface.lies) > 1:
+            raise ValueError("a material's textures lie on its mesh in different ways: sets of uvs, or transforms")
+        lie = next(iter(surface.lies), _Lie())
+        if lie.uvs in self.sets:
+            self.uvs = lie.applied(self.sets[lie.uvs]) * [1, -1] + [0, 1]
 
 
 class _File(Container):
@@ -116,8 +154,7 @@ class _File(Container):
 
     def picture(self, reference: dict[str, Any], surface: _Surface) -> NDArray:
         """(h, w, 3) uint8 or uint16 RGB of a texture that a material names."""
-        if reference.get("texCoord", 0) != 0 or "KHR_texture_transform" in reference.get("extensions", {}):
-            raise ValueError("its textures use a second set of uvs or KHR_texture_transform")
+        surface.lies.add(_Lie.of(reference))
         texture = self.json["textures"][reference["index"]]
         sampler = self.json["samplers"][texture["sampler"]] if "sampler" in texture else {}
         surface.wraps.add((_WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]))
@@ -221,9 +258,8 @@ class _File(Container):
         if "targets" in primitive:
             self.left_out.add("morphs")
         normals = self.array(attributes["NORMAL"]).astype(np.float64) if "NORMAL" in attributes else None
-        uvs = None
-        if "TEXCOORD_0" in attributes:
-            uvs = self.array(attributes["TEXCOORD_0"]).astype(np.float64) * [1, -1] + [0, 1]
+        names = {k: f"TEXCOORD_{k}" for k in range(4)}
+        sets = {k: self.array(attributes[n]).astype(np.float64) for k, n in names.items() if n in attributes}
         placing = transform
         if joints is not None and "JOINTS_0" in attributes and "WEIGHTS_0" in attributes:
             weights = self.array(attributes["WEIGHTS_0"]).astype(np.float64)
@@ -236,10 +272,10 @@ class _File(Container):
         if np.linalg.det(linear).mean() < 0:
             triangles = triangles[:, ::-1]
         if normals is None:
-            placed, uvs = placed[triangles.reshape(-1)], None if uvs is None else uvs[triangles.reshape(-1)]
+            placed, sets = placed[triangles.reshape(-1)], {k: uvs[triangles.reshape(-1)] for k, uvs in sets.items()}
             triangles = np.arange(len(placed)).reshape(-1, 3)
             normals = np.cross(placed[1::3] - placed[::3], placed[2::3] - placed[::3]).repeat(3, axis=0)
-        return [_Part(placed, triangles, normals, uvs, primitive.get("material", -1))]
+        return [_Part(placed, triangles, normals, sets, primitive.get("material", -1))]
 
 
 def _refuse_compressed(part: dict[str, Any]) -> None:
@@ -362,6 +398,8 @@ def read(path: Path) -> tuple[Mesh, Material]:
         surfaces = {m: file.surface(m) for m in sorted({p.material for p in parts})}
     except DAMAGES as error:
         raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
+    for part in parts:
+        part.lay(surfaces[part.material])
     if file.left_out:
         warnings.warn(f"{path}: left out are {', '.join(sorted(file.left_out))}", stacklevel=3)
     surface = next(iter(surfaces.values())) if len(surfaces) == 1 else _atlas(parts, surfaces)
