@@ -12,8 +12,9 @@ constexpr int kSteps = 16;       // along each side of the picture: lenses bend 
 constexpr double kMargin = 0.1;  // of the picture's size
 constexpr int kSides = 32;       // of the polygon within the circle up to which a lens model goes
 constexpr double kBend = 0.2;    // pixels
-constexpr double kFarthest = 1000;  // on the plane z = 1
-constexpr int kMostHalved = 32;     // times that a triangle is
+constexpr double kFarthest = 1000;           // on the plane z = 1
+constexpr int kMostHalved = 32;              // times that a triangle is
+constexpr std::size_t kMostParts = 1 << 18;  // beyond, of a lens that is none, edges stay straight
 
 // A polygon's corner as it is cut: one of the mesh's vertices, or a new one.
 struct Corner {
@@ -76,7 +77,7 @@ void split(const ViewVolume& volume, const Corner& a, const Corner& b, const Cor
            int triangle, const Mesh& mesh, int halved, CutMesh& result) {
   const double ab = bent(volume, a.position, b.position), bc = bent(volume, b.position, c.position),
                ca = bent(volume, c.position, a.position), most = std::max({ab, bc, ca});
-  if (!(most > 0) || halved == kMostHalved) {
+  if (!(most > 0) || halved == kMostHalved || result.triangles.size() >= kMostParts) {
     result.triangles.push_back({{a.vertex, b.vertex, c.vertex}, triangle});
     return;
   }
