@@ -172,7 +172,7 @@ def test_tags_of_other_ids_than_numbers():
 
 def test_a_mesh_of_two_coordinates_is_refused(tmp_path):
     (tmp_path / "flat.obj").write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
-    with pytest.raises(ValueError, match="flat.obj must have vertices of 3 coordinates"):
+    with pytest.raises(ValueError, match="flat.obj .* line 1: expected three numbers"):
         fastibl.read_mesh(tmp_path / "flat.obj")
 
 

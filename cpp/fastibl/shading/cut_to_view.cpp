@@ -14,7 +14,7 @@ constexpr int kSides = 32;       // of the polygon within the circle up to which
 constexpr double kBend = 0.2;    // pixels
 constexpr double kFarthest = 1000;           // on the plane z = 1
 constexpr int kMostHalved = 32;              // times that a triangle is
-constexpr std::size_t kMostParts = 1 << 18;  // beyond, of a lens that is none, edges stay straight
+constexpr std::size_t kMostParts = 1 << 16;  // beyond, of a lens that is none, edges stay straight
 
 // A polygon's corner as it is cut: one of the mesh's vertices, or a new one.
 struct Corner {
