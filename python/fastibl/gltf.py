@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._fastibl import Material, Mesh
+from ._fastibl import Material, Mesh, Response
 from .file_limits import MOST_PIXELS, MOST_TRIANGLES, MOST_VERTICES
 from .gltf_container import DAMAGES, WIDTHS, Container
 from .picture_headers import jpeg_size, png_size
-from .pictures import decode_picture
+from .pictures import decode_picture, unit
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _KNOWN = {
@@ -196,14 +196,14 @@ class _File(Container):
             out.base_color = out.base_color * _linear(self.picture(pbr["baseColorTexture"], out))
         out.metallic, out.roughness = float(pbr.get("metallicFactor", 1)), float(pbr.get("roughnessFactor", 1))
         if "metallicRoughnessTexture" in pbr:
-            picture = _unit(self.picture(pbr["metallicRoughnessTexture"], out))
+            picture = unit(self.picture(pbr["metallicRoughnessTexture"], out))
             out.roughness, out.metallic = out.roughness * picture[..., 1], out.metallic * picture[..., 2]
         strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         out.emission = np.asarray(m.get("emissiveFactor", [0, 0, 0]), np.float32) * strength
         if "emissiveTexture" in m and out.emission.any():
             out.emission = out.emission * _linear(self.picture(m["emissiveTexture"], out))
         if "normalTexture" in m:
-            out.normal = _unit(self.picture(m["normalTexture"], out))
+            out.normal = unit(self.picture(m["normalTexture"], out))
             out.normal_scale = float(m["normalTexture"].get("scale", 1))
         anisotropy = extensions.get("KHR_materials_anisotropy", {})
         if "anisotropyTexture" in anisotropy:
@@ -294,14 +294,8 @@ def _triangles(index: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
     return index[np.stack([k + 1, k + 2, 0 * k], axis=1)]
 
 
-def _unit(picture: NDArray) -> NDArray[np.float32]:
-    return picture.astype(np.float32) / np.iinfo(picture.dtype).max
-
-
 def _linear(picture: NDArray) -> NDArray[np.float32]:
-    most = np.iinfo(picture.dtype).max
-    x = np.arange(most + 1) / most
-    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)[picture]
+    return Response.srgb().decode(unit(picture))
 
 
 def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> _Surface:

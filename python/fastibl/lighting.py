@@ -15,7 +15,7 @@ from ._fastibl import (
     _Methods,
     _prefilter,
 )
-from .expected import expect
+from .axes import radiance_of
 
 STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow", "self_shadow", "bounce")
 AUTO, PAPER = _Methods._auto(), _Methods._paper()
@@ -147,10 +147,8 @@ class Lighting(_Lighting):
         *,
         previous: Lighting | None = None,
     ):
-        radiance = cube.radiance if isinstance(cube, Environment) else cube
-        expect(radiance, CubeMap, "cube")
         super().__init__(
-            radiance,
+            radiance_of(cube),
             method_name("diffuse", diffuse),
             method_settings(diffuse),
             method_name("glossy", glossy),

@@ -50,7 +50,12 @@ def read_picture(path: Path, response: Response | None = None) -> NDArray[np.flo
             f"{path} holds {image.dtype} values; an environment map needs linear radiance (.hdr, .exr), or the "
             "response that it was encoded by (response=fastibl.Response.srgb(), --response srgb)"
         )
-    return response.decode(image.astype(np.float32) / np.iinfo(image.dtype).max)
+    return response.decode(unit(image))
+
+
+def unit(picture: NDArray[Any]) -> NDArray[np.float32]:
+    """0 to 1 of a picture of whole numbers."""
+    return picture.astype(np.float32) / np.iinfo(picture.dtype).max
 
 
 def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:

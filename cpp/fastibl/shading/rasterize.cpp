@@ -171,7 +171,6 @@ void Rasterizer::project(const Geometry& g, const Pose& camera_from_marker) {
 // Cuts what reaches behind the camera or beyond the lens model.
 void Rasterizer::cut(Geometry& g, const Pose& camera_from_marker) {
   cut_ = {};
-  const Lens lens(g.camera);
   const auto cut_one = [&](const Mesh& mesh, const Pose& camera_from_mesh, std::size_t first_vertex,
                            std::size_t first_triangle) {
     PictureCorner* const corners = corners_.data() + first_vertex;
@@ -181,6 +180,7 @@ void Rasterizer::cut(Geometry& g, const Pose& camera_from_marker) {
     const CutMesh made = cut_to_view(mesh, ViewVolume(mesh, g.camera, camera_from_mesh));
     for (std::size_t i = 0; i < made.replaced.size(); ++i)
       cut_.replaced[first_triangle + i] = made.replaced[i];
+    const Lens lens(g.camera);  // not in every picture: how far it goes is searched for
     const int shift = int(g.vertices() + cut_.vertices.size()) - int(n);
     const auto numbered = [&](int vertex) {
       return vertex + (std::size_t(vertex) < n ? int(first_vertex) : shift);

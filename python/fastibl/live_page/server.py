@@ -178,7 +178,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(status, kind, answer, headers)
         view = f"/{self.rest}" if what == "picture" and status == HTTPStatus.OK else ""
         self.server.page.count(
-            (what if what in kinds and what else "page" if what in kinds else "others") + view,
+            (what or "page" if what in kinds else "others") + view,
             time.thread_time() - begin,
         )
 
