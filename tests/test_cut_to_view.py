@@ -151,3 +151,39 @@ def test_light_shares_and_normals_go_on_over_the_cut(backend):
     print(f"{backend}: {both.mean():.2f} of the picture, off by {error.max():.5f} of {many[both].mean():.3f}")
     assert both.mean() > 0.4 and np.ptp(many[both][:, 0]) > 0.1
     assert error.max() < 0.002
+
+
+def through_box(lower, upper, rays, eye):
+    """Whether rays (h, w, samples, 3) meet a box: slabs."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        a, b = (lower - eye) / rays, (upper - eye) / rays
+        return np.minimum(a, b).max(axis=-1) < np.maximum(a, b).min(axis=-1)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("lens", LENSES[1:], ids=str)
+def test_long_edges_are_bent_as_the_lens_bends_them(lens, backend):
+    """A box of twelve triangles, all in view: drawn straight, its edges lie some pixels off."""
+    lower, upper = np.array([-0.1, -0.06, 0]), np.array([0.1, 0.06, 0.15])
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    box = fastibl.Mesh(lower + corners * (upper - lower), triangles)
+    camera = camera_of(320, 240, 75.0, distortion=lens)
+    glow = fastibl.Material(diffuse=(0, 0, 0), emission=(1, 1, 1))
+    for eye, at in (
+        ((0.25, -0.2, 0.2), (0, 0, 0.07)),
+        ((0.02, -0.3, 0.1), (0.1, 0, 0.02)),
+        ((0, 0.01, 0.45), (0, 0, 0)),
+    ):
+        pose = looking(np.subtract(at, eye), eye)
+        rays, place = rays_through(camera, pose, SAMPLES)
+        true = through_box(lower, upper, rays, place).mean(axis=2)
+        off = np.abs(shown(box, glow, camera, pose, backend)[..., 3] - true)
+        edge = (true > 0) & (true < 1)
+        print(
+            f"{backend}, lens {lens}, from {eye}: off by {off.sum():.1f} pixels in all, at most {off.max():.2f}; "
+            f"{edge.sum()} pixels of the outline, {true.mean():.2f} covered"
+        )
+        assert edge.sum() > 200
+        assert off.sum() < 0.12 * edge.sum() and (off == 1).sum() == 0

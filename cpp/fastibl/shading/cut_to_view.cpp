@@ -16,6 +16,29 @@ constexpr double kFarthest = 1000;           // on the plane z = 1
 constexpr int kMostHalved = 32;              // times that a triangle is
 constexpr std::size_t kMostParts = 1 << 16;  // beyond, of a lens that is none, edges stay straight
 
+struct Box {
+  glm::dvec2 lower, upper;
+};
+
+// What the picture shows of the plane z = 1, and a tenth of its size around.
+Box seen(const Lens& lens, const Camera& camera) {
+  const glm::dvec2 size(camera.width, camera.height);
+  const double farther = std::min(std::sqrt(lens.limit2()), kFarthest);
+  glm::dvec2 lower(std::numeric_limits<double>::infinity()), upper(-lower);
+  const auto add = [&](glm::dvec2 pixel) {
+    const auto d = lens.unproject(pixel);
+    lower = glm::min(lower, d ? glm::dvec2(*d) : glm::dvec2(-farther));
+    upper = glm::max(upper, d ? glm::dvec2(*d) : glm::dvec2(farther));
+  };
+  for (int k = 0; k < kSteps; ++k) {
+    const double t = double(k) / kSteps;
+    add({t * size.x, 0}), add({size.x, t * size.y});
+    add({size.x - t * size.x, size.y}), add({0, size.y - t * size.y});
+  }
+  const glm::dvec2 margin = kMargin * (upper - lower);
+  return {lower - margin, upper + margin};
+}
+
 // A polygon's corner as it is cut: one of the mesh's vertices, or a new one.
 struct Corner {
   glm::dvec3 position;
@@ -65,12 +88,6 @@ double bent(const ViewVolume& volume, const glm::dvec3& a, const glm::dvec3& b) 
   return volume.bends(from, to) ? glm::distance(from, to) : 0.0;
 }
 
-bool is_bent(const ViewVolume& volume, const std::vector<Corner>& triangle) {
-  for (std::size_t k = 0; k < 3; ++k)
-    if (bent(volume, triangle[k].position, triangle[(k + 1) % 3].position) > 0) return true;
-  return false;
-}
-
 // Adds a triangle, in parts where the lens bends its edges. Whether one is halved depends on its
 // ends alone.
 void split(const ViewVolume& volume, const Corner& a, const Corner& b, const Corner& c,
@@ -94,26 +111,64 @@ void split(const ViewVolume& volume, const Corner& a, const Corner& b, const Cor
 
 }  // namespace
 
-ViewVolume::ViewVolume(const Mesh& mesh, const Camera& camera, const Pose& camera_from_mesh)
-    : lens_(camera), camera_from_mesh_(camera_from_mesh), focal_(camera.fx, camera.fy) {
+double least_bent(const Camera& camera) {
+  constexpr double kStep = 1e-4, kMore = 1.25;  // for what lies between the places that are asked
+  const Lens lens(camera);
+  if (lens.trivial()) return std::numeric_limits<double>::infinity();
+  const auto [lower, upper] = seen(lens, camera);
+  const glm::dvec2 focal(camera.fx, camera.fy);
+  double most = 0;  // pixels, of the second derivative along a line
+  for (int i = 0; i <= kSteps; ++i)
+    for (int j = 0; j <= kSteps; ++j) {
+      const glm::dvec2 p = glm::mix(lower, upper, glm::dvec2(i, j) / double(kSteps));
+      if (!lens.valid(p)) continue;
+      for (int k = 0; k < 4; ++k) {
+        const double angle = 0.25 * std::numbers::pi * k;
+        const glm::dvec2 along(std::cos(angle), std::sin(angle)), step = kStep * along;
+        glm::dmat2 before, after;
+        lens.distort(p - step, &before), lens.distort(p + step, &after);
+        most = std::max(most, glm::length(focal * ((after - before) * along)) / (2 * kStep));
+      }
+    }
+  // Off the chord of a line by at most an eighth of that times its squared length. One that is as
+  // long as the margin may be bent more, beyond it.
+  const glm::dvec2 margin = kMargin / (1 + 2 * kMargin) * (upper - lower);
+  return std::min({std::sqrt(8 * kBend / (kMore * most)), margin.x, margin.y});
+}
+
+double LeastBent::of(const Camera& camera) {
+  if (camera_ != camera) least_ = least_bent(camera), camera_ = camera;
+  return least_;
+}
+
+bool may_be_bent(const Mesh& mesh, const Pose& camera_from_mesh, double least) {
+  if (std::isinf(least)) return false;
+  std::vector<glm::vec2> ideal(mesh.vertices.size());
+  for (std::size_t i = 0; i < ideal.size(); ++i) {
+    const glm::dvec3 p = camera_from_mesh * glm::dvec3(mesh.vertices[i]);
+    ideal[i] = glm::vec2(glm::dvec2(p) / p.z);
+  }
+  const float least2 = float(least * least);
+  const auto is_long = [&](int a, int b) {
+    const glm::vec2 d = ideal[std::size_t(a)] - ideal[std::size_t(b)];
+    return glm::dot(d, d) >= least2;
+  };
+  return std::any_of(mesh.triangles.begin(), mesh.triangles.end(), [&](const glm::ivec3& t) {
+    return is_long(t.x, t.y) || is_long(t.y, t.z) || is_long(t.z, t.x);
+  });
+}
+
+ViewVolume::ViewVolume(const Mesh& mesh, const Camera& camera, const Pose& camera_from_mesh,
+                       double least)
+    : lens_(camera),
+      camera_from_mesh_(camera_from_mesh),
+      focal_(camera.fx, camera.fy),
+      least_(least) {
   double farthest = 0;
   for (const glm::vec3& v : mesh.vertices)
     farthest = std::max(farthest, (camera_from_mesh * glm::dvec3(v)).z);
-  const glm::dvec2 size(camera.width, camera.height);
-  const double limit = std::sqrt(lens_.limit2()), farther = std::min(limit, kFarthest);
-  glm::dvec2 lower(std::numeric_limits<double>::infinity()), upper(-lower);  // on the plane z = 1
-  const auto add = [&](glm::dvec2 pixel) {
-    const auto d = lens_.unproject(pixel);
-    lower = glm::min(lower, d ? glm::dvec2(*d) : glm::dvec2(-farther));
-    upper = glm::max(upper, d ? glm::dvec2(*d) : glm::dvec2(farther));
-  };
-  for (int k = 0; k < kSteps; ++k) {
-    const double t = double(k) / kSteps;
-    add({t * size.x, 0}), add({size.x, t * size.y});
-    add({size.x - t * size.x, size.y}), add({0, size.y - t * size.y});
-  }
-  const glm::dvec2 margin = kMargin * (upper - lower);
-  lower -= margin, upper += margin;
+  const double limit = std::sqrt(lens_.limit2());
+  const auto [lower, upper] = seen(lens_, camera);
   const glm::dmat3 mesh_from_camera = glm::transpose(glm::dmat3(camera_from_mesh.rotation));
   const auto add_plane = [&](glm::dvec3 normal, double shift) {
     planes_.push_back({mesh_from_camera * normal,
@@ -143,7 +198,7 @@ glm::dvec2 ViewVolume::ideal(const glm::dvec3& point) const {
 }
 
 bool ViewVolume::bends(const glm::dvec2& a, const glm::dvec2& b) const {
-  if (lens_.trivial()) return false;
+  if (glm::distance(a, b) < least_) return false;
   const glm::dvec2 from = lens_.distort(a), to = lens_.distort(b);
   const auto off = [&](double t) {  // also where the line is bent both ways
     const glm::dvec2 bent = lens_.distort((1 - t) * a + t * b) - ((1 - t) * from + t * to);
@@ -155,21 +210,27 @@ bool ViewVolume::bends(const glm::dvec2& a, const glm::dvec2& b) const {
 CutMesh cut_to_view(const Mesh& mesh, const ViewVolume& volume) {
   CutMesh result;
   std::vector<char> held(mesh.vertices.size());
-  for (std::size_t i = 0; i < held.size(); ++i)
-    held[i] = volume.holds(glm::dvec3(mesh.vertices[i]));
+  std::vector<glm::dvec2> ideal(held.size());  // of those
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    const glm::dvec3 vertex(mesh.vertices[i]);
+    held[i] = volume.holds(vertex);
+    if (held[i]) ideal[i] = volume.ideal(vertex);
+  }
   result.replaced.resize(mesh.triangles.size());
   std::vector<Corner> polygon, kept;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const auto corner = [&](int k) { return std::size_t(mesh.triangles[i][k]); };
+    const bool whole = held[corner(0)] && held[corner(1)] && held[corner(2)];
+    const auto is_bent = [&](int a, int b) {
+      return volume.bends(ideal[corner(a)], ideal[corner(b)]);
+    };
+    if (whole && !is_bent(0, 1) && !is_bent(1, 2) && !is_bent(2, 0)) continue;
     polygon.clear();
-    bool whole = true;
     for (int k = 0; k < 3; ++k) {
-      const int vertex = mesh.triangles[i][k];
       glm::dvec3 weights(0);
       weights[k] = 1;
-      polygon.push_back({glm::dvec3(mesh.vertices[std::size_t(vertex)]), weights, vertex});
-      whole = whole && held[std::size_t(vertex)];
+      polygon.push_back({glm::dvec3(mesh.vertices[corner(k)]), weights, int(corner(k))});
     }
-    if (whole && !is_bent(volume, polygon)) continue;
     result.replaced[i] = 1;
     for (const ViewVolume::Plane& plane : volume.planes()) {
       if (whole || polygon.empty()) break;

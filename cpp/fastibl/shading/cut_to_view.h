@@ -1,5 +1,6 @@
 // Triangles cut to what a camera can see of them, so that one with a corner behind the camera, or
-// beyond its lens model, keeps its part that is seen; what the lens bends is split.
+// beyond its lens model, keeps its part that is seen; and split where the lens bends their edges,
+// which are drawn straight.
 #pragma once
 
 #include <vector>
@@ -10,12 +11,28 @@
 
 namespace fastibl {
 
+// The least length on the plane z = 1 of a line that a perspective camera's lens may bend by 0.2
+// pixels, in its picture and a tenth of its size around; infinite where it bends none.
+double least_bent(const Camera& camera);
+// That of the last camera.
+class LeastBent {
+ public:
+  double of(const Camera& camera);
+
+ private:
+  Camera camera_;
+  double least_ = 0;
+};
+// Whether a triangle has an edge as long as that. The mesh must be before the camera.
+bool may_be_bent(const Mesh& mesh, const Pose& camera_from_mesh, double least);
+
 // What a perspective camera's picture shows of a mesh and somewhat more, as planes in the mesh's
 // frame. All that it holds lies before the camera, by 0.1 mm or a thousandth of the farthest depth,
 // and within the lens model.
 class ViewVolume {
  public:
-  ViewVolume(const Mesh& mesh, const Camera& camera, const Pose& camera_from_mesh);
+  // least: least_bent(camera)
+  ViewVolume(const Mesh& mesh, const Camera& camera, const Pose& camera_from_mesh, double least);
   bool holds(const glm::dvec3& point) const;
 
   struct Plane {
@@ -32,8 +49,8 @@ class ViewVolume {
  private:
   Lens lens_;
   Pose camera_from_mesh_;
-  glm::dvec2 focal_;  // pixels
-  double nearest_;    // depth, metres
+  glm::dvec2 focal_;        // pixels
+  double nearest_, least_;  // depth, metres; least_bent()
   std::vector<Plane> planes_;
 };
 

@@ -168,16 +168,19 @@ void Rasterizer::project(const Geometry& g, const Pose& camera_from_marker) {
   });
 }
 
-// Cuts what reaches behind the camera or beyond the lens model.
+// Cuts what reaches behind the camera or beyond the lens model, and splits what the lens bends.
 void Rasterizer::cut(Geometry& g, const Pose& camera_from_marker) {
   cut_ = {};
+  const double least = least_bent_.of(g.camera);
   const auto cut_one = [&](const Mesh& mesh, const Pose& camera_from_mesh, std::size_t first_vertex,
                            std::size_t first_triangle) {
     PictureCorner* const corners = corners_.data() + first_vertex;
     const std::size_t n = mesh.vertices.size();
-    if (std::all_of(corners, corners + n, [](const PictureCorner& c) { return c.valid; })) return;
+    if (std::all_of(corners, corners + n, [](const PictureCorner& c) { return c.valid; }) &&
+        !may_be_bent(mesh, camera_from_mesh, least))
+      return;
     cut_.replaced.resize(g.whole_triangles());
-    const CutMesh made = cut_to_view(mesh, ViewVolume(mesh, g.camera, camera_from_mesh));
+    const CutMesh made = cut_to_view(mesh, ViewVolume(mesh, g.camera, camera_from_mesh, least));
     for (std::size_t i = 0; i < made.replaced.size(); ++i)
       cut_.replaced[first_triangle + i] = made.replaced[i];
     const Lens lens(g.camera);  // not in every picture: how far it goes is searched for

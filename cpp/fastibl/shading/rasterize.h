@@ -50,8 +50,9 @@ class Rasterizer {
   ~Rasterizer();
 
   // Bands of rows from above, none where nothing is seen; valid until the next call. Vertices go
-  // through the full lens model; edges between them are straight. Where one is behind the camera or
-  // beyond the lens model, triangles are cut (cut_to_view.h). light_shares: of each vertex, and
+  // through the full lens model; edges between them are straight, and split where the lens bends
+  // them. Where one is behind the camera or beyond the lens model, triangles are cut
+  // (cut_to_view.h). light_shares: of each vertex, and
   // perhaps of their backs after them; empty: P_V of the scene, and all of the glossy light.
   // holdout_ratios: of each vertex of the holdouts; empty: 1. merge_alike: parts of one pixel whose
   // normals hardly differ, for the material that there is, become one; of textures none.
@@ -83,7 +84,8 @@ class Rasterizer {
   // Of the object's vertices, of the holdouts', and of what is new where either is cut.
   std::vector<PictureCorner> corners_;
   std::vector<Varying> varyings_;  // of the object's vertices; if it is cut, of all corners
-  CutMesh cut_;                    // numbered as corners_ and Geometry's triangles
+  LeastBent least_bent_;
+  CutMesh cut_;  // numbered as corners_ and Geometry's triangles
   std::vector<glm::vec4> cut_back_shares_, cut_holdout_ratios_;  // with those of new corners
   std::vector<std::vector<int>> triangles_of_;                   // by band
   std::vector<std::uint8_t> bends_;  // of each of the object's triangles: it may be curved

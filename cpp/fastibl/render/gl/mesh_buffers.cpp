@@ -138,14 +138,15 @@ void MeshBuffers::bind_uvs(Gpu& gpu) const {
   gpu.bind("uvs", uvs_);
 }
 
-int MeshBuffers::use_whole(Gpu& gpu) {
-  set_cut(gpu, {});
-  glBindVertexArray(vertex_arrays_[0]);
-  return corner_count_;
-}
-
-int MeshBuffers::use_visible_part(Gpu& gpu, const Camera& camera, const Pose& camera_from_object) {
-  set_cut(gpu, cut_to_view(mesh_, ViewVolume(mesh_, camera, camera_from_object)));
+int MeshBuffers::use(Gpu& gpu, const Camera& camera, const Pose& camera_from_object,
+                     bool all_before_camera) {
+  const double least = least_bent_.of(camera);
+  if (all_before_camera && !may_be_bent(mesh_, camera_from_object, least)) {
+    set_cut(gpu, {});
+    glBindVertexArray(vertex_arrays_[0]);
+    return corner_count_;
+  }
+  set_cut(gpu, cut_to_view(mesh_, ViewVolume(mesh_, camera, camera_from_object, least)));
   std::vector<Corner> corners;
   const auto add = [&](const glm::ivec3& index, std::size_t number) {
     for (int k = 0; k < 3; ++k) {

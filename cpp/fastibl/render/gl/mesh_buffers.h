@@ -28,10 +28,9 @@ class MeshBuffers {
   void bind(Gpu& gpu) const;      // the tables,
   void bind_uvs(Gpu& gpu) const;  // and those that pbr materials read besides
 
-  // Corners to draw as triangles; they return how many. Before bind().
-  int use_whole(Gpu& gpu);
-  // Cut to what lies before the camera and within the lens model.
-  int use_visible_part(Gpu& gpu, const Camera& camera, const Pose& camera_from_object);
+  // Corners to draw as triangles; returns how many. Before bind(). They are cut to what lies before
+  // the camera and within the lens model, unless all does, and split where the lens bends edges.
+  int use(Gpu& gpu, const Camera& camera, const Pose& camera_from_object, bool all_before_camera);
 
  private:
   void upload_tables(Gpu& gpu, const Mesh& mesh);
@@ -44,6 +43,7 @@ class MeshBuffers {
   std::vector<glm::vec3> normal_;
   std::vector<glm::vec4> tangent_;  // may be empty
   std::vector<glm::vec4> share_;    // that are in their texture
+  LeastBent least_bent_;
   CutMesh cut_;  // whose new vertices and triangles are in the textures, after the mesh's
   int corner_count_ = 0;
 };

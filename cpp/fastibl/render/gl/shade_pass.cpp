@@ -151,15 +151,12 @@ void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& out
     }
   };
   glUniform1ui(p.uniform("first"), 0);
-  draw(true, outline.area.empty() ? 0
-             : outline.whole      ? mesh_.use_whole(gpu)
-                                  : mesh_.use_visible_part(gpu, in.camera, camera_from_object(in)));
+  draw(true,
+       outline.area.empty() ? 0 : mesh_.use(gpu, in.camera, camera_from_object(in), outline.whole));
   if (has_holdout_) {
     set_projection(p, in, in.camera_from_marker);
     glUniform1ui(p.uniform("first"), kFirstHoldout);
-    draw(false, holdout.whole
-                    ? holdout_mesh_.use_whole(gpu)
-                    : holdout_mesh_.use_visible_part(gpu, in.camera, in.camera_from_marker));
+    draw(false, holdout_mesh_.use(gpu, in.camera, in.camera_from_marker, holdout.whole));
   }
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_SCISSOR_TEST);
