@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -476,3 +477,20 @@ def test_a_picture_that_is_left_out_changes_no_exposure():
             assert result.back_taken.how == "left out"
     print("mean code of the object:", np.round(means[6:], 1))
     assert abs(means[8] - means[7]) < 25 and means[8] < 250
+
+
+def test_poses_that_are_the_camera_s_are_told_of():
+    """camera_from_marker and its inverse are easily mixed up: what shows nothing, and would the other way, is named."""
+    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    away = fastibl.Pose.look_at((0, -0.4, 0.3), (0, -2, 0.3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        session.process(fastibl.Frame(0.0, back_from_marker=away))  # neither of the two shows anything
+    with pytest.warns(UserWarning, match=r"inverse.*takes points of the marker to the camera"):
+        session.process(fastibl.Frame(0.1, back_from_marker=POSE.inverse().matrix))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # once
+        session.process(fastibl.Frame(0.2, back_from_marker=POSE.inverse()))
+        other = fastibl.Session(ball(), RIG, environment=WHITE)
+        other.process(fastibl.Frame(0.0, back_from_marker=POSE))
+        other.process(fastibl.Frame(0.1, back_from_marker=POSE.inverse()))  # after one that was right

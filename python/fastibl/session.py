@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any
 from weakref import WeakKeyDictionary
+
+import numpy as np
 
 from ._fastibl import Board as _CoreBoard
 from ._fastibl import (
@@ -167,6 +170,7 @@ class Session(_Session):
         environment = _known(environment)
         resolved = resolve_methods(methods)
         self._drawn, self._shadow, self._casts = scene, resolved.shadow, bool(cast_shadow)
+        self._camera, self._poses_asked = rig.back, False
         if cast_shadow:
             bake_shadow(scene, resolved.shadow)
         super().__init__(
@@ -202,7 +206,7 @@ class Session(_Session):
         dtypes.
         """
         expect(frame, Frame, "frame")
-        return self._process(
+        result = self._process(
             frame.time,
             frame.back,
             frame.front,
@@ -212,6 +216,31 @@ class Session(_Session):
             frame.back_last_row,
             frame.attitude,
         )
+        if frame.back_from_marker is not None and not self._poses_asked:
+            self._poses_asked = self._ask_pose(result.back_from_marker)
+        return result
+
+    def _ask_pose(self, pose: Pose) -> bool:
+        """Whether it need not be asked again if poses are the camera's in the marker's frame by mistake: one shows the
+        marker or the object, or it was warned of."""
+        vertices = self._drawn.mesh.vertices
+        middle = 0.5 * (vertices.min(axis=0).astype(float) + vertices.max(axis=0))
+        places = np.array([(0.0, 0.0, 0.0), self._drawn.marker_from_object @ middle])
+
+        def shows(camera_from_marker: Pose) -> bool:
+            pixels = self._camera.project(camera_from_marker @ places)
+            return bool(((pixels >= 0) & (pixels < (self._camera.width, self._camera.height))).all(axis=1).any())
+
+        if shows(pose):
+            return True
+        if not shows(pose.inverse()):
+            return False
+        warnings.warn(
+            "back_from_marker shows neither the marker nor the object, and its inverse would: it takes points of the "
+            "marker to the camera, as OpenCV's solvePnP gives it; Pose.inverse() makes it of the camera's place",
+            stacklevel=3,
+        )
+        return True
 
     def set_scene(self, scene: Scene) -> None:
         """Draw another object from the next frame on, in the light that was captured; the map's centre stays.
