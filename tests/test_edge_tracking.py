@@ -507,3 +507,17 @@ def test_without_times_pictures_without_the_board_count():
     apart = [np.degrees(a.angle_to(b)) for a, b in zip(*poses, strict=True) if a is not None]
     print(f"with times and without: at most {max(apart):.1e} degrees apart")
     assert max(apart) < 1e-3
+
+
+@pytest.mark.parametrize("distance", (1.4, 1.7, 2.0, 2.3))
+def test_the_default_board_from_afar(distance):
+    """640 x 480, f = 600: its large tag of 26 to 43 pixels is what can be read, the small ones are 8 to 13."""
+    camera, board = fastibl.Camera(640, 480, 600.0, 600.0, 320.0, 240.0), fastibl.Board.default()
+    errors = []
+    for k in range(6):
+        pose = look_at(35, distance, 60 * k, 25 * k)
+        picture = render(board, camera, pose, seed=k)
+        tracked = fastibl.Tracker(board, camera).track(picture)
+        errors.append(np.inf if tracked is None else error(tracked, pose))
+    print(f"{distance} m: off by {np.sort(errors).round(3)} degrees")
+    assert np.isfinite(errors).all() and np.median(errors) < 0.3 and max(errors) < 1

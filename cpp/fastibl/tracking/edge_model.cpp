@@ -328,7 +328,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     if (!fit) return std::nullopt;
     pose = fit->camera_from_marker;
     const bool all = search.most == options.most_edges;
-    if (!all && 4 * wide_edges(near.points) >= kWideEdges) search.least_reach = 2;
+    if (!all && (near.all ? 1 : 4) * wide_edges(near.points) >= kWideEdges) search.least_reach = 2;
     search.most = options.most_edges;
     // In the wrong minimum a fit creeps and does not fit.
     const bool doubtful = !switched && round > 0 && fit->residual > kDoubtful;

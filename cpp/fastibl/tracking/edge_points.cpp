@@ -6,6 +6,7 @@
 namespace fastibl {
 namespace {
 
+constexpr std::size_t kFew = 40;   // edges, which tell too little
 constexpr double kMargin = 4;       // px from the picture's border: profiles must lie inside
 constexpr double kLeastLength = 1;  // px
 // By `spread`: how far from an edge its blur, with that of the scan lines' smoothing, is 2 % and
@@ -145,20 +146,29 @@ FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
                       std::span<const ProjectedTag> tags, const EdgeSearch& search) {
   FoundEdges found;
   std::vector<Near> near;
-  found.expected = visit_edges(light, pattern, tags, search,
-                               [&](const ExpectedEdge& expected, EdgePoint& point) {
-                                 if (search.far) {
-                                   const auto edge = find_far_edge(light, expected);
-                                   if (!edge) return;
-                                   point.offset = edge->offset, point.noise = edge->noise;
-                                   point.steepness = edge->steepness;
-                                 } else {
-                                   const auto edge = find_near_edge(light, expected);
-                                   if (!edge) return;
-                                   near.push_back({*edge, expected.reach});
-                                 }
-                                 found.points.push_back(point);
-                               });
+  const auto visit = [&](const EdgeSearch& which) {
+    found.points.clear(), near.clear();
+    found.expected = visit_edges(light, pattern, tags, which,
+                                 [&](const ExpectedEdge& expected, EdgePoint& point) {
+                                   if (search.far) {
+                                     const auto edge = find_far_edge(light, expected);
+                                     if (!edge) return;
+                                     point.offset = edge->offset, point.noise = edge->noise;
+                                     point.steepness = edge->steepness;
+                                   } else {
+                                     const auto edge = find_near_edge(light, expected);
+                                     if (!edge) return;
+                                     near.push_back({*edge, expected.reach});
+                                   }
+                                   found.points.push_back(point);
+                                 });
+  };
+  visit(search);
+  if (search.most > 0 && found.expected < kFew) {  // most have no room: all that have
+    EdgeSearch all = search;
+    all.most = 0, found.all = true;
+    visit(all);
+  }
   if (!search.far) set_offsets(near, found.points);
   return found;
 }

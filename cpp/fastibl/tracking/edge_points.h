@@ -30,6 +30,7 @@ struct EdgeSearch {
 struct FoundEdges {
   std::vector<EdgePoint> points;
   std::size_t expected = 0;  // edges that the picture should have shown
+  bool all = false;  // were looked at, for there were few
 };
 
 FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
