@@ -138,6 +138,28 @@ def test_brackets_merge_a_lamp(order):
     assert env.clipped < 0.005
 
 
+@pytest.mark.parametrize(
+    "noise, step", [(0.0015, 1 / 15), (0.006, 1 / 15), (0.02, 1 / 15), (0.0015, 20.0)], ids=lambda v: f"{v:.4g}"
+)
+def test_noisy_and_slow_brackets_leave_what_was_well_exposed(noise, step):
+    """Noise of white, cut off at 0 and brighter by 256 in the darkest exposure, is no news of a wall; nor is it for
+    coming 20 s later. 12 looks at a wall and a lamp, three exposures each."""
+    radiance, axis = with_lamp(0.3, 150.0, (0.3, 1, 0.8), 0.15)
+    camera, pose, rng = camera_of(192, 144, 70.0), looking((0.3, 1, 0.8)), np.random.default_rng(0)
+    light = picture_of(radiance, camera, pose, split=2)
+    capture = fastibl.Capture(size=32, centre=CENTRE)
+    for k in range(36):
+        exposure = 1 / 16 ** (k % 3)
+        linear = light * exposure
+        linear = linear + rng.normal(size=linear.shape) * np.sqrt(noise**2 + np.minimum(linear, 1) / 4000)
+        picture = np.rint(255 * camera.response.encode(np.clip(linear, 0, 1).astype(np.float32))).astype(np.uint8)
+        capture.add(picture, camera, pose, exposure=exposure, time=k * step)
+    away = np.arccos(np.clip(fastibl.texel_directions(32) @ axis, -1, 1)) > 0.3
+    wall = (capture.environment().radiance.faces / 0.3 - 1)[away & seen_in(camera, pose, 32)]
+    print(f"noise {noise:.2%} of white, {step:.2f} s apart: the wall off by {wall.mean():+.2%}, {wall.std():.2%} RMS")
+    assert abs(wall.mean()) < 0.01 and wall.std() < 0.05
+
+
 def test_twenty_stops_do_not_leak():
     towards = (0.3, 1, 0.8)
     radiance, axis = with_lamp(0.01, 0.01 * 2.0**20, towards, 0.1)

@@ -152,9 +152,13 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
-  check(mask.empty() || (mask.width == camera.width && mask.height == camera.height),
-        "the mask must be the camera's ", camera.width, " × ", camera.height, ", got ", mask.width,
-        " × ", mask.height);
+  check(!picture.empty(), "the picture has no pixels");
+  check(mask.empty() ||
+            (mask.width == camera.width && mask.height == camera.height && mask.channels == 1),
+        "the mask must be the camera's ", camera.width, " × ", camera.height,
+        " of one channel, got ", mask.width, " × ", mask.height, " of ", mask.channels);
+  camera_from_marker.validate();
+  if (last_row) last_row->validate();
   check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
         "an exposure must be positive and finite, got ", exposure.value_or(0));
   check(tint.x > 0 && tint.y > 0 && tint.z > 0 && std::isfinite(tint.x + tint.y + tint.z),
@@ -245,6 +249,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   find_bands(texels, float(camera.height));
   // Probes are four times as large as texels.
   levels_.make(picture, camera.response, levels_for(4 * most));
+  k.noise.listen(k.pixels(picture), picture.width, picture.height);
 
   const double scale = std::min(1 / (exposure * camera.gain), kLargestScale);
   const View view{k,

@@ -5,6 +5,19 @@
 #include <numbers>
 
 namespace fastibl {
+namespace {
+
+constexpr int kColumns = 32, kRows = 24;  // of places that are looked at
+constexpr int kApart = 2;                 // pixels: neighbours share noise in demosaiced pictures
+constexpr float kDark = 0.02f;            // linear
+constexpr std::size_t kLeast = 200;       // dark places
+constexpr float kKept = 0.9f;             // of them, without what may be edges,
+constexpr float kKeptVariance = 0.623f;   // which have so much of a normal variable's variance
+constexpr float kCutOff = 0.25f;  // of all at 0, from which on half of the noise is cut off there,
+constexpr float kCutOffVariance = 3;  // and three times what is left was there
+constexpr float kUsual = 2;           // times the variance that is expected
+
+}  // namespace
 
 SensorNoise::SensorNoise(const Response& response) {
   // Newton's form by divided differences, then multiplied out.
@@ -25,6 +38,35 @@ SensorNoise::SensorNoise(const Response& response) {
     sum[0] = value[k] - at[k] * sum[0];
   }
   for (std::size_t i = 0; i < kTerms; ++i) code_variance_[i] = float(sum[i]);
+}
+
+void SensorNoise::listen(const PixelReader& pixels, int width, int height) {
+  std::array<float, std::size_t{kColumns} * kRows> squares;
+  std::size_t count = 0, zeros = 0;
+  float sum = 0;
+  for (int row = 0; row < kRows; ++row)
+    for (int column = 0; column < kColumns; ++column) {
+      const int x = int((column + 0.5f) * float(width) / kColumns),
+                y = int((row + 0.5f) * float(height) / kRows);
+      if (x < kApart || x >= width - kApart) continue;
+      const float b = pixels.linear(x, y).y;
+      if (!(b < kDark)) continue;
+      const float a = pixels.linear(x - kApart, y).y, c = pixels.linear(x + kApart, y).y;
+      const float bend = a - 2 * b + c;
+      squares[count++] = bend * bend / 6;
+      zeros += b == 0;
+      sum += b;
+    }
+  if (count < kLeast) return;
+  const auto kept = std::size_t(kKept * float(count));
+  std::nth_element(squares.begin(), squares.begin() + std::ptrdiff_t(kept),
+                   squares.begin() + std::ptrdiff_t(count));
+  float variance = 0;
+  for (std::size_t i = 0; i < kept; ++i) variance += squares[i];
+  variance /= kKeptVariance * float(kept);
+  if (float(zeros) > kCutOff * float(count)) variance *= kCutOffVariance;
+  const float expected = kReadNoise + kShotNoise * sum / float(count);
+  more_ = std::max(variance - kUsual * expected, 0.0f);
 }
 
 }  // namespace fastibl

@@ -1,9 +1,10 @@
-// How much an 8-bit sample of a camera is to be trusted.
+// How much a sample of a camera is to be trusted.
 #pragma once
 
 #include <array>
 #include <cstddef>
 
+#include "fastibl/scene/pixel_reader.h"
 #include "fastibl/scene/response.h"
 
 namespace fastibl {
@@ -11,8 +12,8 @@ namespace fastibl {
 // Variance of a mean over pixels by its linear value y: read and shot noise, and a code of
 // quantisation. The first two are cut off at 0, and codes repeat (a dark wall is all of one): such
 // departures do not average away, so a quarter of the variance stays however large the footprint:
-// v/4 + (3 v/4 + shot y) / pixels. v is a polynomial in √y through its values at Chebyshev's
-// points.
+// v/4 + (3 v/4 + shot y) / pixels. v is a polynomial in y through its values at Chebyshev's points,
+// and what the dark parts of the last picture have of noise beyond that.
 class SensorNoise {
  public:
   // A full well of 4000 electrons and 6 of read noise: variance per linear value, and at 0.
@@ -24,7 +25,13 @@ class SensorNoise {
   // Coefficients of y⁰, y¹, …; below kReadNoise the polynomial is not to be believed.
   const std::array<float, kTerms>& code_variance() const { return code_variance_; }
 
+  // Looks how noisy a picture is where it is dark. Fewer than some hundred dark places tell
+  // nothing: what was known stays.
+  void listen(const PixelReader& pixels, int width, int height);
+  float more() const { return more_; }  // variance beyond that of the sensor above
+
  private:
+  float more_ = 0;
   std::array<float, kTerms> code_variance_{};
 };
 

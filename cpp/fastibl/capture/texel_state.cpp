@@ -11,6 +11,10 @@ namespace {
 
 // A sample further than this many standard deviations from the value is a change of the place.
 constexpr float kChange = 4.0f;
+// Seconds up to which a value becomes the less sure against a new sample the longer ago it was seen:
+// what differs much is a change, and noise of a dark exposure must not be averaged in for being
+// taken a minute later.
+constexpr float kLongest = 1.0f;
 // Relative difference of samples of a lamp's rim: clipped and unclipped pictures of it are read
 // with footprints of other shapes.
 constexpr float kRim = 0.3f;
@@ -42,7 +46,7 @@ FASTIBL_CLONES void invert_counts(const float* __restrict pixels, int lanes,
 
 FASTIBL_CLONES void sensor_variance(const float* __restrict linear,
                                     const float* __restrict inverse_count,
-                                    const float* __restrict terms, int lanes,
+                                    const float* __restrict terms, float more, int lanes,
                                     float* __restrict variance) {
   const int n = lanes & ~15;
   static_assert(SensorNoise::kTerms == 5);
@@ -50,7 +54,7 @@ FASTIBL_CLONES void sensor_variance(const float* __restrict linear,
   for (int i = 0; i < n; ++i) {
     const float y = linear[i] > 0 ? (linear[i] < 1 ? linear[i] : 1.0f) : 0.0f;
     const float fit = t0 + y * (t1 + y * (t2 + y * (t3 + y * t4)));
-    const float code = fit > SensorNoise::kReadNoise ? fit : SensorNoise::kReadNoise;
+    const float code = more + (fit > SensorNoise::kReadNoise ? fit : SensorNoise::kReadNoise);
     variance[i] =
         0.25f * code + (0.75f * code + SensorNoise::kShotNoise * linear[i]) * inverse_count[i];
   }
@@ -82,7 +86,8 @@ FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict valu
     const float model = kModelNoise * sample;
     const float noise = sensor[i] * scale[i] * scale[i] + model * model;
     const float sample_variance = noise < kMostVariance ? noise : kMostVariance;
-    const float grown = variances[i] + kUnsureRate * kUnsureRate * value * value * elapsed[i];
+    const float since = elapsed[i] < kLongest ? elapsed[i] : kLongest;
+    const float grown = variances[i] + kUnsureRate * kUnsureRate * value * value * since;
     const float difference = sample - value, total = grown + sample_variance;
     const float gain = grown / (total > 1e-30f ? total : 1e-30f);
     // A clipped sample says nothing of the rim of a lamp that is seen otherwise without clipping.
@@ -266,7 +271,8 @@ void merge_samples(TexelState& state, std::size_t first, int count, const Sighti
   const int bounded = split_bounds(&state.bound[first], lanes, bounds);
   invert_counts(sightings.pixels, lanes, inverse_count);
   for (int c = 0; c < 3; ++c) {
-    sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), lanes, sensor);
+    sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), noise.more(),
+                    lanes, sensor);
     const ChannelInput in{sightings.seen,
                           firsts,
                           elapsed,
@@ -297,7 +303,8 @@ void compare_samples(const float* const value[3], const float* const rough[3], i
   invert_counts(sightings.pixels, lanes, inverse_count);
   std::fill_n(deviance, lanes, 0.0f);
   for (int c = 0; c < 3; ++c) {
-    sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), lanes, sensor);
+    sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), noise.more(),
+                    lanes, sensor);
     add_deviance({sightings.seen, nullptr, nullptr, samples.linear[c], samples.radiance_per_linear,
                   sensor, samples.any_clipped ? samples.clipped[c] : kNoneClipped, lanes},
                  value[c], rough[c], deviance);
