@@ -224,3 +224,9 @@ def test_the_test_renderer_agrees_with_the_cameras_projection():
     share = tag_modules(0).mean()
     dark = ((0.85 - picture) / (0.85 - 0.04))[mask > 0].sum()
     assert dark / area == pytest.approx(share, rel=0.03)
+
+
+def test_a_picture_that_is_too_large_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"save a \.pdf"):
+        fastibl.Board.grid(4, 6, 2.0, 0.5).save(tmp_path / "board.png")
+    assert not (tmp_path / "board.png").exists()

@@ -66,6 +66,32 @@ def test_rig_from_a_recording(tmp_path, capsys):
     assert degrees < 0.05 and metres < 0.001
 
 
+def test_what_a_board_does_not_tell_stays(tmp_path):
+    """Gain, vignetting and readout of a rig whose lens is measured again; of 20 pictures as many as were asked for."""
+    known = CAMERA.replace(gain=2.0, vignetting=(-0.3, 0.08), readout=0.03)
+    film, rig, board = tmp_path / "film", str(tmp_path / "rig.yaml"), str(tmp_path / "board.yaml")
+    write_rig(rig, fastibl.Rig(known)), write_board(board, BOARD)
+    with RecordingWriter(film, fastibl.Rig(known), BOARD) as writer:
+        for k, picture in enumerate(board_pictures(views=VIEWS[:10])):
+            writer.add(fastibl.Frame(0.1 * k, picture))
+    arguments = ["calibrate", "camera", str(film), "--board", board, "--terms", "4", "--rig", rig]
+    assert main([*arguments, "--most", "8"]) == 0
+    back = read_rig(rig).back
+    assert (back.gain, back.vignetting, back.readout) == (2.0, (-0.3, 0.08), 0.03)
+    assert back.fx == pytest.approx(CAMERA.fx, rel=3e-3) and back.fx != CAMERA.fx
+
+
+@pytest.mark.parametrize(
+    "more, message", [(["--most", "0"], "--most must be at least 1"), (["--fisheye"], "goes with --camera front")]
+)
+def test_bad_options_of_a_camera(tmp_path, capsys, more, message):
+    film = tmp_path / "film"
+    with RecordingWriter(film, fastibl.Rig(CAMERA), BOARD) as writer:
+        writer.add(fastibl.Frame(0.0, board_pictures(views=VIEWS[:1])[0]))
+    assert main(["calibrate", "camera", str(film), "--rig", str(tmp_path / "rig.yaml"), *more]) != 0
+    assert message in capsys.readouterr().err
+
+
 def test_errors_name_what_is_missing(tmp_path, capsys):
     rig = str(tmp_path / "rig.yaml")
     assert main(["calibrate", "camera", str(tmp_path / "none.png"), "--rig", rig]) == 2

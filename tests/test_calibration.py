@@ -229,3 +229,15 @@ def test_what_cannot_tell_a_rig_is_refused():
         calibrate_rig(*moments(3))
     with pytest.raises(ValueError, match="only: more moments"):
         calibrate_rig(*moments(5, 3.0, 0.02))
+
+
+def test_a_board_is_measured_by_a_camera_without_distortion():
+    views = [(20 + 5 * (k % 4), 0.3, 60 * k, 45 * k) for k in range(6)]
+    plain = fastibl.Camera(CAMERA.width, CAMERA.height, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
+    found = calibrate_board([render(BOARD, plain, look_at(*v), seed=k) for k, v in enumerate(views)], BOARD, plain)
+    assert len(found.board.tags) == len(BOARD.tags)
+
+
+def test_pictures_that_no_fisheye_took_are_refused():
+    with pytest.raises(ValueError, match="fisheye"):
+        calibrate_camera(board_pictures(views=VIEWS[:8]), BOARD, model="fisheye")

@@ -347,3 +347,46 @@ def test_opencv_is_imported_only_where_it_is_used():
     code = "import sys, fastibl; fastibl.Frame(0.0), fastibl.Recording; assert 'cv2' not in sys.modules"
     root = Path(fastibl.__file__).parents[1]
     subprocess.run([sys.executable, "-c", code], check=True, cwd=root)
+
+
+def test_pictures_of_one_time_are_all_kept(tmp_path):
+    given = frames(4)
+    for frame, time in zip(given, (0.0, 0.1, 0.1, 0.2), strict=True):
+        frame.time = time
+    given[1].front = None
+    write(tmp_path, given)
+    recording = Recording.open(tmp_path)
+    assert recording.times == [0.0, 0.1, 0.1, 0.2]
+    for frame, found in zip(given, recording, strict=True):
+        assert np.array_equal(frame.back, found.back)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"time": np.nan}, {"time": np.inf}, {"back_exposure": 0.0}, {"front_exposure": -1.0}, {"back_exposure": np.nan}],
+)
+def test_writer_refuses_what_could_not_be_read(tmp_path, change):
+    frame = frames(1)[0]
+    for name, value in change.items():
+        setattr(frame, name, value)
+    with RecordingWriter(tmp_path, Rig(*cameras(), TURN)) as writer:
+        writer.add(frames(1)[0])
+        with pytest.raises(ValueError, match=r"must be (finite|positive)"):
+            writer.add(frame)
+    assert len(Recording.open(tmp_path)) == 1
+
+
+def test_poses_that_are_not_kept_are_told_of(tmp_path):
+    with RecordingWriter(tmp_path, Rig(*cameras(), TURN)) as writer:
+        with pytest.warns(RecordingWarning, match="keeps no given poses"):
+            writer.add(Frame(0.0, frames(1)[0].back, back_from_marker=TURN))
+
+
+def test_lists_that_a_spreadsheet_saved(tmp_path):
+    """With a mark in front, Windows' ends of lines, and spaces after commas."""
+    given = frames(2)
+    write(tmp_path, given)
+    text = (tmp_path / "frames.csv").read_text()
+    (tmp_path / "frames.csv").write_bytes(("\ufeff" + text.replace(",", ", ").replace("\n", "\r\n")).encode())
+    recording = Recording.open(tmp_path)
+    assert [f.back_exposure for f in recording] == [f.back_exposure for f in given]

@@ -156,8 +156,13 @@ void RecordingReader::read_table(const fs::path& path) {
           ": camera must be back or front, got \"", row[camera], "\"");
     check(row[camera] == "back" || rig_.front, path.string(),
           " lists front pictures, but rig.yaml has no front camera");
-    Moment& moment = moments_[number(row[time], where)];
-    (row[camera] == "back" ? moment.back : moment.front) = entry;
+    const double at = number(row[time], where);
+    Entry Moment::*const which = row[camera] == "back" ? &Moment::back : &Moment::front;
+    auto last = moments_.upper_bound(at);
+    const bool known = last != moments_.begin() && (--last)->first == at;
+    if (!known || !(last->second.*which).file.empty())  // another picture of that time
+      last = moments_.emplace(at, Moment{});
+    last->second.*which = entry;
   });
   check(!moments_.empty(), path.string(), " lists no pictures");
 }

@@ -45,8 +45,8 @@ class RecordingReader final : public FrameSource {
   std::filesystem::path folder_;
   Rig rig_;
   std::optional<Board> board_;
-  std::map<double, Moment> moments_;  // by time
-  std::map<double, Moment>::const_iterator next_;
+  std::multimap<double, Moment> moments_;  // by time
+  std::multimap<double, Moment>::const_iterator next_;
   bool true_poses_;
   std::map<double, Pose> poses_;
   std::map<double, glm::dmat3> attitudes_;

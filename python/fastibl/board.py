@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Board, Tag
+from .file_limits import MOST_PIXELS
 
 DATA_MODULES = 6  # of family 36h11 along one side, without its border
 METRES_PER_INCH = 0.0254
@@ -130,6 +131,12 @@ def save_board(board: Board, path: str | os.PathLike, dpi: float = 300.0) -> Non
     path = Path(path)
     ending = path.suffix.lower()
     if ending == ".png":
+        pixels = board.width * board.height * (dpi / METRES_PER_INCH) ** 2
+        if pixels > MOST_PIXELS:
+            raise ValueError(
+                f"a board of {board.width:.2f} x {board.height:.2f} m has {pixels:.3g} pixels at {dpi:g} dpi, "
+                f"more than {MOST_PIXELS}: save a .pdf"
+            )
         path.write_bytes(_png(draw_board(board, dpi), dpi))
     elif ending == ".pdf":
         _save_pdf(board, path)

@@ -192,9 +192,14 @@ class Recording:
     @property
     def back_times(self) -> list[float]:
         """Time of each frame that has a back picture: front pictures may come between. Without reading pictures."""
+        times = self.times
+        return [times[k] for k in self.pictured("back")]
+
+    def pictured(self, camera: str) -> list[int]:
+        """Numbers of the frames that have a picture of a camera, "back" or "front"; where none is stored, of all."""
         if isinstance(self._frames, _StoredFrames):
-            return [time for time, pictures in self._frames.moments if "back" in pictures]
-        return self.times
+            return [k for k, (_, pictures) in enumerate(self._frames.moments) if camera in pictures]
+        return list(range(len(self)))
 
     def __repr__(self) -> str:
         where = f" at {self.path}" if self.path else ""
@@ -221,6 +226,7 @@ class RecordingWriter:
         self._rows = csv.writer(self._file, lineterminator="\n")
         self._rows.writerow(("time", "camera", "file", "exposure"))
         self._attitudes: TextIO | None = None
+        self._told_of_poses = False
 
     @staticmethod
     def check_path(path: str | os.PathLike[str]) -> None:
@@ -245,9 +251,20 @@ class RecordingWriter:
                 item.unlink()
 
     def add(self, frame: Frame) -> None:
-        """Stores the pictures of a frame, and its attitude. ValueError for what is no (h, w, 3) uint8 picture, or an
-        attitude that is no rotation.
+        """Stores the pictures of a frame, and its attitude; poses are not kept, of which a warning tells once.
+
+        ValueError for what is no (h, w, 3) uint8 picture, an attitude that is no rotation, a time that is not finite,
+        or an exposure that is not positive.
         """
+        if not np.isfinite(frame.time):
+            raise ValueError(f"a frame's time must be finite seconds, got {frame.time}")
+        for camera in CAMERAS:
+            exposure = getattr(frame, f"{camera}_exposure")
+            if exposure is not None and not (np.isfinite(exposure) and exposure > 0):
+                raise ValueError(f"the {camera} exposure must be positive and finite, got {exposure}")
+        if frame.back_from_marker is not None and not self._told_of_poses:
+            self._told_of_poses = True
+            warnings.warn("a recording keeps no given poses: boards are tracked in its pictures", RecordingWarning, 2)
         attitude = None if frame.attitude is None else _attitude_of(frame.attitude, f"the attitude at {frame.time} s")
         for camera in CAMERAS:
             picture = getattr(frame, camera)
@@ -450,7 +467,7 @@ def _text(path: Path, most: int) -> str:
     if size > most:
         raise ValueError(f"{path} has {size} bytes; such files of up to {most} bytes are read")
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # spreadsheets mark it
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is no UTF-8 text: {error}") from None
 
@@ -458,17 +475,17 @@ def _text(path: Path, most: int) -> str:
 def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float | None]]]]:
     if not path.is_file():
         raise FileNotFoundError(f"the recording has no {path.name}: expected {path}")
-    moments: dict[float, dict[str, tuple[str, float | None]]] = {}
+    moments: dict[float, list[dict[str, tuple[str, float | None]]]] = {}
     try:
         _list_moments(path, moments)
     except csv.Error as error:
         raise ValueError(f"{path} is no list of pictures: {error}") from None
-    return sorted(moments.items(), key=lambda item: item[0])
+    return [(time, pictures) for time, each in sorted(moments.items(), key=lambda item: item[0]) for pictures in each]
 
 
-def _list_moments(path: Path, moments: dict[float, dict[str, tuple[str, float | None]]]) -> None:
+def _list_moments(path: Path, moments: dict[float, list[dict[str, tuple[str, float | None]]]]) -> None:
     with io.StringIO(_text(path, _MOST_TEXT), newline="") as file:
-        rows = csv.DictReader(_whole_lines(file, path))
+        rows = csv.DictReader(_whole_lines(file, path), skipinitialspace=True)
         missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
         if missing:
             raise ValueError(f"{path} has no column {sorted(missing)[0]}; expected time, camera, file, exposure")
@@ -491,7 +508,10 @@ def _list_moments(path: Path, moments: dict[float, dict[str, tuple[str, float | 
             if not mark and PurePosixPath(row["file"]).suffix.lower() not in _PICTURES:
                 raise ValueError(f"{where}: pictures end in {', '.join(_PICTURES)}, got {row['file']!r}")
             _check_name(name if mark else row["file"], where)
-            moments.setdefault(time, {})[row["camera"]] = row["file"], exposure
+            here = moments.setdefault(time, [{}])
+            if row["camera"] in here[-1]:  # another picture of that time
+                here.append({})
+            here[-1][row["camera"]] = row["file"], exposure
 
 
 def _attitude_of(attitude: ArrayLike, what: str) -> NDArray[np.float64]:

@@ -104,7 +104,7 @@ def _release(whole: Sequence[Seen], ids: Sequence[int], camera: Camera) -> tuple
         (camera.width, camera.height),
         fixed,
         camera.opencv_matrix.copy(),
-        np.array([*camera.distortion, 0, 0, 0, 0, 0][:5]),
+        np.array([*camera.distortion, *5 * [0.0]][:5], np.float64),
         # Version 5 counts parameters wrongly where it eliminates the poses.
         flags=cv2.CALIB_USE_INTRINSIC_GUESS | getattr(cv2, "CALIB_DISABLE_SCHUR_COMPLEMENT", 0),
     )

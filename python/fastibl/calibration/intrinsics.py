@@ -154,9 +154,15 @@ def _solve_fisheye(
     flags = _flag("CALIB_RECOMPUTE_EXTRINSIC") | _flag("CALIB_FIX_SKEW") | _flag("CALIB_USE_INTRINSIC_GUESS")
     focal = max(size) / np.pi  # of a circle that sees 180 degrees
     start = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]])
-    residual, K, lens, rotations, translations = cv2.fisheye.calibrate(
-        points, pixels, size, start, np.zeros((4, 1)), flags=flags
-    )
+    try:
+        residual, K, lens, rotations, translations = cv2.fisheye.calibrate(
+            points, pixels, size, start, np.zeros((4, 1)), flags=flags
+        )
+    except cv2.error as error:
+        raise ValueError(
+            "no fisheye lens fits these pictures: is it one, and do they show the board at all tilts, near and far? "
+            f"({str(error).strip().splitlines()[-1]})"
+        ) from None
     # OpenCV states no deviations of a fisheye: from the derivative of all corners by all parameters.
     blocks = []
     for p, r, t in zip(points, rotations, translations, strict=True):

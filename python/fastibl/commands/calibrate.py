@@ -131,14 +131,16 @@ def _read_pictures(arguments: argparse.Namespace) -> list[NDArray[Any]]:
 
 
 def _of_recording(path: Path, camera: str, most: int) -> Iterator[NDArray[Any]]:
+    import numpy as np
+
     from ..recording import Recording
 
     recording = Recording.open(path)
-    step = max(1, len(recording) // most)
-    for k in range(0, len(recording), step):
-        picture = getattr(recording[k], camera)
-        if picture is not None:
-            yield picture
+    if most < 1:
+        raise ValueError(f"--most must be at least 1, got {most}")
+    with_picture = recording.pictured(camera)
+    for k in np.unique(np.linspace(0, len(with_picture) - 1, min(most, len(with_picture))).astype(int)):
+        yield getattr(recording[with_picture[k]], camera)
 
 
 def _known_camera(arguments: argparse.Namespace) -> Camera:
@@ -172,6 +174,8 @@ def run_camera(arguments: argparse.Namespace) -> int:
     from ..calibration import calibrate_camera
     from ..recording import read_rig
 
+    if arguments.fisheye and arguments.camera == "back":
+        raise ValueError("boards are tracked in perspective pictures: --fisheye goes with --camera front")
     known = getattr(read_rig(arguments.rig), arguments.camera) if arguments.rig.is_file() else None
     found = calibrate_camera(
         _read_pictures(arguments),
@@ -181,7 +185,12 @@ def run_camera(arguments: argparse.Namespace) -> int:
         response=None if known is None else known.response,
     )
     print(found)
-    _keep(arguments, found.camera)
+    camera = found.camera
+    if known is not None:  # what pictures of a board do not tell
+        camera = camera.replace(gain=known.gain, readout=known.readout)
+        if known.vignetting:
+            camera = camera.replace(vignetting=known.vignetting)
+    _keep(arguments, camera)
     return 0
 
 
