@@ -33,7 +33,7 @@ def _truth() -> tuple[fastibl.Frame, TruePicture]:
     recording = inputs.short_recording()
     frame = [f for f in recording if f.back is not None][-1]
     with_truth = recording.truth
-    renderer = TrueRenderer(_scene(), extent=0.25, grid=40)
+    renderer = TrueRenderer(_scene(), extent=0.25, grid=96)
     true = renderer.render(
         frame.back, frame.back_exposure, recording.rig.back, with_truth.pose(frame.time),
         with_truth.environment(frame.time),

@@ -28,7 +28,8 @@ from .comparison import level_at_most
 from .recording import Recording
 
 _DIRECTIONS = 32  # face edge of the map level whose texels are the light directions
-_SPLIT = 2  # rays a pixel and axis
+_SPLIT = 4  # rays a pixel and axis, for coverage; light is worked out once a quarter, or once where they are alike
+_ALIKE = 0.9995  # cosine between the normals of a pixel up to which one place stands for all four quarters
 
 
 @dataclass
@@ -69,6 +70,21 @@ def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray
     true = np.asarray(truth.environment(recording.times[-1]).faces, np.float64)
     up = texel_directions(true.shape[1])[..., 2] > 0
     return counts, counts & (true.max(axis=-1) * np.where(up, front, back) < 0.95)
+
+
+@dataclass
+class _Seen:
+    """What a camera sees of the object, place by place: pixel (n,), its number in the picture, part (n,) of it; start
+    (n, 3) of rays; hidden: packed bits (n, directions / 8). tangent (n, 4) and uv (n, 2) may be None."""
+
+    pixel: NDArray
+    part: NDArray
+    normal: NDArray
+    view: NDArray
+    start: NDArray
+    tangent: NDArray | None
+    uv: NDArray | None
+    hidden: NDArray[np.uint8]
 
 
 @dataclass
@@ -129,6 +145,13 @@ def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: ND
     return PbrSurface(at(material.base_color, 3), at(material.emission, 3), at(material.metallic, 1), alpha, frame)
 
 
+def _coarse(count: int) -> NDArray:
+    """Of the texels of a map, those of the coarser one that visibility is known for."""
+    n = round((count / 6) ** 0.5)
+    k = np.arange(n) * _DIRECTIONS // n
+    return (np.arange(6)[:, None, None] * _DIRECTIONS**2 + k[:, None] * _DIRECTIONS + k).reshape(-1)
+
+
 class TrueRenderer:
     """Brute force for one object on the plane; visibility is worked out once and used for every map.
 
@@ -156,7 +179,7 @@ class TrueRenderer:
         self.hidden_at_plane = self._hidden(points, up)
         self.plane_points = np.stack([x, y], axis=-1)
         self.outside_footprint = ~self.bvh.occluded(points, up.copy()).reshape(grid, grid)
-        self._points, self._seen = points.astype(np.float32), None
+        self._points, self._seen, self._view = points.astype(np.float32), None, None
 
     def _hidden(self, points: NDArray, normals: NDArray) -> NDArray[np.uint8]:
         """Whether the object hides each direction from each point: packed bits (points, directions / 8).
@@ -172,27 +195,36 @@ class TrueRenderer:
 
     def vertex_irradiance(self, source: CubeMap | Environment) -> NDArray:
         """Irradiance (v, 3) at the vertices with what the object hides of the map taken away."""
+        mesh = self.scene.mesh
+        return self._irradiance(source, mesh.vertices, mesh.normals, self.hidden_at_vertex)
+
+    def _irradiance(
+        self, source: CubeMap | Environment, points: NDArray, normals: NDArray, hidden: NDArray[np.uint8]
+    ) -> NDArray:
+        """Irradiance (n, 3) with what the object hides of the map taken away."""
         d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
-        normals = self.scene.mesh.normals.astype(np.float64)
+        normals = normals.astype(np.float64)
         flux, out = radiance * angle[:, None], np.empty((len(normals), 3))
         for i in range(0, len(normals), 512):
-            hidden = np.unpackbits(self.hidden_at_vertex[i : i + 512], axis=1)
-            out[i : i + 512] = (np.maximum(normals[i : i + 512] @ d.T, 0) * (1 - hidden)) @ flux
-        return out - self._lost_below(source) if self.bounce else out
+            free = 1 - np.unpackbits(hidden[i : i + 512], axis=1)
+            out[i : i + 512] = (np.maximum(normals[i : i + 512] @ d.T, 0) * free) @ flux
+        return out - self.lost_below(source, points, normals, hidden) if self.bounce else out
 
-    def _lost_below(self, source: CubeMap | Environment) -> NDArray:
-        """Irradiance (v, 3) that the shadow on the plane keeps from the vertices."""
+    def lost_below(
+        self, source: CubeMap | Environment, points: NDArray, normals: NDArray, hidden: NDArray[np.uint8]
+    ) -> NDArray:
+        """Irradiance (n, 3) that the shadow on the plane keeps from points of the object."""
         import cv2
 
         d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
         down = np.flatnonzero(d[:, 2] < 0)
         d, flux = d[down], (radiance * angle[:, None])[down].astype(np.float32)
-        normals, vertices = self.scene.mesh.normals.astype(np.float64), self.scene.mesh.vertices.astype(np.float64)
+        normals, points, packed = normals.astype(np.float64), points.astype(np.float64), hidden
         lost, out = (1 - self.plane_ratio(source)).astype(np.float32), np.empty((len(normals), 3))
         for i in range(0, len(normals), 512):
             part = slice(i, i + 512)
-            hidden = np.unpackbits(self.hidden_at_vertex[part], axis=1)[:, down]
-            point = vertices[part, None, :2] - vertices[part, None, 2:] / d[:, 2:] * d[:, :2]
+            hidden = np.unpackbits(packed[part], axis=1)[:, down]
+            point = points[part, None, :2] - points[part, None, 2:] / d[:, 2:] * d[:, :2]
             at = np.clip((point / self.extent + 1) / 2 * self.grid - 0.5, -10, self.grid + 10).astype(np.float32)
             at_point = cv2.remap(lost, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
             weight = np.maximum(normals[part] @ d.T, 0) * (1 - hidden)
@@ -223,7 +255,13 @@ class TrueRenderer:
         material, mesh = self.scene.material, self.scene.mesh
         if material.model == "pbr":
             p = pbr_surface(material, mesh.normals, mesh.tangents, mesh.uvs)
-            reflectance, emission = (1 - p.metallic[:, None]) * p.base_color, p.emission
+            through = np.zeros(len(p.alpha))  # what the surface does not keep of what the body sends out
+            for square in (np.arange(16) + 0.5) / 16:
+                across = np.sqrt((1 - square) / 2)
+                view = np.broadcast_to([across, across, np.sqrt(square)], (len(through), 3))
+                a, c = ggx_albedo(view, alpha=p.alpha).T.astype(np.float64)
+                through += (1 - (0.04 * a + c) * (1 + 0.04 * (1 / np.maximum(a + c, 1e-4) - 1))) / 16
+            reflectance, emission = (through * (1 - p.metallic))[:, None] * p.base_color, p.emission
         else:
             reflectance, emission = np.asarray(material.diffuse, np.float64), np.asarray(material.emission)
             if material.exponent == 0:
@@ -259,33 +297,34 @@ class TrueRenderer:
         where = self.outside_footprint & ((1 - true_ratio).max(axis=-1) > 0.01)
         return float(np.sqrt(((shadow.sample(self.plane_points) - true_ratio)[where] ** 2).mean()))
 
-    def _glossy(self, source: CubeMap | Environment, normals: NDArray, views: NDArray, exponent: float) -> NDArray:
-        """Average of the map under the lobe (n.h)^s max(n.w, 0), over its texels; rows of (n, 3)."""
+    def _glossy(self, source: CubeMap | Environment, seen: _Seen, exponent: float) -> NDArray:
+        """Average of the map under the lobe (n.h)^s max(n.w, 0), over its texels, what the object hides dark (n, 3)."""
         d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS if exponent < 150 else 64))
-        d32, light = d.astype(np.float32), np.hstack([radiance, np.ones((len(d), 1))]).astype(np.float32)
-        out = np.empty((len(normals), 3))
-        for i in range(0, len(normals), 256):
-            n, v = normals[i : i + 256].astype(np.float32), views[i : i + 256].astype(np.float32)
+        d32, light, of = d.astype(np.float32), radiance.astype(np.float32), _coarse(len(d))
+        out = np.empty((len(seen.normal), 3))
+        for i in range(0, len(out), 256):
+            n, v = seen.normal[i : i + 256].astype(np.float32), seen.view[i : i + 256].astype(np.float32)
             nd, vd = n @ d32.T, v @ d32.T
             half = (nd + (n * v).sum(axis=1, keepdims=True)) / np.sqrt(np.maximum(2 + 2 * vd, 1e-6))
             weight = np.exp(exponent * np.log(np.clip(half, 1e-9, 1))) * np.maximum(nd, 0) * angle.astype(np.float32)
-            sums = weight @ light
-            out[i : i + 256] = sums[:, :3] / np.maximum(sums[:, 3:], 1e-20)
+            free = 1 - np.unpackbits(seen.hidden[i : i + 256], axis=1)[:, of]
+            out[i : i + 256] = (weight * free) @ light / np.maximum(weight.sum(axis=1, keepdims=True), 1e-20)
         return out
 
-    def _pbr(self, source: CubeMap | Environment, p: PbrSurface, normals: NDArray, views: NDArray, light: NDArray):
-        """Colour (n, 3) of glTF's model. light: diffuse light (n, 3) with what the object hides, at `normals`.
+    def _pbr(self, source: CubeMap | Environment, p: PbrSurface, views: NDArray, light: NDArray, hidden: NDArray):
+        """Colour (n, 3) of glTF's model. light: irradiance (n, 3), by the mapped normals; hidden: as of _Seen.
 
         The Fresnel term is integrated with the lobe, over the texels of the map; what scatters more than once has the
-        lobe's average colour. Where a map bends the normals, the diffuse light changes as without occlusion.
+        lobe's average colour.
         """
         sharp = p.alpha.min() < 0.15
         d, angle, radiance = reference.samples(level_at_most(source, 64 if sharp else _DIRECTIONS))
-        d32, angle32 = d.astype(np.float32), angle.astype(np.float32)
-        flux = np.hstack([radiance, np.ones((len(d), 1))]).astype(np.float32) * angle32[:, None]
-        out = np.empty((len(normals), 3))
-        for i in range(0, len(normals), 256):
+        d32, angle32, of = d.astype(np.float32), angle.astype(np.float32), _coarse(len(d))
+        flux = radiance.astype(np.float32) * angle32[:, None]
+        out = np.empty((len(views), 3))
+        for i in range(0, len(views), 256):
             part = slice(i, i + 256)
+            free = 1 - np.unpackbits(hidden[part], axis=1)[:, of]
             t, b, n = (p.frame[part, k].astype(np.float32) for k in range(3))
             v, alpha = views[part].astype(np.float32), p.alpha[part].astype(np.float32)
             lx, ly, lz = t @ d32.T, b @ d32.T, n @ d32.T
@@ -298,11 +337,14 @@ class TrueRenderer:
             below += np.sqrt(vz**2 + (ax * vx) ** 2 + (ay * vy) ** 2) * np.maximum(lz, 0)
             lobe = np.maximum(lz, 0) / (height**2 * np.maximum(below, 1e-9))
             rest = (1 - np.clip((1 + lx * vx + ly * vy + lz * vz) / size, 0, 1)) ** 5
-            whole, grazing = lobe @ flux, (lobe * rest) @ flux
+            edge_lobe = lobe * rest
+            front_lobe = lobe - edge_lobe
             seen = np.hstack([vx, vy, vz])
             a, c = ggx_albedo(seen / np.linalg.norm(seen, axis=1, keepdims=True), alpha=alpha).T.astype(np.float64)
-            front = (whole - grazing)[:, :3] / np.maximum((whole - grazing)[:, 3:], 1e-20) * a[:, None]
-            edge = grazing[:, :3] / np.maximum(grazing[:, 3:], 1e-20) * c[:, None]
+            front, edge = (
+                (lobe * free) @ flux / np.maximum(lobe @ angle32, 1e-20)[:, None] * albedo[:, None]
+                for lobe, albedo in ((front_lobe, a), (edge_lobe, c))
+            )
             more = 1 / np.maximum(a + c, 1e-4)[:, None] - 1
 
             def reflected(f0: NDArray | float, front=front, edge=edge, more=more) -> NDArray:
@@ -310,11 +352,93 @@ class TrueRenderer:
 
             m, base = p.metallic[part, None], p.base_color[part]
             through = 1 - (0.04 * a + c)[:, None] * (1 + 0.04 * more)
-            bent = reference.irradiance(level_at_most(source, 16), p.frame[part, 2])
-            plain = np.maximum(reference.irradiance(level_at_most(source, 16), normals[part]), 1e-9)
-            out[part] = p.emission[part] + (1 - m) * base * through * light[part] * (bent / plain) / np.pi
+            out[part] = p.emission[part] + (1 - m) * base * through * light[part] / np.pi
             out[part] += (1 - m) * reflected(0.04) + m * reflected(base)
         return out
+
+    def _seen_by(self, camera: Camera, back_from_marker: Pose) -> _Seen:
+        """Kept for the last camera and pose: of every map the same."""
+        if self._view is None or self._view[:2] != (camera, back_from_marker):
+            self._view = camera, back_from_marker, self._look(camera, back_from_marker)
+        return self._view[2]
+
+    def _look(self, camera: Camera, back_from_marker: Pose) -> _Seen:
+        mesh, s = self.scene.mesh, _SPLIT
+        marker_from_back = back_from_marker.inverse()
+        eye = marker_from_back.translation
+        # The part of the picture that the vertices are around; all of it where one cannot be told.
+        corners = camera.project(back_from_marker @ mesh.vertices.astype(np.float64))
+        x0, y0, x1, y1 = 0, 0, camera.width, camera.height
+        if np.isfinite(corners).all():
+            low, high = np.floor(corners.min(axis=0)) - 2, np.ceil(corners.max(axis=0)) + 2
+            x0, y0 = (int(v) for v in np.clip(low, 0, (x1, y1)))
+            x1, y1 = (int(v) for v in np.clip(high, (x0, y0), (x1, y1)))
+        w, h = x1 - x0, y1 - y0
+        x, y = np.meshgrid(x0 + (np.arange(w * s) + 0.5) / s, y0 + (np.arange(h * s) + 0.5) / s)
+        rays = (camera.unproject(np.stack([x, y], axis=-1)) @ marker_from_back.rotation.T).reshape(-1, 3)
+        origins = np.broadcast_to(eye, rays.shape).astype(np.float32)
+        triangle, _, uv = self.bvh.nearest(origins.copy(), np.nan_to_num(rays).astype(np.float32))
+
+        def by_quarter(of: NDArray) -> NDArray:
+            """(pixels, 4, rays of a quarter)"""
+            half = s // 2
+            return of.reshape(h, 2, half, w, 2, half).transpose(0, 3, 1, 4, 2, 5).reshape(h * w, 4, half * half)
+
+        number = by_quarter(np.arange(len(triangle)))
+        met = by_quarter(triangle >= 0)
+        count = met.sum(axis=2)
+        pixel, quarter = np.nonzero(count)
+        # The ray of the middle of those of a quarter that meet the object.
+        rank = np.cumsum(met, axis=2)[pixel, quarter]
+        at = number[pixel, quarter, (rank > (count[pixel, quarter][:, None] - 1) // 2).argmax(axis=1)]
+        corner = mesh.triangles[triangle[at]]
+        weights = np.stack([1 - uv[at].sum(axis=1), uv[at][:, 0], uv[at][:, 1]], axis=1)[..., None].astype(np.float64)
+
+        def of(by_vertex: NDArray) -> NDArray:
+            return (np.asarray(by_vertex, np.float64)[corner] * weights).sum(axis=1)
+
+        def unit(v: NDArray) -> NDArray:
+            return v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12)
+
+        position = of(mesh.vertices)
+        a, b, c = (mesh.vertices[corner[:, k]].astype(np.float64) for k in range(3))
+        side = np.where((np.cross(b - a, c - a) * (eye - position)).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+        normal = unit(of(mesh.normals)) * side
+        # Rays start on the round surface that the normals are of, not on flat triangles that their own neighbours hide:
+        # Hanika 2021, Hacking the Shadow Terminator.
+        around = np.asarray(mesh.normals, np.float64)[corner] * side[:, None]
+        below = np.minimum(((position[:, None] - np.stack([a, b, c], axis=1)) * around).sum(axis=2, keepdims=True), 0)
+        start = position - (weights * below * around).sum(axis=1)
+        textured = self.scene.material.model == "pbr"
+        tangent = of(mesh.tangents) if textured else None
+        uvs = of(mesh.uvs) if textured and mesh.uvs is not None else None
+        part = count[pixel, quarter] / s**2
+        pixel = (pixel // max(w, 1) + y0) * camera.width + pixel % max(w, 1) + x0
+        if not textured and len(pixel):  # one place for all four quarters, where they are whole and alike
+            of_pixel = np.unique(pixel, return_inverse=True)[1]
+            first = np.unique(pixel, return_index=True)[1]
+            near = (normal * normal[first][of_pixel]).sum(axis=1) > _ALIKE
+            alike = np.bincount(of_pixel, (part == 0.25) & near) == 4
+            alone = ~alike[of_pixel]
+            whole = np.flatnonzero(alike)
+
+            def means(v: NDArray) -> NDArray:
+                sums = np.stack([np.bincount(of_pixel, v[:, k]) for k in range(3)], axis=1)
+                return np.concatenate([v[alone], sums[whole] / 4])
+
+            # Not below the surface, which is round between the four.
+            middle, up = means(start), unit(means(normal))
+            above = np.zeros(len(up))
+            behind = np.empty(len(of_pixel), int)  # place of each of the four
+            behind[alone] = np.arange(alone.sum())
+            behind[~alone] = (np.cumsum(alike) - 1 + alone.sum())[of_pixel[~alone]]
+            np.maximum.at(above, behind, ((start - middle[behind]) * up[behind]).sum(axis=1))
+            position, start, normal = means(position), middle + above[:, None] * up, up
+            pixel = np.concatenate([pixel[alone], pixel[first[whole]]])
+            part = np.concatenate([part[alone], np.ones(len(whole))])
+        scale = float(np.ptp(mesh.vertices, axis=0).max())
+        hidden = self._hidden(start + 2e-4 * scale * normal, normal) if len(pixel) else np.empty((0, 0), np.uint8)
+        return _Seen(pixel, part, normal, unit(eye - position), start, tangent, uvs, hidden)
 
     def render(
         self,
@@ -328,39 +452,22 @@ class TrueRenderer:
         h, w = camera.height, camera.width
         marker_from_back = back_from_marker.inverse()
         eye = marker_from_back.translation
-        s = _SPLIT
-        x, y = np.meshgrid((np.arange(w * s) + 0.5) / s, (np.arange(h * s) + 0.5) / s)
-        rays = camera.unproject(np.stack([x, y], axis=-1)) @ marker_from_back.rotation.T
-        origins = np.ascontiguousarray(np.broadcast_to(eye, rays.shape)).astype(np.float32)
-        triangle, _, uv = self.bvh.nearest(origins, np.nan_to_num(rays).astype(np.float32))
-        # Coverage from all rays of a pixel, colour from the first of them that meets the object.
-        met = (triangle >= 0).reshape(h, s, w, s).transpose(0, 2, 1, 3).reshape(h, w, s * s)
-        coverage = met.mean(axis=-1)
-        covered = coverage > 0
-        first = met.argmax(axis=-1)[covered]
-        row, column = np.nonzero(covered)
-        at = row * s + first // s, column * s + first % s
-        mesh, material = self.scene.mesh, self.scene.material
-        corner = mesh.triangles[triangle[at]]
-        weights = np.stack([1 - uv[at].sum(axis=1), uv[at][:, 0], uv[at][:, 1]], axis=1)[..., None]
-        position = (mesh.vertices[corner] * weights).sum(axis=1)
-        normal = (mesh.normals[corner] * weights).sum(axis=1)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-        light = (self.vertex_irradiance(source)[corner] * weights).sum(axis=1)
-        view = eye - position
-        view /= np.linalg.norm(view, axis=1, keepdims=True)
-        if material.model == "pbr":
-            tangent = (mesh.tangents[corner] * weights).sum(axis=1)
-            uv_here = None if mesh.uvs is None else (mesh.uvs[corner] * weights).sum(axis=1)
-            surface = pbr_surface(material, normal, tangent, uv_here)
-            colour = self._pbr(source, surface, normal, view, light)
-        else:
-            colour = np.asarray(material.emission) + np.asarray(material.diffuse) * light / np.pi
-        if material.model != "pbr" and any(material.glossy):
-            colour = colour + np.asarray(material.glossy) * self._glossy(source, normal, view, material.exponent)
-        layer = np.zeros((h, w, 4))
-        layer[covered, :3] = colour * coverage[covered][:, None]
-        layer[..., 3] = coverage
+        seen, material = self._seen_by(camera, back_from_marker), self.scene.material
+        layer = np.zeros((h * w, 4))
+        if len(seen.pixel):
+            if material.model == "pbr":
+                surface = pbr_surface(material, seen.normal, seen.tangent, seen.uv)
+                light = self._irradiance(source, seen.start, surface.frame[:, 2], seen.hidden)
+                colour = self._pbr(source, surface, seen.view, light, seen.hidden)
+            else:
+                light = self._irradiance(source, seen.start, seen.normal, seen.hidden)
+                colour = np.asarray(material.emission) + np.asarray(material.diffuse) * light / np.pi
+                if any(material.glossy):
+                    colour = colour + np.asarray(material.glossy) * self._glossy(source, seen, material.exponent)
+            for c in range(3):
+                layer[:, c] = np.bincount(seen.pixel, colour[:, c] * seen.part, h * w)
+            layer[:, 3] = np.bincount(seen.pixel, seen.part, h * w)
+        layer = layer.reshape(h, w, 4)
         # Ratio at the plane point of each pixel, bilinear on the grid, 1 outside.
         ray = camera.unproject(np.stack(np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5), axis=-1))
         ray = ray @ marker_from_back.rotation.T
@@ -378,7 +485,8 @@ class TrueRenderer:
             )
             for on_plane in (self.plane_ratio(source), self.plane_gain(source))
         )  # fmt: skip
-        radius = np.hypot(x[::s, ::s] + 0.5 / s - camera.cx, y[::s, ::s] + 0.5 / s - camera.cy) / camera.fx
+        x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+        radius = np.hypot(x - camera.cx, y - camera.cy) / camera.fx
         vignette = 1 + sum(v * radius ** (2 * k + 2) for k, v in enumerate(camera.vignetting))
         under = camera.response.decode(back / 255.0).astype(np.float64) * gain
         over = layer[..., :3] * (exposure * camera.gain * np.asarray(vignette))[..., None]
