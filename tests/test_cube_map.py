@@ -155,6 +155,23 @@ def test_cleaning_counts_what_it_changes():
     assert np.isfinite(cube.level(1)).all()
 
 
+def test_what_was_cleaned_is_kept_by_copies():
+    faces = np.ones((6, 2, 2, 3))
+    faces[0, 0, 0, 0], faces[1, 0, 0, 1] = np.nan, -1
+    cube = fastibl.CubeMap(faces)
+    for copied in (pickle.loads(pickle.dumps(cube)), copy.copy(cube), copy.deepcopy(cube)):
+        assert copied == cube and copied.cleaned == {"nan": 1, "negative": 1, "capped": 0}
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64, np.int64, np.uint8, int, float])
+def test_numbers_of_numpy_are_numbers(kind):
+    cube = fastibl.CubeMap(np.random.default_rng(5).random((6, 4, 4, 3)))
+    up, lighting = np.array([[0, 0, 1.0]]), fastibl.Lighting(cube)
+    assert np.array_equal(cube.sample(up, kind(1)), cube.sample(up, 1.0))
+    assert np.array_equal(lighting.glossy(up, up, kind(64)), lighting.glossy(up, up, 64.0))
+    assert fastibl.directional_albedo(kind(1), 64) == fastibl.directional_albedo(np.array([1.0]), 64)[0]
+
+
 def test_values_behave():
     cube = fastibl.CubeMap(np.random.default_rng(5).random((6, 3, 3, 3)))
     assert pickle.loads(pickle.dumps(cube)) == cube == copy.copy(cube)

@@ -301,7 +301,7 @@ sizes outside 1 to 256.)")
   module.def(
       "directional_albedo",
       [](const py::object& cos_view, float exponent) {
-        const Floats in = require_floats<float>(cos_view, "cos_view");
+        const Floats in = require_numbers(cos_view, "cos_view");
         if (!(exponent >= 0))
           throw py::value_error("exponent must be at least 0, got " + std::to_string(exponent));
         Floats out(shape_vector(in));

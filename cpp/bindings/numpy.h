@@ -24,6 +24,12 @@ inline std::string shape_of(const py::array& array) { return py::str(array.attr(
 
 // A NumPy array or what NumPy makes a float array of (a list of numbers); bare numbers, integers
 // and objects are refused: TypeError.
+// A number of Python's, or one of NumPy's of whatever type.
+inline bool is_number(const py::object& object) {
+  return py::isinstance<py::float_>(object) || py::isinstance<py::int_>(object) ||
+         py::isinstance(object, py::module_::import("numpy").attr("number"));
+}
+
 inline py::array require_array(const py::object& object, const char* name) {
   if (!py::isinstance<py::array>(object)) {
     if (!py::isinstance<py::sequence>(object) || py::isinstance<py::str>(object))
@@ -112,13 +118,17 @@ inline std::vector<py::ssize_t> shape_vector(const py::array& array) {
   return {array.shape(), array.shape() + array.ndim()};
 }
 
+// Floats of any shape, or one number of any kind.
+inline Floats require_numbers(const py::object& value, const char* name) {
+  if (!is_number(value)) return require_floats<float>(value, name);
+  return Floats::ensure(py::module_::import("numpy").attr("float32")(py::float_(value)));
+}
+
 // A number or an array of floats, broadcast to `shape`.
 inline Floats broadcast_floats(const py::object& value, const char* name,
                                const std::vector<py::ssize_t>& shape) {
   const py::module_ numpy = py::module_::import("numpy");
-  const bool number = py::isinstance<py::float_>(value) || py::isinstance<py::int_>(value);
-  const py::object array = number ? py::object(numpy.attr("float32")(value.cast<double>()))
-                                  : py::object(require_floats<float>(value, name));
+  const Floats array = require_numbers(value, name);
   return Floats::ensure(numpy.attr("ascontiguousarray")(
       numpy.attr("broadcast_to")(array, py::tuple(py::cast(shape)))));
 }

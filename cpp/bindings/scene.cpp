@@ -101,10 +101,9 @@ same texels in that part of a face. For what is made from a map, to be renewed o
             const py::ssize_t count = in.size() / 3;
             py::array_t<float, py::array::c_style | py::array::forcecast> levels;
             float single = 0;
-            const bool scalar =
-                py::isinstance<py::float_>(level) || py::isinstance<py::int_>(level);
+            const bool scalar = is_number(level);
             if (scalar) {
-              single = level.cast<float>();
+              single = py::float_(level).cast<float>();
             } else {
               std::vector<py::ssize_t> shape = shape_vector(in);
               shape.pop_back();
@@ -140,10 +139,18 @@ directions: (..., 3) any float dtype, marker frame, any length. level: MIP level
           py::arg("memo"))
       .def(py::pickle(
           [](const py::object& self) {
-            return py::make_tuple(py::module_::import("numpy").attr("array")(
-                level_view(self.cast<const CubeMap&>(), 0, self)));
+            const CubeMap& cube = self.cast<const CubeMap&>();
+            const CleaningStatistics& s = cube.cleaned();
+            return py::make_tuple(
+                py::module_::import("numpy").attr("array")(level_view(cube, 0, self)), s.nan,
+                s.negative, s.capped);
           },
-          [](const py::tuple& t) { return cube_from_array(t[0]); }));
+          [](const py::tuple& t) {
+            CubeMap cube = cube_from_array(t[0]);
+            if (t.size() == 4)
+              cube.set_cleaned({t[1].cast<int>(), t[2].cast<int>(), t[3].cast<int>()});
+            return cube;
+          }));
 
   module.def(
       "cubemap_from_equirect",

@@ -224,12 +224,12 @@ std::map<std::string, int> settings_map(Method method, const Settings& settings)
     values[std::string(s.name)] = settings.*s.value;
   return values;
 }
-// "irradiance-cube [size=16, source=16]".
+// "irradiance-cube [size=16, source=16]"; without what stands for the method's own choice.
 template <typename Settings, typename Method>
 std::string described(Method method, const Settings& settings) {
   std::string text;
   for (const auto& [key, value] : settings_map(method, settings))
-    text += (text.empty() ? " [" : ", ") + key + "=" + std::to_string(value);
+    if (value >= 0) text += (text.empty() ? " [" : ", ") + key + "=" + std::to_string(value);
   return std::string(name(method)) + text + (text.empty() ? "" : "]");
 }
 

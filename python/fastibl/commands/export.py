@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.size < 1:
         raise ValueError(f"size must be at least 1, got {arguments.size}")
     cube = read_environment(
-        arguments.environment, size=arguments.size, axes=arguments.map_axes, response=arguments.response
+        arguments.environment, size=max(arguments.size, 128), axes=arguments.map_axes, response=arguments.response
     )
     manifest = export_light(
         cube,
