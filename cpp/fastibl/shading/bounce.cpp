@@ -16,6 +16,18 @@ namespace {
 
 constexpr int kSamples = 2;           // of the ratio in a cell, along an edge
 constexpr float kTextureTexels = 64;  // along an edge of the level of a texture that is read
+constexpr int kViews = 8;             // that what leaves a dielectric is a mean of
+
+// Part of what a dielectric's body sends out that its surface does not keep, over all directions.
+float transmitted(const GgxAlbedo& albedo, float roughness) {
+  float sum = 0;
+  for (int i = 0; i < kViews; ++i) {
+    const float square = (float(i) + 0.5f) / kViews, across = std::sqrt(0.5f * (1 - square));
+    const glm::vec2 kept = albedo.sample({across, across, std::sqrt(square)}, roughness);
+    sum += shared::pbr_diffuse(glm::vec3(1), 0, kept).x;
+  }
+  return sum / kViews;
+}
 
 float mean_level(const SurfaceTexture& map) {
   return std::log2(std::max(float(std::max(map.width(), map.height())) / kTextureTexels, 1.0f));
@@ -124,12 +136,15 @@ std::vector<Exitance> vertex_exitance(const Material& material, const Mesh& mesh
   }
   const PbrMaterial& m = *material.pbr;
   std::vector<Exitance> out;
+  float through = 1;
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     const auto read = [&](const std::shared_ptr<const SurfaceTexture>& map) {
       return map ? map->sample(mesh.uvs[i], mean_level(*map)) : glm::vec3(1);
     };
     const float metallic = m.metallic * read(m.metallic_map).x;
-    out.push_back({(1 - metallic) * m.base_color * read(m.base_color_map),
+    if (m.roughness_map || i == 0)
+      through = transmitted(*material.albedo, m.roughness * read(m.roughness_map).x);
+    out.push_back({through * (1 - metallic) * m.base_color * read(m.base_color_map),
                    kPi * m.emission * read(m.emission_map)});
   }
   return out;

@@ -415,8 +415,9 @@ Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& 
       const glm::vec4 o = drawn.at(x - area.x0);
       const glm::vec3 ratio =
           with_holdout(ratios[std::size_t(x - area.x0)], o.w, hidden.at(x - area.x0));
-      // Straight alpha can only darken what is behind.
-      const float darkness = std::max(1 - (ratio.x + ratio.y + ratio.z) / 3, 0.0f);
+      // Straight alpha can only darken what is behind, by Rec. 709 luminance.
+      const float darkness =
+          std::max(1 - glm::dot(ratio, glm::vec3(0.2126f, 0.7152f, 0.0722f)), 0.0f);
       const float alpha = o.w + (1 - o.w) * darkness;
       if (alpha <= 0) continue;
       std::uint8_t* p = out.pixel(x, y);
