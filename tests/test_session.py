@@ -237,6 +237,11 @@ def test_without_board_and_pose_the_picture_stays():
     assert result.back_from_marker is None and result.passes == []
 
 
+def test_before_there_is_light_nothing_of_it_is_known():
+    result = fastibl.Session(ball(), RIG).process(fastibl.Frame(0.0, back=BACK))
+    assert result.environment is None and result.predicted_error == 1
+
+
 @pytest.mark.parametrize("after, captured", [(0.05, True), (0.1, True), (0.11, False), (1.0, False)])
 @pytest.mark.parametrize("start", [0.0, 0.3, 100.0])
 def test_a_front_picture_alone_uses_a_young_pose(after, captured, start):

@@ -71,6 +71,29 @@ def test_light_that_is_given_frame_after_frame_moves():
     assert stream.process(given()).shadow_map == session(place).process(given()).shadow_map
 
 
+def test_the_same_light_given_again_changes_nothing():
+    place = lit_from_above()
+    given_again = fastibl.Session(ball(), RIG, environment=place)
+    first = given_again.process(given())
+    for k in range(8):
+        given_again.set_environment(fastibl.CubeMap(place.faces))
+        result = given_again.process(given(1.0 + k))
+    assert np.array_equal(result.image, first.image) and str(result.plan.methods) == str(first.plan.methods)
+
+
+def test_light_that_has_come_to_rest_is_light_that_stays():
+    """After 30 frames without new light, methods are those of light that was never anything else."""
+    stream, rng = fastibl.Session(ball(), RIG, environment=lit_from_above(), error=0.05), np.random.default_rng(0)
+    for k in range(6):
+        last = fastibl.CubeMap(lit_from_above().faces * (1 + 0.01 * rng.random()))
+        stream.set_environment(last)
+        stream.process(given(float(k)))
+    for k in range(80):
+        result = stream.process(given(10.0 + k))
+    fresh = fastibl.Session(ball(), RIG, environment=last, error=0.05).process(given())
+    assert str(result.plan.methods) == str(fresh.plan.methods)
+
+
 @pytest.mark.parametrize("change", ["methods", "cast_shadow"])
 def test_a_shadow_that_is_asked_for_later_is_baked_then(change):
     if change == "methods":
@@ -107,3 +130,14 @@ def test_a_shadow_that_another_session_baked_is_cast_too():
     other = fastibl.Session(scene, RIG, environment=lit_from_above()).process(given())
     session.set_cast_shadow(True)
     assert session.process(given(1.0)).shadow_map == other.shadow_map
+
+
+def test_light_that_pauses_goes_on_as_light_that_moves():
+    """The same map twice in a stream is no new place, for which all would be judged anew."""
+    stream, rng, plans = fastibl.Session(ball(), RIG, environment=lit_from_above()), np.random.default_rng(0), []
+    for k in range(12):
+        cube = fastibl.CubeMap(lit_from_above().faces * (1 + 0.01 * rng.random()))
+        for j in range(2):
+            stream.set_environment(fastibl.CubeMap(cube.faces))
+            plans.append(str(stream.process(given(k + 0.5 * j)).plan.methods))
+    assert len(set(plans[10:])) == 1

@@ -133,3 +133,29 @@ TEST_CASE("one thread works on loops while it is asked to") {
   CHECK(joined());
   set_threads(0);
 }
+
+namespace {
+
+// Before main(), and before or after the library's own files: which is not said.
+const float lit_before_main = [] {
+  const auto map = std::make_shared<const CubeMap>(
+      32, std::vector<glm::vec3>(std::size_t{6} * 32 * 32, glm::vec3(1)));
+  const Lighting lighting = fit_lighting(map);
+  std::vector<glm::vec3> normals(16, glm::vec3(0, 0, 1)), out(16);
+  evaluate(lighting.irradiance, normals, out);
+  return out[15].x;
+}();
+
+}  // namespace
+
+TEST_CASE("global objects can use the library") {
+  CHECK(lit_before_main == doctest::Approx(3.1416));
+}
+
+TEST_CASE("the number of threads can be asked for within a loop") {
+  set_threads(2);
+  std::atomic<int> asked{0};
+  parallel_for(8, 1, [&](int, int) { asked += threads(); });
+  CHECK(asked == 16);
+  set_threads(0);
+}

@@ -257,3 +257,85 @@ TEST_CASE("present draws the whole picture, row 0 on top") {
   }
   CHECK(glGetError() == GL_NO_ERROR);
 }
+
+namespace {
+
+// A context of desktop GL 4.5, as of an engine; false where the driver has none.
+struct DesktopContext {
+  EGLDisplay display = EGL_NO_DISPLAY;
+  EGLContext context = EGL_NO_CONTEXT;
+  DesktopContext() {
+    display = eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
+    if (display == EGL_NO_DISPLAY || !eglInitialize(display, nullptr, nullptr)) return;
+    eglBindAPI(EGL_OPENGL_API);
+    const EGLint version[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5, EGL_NONE};
+    context = eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, version);
+    if (context == EGL_NO_CONTEXT) return;
+    eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context);
+  }
+  ~DesktopContext() {
+    if (context != EGL_NO_CONTEXT) {
+      eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+      eglDestroyContext(display, context);
+    }
+    eglBindAPI(EGL_OPENGL_ES_API);
+  }
+};
+
+// What desktop GL alone has.
+std::vector<GLfloat> desktop_state() {
+  std::vector<GLfloat> all;
+  for (GLuint i = 0; i < 3; ++i) {
+    GLboolean mask[4];
+    GLfloat viewport[4];
+    GLint scissor[4];
+    glGetBooleani_v(GL_COLOR_WRITEMASK, i, mask), glGetFloati_v(GL_VIEWPORT, i, viewport);
+    glGetIntegeri_v(GL_SCISSOR_BOX, i, scissor);
+    for (int k = 0; k < 4; ++k)
+      all.insert(all.end(), {GLfloat(mask[k]), viewport[k], GLfloat(scissor[k])});
+    all.push_back(glIsEnabledi(GL_BLEND, i));
+  }
+  for (const GLenum name :
+       {GL_CLIP_ORIGIN, GL_CLIP_DEPTH_MODE, GL_COLOR_LOGIC_OP, GL_FRAMEBUFFER_SRGB, GL_DEPTH_CLAMP,
+        GL_TEXTURE_CUBE_MAP_SEAMLESS, GL_POLYGON_MODE}) {
+    GLint values[2] = {};
+    glGetIntegerv(name, values);
+    all.push_back(GLfloat(values[0]));
+  }
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE("an engine's desktop context: same picture, its state put back") {
+  if (!have_egl()) return;
+  const DesktopContext desktop;
+  if (desktop.context == EGL_NO_CONTEXT) {
+    std::puts("skipped: no desktop GL 4.5");
+    return;
+  }
+  const Inputs in = inputs();
+  const auto plain = make_gl_renderer(CurrentContext{});
+  draw(*plain, in);
+  const auto polygons = [] { glPolygonMode(GL_FRONT_AND_BACK, GL_LINE); };
+  const auto reversed = [] { glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE); };
+  const auto upside_down = [] { glClipControl(GL_UPPER_LEFT, GL_ZERO_TO_ONE); };
+  const auto logic = [] { glEnable(GL_COLOR_LOGIC_OP), glLogicOp(GL_INVERT); };
+  const auto encoded = [] { glEnable(GL_FRAMEBUFFER_SRGB), glEnable(GL_DEPTH_CLAMP); };
+  const auto indexed = [] {
+    glColorMaski(1, GL_FALSE, GL_TRUE, GL_FALSE, GL_TRUE), glEnablei(GL_BLEND, 2);
+    glViewportIndexedf(1, 1, 2, 30, 40), glScissorIndexed(2, 5, 6, 7, 8);
+  };
+  const std::vector<void (*)()> untidy{polygons, reversed, upside_down, logic, encoded, indexed};
+  for (std::size_t k = 0; k < untidy.size(); ++k) {
+    CAPTURE(k);
+    untidy[k]();
+    const std::vector<GLfloat> before = desktop_state();
+    const auto gl = make_gl_renderer(CurrentContext{});
+    draw(*gl, in);
+    CHECK(desktop_state() == before);
+    CHECK(apart(gl->image(), plain->image()) == 0);
+    CHECK(desktop_state() == before);
+  }
+  CHECK(glGetError() == GL_NO_ERROR);
+}

@@ -7,6 +7,8 @@
 #include <limits>
 #include <vector>
 
+#include "fastibl/capture/capture.h"
+#include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/session.h"
@@ -14,7 +16,9 @@
 #include "fastibl/scene/equirect.h"
 #include "fastibl/scene/ggx.h"
 #include "fastibl/scene/glossy.h"
+#include "fastibl/scene/tag_codes.h"
 #include "fastibl/shadow/sphere_shadow.h"
+#include "fastibl/tracking/edge_tracker.h"
 
 using namespace fastibl;
 
@@ -203,5 +207,94 @@ TEST_CASE("what is no light is cleaned, and counted, however it came") {
       const Lighting lighting = fit_lighting(std::make_shared<const CubeMap>(map));
       CHECK(finite(evaluate(lighting.irradiance, {0, 0, 1})));
     }
+  }
+}
+
+TEST_CASE("pictures, masks and poses that a capture cannot use") {
+  const View view;
+  Capture capture;
+  const Pose pose = *view.frame.back_from_marker;
+  std::vector<std::uint8_t> bytes(64 * 48);
+  const ImageView<const std::uint8_t> of_three{bytes.data(), 64, 48};
+  const ImageView<const std::uint8_t> of_one{bytes.data(), 64, 48, 1};
+  const Picture nothing{nullptr, PixelType::uint8, 64, 48};
+  CHECK_THROWS_WITH_AS(capture.add(view.frame.back, view.rig.back, pose, 1.0, 0, of_three),
+                       doctest::Contains("one channel"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(capture.add(nothing, view.rig.back, pose, 1.0, 0),
+                       doctest::Contains("no pixels"), std::invalid_argument);
+  CHECK_THROWS_AS(linear_from(nothing, Response::srgb()), std::invalid_argument);
+  Pose twice = pose;
+  twice.rotation *= 2.0;
+  CHECK_THROWS_WITH_AS(capture.add(view.frame.back, view.rig.back, twice, 1.0, 0),
+                       doctest::Contains("pose"), std::invalid_argument);
+  CHECK_THROWS_AS(capture.turn(glm::dmat3(std::nan(""))), std::invalid_argument);
+  capture.add(view.frame.back, view.rig.back, pose, 1.0, 0, of_one);
+  EdgeTracker tracker(Board::default_board(), view.rig.back);
+  CHECK_THROWS_WITH_AS(tracker.track(view.frame.back, 0.0, nullptr), doctest::Contains("detector"),
+                       std::invalid_argument);
+}
+
+TEST_CASE("cameras whose response is none") {
+  for (const std::vector<float>& curve :
+       {std::vector<float>{1}, {1, 0.5f}, {0, kNaN, 1}, {0, 0.5f, 0.5f, 1}}) {
+    View view;
+    view.rig.back.response.curve = curve;
+    CHECK_THROWS_WITH_AS(view.session(tetrahedron(), nullptr), doctest::Contains("response"),
+                         std::invalid_argument);
+  }
+}
+
+TEST_CASE("scenes and rigs that were made by hand") {
+  Scene scene = tetrahedron();
+  scene.material.pbr = std::make_shared<PbrMaterial>();
+  CHECK_THROWS_AS(View().session(scene, nullptr), std::invalid_argument);
+  scene = tetrahedron();
+  scene.visibility.clear();
+  CHECK_THROWS_WITH_AS(View().session(scene, nullptr), doctest::Contains("visibility"),
+                       std::invalid_argument);
+  View view;
+  view.rig.front = view.rig.back;
+  view.rig.front_from_back.rotation *= -1.0;
+  CHECK_THROWS_AS(view.session(tetrahedron(), nullptr), std::invalid_argument);
+  SessionOptions options;
+  options.front_ratio.x = std::nan("");
+  CHECK_THROWS_WITH_AS(View().session(tetrahedron(), nullptr, options),
+                       doctest::Contains("front_ratio"), std::invalid_argument);
+}
+
+TEST_CASE("what has no map, and results without room") {
+  Lighting none;
+  CHECK_THROWS_AS(fit_chain(none), std::invalid_argument);
+  CHECK_THROWS_AS(working_level(CubeMap()), std::invalid_argument);
+  CHECK_THROWS_AS(tag_module_black(0, 6, 0), std::invalid_argument);
+  const std::vector<glm::vec2> points(5);
+  std::vector<glm::vec3> few(4);
+  CHECK_THROWS_AS(ShadowMap().sample(points, few), std::invalid_argument);
+}
+
+TEST_CASE("a map that is kept and written to lights what follows") {
+  Material shiny;
+  shiny.diffuse = glm::vec3(0), shiny.glossy = glm::vec3(0.5f);
+  const auto kept = std::make_shared<Environment>(environment_from(*grey()));
+  const View view;
+  const auto session_of = [&](std::shared_ptr<const Environment> light) {
+    return view.session(make_scene(tetrahedron().mesh, shiny), std::move(light));
+  };
+  const auto brightness = [](const Image<std::uint8_t>& image) {
+    double sum = 0;
+    for (const std::uint8_t v : image.data) sum += v;
+    return sum;
+  };
+  Session session = session_of(kept);
+  Frame frame = view.frame;
+  for (int k = 0; k < 8; ++k) {
+    std::vector<glm::vec3> texels(std::size_t{6} * 16 * 16, glm::vec3(1 - 0.1f * float(k)));
+    kept->radiance = CubeMap(16, texels);
+    session.set_environment(kept);
+    frame.time = k;
+    const double shown = brightness(session.process(frame).image);
+    Session fresh = session_of(std::make_shared<const Environment>(*kept));
+    CAPTURE(k);
+    CHECK(shown == doctest::Approx(brightness(fresh.process(view.frame).image)).epsilon(0.01));
   }
 }

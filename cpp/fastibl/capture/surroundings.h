@@ -41,7 +41,7 @@ class Surroundings {
   // Difference of a light's inverse distance to what it would be thought to be, 1 / m.
   double gap(const LightPosition& light) const;
   // Whether anything is nearer than infinity.
-  bool near() const { return near_; }
+  bool are_near() const { return near_; }
   // Length of the direction of a tile's corner over its distance, as long as fills vectors.
   const std::vector<float>& corner(int c) const { return corners_[c]; }
   // 1 / distance of the walls along the axes: of the upper and the lower one.

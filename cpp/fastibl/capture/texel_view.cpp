@@ -268,7 +268,7 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
   above_ = below_ = p;
   set(above_, turn_above);
   above_.above = true;
-  above_.shifted = surroundings_.near();
+  above_.shifted = surroundings_.are_near();
   for (int r = 0; r < 3; ++r) {
     above_.shift[r] = float(centre[r]);
     for (int k = 0; k < 2; ++k) above_.walls[k][r] = surroundings_.walls()[k][r];

@@ -6,6 +6,7 @@
 
 namespace fastibl {
 void Capture::turn(const glm::dmat3& new_from_old) {
+  check(is_rotation(new_from_old, 1e-3), "a map can only be turned by a rotation");
   const TexelState old = state_;
   state_ = TexelState(grid_);
   const glm::mat3 old_from_new(glm::transpose(new_from_old));

@@ -131,7 +131,7 @@ class Pool {
 
 // Of the pool and its size. One loop at a time: a second caller runs its loop alone.
 std::mutex pool_mutex;
-int wanted = 0;        // threads; 0: one a core
+std::atomic<int> wanted = 0;  // threads; 0: one a core
 Pool* pool = nullptr;  // of the first loop; left at the end of a process, where joining can hang
 
 // That this process may use; of the machine where it cannot be told.
@@ -145,7 +145,8 @@ int usable_cores() {
 
 int size() {
   static const int cores = usable_cores();
-  return wanted > 0 ? wanted : cores;
+  const int count = wanted;
+  return count > 0 ? count : cores;
 }
 
 #if defined(__unix__) || defined(__APPLE__)
@@ -166,10 +167,7 @@ void set_threads(int count) {
   pool = nullptr;
 }
 
-int threads() {
-  const std::lock_guard lock(pool_mutex);
-  return size();
-}
+int threads() { return size(); }
 
 void parallel_for(int count, int grain, const std::function<void(int, int)>& body) {
   if (count <= 0) return;

@@ -8,7 +8,7 @@ namespace fastibl {
 
 // Number of threads that parallel_for uses, the caller's among them. 0, as it is at first: one a
 // core that this process may use. The first loop starts them, and they stay until a call with 1, as
-// before a plugin is unloaded. Not to be called from inside a parallel_for.
+// before a plugin is unloaded. set_threads is not to be called from inside a parallel_for.
 void set_threads(int count);
 int threads();
 

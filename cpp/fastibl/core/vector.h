@@ -2,6 +2,10 @@
 // poses. All other headers get GLM from here.
 #pragma once
 
+#if __cplusplus < 202002L
+#error "fastibl needs C++20"
+#endif
+
 #include <glm/glm.hpp>
 #include <numbers>
 #include <type_traits>

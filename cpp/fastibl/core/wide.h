@@ -2,7 +2,8 @@
 // file, named by FASTIBL_KERNEL, that core/kernel.inl compiles twice: FASTIBL_TARGET stands before
 // each of its functions, and FASTIBL_PICK(function) gives the one for this processor. Results can
 // differ in the last bits between the two, never between threads. With FASTIBL_KERNEL_AVX512
-// defined it is compiled a third time, and FASTIBL_PICK_AVX512 chooses among three.
+// defined it is compiled a third time, and FASTIBL_PICK_AVX512 chooses among three. Before its file
+// is initialised, as from global objects of other files, the portable one runs.
 #pragma once
 
 #include <cstring>
@@ -24,11 +25,13 @@ inline bool has_avx512() {
                           __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
   return yes;
 }
-#define FASTIBL_PICK(function) \
-  const auto function = has_avx2() ? avx2::function : portable::function
-#define FASTIBL_PICK_AVX512(function) \
-  const auto function =               \
-      has_avx512() ? avx512::function : (has_avx2() ? avx2::function : portable::function)
+#define FASTIBL_PICK(function)         \
+  auto* function = portable::function; \
+  [[maybe_unused]] const auto picked_##function = function = has_avx2() ? avx2::function : function
+#define FASTIBL_PICK_AVX512(function)                        \
+  auto* function = portable::function;                       \
+  [[maybe_unused]] const auto picked_##function = function = \
+      has_avx512() ? avx512::function : (has_avx2() ? avx2::function : function)
 #else
 #define FASTIBL_PICK(function) const auto function = portable::function
 #define FASTIBL_PICK_AVX512(function) FASTIBL_PICK(function)

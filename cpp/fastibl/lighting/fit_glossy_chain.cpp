@@ -5,6 +5,7 @@
 #include <numbers>
 #include <optional>
 
+#include "fastibl/core/check.h"
 #include "fastibl/lighting/lobe_filter.h"
 
 namespace fastibl {
@@ -147,6 +148,7 @@ std::array<glm::vec3, 25> project_harmonics(const CubeLevel& level) {
 }  // namespace
 
 CubeLevel working_level(const CubeMap& map) {
+  check(map.size() > 0, "the map has no texels");
   for (int k = 0; k < map.level_count(); ++k)
     if (map.level(k).size() == kWorkingSize) return map.level(k);
   // No level has that size: from the smallest one that is larger, or from level 0.

@@ -50,6 +50,7 @@ void make_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pr
     lighting.chain = fit_prefiltered_chain(lighting.radiance);
     return;
   }
+  check(lighting.radiance != nullptr, "the lighting has no map");
   const CubeLevel source = working_level(*lighting.radiance);
   std::vector<FoundLight> lights;
   // Of the same map nothing fades: no map may come that would end it.

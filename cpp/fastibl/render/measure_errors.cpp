@@ -595,6 +595,8 @@ ErrorMeasurement::ErrorMeasurement(const Scene& scene, const SceneSamples* at,
     steps.push_back([=] { work->share(method); });
   steps.push_back([=] { work->judge(); });
 }
+ErrorMeasurement::ErrorMeasurement(ErrorMeasurement&&) noexcept = default;
+ErrorMeasurement& ErrorMeasurement::operator=(ErrorMeasurement&&) noexcept = default;
 ErrorMeasurement::~ErrorMeasurement() = default;
 
 bool ErrorMeasurement::done() const { return !work_ || work_->steps.empty(); }

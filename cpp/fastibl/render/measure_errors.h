@@ -26,6 +26,8 @@ class ErrorMeasurement {
  public:
   ErrorMeasurement(const Scene& scene, const SceneSamples* at, std::shared_ptr<const CubeMap> map,
                    const Methods& asked, const Candidates& candidates, bool cast_shadow);
+  ErrorMeasurement(ErrorMeasurement&&) noexcept;
+  ErrorMeasurement& operator=(ErrorMeasurement&&) noexcept;
   ~ErrorMeasurement();
 
   bool done() const;

@@ -29,6 +29,7 @@ constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundin
 // Share of the light that differs when methods are chosen anew.
 constexpr float kOtherLight = 0.25f;
 constexpr int kStream = 3;           // frames in a row that come with light of their own
+constexpr int kStill = 30;           // frames without, after which it stays again
 constexpr int kLeastFrames = 60;     // from one time to the next: it takes as long as some frames
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures, which have one
 constexpr double kSameExposure = 0.05;  // exposure, by so much of its logarithm; where none comes
@@ -53,6 +54,12 @@ void check_methods(const Methods& methods, const Renderer& renderer) {
 void check_scene(const Scene& scene) {
   check(!scene.mesh.triangles.empty() && scene.normals.size() == scene.mesh.vertices.size(),
         "a session needs a scene with a mesh, as make_scene() makes it");
+  check(
+      scene.visibility.size() == scene.mesh.vertices.size(),
+      "a session needs a scene as make_scene() makes it: of visibility there must be one value for "
+      "each vertex, ",
+      scene.mesh.vertices.size(), ", got ", scene.visibility.size());
+  check_fits(scene.material, scene.mesh);
   scene.marker_from_object.validate();
   scene.shadow_look.validate();
 }
@@ -77,7 +84,10 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
   check_scene(scene_);
   check_environment(environment_.get());
   rig_.back.validate();
-  if (rig_.front) rig_.front->validate();
+  if (rig_.front) rig_.front->validate(), rig_.front_from_back.validate();
+  const glm::dvec3& ratio = options_.front_ratio;
+  check(ratio.x > 0 && ratio.y > 0 && ratio.z > 0 && std::isfinite(ratio.x + ratio.y + ratio.z),
+        "a front_ratio must be positive and finite, got ", ratio.x, " ", ratio.y, " ", ratio.z);
   if (board_) board_->validate(), edge_tracker_.emplace(*board_, rig_.back);
   const bool perspective = rig_.back.model == CameraModel::perspective &&
                            (!rig_.front || rig_.front->model == CameraModel::perspective);
@@ -145,6 +155,13 @@ float difference(const std::vector<glm::vec3>& a, const std::vector<glm::vec3>& 
     for (int c = 0; c < 3; ++c)
       off += std::abs(a[f][c] - b[f][c]), all += std::max(a[f][c], b[f][c]);
   return all > 0 ? off / all : 0;
+}
+
+// Whether two maps light a scene alike, and are as well known; never where lights have places.
+bool is_same_light(const Environment& a, const Environment& b) {
+  return a.predicted_error == b.predicted_error && a.centre == b.centre && !a.box && !b.box &&
+         a.light_positions.empty() && b.light_positions.empty() &&
+         a.plane_irradiance == b.plane_irradiance && a.radiance == b.radiance;
 }
 
 }  // namespace
@@ -276,6 +293,13 @@ void Session::set_shadow_look(const ShadowLook& look) {
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
   check_environment(environment.get());
+  // A map that is kept and written to is not known by its address: it is copied.
+  if (environment && environment == environment_)
+    environment = std::make_shared<const Environment>(*environment);
+  else if (fixed_environment_ && environment && is_same_light(*environment, *environment_)) {
+    since_set_ = 0;
+    return;
+  }
   // Light that comes frame after frame, a little other each time, is taken as captured light is: it
   // moves, and what can be seen of that fades; methods are judged anew where much of it is new.
   bool little = false, judged = false;
@@ -285,7 +309,7 @@ void Session::set_environment(std::shared_ptr<const Environment> environment) {
     judged =
         !measured_.empty() && !measure_due_ && difference(light, measured_light_) <= kOtherLight;
   }
-  set_in_a_row_ = little ? set_in_a_row_ + 1 : 0, since_set_ = 0;
+  set_in_a_row_ = little ? set_in_a_row_ + 1 : 0, since_set_ = 0, since_new_ = 0;
   const bool moves = set_in_a_row_ >= kStream;
   fixed_environment_ = environment != nullptr;
   if (!little) given_elsewhere_ = false;
@@ -748,7 +772,9 @@ FrameResult Session::process(const Frame& frame) {
   if (lights) stale_ |= std::exchange(held_, 0);
   run(due_passes(plan_, wanted, stale_));
   if (lights) light_lag_ = difference(faces_of(environment_->radiance), faces_of(before->radiance));
-  ++since_measured_, ++since_set_;
+  ++since_measured_, ++since_set_, ++since_new_;
+  if (set_in_a_row_ >= kStream && since_new_ >= kStill)  // methods for light that stays
+    set_in_a_row_ = 0, measure_due_ = true;
   if (!fixed_environment_ && environment_)
     measure_due_ = measure_due_ || measured_light_.empty() ||
                    (since_measured_ >= kLeastFrames &&
@@ -762,9 +788,10 @@ FrameResult Session::process(const Frame& frame) {
     result.image = Image<std::uint8_t>(rig_.back.width, rig_.back.height, 4);
   result.environment = environment_;
   if (lighting_ && lighting_->radiance) result.lighting = lighting_;
-  if (environment_ && result.lighting)
-    result.predicted_error =
-        std::hypot(environment_->predicted_error, lighting_->irradiance_error.value_or(0));
+  if (environment_) {
+    const double method = result.lighting ? lighting_->irradiance_error.value_or(0) : 0.0;
+    result.predicted_error = std::hypot(environment_->predicted_error, method);
+  }
   result.timings["total"] = total.seconds();
   watch_time(1e3 * processor.seconds());
   return result;

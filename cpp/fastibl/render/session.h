@@ -69,7 +69,8 @@ struct FrameResult {
   std::shared_ptr<const Lighting> lighting;
   std::vector<PassId> passes;             // that ran
   std::map<std::string, double> timings;  // seconds, by pass, and "total"
-  double predicted_error = 0;  // relative error of the irradiance: capture and method together
+  // Relative, of the irradiance: capture and method together; 1 before there is any light.
+  double predicted_error = 1;
 };
 
 struct SessionOptions {
@@ -213,7 +214,8 @@ class Session {
   std::optional<ErrorMeasurement> measurement_;  // that goes on
   std::vector<glm::vec3> measured_light_;        // face by face
   bool measure_due_ = true, choose_due_ = false;
-  int since_measured_ = 0, since_set_ = 0;  // frames: methods judged, light given
+  // Frames: methods judged, light given, light given that is new.
+  int since_measured_ = 0, since_set_ = 0, since_new_ = 0;
   int set_in_a_row_ = 0;                    // times that light was given frame after frame
   TimeBudget time_;
   LightTurns turns_;

@@ -67,6 +67,7 @@ void Camera::validate() const {
     check(std::abs(k) <= kMostCoefficient, "distortion must be finite, got ", k);
   for (const double v : vignetting)
     check(std::abs(v) <= kMostCoefficient, "vignetting must be finite, got ", v);
+  response.validate();
   check(gain > 0 && std::isfinite(gain), "a camera's gain must be positive and finite, got ", gain);
   check(readout >= 0 && std::isfinite(readout),
         "a camera's readout must be seconds, finite and not negative, got ", readout);

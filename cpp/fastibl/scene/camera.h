@@ -51,7 +51,8 @@ struct Camera {
 
   // Pixel of a point in the camera frame. Nothing behind a perspective camera, nor beyond the
   // radius where the lens model stops growing (it would fold back into the picture). May lie
-  // outside the picture.
+  // outside the picture. Of a distorted perspective camera this works the lens out anew each time:
+  // for many points, make a Lens.
   std::optional<glm::dvec2> project(const glm::dvec3& point) const;
   // Direction that meets a pixel: z = 1 of a perspective camera, else of unit length. Nothing where
   // the lens model does not reach.

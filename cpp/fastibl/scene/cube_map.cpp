@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstring>
+#include <random>
 #include <utility>
 
 #include "fastibl/core/check.h"
@@ -208,7 +209,8 @@ FASTIBL_CLONES bool all_clean(const float* values, int count) {
 }
 
 std::uint64_t new_tile_version() {
-  static std::atomic<std::uint64_t> last{0};
+  // Two copies of this library in one program, as of plugins, must not give the same numbers.
+  static std::atomic<std::uint64_t> last{std::uint64_t{std::random_device{}()} << 32};
   return ++last;
 }
 

@@ -21,6 +21,7 @@ void luma(const std::uint8_t* rgb, int count, std::uint8_t* grey) {
 }  // namespace
 
 Image<float> linear_from(const Picture& picture, const Response& response) {
+  check(!picture.empty(), "the picture has no pixels");
   Image<float> out(picture.width, picture.height, 3);
   const int count = 3 * picture.width;
   if (picture.type == PixelType::uint8) {

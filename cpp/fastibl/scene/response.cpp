@@ -18,13 +18,19 @@ Response Response::gamma(double exponent) {
 }
 
 Response Response::from_curve(std::vector<float> curve) {
+  Response response{std::move(curve)};
+  response.validate();
+  return response;
+}
+
+void Response::validate() const {
+  if (curve.empty()) return;
   check(curve.size() >= 2, "a response curve needs at least 2 values, got ", curve.size());
   check(curve.front() == 0 && curve.back() == 1, "a response curve must run from 0 to 1, got ",
         curve.front(), " to ", curve.back());
   for (std::size_t i = 1; i < curve.size(); ++i)
     check(curve[i] > curve[i - 1], "a response curve must increase strictly, got ", curve[i - 1],
           " then ", curve[i], " at ", i);
-  return {std::move(curve)};
 }
 
 float Response::decode(float encoded) const {

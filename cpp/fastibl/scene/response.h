@@ -15,7 +15,9 @@ struct Response {
 
   static Response srgb() { return {}; }
   static Response gamma(double exponent);                // linear = encoded^exponent
-  static Response from_curve(std::vector<float> curve);  // throws unless it is as stated above
+  static Response from_curve(std::vector<float> curve);  // throws as validate()
+  // Throws std::invalid_argument unless the curve is as stated above.
+  void validate() const;
 
   float decode(float encoded) const;  // clamped to [0, 1] before; NaN gives 0
   float encode(float linear) const;   // clamped to [0, 1] before; NaN gives 0

@@ -92,6 +92,7 @@ ShadowLookUp::ShadowLookUp(const ShadowMap& map) : centre_(map.centre), reach_(m
 }
 
 void ShadowLookUp::sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const {
+  check_room(points, ratios);
   const std::size_t count = points.size();
   std::size_t i = 0;
   for (; i + kBlock + 2 <= count; i += kBlock)

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/vector.h"
 
@@ -13,6 +14,11 @@ namespace fastibl {
 // counted.
 using SphereSet = std::vector<glm::vec4>;
 bool is_sphere(const glm::vec4& sphere);
+
+inline void check_room(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) {
+  check(points.size() <= ratios.size(), "there must be a result for each point, ", points.size(),
+        ", got ", ratios.size());
+}
 
 // Ratio of the light on the plane z = 0 with and without the object, RGB in [0, 1].
 struct ShadowMap {

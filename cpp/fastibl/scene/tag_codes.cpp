@@ -100,6 +100,8 @@ constexpr std::array<std::uint64_t, kTagCount> kCodes = {
 
 bool tag_module_black(int id, int row, int column) {
   check(id >= 0 && id < kTagCount, "a 36h11 id must be 0 to ", kTagCount - 1, ", got ", id);
+  check(row >= 0 && row < kTagModules && column >= 0 && column < kTagModules,
+        "a module's row and column must be 0 to ", kTagModules - 1, ", got ", row, " and ", column);
   const int bit = kTagModules * kTagModules - 1 - (row * kTagModules + column);
   return (kCodes[std::size_t(id)] >> bit & 1) != 0;
 }

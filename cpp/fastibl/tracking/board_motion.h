@@ -12,7 +12,7 @@ struct BoardMotionOptions {
   double least = 1.5;  // degrees by which the board must have turned; and 5 standard deviations
   // Metres to the surroundings, which seem to turn as the camera moves: at least; and where board
   // and surroundings agreed while the camera moved by `proof` metres.
-  double nearest = 1.5, far = 10, proof = 0.15;
+  double nearest = 1.5, farther = 10, proof = 0.15;
   int frames = 5;       // in a row that must say the same
   double steady = 1.0;  // degrees within which these agree; or 3 standard deviations
   double longest = 2;   // seconds without a word of the surroundings after which the board counts

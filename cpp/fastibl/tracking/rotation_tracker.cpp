@@ -211,6 +211,7 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
                                              const std::optional<glm::dmat3>& turn) {
   check(std::isfinite(time) && (!state_ || time >= state_->time),
         "time must not run backwards: ", time, " s after ", state_ ? state_->time : 0, " s");
+  check(environment.radiance.size() > 0, "the environment has no map");
   if (!state_) return std::nullopt;
   state_ = predicted(time, turn);
   if (time - found_ > options_.longest_gap && !turn) {

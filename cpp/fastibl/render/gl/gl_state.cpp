@@ -10,12 +10,34 @@ GLint integer(GLenum name) {
 }
 void set(GLenum name, bool on) { on ? glEnable(name) : glDisable(name); }
 
+// What only desktop GL has.
+bool has_viewports() { return epoxy_is_desktop_gl() && epoxy_gl_version() >= 41; }
+bool has_clip_control() {
+  return epoxy_is_desktop_gl() &&
+         (epoxy_gl_version() >= 45 || epoxy_has_gl_extension("GL_ARB_clip_control"));
+}
+
 }  // namespace
 
 SavedState::SavedState() {
   for (std::size_t i = 0; i < kSwitches.size(); ++i) switches_[i] = glIsEnabled(kSwitches[i]);
   for (std::size_t i = 0; i < kStores.size(); ++i) stores_[i] = integer(kStores[i]);
-  if (epoxy_is_desktop_gl()) seamless_ = glIsEnabled(GL_TEXTURE_CUBE_MAP_SEAMLESS);
+  if (epoxy_is_desktop_gl()) {
+    for (std::size_t i = 0; i < kDesktopSwitches.size(); ++i)
+      desktop_switches_[i] = glIsEnabled(kDesktopSwitches[i]);
+    for (GLuint i = 0; i < kBuffers; ++i) {
+      blends_[i] = glIsEnabledi(GL_BLEND, i);
+      glGetBooleani_v(GL_COLOR_WRITEMASK, i, colour_masks_[i].data());
+    }
+    glGetIntegerv(GL_POLYGON_MODE, polygon_mode_.data());
+  }
+  if (has_viewports())
+    for (GLuint i = 0; i < kViewports; ++i) {
+      glGetFloati_v(GL_VIEWPORT, i, viewports_[i].data());
+      glGetIntegeri_v(GL_SCISSOR_BOX, i, scissors_[i].data());
+    }
+  if (has_clip_control())
+    clip_origin_ = integer(GL_CLIP_ORIGIN), clip_depth_ = integer(GL_CLIP_DEPTH_MODE);
   active_ = integer(GL_ACTIVE_TEXTURE);
   for (std::size_t i = 0; i < kTextureUnits; ++i) {
     glActiveTexture(GLenum(GL_TEXTURE0 + i));
@@ -40,7 +62,14 @@ SavedState::SavedState() {
 SavedState::~SavedState() {
   for (std::size_t i = 0; i < kSwitches.size(); ++i) set(kSwitches[i], switches_[i]);
   for (std::size_t i = 0; i < kStores.size(); ++i) glPixelStorei(kStores[i], stores_[i]);
-  if (epoxy_is_desktop_gl()) set(GL_TEXTURE_CUBE_MAP_SEAMLESS, seamless_);
+  if (epoxy_is_desktop_gl()) {
+    for (std::size_t i = 0; i < kDesktopSwitches.size(); ++i)
+      set(kDesktopSwitches[i], desktop_switches_[i]);
+    for (GLuint i = 0; i < kBuffers; ++i)
+      blends_[i] ? glEnablei(GL_BLEND, i) : glDisablei(GL_BLEND, i);
+    glPolygonMode(GL_FRONT_AND_BACK, GLenum(polygon_mode_[0]));
+  }
+  if (has_clip_control()) glClipControl(GLenum(clip_origin_), GLenum(clip_depth_));
   for (std::size_t i = 0; i < kTextureUnits; ++i) {
     glActiveTexture(GLenum(GL_TEXTURE0 + i));
     glBindTexture(GL_TEXTURE_2D, GLuint(units_[i].flat));
@@ -51,6 +80,15 @@ SavedState::~SavedState() {
   glViewport(viewport_[0], viewport_[1], viewport_[2], viewport_[3]);
   glScissor(scissor_[0], scissor_[1], scissor_[2], scissor_[3]);
   glColorMask(colour_mask_[0], colour_mask_[1], colour_mask_[2], colour_mask_[3]);
+  if (epoxy_is_desktop_gl())
+    for (GLuint i = 0; i < kBuffers; ++i) {
+      const std::array<GLboolean, 4>& m = colour_masks_[i];
+      glColorMaski(i, m[0], m[1], m[2], m[3]);
+    }
+  if (has_viewports()) {
+    glViewportArrayv(0, kViewports, viewports_[0].data());
+    glScissorArrayv(0, kViewports, scissors_[0].data());
+  }
   if (epoxy_is_desktop_gl())
     glDepthRange(depth_range_[0], depth_range_[1]);
   else
@@ -84,6 +122,10 @@ void set_default_state() {
   if (epoxy_is_desktop_gl()) {
     glDepthRange(0, 1);
     glEnable(GL_TEXTURE_CUBE_MAP_SEAMLESS);
+    for (const GLenum name : {GL_COLOR_LOGIC_OP, GL_FRAMEBUFFER_SRGB, GL_DEPTH_CLAMP})
+      glDisable(name);
+    glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
+    if (has_clip_control()) glClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
   } else {
     glDepthRangef(0, 1);
   }

@@ -30,7 +30,17 @@ class SavedState {
   struct Unit {
     GLint flat, cube, sampler;
   };
+  static constexpr std::array kDesktopSwitches = {GL_TEXTURE_CUBE_MAP_SEAMLESS, GL_COLOR_LOGIC_OP,
+                                                  GL_FRAMEBUFFER_SRGB, GL_DEPTH_CLAMP};
+  static constexpr GLuint kBuffers = 8, kViewports = 16;  // as many as desktop GL promises
   std::array<GLboolean, kSwitches.size()> switches_;
+  std::array<GLboolean, kDesktopSwitches.size()> desktop_switches_;
+  std::array<GLboolean, kBuffers> blends_;
+  std::array<std::array<GLboolean, 4>, kBuffers> colour_masks_;
+  std::array<std::array<GLfloat, 4>, kViewports> viewports_;
+  std::array<std::array<GLint, 4>, kViewports> scissors_;
+  std::array<GLint, 2> polygon_mode_;
+  GLint clip_origin_, clip_depth_;
   std::array<GLint, kStores.size()> stores_;
   std::array<Unit, kTextureUnits> units_;
   std::array<GLint, 4> viewport_, scissor_;
@@ -38,7 +48,7 @@ class SavedState {
   std::array<GLfloat, 2> depth_range_;
   GLint program_, vertex_array_, array_buffer_, draw_, read_, renderbuffer_, active_, pack_,
       unpack_, depth_function_;
-  GLboolean depth_mask_, seamless_ = GL_TRUE;
+  GLboolean depth_mask_;
 };
 
 // What the passes assume; to be called after saving.
