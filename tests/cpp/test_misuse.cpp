@@ -298,3 +298,18 @@ TEST_CASE("a map that is kept and written to lights what follows") {
     CHECK(shown == doctest::Approx(brightness(fresh.process(view.frame).image)).epsilon(0.01));
   }
 }
+
+TEST_CASE("a session that is moved goes on") {
+  const View view;
+  const auto light = std::make_shared<const Environment>(environment_from(*grey()));
+  std::vector<Session> sessions;
+  Session stays = view.session(tetrahedron(), light);
+  sessions.push_back(view.session(tetrahedron(), light));
+  Frame frame = view.frame;
+  for (int k = 0; k < 6; ++k) {
+    frame.time = k;
+    Session moved = std::move(sessions.back());
+    sessions.back() = std::move(moved);
+    CHECK(sessions.back().process(frame).image == stays.process(frame).image);
+  }
+}
