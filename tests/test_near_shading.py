@@ -555,3 +555,21 @@ def test_a_light_nears_as_it_is_triangulated(mesh):
     assert np.allclose(environment.centre, middle) and len(environment.light_positions) == 1
     s, result = processed(mesh, environment)
     assert result.lighting.lights[0].position is not None and "near_light" in result.passes
+
+
+@pytest.mark.parametrize("error", [0.02, 0.1])
+def test_what_a_plan_chooses_moves_the_highlight_too(mesh, error):
+    """Methods are judged under distant light: those that know no places are not chosen from where lights have some."""
+    middle = CENTRE + [0.06, 0.03, 0.0]
+    ball = fastibl.Mesh(*icosphere(0.05, middle))
+    material = fastibl.Material(diffuse=(0.5, 0.5, 0.5), glossy=(0.1, 0.1, 0.1), exponent=30.0)
+    position, radius = CENTRE + 0.15 * TOWARDS, 0.01
+    environment = placed(lamp_map(radius, 0.15), [*position, radius])
+    chosen, result = processed(ball, environment, material, error=error)
+    exact, _ = processed(ball, environment, material, glossy="centroid")
+    print(error, result.plan.methods)
+    assert result.plan.methods.glossy.split()[0] in ("centroid", "stretched") and "lights=0" not in str(
+        result.plan.methods
+    )
+    off = np.abs(whole_pixels(chosen.object)[0] - whole_pixels(exact.object)[0]).mean()
+    assert off < 0.05 * whole_pixels(exact.object)[0].mean()

@@ -37,6 +37,12 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
       all.glossy.push_back({GlossyMethod::prefiltered, {1, -1}});
       if (!options.pbr) all.glossy.push_back({GlossyMethod::prefiltered, {3, -1}});
     }
+    if (options.placed)
+      std::erase_if(all.glossy, [](const GlossyCandidate& g) {
+        const bool takes_out =
+            g.method == GlossyMethod::centroid || g.method == GlossyMethod::stretched;
+        return !takes_out || g.settings.lights == 0;
+      });
   }
   if (asked.self_shadow != SelfShadowMethod::automatic)
     all.self_shadow = {asked.self_shadow};

@@ -36,6 +36,8 @@ struct CandidateOptions {
   bool pbr = false;      // GGX reads a chain by its own taps, whatever `stretched` would
   bool hurried = false;  // there is a time budget
   bool boxed = false;    // walls are near: samples of a lobe would see them far away
+  // Lights have places: only what takes them out of the map shades them where they are.
+  bool placed = false;
   bool by_pixel = true;  // the back end finds what the object hides from single pixels
   // Pictures, not a live view: also what takes a millisecond for a few hundred pixels, `sampled` by
   // 1024 taps and `traced`.

@@ -237,6 +237,7 @@ CandidateOptions candidate_options(const Scene& scene, const Environment& enviro
   options.glossy = scene.material.reads_radiance();
   options.pbr = scene.material.pbr != nullptr;
   options.boxed = environment.box.has_value();
+  options.placed = !environment.light_positions.empty();
   return options;
 }
 
