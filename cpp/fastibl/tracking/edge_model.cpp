@@ -304,9 +304,13 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   }
   if (codes.seen == 0 || codes.shown.empty()) return std::nullopt;
 
-  EdgeSearch search{false, options.most_edges / 4};  // all of them once they are near
-  for (int round = 0; round < 2; ++round) {          // from pixels away
-    const FoundEdges far = find_edges(light, pattern_, codes.shown, {true, kFarEdges});
+  EdgeSearch search;
+  search.most = options.most_edges / 4;  // all of them once they are near
+  search.all_of_few = prior.by_corners;
+  for (int round = 0; round < 2; ++round) {  // from pixels away
+    const FoundEdges far =
+        find_edges(light, pattern_, codes.shown,
+                   {.far = true, .most = kFarEdges, .all_of_few = prior.by_corners});
     const auto fit = fit_to(far.points);
     if (!fit) break;
     search.spread = spread_of(far.points);

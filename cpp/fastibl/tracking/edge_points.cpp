@@ -6,7 +6,7 @@
 namespace fastibl {
 namespace {
 
-constexpr std::size_t kFew = 40;   // edges, which tell too little
+constexpr std::size_t kFew = 40;    // edges, which tell too little
 constexpr double kMargin = 4;       // px from the picture's border: profiles must lie inside
 constexpr double kLeastLength = 1;  // px
 // By `spread`: how far from an edge its blur, with that of the scan lines' smoothing, is 2 % and
@@ -164,7 +164,8 @@ FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
                                  });
   };
   visit(search);
-  if (search.most > 0 && found.expected < kFew) {  // most have no room: all that have
+  if (search.all_of_few && search.most > 0 &&
+      found.expected < kFew) {  // most have no room: all that have
     EdgeSearch all = search;
     all.most = 0, found.all = true;
     visit(all);

@@ -25,12 +25,13 @@ struct EdgeSearch {
   std::size_t most = 0;  // edges looked at, spread evenly; 0: all
   double spread = 1.1;   // px; half the width of an edge as the picture shows it
   int least_reach = 1;   // px on either side that an edge needs, from close by: 1 or 2
+  bool all_of_few = false;  // look at all edges after all, where most have no room
 };
 
 struct FoundEdges {
   std::vector<EdgePoint> points;
   std::size_t expected = 0;  // edges that the picture should have shown
-  bool all = false;  // were looked at, for there were few
+  bool all = false;          // were looked at, for there were few
 };
 
 FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,

@@ -88,7 +88,9 @@ std::optional<Tracked> EdgeTracker::detect(const Picture& picture,
   // row serves as that of all.
   const Pose near = start->last_row ? between(start->camera_from_marker, *start->last_row, 0.5)
                                     : start->camera_from_marker;
-  auto tracked = model_.track(bytes, near, prior, options_, &rows_);
+  PosePrior by_corners = prior;
+  by_corners.by_corners = true;
+  auto tracked = model_.track(bytes, near, by_corners, options_, &rows_);
   // Edges that cannot be followed leave the corners' word, if it is one.
   if (!tracked && (start->ambiguous || start->tags.size() < 2)) return std::nullopt;
   if (tracked || !(camera_.readout > 0)) return tracked ? tracked : start;

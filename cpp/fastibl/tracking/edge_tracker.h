@@ -40,6 +40,9 @@ struct PosePrior {
   std::optional<glm::dvec3> gravity;   // in the camera frame, unit length
   glm::dvec3 gravity_in_marker{0, 0, -1};
   std::optional<RowPrior> rows;  // of a rolling shutter's first row
+  // The start is by corners. Few edges lead from there to the pose; from a predicted one they may
+  // lead elsewhere.
+  bool by_corners = false;
 };
 
 // What tracking by edges needs of a board and a camera, worked out once.
@@ -95,7 +98,7 @@ class EdgeTracker {
   EdgeModel model_;
   std::optional<Moment> last_, before_, shown_;
   double clock_ = 0;  // seconds: of the last picture, whatever it showed
-  RowState rows_;  // at last_, of a rolling shutter
+  RowState rows_;     // at last_, of a rolling shutter
 };
 
 }  // namespace fastibl
