@@ -535,3 +535,24 @@ def test_a_large_holdout_takes_no_shadow_from_a_small_one():
             f"with a floor of {2 * half:g} m: the wall's ratio down to {full[wall, 0].min():.2f}, {wrong:.3f} RMS off"
         )
         assert wrong < 0.01
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.5, 1.0])
+def test_a_dielectric_sends_the_plane_what_leaves_its_surface(roughness):
+    """In a white furnace: of what a matte object of its colour sends, 1 less its albedo, mean over views."""
+    white = fastibl.CubeMap(np.ones((6, 8, 8, 3)))
+    mesh = fastibl.stand(fastibl.shapes.figurine(), 0.1)
+    shadow, added = fastibl.MeshShadow(mesh, progress=False).cast(white), []
+    for material in (fastibl.Material(diffuse=(1, 1, 1)), fastibl.Material.pbr((1, 1, 1), 0.0, roughness)):
+        bounce = fastibl.Bounce(fastibl.Scene(mesh, material))
+        bounce.update(fastibl.Lighting(white), shadow)
+        points = np.array([(0.05, 0.0), (0.0, 0.07)])
+        added.append(bounce.plane_gain.sample(points) - shadow.sample(points))
+    cosines = np.sqrt((np.arange(2000) + 0.5) / 2000)  # weighted by themselves
+    views = np.stack([np.sqrt(1 - cosines**2), np.zeros(2000), cosines], axis=-1)
+    a, c = fastibl.ggx_albedo(views, roughness=roughness).T.astype(np.float64)
+    kept = ((0.04 * a + c) * (1 + 0.04 * (1 / (a + c) - 1))).mean()
+    print(
+        f"roughness {roughness}: {added[1].mean() / added[0].mean():.4f} of a matte one, {1 - kept:.4f} by its albedo"
+    )
+    np.testing.assert_allclose(added[1] / added[0], 1 - kept, atol=0.004)

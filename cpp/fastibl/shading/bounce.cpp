@@ -1,6 +1,7 @@
 #include "fastibl/shading/bounce.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "fastibl/core/check.h"
@@ -16,7 +17,8 @@ namespace {
 
 constexpr int kSamples = 2;           // of the ratio in a cell, along an edge
 constexpr float kTextureTexels = 64;  // along an edge of the level of a texture that is read
-constexpr int kViews = 8;             // that what leaves a dielectric is a mean of
+constexpr int kViews = 32;            // that what leaves a dielectric is a mean of
+constexpr int kRoughnesses = 16;      // it is worked out for, if there are many
 
 // Part of what a dielectric's body sends out that its surface does not keep, over all directions.
 float transmitted(const GgxAlbedo& albedo, float roughness) {
@@ -27,6 +29,14 @@ float transmitted(const GgxAlbedo& albedo, float roughness) {
     sum += shared::pbr_diffuse(glm::vec3(1), 0, kept).x;
   }
   return sum / kViews;
+}
+
+// The same by roughness.
+std::array<float, kRoughnesses + 1> transmitted_by_roughness(const GgxAlbedo& albedo) {
+  std::array<float, kRoughnesses + 1> all;
+  for (int i = 0; i <= kRoughnesses; ++i)
+    all[std::size_t(i)] = transmitted(albedo, float(i) / kRoughnesses);
+  return all;
 }
 
 float mean_level(const SurfaceTexture& map) {
@@ -136,14 +146,20 @@ std::vector<Exitance> vertex_exitance(const Material& material, const Mesh& mesh
   }
   const PbrMaterial& m = *material.pbr;
   std::vector<Exitance> out;
-  float through = 1;
+  std::array<float, kRoughnesses + 1> by_roughness{};
+  if (m.roughness_map) by_roughness = transmitted_by_roughness(*material.albedo);
+  float through = m.roughness_map ? 1 : transmitted(*material.albedo, m.roughness);
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     const auto read = [&](const std::shared_ptr<const SurfaceTexture>& map) {
       return map ? map->sample(mesh.uvs[i], mean_level(*map)) : glm::vec3(1);
     };
     const float metallic = m.metallic * read(m.metallic_map).x;
-    if (m.roughness_map || i == 0)
-      through = transmitted(*material.albedo, m.roughness * read(m.roughness_map).x);
+    if (m.roughness_map) {
+      const float at = kRoughnesses * std::clamp(m.roughness * read(m.roughness_map).x, 0.0f, 1.0f);
+      const int below = std::min(int(at), kRoughnesses - 1);
+      through = glm::mix(by_roughness[std::size_t(below)], by_roughness[std::size_t(below) + 1],
+                         at - float(below));
+    }
     out.push_back({through * (1 - metallic) * m.base_color * read(m.base_color_map),
                    kPi * m.emission * read(m.emission_map)});
   }
