@@ -22,14 +22,14 @@ using Doubles = py::array_t<double, py::array::c_style>;
 
 inline std::string shape_of(const py::array& array) { return py::str(array.attr("shape")); }
 
-// A NumPy array or what NumPy makes a float array of (a list of numbers); bare numbers, integers
-// and objects are refused: TypeError.
 // A number of Python's, or one of NumPy's of whatever type.
 inline bool is_number(const py::object& object) {
   return py::isinstance<py::float_>(object) || py::isinstance<py::int_>(object) ||
          py::isinstance(object, py::module_::import("numpy").attr("number"));
 }
 
+// A NumPy array or what NumPy makes a float array of (a list of numbers); bare numbers, integers
+// and objects are refused: TypeError.
 inline py::array require_array(const py::object& object, const char* name) {
   if (!py::isinstance<py::array>(object)) {
     if (!py::isinstance<py::sequence>(object) || py::isinstance<py::str>(object))

@@ -145,6 +145,11 @@ def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: ND
     return PbrSurface(at(material.base_color, 3), at(material.emission, 3), at(material.metallic, 1), alpha, frame)
 
 
+def transmitted(a: NDArray, c: NDArray) -> NDArray:
+    """What a dielectric's surface does not keep of what its body sends out, by ggx_albedo's two parts (n,)."""
+    return 1 - (0.04 * a + c) * (1 + 0.04 * (1 / np.maximum(a + c, 1e-4) - 1))
+
+
 def _coarse(count: int) -> NDArray:
     """Of the texels of a map, those of the coarser one that visibility is known for."""
     n = round((count / 6) ** 0.5)
@@ -170,8 +175,8 @@ class TrueRenderer:
         directions, _, _ = reference.samples(np.zeros((6, _DIRECTIONS, _DIRECTIONS, 3)))
         self.directions = directions.astype(np.float32)
         vertices, normals = scene.mesh.vertices, scene.mesh.normals
-        scale = float(np.ptp(vertices, axis=0).max())
-        self.hidden_at_vertex = self._hidden(vertices + 2e-4 * scale * normals, normals)
+        self._lift = 2e-4 * float(np.ptp(vertices, axis=0).max())  # of rays' starts, off the surface
+        self.hidden_at_vertex = self._hidden(vertices + self._lift * normals, normals)
         axis = ((np.arange(grid) + 0.5) / grid * 2 - 1) * extent
         x, y = np.meshgrid(axis, axis)
         points = np.stack([x, y, np.full_like(x, 1e-5)], axis=-1).reshape(-1, 3)
@@ -180,6 +185,7 @@ class TrueRenderer:
         self.plane_points = np.stack([x, y], axis=-1)
         self.outside_footprint = ~self.bvh.occluded(points, up.copy()).reshape(grid, grid)
         self._points, self._seen, self._view = points.astype(np.float32), None, None
+        self._ratio: tuple[CubeMap | Environment, NDArray] | None = None  # of the last map
 
     def _hidden(self, points: NDArray, normals: NDArray) -> NDArray[np.uint8]:
         """Whether the object hides each direction from each point: packed bits (points, directions / 8).
@@ -219,15 +225,15 @@ class TrueRenderer:
         d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
         down = np.flatnonzero(d[:, 2] < 0)
         d, flux = d[down], (radiance * angle[:, None])[down].astype(np.float32)
-        normals, points, packed = normals.astype(np.float64), points.astype(np.float64), hidden
+        normals, points = normals.astype(np.float64), points.astype(np.float64)
         lost, out = (1 - self.plane_ratio(source)).astype(np.float32), np.empty((len(normals), 3))
         for i in range(0, len(normals), 512):
             part = slice(i, i + 512)
-            hidden = np.unpackbits(packed[part], axis=1)[:, down]
+            free = 1 - np.unpackbits(hidden[part], axis=1)[:, down]
             point = points[part, None, :2] - points[part, None, 2:] / d[:, 2:] * d[:, :2]
             at = np.clip((point / self.extent + 1) / 2 * self.grid - 0.5, -10, self.grid + 10).astype(np.float32)
             at_point = cv2.remap(lost, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-            weight = np.maximum(normals[part] @ d.T, 0) * (1 - hidden)
+            weight = np.maximum(normals[part] @ d.T, 0) * free
             out[part] = np.einsum("vd,vdc,dc->vc", weight.astype(np.float32), at_point, flux)
         return out
 
@@ -255,12 +261,12 @@ class TrueRenderer:
         material, mesh = self.scene.material, self.scene.mesh
         if material.model == "pbr":
             p = pbr_surface(material, mesh.normals, mesh.tangents, mesh.uvs)
-            through = np.zeros(len(p.alpha))  # what the surface does not keep of what the body sends out
+            through = np.zeros(len(p.alpha))  # over all directions
             for square in (np.arange(16) + 0.5) / 16:
                 across = np.sqrt((1 - square) / 2)
                 view = np.broadcast_to([across, across, np.sqrt(square)], (len(through), 3))
                 a, c = ggx_albedo(view, alpha=p.alpha).T.astype(np.float64)
-                through += (1 - (0.04 * a + c) * (1 + 0.04 * (1 / np.maximum(a + c, 1e-4) - 1))) / 16
+                through += transmitted(a, c) / 16
             reflectance, emission = (through * (1 - p.metallic))[:, None] * p.base_color, p.emission
         else:
             reflectance, emission = np.asarray(material.diffuse, np.float64), np.asarray(material.emission)
@@ -284,13 +290,16 @@ class TrueRenderer:
 
     def plane_ratio(self, source: CubeMap | Environment) -> NDArray:
         """True shadow ratio (grid, grid, 3) on the plane; row 0 is y min."""
+        if self._ratio is not None and self._ratio[0] is source:
+            return self._ratio[1]
         d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
         flux = radiance * (angle * np.maximum(d[:, 2], 0))[:, None]
         total = np.maximum(flux.sum(axis=0), 1e-12)
         lost = np.empty((len(self.hidden_at_plane), 3))
         for i in range(0, len(lost), 1024):
             lost[i : i + 1024] = np.unpackbits(self.hidden_at_plane[i : i + 1024], axis=1).astype(np.float32) @ flux
-        return (1 - lost / total).reshape(self.grid, self.grid, 3)
+        self._ratio = source, (1 - lost / total).reshape(self.grid, self.grid, 3)
+        return self._ratio[1]
 
     def shadow_error(self, shadow: ShadowMap, true_ratio: NDArray) -> float:
         """RMS of the ratio over plane points outside the footprint where the true 1 - ratio exceeds 0.01."""
@@ -351,7 +360,7 @@ class TrueRenderer:
                 return (f0 * front + edge) * (1 + f0 * more)
 
             m, base = p.metallic[part, None], p.base_color[part]
-            through = 1 - (0.04 * a + c)[:, None] * (1 + 0.04 * more)
+            through = transmitted(a, c)[:, None]
             out[part] = p.emission[part] + (1 - m) * base * through * light[part] / np.pi
             out[part] += (1 - m) * reflected(0.04) + m * reflected(base)
         return out
@@ -436,8 +445,7 @@ class TrueRenderer:
             position, start, normal = means(position), middle + above[:, None] * up, up
             pixel = np.concatenate([pixel[alone], pixel[first[whole]]])
             part = np.concatenate([part[alone], np.ones(len(whole))])
-        scale = float(np.ptp(mesh.vertices, axis=0).max())
-        hidden = self._hidden(start + 2e-4 * scale * normal, normal) if len(pixel) else np.empty((0, 0), np.uint8)
+        hidden = self._hidden(start + self._lift * normal, normal) if len(pixel) else np.empty((0, 0), np.uint8)
         return _Seen(pixel, part, normal, unit(eye - position), start, tangent, uvs, hidden)
 
     def render(
@@ -469,7 +477,8 @@ class TrueRenderer:
             layer[:, 3] = np.bincount(seen.pixel, seen.part, h * w)
         layer = layer.reshape(h, w, 4)
         # Ratio at the plane point of each pixel, bilinear on the grid, 1 outside.
-        ray = camera.unproject(np.stack(np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5), axis=-1))
+        x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+        ray = camera.unproject(np.stack([x, y], axis=-1))
         ray = ray @ marker_from_back.rotation.T
         with np.errstate(divide="ignore", invalid="ignore"):
             point = eye[:2] - eye[2] * ray[..., :2] / ray[..., 2:]
@@ -485,7 +494,6 @@ class TrueRenderer:
             )
             for on_plane in (self.plane_ratio(source), self.plane_gain(source))
         )  # fmt: skip
-        x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
         radius = np.hypot(x - camera.cx, y - camera.cy) / camera.fx
         vignette = 1 + sum(v * radius ** (2 * k + 2) for k, v in enumerate(camera.vignetting))
         under = camera.response.decode(back / 255.0).astype(np.float64) * gain

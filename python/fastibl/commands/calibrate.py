@@ -187,9 +187,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
     print(found)
     camera = found.camera
     if known is not None:  # what pictures of a board do not tell
-        camera = camera.replace(gain=known.gain, readout=known.readout)
-        if known.vignetting:
-            camera = camera.replace(vignetting=known.vignetting)
+        camera = camera.replace(gain=known.gain, readout=known.readout, vignetting=known.vignetting)
     _keep(arguments, camera)
     return 0
 
