@@ -13,6 +13,7 @@
 uniform ivec2 corner;        // first pixel of the area that is drawn
 uniform vec4 intrinsics;     // fx fy cx cy
 uniform float exposure;      // times gain
+uniform vec2 levels;         // of the response
 uniform sampler2D response;  // row 0: linear value of each code; row 1: linear value where it ends
 uniform sampler2D guess;     // for each of 4096 equal steps: code at its lower end, and where it ends
 layout(location = 0) out vec4 picture;
@@ -108,9 +109,8 @@ float exposure_at(ivec2 pixel) {
 
 // The nearest code, as a share of 255: guessed, then settled by the thresholds between codes.
 float encode(float linear) {
-  if (!(linear > 0.0)) return 0.0;
-  if (linear >= 1.0) return 1.0;
-  int bin = int(linear * 4096.0);
+  linear = linear > 0.0 ? min(linear, 1.0) : 0.0;  // NaN too
+  int bin = min(int(linear * 4096.0), 4095);
   vec2 first = texelFetch(guess, ivec2(bin & 63, bin >> 6), 0).rg;
   float code = linear >= first.y ? first.x + 1.0 : first.x;
 #if STEEP
@@ -148,7 +148,9 @@ void main() {
   picture = vec4(seen, 1.0);
   if (o.a > 0.0 || ratio != vec3(1.0)) {
     vec3 behind = vec3(decode(seen.r), decode(seen.g), decode(seen.b));
-    picture.rgb = encode(exposure_at(pixel) * o.rgb + (1.0 - o.a) * ratio * behind);
+    vec3 lit = encode(exposure_at(pixel) * o.rgb + (1.0 - o.a) * ratio * behind);
+    // What is beyond the response's levels stays there unless it becomes another code.
+    picture.rgb = mix(lit, seen, lessThan(abs(lit - clamp(seen, levels.x, levels.y)), vec3(0.5 / 255.0)));
   }
 #endif
 }

@@ -133,7 +133,12 @@ RESPONSES = {
     "linear": fastibl.Response.gamma(1.0),
     "steep": fastibl.Response.gamma(3.5),
     "curve": fastibl.Response.from_curve(CURVE),
+    "video": fastibl.Response.srgb().between(16 / 255, 235 / 255),
 }
+
+
+def srgb(encoded):
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 @pytest.mark.parametrize("name", RESPONSES)
@@ -142,18 +147,22 @@ def test_response_round_trip(name):
     encoded = np.linspace(0, 1, 4097)
     linear = response.decode(encoded)
     assert linear[0] == 0 and linear[-1] == 1 and (np.diff(linear) >= 0).all()
-    error = np.abs(response.encode(linear) - encoded).max()
+    kept = encoded.clip(response.black, response.white)
+    error = np.abs(response.encode(linear) - kept).max()
     print(f"{name}: encode(decode(e)) within {error:.1e}")
     assert error < 2e-6
     expected = {
-        "srgb": np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4),
+        "srgb": srgb(encoded),
         "gamma": encoded**2.2,
         "linear": encoded,
         "steep": encoded**3.5,
         "curve": np.interp(encoded, np.linspace(0, 1, len(CURVE)), CURVE),
+        "video": srgb(((255 * encoded - 16) / 219).clip(0, 1)),
     }[name]
     np.testing.assert_allclose(linear, expected, atol=2e-6)
-    np.testing.assert_array_equal(response.encode(np.array([-1, np.nan, 2.0, np.inf])), (0, 0, 1, 1))
+    ends = np.float32([response.black, response.white])
+    np.testing.assert_array_equal(response.encode(np.array([-1, np.nan, 2.0, np.inf])), ends[[0, 0, 1, 1]])
+    np.testing.assert_allclose(ends, (16 / 255, 235 / 255) if name == "video" else (0, 1), atol=1e-7)
     np.testing.assert_array_equal(response.decode(np.array([-1, 2.0])), (0, 1))
     assert pickle.loads(pickle.dumps(response)) == response
 
@@ -166,6 +175,9 @@ def test_what_is_no_response_is_refused():
     same_error(lambda: fastibl.Response.from_curve(np.array([0, 0.9])), ValueError, "0 to 1", "0.9")
     same_error(lambda: fastibl.Response.from_curve(np.array([0, 0.5, 0.5, 1])), ValueError, "increase", "at 2")
     same_error(lambda: fastibl.Response.from_curve(np.array([0, np.nan, 1])), ValueError, "increase")
+    for black, white in ((0.5, 0.5), (-0.1, 1), (0, 1.1), (float("nan"), 1), (0.1, 0.1001)):
+        same_error(lambda b=black, w=white: fastibl.Response.srgb().between(b, w), ValueError, "levels", str(black))
+    assert fastibl.Response.srgb().between(0, 1) == fastibl.Response.srgb()
     same_error(lambda: fastibl.Response.srgb().decode(np.array([1, 2])), TypeError, "floats", "int64")
 
 

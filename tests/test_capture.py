@@ -138,6 +138,32 @@ def test_brackets_merge_a_lamp(order):
     assert env.clipped < 0.005
 
 
+@pytest.mark.parametrize("black, white", [(7, 255), (10, 255), (16, 235)])
+def test_levels_of_a_camera_are_taken_off(black, white):
+    """Brackets of a lamp and a wall by a camera that lifts black and, as video does, lowers white: 12 looks each."""
+    radiance, _ = with_lamp(0.3, 150.0, (0.3, 1, 0.8), 0.15)
+    srgb = fastibl.Response.srgb()
+    levels = srgb.between(black / 255, white / 255)
+    pose, camera = looking((0.3, 1, 0.8)), camera_of(192, 144, 70.0)
+    light, seen = picture_of(radiance, camera, pose, split=2), seen_in(camera, pose, 32)
+
+    def flux(response, told):
+        capture, rng = fastibl.Capture(size=32, centre=CENTRE), np.random.default_rng(0)
+        for k in range(36):
+            exposure = 1 / 16 ** (k % 3)
+            linear = light * exposure
+            linear = linear + rng.normal(size=linear.shape) * np.sqrt(0.0015**2 + np.minimum(linear, 1) / 4000)
+            picture = np.rint(255 * response.encode(np.clip(linear, 0, 1).astype(np.float32))).astype(np.uint8)
+            capture.add(picture, camera.replace(response=told), pose, exposure=exposure, time=k / 15)
+        faces = capture.environment().radiance.faces
+        return (faces * fastibl.texel_solid_angles(32)[..., None])[seen].sum()
+
+    plain = flux(srgb, srgb)
+    off, unknown = flux(levels, levels) / plain - 1, flux(levels, srgb) / plain - 1
+    print(f"black {black}, white {white}: flux off by {off:+.2%}; by one who does not know {unknown:+.2%}")
+    assert abs(off) < 0.005 < abs(unknown)
+
+
 @pytest.mark.parametrize(
     "noise, step", [(0.0015, 1 / 15), (0.006, 1 / 15), (0.02, 1 / 15), (0.0015, 20.0)], ids=lambda v: f"{v:.4g}"
 )

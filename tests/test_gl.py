@@ -103,6 +103,7 @@ CAMERAS = {
     "gamma": dict(response=fastibl.Response.gamma(1.8)),
     # Steep where dark: many codes within one step of the table of guesses.
     "steep": dict(response=fastibl.Response.gamma(4.0)),
+    "video": dict(response=fastibl.Response.srgb().between(16 / 255, 235 / 255)),
 }
 POSES = {
     "usual": look_at((0.2, -0.25, 0.2)),

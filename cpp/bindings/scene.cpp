@@ -238,8 +238,17 @@ void bind_camera(py::module_& module) {
             return Response::from_curve({array.data(), array.data() + array.size()});
           },
           py::arg("curve"),
-          "Linear values at evenly spaced encoded values, from 0 to 1, strictly increasing: (n,) "
-          "floats. Raises ValueError for others.")
+          "Linear values at evenly spaced encoded values, from 0 to 1: (n,) floats. 0 up to the "
+          "black level and 1 from the white level on, strictly increasing between them. Raises "
+          "ValueError for others.")
+      .def(
+          "between", &Response::between, py::arg("black"), py::arg("white"),
+          "The same curve between other levels, encoded, to an eighth of an 8-bit code: "
+          "Response.srgb().between(16 / 255, 235 / 255) for video whose black is 16 and white 235. "
+          "Raises ValueError unless 0 <= black < white <= 1.")
+      .def_property_readonly("black", &Response::black, "Encoded value of no light.")
+      .def_property_readonly("white", &Response::white,
+                             "Encoded value of light at and beyond which all is clipped.")
       .def_property_readonly(
           "curve",
           [](const Response& r) {

@@ -158,7 +158,7 @@ class Response:
     @staticmethod
     def from_curve(curve: typing.Any) -> Response:
         """
-        Linear values at evenly spaced encoded values, from 0 to 1, strictly increasing: (n,) floats. Raises ValueError for others.
+        Linear values at evenly spaced encoded values, from 0 to 1: (n,) floats. 0 up to the black level and 1 from the white level on, strictly increasing between them. Raises ValueError for others.
         """
     @staticmethod
     def gamma(exponent: typing.SupportsFloat | typing.SupportsIndex) -> Response:
@@ -178,6 +178,10 @@ class Response:
         ...
     def __setstate__(self, arg0: tuple) -> None:
         ...
+    def between(self, black: typing.SupportsFloat | typing.SupportsIndex, white: typing.SupportsFloat | typing.SupportsIndex) -> Response:
+        """
+        The same curve between other levels, encoded, to an eighth of an 8-bit code: Response.srgb().between(16 / 255, 235 / 255) for video whose black is 16 and white 235. Raises ValueError unless 0 <= black < white <= 1.
+        """
     def decode(self, encoded: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
         Linear values float32 of encoded ones in [0, 1], any float dtype and shape.
@@ -187,9 +191,19 @@ class Response:
         Encoded values float32 in [0, 1] of linear ones, any float dtype and shape.
         """
     @property
+    def black(self) -> float:
+        """
+        Encoded value of no light.
+        """
+    @property
     def curve(self) -> numpy.typing.NDArray[numpy.float32]:
         """
         (n,) float32; empty for sRGB.
+        """
+    @property
+    def white(self) -> float:
+        """
+        Encoded value of light at and beyond which all is clipped.
         """
 class Camera:
     """

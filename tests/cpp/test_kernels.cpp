@@ -26,7 +26,8 @@ TEST_CASE("rows of codes are decoded and encoded as single ones are") {
   std::mt19937 random(0);
   std::uniform_real_distribution<float> light(-0.1f, 1.2f);
   for (const Response& response : {Response::srgb(), Response::gamma(2.2), Response::gamma(0.3),
-                                   Response::from_curve(steep)}) {
+                                   Response::from_curve(steep),
+                                   Response::srgb().between(16 / 255.0, 235 / 255.0)}) {
     const ByteResponse table(response);
     std::vector<float> linear(4001);
     for (float& v : linear) v = light(random);
@@ -59,8 +60,10 @@ TEST_CASE("rows of codes are decoded and encoded as single ones are") {
     CHECK(table.most_unseen() > 1);
     for (int k = 0; k < 256; ++k) {
       const float value = table.decode(std::uint8_t(k));
-      CHECK(table.encode(value * table.least_unseen()) == k);
-      CHECK(table.encode(value * table.most_unseen()) == k);
+      const int code = table.encode(value);  // k between the response's levels
+      CHECK(code == std::clamp(k, int(table.encode(0)), int(table.encode(1))));
+      CHECK(table.encode(value * table.least_unseen()) == code);
+      CHECK(table.encode(value * table.most_unseen()) == code);
     }
   }
 }

@@ -44,8 +44,8 @@ FASTIBL_CLONES bool to_pixels(const std::uint32_t* sums, int pairs, float* pixel
 // The table of 256 codes as three planes of bytes in registers: four shuffles look up 64 codes.
 // Four outputs at a time; returns how many were made, or −1 if a pixel is clipped.
 __attribute__((target("avx512f,avx512bw,avx512vbmi,avx512vnni"))) int shuffle_codes(
-    const std::uint8_t* planes, const std::uint8_t* a, const std::uint8_t* b, int pairs,
-    float* pixels, std::uint32_t* clipped) {
+    const std::uint8_t* planes, int clipped_code, const std::uint8_t* a, const std::uint8_t* b,
+    int pairs, float* pixels, std::uint32_t* clipped) {
   alignas(64) std::uint8_t order[64];  // the four codes of each sum side by side; b's follow a's 64
   for (int x = 0; x < 4; ++x)
     for (int c = 0; c < 4; ++c) {
@@ -56,7 +56,7 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi,avx512vnni"))) int shuffle_co
     }
   const __m512i gather = _mm512_load_si512(order);
   const __m512i one8 = _mm512_set1_epi8(1);
-  const __m512i limit = _mm512_set1_epi8(char(CodeTable::kClippedCode));
+  const __m512i limit = _mm512_set1_epi8(char(clipped_code));
   __m512i t[3][4];
   for (int p = 0; p < 3; ++p)
     for (int q = 0; q < 4; ++q) t[p][q] = _mm512_loadu_si512(planes + 256 * p + 64 * q);
@@ -117,11 +117,11 @@ bool has_byte_shuffles() {
 
 }  // namespace
 
-CodeTable::CodeTable(const Response& response) {
+CodeTable::CodeTable(const Response& response) : clipped_code(response.clipped_code()) {
   for (std::size_t k = 0; k < 256; ++k) {
     const auto value =
         std::uint32_t(double(response.decode(float(k) / 255.0f)) * double(kUnit) + 0.5);
-    sums[k] = value + (int(k) >= kClippedCode ? 1u << kCountShift : 0u);
+    sums[k] = value + (int(k) >= clipped_code ? 1u << kCountShift : 0u);
     for (std::size_t p = 0; p < 3; ++p) planes[256 * p + k] = std::uint8_t(value >> 8 * p);
   }
 }
@@ -130,7 +130,8 @@ void decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint
                   std::uint32_t* scratch, float* pixels, std::uint32_t* clipped) {
   int done = 0;
 #ifdef FASTIBL_BYTE_SHUFFLES
-  if (has_byte_shuffles()) done = shuffle_codes(table.planes.data(), a, b, pairs, pixels, clipped);
+  if (has_byte_shuffles())
+    done = shuffle_codes(table.planes.data(), table.clipped_code, a, b, pairs, pixels, clipped);
 #endif
   a += 6 * done, b += 6 * done, pairs -= done, pixels += 4 * done, clipped += done;
   sum_pairs(table.sums.data(), a, b, pairs, scratch);

@@ -11,13 +11,13 @@ namespace fastibl {
 // Codes to linear values in 24 bits, and above them a count of clipped pixels: one sum of four
 // gives both.
 struct CodeTable {
-  static constexpr int kClippedCode = 250;  // noise and blur push a clipped pixel a few codes down
   static constexpr int kCountShift = 29;
   static constexpr float kUnit = 16777215;
 
   explicit CodeTable(const Response& response);
   std::array<std::uint32_t, 256> sums;
   std::array<std::uint8_t, 3 * 256> planes;  // the bytes of the value, for byte shuffles
+  int clipped_code;
 
   static std::uint32_t count(std::uint32_t sum) { return sum >> kCountShift; }
 };

@@ -109,7 +109,7 @@ void FrameLevels::make_first(const Picture& picture, const Response& response) {
   // Float pictures are linear without a white point: nothing in them is clipped.
   const float limit = picture.type == PixelType::float32
                           ? std::numeric_limits<float>::infinity()
-                          : response.decode(CodeTable::kClippedCode / 255.0f);
+                          : response.decode(float(response.clipped_code()) / 255.0f);
   parallel_for(levels_[0].height, kStrip, [&](int begin, int end) {
     std::vector<std::uint32_t> sums(bytes ? 3 * std::size_t(levels_[0].width) : 0);
     for (int y = begin; y < end; ++y) {

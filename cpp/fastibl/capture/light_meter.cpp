@@ -80,7 +80,7 @@ std::optional<glm::dvec3> LightMeter::read(const PixelReader& pixels, const Came
     // The plane is seen shortest along the view.
     const double distance = glm::length(seen), sine = eye.z / distance;
     if (place.free * sine * std::min(camera.fx, camera.fy) / distance < kLeastPixels) continue;
-    if (pixels.reaches(x, y, CodeTable::kClippedCode)) {
+    if (pixels.clipped(x, y)) {
       ++clipped;
       continue;
     }

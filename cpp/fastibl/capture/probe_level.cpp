@@ -69,9 +69,8 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
         probe.expected[c] = value * float(camera.gain * k.vignette(float(cx), float(cy)));
       }
       if (!known) continue;
-      const PixelReader::Block part =
-          pixels.block(x, y, size, size > 2 * kStep ? kStep : 1, CodeTable::kClippedCode);
-      probe.linear = part.linear, probe.clipped = part.reaches;
+      const PixelReader::Block part = pixels.block(x, y, size, size > 2 * kStep ? kStep : 1);
+      probe.linear = part.linear, probe.clipped = part.clipped;
       probes.push_back(probe);
     }
   }

@@ -34,7 +34,8 @@ glm::vec3 PixelReader::linear(int x, int y) const {
   }
 }
 
-PixelReader::Block PixelReader::block(int x, int y, int size, int step, int code) const {
+PixelReader::Block PixelReader::block(int x, int y, int size, int step) const {
+  const int code = bytes_.clipped_code();
   Block out;
   int count = 0;
   for (int v = y; v < y + size; v += step) {
@@ -42,18 +43,19 @@ PixelReader::Block PixelReader::block(int x, int y, int size, int step, int code
       const std::uint8_t* p = pixel_of<std::uint8_t>(picture_, x, v);
       for (int u = 0; u < size; u += step, ++count, p += 3 * step) {
         for (int c = 0; c < 3; ++c) out.linear[c] += bytes_.decode(p[c]);
-        out.reaches |= std::max({p[0], p[1], p[2]}) >= code;
+        out.clipped |= std::max({p[0], p[1], p[2]}) >= code;
       }
     } else {
       for (int u = x; u < x + size; u += step, ++count)
-        out.linear += linear(u, v), out.reaches |= reaches(u, v, code);
+        out.linear += linear(u, v), out.clipped |= clipped(u, v);
     }
   }
   out.linear /= float(count);
   return out;
 }
 
-bool PixelReader::reaches(int x, int y, int code) const {
+bool PixelReader::clipped(int x, int y) const {
+  const int code = bytes_.clipped_code();
   const auto any = [](const auto* p, int limit) {
     return p[0] >= limit || p[1] >= limit || p[2] >= limit;
   };

@@ -14,14 +14,14 @@ class PixelReader {
 
   // Linear, as linear_from() has it: float pictures are cleaned.
   glm::vec3 linear(int x, int y) const;
-  // Whether a channel of an encoded picture is at least that code of 0 to 255.
-  bool reaches(int x, int y, int code) const;
+  // Whether a channel of an encoded picture is.
+  bool clipped(int x, int y) const;
   // Of the size × size pixels from (x, y) on, every step-th of a row and a column.
   struct Block {
     glm::vec3 linear{0};   // mean
-    bool reaches = false;  // any of them `code`
+    bool clipped = false;  // any of them
   };
-  Block block(int x, int y, int size, int step, int code) const;
+  Block block(int x, int y, int size, int step) const;
 
  private:
   const Picture& picture_;

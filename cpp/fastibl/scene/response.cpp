@@ -7,6 +7,12 @@
 #include "fastibl/core/simd.h"
 
 namespace fastibl {
+namespace {
+
+constexpr int kLevelSteps = 8 * 255;  // of a curve between levels
+constexpr int kBelowWhite = 5;        // codes that a clipped pixel may be pushed down
+
+}  // namespace
 
 Response Response::gamma(double exponent) {
   check(exponent > 0 && std::isfinite(exponent), "a gamma must be positive and finite, got ",
@@ -29,8 +35,39 @@ void Response::validate() const {
   check(curve.front() == 0 && curve.back() == 1, "a response curve must run from 0 to 1, got ",
         curve.front(), " to ", curve.back());
   for (std::size_t i = 1; i < curve.size(); ++i)
-    check(curve[i] > curve[i - 1], "a response curve must increase strictly, got ", curve[i - 1],
-          " then ", curve[i], " at ", i);
+    check(curve[i] > curve[i - 1] || (curve[i] == curve[i - 1] && (curve[i] == 0 || curve[i] == 1)),
+          "a response curve must increase strictly from its black level to its white level, got ",
+          curve[i - 1], " then ", curve[i], " at ", i);
+}
+
+Response Response::between(double black, double white) const {
+  check(black >= 0 && black < white && white <= 1,
+        "levels must be 0 <= black < white <= 1 of the encoded range, got ", black, " and ", white);
+  const double first = std::round(black * kLevelSteps), last = std::round(white * kLevelSteps);
+  check(first < last, "levels must be at least an eighth of an 8-bit code apart, got ", black,
+        " and ", white);
+  if (first == 0 && last == kLevelSteps) return *this;
+  std::vector<float> levels(kLevelSteps + 1);
+  for (int i = 0; i <= kLevelSteps; ++i)
+    levels[std::size_t(i)] = decode(float((i - first) / (last - first)));
+  return from_curve(std::move(levels));
+}
+
+float Response::black() const {
+  if (curve.empty()) return 0;
+  const auto above = std::find_if(curve.begin(), curve.end(), [](float v) { return v > 0; });
+  return float(above - curve.begin() - 1) / float(curve.size() - 1);
+}
+
+float Response::white() const {
+  if (curve.empty()) return 1;
+  return float(std::lower_bound(curve.begin(), curve.end(), 1.0f) - curve.begin()) /
+         float(curve.size() - 1);
+}
+
+int Response::clipped_code() const {
+  const int first = int(black() * 255) + 1;  // that is any light
+  return std::max(first, int(std::lround(white() * 255)) - kBelowWhite);
 }
 
 float Response::decode(float encoded) const {
@@ -42,8 +79,8 @@ float Response::decode(float encoded) const {
 }
 
 float Response::encode(float linear) const {
-  if (!(linear > 0)) return 0;
-  if (linear >= 1) return 1;
+  if (!(linear > 0)) return black();
+  if (linear >= 1) return white();
   if (curve.empty())
     return linear <= 0.0031308f ? linear * 12.92f : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
   const auto above = std::upper_bound(curve.begin(), curve.end(), linear);
@@ -75,7 +112,7 @@ void encode_by_one_step(const float* linear, const std::uint32_t* step, int bins
 
 }  // namespace
 
-ByteResponse::ByteResponse(const Response& response) {
+ByteResponse::ByteResponse(const Response& response) : clipped_code_(response.clipped_code()) {
   for (int k = 0; k < 256; ++k) {
     decode_[std::size_t(k)] = response.decode(float(k) / 255.0f);
     upper_[std::size_t(k)] = k < 255 ? response.decode((float(k) + 0.5f) / 255.0f) : 2.0f;
@@ -83,22 +120,25 @@ ByteResponse::ByteResponse(const Response& response) {
     if (upper_[std::size_t(k)] * kGuesses < 1)
       upper_[std::size_t(k)] = std::ceil(upper_[std::size_t(k)] * 0x1p36f) * 0x1p-36f;
   }
+  white_ = std::uint8_t(std::ceil(response.white() * 255 - 1e-3f));
   int code = 0;
   for (int i = 0; i < kGuesses; ++i) {
     while (float(i) / kGuesses >= upper_[std::size_t(code)]) ++code;
     guess_[std::size_t(i)] = code;
     if (i > 0) most_steps_ = std::max(most_steps_, code - guess_[std::size_t(i) - 1]);
   }
-  most_steps_ = std::max(most_steps_, 255 - code);
+  black_ = std::uint8_t(guess_[0]);
+  most_steps_ = std::max(most_steps_, white_ - code);
   for (std::size_t i = 0; i < kGuesses; ++i) {
     const float end = upper_[std::size_t(guess_[i])] * kGuesses - float(i);
     const std::uint32_t last = end < 1 ? std::uint32_t(end * 0x1p24f) - 1 : 0xffffffu;
     step_[i] = std::uint32_t(guess_[i]) << 24 | last;
   }
-  for (std::size_t k = 1; k < 256; ++k) {
+  // Black stays black; what is beyond white is white, of any factor from 1 on.
+  for (std::size_t k = std::size_t(black_) + 1; k <= white_; ++k) {
     const float slack = 1e-6f;  // of the products
     least_unseen_ = std::max(least_unseen_, upper_[k - 1] / decode_[k] * (1 + slack));
-    if (k < 255) most_unseen_ = std::min(most_unseen_, upper_[k] / decode_[k] * (1 - slack));
+    if (k < white_) most_unseen_ = std::min(most_unseen_, upper_[k] / decode_[k] * (1 - slack));
   }
 }
 

@@ -10,17 +10,28 @@ namespace fastibl {
 
 // A camera's response. Without a curve it is sRGB's.
 struct Response {
-  // Linear values at evenly spaced encoded values, from 0 at 0 to 1 at 1, strictly increasing.
+  // Linear values at evenly spaced encoded values, from 0 at 0 to 1 at 1. 0 up to the black level
+  // and 1 from the white level on; strictly increasing between them.
   std::vector<float> curve;
 
   static Response srgb() { return {}; }
   static Response gamma(double exponent);                // linear = encoded^exponent
   static Response from_curve(std::vector<float> curve);  // throws as validate()
+  // The same curve between other levels, 0 ≤ black < white ≤ 1, encoded, to an eighth of an 8-bit
+  // code: of video whose black is 16 and white 235, or of a camera that lifts its black. Throws
+  // std::invalid_argument for other levels.
+  Response between(double black, double white) const;
   // Throws std::invalid_argument unless the curve is as stated above.
   void validate() const;
 
+  // The encoded values of no light, and of light at and beyond which all is clipped.
+  float black() const;
+  float white() const;
+  // Of 8 bits, from which on a pixel counts as clipped: noise and blur push it a few codes down.
+  int clipped_code() const;
+
   float decode(float encoded) const;  // clamped to [0, 1] before; NaN gives 0
-  float encode(float linear) const;   // clamped to [0, 1] before; NaN gives 0
+  float encode(float linear) const;   // clamped to [0, 1] before; NaN gives black
   bool operator==(const Response&) const = default;
 };
 
@@ -30,8 +41,8 @@ class ByteResponse {
   explicit ByteResponse(const Response& response);
   float decode(std::uint8_t encoded) const { return decode_[encoded]; }
   std::uint8_t encode(float linear) const {
-    if (!(linear > 0)) return 0;  // NaN too
-    if (linear >= 1) return 255;
+    if (!(linear > 0)) return black_;  // NaN too
+    if (linear >= 1) return white_;
     // The guess is exact to one code; the thresholds between codes settle it.
     int code = guess_[std::size_t(linear * kGuesses)];
     while (linear >= upper_[std::size_t(code)]) ++code;
@@ -40,6 +51,7 @@ class ByteResponse {
   // Many at once: the same values and codes.
   void decode(const std::uint8_t* encoded, float* linear, std::size_t count) const;
   void encode(const float* linear, std::uint8_t* encoded, std::size_t count) const;
+  int clipped_code() const { return clipped_code_; }
   // Factors between which the linear value of no code becomes that of another one.
   float least_unseen() const { return least_unseen_; }
   float most_unseen() const { return most_unseen_; }
@@ -49,7 +61,9 @@ class ByteResponse {
   std::array<float, 256> decode_{};
   std::array<float, 256> upper_{};              // linear value at which code k ends
   std::array<std::int32_t, kGuesses> guess_{};  // code at the lower end of each bin
-  int most_steps_ = 0;                          // from a guess to the code
+  std::uint8_t black_ = 0, white_ = 255;
+  int clipped_code_;
+  int most_steps_ = 0;  // from a guess to the code
   // Where that is 1 at most: the code in 8 bits, and the last part of the bin that has it in 24.
   std::array<std::uint32_t, kGuesses> step_{};
   float least_unseen_ = 0, most_unseen_ = 2;

@@ -127,11 +127,15 @@ void multiply(const float* a, const float* b, int count, float* __restrict out) 
   for (int i = 0; i < count; ++i) out[i] = a[i] * b[i];
 }
 
-// Writes the codes of what is another value now; the rest stays as it was to the bit.
+// Writes other codes; what is beyond the response's levels, black and white, stays there unless it
+// becomes another code.
 FASTIBL_CLONES
-void keep_changed(const float* before, const float* after, const std::uint8_t* codes, int count,
+void keep_changed(const std::uint8_t* codes, std::uint8_t black, std::uint8_t white, int count,
                   std::uint8_t* __restrict out) {
-  for (int i = 0; i < count; ++i) out[i] = after[i] == before[i] ? out[i] : codes[i];
+  for (int i = 0; i < count; ++i) {
+    const std::uint8_t above = out[i] < black ? black : out[i];
+    out[i] = codes[i] == (above > white ? white : above) ? out[i] : codes[i];
+  }
 }
 
 // Draws a row of a layer over linear pixels. light: what its radiance is multiplied by, and by
@@ -384,7 +388,7 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
                                      : table.vignette.data() + y * camera.width + area.x0 + from,
               &after[std::size_t(from - first)].x);
         table.response.encode(&after[0].x, codes.data(), std::size_t(values));
-        keep_changed(&before[0].x, &after[0].x, codes.data(), values, p);
+        keep_changed(codes.data(), table.response.encode(0), table.response.encode(1), values, p);
       };
       // Most of the plane is as bright as it was, by less than a code.
       for (int x = 0; x < width; x += kStretch) {

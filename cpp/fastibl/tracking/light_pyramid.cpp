@@ -5,8 +5,8 @@
 namespace fastibl {
 namespace {
 
-constexpr float kClipped = 1e6f;        // instead of a clipped pixel's light; all means show it
-constexpr float kWhite = 253.5f / 255;  // encoded; what is brighter may have been clipped
+constexpr float kClipped = 1e6f;           // instead of a clipped pixel's light; all means show it
+constexpr float kBelowWhite = 1.5f / 255;  // encoded; what is brighter may have been clipped
 
 }  // namespace
 
@@ -27,7 +27,7 @@ void LightPyramid::make_first(const Picture& picture, const Response& response) 
     return;
   }
   const Image<float> linear = linear_from(picture, response);
-  const float white = response.decode(kWhite);
+  const float white = response.decode(response.white() - kBelowWhite);
   const auto at = [&](int x, int y) {
     const float v = linear.pixel(x, y)[1];
     return 0.25f * (v < white ? v : kClipped);
@@ -55,9 +55,10 @@ void LightPyramid::halve(int k) {
 
 void LightPyramid::make(const Picture& picture, const Response& response) {
   if (!has_table_ || !(response == table_response_)) {
+    const float white = response.white() - kBelowWhite;
     for (int code = 0; code < 256; ++code) {
       const float encoded = float(code) / 255;
-      table_[std::size_t(code)] = 0.25f * (encoded < kWhite ? response.decode(encoded) : kClipped);
+      table_[std::size_t(code)] = 0.25f * (encoded < white ? response.decode(encoded) : kClipped);
     }
     table_response_ = response, has_table_ = true;
   }

@@ -18,25 +18,36 @@ _FITS = 9  # of different pixels: their median is the curve, their scatter the d
 _SMOOTHNESS = 100.0  # Debevec and Malik's lambda
 _MOST_DEVIATION = 0.05
 _TRUSTED = slice(13, 243)  # codes from 5 to 95 % of white
+_CLIPPED = 0.005  # share of the brightest picture that is at least at its white
+_DARK = 64  # codes up to which a picture may have been taken with the lens covered
 
 
 @dataclass(frozen=True)
 class ResponseCalibration:
-    """response, and deviations (256,): standard deviation of the linear value of each code, relative to it."""
+    """response, and deviations (256,): standard deviation of the linear value at 256 even steps from its black to its
+    white level, relative to it."""
 
     response: Response
     deviations: NDArray[np.float64]
 
     def __str__(self) -> str:
         middle = self.deviations[_TRUSTED]
-        return f"response known within {np.median(middle):.2%} (worst {middle.max():.2%}) from 5 to 95 % of white"
+        black, white = 255 * self.response.black, 255 * self.response.white
+        levels = "" if (black, white) == (0, 255) else f"; black is {black:.1f} and white {white:.0f} of 255"
+        return (
+            f"response known within {np.median(middle):.2%} (worst {middle.max():.2%}) from 5 to 95 % of white{levels}"
+        )
 
 
-def calibrate_response(pictures: Sequence[ArrayLike], exposures: Sequence[float]) -> ResponseCalibration:
+def calibrate_response(
+    pictures: Sequence[ArrayLike], exposures: Sequence[float], dark: ArrayLike | None = None
+) -> ResponseCalibration:
     """The curve from light to code (Debevec and Malik 1997, by OpenCV), one for all channels.
 
-    pictures: (h, w, 3) uint8 RGB of a still place by a still camera. exposures: of each, in any unit. Raises ValueError
-    for fewer than three exposures, a place that does not show nearly all codes, or a curve that pixels do not agree on.
+    pictures: (h, w, 3) uint8 RGB of a still place by a still camera. exposures: of each, in any unit. dark: (h, w, 3)
+    uint8 with the lens covered, for the black level, which is taken to be 0 without it; the white level is the code
+    that the brightest picture clips at. Raises ValueError for fewer than three exposures, a place that does not show nearly
+    all codes, a dark picture that is not dark, or a curve that pixels do not agree on.
     """
     size_of(pictures)
     times = np.asarray(exposures, np.float32)
@@ -50,8 +61,10 @@ def calibrate_response(pictures: Sequence[ArrayLike], exposures: Sequence[float]
     stack = np.stack([np.asarray(p) for p in pictures])
     if stack.dtype != np.uint8 or stack.ndim != 4 or stack.shape[3] != 3:
         raise ValueError(f"expected (h, w, 3) uint8 pictures, got {stack.shape[1:]} {stack.dtype}")
-    pixels = stack.reshape(len(stack), -1, 3)
-    share = np.isin(np.arange(256)[_TRUSTED], np.unique(pixels)).mean()
+    black, white = 0.0 if dark is None else _black(dark), _white(stack)
+    levels = np.round((np.arange(256) - black) / (white - black) * 255).clip(0, 255).astype(np.uint8)
+    pixels = levels[stack.reshape(len(stack), -1, 3)]
+    share = np.isin(np.intersect1d(np.arange(256)[_TRUSTED], levels), pixels).mean()
     if share < _LEAST_CODES:
         raise ValueError(
             f"the pictures show {share:.0%} of the codes between 5 and 95 % of white; expected {_LEAST_CODES:.0%}: "
@@ -68,7 +81,28 @@ def calibrate_response(pictures: Sequence[ArrayLike], exposures: Sequence[float]
         raise ValueError(f"pixels disagree on the curve by up to {worst:.0%}: did camera or place move, or the light?")
     curve[0] = 0
     curve = np.maximum.accumulate(curve) + 1e-7 * np.arange(256)  # strictly increasing
-    return ResponseCalibration(Response.from_curve((curve / curve[-1]).astype(np.float32)), deviations)
+    response = Response.from_curve((curve / curve[-1]).astype(np.float32))
+    return ResponseCalibration(response.between(black / 255, white / 255), deviations)
+
+
+def _black(dark: ArrayLike) -> float:
+    picture = np.asarray(dark)
+    if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
+        raise ValueError(f"expected a dark picture (h, w, 3) uint8, got {picture.shape} {picture.dtype}")
+    black = float(picture.mean())
+    if black > _DARK:
+        raise ValueError(
+            f"the dark picture must be taken with the lens covered: its mean is {black:.0f} of 255, expected up to "
+            f"{_DARK}"
+        )
+    return black
+
+
+def _white(stack: NDArray[np.uint8]) -> float:
+    """The code that the brightest picture clips at."""
+    brightest = stack[int(np.argmax(stack.mean(axis=(1, 2, 3))))]
+    most = int(brightest.max())
+    return float(most) if (brightest == most).mean() >= _CLIPPED else 255.0
 
 
 def _spread(order: NDArray, pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray:

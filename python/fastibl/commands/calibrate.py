@@ -50,6 +50,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     _pictures(response)
     response.add_argument("--exposures", type=float, nargs="+", required=True, help="of each picture, in any unit")
+    response.add_argument("--dark", type=Path, metavar="PICTURE", help="with the lens covered, for the black level")
 
     board = parser(
         subjects,
@@ -119,15 +120,17 @@ def _read_pictures(arguments: argparse.Namespace) -> list[NDArray[Any]]:
     paths: list[Path] = arguments.pictures
     if len(paths) == 1 and paths[0].is_dir():
         return list(_of_recording(paths[0], arguments.camera, arguments.most))
-    import cv2
+    return [_read_picture(path) for path in paths]
 
-    pictures = []
-    for path in paths:
-        picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
-        if picture is None:
-            raise ValueError(f"{path} is not a picture that can be read")
-        pictures.append(picture[..., ::-1].copy())
-    return pictures
+
+def _read_picture(path: Path) -> NDArray[Any]:
+    import cv2
+    import numpy as np
+
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if picture is None:
+        raise ValueError(f"{path} is not a picture that can be read")
+    return np.ascontiguousarray(picture[..., ::-1])
 
 
 def _of_recording(path: Path, camera: str, most: int) -> Iterator[NDArray[Any]]:
@@ -196,7 +199,8 @@ def run_response(arguments: argparse.Namespace) -> int:
     from ..calibration import calibrate_response
 
     camera = _known_camera(arguments)
-    found = calibrate_response(_read_pictures(arguments), arguments.exposures)
+    dark = None if arguments.dark is None else _read_picture(arguments.dark)
+    found = calibrate_response(_read_pictures(arguments), arguments.exposures, dark)
     print(found)
     _keep(arguments, camera.replace(response=found.response))
     return 0

@@ -15,10 +15,11 @@ constexpr int kGuessRow = 64;  // 64² = 4096 guesses of a code
 void CameraTextures::upload_response(Gpu& gpu, const Response& response) {
   if (response_.id && response == response_of_) return;
   const ByteResponse table(response);
+  const int white = table.encode(1);
   std::vector<float> rows(512);
   for (int k = 0; k < 256; ++k) {
     rows[std::size_t(k)] = table.decode(std::uint8_t(k));
-    rows[256 + std::size_t(k)] = k < 255 ? response.decode((float(k) + 0.5f) / 255.0f) : 2.0f;
+    rows[256 + std::size_t(k)] = k < white ? response.decode((float(k) + 0.5f) / 255.0f) : 2.0f;
   }
   std::vector<glm::vec2> guesses(std::size_t(kGuessRow) * kGuessRow);
   steep_ = false;
