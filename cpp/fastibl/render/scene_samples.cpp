@@ -143,6 +143,7 @@ std::optional<SceneSamples::Surface> surface_at(const Scene& scene, const Standi
   const glm::vec3 to_eye = glm::normalize(samples.eyes[std::size_t(view)] - p);
   const glm::vec3 facing = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
   const bool behind = glm::dot(facing, to_eye) < 0;
+  if (behind && scene.fronts_only) return std::nullopt;  // a ray that slipped between two triangles
   SceneSamples::Surface sample{{},           w,           p, behind ? -n : n, p, to_eye, view,
                                glm::vec4(0), glm::vec2(0)};
   for (int i = 0; i < 3; ++i) {
