@@ -506,7 +506,9 @@ def test_the_true_renderer_agrees(name):
 
 
 @pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=needs_gl)])
-@pytest.mark.parametrize("methods", [{"self_shadow": "ambient-occlusion"}, {"self_shadow": "transfer"}, {}])
+@pytest.mark.parametrize(
+    "methods", [{"self_shadow": "ambient-occlusion", "glossy": "centroid"}, {"self_shadow": "transfer"}, {}]
+)
 def test_exponent_0_is_diffuse_light(backend, methods, marked):
     """Self-shadow and bounce included; and what lies between it and exponent 1 goes there."""
     mesh, pictures = fastibl.shapes.figurine(0.1), []

@@ -113,5 +113,77 @@ def test_what_is_no_scene_is_refused():
     same_error(lambda: fastibl.Scene(tetrahedron(), visibility_rays=-1), ValueError, "rays", "-1")
     same_error(lambda: fastibl.Scene(tetrahedron(), None, np.eye(3)), ValueError, "marker_from_object")
     scene = fastibl.Scene(tetrahedron(), spheres=0, visibility_rays=0)
-    assert scene.spheres.shape == (0, 4) and (scene.visibility == 1).all() and scene.mesh == tetrahedron()
+    assert scene.spheres.shape == (0, 4) and (scene.visibility == 1).all()
+    smooth = fastibl.Mesh(tetrahedron().vertices, tetrahedron().triangles, None, tetrahedron().normals)
+    assert fastibl.Scene(smooth, spheres=0, visibility_rays=0).mesh == smooth
     assert scene.material == fastibl.Material() and scene.marker_from_object == fastibl.Pose()
+
+
+def prism(around, rounded=True):
+    """A closed prism around the z axis, one vertex a corner."""
+    a = np.arange(around) * 2 * np.pi / around
+    ring = np.stack([np.cos(a), np.sin(a), np.zeros(around)], -1)
+    vertices = np.concatenate([ring, ring + [0, 0, 2], [[0, 0, 0], [0, 0, 2]]])
+    i, j = np.arange(around), (np.arange(around) + 1) % around
+    sides = [np.stack(t, -1) for t in ((i, j, around + i), (j, around + j, around + i))]
+    ends = [np.stack(t, -1) for t in ((np.full(around, 2 * around), j, i),
+                                      (np.full(around, 2 * around + 1), around + i, around + j))]  # fmt: skip
+    return fastibl.Mesh(vertices, np.concatenate(sides + ends))
+
+
+def drawn(mesh):
+    """The mesh of a scene, and of each corner of a triangle the cosine between its normal and the triangle's."""
+    made = fastibl.Scene(mesh, spheres=0, visibility_rays=0).mesh
+    p = made.vertices[made.triangles]
+    face = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    face /= np.maximum(np.linalg.norm(face, axis=-1, keepdims=True), 1e-30)
+    return made, (made.normals[made.triangles] * face[:, None]).sum(-1)
+
+
+def test_sharp_edges_of_a_mesh_without_normals_are_drawn_sharp():
+    box, along = drawn(prism(4))
+    assert len(box.vertices) == 3 * 8 + 2 and along.min() > 1 - 1e-6
+    # A cylinder's ends are flat, its side is round.
+    cylinder, along = drawn(prism(32))
+    assert len(cylinder.vertices) == 2 * 32 + 2 + 2 * 32
+    side = np.abs(cylinder.normals[:, 2]) < 0.5
+    out = cylinder.vertices[side, :2] / np.linalg.norm(cylinder.vertices[side, :2], axis=1, keepdims=True)
+    assert (cylinder.normals[side, :2] * out).sum(-1).min() > 1 - 1e-6
+    assert along.min() > np.cos(np.pi / 32) - 1e-6
+    # Their copies come after what was given, with its uvs; the surface is the same.
+    uvs = np.random.default_rng(0).uniform(size=(10, 2)).astype(np.float32)
+    given = fastibl.Mesh(prism(4).vertices, prism(4).triangles, uvs)
+    made, _ = drawn(given)
+    np.testing.assert_array_equal(made.vertices[:10], given.vertices)
+    np.testing.assert_array_equal(made.vertices[made.triangles], given.vertices[given.triangles])
+    np.testing.assert_array_equal(made.uvs[made.triangles], given.uvs[given.triangles])
+
+
+def test_what_has_no_sharp_edges_or_normals_of_its_own_stays_as_it_is():
+    for mesh in (prism(4), prism(32)):
+        own = fastibl.Mesh(mesh.vertices, mesh.triangles, None, mesh.normals)
+        assert drawn(own)[0] == own
+    ring = prism(32)
+    open_ring = fastibl.Mesh(ring.vertices, ring.triangles[:64])  # no ends
+    assert drawn(open_ring)[0] == open_ring
+    # A triangle without an area has no say, and neither have vertices of none.
+    flat = fastibl.Mesh(
+        np.concatenate([ring.vertices, [[9, 9, 9]]]), np.concatenate([ring.triangles[:64], [[0, 0, 1], [3, 3, 3]]])
+    )
+    assert drawn(flat)[0] == flat
+
+
+def test_rays_do_not_slip_through_closed_meshes():
+    mesh = fastibl.stand(fastibl.shapes.figurine(), height=0.15)
+    rng, n = np.random.default_rng(0), 1_000_000
+    origins = rng.normal(size=(n, 3))
+    origins = 0.5 * origins / np.linalg.norm(origins, axis=1, keepdims=True) + [0, 0, 0.07]
+    d = rng.uniform(-0.05, 0.05, (n, 3)) + [0, 0, 0.07] - origins
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    triangle, _, uv = fastibl.Bvh(mesh).nearest(origins.astype(np.float32), d.astype(np.float32))
+    met = triangle >= 0
+    p = mesh.vertices[mesh.triangles[triangle[met]]].astype(float)
+    normal = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    behind = (normal * d[met]).sum(-1) > 0.02 * np.linalg.norm(normal, axis=1)
+    print(f"{behind.sum()} of {met.sum()} rays meet a back")
+    assert behind.sum() == 0 and (uv[met].min() >= 0) and (uv[met].sum(-1) <= 1 + 1e-6).all()

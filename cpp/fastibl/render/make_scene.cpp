@@ -81,7 +81,7 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
         options.sphere_count);
   check(options.visibility_rays >= 0, "the number of rays must be at least 0, got ",
         options.visibility_rays);
-  mesh = turned_outwards(std::move(mesh));
+  mesh = with_creases(turned_outwards(std::move(mesh)));
   Scene scene;
   scene.normals = vertex_normals(mesh);
   scene.visibility.assign(mesh.vertices.size(), 1.0f);

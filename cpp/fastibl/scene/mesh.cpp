@@ -21,20 +21,23 @@ void normalize_all(std::vector<glm::vec3>& normals) {
   }
 }
 
-// Adds what f gives of each triangle to its three vertices, times the angle there. In double: an
-// area in float would overflow from edges of 1e10 on, and vanish below 1e-11.
-template <typename T, typename F>
-void add_by_angle(const Mesh& mesh, std::vector<T>& sums, F&& f) {
-  for (const glm::ivec3& t : mesh.triangles) {
-    const glm::dvec3 p[3] = {mesh.vertices[std::size_t(t[0])], mesh.vertices[std::size_t(t[1])],
-                             mesh.vertices[std::size_t(t[2])]};
+constexpr float kCrease = 0.5f;  // cosine of 60°, between triangles
+
+// Visits the corners of all triangles that have an area: visit(triangle, k, normal, angle). In
+// double: an area in float would overflow from edges of 1e10 on, and vanish below 1e-11.
+template <typename Visit>
+void for_corners(const Mesh& mesh, Visit&& visit) {
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const glm::ivec3& t = mesh.triangles[i];
+    const glm::dvec3 p[3] = {glm::dvec3(mesh.vertices[std::size_t(t[0])]),
+                             glm::dvec3(mesh.vertices[std::size_t(t[1])]),
+                             glm::dvec3(mesh.vertices[std::size_t(t[2])])};
     const glm::dvec3 area = glm::cross(p[1] - p[0], p[2] - p[0]);
     const double length = glm::length(area);
     if (!(length > 0)) continue;
-    const T value = f(t, p, glm::vec3(area / length));
     for (int k = 0; k < 3; ++k) {
       const glm::dvec3 a = p[(k + 1) % 3] - p[k], b = p[(k + 2) % 3] - p[k];
-      sums[std::size_t(t[k])] += float(std::atan2(length, glm::dot(a, b))) * value;
+      visit(int(i), k, glm::vec3(area / length), float(std::atan2(length, glm::dot(a, b))));
     }
   }
 }
@@ -163,11 +166,73 @@ std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {
   std::vector<glm::vec3> normals = mesh.normals;
   if (normals.empty()) {
     normals.assign(mesh.vertices.size(), glm::vec3(0));
-    add_by_angle(mesh, normals,
-                 [](const glm::ivec3&, const glm::dvec3*, glm::vec3 n) { return n; });
+    for_corners(mesh, [&](int triangle, int k, glm::vec3 normal, float angle) {
+      normals[std::size_t(mesh.triangles[std::size_t(triangle)][k])] += angle * normal;
+    });
   }
   normalize_all(normals);
   return normals;
+}
+
+namespace {
+
+// Where u grows on a triangle, and as w which way v does: 0 where its uvs define neither.
+glm::vec4 along_u(const Mesh& mesh, const glm::ivec3& t) {
+  glm::dvec3 p[3];
+  for (int k = 0; k < 3; ++k) p[k] = glm::dvec3(mesh.vertices[std::size_t(t[k])]);
+  const glm::dvec2 uv(mesh.uvs[std::size_t(t[0])]);
+  const glm::dvec2 a = glm::dvec2(mesh.uvs[std::size_t(t[1])]) - uv,
+                   b = glm::dvec2(mesh.uvs[std::size_t(t[2])]) - uv;
+  const double area = a.x * b.y - a.y * b.x;
+  const glm::dvec3 along = (b.y * (p[1] - p[0]) - a.y * (p[2] - p[0])) * (area < 0 ? -1.0 : 1.0);
+  const double length = glm::length(along);
+  if (!(area != 0 && length > 0)) return glm::vec4(0);
+  return glm::vec4(glm::vec3(along / length), area < 0 ? -1 : 1);
+}
+
+}  // namespace
+
+Mesh with_creases(Mesh mesh) {
+  if (!mesh.normals.empty()) return mesh;
+  mesh.validate();
+  struct Corner {
+    int triangle, k;
+    glm::vec3 normal;
+    float angle;
+  };
+  const std::size_t given = mesh.vertices.size();
+  std::vector<std::vector<Corner>> corners(given);
+  for_corners(mesh, [&](int triangle, int k, glm::vec3 normal, float angle) {
+    const int vertex = mesh.triangles[std::size_t(triangle)][k];
+    corners[std::size_t(vertex)].push_back({triangle, k, normal, angle});
+  });
+  std::vector<glm::vec3> normals(given, glm::vec3(0));
+  for (std::size_t i = 0; i < given; ++i) {
+    std::vector<std::pair<glm::vec3, int>> found;  // normals, and the vertex that has each
+    for (const Corner& c : corners[i]) {
+      glm::vec3 sum(0);
+      for (const Corner& other : corners[i])
+        if (glm::dot(c.normal, other.normal) > kCrease) sum += other.angle * other.normal;
+      auto at = std::find_if(found.begin(), found.end(),
+                             [&](const auto& one) { return one.first == sum; });
+      if (at == found.end()) {
+        at = found.emplace(found.end(), sum, found.empty() ? int(i) : int(mesh.vertices.size()));
+        if (found.size() > 1) {
+          mesh.vertices.push_back(mesh.vertices[i]);
+          if (!mesh.uvs.empty()) mesh.uvs.push_back(mesh.uvs[i]);
+          normals.push_back(sum);
+        } else {
+          normals[i] = sum;
+        }
+      }
+      mesh.triangles[std::size_t(c.triangle)][c.k] = at->second;
+    }
+  }
+  if (mesh.vertices.size() > given) {
+    normalize_all(normals);
+    mesh.normals = std::move(normals);
+  }
+  return mesh;
 }
 
 std::vector<glm::vec4> vertex_tangents(const Mesh& mesh, std::span<const glm::vec3> normals) {
@@ -176,16 +241,9 @@ std::vector<glm::vec4> vertex_tangents(const Mesh& mesh, std::span<const glm::ve
         mesh.vertices.size(), " vertices, got ", normals.size());
   std::vector<glm::vec4> sums(mesh.vertices.size(), glm::vec4(0));
   if (!mesh.uvs.empty())
-    add_by_angle(mesh, sums, [&](const glm::ivec3& t, const glm::dvec3* p, glm::vec3) {
-      const glm::dvec2 uv(mesh.uvs[std::size_t(t[0])]);
-      const glm::dvec2 a = glm::dvec2(mesh.uvs[std::size_t(t[1])]) - uv,
-                       b = glm::dvec2(mesh.uvs[std::size_t(t[2])]) - uv;
-      const double area = a.x * b.y - a.y * b.x;
-      const glm::dvec3 along =
-          (b.y * (p[1] - p[0]) - a.y * (p[2] - p[0])) * (area < 0 ? -1.0 : 1.0);
-      const double length = glm::length(along);
-      if (!(area != 0 && length > 0)) return glm::vec4(0);
-      return glm::vec4(glm::vec3(along / length), area < 0 ? -1 : 1);
+    for_corners(mesh, [&](int triangle, int k, glm::vec3, float angle) {
+      const glm::ivec3& t = mesh.triangles[std::size_t(triangle)];
+      sums[std::size_t(t[k])] += angle * along_u(mesh, t);
     });
   for (std::size_t i = 0; i < sums.size(); ++i) {
     const glm::vec3 n = normals[i], sum(sums[i]);

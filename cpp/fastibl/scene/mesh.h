@@ -37,6 +37,11 @@ Mesh turned_outwards(Mesh mesh);
 // where none is defined.
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh);
 
+// A mesh without normals whose edges are sharper than 60° somewhere, with normals: at each corner
+// of a triangle the mean over those that meet it there and are not beyond such an edge, and copies
+// of vertices, at the end, where that makes several. Other meshes as they are.
+Mesh with_creases(Mesh mesh);
+
 // Where u grows (x y z: unit, perpendicular to the normal), and the side of n × t on which v grows
 // (w: ±1), weighted by the angle of each triangle at the vertex, as MikkTSpace does; vertices that
 // mirrored halves of a texture share are not split. Without uvs, or where they define none, around
