@@ -375,7 +375,7 @@ def test_no_real_objects_change_no_byte(backend):
     plain, empty = (session_of(scene, source, backend) for scene in (scene_of(), with_holdouts()))
     a, b = shown(plain), shown(empty)
     assert np.array_equal(a.image, b.image) and a.passes == b.passes
-    assert empty.holdout.rgba.size == 0 and empty.scene.holdouts == []
+    assert empty.holdout.rgba.size == 0 and empty.scene.holdouts == ()
     # Nor does one that the camera does not see.
     away = session_of(with_holdouts(box((5, 5, 5), (5.1, 5.1, 5.1))), source, backend)
     assert np.array_equal(shown(away).image, a.image)
@@ -432,13 +432,57 @@ def test_real_objects_that_are_none():
     same_error(lambda: setattr(scene, "holdouts", [fastibl.Mesh(bad, BEHIND.triangles)]), ValueError, "finite")
     with pytest.raises(TypeError):
         scene.holdouts = [1.0]
-    assert scene.holdouts == []
+    assert scene.holdouts == ()
     scene.holdouts = [BEHIND]
     assert len(scene.holdouts) == 1 and np.array_equal(scene.holdouts[0].vertices, BEHIND.vertices)
     # A wall of metres is cut no finer than its size allows; one around everything is drawn as it is seen.
     huge = with_holdouts(box((-50, 0.2, -1), (50, 0.3, 40)), box((-1, -1, -1), (1, 1, 1)))
     image = shown(session_of(huge, uniform())).image
     assert image.shape == (120, 160, 3)
+
+
+def ratio_picture(scene, pose, backend="cpu", move=None):
+    """What is left of the holdouts' light (h, w), NaN where none is seen whole."""
+    session = session_of(scene, marked_map(), backend, {"self_shadow": "transfer"})
+    if move is not None:
+        session.move(move)
+    shown(session, pose=pose)
+    layer = layer_picture(session.holdout)
+    return np.where(layer[..., 3] >= 1, layer[..., 1], np.nan)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("away", [0.5, 3.0])
+def test_real_objects_are_cut_where_the_object_is_moved_to(away, backend):
+    place = fastibl.Pose.from_rotation_vector((0, 0, 0), (away, 0, 0))
+    pose = fastibl.Pose.look_at((away + 0.25, -0.3, 0.3), (away, 0, 0.03))
+    floor = wall_and_floor(5.0)[1:]
+    here = ball(height=0.06)
+    scene, made = (scene_of(fastibl.Mesh(here.vertices + np.float32([x, 0, 0]), here.triangles)) for x in (0, away))
+    scene.holdouts = made.holdouts = floor
+    moved, fresh = ratio_picture(scene, pose, backend, place), ratio_picture(made, pose, backend)
+    known = ~np.isnan(moved + fresh)
+    off = np.abs(moved - fresh)[known]
+    print(f"{away} m away, {backend}: within {off.max():.4f}, RMS {off.std():.5f}; ratios from {np.nanmin(fresh):.2f}")
+    assert known.sum() > 5000 and np.nanmin(fresh) < 0.7 and off.max() < 0.02
+
+
+def test_an_open_holdout_faces_the_object():
+    pose = fastibl.Pose.look_at((0.25, -0.3, 0.3), (0, 0, 0.03))
+    (floor,) = wall_and_floor(0.5)[1:]
+    turned = fastibl.Mesh(floor.vertices, floor.triangles[:, ::-1])
+    one, other = (ratio_picture(with_holdouts(m), pose) for m in (floor, turned))
+    assert np.nanmin(one) < 0.7
+    np.testing.assert_allclose(one, other, atol=1e-5)
+
+
+def test_the_scene_of_a_session_is_a_copy():
+    session = session_of(with_holdouts(BEHIND), uniform())
+    before = shown(session)
+    session.scene.shadow_strength = 0.0
+    session.scene.holdouts = [BEFORE]
+    assert np.array_equal(shown(session, 0.1).image, before.image)
+    assert session.scene.shadow_strength == 1 and len(session.scene.holdouts) == 1
 
 
 def test_methods_of_the_bounce():

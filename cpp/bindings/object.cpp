@@ -35,7 +35,11 @@ stays the same, the paper's P_V too. Raises ValueError for negative numbers or w
            py::arg("mesh"), py::arg("material") = py::none(),
            py::arg("marker_from_object") = py::none(), py::arg("spheres") = 50,
            py::arg("visibility_rays") = 96, py::arg("refine") = true)
-      .def_property_readonly("mesh", &Scene::given_mesh, "As it was given.")
+      .def_property_readonly(
+          "mesh", &Scene::given_mesh,
+          "As it was given, counter-clockwise seen from outside. A mesh without normals that has "
+          "edges sharper than 60 degrees gets normals, and copies of vertices at its end, so that "
+          "such edges are drawn sharp.")
       .def_readonly("refined_mesh", &Scene::mesh,
                     "The same surface with vertices where what the object hides of itself changes: "
                     "what is shaded. mesh where nothing had to be split.")
@@ -67,8 +71,8 @@ stays the same, the paper's P_V too. Raises ValueError for negative numbers or w
           },
           R"(What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
 
-Without it that method raises ValueError; where the object is tilted or lifted off the plane, its spheres cast the
-shadow.)")
+Without it that method raises ValueError. Where an object that has one is tilted or lifted off the plane, its triangles
+are drawn for each direction of light instead, as by "directions" its spheres are.)")
       .def_property(
           "shadow_strength", [](const Scene& s) { return s.shadow_look.strength; },
           [](Scene& s, double strength) {
@@ -84,18 +88,17 @@ shadow.)")
           "by default.")
       .def_property(
           "holdouts",
-          [](const Scene& s) { return s.holdouts ? s.holdouts->meshes : std::vector<Mesh>{}; },
+          [](const Scene& s) {
+            return py::tuple(py::cast(s.holdouts ? s.holdouts->meshes : std::vector<Mesh>{}));
+          },
           [](Scene& s, const std::vector<Mesh>& meshes) {
             const py::gil_scoped_release release;
-            const Bounds box = bounds(s.mesh.vertices);
-            const glm::vec3 centre(s.marker_from_object * glm::dvec3(box.centre()));
-            s.holdouts =
-                std::make_shared<const Holdouts>(make_holdouts(meshes, centre, box.radius()));
+            s.holdouts = make_holdouts(meshes, s);
           },
-          R"(Real objects as meshes, marker frame: list of Mesh, empty by default.
+          R"(Real objects as meshes, marker frame: tuple of Mesh, empty by default; set from any sequence of them.
 
 Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
-leaves of the light on that surface. Set it before a Session is made. They keep no light from the virtual object, nor
+leaves of the light on that surface. A mesh that is not closed is taken to face the object. Set it before a Session is made. They keep no light from the virtual object, nor
 its shadow from the plane behind them.)")
       .def("__repr__", [](const Scene& s) {
         return "<fastibl.Scene of " + std::to_string(s.given_mesh().triangles.size()) +

@@ -170,7 +170,9 @@ void bind_render(py::module_& module) {
           py::arg("back_last_row") = py::none(), py::arg("attitude") = py::none())
       .def_property_readonly("plan", &Session::plan,
                              "Plan of the next frame: print it for the bill.")
-      .def_property_readonly("scene", &Session::scene, "Scene that is drawn.")
+      .def_property_readonly(
+          "scene", [](const Session& s) { return s.scene(); },
+          "A copy of the Scene that is drawn: what is done to it does not change the session.")
       .def_property_readonly("shadow_map", &Session::shadow_map,
                              "ShadowMap of the last frame: .image, .extent.")
       .def_property_readonly(

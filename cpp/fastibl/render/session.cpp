@@ -508,6 +508,7 @@ void Session::find_bounce() {
 
 void Session::find_holdout_ratios() {
   if (hidden_from_ != scene_.marker_from_object) {
+    follow_object(scene_);
     hidden_ = hidden_by_object(scene_);
     hidden_from_ = scene_.marker_from_object;
   }

@@ -15,6 +15,7 @@ struct Holdouts {
   Mesh mesh;
   std::vector<glm::vec3> normals;
   VertexVisibility own;  // directions of the marker frame that they hide from each other
+  glm::vec3 centre{0};   // of the object that they are cut around
 };
 
 }  // namespace fastibl

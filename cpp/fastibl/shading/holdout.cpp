@@ -18,36 +18,38 @@ namespace {
 constexpr std::size_t kMostTriangles = 32000;  // after cutting
 constexpr float kDetail = 0.15f;  // longest edge of a triangle near the object, by its radius
 constexpr float kNear = 2;        // radii from its middle: from there on edges may be longer, by
+constexpr float kMidst = 1;       // of them, within which the object may move
 constexpr float kGrowths[] = {0, 0.02f, 0.05f, 0.1f, 0.2f, 0.4f};  // so much of the distance
-constexpr float kCrease = 0.77f;  // cosine of 40°: beyond, an edge of the mesh is one
 constexpr float kOffset = 1e-4f;  // of the object's radius, from where rays to it start
 constexpr int kSize = 64;         // cells of the sphere along an edge
 constexpr int kGrain = 64;        // vertices
 
-glm::vec3 triangle_normal(const Mesh& mesh, const glm::ivec3& t) {
-  const glm::vec3 a = mesh.vertices[std::size_t(t[0])], b = mesh.vertices[std::size_t(t[1])],
-                  c = mesh.vertices[std::size_t(t[2])];
-  return glm::cross(b - a, c - a);
+// An open mesh, turned so that the point sees more of its front than of its back.
+Mesh facing(Mesh mesh, glm::vec3 point) {
+  if (is_closed(mesh)) return mesh;
+  double seen = 0;  // solid angle, about
+  for (const glm::ivec3& t : mesh.triangles) {
+    glm::dvec3 to[3];
+    for (int k = 0; k < 3; ++k)
+      to[k] = glm::dvec3(point) - glm::dvec3(mesh.vertices[std::size_t(t[k])]);
+    const glm::dvec3 area = glm::cross(to[1] - to[0], to[2] - to[0]),
+                     middle = to[0] + to[1] + to[2];
+    const double distance = glm::length(middle);
+    if (distance > 0) seen += glm::dot(area, middle) / (distance * distance * distance);
+  }
+  if (seen >= 0) return mesh;
+  for (glm::ivec3& t : mesh.triangles) std::swap(t[1], t[2]);
+  for (glm::vec3& n : mesh.normals) n = -n;
+  return mesh;
 }
 
-// Adds a mesh, with vertices of their own where a triangle's normal is far from that of its corner.
-void append(const Mesh& part, Mesh& all) {
+void append(const Mesh& given, glm::vec3 object, Mesh& all) {
+  const Mesh part = with_creases(facing(given, object));
   const std::vector<glm::vec3> normals = vertex_normals(part);
   const int first = int(all.vertices.size());
   all.vertices.insert(all.vertices.end(), part.vertices.begin(), part.vertices.end());
   all.normals.insert(all.normals.end(), normals.begin(), normals.end());
-  for (const glm::ivec3& t : part.triangles) {
-    const glm::vec3 area = triangle_normal(part, t);
-    const float length = glm::length(area);
-    glm::ivec3 out = t + first;
-    for (int k = 0; k < 3 && part.normals.empty() && length > 0; ++k) {
-      if (glm::dot(area, normals[std::size_t(t[k])]) >= kCrease * length) continue;
-      out[k] = int(all.vertices.size());
-      all.vertices.push_back(part.vertices[std::size_t(t[k])]);
-      all.normals.push_back(area / length);
-    }
-    all.triangles.push_back(out);
-  }
+  for (const glm::ivec3& t : part.triangles) all.triangles.push_back(t + first);
 }
 
 // The longest edge around a place.
@@ -131,7 +133,7 @@ Holdouts make_holdouts(std::vector<Mesh> meshes, glm::vec3 centre, float radius)
   Holdouts holdouts;
   for (const Mesh& mesh : meshes) {
     mesh.validate();
-    append(mesh, holdouts.mesh);
+    append(mesh, centre, holdouts.mesh);
   }
   if (!meshes.empty()) {
     holdouts.mesh = cut_around(holdouts.mesh, centre, radius);
@@ -139,7 +141,29 @@ Holdouts make_holdouts(std::vector<Mesh> meshes, glm::vec3 centre, float radius)
   }
   holdouts.normals = holdouts.mesh.normals;
   holdouts.meshes = std::move(meshes);
+  holdouts.centre = centre;
   return holdouts;
+}
+
+namespace {
+
+// Of the object where it stands.
+glm::vec3 centre_of(const Scene& scene, const Bounds& box) {
+  return glm::vec3(scene.marker_from_object * glm::dvec3(box.centre()));
+}
+
+}  // namespace
+
+std::shared_ptr<const Holdouts> make_holdouts(std::vector<Mesh> meshes, const Scene& scene) {
+  const Bounds box = bounds(scene.mesh.vertices);
+  return std::make_shared<const Holdouts>(
+      make_holdouts(std::move(meshes), centre_of(scene, box), box.radius()));
+}
+
+void follow_object(Scene& scene) {
+  const Bounds box = bounds(scene.mesh.vertices);
+  if (glm::distance(centre_of(scene, box), scene.holdouts->centre) > kMidst * box.radius())
+    scene.holdouts = make_holdouts(scene.holdouts->meshes, scene);
 }
 
 VertexVisibility hidden_by_object(const Scene& scene) {

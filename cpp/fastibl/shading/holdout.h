@@ -1,6 +1,7 @@
 // The shadow of the virtual object on real ones.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -12,9 +13,13 @@
 namespace fastibl {
 
 // centre, radius: of the object, marker frame, metres. Around it triangles are cut as small as its
-// shadow needs, farther out less so where there would be too many. Throws what validate() of the
-// meshes throws.
+// shadow needs, farther out less so where there would be too many. A mesh that is not closed is
+// taken to face the object. Throws what validate() of the meshes throws.
 Holdouts make_holdouts(std::vector<Mesh> meshes, glm::vec3 centre, float radius);
+// The same around the scene's object where it stands.
+std::shared_ptr<const Holdouts> make_holdouts(std::vector<Mesh> meshes, const Scene& scene);
+// Cuts those of a scene anew where its object was moved out of the midst of what was cut.
+void follow_object(Scene& scene);
 
 // Directions of the marker frame that the scene's object hides from each vertex of its holdouts,
 // and nothing else of them does. Rays towards all 64² cells that the object's bounding sphere
