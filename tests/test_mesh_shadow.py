@@ -345,7 +345,70 @@ def test_session_casts_the_baked_shadow(backend):
     tilted[1:3, 1:3] = [[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]]
     leaning = fastibl.Scene(mesh, marker_from_object=tilted)
     leaning.baked_shadow = MeshShadow(mesh, 32, cache=False)
-    assert (cast(leaning).image < 0.9).any()  # of its spheres
+    assert (cast(leaning).image < 0.9).any()  # of its triangles
+
+
+LEANING = {
+    "a plate, lifted": (lambda: box((-0.2, -0.2, 0), (0.2, 0.2, 0.008)), (0, 0, 0), (0.3, -0.2, 0.05)),
+    "a plate on its edge": (lambda: box((-0.2, -0.2, 0), (0.2, 0.2, 0.008)), (1.2, 0.3, 0), (0, 0, 0.19)),
+    "a table, tilted into the plane": (table, (0.4, -0.2, 0.5), (0, 0.1, -0.05)),
+    "a sheet, lifted": (lambda: fastibl.Mesh(box((-0.2, -0.2, 0), (0.2, 0.2, 1)).vertices[::2], [[0, 1, 3], [0, 3, 2]]),
+                        (0.3, 0, 0), (0, 0, 0.1)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+@pytest.mark.parametrize("method", ["mesh", "directions"])
+@pytest.mark.parametrize("name", LEANING)
+def test_an_object_that_does_not_stand_casts_its_own_shadow(name, method, backend):
+    """Its spheres cover a fifth of a plate."""
+    if backend == "gl" and not fastibl._fastibl.with_gl:
+        pytest.skip("built without GL")
+    make, turn, shift = LEANING[name]
+    mesh, cube = make(), sky(3)
+    place = fastibl.Pose.from_rotation_vector(np.array(turn, float), np.array(shift, float))
+    looking = fastibl.Pose.look_at((1.0, -1.0, 1.0), (0, 0, 0))
+    scene = fastibl.Scene(mesh, spheres=50)
+    scene.baked_shadow = MeshShadow(mesh, 64, cache=False)
+    session = fastibl.Session(
+        scene,
+        fastibl.Rig(fastibl.Camera(80, 60, 60.0, 60.0, 40.0, 30.0)),
+        environment=cube,
+        methods={"shadow": method, "bounce": "none"},
+        backend=backend,
+    )
+    session.process(fastibl.Frame(0.0, back_from_marker=looking))
+    session.move(place)
+    session.process(fastibl.Frame(0.1, back_from_marker=looking))
+    shadow, (x, y) = session.shadow_map, np.meshgrid(*[np.linspace(-0.5, 0.5, 24)] * 2)
+    points = np.stack([x + shift[0], y + shift[1]], -1).reshape(-1, 2)
+    moved = fastibl.Mesh(mesh.vertices @ place.rotation.T + place.translation, mesh.triangles)
+    off = shadow.sample(points.astype(np.float32)) - reference.shadow_ratio(cube, moved, points)
+    rms = np.sqrt((off**2).mean())
+    print(f"{name}, {method}, {backend}: RMS {rms:.4f}, largest {np.abs(off).max():.3f}")
+    assert rms < 0.015 and np.quantile(np.abs(off), 0.99) < 0.05
+
+
+def test_an_object_of_many_triangles_does_not_lose_its_shadow_where_it_is_lifted():
+    """40 000 triangles of a thin plate: drawn coarser, and by 32 directions."""
+    n = 100
+    u, v = np.meshgrid(np.linspace(-0.2, 0.2, n + 1), np.linspace(-0.2, 0.2, n + 1))
+    i = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    a, b, c, d = (k.ravel() for k in (i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]))
+    faces = np.concatenate([np.stack(t, -1) for t in ((a, b, c), (a, c, d))])
+    levels = [np.stack([u.ravel(), v.ravel(), np.full(u.size, z)], -1) for z in (0.0, 0.004)]
+    mesh = fastibl.Mesh(np.concatenate(levels), np.concatenate([faces[:, ::-1], faces + u.size]))
+    cube, place = sky(3), fastibl.Pose.from_rotation_vector(np.array([0.5, 0, 0]), np.array([0, 0, 0.15]))
+    scene = fastibl.Scene(mesh, spheres=20, visibility_rays=0, marker_from_object=place)
+    camera = fastibl.Camera(80, 60, 60.0, 60.0, 40.0, 30.0)
+    session = fastibl.Session(scene, fastibl.Rig(camera), environment=cube, methods={"shadow": "mesh"})
+    session.process(fastibl.Frame(0.0, back_from_marker=fastibl.Pose.look_at((1.0, -1.0, 1.0), (0, 0, 0))))
+    points = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 20)] * 2), -1).reshape(-1, 2)
+    thin = box((-0.2, -0.2, 0), (0.2, 0.2, 0.004))
+    moved = fastibl.Mesh(thin.vertices @ place.rotation.T + place.translation, thin.triangles)
+    off = session.shadow_map.sample(points.astype(np.float32)) - reference.shadow_ratio(cube, moved, points)
+    print(f"RMS {np.sqrt((off**2).mean()):.4f}, largest {np.abs(off).max():.3f}")
+    assert np.sqrt((off**2).mean()) < 0.03
 
 
 # On disk

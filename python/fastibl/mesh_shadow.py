@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 import sys
 import time
 import warnings
@@ -212,7 +213,7 @@ def _checksum(tables: list[NDArray]) -> int:
 def _write(path: Path, baked: Any) -> None:
     """Under another name first: who reads sees the whole file or none. A disk that is full or closed is no error."""
     tables = baked.tables
-    part = path.with_suffix(f".{os.getpid()}.part")
+    part = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with part.open("wb") as file:

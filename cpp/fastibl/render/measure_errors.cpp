@@ -18,6 +18,7 @@
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/shade.h"
 #include "fastibl/shading/traced_shares.h"
+#include "fastibl/shadow/mesh_shadow.h"
 #include "fastibl/shadow/scene_shadow.h"
 
 namespace fastibl {
@@ -461,6 +462,8 @@ struct ErrorMeasurement::Work {
     standing.spheres = scene.spheres, standing.baked_shadow = scene.baked_shadow;
     standing.marker_from_object.rotation = glm::dmat3(at.turned);
     standing.marker_from_object.translation = {0, 0, at.lifted};
+    if (scene.baked_shadow && !scene.baked_shadow->place(standing.marker_from_object))
+      standing.given = scene.given ? scene.given : std::make_shared<const Mesh>(scene.mesh);
   }
 
   void find_truth() {

@@ -19,7 +19,8 @@ std::vector<float> ambient_occlusion(const Mesh& mesh, const AmbientOcclusionOpt
 
 // The same with spheres (mesh frame) in place of the triangles, for meshes that deform: spheres
 // that contain a vertex do not hide anything from it. Spheres that are not finite, or have a radius
-// of 0 or less, are ignored. RMS error with 50 fitted spheres about 0.02 on closed meshes.
+// of 0 or less, are ignored. RMS error with 50 fitted spheres
+// about 0.02 on bulky closed meshes, 0.05 to 0.4 on thin ones.
 std::vector<float> sphere_ambient_occlusion(const Mesh& mesh, const SphereSet& spheres,
                                             const AmbientOcclusionOptions& options = {});
 

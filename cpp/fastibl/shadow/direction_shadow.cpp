@@ -224,20 +224,21 @@ std::vector<std::pair<double, std::size_t>> reaches_of(std::span<const PlaneProj
   return reaches;
 }
 
-void cast_bits(const PlaneSpheres& spheres, glm::vec3 direction, int size, PlaneBits& bits) {
+void clear(int size, PlaneBits& bits) {
   if (bits.size() == size)
     bits.clear();
   else
     bits = PlaneBits(size);
+}
+
+void cast_bits(const PlaneSpheres& spheres, glm::vec3 direction, int size, PlaneBits& bits) {
+  clear(size, bits);
   spheres.add_shadow(direction, bits);
 }
 
 void cast_near_bits(const SphereSet& spheres, const glm::dvec3& light, const PlaneGrid& grid,
                     PlaneBits& bits) {
-  if (bits.size() == grid.size)
-    bits.clear();
-  else
-    bits = PlaneBits(grid.size);
+  clear(grid.size, bits);
   add_near_shadow(spheres, light, grid, bits);
 }
 
@@ -339,10 +340,16 @@ void DirectionShadow::make_bits() {
   std::optional<PlaneSpheres> outer;
   if (outer_.extent > 0) outer.emplace(spheres_, outer_);
   parallel_for(int(light.size()), kDirections, [&](int begin, int end) {
+    ShadowTriangles::Scratch scratch;
     for (int k = begin; k < end; ++k) {
       const glm::vec3 d = light[std::size_t(k)].direction;
       PlaneBits &inner_bits = inner_bits_[std::size_t(k)],
                 *outer_bits = outer ? &outer_bits_[std::size_t(k)] : nullptr;
+      if (mesh_) {
+        cast_mesh(d, inner_, scratch, inner_bits);
+        if (outer) cast_mesh(d, outer_, scratch, *outer_bits);
+        continue;
+      }
       if (const int i = near_.light_of(d); i >= 0) {
         const glm::dvec3 at = near_.position(d, i);
         cast_near_bits(spheres_, at, inner_, inner_bits);
@@ -353,6 +360,16 @@ void DirectionShadow::make_bits() {
       if (outer) cast_bits(*outer, d, outer_.size, *outer_bits);
     }
   });
+}
+
+void DirectionShadow::cast_mesh(glm::vec3 direction, const PlaneGrid& grid,
+                                ShadowTriangles::Scratch& scratch, PlaneBits& bits) const {
+  clear(grid.size, bits);
+  const int i = near_.light_of(direction);
+  if (i >= 0)
+    mesh_->draw(near_.projection(direction, i, glm::vec2(0)), grid, bits, scratch);
+  else
+    mesh_->draw(direction, grid, bits, scratch);
 }
 
 // As sum_shares(), where near lights give other points of the plane more or less than the centre of
@@ -426,15 +443,52 @@ void DirectionShadow::own_map() {
   map_ = std::move(fresh);
 }
 
+namespace {
+
+// What places a map of a mesh as one of spheres is placed: the corners of what is above the plane.
+SphereSet corners_of(const ShadowTriangles& mesh) {
+  if (mesh.empty()) return {};
+  const ShadowTriangles::Box box = mesh.box();
+  const glm::vec3 size = box.upper - box.lower;
+  const float radius = 1e-6f * std::max({size.x, size.y, size.z});
+  SphereSet corners;
+  for (int k = 0; k < 8; ++k)
+    corners.emplace_back(k & 1 ? box.upper.x : box.lower.x, k & 2 ? box.upper.y : box.lower.y,
+                         k & 4 ? box.upper.z : box.lower.z, radius);
+  return corners;
+}
+
+}  // namespace
+
 std::shared_ptr<const ShadowMap> DirectionShadow::cast(const CubeMap& radiance,
                                                        const SphereSet& spheres,
                                                        const ShadowOptions& options,
                                                        const NearLights& near_lights) {
+  const bool moved = mesh_ || spheres != spheres_;
+  mesh_ = nullptr;
+  return cast_again(radiance, moved, spheres, options, near_lights);
+}
+
+std::shared_ptr<const ShadowMap> DirectionShadow::cast(const CubeMap& radiance,
+                                                       std::shared_ptr<const ShadowTriangles> mesh,
+                                                       const ShadowOptions& options,
+                                                       const NearLights& near_lights) {
+  check(mesh != nullptr, "expected a mesh, got none");
+  const bool moved = mesh != mesh_;
+  mesh_ = std::move(mesh);
+  return cast_again(radiance, moved, moved ? corners_of(*mesh_) : spheres_, options, near_lights);
+}
+
+std::shared_ptr<const ShadowMap> DirectionShadow::cast_again(const CubeMap& radiance,
+                                                             bool elsewhere,
+                                                             const SphereSet& spheres,
+                                                             const ShadowOptions& options,
+                                                             const NearLights& near_lights) {
   check_options(options);
   const SteadyLight::Change change = light_.update(radiance);
-  const bool elsewhere = !near_.still_right(near_lights);
-  if (elsewhere) near_ = NearPlane(near_lights);
-  const bool moved = map_->ratio.empty() || spheres != spheres_ || options != options_ || elsewhere;
+  const bool other_lights = !near_.still_right(near_lights);
+  if (other_lights) near_ = NearPlane(near_lights);
+  const bool moved = map_->ratio.empty() || elsewhere || options != options_ || other_lights;
   if (change == SteadyLight::Change::none && !moved) return map_;
   own_map();
   if (moved) place(spheres, options);

@@ -42,18 +42,30 @@ class DirectionShadow {
   std::shared_ptr<const ShadowMap> cast(const CubeMap& radiance, const SphereSet& spheres,
                                         const ShadowOptions& options = {},
                                         const NearLights& near_lights = {});
+  // The same of a mesh, marker frame.
+  std::shared_ptr<const ShadowMap> cast(const CubeMap& radiance,
+                                        std::shared_ptr<const ShadowTriangles> mesh,
+                                        const ShadowOptions& options = {},
+                                        const NearLights& near_lights = {});
   const SteadyLight& light() const { return light_; }
 
  private:
+  std::shared_ptr<const ShadowMap> cast_again(const CubeMap& radiance, bool elsewhere,
+                                              const SphereSet& spheres,
+                                              const ShadowOptions& options,
+                                              const NearLights& near_lights);
   void place(const SphereSet& spheres, const ShadowOptions& options);
   void make_bits();
+  void cast_mesh(glm::vec3 direction, const PlaneGrid& grid, ShadowTriangles::Scratch& scratch,
+                 PlaneBits& bits) const;
   void make_ratio();
   void sum_near(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares,
                 const PlaneGrid& grid, Image<float>& ratio) const;
   void own_map();
 
   SteadyLight light_;
-  SphereSet spheres_;
+  SphereSet spheres_;  // of a mesh: at the corners of its box
+  std::shared_ptr<const ShadowTriangles> mesh_;
   ShadowOptions options_;
   NearPlane near_;
   PlaneGrid inner_, outer_;

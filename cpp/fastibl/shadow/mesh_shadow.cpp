@@ -77,7 +77,9 @@ std::optional<MeshShadow> MeshShadow::bake(const Mesh& mesh, const MeshShadowOpt
 std::optional<PlanePlace> MeshShadow::place(const Pose& pose) const {
   const glm::dvec3 up = pose.rotation[2], shift = pose.translation;
   if (!(std::hypot(up.x, up.y) <= kPlaceSlack && up.z > 0)) return std::nullopt;
-  if (!(std::fabs(shift.z) <= kPlaceSlack * size_)) return std::nullopt;
+  const glm::dvec3 middle(glm::dvec2(inner_.centre), 0);
+  const double lift = (pose.rotation * middle).z + shift.z;
+  if (!(std::fabs(lift) <= kPlaceSlack * size_)) return std::nullopt;
   const glm::dvec2 along(pose.rotation[0]);
   PlanePlace place{glm::vec2(shift), glm::vec2(along / glm::length(along))};
   // What rounding leaves of no turn at all.

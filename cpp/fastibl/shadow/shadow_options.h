@@ -17,7 +17,8 @@ struct ShadowOptions {
   float extent = 0;  // half the edge in metres; 0 = 3 × the spheres' half width or half height
   std::optional<glm::vec2> centre = {};  // metres; by default the middle of the spheres
   // A coarse map around the first one, by the methods that have it: so far out that what is left
-  // out changes no ratio by more than 1/510. Without, the ratio fades to 1 within the first.
+  // out changes no ratio by more than 1/510, but 8 times as far at most. Without, the ratio fades
+  // to 1 within the first.
   bool outer = true;
   bool operator==(const ShadowOptions&) const = default;
 };

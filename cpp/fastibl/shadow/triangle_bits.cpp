@@ -131,12 +131,15 @@ FASTIBL_PICK(draw_low);
 
 }  // namespace
 
-ShadowTriangles::ShadowTriangles(const Mesh& mesh) {
+ShadowTriangles::ShadowTriangles(const Mesh& mesh) : ShadowTriangles(mesh, Pose{}) {}
+
+ShadowTriangles::ShadowTriangles(const Mesh& mesh, const Pose& marker_from_mesh) {
   mesh.validate();
   Builder builder;
   std::vector<int> places;
   places.reserve(mesh.vertices.size());
-  for (const glm::vec3& v : mesh.vertices) places.push_back(builder.add(v));
+  for (const glm::vec3& v : mesh.vertices)
+    places.push_back(builder.add(glm::vec3(marker_from_mesh * glm::dvec3(v))));
   for (const glm::ivec3& t : mesh.triangles) {
     const int corner[3] = {places[std::size_t(t.x)], places[std::size_t(t.y)],
                            places[std::size_t(t.z)]};

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "fastibl/core/pose.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/shadow/plane_bits.h"
@@ -28,6 +29,7 @@ class ShadowTriangles {
  public:
   ShadowTriangles() = default;
   explicit ShadowTriangles(const Mesh& mesh);
+  ShadowTriangles(const Mesh& mesh, const Pose& marker_from_mesh);
 
   bool empty() const { return a_.empty(); }
   int count() const { return int(a_.size()); }
