@@ -94,6 +94,14 @@ def test_a_white_ball_near_the_plane_under_a_uniform_sky():
     added = (gain.sample(far) - ratio.sample(far))[0, 0]
     print(f"5 cm beside it: {added:.4f}, expected {expected:.4f}")
     assert added == pytest.approx(expected, rel=0.05)
+    # Beyond the cells, at 9 cm, it goes on without a step, and fades before 18 cm.
+    away = np.stack([np.arange(0.08, 0.185, 0.0025), np.zeros(42)], -1)
+    d2 = away[:, 0] ** 2 + 0.031**2
+    expected = 5 * 0.03**2 * 0.031 / d2**1.5
+    added = (gain.sample(away.astype(np.float32)) - ratio.sample(away.astype(np.float32)))[:, 0]
+    off, near = added / expected - 1, away[:, 0] < 0.13
+    print(f"8 to 13 cm beside it: off by {np.abs(off[near]).max():.1%}; largest step {-np.diff(added).min():.4f}")
+    assert np.abs(off[near]).max() < 0.12 and (np.diff(added) <= 1e-6).all() and added[-1] < 1e-3
     # Nothing glows and nothing reflects: no bounce, and the gain is the ratio.
     black = session_of(scene_of(mesh, fastibl.Material(diffuse=(0, 0, 0), glossy=(0.5, 0.5, 0.5))), uniform())
     assert "bounce" not in shown(black).passes

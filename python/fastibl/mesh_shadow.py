@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-import threading
 import sys
+import threading
 import time
 import warnings
 import zipfile

@@ -17,6 +17,8 @@ namespace {
 
 constexpr int kSamples = 2;           // of the ratio in a cell, along an edge
 constexpr float kTextureTexels = 64;  // along an edge of the level of a texture that is read
+constexpr int kReach = 2;             // times the exchange's extent
+constexpr float kFade = 0.25f;        // of the way to its end
 constexpr int kViews = 32;            // that what leaves a dielectric is a mean of
 constexpr int kRoughnesses = 16;      // it is worked out for, if there are many
 
@@ -67,11 +69,39 @@ Image<float> mean_change(const ShadowMap& shadow, const PlaneExchange& exchange,
   return change;
 }
 
-// With a ring of zeros around.
-Image<float> ringed(const Image<float>& image) {
-  Image<float> out(image.width + 2, image.height + 2, image.channels);
-  for (int y = 0; y < image.height; ++y)
-    std::copy_n(image.row(y), image.width * image.channels, out.pixel(1, y + 1));
+// Over the cells of an exchange and as far again around them, where what an object sends to the
+// plane falls with the third power of the distance; it fades before the end, where a ring of zeros
+// is.
+Image<float> extended(const Image<float>& cells) {
+  const int n = cells.width, width = 2 * kReach * (n / 2) + n % 2 + 2;
+  const int first = (width - n) / 2;  // of the given cells
+  Image<float> out(width, width, 3);
+  const float middle = 0.5f * float(width - 1), border = 0.5f * float(n - 1),
+              end = 0.5f * float(width - 2);
+  for (int y = 1; y < width - 1; ++y)
+    for (int x = 1; x < width - 1; ++x) {
+      const glm::vec2 p(float(x) - middle, float(y) - middle);
+      const float away = std::max(std::abs(p.x), std::abs(p.y));
+      float* to = out.pixel(x, y);
+      if (away <= border || border <= 0) {
+        const bool inside = x >= first && y >= first && x < first + n && y < first + n;
+        if (inside) std::copy_n(cells.pixel(x - first, y - first), 3, to);
+        continue;
+      }
+      // The border's cells on the way to the middle.
+      const glm::vec2 at = glm::clamp(p * (border / away) + border, 0.0f, float(n - 1));
+      const glm::ivec2 low(glm::min(at, float(std::max(n - 2, 0)))),
+          high = glm::min(low + 1, n - 1);
+      const glm::vec2 part = at - glm::vec2(low);
+      const float fall = border / away, fade = std::min(1.0f, (end - away) / (kFade * end));
+      for (int c = 0; c < 3; ++c) {
+        const float above = glm::mix(cells.pixel(low.x, low.y)[c], cells.pixel(high.x, low.y)[c],
+                                     part.x),
+                    below = glm::mix(cells.pixel(low.x, high.y)[c], cells.pixel(high.x, high.y)[c],
+                                     part.x);
+        to[c] = glm::mix(above, below, part.y) * fall * fall * fall * fade;
+      }
+    }
   return out;
 }
 
@@ -202,7 +232,7 @@ Bounce find_bounce(const PlaneExchange& exchange, const Scene& scene, const Ligh
   for (int c = 0; c < 3; ++c)  // the inverse of a smaller one is not finite
     if (lighting.plane_irradiance[c] > 1e-30f) inverse[c] = 1 / lighting.plane_irradiance[c];
   for (std::size_t i = 0; i < gain.data.size(); ++i) gain.data[i] *= inverse[int(i % 3)];
-  bounce.gain = ringed(gain);
+  bounce.gain = extended(gain);
   bounce.centre = exchange.centre();
   bounce.extent =
       exchange.extent() * float(bounce.gain.width) / float(std::max(exchange.cells(), 1));

@@ -20,7 +20,8 @@ namespace fastibl {
 // Left out: glossy reflection of either, and light that goes to and fro more than once.
 struct Bounce {
   // By the irradiance of the plane without the object: what the object adds to it. Texels as those
-  // of a ShadowMap, in the frame of `motion`; the border ones are 0, as all beyond.
+  // of a ShadowMap, in the frame of `motion`; twice as far as the exchange, the border ones are 0,
+  // as all beyond.
   Image<float> gain;
   glm::vec2 centre{0};
   float extent = 0;

@@ -46,8 +46,8 @@ def calibrate_response(
 
     pictures: (h, w, 3) uint8 RGB of a still place by a still camera. exposures: of each, in any unit. dark: (h, w, 3)
     uint8 with the lens covered, for the black level, which is taken to be 0 without it; the white level is the code
-    that the brightest picture clips at. Raises ValueError for fewer than three exposures, a place that does not show nearly
-    all codes, a dark picture that is not dark, or a curve that pixels do not agree on.
+    that the brightest picture clips at. Raises ValueError for fewer than three exposures, a place that does not show
+    nearly all codes, a dark picture that is not dark, or a curve that pixels do not agree on.
     """
     size_of(pictures)
     times = np.asarray(exposures, np.float32)
