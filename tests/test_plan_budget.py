@@ -1,7 +1,9 @@
 """The plan's choices: within a budget the cheapest, the best where none is, the same in every process."""
 
+import copy
 import json
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -75,6 +77,49 @@ def test_methods_by_name_stay(scene):
     assert paper.methods == fastibl.make_plan(scene, methods="paper").methods
     assert paper.expected_error > 0.02 and not paper.meets_error
     print(f"the paper's methods: {paper.expected_error:.3f}")
+
+
+def test_methods_of_a_plan_can_be_kept_and_given_again(scene):
+    plan = fastibl.make_plan(scene, room(), error=0.02)
+    kept = pickle.loads(pickle.dumps(plan.methods))
+    assert kept == plan.methods == copy.deepcopy(kept)
+    again = fastibl.make_plan(scene, room(), error=0.5, methods=kept)
+    assert again.methods == kept and again.expected_error == plan.expected_error
+    session = fastibl.Session(scene, fastibl.Rig(fastibl.Camera(64, 48, 50.0, 50.0, 32.0, 24.0)), methods=kept)
+    assert session.plan.methods == kept
+
+
+def test_what_was_not_judged_is_not_within_a_budget(scene):
+    plan = fastibl.make_plan(scene, error=0.02)
+    assert not plan.meets_error and not plan.meets_budget and "not judged yet" in str(plan)
+    assert fastibl.make_plan(scene).meets_budget  # nothing was asked for
+    assert fastibl.make_plan(scene, room(), error=0.5).meets_budget
+
+
+def test_a_bill_that_is_not_within_its_budget_does_not_say_that_it_is(scene):
+    """Under one bright texel, with a shadow that is wrong by name."""
+    faces = np.full((6, 16, 16, 3), 1e-3, np.float32)
+    faces[4, 8, 8] = 1e4
+    plan = fastibl.make_plan(scene, fastibl.CubeMap(faces), error=0.005, methods={"shadow": "cap-sum"})
+    assert not plan.meets_error and "NOT within" in str(plan)
+    assert "is within the error budget without" not in str(plan)
+
+
+def test_costs_and_budgets_that_are_none_are_refused(scene):
+    for bad in (-1.0, float("nan"), float("inf")):
+        name = sorted(fastibl.default_costs())[0]
+        with pytest.raises(ValueError, match=f"{name}.*nanoseconds"):
+            fastibl.make_plan(scene, costs={name: bad})
+    with pytest.raises(TypeError, match="error"):
+        fastibl.make_plan(scene, error="0.02")
+
+
+def test_a_plan_is_of_the_scene_that_a_session_draws():
+    """Whether its shadow was baked before or not."""
+    fresh = fastibl.Scene(fastibl.shapes.figurine(0.1), spheres=20)
+    plan = fastibl.make_plan(fresh, room(), error=0.02)
+    assert fresh.baked_shadow is not None
+    assert plan.methods == fastibl.make_plan(fresh, room(), error=0.02).methods
 
 
 def test_pictures_that_have_time_are_less_wrong():
@@ -388,11 +433,10 @@ def test_a_coarse_picture_averages_what_is_wrong_within_its_pixels():
 
 def test_where_a_picture_shows_no_plane_its_shadow_does_not_matter():
     """What the object lacks of the plane's light is counted once, however many shadows are tried."""
-    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)  # of which no session baked the shadow
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)
     picture = {"camera": camera_of(160, 120, 20.0), "camera_from_marker": looking((0, 0.4, 0.12), (0, -0.4, 0.1))}
     tried = fastibl.make_plan(scene, room(), error=0.02, **picture)
-    finest = fastibl.Method("directions", directions=1024)
-    given = fastibl.make_plan(scene, room(), error=0.02, methods={"shadow": finest}, **picture)
+    given = fastibl.make_plan(scene, room(), error=0.02, methods={"shadow": "mesh"}, **picture)
     assert given.best_error == pytest.approx(tried.best_error, rel=1e-6)
 
 

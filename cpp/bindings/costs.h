@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <string>
 
@@ -18,6 +19,8 @@ inline Costs costs_from(const std::map<std::string, double>& given) {
                                     [&](const CostField& f) { return f.name == name; });
     check(field != cost_fields().end(), "costs has no \"", name,
           "\"; fastibl.default_costs() has all names");
+    check(value >= 0 && std::isfinite(value), "costs[\"", name,
+          "\"] must be nanoseconds, at least 0 and finite, got ", value);
     costs.*field->value = value;
   }
   return costs;

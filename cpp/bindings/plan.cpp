@@ -95,7 +95,7 @@ std::string bill(const Plan& plan) {
     text << percent(plan.expected_error()) << " known, " << percent(plan.omission_bound())
          << " at most from what is left out";
   }
-  if (plan.error_budget > 0 && !plan.picture_error && plan.meets_error()) {
+  if (plan.error_budget > 0 && !plan.picture_error && plan.expected_error() <= plan.error_budget) {
     text << "\nnot judged yet, nor whether it is within the error budget of "
          << percent(plan.error_budget);
   } else if (plan.error_budget > 0) {
@@ -172,6 +172,16 @@ void bind_plan(py::module_& module) {
                              [](const Methods& m) { return std::string(name(m.self_shadow)); })
       .def_property_readonly("bounce", [](const Methods& m) { return std::string(name(m.bounce)); })
       .def(py::self == py::self)
+      .def("__reduce__",
+           [](const py::object& self) {
+             py::dict all;
+             for (const char* name : {"tracking", "capture", "diffuse", "diffuse_settings",
+                                      "glossy", "glossy_settings", "normalization", "shadow",
+                                      "shadow_settings", "self_shadow", "bounce"})
+               all[name] = self.attr(name);
+             const py::object make = py::module_::import("functools").attr("partial");
+             return py::make_tuple(make(py::type::of(self), **all), py::tuple());
+           })
       .def("__repr__", [](const Methods& m) {
         return "Methods(tracking='" + std::string(name(m.tracking)) + "', capture='" +
                std::string(name(m.capture)) + "', diffuse='" +
@@ -258,7 +268,8 @@ void bind_plan(py::module_& module) {
                    "print(plan) is the bill.")
       .def_readonly("passes", &Plan::passes, "List of PlannedPass in the order in which they run.")
       .def_readonly("methods", &Plan::methods,
-                    "Method of every step, by attributes of the steps' names.")
+                    "Method of every step, by attributes of the steps' names; for methods= of "
+                    "make_plan and Session, and for pickle.")
       .def_property_readonly(
           "expected_error", &Plan::expected_error,
           "Expected error of the picture, all methods together: RMS over RGB and over the pixels "
@@ -279,8 +290,10 @@ void bind_plan(py::module_& module) {
       .def_readonly("error_budget", &Plan::error_budget, "0: none was asked for.")
       .def_readonly("milliseconds_budget", &Plan::milliseconds_budget, "0: none was asked for.")
       .def_readonly("milliseconds", &Plan::milliseconds, "Expected CPU time of a frame.")
-      .def_property_readonly("meets_error", &Plan::meets_error,
-                             "Whether the assured error is within the budget; True without one.")
+      .def_property_readonly(
+          "meets_error", &Plan::meets_error,
+          "Whether the assured error is within the budget; True without one, and "
+          "False until the picture was judged.")
       .def_property_readonly("meets_milliseconds", &Plan::meets_milliseconds,
                              "Whether the expected time is within the budget; True without one.")
       .def_property_readonly("meets_budget", &Plan::meets_budget, "Both of them.")

@@ -1477,6 +1477,8 @@ class _Methods:
         ...
     def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], self_shadow: str = 'auto', bounce: str = 'auto') -> None:
         ...
+    def __reduce__(self) -> tuple[typing.Any, tuple]:
+        ...
     def __repr__(self) -> str:
         ...
     @property
@@ -1619,7 +1621,7 @@ class Plan:
     @property
     def meets_error(self) -> bool:
         """
-        Whether the assured error is within the budget; True without one.
+        Whether the assured error is within the budget; True without one, and False until the picture was judged.
         """
     @property
     def meets_milliseconds(self) -> bool:
@@ -1629,7 +1631,7 @@ class Plan:
     @property
     def methods(self) -> _Methods:
         """
-        Method of every step, by attributes of the steps' names.
+        Method of every step, by attributes of the steps' names; for methods= of make_plan and Session, and for pickle.
         """
     @property
     def milliseconds(self) -> float:

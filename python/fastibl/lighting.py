@@ -115,8 +115,11 @@ def method_settings(method: str | Method) -> dict[str, int]:
     return dict(method.settings) if isinstance(method, Method) else {}
 
 
-def resolve_methods(given: str | Mapping[str, str | Method]) -> _Methods:
-    """All steps of "auto", "paper", or a mapping from step (or "normalization") to method; the rest is automatic."""
+def resolve_methods(given: str | Mapping[str, str | Method] | _Methods) -> _Methods:
+    """All steps of "auto", "paper", of a plan's methods, or of a mapping from step (or "normalization") to method; the
+    rest is automatic."""
+    if isinstance(given, _Methods):
+        return given
     if isinstance(given, str):
         if given not in ("auto", "paper"):
             raise ValueError(f'methods must be "auto", "paper" or a mapping, got {given!r}')

@@ -21,6 +21,7 @@ from ._fastibl import (
     Rig,
     Scene,
     _make_plan,
+    _Methods,
     _sample_scene,
     _SceneSamples,
     _Session,
@@ -32,7 +33,7 @@ from .mesh_shadow import MeshShadow
 from .recording import Frame
 from .tracking import detect
 
-Methods = str | Mapping[str, str | Method]
+Methods = str | Mapping[str, str | Method] | _Methods
 
 
 def make_plan(
@@ -56,29 +57,35 @@ def make_plan(
     this light at places of this scene whose true light is known by rays, and timed by `costs`.
 
     environment: what is known of the light; a CubeMap is a map known everywhere. error, milliseconds: budgets, 0 for
-    none. methods: "auto", "paper" or a mapping from step to method. track, capture: whether poses and map come from
-    pictures; capture defaults to whether no environment is given. costs: nanoseconds by name of this machine, see
-    fastibl.costs.machine_costs; a built-in table by default. offline: pictures rather than a live view: methods that
-    take tenths of a second for one are among those that "auto" chooses from. camera, camera_from_marker: of the
-    picture that is planned; errors are of it. Without them the frame has 640 x 480 pixels, errors are of eight views
-    all round, and what is promised holds for the worst of them; so where the picture shows nothing of the object.
-    Raises ValueError for unknown names, negative budgets, or a camera without its pose.
+    none. methods: "auto", "paper", a mapping from step to method, or another plan's. track, capture: whether poses and
+    map come from pictures; capture defaults to whether no environment is given. costs: nanoseconds by name of this
+    machine, see fastibl.costs.machine_costs; a built-in table by default. offline: pictures rather than a live view:
+    methods that take tenths of a second for one are among those that "auto" chooses from. camera, camera_from_marker:
+    of the picture that is planned; errors are of it. Without them the frame has 640 x 480 pixels, errors are of eight
+    views all round, and what is promised holds for the worst of them; so where the picture shows nothing of the object.
+    A scene that has no baked_shadow yet gets one, as by Session. Raises ValueError for unknown names, negative budgets,
+    or a camera without its pose.
     """
     if (camera is None) != (camera_from_marker is None):
         raise ValueError("camera and camera_from_marker must both be given, or neither")
     expect(scene, Scene, "scene")
+    for name, number in (("error", error), ("milliseconds", milliseconds)):
+        expect(number, (Real, type(None)), name)
+    resolved = resolve_methods(methods)
+    if cast_shadow:
+        bake_shadow(scene, resolved.shadow)
     environment = _known(environment)
     if capture is None:
         capture = environment is None
     return _make_plan(
         scene,
         environment,
-        resolve_methods(methods),
+        resolved,
         track,
         capture,
         cast_shadow,
-        float(error),
-        float(milliseconds),
+        float(error or 0),
+        float(milliseconds or 0),
         dict(costs or {}),
         bool(offline),
         camera.width if camera else 640,
@@ -269,6 +276,11 @@ class Session(_Session):
         self._set_methods(resolved)
         self._shadow = resolved.shadow
         self._bake()
+
+    def set_budgets(self, error: float | None = None, milliseconds: float | None = None) -> None:
+        """Keep to other budgets from the next frame on, None or 0 for none. Raises ValueError for values that are
+        negative or not finite."""
+        super().set_budgets(float(error or 0), float(milliseconds or 0))
 
     def set_cast_shadow(self, cast: bool) -> None:
         """Switch the shadow on or off; bakes the mesh as the constructor does."""

@@ -163,7 +163,9 @@ std::optional<double> Plan::light_error() const {
   return std::nullopt;
 }
 
-bool Plan::meets_error() const { return error_budget == 0 || assured_error() <= error_budget; }
+bool Plan::meets_error() const {
+  return error_budget == 0 || (picture_error && picture_assured <= error_budget);
+}
 
 double Plan::omission_bound() const {
   double sum = 0;
@@ -175,6 +177,7 @@ double Plan::omission_bound() const {
 namespace {
 
 constexpr const char* kWithinBudget = "the picture is within the error budget without it";
+constexpr const char* kNoHelp = "with it the picture comes no nearer to the error budget";
 constexpr const char* kNoTime = "the time budget leaves none for it";
 
 // Methods by what they leave wrong under this light, where that was measured and there is a budget.
@@ -288,10 +291,10 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     plan.picture_error = choice->error, plan.best_error = choice->best_error;
     plan.picture_assured = choice->assured, plan.best_assured = choice->best_assured;
   }
-  const char* dispensable =
-      options.milliseconds > 0 && !(choice && options.error > 0 && choice->assured <= options.error)
-          ? kNoTime
-          : kWithinBudget;
+  const bool within = choice && options.error > 0 && choice->assured <= options.error;
+  const char* dispensable = options.milliseconds > 0 && !within      ? kNoTime
+                            : choice && options.error > 0 && !within ? kNoHelp
+                                                                     : kWithinBudget;
   const Methods& methods = plan.methods;
   plan.error_budget = options.error, plan.milliseconds_budget = options.milliseconds;
   // The nearest face of the paper's look-up may be another one there.
