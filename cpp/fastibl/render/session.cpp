@@ -27,7 +27,7 @@ constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kLookAroundInTurns = 1;  // seconds: each costs as much as a picture's capture
 constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
 // Share of the light that differs when methods are chosen anew.
-constexpr float kOtherLight = 0.25f;
+constexpr float kOtherLight = 0.25f, kOtherCompactLight = 0.05f;
 constexpr int kStream = 3;           // frames in a row that come with light of their own
 constexpr int kStill = 30;           // frames without, after which it stays again
 constexpr int kLeastFrames = 60;     // from one time to the next: it takes as long as some frames
@@ -140,21 +140,40 @@ void Session::make_stale() {
 
 namespace {
 
-// Mean radiance of the faces.
-std::vector<glm::vec3> faces_of(const CubeMap& map) {
+constexpr int kCoarse = 16;    // texels along a face that light is summed up by
+constexpr float kCompact = 8;  // times the mean radiance, from where on light is compact
+
+LightSummary summary_of(const CubeMap& map) {
+  LightSummary light;
   const CubeLevel& top = map.level(map.level_count() - 1);
-  std::vector<glm::vec3> faces;
-  for (int f = 0; f < 6; ++f) faces.push_back(top.texel(f, 0, 0));
-  return faces;
+  glm::vec3 mean(0);
+  for (int f = 0; f < 6; ++f) mean += (light.faces[std::size_t(f)] = top.texel(f, 0, 0)) / 6.0f;
+  const CubeLevel& level = map.level_at_most(kCoarse);
+  const float all = mean.x + mean.y + mean.z, limit = kCompact * all;
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < level.size(); ++y)
+      for (int x = 0; x < level.size(); ++x) {
+        const glm::vec3 texel = level.texel(f, x, y);
+        light.compact += std::max(texel.x + texel.y + texel.z - limit, 0.0f);
+      }
+  const float texels = 6.0f * float(level.size()) * float(level.size());
+  light.compact = all > 0 ? light.compact / (texels * all) : 0;
+  return light;
 }
 
-// By so much of its light the map differs from another.
-float difference(const std::vector<glm::vec3>& a, const std::vector<glm::vec3>& b) {
+// By so much of its light the map differs from another, face by face.
+float difference(const LightSummary& a, const LightSummary& b) {
   float off = 0, all = 0;
-  for (std::size_t f = 0; f < a.size(); ++f)
+  for (std::size_t f = 0; f < a.faces.size(); ++f)
     for (int c = 0; c < 3; ++c)
-      off += std::abs(a[f][c] - b[f][c]), all += std::max(a[f][c], b[f][c]);
+      off += std::abs(a.faces[f][c] - b.faces[f][c]), all += std::max(a.faces[f][c], b.faces[f][c]);
   return all > 0 ? off / all : 0;
+}
+
+// Whether what was measured by one map says little of another. A small lamp hardly changes its
+// face, but all of the shadow.
+bool is_other_light(const LightSummary& a, const LightSummary& b) {
+  return difference(a, b) > kOtherLight || std::abs(a.compact - b.compact) > kOtherCompactLight;
 }
 
 // Whether two maps light a scene alike, and are as well known; never where lights have places.
@@ -175,7 +194,7 @@ void Session::choose_methods() {
     choice.offline = options_.offline, choice.by_pixel = renderer_->shares_pixels();
     measurement_.emplace(scene_, scene_.samples.get(), radiance, options_.methods,
                          candidates(options_.methods, choice), options_.cast_shadow);
-    measured_light_ = faces_of(environment_->radiance);
+    measured_light_ = summary_of(environment_->radiance);
   }
   if (measurement_) {
     // At once where there is nothing to choose by, or one late frame is better than many; else a
@@ -304,10 +323,9 @@ void Session::set_environment(std::shared_ptr<const Environment> environment) {
   // moves, and what can be seen of that fades; methods are judged anew where much of it is new.
   bool little = false, judged = false;
   if (fixed_environment_ && environment && since_set_ == 1) {
-    const std::vector<glm::vec3> light = faces_of(environment->radiance);
-    little = difference(light, faces_of(environment_->radiance)) <= kOtherLight;
-    judged =
-        !measured_.empty() && !measure_due_ && difference(light, measured_light_) <= kOtherLight;
+    const LightSummary light = summary_of(environment->radiance);
+    little = difference(light, summary_of(environment_->radiance)) <= kOtherLight;
+    judged = !measured_.empty() && !measure_due_ && !is_other_light(light, *measured_light_);
   }
   set_in_a_row_ = little ? set_in_a_row_ + 1 : 0, since_set_ = 0, since_new_ = 0;
   const bool moves = set_in_a_row_ >= kStream;
@@ -772,14 +790,15 @@ FrameResult Session::process(const Frame& frame) {
   const std::shared_ptr<const Environment> before = environment_;
   if (lights) stale_ |= std::exchange(held_, 0);
   run(due_passes(plan_, wanted, stale_));
-  if (lights) light_lag_ = difference(faces_of(environment_->radiance), faces_of(before->radiance));
+  if (lights)
+    light_lag_ = difference(summary_of(environment_->radiance), summary_of(before->radiance));
   ++since_measured_, ++since_set_, ++since_new_;
   if (set_in_a_row_ >= kStream && since_new_ >= kStill)  // methods for light that stays
     set_in_a_row_ = 0, measure_due_ = true;
   if (!fixed_environment_ && environment_)
-    measure_due_ = measure_due_ || measured_light_.empty() ||
+    measure_due_ = measure_due_ || !measured_light_ ||
                    (since_measured_ >= kLeastFrames &&
-                    difference(faces_of(environment_->radiance), measured_light_) > kOtherLight);
+                    is_other_light(summary_of(environment_->radiance), *measured_light_));
   update_plan();  // its errors, now that this frame's light is known
   if (pose)
     result.image = renderer_->image();

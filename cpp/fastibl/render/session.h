@@ -2,6 +2,7 @@
 // object.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -96,6 +97,12 @@ struct SessionOptions {
   bool adapt = true;
   Costs costs = {};  // of this machine, see measure_costs.h; of interest for `milliseconds` alone
   bool offline = false;  // see CandidateOptions
+};
+
+// What of a map is looked at to tell whether it is another light.
+struct LightSummary {
+  std::array<glm::vec3, 6> faces;  // mean radiances
+  float compact = 0;               // share of all light that is far above the mean
 };
 
 class Session {
@@ -212,11 +219,11 @@ class Session {
   Plan plan_;
   MeasuredErrors measured_;
   std::optional<ErrorMeasurement> measurement_;  // that goes on
-  std::vector<glm::vec3> measured_light_;        // face by face
+  std::optional<LightSummary> measured_light_;
   bool measure_due_ = true, choose_due_ = false;
   // Frames: methods judged, light given, light given that is new.
   int since_measured_ = 0, since_set_ = 0, since_new_ = 0;
-  int set_in_a_row_ = 0;                    // times that light was given frame after frame
+  int set_in_a_row_ = 0;  // times that light was given frame after frame
   TimeBudget time_;
   LightTurns turns_;
   bool in_turns_ = false;  // this frame
