@@ -173,6 +173,18 @@ def test_what_has_no_sharp_edges_or_normals_of_its_own_stays_as_it_is():
     assert drawn(flat)[0] == flat
 
 
+def test_a_vertex_of_very_many_triangles_takes_no_time():
+    """A fan of 200 000: each compared with each would take minutes."""
+    n = 200_000
+    a = np.arange(n) * 2 * np.pi / n
+    ring = np.stack([np.cos(a), np.sin(a), np.zeros(n)], -1)
+    i = np.arange(n)
+    fan = fastibl.Mesh(np.concatenate([ring, [[0, 0, 1]]]), np.stack([i, (i + 1) % n, np.full(n, n)], -1))
+    made, along = drawn(fan)
+    np.testing.assert_allclose(made.normals[n], (0, 0, 1), atol=1e-4)
+    assert len(made.vertices) == n + 1 and along.min() > 0.7
+
+
 def test_rays_do_not_slip_through_closed_meshes():
     mesh = fastibl.stand(fastibl.shapes.figurine(), height=0.15)
     rng, n = np.random.default_rng(0), 1_000_000

@@ -22,6 +22,8 @@ void normalize_all(std::vector<glm::vec3>& normals) {
 }
 
 constexpr float kCrease = 0.5f;  // cosine of 60°, between triangles
+// Triangles that meet at a vertex; more are taken for smooth: each would be compared with each.
+constexpr std::size_t kMostAround = 1000;
 
 // Visits the corners of all triangles that have an area: visit(triangle, k, normal, angle). In
 // double: an area in float would overflow from edges of 1e10 on, and vanish below 1e-11.
@@ -209,10 +211,12 @@ Mesh with_creases(Mesh mesh) {
   std::vector<glm::vec3> normals(given, glm::vec3(0));
   for (std::size_t i = 0; i < given; ++i) {
     std::vector<std::pair<glm::vec3, int>> found;  // normals, and the vertex that has each
+    const bool all = corners[i].size() > kMostAround;
     for (const Corner& c : corners[i]) {
       glm::vec3 sum(0);
+      if (all && !found.empty()) break;  // every corner has the vertex itself
       for (const Corner& other : corners[i])
-        if (glm::dot(c.normal, other.normal) > kCrease) sum += other.angle * other.normal;
+        if (all || glm::dot(c.normal, other.normal) > kCrease) sum += other.angle * other.normal;
       auto at = std::find_if(found.begin(), found.end(),
                              [&](const auto& one) { return one.first == sum; });
       if (at == found.end()) {
