@@ -20,7 +20,6 @@ typedef float Unaligned __attribute__((vector_size(32), aligned(4)));  // Wide a
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr int kLeafSize = 8;  // at most, unless centres coincide
 constexpr int kBins = 16;
-constexpr double kBeyond = 4e-6;  // of a triangle: rounding of its edges
 constexpr int kBvhDepth = 64;     // of the stacks
 constexpr int kBinnedDepth = 30;  // deeper, triangles are halved by rank: 2^31 of them fit below
 
@@ -177,13 +176,9 @@ Bvh::Bvh(const Mesh& mesh) {
   }
 }
 
-// visit(triangle, t, u, v) returns true to stop; t_max may be lowered by it. beyond: by how much of
-// its size a triangle is widened. Real: of the test of a triangle; in float one ray of 100 000
-// slips between two.
-template <typename Real, typename Visit>
-void Bvh::traverse(const Ray& ray, Real beyond, float& t_max, Visit&& visit) const {
-  using Vector = glm::vec<3, Real>;
-  const Vector origin(ray.origin), direction(ray.direction);
+// visit(triangle, t, u, v) returns true to stop; t_max may be lowered by it.
+template <typename Visit>
+void Bvh::traverse(const Ray& ray, float& t_max, Visit&& visit) const {
   if (nodes_.empty()) return;
   glm::vec3 inverse;  // finite, so that nothing below is 0 · inf
   for (int k = 0; k < 3; ++k)
@@ -203,19 +198,18 @@ void Bvh::traverse(const Ray& ray, Real beyond, float& t_max, Visit&& visit) con
         for (int i = node.first; i < node.first + node.count; ++i) {
           // Möller and Trumbore 1997, Fast, Minimum Storage Ray/Triangle Intersection.
           const Corner& c = corners_[std::size_t(i)];
-          const Vector edge1(c.edge1), edge2(c.edge2);
-          const Vector p = glm::cross(direction, edge2);
-          const Real det = glm::dot(edge1, p);
+          const glm::vec3 p = glm::cross(ray.direction, c.edge2);
+          const float det = glm::dot(c.edge1, p);
           if (det == 0) continue;
-          const Real inv = 1 / det;
-          const Vector s = origin - Vector(c.origin);
-          const Real u = glm::dot(s, p) * inv;
-          if (!(u >= -beyond && u <= 1 + beyond)) continue;
-          const Vector q = glm::cross(s, edge1);
-          const Real v = glm::dot(direction, q) * inv;
-          if (!(v >= -beyond && u + v <= 1 + beyond)) continue;
-          const float t = float(glm::dot(edge2, q) * inv);
-          if (t > ray.t_min && t < t_max && visit(c.index, t, float(u), float(v))) return;
+          const float inv = 1 / det;
+          const glm::vec3 s = ray.origin - c.origin;
+          const float u = glm::dot(s, p) * inv;
+          if (!(u >= 0 && u <= 1)) continue;
+          const glm::vec3 q = glm::cross(s, c.edge1);
+          const float v = glm::dot(ray.direction, q) * inv;
+          if (!(v >= 0 && u + v <= 1)) continue;
+          const float t = glm::dot(c.edge2, q) * inv;
+          if (t > ray.t_min && t < t_max && visit(c.index, t, u, v)) return;
         }
       } else {
         stack[depth++] = node.first;
@@ -231,23 +225,22 @@ void Bvh::traverse(const Ray& ray, Real beyond, float& t_max, Visit&& visit) con
 bool Bvh::occluded(const Ray& ray) const {
   bool hit = false;
   float t_max = ray.t_max;
-  traverse(ray, 0.0f, t_max, [&](int, float, float, float) { return hit = true; });
+  traverse(ray, t_max, [&](int, float, float, float) { return hit = true; });
   return hit;
 }
 
 int Bvh::count_hits(const Ray& ray) const {
   int count = 0;
   float t_max = ray.t_max;
-  traverse(ray, 0.0f, t_max, [&](int, float, float, float) { return ++count, false; });
+  traverse(ray, t_max, [&](int, float, float, float) { return ++count, false; });
   return count;
 }
 
 Bvh::Hit Bvh::nearest(const Ray& ray) const {
   Hit hit;
   float t_max = ray.t_max;
-  traverse(ray, kBeyond, t_max, [&](int triangle, float t, float u, float v) {
-    u = std::clamp(u, 0.0f, 1.0f);
-    hit = {triangle, t, u, std::clamp(v, 0.0f, 1 - u)};
+  traverse(ray, t_max, [&](int triangle, float t, float u, float v) {
+    hit = {triangle, t, u, v};
     t_max = t;
     return false;
   });

@@ -61,8 +61,8 @@ class Bvh {
   };
 
  private:
-  template <typename Real, typename Visit>
-  void traverse(const Ray& ray, Real beyond, float& t_max, Visit&& visit) const;
+  template <typename Visit>
+  void traverse(const Ray& ray, float& t_max, Visit&& visit) const;
 
   std::vector<Node> nodes_;
   std::vector<Corner> corners_;
