@@ -25,9 +25,9 @@ TEST_CASE("rows of codes are decoded and encoded as single ones are") {
   std::vector<float> steep = {0.0f, 1e-6f, 2e-6f, 0.5f, 1.0f};
   std::mt19937 random(0);
   std::uniform_real_distribution<float> light(-0.1f, 1.2f);
-  for (const Response& response : {Response::srgb(), Response::gamma(2.2), Response::gamma(0.3),
-                                   Response::from_curve(steep),
-                                   Response::srgb().between(16 / 255.0, 235 / 255.0)}) {
+  for (const Response& response :
+       {Response::srgb(), Response::gamma(2.2), Response::gamma(0.3), Response::from_curve(steep),
+        Response::srgb().between(16 / 255.0, 235 / 255.0)}) {
     const ByteResponse table(response);
     std::vector<float> linear(4001);
     for (float& v : linear) v = light(random);
