@@ -348,9 +348,9 @@ def test_starting_anew_ends_a_recording_unless_time_goes_on(run):
         client.until(lambda s: s["recording"] and s["recording"]["written"] > 5)
         session = loop._session
         client.change(restart=True)
-        state = client.until(
-            lambda s, loop=loop, session=session: loop._session is not session and s["state"] == "running"
-        )
+        client.until(lambda _, loop=loop, session=session: loop._session is not session)
+        last = loop.latest.get().picture  # of the session before, perhaps; the one after it is not
+        state = client.until(lambda s, last=last: s["picture"] > last + 1 and s["state"] == "running")
         assert bool(state["recording"]) == live
         client.change(record=False)
         client.until(lambda s: any("recorded" in m["text"] for m in s["messages"]))
