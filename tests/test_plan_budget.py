@@ -112,6 +112,11 @@ def test_costs_and_budgets_that_are_none_are_refused(scene):
             fastibl.make_plan(scene, costs={name: bad})
     with pytest.raises(TypeError, match="error"):
         fastibl.make_plan(scene, error="0.02")
+    session = fastibl.Session(scene, fastibl.Rig(fastibl.Camera(64, 48, 50.0, 50.0, 32.0, 24.0)))
+    with pytest.raises(TypeError, match="milliseconds"):
+        session.set_budgets(None, "8")
+    session.set_budgets(None, None)
+    assert session.plan.error_budget == session.plan.milliseconds_budget == 0
 
 
 def test_a_plan_is_of_the_scene_that_a_session_draws():

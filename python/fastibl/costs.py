@@ -5,12 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 from pathlib import Path
 
 from ._fastibl import __version__, _default_costs, _measure_costs
 from .machine import cpu
-from .mesh_shadow import cache_folder
+from .mesh_shadow import cache_folder, part_of
 
 
 def default_costs() -> dict[str, float]:
@@ -42,7 +41,7 @@ def machine_costs(measure: bool = True) -> dict[str, float]:
     if path is None:
         return costs
     text = json.dumps({"cpu": cpu(), "nanoseconds": costs}, indent=1)
-    part = path.with_suffix(f".{os.getpid()}.part")
+    part = part_of(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         part.write_text(text, encoding="utf-8")

@@ -210,10 +210,15 @@ def _checksum(tables: list[NDArray]) -> int:
     return total
 
 
+def part_of(path: Path) -> Path:
+    """A name beside a file's, to write it under first, that no other process or thread takes."""
+    return path.with_suffix(f".{os.getpid()}-{threading.get_ident()}.part")
+
+
 def _write(path: Path, baked: Any) -> None:
     """Under another name first: who reads sees the whole file or none. A disk that is full or closed is no error."""
     tables = baked.tables
-    part = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}.part")
+    part = part_of(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with part.open("wb") as file:

@@ -69,8 +69,7 @@ def make_plan(
     if (camera is None) != (camera_from_marker is None):
         raise ValueError("camera and camera_from_marker must both be given, or neither")
     expect(scene, Scene, "scene")
-    for name, number in (("error", error), ("milliseconds", milliseconds)):
-        expect(number, (Real, type(None)), name)
+    budgets = _budgets(error, milliseconds)
     resolved = resolve_methods(methods)
     if cast_shadow:
         bake_shadow(scene, resolved.shadow)
@@ -84,8 +83,7 @@ def make_plan(
         track,
         capture,
         cast_shadow,
-        float(error or 0),
-        float(milliseconds or 0),
+        *budgets,
         dict(costs or {}),
         bool(offline),
         camera.width if camera else 640,
@@ -110,6 +108,13 @@ def bake_shadow(scene: Scene, method: str = "auto") -> None:
     takes seconds for a mesh that was not baked before."""
     if scene.baked_shadow is None and (method == "mesh" or (method == "auto" and len(scene.spheres))):
         scene.baked_shadow = MeshShadow(scene.mesh)
+
+
+def _budgets(error: float | None, milliseconds: float | None) -> tuple[float, float]:
+    """0 for none."""
+    for name, number in (("error", error), ("milliseconds", milliseconds)):
+        expect(number, (Real, type(None)), name)
+    return float(error or 0), float(milliseconds or 0)
 
 
 def _known(environment: Environment | CubeMap | None) -> Environment | None:
@@ -172,8 +177,7 @@ class Session(_Session):
         expect(scene, Scene, "scene")
         expect(rig, Rig, "rig")
         expect(board, (_CoreBoard, type(None)), "board", "light that is known is given as environment=")
-        for name, number in (("error", error), ("milliseconds", milliseconds)):
-            expect(number, (Real, type(None)), name)
+        budgets = _budgets(error, milliseconds)
         environment = _known(environment)
         resolved = resolve_methods(methods)
         self._drawn, self._shadow, self._casts = scene, resolved.shadow, bool(cast_shadow)
@@ -188,8 +192,7 @@ class Session(_Session):
             detector if board is not None else None,
             "cpu" if backend == "auto" else backend,
             resolved,
-            float(error or 0),
-            float(milliseconds or 0),
+            *budgets,
             size,
             cast_shadow,
             float(distance),
@@ -279,8 +282,8 @@ class Session(_Session):
 
     def set_budgets(self, error: float | None = None, milliseconds: float | None = None) -> None:
         """Keep to other budgets from the next frame on, None or 0 for none. Raises ValueError for values that are
-        negative or not finite."""
-        super().set_budgets(float(error or 0), float(milliseconds or 0))
+        negative or not finite, TypeError for what is no number."""
+        super().set_budgets(*_budgets(error, milliseconds))
 
     def set_cast_shadow(self, cast: bool) -> None:
         """Switch the shadow on or off; bakes the mesh as the constructor does."""
