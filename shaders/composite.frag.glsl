@@ -13,7 +13,7 @@
 uniform ivec2 corner;        // first pixel of the area that is drawn
 uniform vec4 intrinsics;     // fx fy cx cy
 uniform float exposure;      // times gain
-uniform vec2 levels;         // of the response
+uniform vec2 levels;         // black and white of the response, as codes
 uniform sampler2D response;  // row 0: linear value of each code; row 1: linear value where it ends
 uniform sampler2D guess;     // for each of 4096 equal steps: code at its lower end, and where it ends
 layout(location = 0) out vec4 picture;

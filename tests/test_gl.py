@@ -104,6 +104,7 @@ CAMERAS = {
     # Steep where dark: many codes within one step of the table of guesses.
     "steep": dict(response=fastibl.Response.gamma(4.0)),
     "video": dict(response=fastibl.Response.srgb().between(16 / 255, 235 / 255)),
+    "lifted": dict(response=fastibl.Response.srgb().between(7.5 / 255, 251.5 / 255)),  # between two codes
 }
 POSES = {
     "usual": look_at((0.2, -0.25, 0.2)),

@@ -27,7 +27,8 @@ TEST_CASE("rows of codes are decoded and encoded as single ones are") {
   std::uniform_real_distribution<float> light(-0.1f, 1.2f);
   for (const Response& response :
        {Response::srgb(), Response::gamma(2.2), Response::gamma(0.3), Response::from_curve(steep),
-        Response::srgb().between(16 / 255.0, 235 / 255.0)}) {
+        Response::srgb().between(16 / 255.0, 235 / 255.0),
+        Response::srgb().between(7.5 / 255.0, 251.5 / 255.0)}) {
     const ByteResponse table(response);
     std::vector<float> linear(4001);
     for (float& v : linear) v = light(random);

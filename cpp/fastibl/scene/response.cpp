@@ -55,8 +55,8 @@ Response Response::between(double black, double white) const {
 
 float Response::black() const {
   if (curve.empty()) return 0;
-  const auto above = std::find_if(curve.begin(), curve.end(), [](float v) { return v > 0; });
-  return float(above - curve.begin() - 1) / float(curve.size() - 1);
+  return float(std::upper_bound(curve.begin(), curve.end(), 0.0f) - curve.begin() - 1) /
+         float(curve.size() - 1);
 }
 
 float Response::white() const {
@@ -120,7 +120,8 @@ ByteResponse::ByteResponse(const Response& response) : clipped_code_(response.cl
     if (upper_[std::size_t(k)] * kGuesses < 1)
       upper_[std::size_t(k)] = std::ceil(upper_[std::size_t(k)] * 0x1p36f) * 0x1p-36f;
   }
-  white_ = std::uint8_t(std::ceil(response.white() * 255 - 1e-3f));
+  // Of what is just below white, so that a level between two codes is one of them for both.
+  while (white_ > 0 && upper_[std::size_t(white_) - 1] >= 1) --white_;
   int code = 0;
   for (int i = 0; i < kGuesses; ++i) {
     while (float(i) / kGuesses >= upper_[std::size_t(code)]) ++code;

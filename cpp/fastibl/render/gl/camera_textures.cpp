@@ -16,6 +16,7 @@ void CameraTextures::upload_response(Gpu& gpu, const Response& response) {
   if (response_.id && response == response_of_) return;
   const ByteResponse table(response);
   const int white = table.encode(1);
+  levels_ = glm::vec2(float(table.encode(0)), float(white)) / 255.0f;
   std::vector<float> rows(512);
   for (int k = 0; k < 256; ++k) {
     rows[std::size_t(k)] = table.decode(std::uint8_t(k));

@@ -67,7 +67,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   set_camera(p, camera);
   glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   glUniform1f(p.uniform("exposure"), float(in.exposure * camera.gain));
-  if (!matte) glUniform2f(p.uniform("levels"), camera.response.black(), camera.response.white());
+  if (!matte) glUniform2f(p.uniform("levels"), camera_.levels().x, camera_.levels().y);
   glUniform4i(p.uniform("object_area"), object_area.x0, object_area.y0, object_area.x1,
               object_area.y1);
   glUniform4f(p.uniform("ratio_place"), place.centre.x, place.centre.y, place.extent,
