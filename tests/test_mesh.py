@@ -119,7 +119,7 @@ def test_what_is_no_scene_is_refused():
     assert scene.material == fastibl.Material() and scene.marker_from_object == fastibl.Pose()
 
 
-def prism(around, rounded=True):
+def prism(around):
     """A closed prism around the z axis, one vertex a corner."""
     a = np.arange(around) * 2 * np.pi / around
     ring = np.stack([np.cos(a), np.sin(a), np.zeros(around)], -1)

@@ -98,8 +98,8 @@ are drawn for each direction of light instead, as by "directions" its spheres ar
           R"(Real objects as meshes, marker frame: tuple of Mesh, empty by default; set from any sequence of them.
 
 Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
-leaves of the light on that surface. A mesh that is not closed is taken to face the object. Set it before a Session is made. They keep no light from the virtual object, nor
-its shadow from the plane behind them.)")
+leaves of the light on that surface. A mesh that is not closed is taken to face the object. Set it before a Session is
+made. They keep no light from the virtual object, nor its shadow from the plane behind them.)")
       .def("__repr__", [](const Scene& s) {
         return "<fastibl.Scene of " + std::to_string(s.given_mesh().triangles.size()) +
                " triangles, " + std::to_string(s.spheres.size()) + " spheres>";

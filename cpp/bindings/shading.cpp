@@ -111,8 +111,8 @@ void bind_shading(py::module_& module) {
 
 rays: number a vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included;
 triangles hide from both sides. spheres: (m, 4), x y z radius in the mesh's frame, which hide instead of the
-triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster; RMS error 0.02 of spot, 0.05 of a
-figurine with thin parts, 0.4 of a laptop: fitted spheres do not fill thin things.
+triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster; RMS error 0.02 of
+spot, 0.05 of a figurine with thin parts, 0.4 of a laptop: fitted spheres do not fill thin things.
 Raises ValueError for rays < 1.)");
 
   py::class_<SelfShadow>(module, "SelfShadow",

@@ -238,10 +238,9 @@ Raises ValueError for another shape, method or number, TypeError for integers.)"
 
 resolution: texels along an edge; 0 is the method's own: 128 for "directions", 64 for the others. extent: half the map's
 edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the middle of the
-spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510, but eight times
-the extent at most; without,
-and by the other methods, the ratio fades to 1 over the outer tenth of the map. Raises
-ValueError for another shape or method and for numbers out of range.)");
+spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510, but
+eight times the extent at most; without, and by the other methods, the ratio fades to 1 over the outer tenth of the map.
+Raises ValueError for another shape or method and for numbers out of range.)");
   py::class_<DirectionShadow>(
       module, "DirectionShadow",
       R"(Casts the shadows of one object, frame by frame, by method "directions".

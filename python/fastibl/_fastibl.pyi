@@ -1115,8 +1115,8 @@ class Scene:
         Real objects as meshes, marker frame: tuple of Mesh, empty by default; set from any sequence of them.
 
         Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
-        leaves of the light on that surface. A mesh that is not closed is taken to face the object. Set it before a Session is made. They keep no light from the virtual object, nor
-        its shadow from the plane behind them.
+        leaves of the light on that surface. A mesh that is not closed is taken to face the object. Set it before a Session is
+        made. They keep no light from the virtual object, nor its shadow from the plane behind them.
         """
     @holdouts.setter
     def holdouts(self, arg1: collections.abc.Sequence[Mesh]) -> None:
@@ -1927,8 +1927,8 @@ def ambient_occlusion(mesh: Mesh, rays: typing.SupportsInt | typing.SupportsInde
 
     rays: number a vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included;
     triangles hide from both sides. spheres: (m, 4), x y z radius in the mesh's frame, which hide instead of the
-    triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster; RMS error 0.02 of spot, 0.05 of a
-    figurine with thin parts, 0.4 of a laptop: fitted spheres do not fill thin things.
+    triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster; RMS error 0.02 of
+    spot, 0.05 of a figurine with thin parts, 0.4 of a laptop: fitted spheres do not fill thin things.
     Raises ValueError for rays < 1.
     """
 def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, directions: typing.SupportsInt | typing.SupportsIndex = 256, outer: bool = True) -> ShadowMap:
@@ -1937,10 +1937,9 @@ def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolu
 
     resolution: texels along an edge; 0 is the method's own: 128 for "directions", 64 for the others. extent: half the map's
     edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the middle of the
-    spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510, but eight times
-    the extent at most; without,
-    and by the other methods, the ratio fades to 1 over the outer tenth of the map. Raises
-    ValueError for another shape or method and for numbers out of range.
+    spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510, but
+    eight times the extent at most; without, and by the other methods, the ratio fades to 1 over the outer tenth of the map.
+    Raises ValueError for another shape or method and for numbers out of range.
     """
 def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128, filter: str = 'area') -> CubeMap:
     """
