@@ -1,17 +1,18 @@
 #include "fastibl/render/gl/composite_pass.h"
 
 #include <algorithm>
+#include <cstring>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 namespace fastibl {
 namespace {
 
-// An RGBA8 texture that is at least so large; its first pixels from `data`.
-void fill(Gpu& gpu, Texture& t, int width, int height, const std::uint8_t* data) {
-  gpu.allocate(t, GL_RGBA8, std::max(width, t.width), std::max(height, t.height), GL_RGBA,
+// A texture that is at least so large: it does not shrink with the area from frame to frame.
+void make_room(Gpu& gpu, Texture& t, GLenum internal, GLenum format, int width, int height) {
+  gpu.allocate(t, internal, std::max(width, t.width), std::max(height, t.height), format,
                GL_UNSIGNED_BYTE);
-  if (data) glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, data);
 }
 
 }  // namespace
@@ -47,16 +48,13 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   camera_.upload_response(gpu, camera.response);
   if (rays) camera_.upload_rays(gpu, camera);
   if (!matte) {
-    std::vector<std::uint8_t> part(std::size_t(width) * std::size_t(height) * 4);
-    for (int y = 0; y < height; ++y) {
-      const std::uint8_t* from = bytes_.pixel(area_.x0, area_.y0 + y);
-      std::uint8_t* to = &part[std::size_t(y) * std::size_t(width) * 4];
-      for (int x = 0; x < width; ++x, from += 3, to += 4)
-        to[0] = from[0], to[1] = from[1], to[2] = from[2], to[3] = 255;
-    }
-    fill(gpu, back_, width, height, part.data());
+    make_room(gpu, back_, GL_RGB8, GL_RGB, width, height);
+    glPixelStorei(GL_UNPACK_ROW_LENGTH, bytes_.width);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE,
+                    bytes_.pixel(area_.x0, area_.y0));
+    glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
   }
-  fill(gpu, picture_, width, height, nullptr);
+  make_room(gpu, picture_, GL_RGBA8, GL_RGBA, width, height);
   const bool holdout = shade.has_holdout() && !object_area.empty();
   const Program& p =
       gpu.use("composite",
@@ -93,25 +91,37 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   gpu.draw_full_screen(width, height);
 }
 
-Image<std::uint8_t> CompositePass::image(Gpu& gpu) const {
+Image<std::uint8_t> CompositePass::image(Gpu& gpu) {
   Image<std::uint8_t> out = bytes_;
   if (area_.empty()) return out;
-  Image<std::uint8_t> drawn(area_.width(), area_.height(), 4);
-  {
-    const Gpu::Scope scope(gpu);
-    gpu.target(0, picture_);
-    glReadPixels(0, 0, drawn.width, drawn.height, GL_RGBA, GL_UNSIGNED_BYTE, drawn.data.data());
+  const int width = area_.width(), height = area_.height();
+  const std::size_t size = std::size_t(width) * std::size_t(height) * 4;
+  const Gpu::Scope scope(gpu);
+  // Into memory that the driver shares with the GPU, and from there where it belongs.
+  if (!read_back_) read_back_ = gpu.new_buffer();
+  glBindBuffer(GL_PIXEL_PACK_BUFFER, read_back_);
+  if (size > read_back_size_) {
+    glBufferData(GL_PIXEL_PACK_BUFFER, GLsizeiptr(size), nullptr, GL_STREAM_READ);
+    read_back_size_ = size;
   }
-  for (int y = 0; y < drawn.height; ++y) {
-    const std::uint8_t* from = drawn.row(y);
+  gpu.target(0, picture_);
+  glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
+  const auto* drawn = static_cast<const std::uint8_t*>(
+      glMapBufferRange(GL_PIXEL_PACK_BUFFER, 0, GLsizeiptr(size), GL_MAP_READ_BIT));
+  if (!drawn) throw std::runtime_error("the GL driver does not give the picture back");
+  for (int y = 0; y < height; ++y) {
+    const std::uint8_t* from = drawn + std::size_t(y) * std::size_t(width) * 4;
     std::uint8_t* to = out.pixel(area_.x0, area_.y0 + y);
     if (out.channels == 4) {
-      std::copy_n(from, drawn.width * 4, to);
+      std::copy_n(from, width * 4, to);
       continue;
     }
-    for (int x = 0; x < drawn.width; ++x, from += 4, to += 3)
-      to[0] = from[0], to[1] = from[1], to[2] = from[2];
+    // Four bytes at once, of which the next pixel's write takes the last.
+    for (int x = 0; x + 1 < width; ++x, from += 4, to += 3) std::memcpy(to, from, 4);
+    std::memcpy(to, from, 3);
   }
+  glUnmapBuffer(GL_PIXEL_PACK_BUFFER);
+  glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
   return out;
 }
 

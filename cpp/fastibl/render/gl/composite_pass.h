@@ -1,6 +1,7 @@
 // The composite pass, and its image. Private to render/gl.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 
@@ -18,7 +19,7 @@ class CompositePass {
  public:
   void run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade, const RenderInput& in);
 
-  Image<std::uint8_t> image(Gpu& gpu) const;  // reads back; outside a scope
+  Image<std::uint8_t> image(Gpu& gpu);  // reads back; outside a scope
   void present(Gpu& gpu, GLuint framebuffer, int width, int height);
 
  private:
@@ -30,6 +31,8 @@ class CompositePass {
   std::shared_ptr<const ShadowMap> gain_map_;  // that is in them
   Area area_;                                  // drawn
   Image<std::uint8_t> bytes_;                  // the image outside `area_`
+  GLuint read_back_ = 0;                       // a buffer of this many bytes
+  std::size_t read_back_size_ = 0;
 };
 
 }  // namespace fastibl
