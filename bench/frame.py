@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import fastibl
-from fastibl._fastibl import with_gl
+from fastibl.gl_device import gl_device
 from fastibl.measuring.frames import steady
 
 from . import inputs
@@ -33,7 +33,7 @@ def meshes() -> list[str]:
 
 def rows() -> list[Row]:
     out = []
-    for backend in ("cpu", "gl") if with_gl else ("cpu",):
+    for backend in ("cpu",) if gl_device()[1] else ("cpu", "gl"):
         for mesh in meshes():
             for methods in ("paper", "auto"):
                 for threads in (1, 2):

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
-from fastibl._fastibl import with_gl
 from fastibl.comparison import irradiance_error, relative_errors
+from fastibl.gl_device import draws_in_software, gl_device
 from fastibl.truth import texels_that_count
 
 from . import brute, inputs
@@ -192,23 +192,13 @@ def frame_cpu() -> Iterator[Goal]:
         yield _frame_goal(f'{case}, "auto", new light each frame', "auto", *frame_times(scene, "auto"))
 
 
-def no_gl() -> str:
-    """Why the GL back end cannot be used here; empty where it can."""
-    if not with_gl:
-        return "this fastibl was built without its GL back end (FASTIBL_GL=ON)"
-    try:
-        fastibl.Session(inputs.scene(), inputs.short_recording().rig, backend="gl")
-    except RuntimeError as error:  # no driver
-        return str(error)
-    return ""
-
-
-@row("paper", "whole frame on GL's software driver")
+@row("paper", "whole frame on GL")
 def frame_gl() -> Iterator[Goal]:
     threads = int(os.environ.get("LP_NUM_THREADS", "2"))
-    reason = no_gl()
+    device, reason = gl_device()
+    where = "GL in software" if reason or draws_in_software(device) else f"GL on {device}"
     for mesh in meshes():
-        what = f"frame 640x480, {mesh}, GL in software, {threads} threads"
+        what = f"frame 640x480, {mesh}, {where}, {threads} threads"
         if reason:
             yield skipped(what, reason)
             continue
@@ -220,7 +210,7 @@ def frame_gl() -> Iterator[Goal]:
 @row("paper", "GL against CPU")
 def gl_against_cpu() -> Iterator[Goal]:
     what = "GL against CPU: changed pixels that agree within 2/255"
-    reason = no_gl()
+    _, reason = gl_device()
     if reason:
         yield skipped(what, reason)
         return

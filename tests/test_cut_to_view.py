@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_gl import needs_gl
+from test_gl import HALF_ERROR, needs_gl
 
 import fastibl
 from views import camera_of, looking
@@ -89,7 +89,10 @@ def test_a_floor_that_the_camera_stands_on(lens, backend):
         pixel = np.abs(place[:, :, 1:] - place[:, :, :1]).max(axis=(2, 3))  # wide on the texture
         inner = (layer[..., 3] == 1) & hit.all(axis=2) & np.isfinite(pixel)
         inner &= np.abs(place[:, :, 0] - 0.5).max(axis=-1) < 0.45
-        error = (np.abs(layer[..., :2] - place[:, :, 0]).max(axis=-1) / pixel)[inner]
+        error = np.abs(layer[..., :2] - place[:, :, 0]).max(axis=-1)
+        if backend == "gl":  # textures are stored in half floats
+            error = np.maximum(error - HALF_ERROR, 0)
+        error = (error / pixel)[inner]
         print(
             f"{backend}, lens {lens}, from {eye}: {hit.mean():.3f} covered, {(off > 0).mean():.5f} of the pixels "
             f"differ; place off by {np.percentile(error, 99):.4f} pixels in one of 100, {error.mean():.4f} in the mean"

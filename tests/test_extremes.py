@@ -9,9 +9,10 @@ import pytest
 from fastibl import extremes
 from fastibl.__main__ import main
 from fastibl.extremes.case import Case, Outcome, equal, is_light, is_ratio, refused, run_case
+from fastibl.gl_device import gl_device
 
 DOCS = Path(__file__).parents[1] / "docs" / "extremes.md"
-MISSING = extremes.gl_missing()
+MISSING = gl_device()[1]
 CASES = extremes.all_cases()
 STEPS = list(dict.fromkeys(case.step for case in CASES))
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import fastibl
+from fastibl.gl_device import draws_in_software, gl_device
 from fastibl.session import with_gl
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -23,19 +24,12 @@ DATA = ROOT.parent / "shared" / "data"
 DIFFUSE = ["nearest-face", "six-face", "six-face-exact", "sh9", "sh9-lobes", "irradiance-cube"]
 
 
-def gl_missing():
-    """Why the GL back end cannot run here, or an empty string."""
-    mesh = fastibl.Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]]))
-    camera = fastibl.Camera(8, 8, 8, 8, 4, 4)
-    try:
-        fastibl.Session(fastibl.Scene(mesh, spheres=0), fastibl.Rig(camera), backend="gl")
-    except RuntimeError as error:
-        return str(error)
-    return ""
-
-
-MISSING = gl_missing()
+DEVICE, MISSING = gl_device()
 needs_gl = pytest.mark.skipif(bool(MISSING), reason=MISSING or "-")
+# Mesa's software drivers filter textures in floats. Texture units of graphics cards weigh neighbours with 8 bits,
+# along each of two axes, and give half floats back as such.
+FILTER_ERROR = 0.0 if draws_in_software(DEVICE) else 2 / 512  # of the largest light
+HALF_ERROR = 0.0 if draws_in_software(DEVICE) else 2.0**-12
 
 
 # --- inputs
@@ -165,22 +159,17 @@ def both(scene, camera, environment, frame, methods="auto"):
 def compare_products(made, back=None, object_tolerance=2e-4):
     (cpu, a), (gl, b) = made
     assert a.passes == b.passes
-    # Float32 against double in the caps' geometry, and 50 factors: some 1e-6.
-    shadow = np.abs(a.shadow_map.image - b.shadow_map.image).max() if a.shadow_map.image.size else 0.0
-    assert a.shadow_map.image.shape == b.shadow_map.image.shape and shadow < 2e-5
+    assert a.shadow_map.image.shape == b.shadow_map.image.shape
     assert a.shadow_map.extent == b.shadow_map.extent
+    shadow = np.abs(a.shadow_map.image - b.shadow_map.image).max() if a.shadow_map.image.size else 0.0
     layer, mirrored = cpu.object, gl.object
     assert (layer.x, layer.y, layer.rgba.shape) == (mirrored.x, mirrored.y, mirrored.rgba.shape)
     worst, flipped = 0.0, 0.0
     if layer.rgba.size:
-        # A vertex that rounds to the next 1/256 pixel may move an edge over a sample.
-        flipped = np.mean(layer.rgba[..., 3] != mirrored.rgba[..., 3])
-        assert flipped <= 0.001
         same = layer.rgba[..., 3] == mirrored.rgba[..., 3]
+        flipped = 1 - same.mean()
         difference = np.abs(layer.rgba - mirrored.rgba)[same]
         worst = np.quantile(difference, 0.999) / max(1.0, layer.rgba[..., :3].max())
-        assert worst < object_tolerance
-    # The goal of the project: 2/255 on 99.9 % of the pixels that change.
     assert a.image.shape == b.image.shape and b.image.dtype == np.uint8
     if back is None:
         changed = (a.image[..., 3] > 0) | (b.image[..., 3] > 0)
@@ -193,6 +182,12 @@ def compare_products(made, back=None, object_tolerance=2e-4):
         f"shadow {shadow:.1e}, object {worst:.1e}, coverage {flipped:.1e}, image: {changed.sum()} pixels,"
         f" worst {difference.max()}/255, above 2/255 {share:.1e}"
     )
+    # Float32 against double in the caps' geometry, and 50 factors: some 1e-6. Of each cap's light 1/256.
+    assert shadow < max(2e-5, 1.5 * FILTER_ERROR)
+    assert worst < max(object_tolerance, FILTER_ERROR)
+    # A vertex that rounds to the next 1/256 pixel may move an edge over a sample.
+    assert flipped <= 0.001
+    # The goal of the project: 2/255 on 99.9 % of the pixels that change.
     assert share <= 0.001
     assert not difference[~changed].any()
     return changed

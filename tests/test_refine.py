@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from test_gl import gl_missing
+from test_gl import needs_gl
 from test_occlusion import soup
 from test_self_shadow import BOXES
 
@@ -57,11 +57,9 @@ def picture(scene, eye, cube, backend="cpu", methods=None):
     return whole
 
 
-@pytest.mark.parametrize("backend", ["cpu", "gl"])
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=needs_gl)])
 def test_the_inside_of_a_bowl_sees_half_the_sky(backend):
     """In a sphere the form factor to an opening is its share of the sphere, wherever one is: a half."""
-    if backend == "gl" and (missing := gl_missing()):
-        pytest.skip(missing)
     scene = fastibl.Scene(bowl(steps=32), WHITE, spheres=0)
     uniform = fastibl.CubeMap(np.ones((6, 16, 16, 3)))
     inside = picture(scene, (0.0, -0.01, 0.4), uniform, backend)[40:56, 40:56]
@@ -72,9 +70,8 @@ def test_the_inside_of_a_bowl_sees_half_the_sky(backend):
     np.testing.assert_allclose(outside[..., :3] / 0.5, 1, atol=0.01)
 
 
+@needs_gl
 def test_pictures_of_both_back_ends_are_alike_inside_and_outside():
-    if missing := gl_missing():
-        pytest.skip(missing)
     shiny = fastibl.Material(diffuse=(0.3, 0.3, 0.3), glossy=(0.3, 0.3, 0.3), exponent=32)
     scene = fastibl.Scene(bowl(), shiny, spheres=0)
     cpu, gl = (picture(scene, (0.1, -0.25, 0.2), sky(), backend) for backend in ("cpu", "gl"))

@@ -13,8 +13,9 @@ LONGEST = 120.0  # seconds on two cores; most of it runs on one thread
 @row("plan", "extreme cases")
 def extreme_cases() -> Iterator[Goal]:
     from fastibl import extremes
+    from fastibl.gl_device import gl_device
 
-    missing = extremes.gl_missing()
+    missing = gl_device()[1]
     rows = list(extremes.run(backend="cpu" if missing else "all"))
     steps = dict.fromkeys(r.step for r in rows)
     for backend in ("cpu", "gl"):

@@ -201,6 +201,10 @@ plane gets without the object: it may exceed 1.)")
       .def_property_readonly(
           "backend", [](Session& s) { return std::string(s.renderer().backend()); },
           "\"cpu\" or \"gl\".")
+      .def_property_readonly(
+          "device", [](Session& s) { return s.renderer().device(); },
+          "The driver's name of what draws (GL_RENDERER): a graphics card, or \"llvmpipe …\" where "
+          "Mesa draws in software; \"\" on the CPU back end.")
       .def("set_material", &Session::set_material, py::arg("material"),
            "Use another material from the next frame on.")
       .def(

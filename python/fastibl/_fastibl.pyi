@@ -1805,6 +1805,11 @@ class _Session:
         Capture that the pictures go into.
         """
     @property
+    def device(self) -> str:
+        """
+        The driver's name of what draws (GL_RENDERER): a graphics card, or "llvmpipe …" where Mesa draws in software; "" on the CPU back end.
+        """
+    @property
     def holdout(self) -> ObjectLayer:
         """
         ObjectLayer of the real objects before the virtual one in the last frame: what is left of their light times coverage, and coverage.

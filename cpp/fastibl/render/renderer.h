@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "fastibl/plan/plan.h"
@@ -39,13 +40,14 @@ struct RenderInput {
   // Of light_shares what the map alone is kept from, where near lights or the plane change them.
   std::span<const glm::vec4> self_shares = {};
   const CellLight* cell_light = nullptr;  // that these were found with, if any
-  bool shades_alike_as_one = false;  // see Plan; a GPU shades each triangle's part by itself
+  bool shades_alike_as_one = false;       // see Plan; a GPU shades each triangle's part by itself
 };
 
 class Renderer {
  public:
   virtual ~Renderer() = default;
   virtual std::string_view backend() const = 0;
+  virtual std::string device() const { return {}; }  // GL_RENDERER; empty: the processor
   // Whether it has the methods of self-shadow that find shares of single pixels.
   virtual bool shares_pixels() const = 0;
   // Runs one of kRenderPasses; throws std::invalid_argument for another.

@@ -26,11 +26,12 @@ def run(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from .. import __version__, extremes
+    from ..gl_device import gl_device
     from ..machine import cpu
 
-    backend, missing = arguments.backend, ""
+    backend, device, missing = arguments.backend, "", ""
     if backend != "cpu":
-        missing = extremes.gl_missing()
+        device, missing = gl_device()
         if missing and backend == "gl":
             raise ValueError(f"the GL back end cannot run: {missing}")
     cases = extremes.all_cases(arguments.only, "cpu" if missing else backend)
@@ -43,13 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
     broken = [row for row in rows if not row.held]
     seconds = sum(row.seconds for row in rows)
     print(f"\n{len(rows) - len(broken)} of {len(rows)} expectations hold; {seconds:.0f} s of processor time")
-    if missing:
-        print(f"not run on GL: {missing}")
+    if backend != "cpu":
+        print(f"not run on GL: {missing}" if missing else f"GL: {device}")
     if arguments.json:
         found = {
             "version": __version__,
             "machine": cpu(),
             "gl": missing or "run",
+            "device": device,
             "cases": [row.as_dict() for row in rows],
         }
         arguments.json.write_text(json.dumps(found, indent=1, allow_nan=True) + "\n")

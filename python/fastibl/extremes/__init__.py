@@ -12,21 +12,6 @@ from .case import Case, Outcome, Row, run_case, table
 BACKENDS = ("cpu", "gl", "all")
 
 
-def gl_missing() -> str:
-    """Why the GL back end cannot run here; empty where it can."""
-    import numpy as np
-
-    from .._fastibl import Camera, Mesh, Rig, Scene
-    from ..session import Session
-
-    scene = Scene(Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]])), spheres=0, visibility_rays=0)
-    try:
-        Session(scene, Rig(Camera(8, 8, 8, 8, 4, 4)), backend="gl")
-    except (RuntimeError, ValueError) as error:
-        return str(error)
-    return ""
-
-
 def all_cases(only: str = "", backend: str = "all") -> list[Case]:
     """Those whose title ("shadow: two that touch, directions [gl]") holds the word, of a back end.
 
@@ -57,4 +42,4 @@ def run(only: str = "", backend: str = "all", progress: Callable[[Case], object]
         yield run_case(case)
 
 
-__all__ = ["BACKENDS", "Case", "Outcome", "Row", "all_cases", "gl_missing", "run", "run_case", "table"]
+__all__ = ["BACKENDS", "Case", "Outcome", "Row", "all_cases", "run", "run_case", "table"]

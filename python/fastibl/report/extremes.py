@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-from ..extremes import all_cases, gl_missing, run_case
+from ..extremes import all_cases, run_case
+from ..gl_device import gl_device
 from ..measuring import row
 from .inputs import Inputs
 from .section import Section, Table
@@ -17,7 +18,7 @@ digits by which a result is less exact than single precision can store it. The c
 def measure(inputs: Inputs) -> Section:
     section = Section("extremes", "Extreme cases", _WHAT)
     quick = inputs.effort.name != "full"
-    cases = all_cases(backend="cpu" if quick or gl_missing() else "all")
+    cases = all_cases(backend="cpu" if quick or gl_device()[1] else "all")
     if quick:
         # A few of each step, none that takes seconds: the full report, and `fastibl extremes`, run all.
         by_step = defaultdict(list)

@@ -7,7 +7,8 @@ import platform
 import cv2
 import numpy as np
 
-from .._fastibl import __version__, with_gl
+from .._fastibl import __version__
+from ..gl_device import gl_device
 from ..measuring import commit, cpu, yardstick
 from .section import Section, Table
 
@@ -26,12 +27,13 @@ def memory() -> str:
 def machine(seconds: dict[str, tuple[float, float]]) -> Section:
     """seconds: wall and CPU time of each part of the report."""
     stick = yardstick(15)
+    device, missing = gl_device()
     rows = [
         ["processor", cpu()],
         ["memory", memory()],
         ["system", f"{platform.system()} {platform.release()} {platform.machine()}"],
         ["fastibl", f"{__version__} {commit()}".strip()],
-        ["OpenGL ES back end", "built in" if with_gl else "not built in"],
+        ["OpenGL ES back end", device or missing],
         ["Python, NumPy, OpenCV", f"{platform.python_version()}, {np.__version__}, {cv2.__version__}"],
         ["yardstick", f"{1e3 * stick.cpu:.2f} ms of CPU time, {1e3 * stick.cpu_low:.2f} to {1e3 * stick.cpu_high:.2f}"],
     ]

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <string>
 
 #include "fastibl/render/renderer.h"
 
@@ -14,7 +13,6 @@ class GlRenderer : public Renderer {
   // (0: the window; not multisampled), row 0 on top, without reading it back. For a renderer that
   // was made with CurrentContext.
   virtual void present(unsigned framebuffer, int width, int height) = 0;
-  virtual std::string device() const = 0;  // GL_RENDERER
 };
 
 // With a headless context of its own; any one thread may call at a time. Throws std::runtime_error
