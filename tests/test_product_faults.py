@@ -133,27 +133,27 @@ def test_two_sessions_in_two_processes(alone):
 _FULL = """
 import resource, sys
 from test_product_faults import RIG, frame
-from fastibl import Recording, write_environment, CubeMap
+from fastibl import Camera, CubeMap, Frame, Recording, Rig, write_environment
 from fastibl.recorder import Recorder
 from fastibl.recording import RecordingWriter
 import numpy as np
 kind, path = sys.argv[1:]
 resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))  # of any one file; a full disk says as much
-big = np.random.default_rng(0).integers(0, 256, (200, 300, 3), np.uint8)
+wide = Rig(Camera(300, 200, 300, 300, 150, 100))
+small = Frame(0.0, np.zeros((200, 300, 3), np.uint8))
+big = Frame(1.0, np.random.default_rng(0).integers(0, 256, (200, 300, 3), np.uint8))
 try:
     if kind == "recorder":
-        out = Recorder(path, RIG, least_free=0)
-        out.add(frame(0))
-        f = frame(1); f.back = big
-        out.add(f)
+        out = Recorder(path, wide, least_free=0)
+        out.add(small)
+        out.add(big)
         out.close()
         print("read", len(Recording.open(path)))
         raise out.error
     if kind == "writer":
-        with RecordingWriter(path, RIG) as out:
-            out.add(frame(0))
-            f = frame(1); f.back = big
-            out.add(f)
+        with RecordingWriter(path, wide) as out:
+            out.add(small)
+            out.add(big)
     if kind == "list":  # frames.csv itself
         with RecordingWriter(path, RIG) as out:
             out._store = lambda camera, picture: "back/" + "0" * 900 + ".png"

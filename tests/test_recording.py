@@ -12,6 +12,7 @@ from standin import Page
 import fastibl
 from fastibl import Board, Camera, CubeMap, Frame, Pose, Recording, Response, Rig
 from fastibl.__main__ import main
+from fastibl.recorder import Recorder
 from fastibl.recording import (
     RecordingWarning,
     RecordingWriter,
@@ -196,10 +197,57 @@ def test_writer_refuses_what_is_no_picture(tmp_path):
             writer.add(Frame(0.0, back=np.zeros((4, 4, 3))))
         with pytest.raises(ValueError, match="uint8"):
             writer.add(Frame(0.0, back=np.zeros((4, 4), np.uint8)))
-    with RecordingWriter(tmp_path / "v", Rig(cameras()[0]), video=True) as writer:
-        writer.add(Frame(0.0, back=np.zeros((16, 16, 3), np.uint8)))
-        with pytest.raises(ValueError, match="one size"):
+        with pytest.raises(ValueError, match="48 x 32 pixels, as its camera in the rig, got 18 x 16"):
             writer.add(Frame(0.1, back=np.zeros((16, 18, 3), np.uint8)))
+        with pytest.raises(ValueError, match="no front camera"):
+            writer.add(frames(1)[0])
+    with RecordingWriter(tmp_path / "both", Rig(*cameras(), TURN)) as writer:
+        broken = frames(1)[0]
+        broken.front = broken.front / 255.0
+        with pytest.raises(ValueError, match="the front picture must be"):
+            writer.add(broken)
+    assert len(Recording.open(tmp_path / "both")) == 0  # nor the back picture
+
+
+def contents(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.mark.parametrize(
+    "name", ["back/IMG_1.jpg", "front/00001.jpg", "truth/notes.txt", "back/more/00000.png", "front"]
+)
+@pytest.mark.parametrize("rig", [False, True])
+def test_pictures_that_no_recording_wrote_are_never_deleted(name, rig, tmp_path):
+    """Folders of pictures, back/ and front/, look like a recording: FolderSource reads them."""
+    mine = tmp_path / "shots" / name
+    mine.parent.mkdir(parents=True)
+    mine.write_bytes(b"mine")
+    if rig:
+        write_rig(tmp_path / "shots" / "rig.yaml", Rig(*cameras(), TURN))
+    before = contents(tmp_path)
+    with pytest.raises(FileExistsError, match="choose another folder"):
+        RecordingWriter(tmp_path / "shots", Rig(*cameras(), TURN))
+    assert contents(tmp_path) == before
+
+
+def test_numbered_pictures_without_a_rig_are_not_deleted(tmp_path):
+    (tmp_path / "back").mkdir()
+    (tmp_path / "back" / "00000.png").write_bytes(b"mine")
+    with pytest.raises(FileExistsError, match="no rig.yaml"):
+        RecordingWriter(tmp_path, Rig(*cameras(), TURN))
+    assert (tmp_path / "back" / "00000.png").read_bytes() == b"mine"
+
+
+def test_an_older_recording_stays_where_a_new_one_cannot_begin(tmp_path):
+    path = write(tmp_path / "r", frames(2))
+    before = contents(path)
+    with pytest.raises(TypeError, match="rig must be Rig, got Camera"):
+        RecordingWriter(path, cameras()[0])
+    with pytest.raises((TypeError, ValueError, AttributeError)):
+        RecordingWriter(path, Rig(*cameras(), TURN), board=3)
+    with pytest.raises(OSError, match="are free where"):
+        Recorder(path, Rig(*cameras(), TURN), least_free=10**18)
+    assert contents(path) == before
 
 
 def read_until_it_breaks(path, message):
@@ -263,6 +311,8 @@ def test_missing_files_are_named(tmp_path):
         ("time,camera,file,exposure\n0,side,a.png,1\n", "back or front"),
         ("time,camera,file,exposure\n0,back,a.mkv#x,1\n", "video#number"),
         ("time,camera,file,exposure\n0,back,,1\n", "video#number"),
+        ("time,camera,exposure,file\n0,back,1\n", "video#number"),
+        ("time,camera,file,exposure\n0,back,a.mkv#" + 5000 * "7" + ",1\n", "video#number"),
     ],
 )
 def test_bad_frame_lists(tmp_path, text, message):
@@ -300,7 +350,8 @@ def test_a_rig_that_is_no_yaml(tmp_path):
 
 
 def test_front_pictures_without_a_front_camera(tmp_path):
-    path = write(tmp_path / "r", frames(1), rig=Rig(cameras()[0]))
+    path = write(tmp_path / "r", frames(1))
+    write_rig(path / "rig.yaml", Rig(cameras()[0]))
     with pytest.raises(ValueError, match="no front camera"):
         Recording.open(path)
 

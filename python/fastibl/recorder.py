@@ -7,6 +7,7 @@ import shutil
 import threading
 import time
 from collections import deque
+from pathlib import Path
 from typing import Any
 
 from ._fastibl import Rig
@@ -35,9 +36,9 @@ class Recorder:
         least_free: int = _LEAST_FREE,
     ):
         self._buffer, self._least_free = buffer, least_free
+        self.path = Path(path)
+        self._check_disk()  # before an older recording goes
         self._writer = RecordingWriter(path, rig, board)
-        self.path = self._writer.path
-        self._check_disk()
         self._queue: deque[Frame] = deque()
         self._changed = threading.Condition()
         self._waiting = 0  # bytes
@@ -79,7 +80,8 @@ class Recorder:
         self.close()
 
     def _check_disk(self) -> None:
-        free = shutil.disk_usage(self.path).free
+        folder = next(p for p in (self.path, *self.path.absolute().parents) if p.exists())
+        free = shutil.disk_usage(folder).free
         if free < self._least_free:
             raise OSError(
                 f"{free / 2**20:.0f} MiB are free where {self.path} is, "

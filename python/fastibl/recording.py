@@ -22,13 +22,15 @@ import csv
 import io
 import json
 import os
+import re
+import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import TYPE_CHECKING, Any, TextIO, cast
+from typing import TYPE_CHECKING, Any, SupportsIndex, TextIO, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,6 +49,10 @@ _ATTITUDE_COLUMNS = ("time", *(f"m{row}{column}" for row in range(3) for column 
 _MOST_TEXT = 2**27  # bytes of a list of pictures: some days of film
 _MOST_CALIBRATION = 2**22  # bytes of a .yaml or .json
 _PICTURES = {".png": png_size, ".jpg": jpeg_size, ".jpeg": jpeg_size}
+# What RecordingWriter writes: files, and the names within folders.
+_FILES = {"rig.yaml", "board.yaml", "frames.csv", "attitudes.csv", *(f"{camera}.mkv" for camera in CAMERAS)}
+_FOLDERS = {camera: re.compile(r"\d{5,}\.png") for camera in CAMERAS}
+_FOLDERS["truth"] = re.compile(r"map-\d+\.npy|maps\.csv|poses\.csv|events\.json")
 
 
 @dataclass(eq=False)
@@ -171,7 +177,8 @@ class Recording:
         return iter(self._frames)
 
     def __getitem__(self, index: int) -> Frame:
-        """One frame. OSError where a picture of it is missing or broken."""
+        """One frame. OSError where a picture of it is missing or broken; TypeError for a slice: frames are large."""
+        expect(index, SupportsIndex, "index", "[recording[k] for k in range(…)] makes a list of frames")
         return self._frames[index]
 
     @property
@@ -209,18 +216,23 @@ class Recording:
 class RecordingWriter:
     """Writes a recording, picture by picture; a context manager.
 
-    path: a folder that does not exist or is empty; an older recording there is replaced. video: lossless FFV1
-    videos instead of one PNG a picture. FileExistsError for a folder that holds something else.
+    path: a folder that does not exist or is empty; an older recording there is replaced, when all that is known
+    beforehand is in order. video: lossless FFV1 videos instead of one PNG a picture. FileExistsError for a folder that
+    holds something else, pictures of other names among them; TypeError for what is no Rig.
     """
 
     def __init__(self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False):
-        self.path = Path(path)
-        self._clear()
-        self.path.mkdir(parents=True, exist_ok=True)
-        write_rig(self.path / "rig.yaml", rig)
-        if board is not None:
-            write_board(self.path / "board.yaml", board)
-        self._videos: dict[str, tuple[cv2.VideoWriter, tuple[int, ...]]] | None = {} if video else None
+        self.path, self._rig = Path(path), rig
+        expect(rig, Rig, "rig")
+        with tempfile.TemporaryDirectory() as made:
+            write_rig(Path(made) / "rig.yaml", rig)
+            if board is not None:
+                write_board(Path(made) / "board.yaml", board)
+            self._clear()
+            self.path.mkdir(parents=True, exist_ok=True)
+            for file in Path(made).iterdir():
+                (self.path / file.name).write_bytes(file.read_bytes())
+        self._videos: dict[str, cv2.VideoWriter] | None = {} if video else None
         self._counts = dict.fromkeys(CAMERAS, 0)
         self._file = open(self.path / "frames.csv", "w", newline="", encoding="utf-8")
         self._rows = csv.writer(self._file, lineterminator="\n")
@@ -234,16 +246,26 @@ class RecordingWriter:
         path = Path(path)
         if path.exists() and not path.is_dir():
             raise FileExistsError(f"{path} is a file; a recording is a folder")
-        known = {"rig.yaml", "board.yaml", "frames.csv", "attitudes.csv", "truth"}
-        known |= {name for camera in CAMERAS for name in (camera, f"{camera}.mkv")}
-        other = sorted(p.name for p in path.iterdir() if p.name not in known) if path.is_dir() else []
-        if other:
-            raise FileExistsError(f"{path} holds {other[0]}, which is no part of a recording; choose another")
+        here = sorted(path.iterdir()) if path.is_dir() else []
+        for item in here:
+            inside = _FOLDERS.get(item.name)
+            known = item.name in _FILES if inside is None else item.is_dir()
+            other = "" if known else item.name
+            for file in sorted(item.iterdir()) if inside is not None and known else ():
+                if not inside.fullmatch(file.name) or file.is_dir():
+                    other = f"{item.name}/{file.name}"
+                    break
+            if other:
+                raise FileExistsError(f"{path} holds {other}, which no recording writes; choose another folder")
+        if here and not (path / "rig.yaml").is_file():
+            raise FileExistsError(
+                f"{path} holds {here[0].name}, and no rig.yaml: it is no recording; choose another folder"
+            )
 
     def _clear(self) -> None:
         self.check_path(self.path)
         for item in self.path.iterdir() if self.path.is_dir() else ():
-            if item.is_dir():
+            if item.name in _FOLDERS:
                 for file in item.iterdir():
                     file.unlink()
                 item.rmdir()
@@ -253,8 +275,8 @@ class RecordingWriter:
     def add(self, frame: Frame) -> None:
         """Stores the pictures of a frame, and its attitude; poses are not kept, of which a warning tells once.
 
-        ValueError for what is no (h, w, 3) uint8 picture, an attitude that is no rotation, a time that is not finite,
-        or an exposure that is not positive.
+        ValueError, before anything of the frame is stored, for what is no (h, w, 3) uint8 picture of the rig's camera,
+        an attitude that is no rotation, a time that is not finite, or an exposure that is not positive.
         """
         if not np.isfinite(frame.time):
             raise ValueError(f"a frame's time must be finite seconds, got {frame.time}")
@@ -266,13 +288,9 @@ class RecordingWriter:
             self._told_of_poses = True
             warnings.warn("a recording keeps no given poses: boards are tracked in its pictures", RecordingWarning, 2)
         attitude = None if frame.attitude is None else _attitude_of(frame.attitude, f"the attitude at {frame.time} s")
-        for camera in CAMERAS:
-            picture = getattr(frame, camera)
+        for camera, picture in [(camera, self._checked(frame, camera)) for camera in CAMERAS]:
             if picture is None:
                 continue
-            picture = np.asarray(picture)
-            if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
-                raise ValueError(f"the {camera} picture must be (h, w, 3) uint8, got {picture.shape} {picture.dtype}")
             name = self._store(camera, np.ascontiguousarray(picture[..., ::-1]))
             exposure = getattr(frame, f"{camera}_exposure")
             told = "" if exposure is None else repr(float(exposure))
@@ -280,6 +298,22 @@ class RecordingWriter:
         self._file.flush()  # what was recorded survives a crash
         if attitude is not None:
             self._add_attitude(frame.time, attitude)
+
+    def _checked(self, frame: Frame, camera: str) -> NDArray[np.uint8] | None:
+        picture = getattr(frame, camera)
+        if picture is None:
+            return None
+        picture, of = np.asarray(picture), getattr(self._rig, camera)
+        if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
+            raise ValueError(f"the {camera} picture must be (h, w, 3) uint8, got {picture.shape} {picture.dtype}")
+        if of is None:
+            raise ValueError(f"the rig has no {camera} camera, but a frame has a {camera} picture")
+        if picture.shape[:2] != (of.height, of.width):
+            raise ValueError(
+                f"the {camera} picture must be {of.width} x {of.height} pixels, as its camera in the rig, "
+                f"got {picture.shape[1]} x {picture.shape[0]}"
+            )
+        return picture
 
     def _add_attitude(self, time: float, attitude: NDArray) -> None:
         if self._attitudes is None:
@@ -312,11 +346,8 @@ class RecordingWriter:
             writer = cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"FFV1"), 30, size)
             if not writer.isOpened():
                 raise OSError(f"this OpenCV cannot write FFV1 video to {file}; write pictures instead")
-            self._videos[camera] = writer, picture.shape
-        writer, shape = self._videos[camera]
-        if picture.shape != shape:
-            raise ValueError(f"the pictures of a video must have one size, got {picture.shape} after {shape}")
-        writer.write(picture)
+            self._videos[camera] = writer
+        self._videos[camera].write(picture)
         return f"{file.name}#{number}"
 
     def write_truth(self, truth: Truth) -> None:
@@ -343,7 +374,7 @@ class RecordingWriter:
         (folder / "events.json").write_text(json.dumps(events, indent=2) + "\n", encoding="utf-8")
 
     def close(self) -> None:
-        for writer, _ in (self._videos or {}).values():
+        for writer in (self._videos or {}).values():
             writer.release()
         self._file.close()
         if self._attitudes is not None:
@@ -502,9 +533,9 @@ def _list_moments(path: Path, moments: dict[float, list[dict[str, tuple[str, flo
                 raise ValueError(f"{where}: time must be finite and exposure positive")
             if row["camera"] not in CAMERAS:
                 raise ValueError(f"{where}: camera must be back or front, got {row['camera']!r}")
-            name, mark, number = row["file"].rpartition("#")
-            if not row["file"] or (mark and not (name and number.isdecimal())):
-                raise ValueError(f"{where}: expected a picture or video#number, got {row['file']!r}")
+            name, mark, number = (row["file"] or "").rpartition("#")
+            if not row["file"] or (mark and not (name and re.fullmatch("[0-9]{1,9}", number))):
+                raise ValueError(f"{where}: expected a picture or video#number, got {str(row['file'])[:80]!r}")
             if not mark and PurePosixPath(row["file"]).suffix.lower() not in _PICTURES:
                 raise ValueError(f"{where}: pictures end in {', '.join(_PICTURES)}, got {row['file']!r}")
             _check_name(name if mark else row["file"], where)
