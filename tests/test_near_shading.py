@@ -141,6 +141,26 @@ def test_what_is_very_far_is_distant(mesh, backend):
     assert not line.included and "too far" in line.reason and 0 < line.bound <= 0.002
 
 
+def test_an_object_that_is_moved_beside_a_lamp_is_lit_by_it_at_once(mesh):
+    """The plan of the frame before left the pass out: that lamp was far."""
+    lamp = CENTRE + 100 * TOWARDS
+    environment = placed(lamp_map(1.0, 100), [*lamp, 1.0])
+    beside = fastibl.Pose.from_rotation_vector([0, 0, 0], 97 * TOWARDS)
+    camera = POSE @ beside.inverse()
+
+    def made(first):
+        s = session(mesh, environment, error=0.05)
+        if first:
+            plan = s.process(fastibl.Frame(0.0, back_from_marker=POSE)).plan
+            assert not next(p for p in plan.passes if p.name == "near_light").included
+        s.move(beside)
+        result = s.process(fastibl.Frame(1.0, back_from_marker=camera))
+        assert "near_light" in result.passes
+        return np.array(s.object.rgba)
+
+    np.testing.assert_array_equal(made(True), made(False))
+
+
 def test_nothing_is_done_where_no_light_is_near(mesh):
     _, result = processed(mesh, fastibl.Environment(lamp_map(0.05, 0.5)))
     (line,) = [p for p in result.plan.passes if p.name == "near_light"]

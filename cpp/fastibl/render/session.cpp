@@ -279,6 +279,7 @@ void Session::set_material(const Material& material) {
 void Session::move(const Pose& marker_from_object) {
   marker_from_object.validate();
   scene_.marker_from_object = marker_from_object;
+  update_plan();  // a lamp may be near from now on
   stale_ |= product::placement;
 }
 void Session::set_methods(const Methods& methods) {
