@@ -138,8 +138,7 @@ void main() {
   }
 #endif
 #if MATTE
-  // Straight alpha can only darken what is behind: what the object adds to the plane is left out.
-  float alpha = o.a + (1.0 - o.a) * max(1.0 - dot(ratio, vec3(0.2126, 0.7152, 0.0722)), 0.0);
+  float alpha = o.a + (1.0 - o.a) * shadow_alpha(ratio);
   picture = alpha > 0.0
                 ? vec4(encode(exposure_at(pixel) * o.rgb / alpha), floor(255.0 * alpha + 0.5) / 255.0)
                 : vec4(0.0);

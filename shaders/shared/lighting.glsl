@@ -103,3 +103,34 @@ FN vec3 lobes_irradiance(const vec3 c[9], const vec3 axes[12], int first, int co
   for (int k = first; k < count; ++k) other += max(dot(n, axes[k]), 0.0f);
   return max(sh9_polynomial(c, n) + one * colours[0] + other * colours[1], 0.0f);
 }
+
+// Unit tangent along the plane of incidence; where the view is along the normal, any that does not
+// jump at a cube's edge.
+FN vec3 incidence_tangent(vec3 n, vec3 v) {
+  const vec3 axis = vec3(0.36f, 0.48f, 0.8f);
+  vec3 t = v - dot(v, n) * n + 1e-5f * (axis - dot(axis, n) * n);
+  float size = length(t);
+  return size > 1e-12f ? t / size : vec3(0.8f, -0.6f, 0.0f);
+}
+
+// How far taps much finer than a texel read that texel alone: 0 for lobes narrower than texels,
+// which blend between them as a mirror does.
+FN float sampled_texel_share(float exponent, float face_size) {
+  float texels = 2.0f / sqrt(exponent + 1.0f) * face_size / 1.57079633f;  // the lobe's deviation
+  return clamp(2.0f * texels - 1.0f, 0.0f, 1.0f);
+}
+
+// Standard deviation of level 0 of the chain of round lobes along each axis, radians: a texel of the
+// map read bilinearly has half its width.
+FN float own_lobe_width(float face_size) {
+  return min(0.78539816f / face_size, 0.5f * 0.022097087f);
+}
+
+// Level whose lobe has this standard deviation; that of level 1, 2/sqrt(8192), is GlossyChain's
+// kFinestWidth.
+FN float lobe_level(float width, float face_size) {
+  const float finest = 0.022097087f;
+  if (width >= finest) return min(1.0f + log2(width / finest), 7.0f);
+  float own = own_lobe_width(face_size);
+  return width > own ? log2(width / own) / log2(finest / own) : 0.0f;
+}

@@ -97,16 +97,6 @@ vec2 sample_ggx_albedo(vec3 view, float rough) {
 #endif
 }
 
-#if GLOSSY == 7
-// GlossyChain::level_of.
-float level_of(float width) {
-  const float finest = 0.022097087;
-  if (width >= finest) return min(1.0 + log2(width / finest), 7.0);
-  float own = min(0.78539816 / face_size, 0.5 * finest);
-  return width > own ? log2(width / own) / log2(finest / own) : 0.0;
-}
-#endif
-
 #if GLOSSY == 8
 vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, out vec3 edge) {
   vec3 front = sampled_ggx_lobe(frame, view, alpha, edge);
@@ -156,7 +146,7 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, o
     float e = weight * ggx_edge(tap.xyz, lobe.view), f = weight - e;
     vec3 direction = looked(frame * tap.xyz, position);
 #if GLOSSY == 7
-    float level = level_of(tap.w);
+    float level = lobe_level(tap.w, face_size);
     vec3 radiance = sample_chain(direction, level);
     for (int j = 0; j < light_count; ++j) {
       float part = weight * seen_by_tap(tap.xyz, towards[j], tap.w * tap.w + spread[j]);

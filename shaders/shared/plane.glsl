@@ -15,3 +15,9 @@ FN float shadow_keep(vec2 p, float n) {
   float t = clamp(inwards, 0.0f, 1.0f);
   return t * t * (3.0f - 2.0f * t);
 }
+
+// Alpha of a black that darkens what is behind by these ratios: one for three channels, by Rec. 709
+// luminance. It can only darken; what the object adds to the plane is left out.
+FN float shadow_alpha(vec3 ratio) {
+  return max(1.0f - dot(ratio, vec3(0.2126f, 0.7152f, 0.0722f)), 0.0f);
+}

@@ -17,11 +17,6 @@ vec3 nearest_texel(vec3 d) {
   return radiance_scale * textureLod(radiance, p, 0.0).rgb;
 }
 
-// sampled_texel_share().
-float sampled_texel_share(float s) {
-  return clamp(4.0 / sqrt(s + 1.0) * face_size / 1.57079633 - 1.0, 0.0, 1.0);
-}
-
 vec3 filtered_tap(vec3 l, float solid_angle, float texel_share) {
   vec3 a = abs(l);
   float major = max(a.x, max(a.y, a.z));
@@ -44,12 +39,8 @@ void equal_share(int i, out float beyond, out float turn, out float side) {
 
 #if GLOSSY == 5
 vec3 sampled_lobe(vec3 n, vec3 v) {
-  vec3 axis = vec3(0.36, 0.48, 0.8);
-  vec3 t = v - dot(v, n) * n + 1e-4 * (axis - dot(axis, n) * n);
-  float size = length(t);
-  t = size > 1e-12 ? t / size : vec3(0.8, -0.6, 0.0);
-  vec3 b = cross(n, t);
-  float power = 1.0 / (exponent + 1.0), texel_share = sampled_texel_share(exponent);
+  vec3 t = incidence_tangent(n, v), b = cross(n, t);
+  float power = 1.0 / (exponent + 1.0), texel_share = sampled_texel_share(exponent, face_size);
   vec3 sum = vec3(0.0);
   float total = 0.0;
   for (int i = 0; i < taps; ++i) {
@@ -72,7 +63,7 @@ vec3 sampled_lobe(vec3 n, vec3 v) {
 #else
 vec3 sampled_ggx_lobe(mat3 frame, vec3 view, vec2 alpha, out vec3 edge) {
   GgxLobe lobe = ggx_lobe(view, alpha);
-  float texel_share = sampled_texel_share(2.0 / (alpha.x * alpha.y));
+  float texel_share = sampled_texel_share(2.0 / (alpha.x * alpha.y), face_size);
   vec3 front = vec3(0.0);
   edge = vec3(0.0);
   vec2 total = vec2(0.0);

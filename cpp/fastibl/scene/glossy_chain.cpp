@@ -1,19 +1,15 @@
 #include "fastibl/scene/glossy_chain.h"
 
 #include <algorithm>
-#include <cmath>
+
+#include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
 
-float GlossyChain::own_width() const {
-  return std::min(0.25f * kPi / float(map->size()), 0.5f * kFinestWidth);
-}
+float GlossyChain::own_width() const { return shared::own_lobe_width(float(map->size())); }
 
 float GlossyChain::level_of(float width) const {
-  if (width >= kFinestWidth)
-    return std::min(1 + std::log2(width / kFinestWidth), float(kLevelCount - 1));
-  const float own = own_width();
-  return width > own ? std::log2(width / own) / std::log2(kFinestWidth / own) : 0.0f;
+  return shared::lobe_level(width, float(map->size()));
 }
 
 glm::vec3 GlossyChain::sample(glm::vec3 direction, float lobe_level) const {

@@ -92,23 +92,6 @@ glm::vec3 filtered(const CubeMap& map, glm::vec3 l, float solid_angle, float nea
   return share >= 1 ? texels : glm::mix(map.sample(l, 0), texels, share);
 }
 
-// Unit tangent along the plane of incidence; where the view is along the normal, any that does not
-// jump at a cube's edge.
-glm::vec3 incidence(glm::vec3 n, glm::vec3 v) {
-  const glm::vec3 along = v - glm::dot(v, n) * n;
-  constexpr glm::vec3 axis(0.36f, 0.48f, 0.8f);
-  const glm::vec3 t = along + 1e-5f * (axis - glm::dot(axis, n) * n);
-  const float length = glm::length(t);
-  return length > 1e-12f ? t / length : glm::vec3(0.8f, -0.6f, 0);
-}
-
-// How far taps much finer than a texel read that texel alone: 0 for lobes narrower than texels,
-// which blend between them as a mirror does.
-float sampled_texel_share(float s, int face_size) {
-  const float texels = 2 / std::sqrt(s + 1) * float(face_size) / (kPi / 2);  // the lobe's deviation
-  return std::clamp(2 * texels - 1, 0.0f, 1.0f);
-}
-
 // A thread's taps, kept for their memory.
 class Taps {
  public:
@@ -139,7 +122,7 @@ std::span<const LobeTap> power_taps(const CubeMap& map, const SurfaceFrame& fram
   if (std::isinf(s)) return found.or_mirror(map, mirror);
   thread_local PowerLattice lattice;
   lattice.set(s, taps);
-  const float nearest = sampled_texel_share(s, map.size());
+  const float nearest = shared::sampled_texel_share(s, float(map.size()));
   for (const HalfVector& half : lattice.half) {
     const glm::vec3 h = half.x * t + half.y * b + half.z * n;
     const float vh = glm::dot(v, h);
@@ -161,7 +144,7 @@ std::span<const LobeTap> ggx_lobe_taps(const CubeMap& map, const SurfaceFrame& f
   const auto& [t, b, n] = frame;
   const shared::GgxLobe lobe =
       shared::ggx_lobe({glm::dot(v, t), glm::dot(v, b), glm::dot(v, n)}, alpha);
-  const float nearest = sampled_texel_share(2 / (alpha.x * alpha.y), map.size());
+  const float nearest = shared::sampled_texel_share(2 / (alpha.x * alpha.y), float(map.size()));
   const auto turned = [&](glm::vec3 l) { return l.x * t + l.y * b + l.z * n; };
   Taps found;
   for (const SlopeLattice::Slope& slope : lattice.slopes) {
@@ -178,7 +161,7 @@ std::span<const LobeTap> ggx_lobe_taps(const CubeMap& map, const SurfaceFrame& f
 
 std::span<const LobeTap> lobe_taps(const CubeMap& map, glm::vec3 n, glm::vec3 v,
                                    const LobeShape& lobe, int taps) {
-  const glm::vec3 t = incidence(n, v);
+  const glm::vec3 t = shared::incidence_tangent(n, v);
   const SurfaceFrame frame{t, glm::cross(n, t), n};
   if (!lobe.ggx) return power_taps(map, frame, v, lobe.exponent, taps);
   return ggx_lobe_taps(map, frame, v, glm::vec2(std::sqrt(2 / lobe.exponent)), taps, lobe.f0);

@@ -282,12 +282,15 @@ SurfaceShading::SurfaceShading(const Material& material, const Lighting& lightin
 
 void SurfaceShading::operator()(std::span<const Fragment> fragments, glm::vec3 eye,
                                 std::span<glm::vec3> colours) const {
-  const Material& m = *material_;
-  if (fragments.size() > kBatch) {
-    const std::size_t rest = fragments.size() - kBatch;
-    (*this)(fragments.first(kBatch), eye, colours.first(kBatch));
-    return (*this)(fragments.last(rest), eye, colours.last(rest));
+  for (std::size_t i = 0; i < fragments.size(); i += kBatch) {
+    const std::size_t count = std::min(std::size_t{kBatch}, fragments.size() - i);
+    shade_batch(fragments.subspan(i, count), eye, colours.subspan(i, count));
   }
+}
+
+void SurfaceShading::shade_batch(std::span<const Fragment> fragments, glm::vec3 eye,
+                                 std::span<glm::vec3> colours) const {
+  const Material& m = *material_;
   if (m.pbr) return shade_pbr(fragments, m, *lighting_, ggx_, eye, colours);
   const bool diffuse = m.diffuse != glm::vec3(0), glossy = m.glossy != glm::vec3(0);
   glm::vec3 normals[kBatch], views[kBatch], positions[kBatch], light[kBatch];
@@ -419,10 +422,7 @@ Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& 
       const glm::vec4 o = drawn.at(x - area.x0);
       const glm::vec3 ratio =
           with_holdout(ratios[std::size_t(x - area.x0)], o.w, hidden.at(x - area.x0));
-      // Straight alpha can only darken what is behind, by Rec. 709 luminance.
-      const float darkness =
-          std::max(1 - glm::dot(ratio, glm::vec3(0.2126f, 0.7152f, 0.0722f)), 0.0f);
-      const float alpha = o.w + (1 - o.w) * darkness;
+      const float alpha = o.w + (1 - o.w) * shared::shadow_alpha(ratio);
       if (alpha <= 0) continue;
       std::uint8_t* p = out.pixel(x, y);
       for (int c = 0; c < 3; ++c)

@@ -34,6 +34,10 @@ class SurfaceShading {
                   std::span<glm::vec3> colours) const;
 
  private:
+  // Of at most kBatch.
+  void shade_batch(std::span<const Fragment> fragments, glm::vec3 eye,
+                   std::span<glm::vec3> colours) const;
+
   const Material* material_;
   const Lighting* lighting_;
   GlossyShading glossy_;
@@ -65,8 +69,7 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
                               const ShadowLookUp& shadow, const ObjectLayer& holdout = {});
 
 // Object and shadow without a picture behind: straight (not premultiplied) encoded RGB and alpha,
-// where a shadow is black with alpha 1 − ratio (mean over RGB; 0 where that
-// is negative).
+// where a shadow is black with alpha 1 − ratio (Rec. 709 luminance; 0 where that is negative).
 Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& camera_from_marker,
                           const ObjectLayer& object, const ShadowLookUp& shadow,
                           const ObjectLayer& holdout = {});
