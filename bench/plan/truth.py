@@ -155,8 +155,7 @@ def _work_out(mesh: str) -> dict[str, NDArray]:
     at = ((plane_points() / _EXTENT + 1) / 2 * _GRID - 0.5).astype(np.float32)
     for k, name in enumerate(inputs.MAPS):
         cube, three = environment(name), slice(3 * k, 3 * k + 3)
-        mesh = rough.scene.mesh
-        lost[:, three] = rough.lost_below(cube, mesh.vertices, mesh.normals, rough.hidden_at_vertex)[used]
+        lost[:, three] = rough.lost_below(cube, s.mesh.vertices, s.mesh.normals, rough.hidden_at_vertex)[used]
         added = (rough.plane_gain(cube) - rough.plane_ratio(cube)).astype(np.float32)
         here = cv2.remap(added, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
         sent[:, three] = here.reshape(-1, 3)
