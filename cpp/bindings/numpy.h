@@ -213,6 +213,5 @@ void bind_plane_exchange(py::module_& module);
 void bind_shading(py::module_& module);
 void bind_plan(py::module_& module);
 void bind_render(py::module_& module);
-void bind_gl(py::module_& module);
 
 }  // namespace fastibl::bindings

@@ -507,6 +507,12 @@ pose.)")
       .def_readonly("front_from_back", &Rig::front_from_back,
                     "Pose; the identity without a front camera.")
       .def(py::self == py::self)
+      .def(py::pickle(
+          [](const Rig& r) { return py::make_tuple(r.back, r.front, r.front_from_back); },
+          [](const py::tuple& t) {
+            check(t.size() == 3, "the pickled state is no Rig's");
+            return Rig{t[0].cast<Camera>(), t[1].cast<std::optional<Camera>>(), t[2].cast<Pose>()};
+          }))
       .def("__repr__", [](const Rig& r) {
         return std::string("<fastibl.Rig ") + (r.front ? "back and front camera>" : "back camera>");
       });

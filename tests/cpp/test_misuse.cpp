@@ -19,6 +19,7 @@
 #include "fastibl/scene/tag_codes.h"
 #include "fastibl/shadow/sphere_shadow.h"
 #include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/rotation_tracker.h"
 
 using namespace fastibl;
 
@@ -81,6 +82,13 @@ TEST_CASE("settings that a method does not have") {
     cube.diffuse_settings = {}, cube.diffuse_settings.source = size;
     CHECK_THROWS_WITH_AS(fitted(cube), doctest::Contains("source"), std::invalid_argument);
   }
+  LightingOptions followed;  // becomes irradiance-cube
+  followed.follows = true, followed.diffuse_settings.size = 0;
+  CHECK_THROWS_WITH_AS(fitted(followed), doctest::Contains("size"), std::invalid_argument);
+  SessionOptions few;
+  few.methods.shadow_settings.directions = 1;
+  CHECK_THROWS_WITH_AS(View().session(tetrahedron(), nullptr, few), doctest::Contains("directions"),
+                       std::invalid_argument);
   SessionOptions options;
   options.methods.glossy = GlossyMethod::sampled, options.methods.glossy_settings.taps = 100000000;
   CHECK_THROWS_AS(View().session(tetrahedron(), nullptr, options), std::invalid_argument);
@@ -270,6 +278,32 @@ TEST_CASE("what has no map, and results without room") {
   const std::vector<glm::vec2> points(5);
   std::vector<glm::vec3> few(4);
   CHECK_THROWS_AS(ShadowMap().sample(points, few), std::invalid_argument);
+}
+
+TEST_CASE("nothing to shade needs no map") {
+  for (const GlossyMethod method : {GlossyMethod::mip, GlossyMethod::centroid}) {
+    Lighting none;
+    none.glossy = method;
+    GlossyShading(none, 8.0f)({}, {}, {}, {});
+  }
+}
+
+TEST_CASE("options of trackers out of range") {
+  const Rig rig = View().rig;
+  const auto tracker = [&](auto change) {
+    RotationTrackingOptions options;
+    change(options);
+    RotationTracker(rig, options);
+  };
+  CHECK_NOTHROW(tracker([](auto&) {}));
+  CHECK_THROWS_AS(tracker([](auto& o) { o.wander = double(kNaN); }), std::invalid_argument);
+  CHECK_THROWS_AS(tracker([](auto& o) { o.sure = 0; }), std::invalid_argument);
+  CHECK_THROWS_AS(tracker([](auto& o) { o.least_agreeing = 2; }), std::invalid_argument);
+  CHECK_THROWS_AS(tracker([](auto& o) { o.alignment.coarsest = 3; }), std::invalid_argument);
+  CHECK_THROWS_AS(tracker([](auto& o) { o.alignment.rounds = 0; }), std::invalid_argument);
+  EdgeTrackingOptions edges;
+  edges.most_rounds = 0;
+  CHECK_THROWS_AS(EdgeTracker(Board(), rig.back, edges), std::invalid_argument);
 }
 
 TEST_CASE("a map that is kept and written to lights what follows") {

@@ -18,7 +18,6 @@ class LightLacks {
   // the light's sum, in radiance times solid angle. mean: radiance that is expected where nothing
   // was seen.
   double gain_of(double exposure, double mean) const;
-  bool empty() const { return pixels_count_ == 0; }
 
  private:
   static constexpr int kBins = 128;  // from 2^-32 on

@@ -27,7 +27,6 @@ class PriorMap {
   glm::vec3 texel(int tile, int k) const {
     return glm::min(gain_ * texels_[std::size_t(tile) * stride_ + std::size_t(k)], kRadianceCap);
   }
-  glm::vec3 gain() const { return gain_; }
 
  private:
   std::size_t stride_;

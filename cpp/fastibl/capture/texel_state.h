@@ -58,7 +58,7 @@ struct TileSums {
   double angle = 0, bound_angle = 0, bound_flux = 0;
   glm::dvec3 value{0}, flux{0};  // plain sum; times solid angle
   glm::dvec3 irradiance{0};      // times solid angle and |z|
-  double projected = 0;          // sum of solid angle and |z|
+  double projected = 0;          // sum of solid angle times |z|
 };
 
 // angles, projected: solid angle of each texel of the tile, and that times |z| of its direction.

@@ -18,7 +18,6 @@ class TilePyramids {
   static int width_of(TileGrid grid);
 
   int levels() const { return levels_; }  // with the map's own; 1: tiles of another size
-  int width(int level) const { return grid_.widest() >> level; }
   // fine: texels of the tile, row by row, by channel.
   void make(int tile, const float* const fine[3]);
   // 1 ≤ level < levels(), row by row.

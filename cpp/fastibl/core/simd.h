@@ -28,8 +28,4 @@ using Int16 [[gnu::vector_size(64), gnu::aligned(4)]] = int;
 #endif
 
 // For short helpers of such functions: inlined, they are compiled as their caller is.
-#if defined(__GNUC__)
 #define FASTIBL_INLINE inline __attribute__((always_inline))
-#else
-#define FASTIBL_INLINE inline
-#endif

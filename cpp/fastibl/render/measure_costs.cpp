@@ -302,11 +302,19 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
   costs.plane_texel = nanoseconds([&](int) { plane_gain(shadow, {}, bounce); }) / texels(shadow);
 }
 
+// Loops of one thread, while it lives.
+struct OneCore {
+  int before = threads();
+  OneCore() { set_threads(1); }
+  ~OneCore() { set_threads(before); }
+  OneCore(const OneCore&) = delete;
+  OneCore& operator=(const OneCore&) = delete;
+};
+
 }  // namespace
 
 Costs measure_costs() {
-  const int before = threads();
-  set_threads(1);
+  const OneCore one_core;
   others.assign(kBetween, 0);
   Costs costs;
   const Maps all = maps();
@@ -323,7 +331,6 @@ Costs measure_costs() {
   costs.track = usual.track * factor, costs.capture_pixel = usual.capture_pixel * factor;
   costs.mips = usual.mips * factor;
   others = {};
-  set_threads(before);
   return costs;
 }
 

@@ -56,8 +56,8 @@ struct TrueLight {
 TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
                      const BrightPieces& bright, const std::optional<LobeShape>& lobe);
 
-// Sets `lost`: what the plane's shadow keeps from the samples. Every fourth direction stands for
-// four.
+// Sets `lost`: what the plane's shadow keeps from the samples. Every twelfth direction stands for
+// twelve, other ones for each sample.
 void add_lost(const SceneSamples& samples, const SampleFlux& flux, const ShadowMap& shadow,
               TrueLight& light);
 

@@ -19,7 +19,6 @@ class CubeReduction {
 
   // Whether by factor 2; if so, the share of a fine texel of a face in its coarse one, which is
   // (u₀ w + l₀ w) + (u₁ w + l₁ w) of the upper and lower ones.
-  bool halves() const { return !upper_weights_.empty(); }
   float share(int x, int y) const {
     const std::vector<float>& weights = y & 1 ? lower_weights_ : upper_weights_;
     const std::size_t coarse = std::size_t(y / 2) * std::size_t(coarse_) + std::size_t(x / 2);

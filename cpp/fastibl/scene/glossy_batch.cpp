@@ -61,7 +61,8 @@ void GlossyShading::operator()(std::span<const glm::vec3> normals, std::span<con
             (positions.empty() || positions.size() == count),
         "there must be one normal, view and position for each of ", count, " results, got ",
         normals.size(), ", ", views.size(), " and ", positions.size());
-  check(count == 0 || exponent_ == 0 || lighting_->radiance, "the lighting has no map");
+  if (count == 0) return;
+  check(exponent_ == 0 || lighting_->radiance, "the lighting has no map");
   if (!in_blocks()) {
     for (std::size_t i = 0; i < count; ++i)
       out[i] =

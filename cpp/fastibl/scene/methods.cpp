@@ -150,5 +150,16 @@ std::vector<Setting<ShadowSettings>> settings_of(ShadowMethod method) {
            kMostDirections,
            {16, 64, 1024}}};
 }
+std::vector<DiffuseMethod> stands_for(DiffuseMethod method) {
+  if (method != DiffuseMethod::automatic) return {method};
+  return {DiffuseMethod::sh9_lobes, DiffuseMethod::irradiance_cube};
+}
+std::vector<GlossyMethod> stands_for(GlossyMethod method) {
+  return {method == GlossyMethod::automatic ? GlossyMethod::centroid : method};
+}
+std::vector<ShadowMethod> stands_for(ShadowMethod method) {
+  if (method != ShadowMethod::automatic) return {method};
+  return {ShadowMethod::mesh, ShadowMethod::directions};
+}
 
 }  // namespace fastibl

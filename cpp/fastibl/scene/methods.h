@@ -142,6 +142,11 @@ struct Setting {
 std::vector<Setting<DiffuseSettings>> settings_of(DiffuseMethod method);
 std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method);
 std::vector<Setting<ShadowSettings>> settings_of(ShadowMethod method);
+// What reads the settings given with a method: itself, or those that `automatic` may become with
+// them.
+std::vector<DiffuseMethod> stands_for(DiffuseMethod method);
+std::vector<GlossyMethod> stands_for(GlossyMethod method);
+std::vector<ShadowMethod> stands_for(ShadowMethod method);
 
 struct Methods {
   TrackingMethod tracking = TrackingMethod::automatic;
@@ -214,8 +219,9 @@ Settings settings_with(Method method, const std::map<std::string, int>& given) {
 // for the method's own choice is not.
 template <typename Settings, typename Method>
 void check_settings(Method method, const Settings& settings) {
-  for (const Setting<Settings>& s : settings_of(method))
-    if (settings.*s.value != Settings{}.*s.value) check_range(method, s, settings.*s.value);
+  for (const Method one : stands_for(method))
+    for (const Setting<Settings>& s : settings_of(one))
+      if (settings.*s.value != Settings{}.*s.value) check_range(one, s, settings.*s.value);
 }
 template <typename Settings, typename Method>
 std::map<std::string, int> settings_map(Method method, const Settings& settings) {

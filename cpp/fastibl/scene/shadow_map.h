@@ -20,6 +20,10 @@ inline void check_room(std::span<const glm::vec2> points, std::span<glm::vec3> r
         ", got ", ratios.size());
 }
 
+// A channel in which the plane has less irradiance has none: times a radiance of at most 1e9, the
+// inverse would overflow.
+inline constexpr float kLeastIrradiance = 1e-28f;
+
 // Ratio of the light on the plane z = 0 with and without the object, RGB in [0, 1].
 struct ShadowMap {
   Image<float> ratio;  // texel (i, j) is centred at centre + extent · ((i, j) + ½ − n/2) · 2/n; row

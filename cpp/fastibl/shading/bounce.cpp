@@ -229,8 +229,9 @@ Bounce find_bounce(const PlaneExchange& exchange, const Scene& scene, const Ligh
     }
   Image<float> gain = exchange.onto_plane(sent);
   glm::vec3 inverse(0);
-  for (int c = 0; c < 3; ++c)  // the inverse of a smaller one is not finite
-    if (lighting.plane_irradiance[c] > 1e-30f) inverse[c] = 1 / lighting.plane_irradiance[c];
+  for (int c = 0; c < 3; ++c)
+    if (lighting.plane_irradiance[c] > kLeastIrradiance)
+      inverse[c] = 1 / lighting.plane_irradiance[c];
   for (std::size_t i = 0; i < gain.data.size(); ++i) gain.data[i] *= inverse[int(i % 3)];
   bounce.gain = extended(gain);
   bounce.centre = exchange.centre();

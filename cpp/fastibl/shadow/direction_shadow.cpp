@@ -464,6 +464,7 @@ std::shared_ptr<const ShadowMap> DirectionShadow::cast(const CubeMap& radiance,
                                                        const SphereSet& spheres,
                                                        const ShadowOptions& options,
                                                        const NearLights& near_lights) {
+  check_options(options);  // before anything is replaced
   const bool moved = mesh_ || spheres != spheres_;
   mesh_ = nullptr;
   return cast_again(radiance, moved, spheres, options, near_lights);
@@ -474,6 +475,7 @@ std::shared_ptr<const ShadowMap> DirectionShadow::cast(const CubeMap& radiance,
                                                        const ShadowOptions& options,
                                                        const NearLights& near_lights) {
   check(mesh != nullptr, "expected a mesh, got none");
+  check_options(options);
   const bool moved = mesh != mesh_;
   mesh_ = std::move(mesh);
   return cast_again(radiance, moved, moved ? corners_of(*mesh_) : spheres_, options, near_lights);
@@ -484,7 +486,6 @@ std::shared_ptr<const ShadowMap> DirectionShadow::cast_again(const CubeMap& radi
                                                              const SphereSet& spheres,
                                                              const ShadowOptions& options,
                                                              const NearLights& near_lights) {
-  check_options(options);
   const SteadyLight::Change change = light_.update(radiance);
   const bool other_lights = !near_.still_right(near_lights);
   if (other_lights) near_ = NearPlane(near_lights);

@@ -9,6 +9,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/simd.h"
+#include "fastibl/scene/shadow_map.h"
 
 namespace fastibl {
 namespace {
@@ -159,9 +160,8 @@ void SkyEnergy::read(const CubeMap& map) {
       scale_row(row + t.x0, &t.cosines[first], t.width, &energies_[f][first], &irradiance_[0]);
     }
   }
-  // Of less, the inverse is no use.
   for (int c = 0; c < 3; ++c)
-    if (!(irradiance_[c] > 1e-28)) irradiance_[c] = 0;
+    if (!(irradiance_[c] > kLeastIrradiance)) irradiance_[c] = 0;
 }
 
 void SkyEnergy::make_tables(const CubeMap& radiance) {

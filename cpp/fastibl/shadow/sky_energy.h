@@ -31,8 +31,7 @@ struct BrightTexel {
 class SkyEnergy {
  public:
   SkyEnergy() = default;
-  // Texels with more than `brightest` of the weight are told apart; finest: the same map with faces
-  // of 2^k times as many texels, of which they are made.
+  // Texels with more than `brightest` of the weight are told apart.
   SkyEnergy(const CubeMap& radiance, double brightest);
   // The same with texels that are given, bright or not.
   SkyEnergy(const CubeMap& radiance, std::span<const BrightTexel> bright);
@@ -40,8 +39,6 @@ class SkyEnergy {
   int tables() const { return int(tables_.size()); }
   const std::vector<BrightTexel>& bright() const { return bright_; }
   SkyRect whole(int table) const;
-  // The plane's irradiance; of what is seen at less than 1e-3 above the horizon, nothing counts.
-  const glm::dvec3& irradiance() const { return irradiance_; }
   bool no_light() const { return irradiance_ == glm::dvec3(0); }
 
   // Its share of the plane's irradiance in each channel, 0 in one without light.

@@ -115,8 +115,7 @@ class Obstruction {
     check(radiance.size() > 0, "the radiance map is empty");
     check_irradiance(irradiance);
     for (int c = 0; c < 3; ++c) {
-      // Times a radiance of at most 1e9, the inverse of a smaller one would overflow.
-      lit_[c] = irradiance[c] > 1e-28f;
+      lit_[c] = irradiance[c] > kLeastIrradiance;
       inverse_[c] = lit_[c] ? 1 / irradiance[c] : 0;
     }
     for (const glm::vec4& s : spheres) {

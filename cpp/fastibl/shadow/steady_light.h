@@ -27,7 +27,6 @@ class SteadyLight {
   // During a fade those of both sets.
   const std::vector<LightDirection>& directions() const { return directions_; }
   bool no_light() const { return no_light_; }
-  bool fading() const { return next_.has_value(); }
 
   static constexpr int kFadeUpdates = 32;
 

@@ -40,6 +40,9 @@ EdgeTracker::EdgeTracker(const Board& board, const Camera& camera, EdgeTrackingO
     : board_(board), camera_(camera), options_(options), model_(board, camera) {
   camera_.validate();
   board_.validate();
+  check(options_.most_edges > 0 && options_.most_rounds > 0,
+        "most_edges and most_rounds must be positive, got ", options_.most_edges, " ",
+        options_.most_rounds);
   check(options_.smoothing >= 0 && std::isfinite(options_.smoothing),
         "smoothing must be a time from 0 seconds on, got ", options_.smoothing);
 }

@@ -52,7 +52,6 @@ bool finite(const Pose& pose) {
   return std::isfinite(sum);
 }
 
-// Rounding of many small turns is taken out, so that the result passes Pose::from_matrix.
 }  // namespace
 
 double Loss::cost(double e) const {

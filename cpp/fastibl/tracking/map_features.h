@@ -36,7 +36,7 @@ class MapFeatures {
 
   // drift: variance of the rotation of what the map shows since the last update, rad².
   void update(const Environment& environment, double drift);
-  void clear() { versions_.clear(); }
+  void clear() { versions_.clear(), tiles_.clear(); }
 
   int size() const { return grid_.size; }
   const TileGrid& grid() const { return grid_; }

@@ -39,20 +39,23 @@ double mean_variance(const glm::dmat3& covariance) {
   return (covariance[0][0] + covariance[1][1] + covariance[2][2]) / 3;
 }
 
+Rig validated(Rig rig) {
+  rig.back.validate();
+  if (rig.front) rig.front->validate();
+  return rig;
+}
+
 }  // namespace
 
 RotationTracker::RotationTracker(Rig rig, RotationTrackingOptions options)
-    : rig_(std::move(rig)),
+    : rig_(validated(std::move(rig))),
       options_(options),
       back_lens_(rig_.back),
       back_rays_(rig_.back, back_lens_) {
-  rig_.back.validate();
   check(rig_.back.model == CameraModel::perspective &&
             (!rig_.front || rig_.front->model == CameraModel::perspective),
         "a rotation is tracked with perspective cameras alone");
-  if (rig_.front)
-    rig_.front->validate(), front_lens_.emplace(*rig_.front),
-        front_rays_.emplace(*rig_.front, *front_lens_);
+  if (rig_.front) front_lens_.emplace(*rig_.front), front_rays_.emplace(*rig_.front, *front_lens_);
   check(options_.acceleration > 0 && options_.largest_error > 0 && options_.longest_gap > 0,
         "acceleration, largest_error and longest_gap must be positive, got ", options_.acceleration,
         " ", options_.largest_error, " ", options_.longest_gap);
@@ -60,6 +63,16 @@ RotationTracker::RotationTracker(Rig rig, RotationTrackingOptions options)
             std::isfinite(options_.gyro_noise + options_.gyro_scale),
         "gyro_noise and gyro_scale must be 0 or more, got ", options_.gyro_noise, " ",
         options_.gyro_scale);
+  check(options_.wander >= 0 && std::isfinite(options_.wander),
+        "wander must be 0 or more and finite, got ", options_.wander);
+  check(options_.largest_residual > 0 && options_.sure > 0 && options_.least_agreeing >= 0 &&
+            options_.least_agreeing <= 1,
+        "largest_residual and sure must be positive, least_agreeing from 0 to 1, got ",
+        options_.largest_residual, " ", options_.sure, " ", options_.least_agreeing);
+  const AlignmentOptions& a = options_.alignment;
+  check(a.coarsest >= 0 && a.coarsest < MapFeatures::kLevels && a.rounds > 0 && a.most > 0,
+        "an alignment begins at level 0 to ", MapFeatures::kLevels - 1,
+        ", has rounds and features, got ", a.coarsest, ", ", a.rounds, " and ", a.most);
 }
 
 void RotationTracker::reset() { state_.reset(); }

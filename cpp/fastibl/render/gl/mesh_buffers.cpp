@@ -50,7 +50,8 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
   }
   if (same_bytes(scene.mesh.vertices, mesh_.vertices) &&
       same_bytes(scene.mesh.triangles, mesh_.triangles) &&
-      same_bytes(scene.shown_normals(), normal_) && same_bytes(scene.mesh.uvs, mesh_.uvs))
+      same_bytes(scene.shown_normals(), normal_) && same_bytes(scene.tangents, tangent_) &&
+      same_bytes(scene.mesh.uvs, mesh_.uvs))
     return;
   mesh_ = {}, share_.clear();  // until all is uploaded: a failure must not pass for what is there
   cut_ = {};

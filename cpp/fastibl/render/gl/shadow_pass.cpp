@@ -63,8 +63,9 @@ void ShadowPass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   light.bind_radiance(gpu, p);
   gpu.bind("spheres", spheres_);
   glm::vec3 inverse(0);
-  for (int c = 0; c < 3; ++c)  // as the CPU's: the inverse of a smaller one is not finite
-    if (in.lighting.plane_irradiance[c] > 1e-30f) inverse[c] = 1 / in.lighting.plane_irradiance[c];
+  for (int c = 0; c < 3; ++c)
+    if (in.lighting.plane_irradiance[c] > kLeastIrradiance)
+      inverse[c] = 1 / in.lighting.plane_irradiance[c];
   set(p, "inverse_irradiance", inverse);
   glUniform1f(p.uniform("texels"), kResolution);
   glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
