@@ -107,6 +107,18 @@ def test_a_result_may_be_a_folder_and_must_be_there(tmp_path):
     assert "without writing" in with_threads(nothing, ["c"], tmp_path).failed[0].error
 
 
+def leaves(item, path):
+    """As a command line's main() does."""
+    if item == "b":
+        sys.exit("bad item")
+    Path(path).write_text(item)
+
+
+def test_an_item_that_calls_exit_fails_alone(tmp_path):
+    summary = with_threads(leaves, ["a", "b", "c"], tmp_path)
+    assert [i.state for i in summary.items] == ["done", "failed", "done"] and "bad item" in summary.failed[0].error
+
+
 def test_names_are_checked_before_anything_runs(tmp_path):
     with pytest.raises(ValueError, match="would both give x.npz"):
         with_threads(nothing, ["a/x.hdr", "b/x.hdr"], tmp_path / "out", suffix=".npz")
@@ -115,6 +127,15 @@ def test_names_are_checked_before_anything_runs(tmp_path):
             with_threads(nothing, [1], tmp_path / "out", name=lambda item, bad=bad: bad)
     with pytest.raises(TypeError, match="an executor needs submit"):
         batch.run(nothing, [1], tmp_path / "out", executor=3)
+    for one in ("maps", Path("maps")):
+        with pytest.raises(TypeError, match="is a list of it"):
+            batch.run(nothing, one, tmp_path / "out")
+    for name in ("workers", "threads"):
+        for bad in (0, -1):
+            with pytest.raises(ValueError, match=f"{name} must be at least 1, got {bad}"):
+                batch.run(nothing, [1], tmp_path / "out", **{name: bad})
+        with pytest.raises(TypeError, match=f"{name} must be a whole number or None, got float"):
+            batch.run(nothing, [1], tmp_path / "out", **{name: 1.5})
     assert not (tmp_path / "out").exists()
     both = with_threads(folder_of, ["a/x.hdr", "b/x.hdr"], tmp_path, name=lambda p: p.replace("/", "-"))
     assert [i.name for i in both.items] == ["a-x.hdr", "b-x.hdr"]

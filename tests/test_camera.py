@@ -122,6 +122,9 @@ def test_what_is_no_camera_is_refused():
     same_error(lambda: camera.project(np.ones((4, 2))), ValueError, "(..., 3)", "(4, 2)")
     same_error(lambda: camera.unproject(np.ones((4, 3))), ValueError, "(..., 2)", "(4, 3)")
     same_error(lambda: camera.project(np.ones((4, 3), int)), TypeError, "floats")
+    turned = fastibl.Rig(camera, camera, fastibl.Pose.from_rotation_vector([0, 3, 0], [0, 0, 0.01]))
+    for rig in (turned, fastibl.Rig(camera)):
+        assert pickle.loads(pickle.dumps(rig)) == rig == copy.deepcopy(rig)
     same_error(lambda: fastibl.Rig(camera, camera), ValueError, "both front and front_from_back")
     same_error(lambda: fastibl.Rig(camera, None, np.eye(4)), ValueError, "both front and front_from_back")
 

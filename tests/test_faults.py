@@ -68,6 +68,11 @@ def test_the_seed_decides():
     assert list(Faulty(film(20), 1, 0.0)) == list(film(20))
 
 
+def test_an_exposure_that_no_camera_told_stays_unknown():
+    given = [fastibl.Frame(k / 30, np.zeros((48, 64, 3), np.uint8), back_exposure=None) for k in range(20)]
+    assert all(f.back_exposure is None for f in Faulty(Recording(RIG, given), 0, {"exposure": 0.9}))
+
+
 def test_wrong_faults():
     with pytest.raises(ValueError, match="'fire'"):
         Faulty(film(1), kinds={"fire": 0.1})

@@ -109,6 +109,8 @@ def row_of(error: float | None = 0.01, seconds: float | None = 1e-3, **other) ->
         (row_of(error=0.0104), None, None),  # within 5 %
         (row_of(error=0.02), "error", True),
         (row_of(error=0.005), "error", False),
+        (row_of(error=np.nan), "error", True),
+        (row_of(error=np.inf), "error", True),
         (row_of(seconds=1.2e-3), None, None),  # within the spread and the factor
         (row_of(seconds=2e-3), "time", True),
         (row_of(seconds=0.5e-3), "time", False),
@@ -120,6 +122,11 @@ def test_what_counts_as_worse(new, of, worse):
     changed = {c.of: c.worse for c in found.changes if c.worse is not None}
     assert changed == ({} if of is None else {of: worse})
     assert bool(found.worse) == bool(worse) and bool(found.better) == (worse is False)
+
+
+def test_a_method_that_ceases_to_give_nan_is_better():
+    assert compare.compare([row_of(error=np.nan)], [row_of()]).better[0].of == "error"
+    assert not compare.compare([row_of(error=np.nan)], [row_of(error=np.nan)]).worse
 
 
 def test_times_of_another_machine_do_not_count():

@@ -343,3 +343,25 @@ def test_place_errors():
         place.radiance((0, 0, 0), [0.0, 0.0, 1.0])
     with pytest.raises(ValueError, match=r"\(3,\)"):
         place.radiance((0, 0), [0.0, 0.0, 1.0])
+
+
+def test_a_map_from_a_file_is_what_read_environment_reads(tmp_path):
+    """Radiance's EXPOSURE is taken out: the same light whichever way a map comes in."""
+    light = np.random.default_rng(0).uniform(0.1, 2, (16, 32, 3)).astype(np.float32)
+    fastibl.write_environment(tmp_path / "plain.hdr", fastibl.cubemap_from_equirect(light, size=8), height=16)
+    data = (tmp_path / "plain.hdr").read_bytes()
+    (tmp_path / "exposed.hdr").write_bytes(data.replace(b"\n\n", b"\nEXPOSURE=4\n\n", 1))
+    given = {"seconds": 0.1, "fps": 10, "size": (32, 24), "lamp": False}
+    plain, exposed = (
+        fastibl.simulate(tmp_path / name, **given).truth.environment(0) for name in ("plain.hdr", "exposed.hdr")
+    )
+    np.testing.assert_allclose(exposed.faces, plain.faces / 4, rtol=1e-4, atol=1e-6)
+
+
+def test_live_frames_are_the_same_each_time_they_are_iterated():
+    """Noise, exposures and the gyroscope's drift are each iteration's own, also of two at once."""
+    frames = fastibl.simulate(seconds=0.4, fps=10, size=(64, 48), live=True, auto_exposure=True, gyro=0.1)
+    alone = list(frames)
+    assert len(alone) == 4
+    for a, b, c in zip(frames, frames, alone, strict=True):
+        assert a == b == c

@@ -261,6 +261,9 @@ def test_videos(tmp_path):
     assert [f.time for f in sources.VideoSource(RIG, back, fps=10)] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
     with pytest.raises(FileNotFoundError, match="nowhere"):
         sources.VideoSource(RIG, tmp_path / "nowhere.avi")
+    for fps in (0, -5.0, np.nan, np.inf):
+        with pytest.raises(ValueError, match="fps must be positive and finite"):
+            sources.VideoSource(RIG, back, fps=fps)
     (tmp_path / "empty.avi").write_bytes(b"")
     with pytest.warns(fastibl.recording.RecordingWarning, match="no picture"):
         assert list(sources.VideoSource(RIG, tmp_path / "empty.avi")) == []

@@ -33,8 +33,11 @@ import uuid
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from operator import index
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
+
+from .expected import expect
 
 _UNFINISHED = ".unfinished"  # in `out`: what is being written
 _SUMMARY = "summary.json"
@@ -101,9 +104,15 @@ def run(
     submit(function, *arguments) whose futures have add_done_callback and result. threads: of fastibl in each call;
     by default the cores are shared among the workers, and other executors' threads are left alone.
 
-    Raises ValueError for two items of one name, or a name that is no file name; TypeError for an executor that is none.
-    What items raise is in the summary.
+    Raises ValueError for two items of one name, a name that is no file name, or fewer than one worker or thread;
+    TypeError for one path instead of items, and for an executor that is none. What items raise is in the summary.
     """
+    for number, what in ((workers, "workers"), (threads, "threads")):
+        expect(number, (SupportsIndex, type(None)), what)
+        if number is not None and index(number) < 1:
+            raise ValueError(f"{what} must be at least 1, got {number}")
+    if isinstance(items, (str, bytes, os.PathLike)):
+        raise TypeError(f"items must be a list or another iterable, got {items!r}: [{items!r}] is a list of it")
     out, items = Path(out), list(items)
     names = _names(items, name or _name_of, suffix)
     if executor is not None and not hasattr(executor, "submit"):
@@ -260,7 +269,7 @@ def _attempt(
             raise FileNotFoundError("the function returned without writing a file or folder at its path")
         _sync(part)
         os.replace(part, final)
-    except Exception as raised:  # noqa: BLE001 - the summary tells
+    except (Exception, SystemExit) as raised:  # the summary tells
         error, trace = _last_line(raised), traceback.format_exc()
         _remove(part)
     _mark(part).unlink(missing_ok=True)

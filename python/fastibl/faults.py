@@ -118,7 +118,8 @@ def _spoil(frame: Frame, name: str, event: _Event, before: NDArray | None) -> No
         picture = np.ascontiguousarray(picture[:, ::-1])
     elif event.kind == "exposure":
         tag = f"{name}_exposure"
-        setattr(frame, tag, getattr(frame, tag) * _TAGS[int(a * len(_TAGS))])
+        told = getattr(frame, tag)  # None: of a camera that does not tell, which cannot lie
+        setattr(frame, tag, None if told is None else told * _TAGS[int(a * len(_TAGS))])
     elif event.kind == "white balance":
         gains = np.exp(1.4 * (event.amount - 0.5))  # half to twice
         codes = np.arange(256)[:, None] * gains ** (1 / 2.2)

@@ -16,6 +16,7 @@ from ._fastibl import (
     _prefilter,
 )
 from .axes import radiance_of
+from .expected import expect
 
 STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow", "self_shadow", "bounce")
 AUTO, PAPER = _Methods._auto(), _Methods._paper()
@@ -118,6 +119,7 @@ def method_settings(method: str | Method) -> dict[str, int]:
 def resolve_methods(given: str | Mapping[str, str | Method] | _Methods) -> _Methods:
     """All steps of "auto", "paper", of a plan's methods, or of a mapping from step (or "normalization") to method; the
     rest is automatic."""
+    expect(given, (str, Mapping, _Methods), "methods", '"auto", "paper", a plan\'s methods, or {step: method}')
     if isinstance(given, _Methods):
         return given
     if isinstance(given, str):

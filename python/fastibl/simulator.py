@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Board, Camera, CubeMap, Pose, Rig, cubemap_from_equirect, texel_directions, texel_solid_angles
 from .expected import expect
+from .pictures import LINEAR, read_picture
 from .recording import Frame, Recording, RecordingWriter, Truth
 from .room import OBJECT, TABLE, Room, _look_up, table_albedo, truth_map, wood
 from .shutter import Shutter, bands, row_times
@@ -359,17 +361,13 @@ def _place_of(environment: Any, albedo: ArrayLike | None) -> tuple[Place, bool]:
     if hasattr(environment, "radiance") and hasattr(environment, "truth"):
         return environment, False
     if isinstance(environment, (str, os.PathLike)):
-        return DistantPlace(_read_equirect(Path(environment)), albedo), False
+        path = Path(environment)
+        if path.suffix.lower() not in LINEAR:
+            raise ValueError(
+                f"{path} is no HDR picture; expected an equirectangular one that ends in {' or '.join(LINEAR)}"
+            )
+        return DistantPlace(read_picture(path), albedo), False
     return DistantPlace(environment, albedo), False
-
-
-def _read_equirect(path: Path) -> NDArray[np.float32]:
-    if not path.is_file():
-        raise FileNotFoundError(f"no environment map at {path}")
-    image = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
-    if image is None or image.dtype != np.float32:
-        raise ValueError(f"{path} is not an HDR picture; expected an equirectangular .hdr of linear radiance")
-    return np.ascontiguousarray(image[..., ::-1])
 
 
 def simulate(
@@ -516,9 +514,10 @@ class _LiveFrames:
         return len(self.times)
 
     def __iter__(self) -> Iterator[Frame]:
-        self._make.noise = np.random.default_rng([self._seed, 1])
+        make = copy.copy(self._make)  # exposures, noise and drift of this time alone
+        make.noise = np.random.default_rng([self._seed, 1])
         for index, time in enumerate(self.times):
-            yield self._make.frame(index, time)
+            yield make.frame(index, time)
 
     def __getitem__(self, index: int) -> Frame:
         raise TypeError("live frames come in order: iterate")

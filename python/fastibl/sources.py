@@ -207,6 +207,8 @@ class VideoSource(_Closing):
         for file in self._files.values():
             if not file.is_file():
                 raise FileNotFoundError(f"no video at {file}")
+        if fps is not None:
+            _check_rate(fps)
         self.rig, self.board, self._fps = rig, board, fps
         self._exposures = dict(zip(CAMERAS, exposures, strict=True))
 
@@ -237,6 +239,11 @@ class VideoSource(_Closing):
                 video.release()
 
 
+def _check_rate(fps: float) -> None:
+    if not (fps > 0 and np.isfinite(fps)):
+        raise ValueError(f"fps must be positive and finite, got {fps}")
+
+
 def _next_picture(video: Any) -> NDArray[np.uint8] | None:
     read, picture = video.read()
     return np.ascontiguousarray(picture[..., ::-1]) if read and picture is not None else None
@@ -259,8 +266,7 @@ class FolderSource(_Closing):
         fps: float = 30.0,
         exposures: tuple[float | None, float | None] = (1.0, 1.0),
     ):
-        if not (fps > 0 and np.isfinite(fps)):
-            raise ValueError(f"fps must be positive and finite, got {fps}")
+        _check_rate(fps)
         if front is not None and rig.front is None:
             raise ValueError("a front folder was given, but the rig has no front camera")
         folders = {"back": back, "front": front}

@@ -128,7 +128,8 @@ class Tracker:
     def reset(self) -> None:
         """Forgets the last pose: the next picture is searched anew."""
         if self._edges is not None:
-            self._edges.reset()
+            with self._lock:
+                self._edges.reset()
 
     def __repr__(self) -> str:
         return f"Tracker({self.board!r}, {self.camera!r}, method={self.method!r}, refine={self.refine})"
@@ -204,7 +205,8 @@ class RotationTracker:
 
     def reset(self) -> None:
         """Forgets the rotation."""
-        self._core.reset()
+        with self._lock:
+            self._core.reset()
 
     @property
     def following(self) -> bool:

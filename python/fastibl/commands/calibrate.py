@@ -210,11 +210,14 @@ def run_board(arguments: argparse.Namespace) -> int:
     from ..calibration import calibrate_board
     from ..recording import write_board
 
-    measured = arguments.measured and (
-        int(arguments.measured[0]),
-        int(arguments.measured[1]),
-        float(arguments.measured[2]),
-    )
+    try:
+        tags = arguments.measured and (int(arguments.measured[0]), int(arguments.measured[1]))
+        measured = arguments.measured and (*tags, float(arguments.measured[2]))
+    except ValueError:
+        raise ValueError(
+            "--measured takes the numbers of two tags and the metres between their centres, got "
+            + " ".join(arguments.measured)
+        ) from None
     found = calibrate_board(
         _read_pictures(arguments), board_of(arguments.board), _known_camera(arguments), measured=measured
     )

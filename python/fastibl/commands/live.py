@@ -7,6 +7,7 @@ import math
 import signal
 import sys
 import threading
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -127,9 +128,9 @@ def run(arguments: argparse.Namespace) -> int:
         if not arguments.no_page:
             server = stack.enter_context(PageServer(loop, arguments.port, notices=tuple(opened.notices)))
             _announce(server.url, arguments.open)
-        with _ending_with_control_c(loop):
+        with _ending_with_control_c(loop) as interrupted:
             loop.run(until_end=arguments.no_page)
-    return watch.conclude()
+    return watch.conclude(interrupted.is_set())
 
 
 class _Log:
@@ -170,20 +171,23 @@ def _announce(url: str, browser: bool) -> None:
 
 
 @contextmanager
-def _ending_with_control_c(loop: Any):
-    """The loop ends after its frame, so that what is written stays whole; a second Ctrl-C does not wait."""
+def _ending_with_control_c(loop: Any) -> Iterator[threading.Event]:
+    """The loop ends after its frame, so that what is written stays whole; a second Ctrl-C does not wait. Gives an event
+    that tells of it."""
+    interrupted = threading.Event()
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield interrupted
         return
 
     def end(number: int, _: Any) -> None:
+        interrupted.set()
         signal.signal(signal.SIGINT, signal.default_int_handler)
         # Not here: the loop, which is interrupted for this, may hold the locks of its cameras.
         threading.Thread(target=loop.stop, daemon=True).start()
 
     before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield
+        yield interrupted
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -198,6 +202,7 @@ class _Watch:
         from ..video import VideoWriter
 
         self._opened, self._seconds, self._patience = opened, arguments.seconds, arguments.patience
+        self._recording = arguments.recording
         self.out = arguments.out or (Path("live.webm") if arguments.no_page else None)
         self._video = None if self.out is None else stack.enter_context(VideoWriter(self.out, arguments.fps))
         self._bar = stack.enter_context(tqdm(desc="live", unit="frame", disable=None))
@@ -252,8 +257,12 @@ class _Watch:
     def _dropped(self) -> int:
         return int(getattr(self._opened.source, "dropped", 0))
 
-    def conclude(self) -> int:
+    def conclude(self, interrupted: bool) -> int:
         if not self._frames:
+            if interrupted:
+                raise KeyboardInterrupt
+            if self._recording is not None:
+                raise ValueError(f"{self._recording} holds no back pictures")
             raise ValueError(f"the back camera gave no picture within {self._patience:g} s")
         print(
             ("" if self.out is None else f"{self.out}: ")

@@ -74,7 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
                     if time.monotonic() >= end:
                         break
             except KeyboardInterrupt:
-                pass
+                if recorder is None:
+                    raise
     if recorder is None:
         raise ValueError(f"no camera gave a picture within {arguments.patience:g} s")
     if recorder.error is not None:

@@ -96,7 +96,13 @@ def _given(arguments: argparse.Namespace):
     from ..recording import Recording
 
     paths = [path for some in arguments.environment or () for path in some]
-    places = {path.stem.removesuffix("_1k"): read_environment(path, size=128) for path in paths} or None
+    named: dict[str, Path] = {}
+    for path in paths:
+        name = path.stem.removesuffix("_1k")
+        if name in named:
+            raise ValueError(f"{named[name]} and {path} would both be called {name}: rename one")
+        named[name] = path
+    places = {name: read_environment(path, size=128) for name, path in named.items()} or None
     mesh = None
     if arguments.mesh is not None:
         mesh = arguments.mesh.stem, stand(read_mesh(arguments.mesh, arguments.up), _HEIGHT)

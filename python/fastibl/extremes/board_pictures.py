@@ -4,6 +4,8 @@ Each pixel is the mean of fine x fine rays through the full lens model; the boar
 so there is no resampling of an already sampled picture.
 """
 
+import pickle
+
 import cv2
 import numpy as np
 
@@ -36,7 +38,7 @@ _pages = {}
 
 
 def page_of(board, dpi=300):
-    key = (repr(board), board.border_bits, dpi)
+    key = (pickle.dumps(board), dpi)
     if key not in _pages:
         _pages[key] = board.image(dpi).astype(np.float32) / 255
     return _pages[key]
@@ -94,7 +96,7 @@ _ray_cache = {}
 
 
 def _rays(camera, fine, x, y):
-    key = (camera.width, camera.height, camera.fx, camera.cx, camera.cy, camera.distortion, fine)
+    key = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, fine)
     if key not in _ray_cache:
         K = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
         pixels = np.stack([x, y], -1).reshape(-1, 1, 2)

@@ -241,7 +241,7 @@ class _Handler(BaseHTTPRequestHandler):
         if not length.isdecimal() or self.headers.get("Transfer-Encoding"):
             self.close_connection = True
             raise _Refusal(HTTPStatus.LENGTH_REQUIRED, "a Content-Length is needed")
-        if int(length) > _BODY:
+        if len(length) > 9 or int(length) > _BODY:
             self.close_connection = True
             raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request may have {_BODY} bytes")
         return self.rfile.read(int(length))

@@ -15,6 +15,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..measuring import Row, label, seconds_text
 from .section import Section, Table
 
@@ -89,11 +91,15 @@ def compare(old: Sequence[Row], new: Sequence[Row], name: str = "the old report"
 
 def _error_change(a: Row, b: Row) -> Change:
     old, new = abs(a.error), abs(b.error)
+    of = "bias" if "bias" in a.metric else "error"
+    if not (np.isfinite(old) and np.isfinite(new)):  # a method that begins, or ceases, to give NaN
+        worse = None if np.isfinite(old) == np.isfinite(new) else bool(np.isfinite(old))
+        return Change(a, b, of, {None: 1.0, True: np.inf, False: 0.0}[worse], worse)
     least = ERROR_LEAST if "degrees" not in a.metric and "metres" not in a.metric else 0.0
     worse = True if new > ERROR_FACTOR * old and new - old > least else None
     if old > ERROR_FACTOR * new and old - new > least:
         worse = False
-    return Change(a, b, "bias" if "bias" in a.metric else "error", new / old if old else 1.0 if not new else 1e9, worse)
+    return Change(a, b, of, new / old if old else 1.0 if not new else 1e9, worse)
 
 
 def _time_change(a: Row, b: Row) -> Change:
