@@ -32,7 +32,7 @@ struct Bright {
   float left = 1;     // the share that no light has taken yet
 };
 
-double luminance(glm::vec3 v) { return (double(v.x) + v.y + v.z) / 3; }
+double mean(glm::vec3 v) { return (double(v.x) + v.y + v.z) / 3; }
 
 float smooth(float t) {
   t = std::clamp(t, 0.0f, 1.0f);
@@ -44,29 +44,29 @@ float window(glm::vec3 a, glm::vec3 b) {
   return smooth((glm::dot(a, b) - outer) / (inner - outer));
 }
 
-struct Scene {
+struct BrightTexels {
   std::vector<Bright> texels;
   double total = 0;  // flux of the whole map
 };
 
 // before: the level of the map before, or null.
-Scene bright_texels(const CubeLevel& level, const CubeLevel* before) {
+BrightTexels bright_texels(const CubeLevel& level, const CubeLevel* before) {
   const int n = level.size();
   static const std::vector<double> of_working_size = texel_solid_angles(64);
   const std::vector<double> angles = n == 64 ? of_working_size : texel_solid_angles(n);
-  Scene scene;
+  BrightTexels bright;
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < n; ++y)
       for (int x = 0; x < n; ++x)
-        scene.total += angles[std::size_t(y) * std::size_t(n) + std::size_t(x)] *
-                       luminance(level.texel(f, x, y));
-  const double threshold = kThreshold * scene.total / (4 * std::numbers::pi);
-  if (!(threshold > 0)) return scene;
+        bright.total +=
+            angles[std::size_t(y) * std::size_t(n) + std::size_t(x)] * mean(level.texel(f, x, y));
+  const double threshold = kThreshold * bright.total / (4 * std::numbers::pi);
+  if (!(threshold > 0)) return bright;
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < n; ++y)
       for (int x = 0; x < n; ++x) {
         const glm::vec3& radiance = level.texel(f, x, y);
-        const double value = luminance(radiance);
+        const double value = mean(radiance);
         if (!(value > threshold)) continue;
         const glm::vec3 excess = float(1 - threshold / value) * radiance;
         const float angle = float(angles[std::size_t(y) * std::size_t(n) + std::size_t(x)]);
@@ -76,14 +76,13 @@ Scene bright_texels(const CubeLevel& level, const CubeLevel* before) {
                      glm::normalize(texel_direction(f, x, y, n)),
                      excess,
                      angle,
-                     angle * float(luminance(excess))};
+                     angle * float(mean(excess))};
         texel.before = texel.flux;
         if (before)
-          texel.before =
-              angle * float(std::max(luminance(before->texel(f, x, y)) - threshold, 0.0));
-        scene.texels.push_back(texel);
+          texel.before = angle * float(std::max(mean(before->texel(f, x, y)) - threshold, 0.0));
+        bright.texels.push_back(texel);
       }
-  return scene;
+  return bright;
 }
 
 // Middle of the light around a direction: mean shift with the window.
@@ -142,7 +141,7 @@ glm::vec3 brightest(const std::vector<Bright>& texels) {
   return settled(texels, best);
 }
 
-struct Taken {
+struct TakenLight {
   glm::vec3 centre;
   double flux = 0;                                  // mean over RGB
   double flux_before = 0;                           // in the map before, at the same place
@@ -161,8 +160,8 @@ struct Taken {
   }
 };
 
-Taken take(std::vector<Bright>& texels, glm::vec3 centre) {
-  Taken taken;
+TakenLight take(std::vector<Bright>& texels, glm::vec3 centre) {
+  TakenLight taken;
   taken.centre = centre;
   for (std::size_t i = 0; i < texels.size(); ++i) {
     const float w = texels[i].left * window(texels[i].direction, centre);
@@ -175,7 +174,7 @@ Taken take(std::vector<Bright>& texels, glm::vec3 centre) {
   return taken;
 }
 
-void give_back(std::vector<Bright>& texels, const Taken& taken) {
+void give_back(std::vector<Bright>& texels, const TakenLight& taken) {
   for (const auto& [i, w] : taken.part) texels[i].left += w;
 }
 
@@ -188,7 +187,7 @@ glm::dvec3 middle(const CubeMap& map, int fine, int size, const Bright& t) {
   double total = 0;
   for (int y = t.y * pieces; y < (t.y + 1) * pieces; ++y)
     for (int x = t.x * pieces; x < (t.x + 1) * pieces; ++x) {
-      const double value = luminance(level.texel(t.face, x, y));
+      const double value = mean(level.texel(t.face, x, y));
       sum += value * glm::normalize(glm::dvec3(texel_direction(t.face, x, y, level.size())));
       total += value;
     }
@@ -196,7 +195,7 @@ glm::dvec3 middle(const CubeMap& map, int fine, int size, const Bright& t) {
 }
 
 FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vector<Bright>& texels,
-                    const Taken& taken, float strength) {
+                    const TakenLight& taken, float strength) {
   int fine = -1;
   for (int k = map.level_count() - 1; k >= 0; --k) {
     const int n = map.level(k).size();
@@ -244,13 +243,13 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
   std::vector<FoundLight> found;
   const std::span<const Light> followed_lights = before ? before->lights : std::span<const Light>();
   if (count == 0 && followed_lights.empty()) return found;
-  Scene scene = bright_texels(level, before ? &before->level : nullptr);
-  std::vector<Bright>& texels = scene.texels;
+  BrightTexels bright = bright_texels(level, before ? &before->level : nullptr);
+  std::vector<Bright>& texels = bright.texels;
   if (texels.empty()) return found;
-  const double least = kLeastShare * scene.total;
-  std::vector<Taken> taken;
+  const double least = kLeastShare * bright.total;
+  std::vector<TakenLight> taken;
   for (const Light& light : followed_lights) {
-    Taken again = take(texels, followed(texels, light.window));
+    TakenLight again = take(texels, followed(texels, light.window));
     again.before = light.strength;
     again.leaves = int(taken.size()) >= count;
     if (again.flux > least || (again.flux > 0 && light.strength > kFade))
@@ -262,12 +261,12 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
   // Until those that are too many have faded; and where none is asked for.
   const bool full = count == 0 || int(taken.size()) > count;
   for (int round = 0; !full && round < 2 * kMaxLights; ++round) {
-    Taken more = take(texels, brightest(texels));
+    TakenLight more = take(texels, brightest(texels));
     if (!(more.flux > least)) break;
     if (int(taken.size()) == count) {
-      const auto last =
-          std::min_element(taken.begin(), taken.end(),
-                           [](const Taken& a, const Taken& b) { return a.flux < b.flux; });
+      const auto last = std::min_element(
+          taken.begin(), taken.end(),
+          [](const TakenLight& a, const TakenLight& b) { return a.flux < b.flux; });
       next = more.flux;
       // Only a light that is followed can be this much weaker.
       if (next < 1.5 * last->flux) break;
@@ -281,7 +280,7 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
     }
     taken.push_back(std::move(more));
   }
-  for (const Taken& t : taken) {
+  for (const TakenLight& t : taken) {
     float strength = t.leaves ? 0 : smooth(float(t.flux / least - 1));
     // With nothing to fade from, the last ones do by their distance to the first that is left out.
     if (!before && next > 0) strength *= smooth(float((t.flux / next - 1) / 0.25));

@@ -246,7 +246,7 @@ void trace_surface(const Standing& object, const Bvh& bvh, SceneSamples& samples
 }
 
 // A place on the plane, and its area in pictures.
-struct PlanePlace {
+struct SeenPlanePoint {
   glm::vec2 place;
   double area;
 };
@@ -260,8 +260,8 @@ double share_seen(const Bvh& bvh, glm::vec3 from, std::span<const glm::vec3> eye
 
 // Within a disc on the plane that, with the object, fills the picture; towards its middle, where
 // shadows have their edges, closer to each other.
-std::vector<PlanePlace> places_all_round(const Standing& object, const Bvh& bvh,
-                                         const SceneSamples& samples, int n) {
+std::vector<SeenPlanePoint> places_all_round(const Standing& object, const Bvh& bvh,
+                                             const SceneSamples& samples, int n) {
   constexpr double kPi = std::numbers::pi, kInwards = 0.75;  // 0.5: everywhere alike
   const double slope = std::sin(double(SceneSamples::kElevation));
   const std::span<const glm::vec3> eyes = std::span(samples.eyes).first(samples.picture_count);
@@ -270,7 +270,7 @@ std::vector<PlanePlace> places_all_round(const Standing& object, const Bvh& bvh,
   // What hovers has its shadow elsewhere.
   const double reach = std::max(std::sqrt(samples.object_area / kObjectShare / (kPi * slope)),
                                 1.2 * beneath + std::max(double(object.box.lower.z), 0.0));
-  std::vector<PlanePlace> places;
+  std::vector<SeenPlanePoint> places;
   for (int i = 0; i < n; ++i) {
     const double u = (i + 0.5) / n, r = reach * std::pow(u, kInwards);
     const double turn = 2 * kPi * fraction(0.0f, i, (std::sqrt(5.0) - 1) / 2);
@@ -283,8 +283,8 @@ std::vector<PlanePlace> places_all_round(const Standing& object, const Bvh& bvh,
 }
 
 // What a picture shows of the plane.
-std::vector<PlanePlace> places_of(const View& view, const Bvh& bvh, int n) {
-  std::vector<PlanePlace> places;
+std::vector<SeenPlanePoint> places_of(const View& view, const Bvh& bvh, int n) {
+  std::vector<SeenPlanePoint> places;
   for (int k = 0; k < n; ++k) {
     const std::optional<Ray> ray = view.ray(k);
     if (!ray || !(ray->origin.z * ray->direction.z < 0) || bvh.nearest(*ray).triangle >= 0)
@@ -295,7 +295,7 @@ std::vector<PlanePlace> places_of(const View& view, const Bvh& bvh, int n) {
   return places;
 }
 
-void trace_plane(const Standing& object, const Bvh& bvh, const std::vector<PlanePlace>& places,
+void trace_plane(const Standing& object, const Bvh& bvh, const std::vector<SeenPlanePoint>& places,
                  SceneSamples& samples) {
   const float radius = object.box.radius();
   const glm::vec3 centre = object.box.centre();

@@ -24,7 +24,7 @@ struct Line {
   glm::dvec2 point, direction;  // on the plane z = 1; direction of unit length
 };
 
-struct EdgePoint {
+struct SidePoint {
   double along, offset;  // in units of the plane z = 1
 };
 
@@ -174,7 +174,7 @@ class Refiner {
     const glm::dvec2 t = side / length, n(t.y, -t.x);
     const double pixels = length * camera_.fx;
     const int count = int(std::clamp(pixels, 8.0, double(options_.most_samples)));
-    std::vector<EdgePoint> points;
+    std::vector<SidePoint> points;
     points.reserve(std::size_t(count));
     for (int i = 0; i < count; ++i) {
       const double along = kSideStart + (1 - 2 * kSideStart) * (i + 0.5) / count;
@@ -192,7 +192,7 @@ class Refiner {
     return robust_line(points, a, t, n);
   }
 
-  static std::optional<Line> robust_line(const std::vector<EdgePoint>& points, const glm::dvec2& a,
+  static std::optional<Line> robust_line(const std::vector<SidePoint>& points, const glm::dvec2& a,
                                          const glm::dvec2& t, const glm::dvec2& n) {
     std::vector<double> weight(points.size(), 1.0), residual(points.size());
     double slope = 0, middle = 0, centre = 0;
