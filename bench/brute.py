@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastibl import reference
+from fastibl.measuring.samples import pairs, units
 
-from .inputs import real_maps, units
+from .inputs import real_maps
 
-ANGLES = (0, 30, 60, 75, 85)  # degrees between normal and view
 EXPONENTS = (2, 8, 32, 128, 512, 2048)
 NORMALS = 2000
 _SPLIT = {512: 4, 2048: 8}  # pieces of a texel along each axis
@@ -97,16 +97,6 @@ def _irradiance() -> NDArray:
     for name, cube in real_maps().items():
         check(_by_map(out)[name][:2], reference.irradiance(cube, normals()[:2]))
     return out
-
-
-def pairs(count: int, seed: int = 3) -> tuple[NDArray, NDArray]:
-    """Normals and views (5 count, 3): `count` at each of ANGLES."""
-    rng = np.random.default_rng([seed, 1])
-    n = units(count * len(ANGLES), seed)
-    t = np.cross(n, rng.normal(size=n.shape))
-    t /= np.linalg.norm(t, axis=1, keepdims=True)
-    angle = np.radians(np.repeat(ANGLES, count))[:, None]
-    return n, np.cos(angle) * n + np.sin(angle) * t
 
 
 def _cosines(n: NDArray, v: NDArray, d: NDArray) -> tuple[NDArray, NDArray]:

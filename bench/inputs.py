@@ -6,9 +6,6 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 import fastibl
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -23,12 +20,6 @@ HEIGHT = 0.2
 def real_maps() -> dict[str, fastibl.CubeMap]:
     """The real HDR maps as cube maps of 128 squared texels, by name; empty where they are not there."""
     return {name: fastibl.read_environment(path, size=128) for name, path in MAPS.items()}
-
-
-def units(count: int, seed: int = 0) -> NDArray[np.float64]:
-    """Random unit vectors (count, 3)."""
-    v = np.random.default_rng(seed).normal(size=(count, 3))
-    return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
 @cache

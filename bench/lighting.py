@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import fastibl
+from fastibl.measuring.samples import units
 
 from . import brute, inputs
 from .measure import Row, Timing, measure, one_core, row
@@ -45,7 +46,7 @@ def diffuse() -> list[Row]:
     """Mean error and time of one normal for each method; and the time to fit a map of 128 squared."""
     out = []
     maps = _maps()
-    batches = [inputs.units(_NORMALS, seed).astype(np.float32) for seed in (0, 1)]
+    batches = [units(_NORMALS, seed).astype(np.float32) for seed in (0, 1)]
     for method in fastibl.methods("diffuse"):
         setting = _setting(method)
         lighting = fastibl.Lighting(next(iter(maps.values())), diffuse=method)
@@ -73,7 +74,7 @@ def glossy() -> list[Row]:
     """Mean error of the normalised lobe by exponent, and time of one pair."""
     out = []
     maps = _maps()
-    normals, views = inputs.units(_PAIRS, 2).astype(np.float32), inputs.units(_PAIRS, 3).astype(np.float32)
+    normals, views = units(_PAIRS, 2).astype(np.float32), units(_PAIRS, 3).astype(np.float32)
     views *= np.sign((normals * views).sum(axis=1, keepdims=True))
     batches = [(normals, views), (normals[::-1].copy(), views[::-1].copy())]
     for method in fastibl.methods("glossy"):

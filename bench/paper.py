@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import fastibl
 from fastibl.comparison import irradiance_error, relative_errors
 from fastibl.gl_device import draws_in_software, gl_device
+from fastibl.measuring.samples import units
 from fastibl.truth import texels_that_count
 
 from . import brute, inputs
@@ -129,7 +130,7 @@ def face_weights(normals: NDArray, nodes: int = 40) -> NDArray:
 @row("paper", "closed form of W_F")
 def closed_form() -> Iterator[Goal]:
     axes = np.array([(1, 0, 0), (0, 1, 0), (0, 0, -1), (1, 1, 0), (1, 1, 1), (-1, 1, 2), (1, -1e-4, 0)], np.float64)
-    normals = np.vstack([axes / np.linalg.norm(axes, axis=1, keepdims=True), inputs.units(400, seed=11)])
+    normals = np.vstack([axes / np.linalg.norm(axes, axis=1, keepdims=True), units(400, seed=11)])
     true = face_weights(normals)
     ours = np.empty_like(true)
     for face in range(6):
@@ -147,7 +148,7 @@ def closed_form() -> Iterator[Goal]:
 @row("paper", "white furnace")
 def furnace() -> Iterator[Goal]:
     white = fastibl.CubeMap(np.ones((6, 32, 32, 3), np.float32))
-    normals = inputs.units(20000, seed=5)
+    normals = units(20000, seed=5)
     for method in ("sh9", "six-face-exact"):
         shares = fastibl.Lighting(white, diffuse=method).irradiance(normals).astype(np.float64) / np.pi
         worst = float(np.abs(shares - 1).max())

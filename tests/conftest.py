@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fastibl
+from fastibl.measuring.samples import units  # noqa: F401 - for tests
 
 # What tests bake they keep to themselves.
 os.environ.setdefault("FASTIBL_CACHE", tempfile.mkdtemp(prefix="fastibl-tests-"))
@@ -15,12 +16,6 @@ fastibl.set_threads(1)  # processes share the cores; tests of more threads set t
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 MAPS = sorted((SHARED / "hdri").glob("*.hdr"))
-
-
-def units(count, seed=0):
-    """Random unit vectors (count, 3) float64."""
-    directions = np.random.default_rng(seed).normal(size=(count, 3))
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
 @pytest.fixture(scope="session")

@@ -211,9 +211,6 @@ def edited(folder, tmp_path, name, edit):
     return copy
 
 
-MATRIX = "camera_matrix: !!opencv-matrix"
-
-
 @pytest.mark.parametrize(
     "change, message",
     [

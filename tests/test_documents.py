@@ -2,7 +2,6 @@
 
 import argparse
 import importlib.util
-import json
 import re
 import shlex
 import shutil
@@ -128,11 +127,6 @@ def test_cpp_blocks_compile(block, tmp_path):
     if absent:
         pytest.skip(f"needs {absent[1]}")
     assert done.returncode == 0, f"{block}\n{done.stderr[:2000]}"
-
-
-@pytest.mark.parametrize("block", documents.every_block("json"), ids=str)
-def test_json_blocks_are_json(block):
-    json.loads(block.text)
 
 
 def test_blocks_say_what_they_are():

@@ -16,14 +16,13 @@ from bench.capture.board_film import (
     board_light,
     disturbed,
     film,
-    look_at,
     picture,
-    rotation_error_degrees,
     small_turn,
 )
 from bench.capture.tracking import bound
 from fastibl._fastibl import _edge_points, _EdgeTracker, _tag_black, _track_edges
 from fastibl.board import tag_modules
+from fastibl.extremes.board_pictures import look_at, rotation_error_degrees
 from fastibl.tracking import detect
 
 BOARD = fastibl.Board.default()

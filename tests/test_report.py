@@ -13,8 +13,8 @@ import fastibl
 from fastibl import measuring, reference, report
 from fastibl.__main__ import main
 from fastibl.measuring import Point, Row, read_rows
+from fastibl.measuring.samples import pairs
 from fastibl.report import compare, inputs, plots, section
-from fastibl.report.glossy import pairs
 from fastibl.report.visibility import Sky
 
 pytest.importorskip("matplotlib")

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import fastibl
-from bench.capture.board_film import CAMERA, HARD, Look, look_at, picture, rotation_error_degrees, small_turn
+from bench.capture.board_film import CAMERA, HARD, Look, picture, small_turn
 from bench.capture.rolling_film import FPS, PATHS, READOUT, ROLLING, board_light, film
 from fastibl.__main__ import main
 from fastibl._fastibl import _EdgeTracker
 from fastibl.calibration import PosePath, calibrate_timing
+from fastibl.extremes.board_pictures import look_at, rotation_error_degrees
 from fastibl.recording import RecordingWriter, read_rig, write_rig
 from fastibl.tracking import detect
 

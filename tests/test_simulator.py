@@ -283,10 +283,7 @@ def test_white_paper_under_a_uniform_sky():
 
 
 def test_table_and_printed_board_are_about_equally_bright():
-    board = fastibl.Board.default()
-    if board is None:
-        pytest.skip("built without fastibl.board")
-    printed = _PrintedBoard(board, DistantPlace(np.ones((16, 32, 3)))).albedo
+    printed = _PrintedBoard(fastibl.Board.default(), DistantPlace(np.ones((16, 32, 3)))).albedo
     assert printed == pytest.approx(DistantPlace(np.ones((16, 32, 3))).albedo.mean(), rel=0.08)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
+from fastibl.extremes.board_pictures import look_at
 
 FINE = 4  # samples along a pixel
 BLACK, WHITE, TABLE = 0.04, 0.85, 0.25  # linear
@@ -167,20 +168,6 @@ def disturbed(light: NDArray, board: fastibl.Board, pose: NDArray, look: Look, r
     return light.astype(np.float32)
 
 
-def look_at(tilt, distance, azimuth=0.0, roll=0.0, aim=(0.0, 0.0)) -> NDArray[np.float64]:
-    """camera_from_marker (4, 4): the camera `distance` from the point `aim`, off the normal by `tilt` degrees."""
-    tilt, azimuth, roll = np.radians([tilt, azimuth, roll])
-    out = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
-    up = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    right = np.cross(-out, up)
-    rotation = np.stack([right, np.cross(-out, right), -out])
-    turn = np.array([[np.cos(roll), -np.sin(roll), 0], [np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
-    pose = np.eye(4)
-    pose[:3, :3] = turn @ rotation
-    pose[:3, 3] = -pose[:3, :3] @ (np.array([*aim, 0.0]) + distance * out)
-    return pose
-
-
 class HandPath:
     """A camera in a hand, aimed at the board: turns of about 20 degrees a second, sways of 0.1 m a second."""
 
@@ -224,12 +211,6 @@ def small_turn(rotation: NDArray) -> NDArray[np.float64]:
     return 0.5 * np.array(
         [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
     )
-
-
-def rotation_error_degrees(pose, truth) -> float:
-    r = np.asarray(pose)[:3, :3].T @ np.asarray(truth)[:3, :3]
-    axis = [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]
-    return float(np.degrees(np.arctan2(np.linalg.norm(axis), np.trace(r) - 1)))
 
 
 # "each alone": by name.

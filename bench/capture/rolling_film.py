@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
+from fastibl.extremes.board_pictures import look_at
 
-from .board_film import CAMERA, FINE, FPS, TABLE, Look, disturbed, look_at, page, picture
+from .board_film import CAMERA, FINE, FPS, TABLE, Look, disturbed, page, picture
 
 READOUT = 0.03  # seconds
 TURN = np.radians(60)  # a second

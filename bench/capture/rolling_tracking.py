@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl.calibration import PosePath, TimingCalibration, calibrate_timing
+from fastibl.extremes.board_pictures import rotation_error_degrees
 from fastibl.simulator import DistantPlace, default_rig, simulate, with_readout
 
 from .. import inputs
 from ..goals import Goal, row, skipped
 from ..light.speed import looking
 from ..measure import one_core
-from .board_film import CAMERA, rotation_error_degrees
+from .board_film import CAMERA
 from .rolling_film import PATHS, READOUT, ROLLING, TURN, Path, film
 
 BOARD = fastibl.Board.default()

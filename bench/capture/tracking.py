@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl._fastibl import _track_edges
+from fastibl.extremes.board_pictures import look_at, rotation_error_degrees
 
 from .. import photographs
 from ..goals import Goal, row, skipped
 from ..measure import one_core, timing, yardstick_seconds
 from . import board_film
-from .board_film import ALL_AT_ONCE, CAMERA, FPS, HARD, HandPath, Look, film, look_at, rotation_error_degrees
+from .board_film import ALL_AT_ONCE, CAMERA, FPS, HARD, HandPath, Look, film
 
 BOARD = fastibl.Board.default()
 GRID = fastibl.Board.grid(3, 4, 0.040, 0.012)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl import Method, _fastibl, reference
+from fastibl.measuring.samples import units
 
 from .. import brute, inputs
 from ..goals import Goal, by_map, percent, row, skipped
@@ -24,7 +25,7 @@ _SUN = inputs.SHARED / "hdri-sun" / "immenstadter_horn_1k.hdr"
 @cache
 def seconds_a_normal() -> dict[Method, float]:
     """Least time of the C++ kernel for each method, in turns: random unit normals, one thread."""
-    normals = inputs.units(_NORMALS).astype(np.float32)
+    normals = units(_NORMALS).astype(np.float32)
     faces = np.random.default_rng(0).lognormal(sigma=2, size=(6, 64, 64, 3))
     cube = next(iter(inputs.real_maps().values()), None) or fastibl.CubeMap(faces)
     lightings = {m: fastibl.Lighting(cube, diffuse=m) for m in (*fastibl.methods("diffuse"), FINE)}
@@ -49,7 +50,7 @@ def gradient(method: Method) -> tuple[float, float]:
     """Slope and offset of E/pi by n.x in a map of radiance 2 + x."""
     d = fastibl.texel_directions(128).astype(np.float64)
     radiance = 2 + d[..., :1] / np.linalg.norm(d, axis=-1, keepdims=True)
-    n = inputs.units(2000)
+    n = units(2000)
     e = fastibl.Lighting(fastibl.CubeMap(np.repeat(radiance, 3, -1)), diffuse=method).irradiance(n)[:, 0] / np.pi
     slope, offset = np.linalg.lstsq(np.stack([n[:, 0], np.ones(len(n))], 1), e, rcond=None)[0]
     return float(slope), float(offset)
@@ -157,7 +158,7 @@ def linear() -> Iterator[Goal]:
 
 @row("light", "diffuse furnace and sign")
 def sign() -> Iterator[Goal]:
-    normals = inputs.units(100_000)
+    normals = units(100_000)
     white = fastibl.CubeMap(np.ones((6, 64, 64, 3)))
     for method in (*EXACT, FAST, FINE):
         off = float(np.abs(fastibl.Lighting(white, diffuse=method).irradiance(normals) / np.pi - 1).max())

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl import reference
+from fastibl.measuring.samples import VIEWS, surfaces
 
 from .. import brute, inputs
 from ..goals import Goal, by_map, percent, row, skipped
@@ -23,21 +24,10 @@ from ..goals import Goal, by_map, percent, row, skipped
 ANISOTROPIC = (0.1, 0.4)
 ISOTROPIC = (0.05, 0.1, 0.25, 0.5, 1.0)
 COUNT = 50
-VIEWS = (0, 30, 60, 75)  # degrees
 TUNED = ("adams", "dikhololo", "potsdamer", "studio")
 
 
 @cache
-def surfaces() -> tuple[NDArray, NDArray, NDArray]:
-    """Normals, tangents and views (4 COUNT, 3): COUNT at each of VIEWS, with random azimuth."""
-    rng = np.random.default_rng(17)
-    n = inputs.units(COUNT * len(VIEWS), seed=18)
-    t = np.cross(n, rng.normal(size=n.shape))
-    t /= np.linalg.norm(t, axis=1, keepdims=True)
-    theta, phi = np.radians(np.repeat(VIEWS, COUNT))[:, None], rng.uniform(0, 2 * np.pi, (len(n), 1))
-    return n, t, np.cos(theta) * n + np.sin(theta) * (np.cos(phi) * t + np.sin(phi) * np.cross(n, t))
-
-
 def side_by_side() -> NDArray:
     """Faces of all maps as channels of one: the lobe is worked out once for all."""
     return np.concatenate([cube.faces for cube in inputs.real_maps().values()], axis=-1)
@@ -48,7 +38,7 @@ def truth(alpha: tuple[float, float], split: int | None = None) -> dict[str, NDA
     faces = side_by_side()
 
     def make() -> NDArray:
-        n, t, v = surfaces()
+        n, t, v = surfaces(COUNT)
 
         def some(part: NDArray) -> NDArray:
             return reference.ggx(faces, n[part], v[part], tangents=t[part], alpha=alpha, split=split)
@@ -70,7 +60,7 @@ def error_by_map(
     alpha: tuple[float, float], glossy: str = "stretched", lights: int = 8, **options: object
 ) -> tuple[dict[str, float], list[float]]:
     """Mean error of each map, and of each view angle over all maps. glossy: whose chain is read."""
-    n, t, v = surfaces()
+    n, t, v = surfaces(COUNT)
     means, angles = {}, []
     for name, true in truth(alpha).items():
         lighting = lighting_of(name, glossy, lights)
@@ -159,7 +149,7 @@ def convergence() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped("convergence of the GGX oracle", inputs.NO_MAPS)
         return
-    n, t, v = (array[::20] for array in surfaces())
+    n, t, v = (array[::20] for array in surfaces(COUNT))
     faces = side_by_side()
     for alpha in (ANISOTROPIC, (0.05, 0.05)):
         a = reference.ggx(faces, n, v, tangents=t, alpha=alpha)

@@ -8,6 +8,7 @@ import numpy as np
 
 import fastibl
 from fastibl import reference
+from fastibl.measuring.samples import units
 
 from .. import brute, inputs
 from ..goals import Goal, by_map, percent, row, skipped
@@ -168,7 +169,7 @@ def lights() -> Iterator[Goal]:
 def cost() -> Iterator[Goal]:
     maps = inputs.real_maps() if inputs.MAPS else {"white": fastibl.CubeMap(np.ones((6, 128, 128, 3)))}
     cube = next(iter(maps.values()))
-    normals, views = inputs.units(200_000, 2).astype(np.float32), inputs.units(200_000, 3).astype(np.float32)
+    normals, views = units(200_000, 2).astype(np.float32), units(200_000, 3).astype(np.float32)
     views *= np.sign((normals * views).sum(axis=1, keepdims=True))
     with one_core():
         lightings = {method: fastibl.Lighting(cube, glossy=method) for method in METHODS}

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import fastibl
 from fastibl import reference
+from fastibl.measuring import samples
 
 from .. import inputs
 from ..brute import stored
@@ -75,8 +76,7 @@ def errors_in_shadow(ratio: ArrayLike, truth: NDArray, covered: NDArray) -> Erro
 
 def grid(count: int = POINTS, extent: float = EXTENT) -> NDArray[np.float64]:
     """Points (count^2, 2): the texel centres of a ShadowMap of this extent, row by row from y min."""
-    axis = ((np.arange(count) + 0.5) / count * 2 - 1) * extent
-    return np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    return samples.grid(count, extent)
 
 
 @cache

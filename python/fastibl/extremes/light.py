@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import reference
 from .._fastibl import CubeMap, directional_albedo, ggx_albedo, main_lights
 from ..lighting import Lighting, Method, methods
+from ..measuring.samples import units
 from .case import Case, Outcome, at_most, both, equal, is_light, refused
-from .worlds import CONSTANT, MAPS, grazing, map_named, sun, true_irradiance, units
+from .worlds import CONSTANT, MAPS, grazing, map_named, sun, true_irradiance
 
 EXPONENTS = (0.0, 1e-30, 1e-3, 1.0, 64.0, 1e4, 1e6, 1e9, 3e38, np.inf)
 ALPHAS = (0.0, 1e-30, 1e-4, 0.02, 0.1, 0.5, 1.0)
@@ -142,7 +144,11 @@ def _glossy() -> Iterator[Case]:
 def _lobe(name: str, method: str, exponent: float) -> Outcome:
     n, v = grazing()
     lighting, cube = _lighting(name, glossy=method), map_named(name)
-    light = lighting.glossy(n[::5], v[::5], exponent)
+    return _of_map(lighting.glossy(n[::5], v[::5], exponent), name, cube)
+
+
+def _of_map(light: NDArray, name: str, cube: CubeMap) -> Outcome:
+    """Whether it is light, no brighter than the map; of a constant map, that constant."""
     found = is_light(light, OVERSHOOT * np.maximum(cube.faces.max(axis=(0, 1, 2)), 1e-37), "light")
     if found.held and name in CONSTANT:
         return equal(light, CONSTANT[name], 2e-6, f"{name}: light")
@@ -204,11 +210,7 @@ def _ggx() -> Iterator[Case]:
 def _ggx_lobe(name: str, method: str, alphas: tuple[float, float]) -> Outcome:
     n, v = grazing()
     cube = map_named(name)
-    light = _lighting(name).ggx(n[::7], v[::7], alpha=np.array(alphas), method=method)
-    found = is_light(light, OVERSHOOT * np.maximum(cube.faces.max(axis=(0, 1, 2)), 1e-37), "light")
-    if found.held and name in CONSTANT:
-        return equal(light, CONSTANT[name], 2e-6, f"{name}: light")
-    return Outcome(found.held, f"{name}: {found.text}") if not found.held else found
+    return _of_map(_lighting(name).ggx(n[::7], v[::7], alpha=np.array(alphas), method=method), name, cube)
 
 
 def _ggx_taps(taps: int) -> Outcome:

@@ -10,9 +10,10 @@ import numpy as np
 
 from .._fastibl import Bvh, Mesh, PlaneExchange, SelfShadow, ambient_occlusion, fit_spheres
 from ..files import read_mesh, read_object, stand
+from ..measuring.samples import units
 from ..mesh_shadow import MeshShadow
 from .case import Case, Outcome, both, equal, is_light, is_ratio, refused, result_or_refusal
-from .worlds import DEGENERATE, MAPS, ball_mesh, degenerate, map_named, units
+from .worlds import DEGENERATE, MAPS, ball_mesh, degenerate, map_named
 
 BAD = {
     "no vertices": (np.zeros((0, 3)), np.zeros((0, 3), int)),

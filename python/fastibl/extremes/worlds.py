@@ -9,14 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import reference
 from .._fastibl import Camera, CubeMap, Mesh, texel_directions
+from ..measuring.samples import units
 
 # --- directions
-
-
-def units(count: int, seed: int = 0) -> NDArray[np.float64]:
-    """Random unit vectors (count, 3)."""
-    directions = np.random.default_rng(seed).normal(size=(count, 3))
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
 def grazing() -> tuple[NDArray, NDArray]:

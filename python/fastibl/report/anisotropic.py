@@ -11,28 +11,18 @@ from numpy.typing import NDArray
 from .. import Lighting, reference
 from ..comparison import level_at_most
 from ..measuring import one_core, side_by_side
+from ..measuring.samples import VIEWS, surfaces, units
 from .inputs import Inputs
 from .section import Section, percent
 from .spheres import strip
-from .steps import CHOSEN, PAPER, Result, compared, step_section, units
+from .steps import CHOSEN, PAPER, Result, compared, step_section
 
 _TAPS = (1, 2, 4, 8, 16)
 _DEFAULT = 8
-_VIEWS = (0, 30, 60, 75)  # degrees
 _WHAT = """Brushed and rough metal: the GGX lobe, which today's renderers use; alpha is its width along and across the
 brushing. The paper names such surfaces as future work and suggests texture gradients (“gradient”); the default sums a
 few look-ups along the lobe (“taps”); “sampled” is filtered importance sampling. Truth is the sum over every texel, cut finer under the lobe. {count} surfaces at
 0 to 75 degrees, widths {alphas}. Time is that of one surface, on one core, in batches from Python."""
-
-
-def surfaces(count: int) -> tuple[NDArray, NDArray, NDArray]:
-    """Normals, tangents and views (4 count, 3)."""
-    rng = np.random.default_rng(17)
-    n = units(count * len(_VIEWS), 18)
-    t = np.cross(n, rng.normal(size=n.shape))
-    t /= np.linalg.norm(t, axis=1, keepdims=True)
-    theta, phi = np.radians(np.repeat(_VIEWS, count))[:, None], rng.uniform(0, 2 * np.pi, (len(n), 1))
-    return n, t, np.cos(theta) * n + np.sin(theta) * (np.cos(phi) * t + np.sin(phi) * np.cross(n, t))
 
 
 def _truth(inputs: Inputs, n: NDArray, t: NDArray, v: NDArray, alpha: tuple[float, float]) -> dict[str, NDArray]:
@@ -46,7 +36,7 @@ def _truth(inputs: Inputs, n: NDArray, t: NDArray, v: NDArray, alpha: tuple[floa
 @one_core()
 def measure(inputs: Inputs) -> Section:
     effort = inputs.effort
-    n, t, v = surfaces(max(1, effort.lobes // len(_VIEWS)))
+    n, t, v = surfaces(max(1, effort.lobes // len(VIEWS)))
     shown = ", ".join(f"{a:g} × {b:g}" for a, b in effort.alphas)
     section = Section("anisotropic", "Brushed and rough metal", _WHAT.format(count=len(n), alphas=shown))
     truths = {alpha: _truth(inputs, n, t, v, alpha) for alpha in effort.alphas}

@@ -7,10 +7,11 @@ import numpy as np
 from .. import Lighting, methods, reference
 from ..lighting import PAPER, Method
 from ..measuring import one_core, row, seconds_text, side_by_side
+from ..measuring.samples import units
 from .inputs import Inputs
 from .section import Section
 from .spheres import strip
-from .steps import CHOSEN, Result, chosen_in, compared, setting_of, step_section, units, worst_place
+from .steps import CHOSEN, Result, chosen_in, compared, setting_of, step_section, worst_place
 from .steps import PAPER as BY_PAPER
 
 _WHAT = """How much light falls on a surface, depending on where it faces: what a matte object shows. A method prepares

@@ -16,10 +16,11 @@ from .. import (
     shapes,
 )
 from ..measuring import Row, label, one_core, row
+from ..measuring.samples import units
 from .glossy import pairs
 from .inputs import Inputs
 from .section import Section, Table, signed
-from .steps import setting_of, units
+from .steps import setting_of
 
 _WHAT = """A room of one colour everywhere lights everything evenly, so every right method gives exactly 1 for a white
 surface, whatever its shape and gloss. What departs from 1 is light that a method makes up or loses. The smallest and the

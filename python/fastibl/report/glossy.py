@@ -8,28 +8,19 @@ from .. import Lighting, methods, reference
 from ..comparison import level_at_most
 from ..lighting import PAPER, Method
 from ..measuring import one_core, side_by_side
+from ..measuring.samples import pairs, units
 from .inputs import Inputs
 from .section import Section, percent
 from .spheres import strip
-from .steps import CHOSEN, Result, chosen_in, compared, setting_of, step_section, units
+from .steps import CHOSEN, Result, chosen_in, compared, setting_of, step_section
 from .steps import PAPER as BY_PAPER
 
-ANGLES = (0, 30, 60, 75, 85)  # degrees between normal and view
 _TIMED = 64.0
 _WHAT = """What a glossy surface mirrors, blurred: the average of the light around the mirror direction, weighted by
 Blinn and Phong's lobe (n·h)^s; s = 8 is rough plastic, 512 nearly a mirror. Truth is the sum over every texel of the
 map, cut finer where the lobe is sharp. {count} pairs of surface and view with 0 to 85 degrees between them; exponents
 {exponents}. The lobe is normalised in truth and estimate (a white room looks white). Time is that of one pair, on one
 core, in batches from Python."""
-
-
-def pairs(count: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    """Normals and views (5 count, 3): `count` at each of ANGLES."""
-    n = units(count * len(ANGLES), seed)
-    t = np.cross(n, np.random.default_rng([seed, 1]).normal(size=n.shape))
-    t /= np.linalg.norm(t, axis=1, keepdims=True)
-    angle = np.radians(np.repeat(ANGLES, count))[:, None]
-    return n, np.cos(angle) * n + np.sin(angle) * t
 
 
 @one_core()

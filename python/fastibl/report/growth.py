@@ -10,10 +10,10 @@ import numpy as np
 from .. import Camera, CubeMap, Environment, Frame, Lighting, Mesh, Rig, SelfShadow, Session, cast_shadow
 from ..lighting import PAPER
 from ..measuring import one_core, row, seconds_text, side_by_side
+from ..measuring.samples import units
 from .inputs import Inputs, pose_around
 from .plots import Lines
 from .section import Section, Table
-from .steps import units
 
 _WHAT = """The time of a step against the size of what it works on, on one core, both axes logarithmic: a line that
 rises with slope 1 doubles when the size doubles."""

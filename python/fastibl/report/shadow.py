@@ -12,6 +12,7 @@ from .. import CubeMap, MeshShadow, ShadowMap, cast_shadow
 from ..comparison import level_at_most
 from ..lighting import PAPER
 from ..measuring import one_core, side_by_side
+from ..measuring.samples import grid
 from .inputs import HEIGHT, Inputs
 from .section import Section, Strip
 from .spheres import enlarged, tenfold
@@ -26,12 +27,6 @@ the horizon, bright texels cut into 64. The error is the root mean square of the
 shadow at all would err by {none}. “spheres” are what the object is replaced by (the paper's idea), “mesh” has the
 object's own visibility baked beforehand. Time is that of a map of 128 × 128 ratios, on one core, in each frame in which
 light or object changed."""
-
-
-def grid(count: int, extent: float) -> NDArray[np.float64]:
-    """Points (count^2, 2) of the plane, row by row from y min."""
-    axis = ((np.arange(count) + 0.5) / count * 2 - 1) * extent
-    return np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
 
 
 def _casts(inputs: Inputs, extent: float) -> dict[tuple[str, str], Callable]:

@@ -162,10 +162,4 @@ def cpu_of(name: str, timings: Mapping[str, float], cpu: float) -> float:
     return cpu * timings.get(name, 0.0) / max(timings["total"], 1e-9)
 
 
-def units(count: int, seed: int) -> NDArray[np.float64]:
-    """Random unit vectors (count, 3)."""
-    v = np.random.default_rng(seed).normal(size=(count, 3))
-    return v / np.linalg.norm(v, axis=1, keepdims=True)
-
-
 Progress = Callable[[str], None]

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from .. import Lighting, MeshShadow, cast_shadow, reference
 from ..lighting import PAPER
 from ..measuring import one_core, row
+from ..measuring.samples import grid, units
 from .glossy import pairs
 from .inputs import HEIGHT, Inputs, sun_and_sky
 from .plots import COLOURS, Lines
 from .section import Section, Table, percent
-from .shadow import grid
-from .steps import sample_errors, units
+from .steps import sample_errors
 from .visibility import Sky
 
 _EXPONENT = 64.0
