@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import fastibl
-from bench import brute, goals, measure, paper
+from bench import goals, measure, paper
 from bench.goals import Goal
+from fastibl.measuring import samples
 
 
 def numbered(count):
@@ -114,9 +115,9 @@ def test_face_weights_by_quadrature():
 
 
 def test_pairs_have_the_angles_that_they_say():
-    n, v = brute.pairs(4)
+    n, v = samples.pairs(4)
     degrees = np.degrees(np.arccos(np.clip((n * v).sum(axis=1), -1, 1)))
-    np.testing.assert_allclose(degrees, np.repeat(brute.ANGLES, 4), atol=1e-5)
+    np.testing.assert_allclose(degrees, np.repeat(samples.ANGLES, 4), atol=1e-5)
     assert fastibl.methods("glossy")
 
 
