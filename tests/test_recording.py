@@ -238,6 +238,23 @@ def test_numbered_pictures_without_a_rig_are_not_deleted(tmp_path):
     assert (tmp_path / "back" / "00000.png").read_bytes() == b"mine"
 
 
+def test_folders_and_links_of_a_recordings_names_are_not_deleted(tmp_path):
+    path = write(tmp_path / "r", frames(2))
+    (path / "frames.csv").unlink()
+    (path / "frames.csv").mkdir()
+    elsewhere = tmp_path / "elsewhere"
+    (path / "back").rename(elsewhere)
+    before = contents(tmp_path)
+    for name in ("frames.csv", "back"):
+        with pytest.raises(FileExistsError, match=f"holds {name}, which"):
+            RecordingWriter(path, Rig(*cameras(), TURN))
+        assert contents(tmp_path) == before
+        if name == "frames.csv":
+            (path / "frames.csv").rmdir()
+            (path / "back").symlink_to(elsewhere)
+            before = contents(tmp_path)
+
+
 def test_an_older_recording_stays_where_a_new_one_cannot_begin(tmp_path):
     path = write(tmp_path / "r", frames(2))
     before = contents(path)

@@ -213,6 +213,15 @@ class Recording:
         return f"<fastibl.Recording of {len(self)} frames, {self.duration:.1f} s{where}>"
 
 
+def _foreign(item: Path) -> str:
+    """The first of a folder's files, or the file or folder itself, that no recording writes; "" where there is none."""
+    inside = _FOLDERS.get(item.name)
+    if item.is_symlink() or not (item.is_dir() if inside else item.is_file() and item.name in _FILES):
+        return item.name
+    files = sorted(item.iterdir()) if inside else []
+    return next((f"{item.name}/{f.name}" for f in files if f.is_dir() or not inside.fullmatch(f.name)), "")
+
+
 class RecordingWriter:
     """Writes a recording, picture by picture; a context manager.
 
@@ -247,16 +256,9 @@ class RecordingWriter:
         if path.exists() and not path.is_dir():
             raise FileExistsError(f"{path} is a file; a recording is a folder")
         here = sorted(path.iterdir()) if path.is_dir() else []
-        for item in here:
-            inside = _FOLDERS.get(item.name)
-            known = item.name in _FILES if inside is None else item.is_dir()
-            other = "" if known else item.name
-            for file in sorted(item.iterdir()) if inside is not None and known else ():
-                if not inside.fullmatch(file.name) or file.is_dir():
-                    other = f"{item.name}/{file.name}"
-                    break
-            if other:
-                raise FileExistsError(f"{path} holds {other}, which no recording writes; choose another folder")
+        other = next(filter(None, map(_foreign, here)), "")
+        if other:
+            raise FileExistsError(f"{path} holds {other}, which no recording writes; choose another folder")
         if here and not (path / "rig.yaml").is_file():
             raise FileExistsError(
                 f"{path} holds {here[0].name}, and no rig.yaml: it is no recording; choose another folder"
