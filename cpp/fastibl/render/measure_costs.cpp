@@ -302,19 +302,10 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
   costs.plane_texel = nanoseconds([&](int) { plane_gain(shadow, {}, bounce); }) / texels(shadow);
 }
 
-// Loops of one thread, while it lives.
-struct OneCore {
-  int before = threads();
-  OneCore() { set_threads(1); }
-  ~OneCore() { set_threads(before); }
-  OneCore(const OneCore&) = delete;
-  OneCore& operator=(const OneCore&) = delete;
-};
-
 }  // namespace
 
 Costs measure_costs() {
-  const OneCore one_core;
+  const OneThread loops(OneThread::Loops::alone);
   others.assign(kBetween, 0);
   Costs costs;
   const Maps all = maps();

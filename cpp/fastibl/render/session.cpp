@@ -83,8 +83,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
       options_(options) {
   check_scene(scene_);
   check_environment(environment_.get());
-  rig_.back.validate();
-  if (rig_.front) rig_.front->validate(), rig_.front_from_back.validate();
+  rig_.validate();
   const glm::dvec3& ratio = options_.front_ratio;
   check(ratio.x > 0 && ratio.y > 0 && ratio.z > 0 && std::isfinite(ratio.x + ratio.y + ratio.z),
         "a front_ratio must be positive and finite, got ", ratio.x, " ", ratio.y, " ", ratio.z);

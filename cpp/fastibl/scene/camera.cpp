@@ -176,4 +176,9 @@ std::optional<glm::dvec3> Lens::unproject(const glm::dvec2& pixel) const {
   return glm::dvec3(p, 1);
 }
 
+void Rig::validate() const {
+  back.validate();
+  if (front) front->validate(), front_from_back.validate();
+}
+
 }  // namespace fastibl

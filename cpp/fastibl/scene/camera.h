@@ -91,6 +91,8 @@ struct Rig {
   Camera back;
   std::optional<Camera> front;
   Pose front_from_back;
+  // Throws as its cameras' and its pose's.
+  void validate() const;
   bool operator==(const Rig&) const = default;
 };
 

@@ -40,8 +40,7 @@ double mean_variance(const glm::dmat3& covariance) {
 }
 
 Rig validated(Rig rig) {
-  rig.back.validate();
-  if (rig.front) rig.front->validate();
+  rig.validate();
   return rig;
 }
 
