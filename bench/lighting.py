@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import fastibl
-from fastibl.measuring.samples import units
+from fastibl.measuring.samples import pairs, units
 
 from . import brute, inputs
 from .measure import Row, Timing, measure, one_core, row
@@ -85,7 +85,7 @@ def glossy() -> list[Row]:
         if not inputs.MAPS:
             out.append(row(method.name, "noise", metric, time=time))
             continue
-        n, v = brute.pairs(_GLOSSY_PAIRS)
+        n, v = pairs(_GLOSSY_PAIRS)
         for s in brute.EXPONENTS:
             means = {}
             for name, cube in maps.items():

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 import fastibl
 from fastibl.comparison import irradiance_error, relative_errors
 from fastibl.gl_device import draws_in_software, gl_device
-from fastibl.measuring import samples
-from fastibl.measuring.samples import units
+from fastibl.measuring.samples import ANGLES, pairs, units
 from fastibl.truth import texels_that_count
 
 from . import brute, inputs
@@ -75,7 +74,7 @@ def glossy() -> Iterator[Goal]:
         yield skipped(what, inputs.NO_MAPS)
         return
     truths = brute.glossy(_GLOSSY_PAIRS)
-    n, v = samples.pairs(_GLOSSY_PAIRS)
+    n, v = pairs(_GLOSSY_PAIRS)
     lightings = {name: fastibl.Lighting(cube, glossy="mip") for name, cube in inputs.real_maps().items()}
     table = np.empty((len(lightings), len(brute.EXPONENTS), len(n)))
     for i, (name, lighting) in enumerate(lightings.items()):
@@ -83,11 +82,11 @@ def glossy() -> Iterator[Goal]:
             true = truths[name][s]
             table[i, j] = brute.errors(lighting.glossy(n, v, float(s), normalization="energy"), true, true.mean())
     # The pairs are the samples; at each of them all maps and exponents are seen together.
-    by_pair = table.mean(axis=(0, 1)).reshape(len(samples.ANGLES), -1)
-    deviation = float(np.sqrt((by_pair.var(axis=1, ddof=1) / by_pair.shape[1]).sum()) / len(samples.ANGLES))
+    by_pair = table.mean(axis=(0, 1)).reshape(len(ANGLES), -1)
+    deviation = float(np.sqrt((by_pair.var(axis=1, ddof=1) / by_pair.shape[1]).sum()) / len(ANGLES))
     value = float(table.mean())
     by_exponent = ", ".join(f"{s}: {percent(table[:, j].mean())}" for j, s in enumerate(brute.EXPONENTS))
-    by_angle = ", ".join(f"{a}: {percent(by_pair[k].mean())}" for k, a in enumerate(samples.ANGLES))
+    by_angle = ", ".join(f"{a}: {percent(by_pair[k].mean())}" for k, a in enumerate(ANGLES))
     means = {name: float(table[i].mean()) for i, name in enumerate(lightings)}
     yield Goal(
         f"{what}, {len(means)} maps",

@@ -27,7 +27,6 @@ COUNT = 50
 TUNED = ("adams", "dikhololo", "potsdamer", "studio")
 
 
-@cache
 def side_by_side() -> NDArray:
     """Faces of all maps as channels of one: the lobe is worked out once for all."""
     return np.concatenate([cube.faces for cube in inputs.real_maps().values()], axis=-1)

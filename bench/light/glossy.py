@@ -8,7 +8,7 @@ import numpy as np
 
 import fastibl
 from fastibl import reference
-from fastibl.measuring.samples import units
+from fastibl.measuring.samples import pairs, units
 
 from .. import brute, inputs
 from ..goals import Goal, by_map, percent, row, skipped
@@ -40,7 +40,7 @@ def look_ups() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped("mean error of glossy look-ups", inputs.NO_MAPS)
         return
-    normals, views = brute.pairs(_PAIRS)
+    normals, views = pairs(_PAIRS)
     truths = brute.glossy(_PAIRS)
     for method, goal in METHODS.items():
         means, by_exponent = {}, dict.fromkeys(brute.EXPONENTS, 0.0)
@@ -76,7 +76,7 @@ def between_levels() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped("exponents between levels", inputs.NO_MAPS)
         return
-    normals, views = brute.pairs(4, seed=11)
+    normals, views = pairs(4, seed=11)
     cubes = {name: cube for name, cube in inputs.real_maps().items() if name in _FIRST}
     truths = {
         (name, s): reference.glossy(cube, normals, views, s) for name, cube in cubes.items() for s in (4, 16, 64, 200)
@@ -102,7 +102,7 @@ def energy() -> Iterator[Goal]:
         true = reference.directional_albedo(cosines, exponent)
         worst = max(worst, float(np.abs(fastibl.directional_albedo(cosines, exponent) - true).max()))
     yield Goal("rho(theta_v, s) against quadrature", f"{worst:.4f}", "<= 0.005", worst <= 0.005)
-    normals, views = brute.pairs(200)
+    normals, views = pairs(200)
     white = fastibl.CubeMap(np.ones((6, 32, 32, 3)))
     for method in METHODS:
         lighting = fastibl.Lighting(white, glossy=method)
@@ -136,7 +136,7 @@ def lights() -> Iterator[Goal]:
         worst <= 1e-5,
         (f"lights by map: {counts}",),
     )
-    normals, views = brute.pairs(4, seed=5)
+    normals, views = pairs(4, seed=5)
     errors, worst = {}, {}
     for name, cube in inputs.real_maps().items():
         before = fastibl.Lighting(cube, glossy="stretched")

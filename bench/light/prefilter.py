@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl import reference
+from fastibl.measuring.samples import pairs
 
 from .. import brute, inputs
 from ..goals import Goal, by_map, percent, row, skipped
@@ -216,7 +217,7 @@ def sampled() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped("sampled, mean error over s = 2 ... 2048", inputs.NO_MAPS)
         return
-    n, v = brute.pairs(20)
+    n, v = pairs(20)
     last = np.inf
     for taps in (4, 16, 64, 256, 1024, 4096):
         means = {}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl import reference
-from fastibl.measuring import samples
+from fastibl.measuring.samples import ANGLES, pairs
 
 from .. import brute, inputs
 from ..goals import Goal, percent, row, skipped
@@ -112,7 +112,7 @@ def rotation() -> Iterator[Goal]:
         yield skipped("rotated and mirrored maps", inputs.NO_MAPS)
         return
     exponents = (2.0, 64.0, 1024.0)
-    n, v = (x[100:] for x in samples.pairs(100, seed=5))  # along the normal there is no plane of incidence to turn
+    n, v = (x[100:] for x in pairs(100, seed=5))  # along the normal there is no plane of incidence to turn
     worst: dict[str, dict[str, float]] = {"rotation": {}, "mirror": {}}
     for map_name in ("studio_small_03", "venice_sunset"):
         cube = fastibl.CubeMap(reduced(inputs.real_maps()[map_name].faces, 4))
@@ -145,7 +145,7 @@ def reduced(faces: NDArray, factor: int) -> NDArray:
 def _weights(size: int, pairs: int, exponents: tuple[float, ...]) -> tuple[NDArray, NDArray, dict[float, NDArray]]:
     """Normals, views, and by exponent the weights of the texels of a map; exponent 0 is the irradiance."""
     d, angles, _ = reference.samples(np.zeros((6, size, size, 3)))
-    n, v = samples.pairs(pairs // len(samples.ANGLES), seed=11)
+    n, v = pairs(pairs // len(ANGLES), seed=11)
     weights = {}
     for s in exponents:
         rows_ = np.empty((len(n), len(d)), np.float32)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from ._fastibl import Camera, Mesh, Rig, Scene
 from .session import Session
 
 
+@cache
 def gl_device() -> tuple[str, str]:
     """The driver's name (GL_RENDERER), and why the GL back end cannot run: one of the two is empty."""
     scene = Scene(Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]])), spheres=0, visibility_rays=0)

@@ -210,14 +210,16 @@ def run_board(arguments: argparse.Namespace) -> int:
     from ..calibration import calibrate_board
     from ..recording import write_board
 
-    try:
-        tags = arguments.measured and (int(arguments.measured[0]), int(arguments.measured[1]))
-        measured = arguments.measured and (*tags, float(arguments.measured[2]))
-    except ValueError:
-        raise ValueError(
-            "--measured takes the numbers of two tags and the metres between their centres, got "
-            + " ".join(arguments.measured)
-        ) from None
+    measured = None
+    if arguments.measured:
+        first, second, metres = arguments.measured
+        try:
+            measured = int(first), int(second), float(metres)
+        except ValueError:
+            raise ValueError(
+                "--measured takes the numbers of two tags and the metres between their centres, got "
+                + " ".join(arguments.measured)
+            ) from None
     found = calibrate_board(
         _read_pictures(arguments), board_of(arguments.board), _known_camera(arguments), measured=measured
     )

@@ -16,8 +16,7 @@ from .. import (
     shapes,
 )
 from ..measuring import Row, label, one_core, row
-from ..measuring.samples import units
-from .glossy import pairs
+from ..measuring.samples import pairs, units
 from .inputs import Inputs
 from .section import Section, Table, signed
 from .steps import setting_of

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from .. import Lighting, MeshShadow, cast_shadow, reference
 from ..lighting import PAPER
 from ..measuring import one_core, row
-from ..measuring.samples import grid, units
-from .glossy import pairs
+from ..measuring.samples import grid, pairs, units
 from .inputs import HEIGHT, Inputs, sun_and_sky
 from .plots import COLOURS, Lines
 from .section import Section, Table, percent
