@@ -17,6 +17,7 @@
 #include "fastibl/shading/light_pieces.h"
 #include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/sample_cells.h"
+#include "fastibl/shadow/plane_bits.h"
 #include "fastibl/tracking/find_tags.h"
 
 using namespace fastibl;
@@ -198,6 +199,70 @@ TEST_CASE("a tag that is projected millions of pixels large is no match, and cos
     for (int k = 0; k < n * n; ++k) tag.nodes.push_back(size * glm::dvec2(k % n - 3, k / n - 3));
     CHECK(find_tags(light, pattern, {&tag, 1}, 64).empty());
   }
+}
+
+// Whether a sphere holds back the light that a point of the plane gets from a direction.
+static bool hides(const glm::dvec4& sphere, const glm::dvec3& light, const glm::dvec2& point) {
+  const glm::dvec3 q = glm::dvec3(sphere) - glm::dvec3(point, 0);
+  const double along = glm::dot(q, light), r2 = sphere.w * sphere.w;
+  return glm::dot(q, q) < r2 || (along > 0 && glm::dot(q, q) - along * along < r2);
+}
+
+TEST_CASE("bits of spheres are those of a ray per texel, but for edges that pass its centre") {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> unit(0, 1);
+  const auto between = [&](double low, double high) { return low + (high - low) * unit(random); };
+  int dark = 0, lit = 0, at_edges = 0;
+  for (int scene = 0; scene < 60; ++scene) {
+    const PlaneGrid grid{
+        int(between(1, 170)), {float(between(-1, 1)), float(between(-1, 1))}, 1.5f};
+    // Of the later scenes many at once, some that the plane cuts, and some too large for float.
+    const int count = scene < 20 ? 1 + scene % 3 : int(between(1, 200));
+    const double size = count > 30 ? 0.08 : 0.4;
+    SphereSet spheres;
+    for (int i = 0; i < count; ++i) {
+      const double r = size * between(0.1, 1);
+      spheres.push_back(glm::vec4(between(-1.5, 1.5), between(-1.5, 1.5),
+                                  scene % 2 ? r + between(0, 1) : between(-1.2 * r, 1.5), r));
+    }
+    if (scene % 10 == 9) spheres.push_back({0, 0, -3e3f, 2999.8f});
+    const glm::dvec3 light = glm::normalize(
+        glm::dvec3(glm::vec3(between(-1, 1), scene % 7 ? between(-1, 1) : 0, between(0.05, 1))));
+    PlaneBits bits(grid.size);
+    PlaneSpheres(spheres, grid).add_shadow(glm::vec3(light), bits);
+    const double texel = grid.texel(), near = 0.02 * texel;
+    int wrong = 0;
+    for (int y = 0; y < grid.size; ++y)
+      for (int x = 0; x < grid.size; ++x) {
+        const glm::dvec2 at =
+            glm::dvec2(grid.centre) + texel * (glm::dvec2(x, y) - 0.5 * grid.size + 0.5);
+        const auto dark_at = [&](const glm::dvec2& p) {
+          for (const glm::vec4& s : spheres)
+            if (hides(glm::dvec4(s), light, p)) return true;
+          return false;
+        };
+        const bool expected = dark_at(at);
+        ++(expected ? dark : lit);
+        if (bits.at(x, y) == expected) continue;
+        bool edge = false;
+        for (const glm::dvec2& d :
+             {glm::dvec2(near, 0), glm::dvec2(-near, 0), glm::dvec2(0, near), glm::dvec2(0, -near)})
+          edge = edge || dark_at(at + d) != expected;
+        ++(edge ? at_edges : wrong);
+      }
+    CAPTURE(scene);
+    CHECK(wrong == 0);
+    const PlaneBits::Box& box = bits.box();
+    for (int y = 0; y < grid.size; ++y)
+      for (int x = 0; x < grid.size; ++x)
+        if (bits.at(x, y))
+          CHECK((y >= box.first_row && y <= box.last_row && x / 64 >= box.first_column &&
+                 x / 64 <= box.last_column));
+    bits.clear();
+    CHECK(bits == PlaneBits(grid.size));
+  }
+  MESSAGE(dark, " dark, ", lit, " lit, ", at_edges, " of them otherwise at an edge");
+  CHECK((dark > 10000 && lit > 10000 && at_edges < (dark + lit) / 10000));
 }
 
 TEST_CASE("bits of hidden cells are those of the runs, on finer and coarser grids") {
