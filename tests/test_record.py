@@ -15,6 +15,7 @@ from fastibl import Frame, Recording, recorder
 from fastibl.__main__ import main
 from fastibl.recorder import Recorder
 from fastibl.recording import RecordingWarning, RecordingWriter
+from fastibl.sources import CameraSource
 
 CAMERA = fastibl.Camera(64, 48, 50, 50, 32, 24)
 RIG = fastibl.Rig(CAMERA)
@@ -73,19 +74,19 @@ def test_a_line_that_was_cut_off_is_left_out(tmp_path):
         assert len(Recording.open(tmp_path / "r")) == 3
 
 
-def endless_camera(path):
-    """A video that plays as a camera does: read to its end, it is opened again."""
+def film(path, pictures=3000):
+    """A video that plays as a camera does."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30, (64, 48))
     if not writer.isOpened():
         pytest.skip("this OpenCV writes no MJPG")
-    for k in range(3000):
+    for k in range(pictures):
         writer.write(np.full((48, 64, 3), k % 256, np.uint8))
     writer.release()
     return str(path)
 
 
 def test_the_command(tmp_path, capsys):
-    out, video = tmp_path / "out", endless_camera(tmp_path / "camera.avi")
+    out, video = tmp_path / "out", film(tmp_path / "camera.avi")
     assert main(["record", str(out), "--back", video, "--size", "64x48", "--seconds", "0.3"]) == 0
     assert "frames" in capsys.readouterr().out
     recording = Recording.open(out)
@@ -101,8 +102,24 @@ def test_the_command(tmp_path, capsys):
     assert "thesis.txt" in capsys.readouterr().err
 
 
+def test_a_video_file_plays_once_at_its_own_speed(tmp_path, capsys):
+    out, video = tmp_path / "out", film(tmp_path / "camera.avi", 20)
+    assert main(["record", str(out), "--back", video, "--size", "64x48"]) == 0, "it has an end without --seconds"
+    times = np.array([f.time for f in Recording.open(out)])
+    print(f"{len(times)} frames of 20, {np.median(np.diff(times)):.4f} s apart")
+    assert 3 <= len(times) <= 20
+    assert times[-1] - times[0] >= 0.6, "20 pictures at 30 a second"
+
+
+def test_a_video_file_is_played_again(tmp_path):
+    with CameraSource(RIG, film(tmp_path / "camera.avi", 6)) as source:
+        first, again = (list(source) for _ in range(2))
+    assert 1 <= len(first) <= 6 and 1 <= len(again) <= 6
+    assert again[0].time > first[-1].time, "its times go on"
+
+
 def test_a_killed_program_leaves_a_recording(tmp_path):
-    out, video = tmp_path / "out", endless_camera(tmp_path / "camera.avi")
+    out, video = tmp_path / "out", film(tmp_path / "camera.avi")
     command = [sys.executable, "-m", "fastibl", "record", str(out), "--back", video, "--size", "64x48"]
     path = os.pathsep.join([os.path.dirname(os.path.dirname(fastibl.__file__)), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, stderr=subprocess.DEVNULL)

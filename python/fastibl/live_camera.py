@@ -1,12 +1,15 @@
-"""One camera, live: read in a thread, stamped when grabbed, opened again when it was unplugged."""
+"""One camera, live: read in a thread, stamped when grabbed, opened again when it was unplugged. A video file stands in
+for one: it plays once, at its own speed."""
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -81,6 +84,16 @@ def _backend(capture: Any) -> str:
         return ""
 
 
+def _at_own_speed(capture: Any) -> Callable[[], float]:
+    """Gives the seconds to wait for the next picture of a video file."""
+    import cv2
+
+    rate = capture.get(cv2.CAP_PROP_FPS)
+    period = 1 / rate if 0 < rate < np.inf else 1 / 30
+    begin, numbers = time.monotonic(), itertools.count()
+    return lambda: max(0.0, begin + period * next(numbers) - time.monotonic())
+
+
 def open_camera(device: int | str) -> Any:
     """A cv2.VideoCapture; one of the network gives up after some seconds, not half a minute."""
     import cv2
@@ -92,7 +105,7 @@ def open_camera(device: int | str) -> Any:
 
 
 class LiveCamera:
-    """A camera by number, device path or URL, read in a thread of its own; a context manager.
+    """A camera by number, device path or URL, or a video file, read in a thread of its own; a context manager.
 
     size: (width, height) asked for. name: in messages. open_capture: called with the device, gives what behaves like
     a cv2.VideoCapture. retry: seconds between attempts to open a camera that is not there. clock: seconds, the same
@@ -118,6 +131,8 @@ class LiveCamera:
         self._size, self._open, self._retry, self._clock, self._log = size, open_capture, retry, clock, log
         self._changed = news or threading.Condition()
         self._stop = threading.Event()
+        self._file = isinstance(device, str) and Path(device).is_file()  # a device is none
+        self._ended = False
         self._shot: Shot | None = None
         self._number = 0
         self._wanted: float | None = None
@@ -125,8 +140,22 @@ class LiveCamera:
         self._connected = self._settable = False
         self.dropped = 0  # pictures that nobody asked for before the next came
         self.lost = 0  # times that it was unplugged
-        self._thread = threading.Thread(target=self._run, name=f"fastibl {name}", daemon=True)
+        self._start()
+
+    def _start(self) -> None:
+        self._thread = threading.Thread(target=self._run, name=f"fastibl {self.name}", daemon=True)
         self._thread.start()
+
+    @property
+    def ended(self) -> bool:
+        """Whether it is a video file of which all pictures were handed out; a camera may always come back."""
+        return self._ended and not self.has_news
+
+    def rewind(self) -> None:
+        """Plays a video file that has ended from its begin."""
+        if self.ended and not self._stop.is_set():
+            self._ended = False
+            self._start()
 
     @property
     def connected(self) -> bool:
@@ -190,6 +219,11 @@ class LiveCamera:
             with contextlib.suppress(Exception):
                 capture.release()
             gave, self._connected = self._connected, False
+            if self._file:
+                with self._changed:
+                    self._ended = True
+                    self._changed.notify_all()
+                return
             if gave and not self._stop.is_set():
                 self.lost += 1
                 self._log(f"the {self.name} camera {self.device} gives no more pictures; going on without it")
@@ -197,7 +231,7 @@ class LiveCamera:
 
     def _read(self, capture: Any) -> None:
         """Reads until the camera fails or is closed."""
-        for image, _ in self._pictures(capture, _SETTLING, settle=True):
+        for image, _ in self._pictures(capture, 0 if self._file else _SETTLING, settle=True):
             del image
         exposure = _Exposure(capture)
         if not exposure.held:
@@ -233,7 +267,8 @@ class LiveCamera:
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # no old pictures
         failed = 0
-        while failed < _FAILURES and count != 0 and not self._stop.is_set():
+        wait = _at_own_speed(capture) if self._file else lambda: 0.0
+        while failed < _FAILURES and count != 0 and not self._stop.wait(wait()):
             grabbed = capture.grab()
             now = self._clock()
             read, picture = capture.retrieve() if grabbed else (False, None)

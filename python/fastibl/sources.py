@@ -57,10 +57,11 @@ class CameraSource(_Closing):
     """One or two live cameras, each read in a thread of its own.
 
     rig: says what was calibrated; front=None leaves its front camera out. back, front: number, device path or URL, or
-    None. Gives the newest picture of each camera: what a slow reader has not asked for is dropped, and counted.
-    Pictures grabbed within `together` seconds make one Frame, others one each: cameras may have any rhythm. A camera
-    that is unplugged is missing from the frames until it is back; iteration ends only with close() or after
-    `patience` seconds without any picture. Times are seconds since the source was made.
+    None; a video file stands in for a camera, and plays once, at its own speed. Gives the newest picture of each
+    camera: what a slow reader has not asked for is dropped, and counted. Pictures grabbed within `together` seconds
+    make one Frame, others one each: cameras may have any rhythm. A camera that is unplugged is missing from the frames
+    until it is back; iteration ends only with close(), after `patience` seconds without any picture, or with the last
+    of its video files where they are all that it has. Times are seconds since the source was made.
     schedules: by "back" or "front", a function from the exposure of a picture to that of the next, as a Bracket is;
     without one it stays as the camera found it. A camera under a schedule gives no pictures on the way from one
     exposure to the next. Where a camera does not hold its exposure, that of the Frame is None.
@@ -120,10 +121,13 @@ class CameraSource(_Closing):
 
     def __iter__(self) -> Iterator[Frame]:
         last, quiet = -np.inf, time.monotonic()
+        for camera in self.cameras.values():
+            camera.rewind()
         while not self._closed:
             shots = self._newest()
             if not shots:
-                if time.monotonic() - quiet > self._patience:
+                ended = all(camera.ended for camera in self.cameras.values())
+                if ended or time.monotonic() - quiet > self._patience:
                     return
                 continue
             quiet = time.monotonic()
@@ -135,7 +139,8 @@ class CameraSource(_Closing):
     def _newest(self) -> dict[str, Shot]:
         """New pictures; a second camera gets the time that makes a pair."""
         with self._news:
-            self._news.wait_for(lambda: self._closed or any(c.has_news for c in self.cameras.values()), _WAIT)
+            cameras = self.cameras.values()
+            self._news.wait_for(lambda: self._closed or any(c.has_news or c.ended for c in cameras), _WAIT)
             awaited = [c for c in self.cameras.values() if c.connected]
             self._news.wait_for(lambda: all(c.has_news for c in awaited), self._together if len(awaited) > 1 else 0)
         shots: dict[str, Shot] = {}

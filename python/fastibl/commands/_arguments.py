@@ -51,10 +51,10 @@ def device(text: str) -> int | str:
 
 def add_cameras(p: argparse.ArgumentParser) -> None:
     """Options of live cameras and their board."""
-    p.add_argument("--back", type=device, metavar="CAMERA", help="number, device path or URL (default: 0)")
+    p.add_argument("--back", type=device, metavar="CAMERA", help="number, device path, URL or video file (default: 0)")
     p.add_argument("--front", type=device, metavar="CAMERA", help="the same of the front camera (default: none)")
     p.add_argument("--board", type=Path, metavar="YAML", help="printed board (default: that of `fastibl board`)")
-    p.add_argument("--seconds", type=positive, help="length (default: until Ctrl-C)")
+    p.add_argument("--seconds", type=positive, help="length (default: until Ctrl-C, or the end of a video file)")
     p.add_argument(
         "--patience", type=positive, default=10.0, help="seconds without a picture to end after (default: 10)"
     )
