@@ -126,7 +126,7 @@ void draw_triangle(glm::vec2 a, glm::vec2 b, glm::vec2 c, int size, std::ptrdiff
 #define FASTIBL_KERNEL "fastibl/shadow/triangle_kernel.inl"
 #include "fastibl/core/kernel.inl"
 FASTIBL_PICK(project);
-FASTIBL_PICK(count_rows);
+FASTIBL_PICK(find_met);
 FASTIBL_PICK(draw_low);
 
 }  // namespace
@@ -224,47 +224,45 @@ void ShadowTriangles::draw(const PlaneProjection& light, const PlaneGrid& grid, 
                            Scratch& scratch) const {
   if (bits.size() == 0) return;
   const int count = int(a_.size());
-  scratch.x.resize(x_.size()), scratch.y.resize(x_.size()), scratch.rows.resize(a_.size());
+  scratch.places.resize(x_.size());
+  scratch.low.resize(a_.size() + 1), scratch.tall.resize(a_.size() + 1);
   const float scale = float(1 / grid.texel());
   const glm::vec2 slope = light.slope, shift(grid.texels({0, 0}));
   const bool near_light = light.inverse_height > 0;
   const float top = near_light ? kTop / light.inverse_height : 0;
+  float* places = &scratch.places.data()->x;
   if (near_light)
     for (std::size_t i = 0; i < x_.size(); ++i) {
       const glm::vec2 p = scale * thrown({x_[i], y_[i], std::min(z_[i], top)}, light) + shift;
-      scratch.x[i] = std::min(kFar, std::max(-kFar, p.x));
-      scratch.y[i] = std::min(kFar, std::max(-kFar, p.y));
+      scratch.places[i] = {std::min(kFar, std::max(-kFar, p.x)),
+                           std::min(kFar, std::max(-kFar, p.y))};
     }
   else
-    project(x_.data(), y_.data(), z_.data(), int(x_.size()), &slope.x, &shift.x, scale,
-            scratch.x.data(), scratch.y.data());
+    project(x_.data(), y_.data(), z_.data(), int(x_.size()), &slope.x, &shift.x, scale, places);
   const float last = float(bits.size() - 1);
-  count_rows(a_.data(), b_.data(), c_.data(), count, scratch.x.data(), scratch.y.data(), last,
-             scratch.rows.data());
-  if (near_light)
-    for (std::size_t k = 0; k < a_.size(); ++k) {
-      const auto higher = [&](std::int32_t v) { return z_[std::size_t(v)] > top; };
-      if (!higher(a_[k]) && !higher(b_[k]) && !higher(c_[k])) continue;
-      scratch.rows[k] = 0;
-      draw_cut(k, top, light, grid, bits);
-    }
-  // Written in place, over what was read.
-  int low = 0;
-  std::int32_t* chosen = scratch.rows.data();
-  const auto at = [&](std::int32_t v) {
-    return glm::vec2(scratch.x[std::size_t(v)], scratch.y[std::size_t(v)]);
-  };
-  for (int i = 0; i < count; ++i) {
-    const std::int32_t rows = chosen[i];
-    chosen[low] = i;
-    low += rows >= 1 && rows <= kLow;
-    if (rows > kLow) {
-      const std::size_t k = std::size_t(i);
-      draw_triangle(at(a_[k]), at(b_[k]), at(c_[k]), bits.size(), bits.padded_rows(),
-                    bits.column(0));
-    }
+  int low = 0, tall = 0;
+  find_met(a_.data(), b_.data(), c_.data(), count, places, last, scratch.low.data(),
+           scratch.tall.data(), &low, &tall);
+  if (near_light) {
+    const auto higher = [&](std::int32_t triangle) {
+      const auto k = std::size_t(triangle);
+      return std::max({z_[std::size_t(a_[k])], z_[std::size_t(b_[k])], z_[std::size_t(c_[k])]}) >
+             top;
+    };
+    for (int k = 0; k < count; ++k)
+      if (higher(k)) draw_cut(std::size_t(k), top, light, grid, bits);
+    const auto keep = [&](std::vector<std::int32_t>& chosen, int& number) {
+      number =
+          int(std::remove_if(chosen.begin(), chosen.begin() + number, higher) - chosen.begin());
+    };
+    keep(scratch.low, low), keep(scratch.tall, tall);
   }
-  draw_low(chosen, low, a_.data(), b_.data(), c_.data(), scratch.x.data(), scratch.y.data(), last,
+  for (int i = 0; i < tall; ++i) {
+    const auto k = std::size_t(scratch.tall[std::size_t(i)]);
+    const auto at = [&](std::int32_t v) { return scratch.places[std::size_t(v)]; };
+    draw_triangle(at(a_[k]), at(b_[k]), at(c_[k]), bits.size(), bits.padded_rows(), bits.column(0));
+  }
+  draw_low(scratch.low.data(), low, a_.data(), b_.data(), c_.data(), places, last,
            bits.padded_rows(), bits.column(0));
 }
 

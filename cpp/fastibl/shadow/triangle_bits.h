@@ -41,8 +41,8 @@ class ShadowTriangles {
   ShadowTriangles moved(glm::vec2 cos_sin, glm::vec2 offset) const;
 
   struct Scratch {  // to be kept between calls; one a thread
-    std::vector<float> x, y;
-    std::vector<std::int32_t> rows;
+    std::vector<glm::vec2> places;        // of the vertices on the grid
+    std::vector<std::int32_t> low, tall;  // triangles that meet texels
   };
   // Sets the bits of the texels whose centres the shadow covers; bits that are set stay set.
   // direction: towards the light, any length, z > 0. A centre on the border is covered, so that no

@@ -2,58 +2,107 @@
 
 #include "fastibl/core/wide.inl"
 
-// Position on the grid, centres of texels at whole numbers.
+// Positions on the grid, centres of texels at whole numbers: pairs of x and y.
 FASTIBL_TARGET void project(const float* x, const float* y, const float* z, int count,
-                            const float* slope, const float* shift, float scale, float* px,
-                            float* py) {
+                            const float* slope, const float* shift, float scale, float* places) {
   const float slope_x = slope[0], slope_y = slope[1], shift_x = shift[0], shift_y = shift[1];
   for (int i = 0; i < count; ++i) {
     const float u = (x[i] - z[i] * slope_x) * scale + shift_x,
                 v = (y[i] - z[i] * slope_y) * scale + shift_y;
     // In this order a NaN becomes a number too.
-    px[i] = std::min(kFar, std::max(-kFar, u));
-    py[i] = std::min(kFar, std::max(-kFar, v));
+    places[2 * i] = std::min(kFar, std::max(-kFar, u));
+    places[2 * i + 1] = std::min(kFar, std::max(-kFar, v));
   }
 }
 
-// rows[i]: the number of rows with texel centres in the box around triangle i, 0 if the box holds no
-// texel centre.
-FASTIBL_TARGET void count_rows(const std::int32_t* a, const std::int32_t* b, const std::int32_t* c, int count,
-                const float* px, const float* py, float last, std::int32_t* rows) {
-  for (int i = 0; i < count; ++i) {
-    const float ax = px[a[i]], bx = px[b[i]], cx = px[c[i]];
-    const float ay = py[a[i]], by = py[b[i]], cy = py[c[i]];
-    const float x0 = std::max(std::min(std::min(ax, bx), cx), 0.0f),
-                x1 = std::min(std::max(std::max(ax, bx), cx), last);
-    const float y0 = std::max(std::min(std::min(ay, by), cy), 0.0f),
-                y1 = std::min(std::max(std::max(ay, by), cy), last);
-    // ⌈x0⌉ ≤ ⌊x1⌋; conversions of other numbers than those from 0 to the last texel are not used.
-    const std::int32_t i0 = std::int32_t(x0), i1 = std::int32_t(x1), j0 = std::int32_t(y0),
-                       j1 = std::int32_t(y1);
-    const std::int32_t ci = i0 + (float(i0) < x0), cj = j0 + (float(j0) < y0);
-    const bool met = (x0 <= x1) & (y0 <= y1) & (ci <= i1) & (cj <= j1);
-    rows[i] = met ? j1 - cj + 1 : 0;
+#ifdef FASTIBL_IN_AVX2
+// The first corners of four triangles, or the second, or the third.
+FASTIBL_KERNEL_INLINE __m256 corners(const float* places, std::int32_t a, std::int32_t b,
+                                     std::int32_t c, std::int32_t d) {
+  const auto two = [places](std::int32_t i, std::int32_t j) FASTIBL_TARGET {
+    const auto* p = (const double*)places;
+    return _mm_loadh_pd(_mm_load_sd(p + i), p + j);
+  };
+  return _mm256_castpd_ps(_mm256_set_m128d(two(c, d), two(a, b)));
+}
+FASTIBL_KERNEL_INLINE __m256 corners(const float* places, const std::int32_t* which) {
+  return corners(places, which[0], which[1], which[2], which[3]);
+}
+#endif
+
+// The triangles whose box holds the centre of a texel, in order: of at most
+// kLow rows to `low`, of more to `tall`, which both have room for one more than all.
+FASTIBL_TARGET void find_met(const std::int32_t* a, const std::int32_t* b, const std::int32_t* c,
+                             int count, const float* places, float last, std::int32_t* low,
+                             std::int32_t* tall, int* low_count, int* tall_count) {
+  int lows = 0, talls = 0, i = 0;
+#ifdef FASTIBL_IN_AVX2
+  const __m256 most = _mm256_set1_ps(last), none = _mm256_setzero_ps(),
+               rows = _mm256_set1_ps(float(kLow));
+  for (; i + 4 <= count; i += 4) {
+    const __m256 pa = corners(places, a + i), pb = corners(places, b + i),
+                 pc = corners(places, c + i);
+    const __m256 begin = _mm256_max_ps(_mm256_min_ps(_mm256_min_ps(pa, pb), pc), none),
+                 end = _mm256_min_ps(_mm256_max_ps(_mm256_max_ps(pa, pb), pc), most);
+    const __m256 first = _mm256_ceil_ps(begin), final = _mm256_floor_ps(end);
+    const auto some = unsigned(_mm256_movemask_ps(_mm256_cmp_ps(first, final, _CMP_LE_OQ)));
+    const unsigned met = some & some << 1 & 0xaa;  // of y, where that of x is set as well
+    if (met == 0) continue;
+    const auto many = unsigned(
+        _mm256_movemask_ps(_mm256_cmp_ps(_mm256_sub_ps(final, first), rows, _CMP_GE_OQ)));
+    for (int k = 0; k < 4; ++k) {
+      const unsigned bit = 2u << 2 * k, high = met & many & bit, flat = met & ~many & bit;
+      low[lows] = i + k, tall[talls] = i + k;
+      lows += flat != 0, talls += high != 0;
+    }
   }
+#endif
+  for (; i < count; ++i) {
+    const float *pa = places + 2 * a[i], *pb = places + 2 * b[i], *pc = places + 2 * c[i];
+    int first[2], end[2];
+    for (int k = 0; k < 2; ++k) {
+      first[k] = int(std::ceil(std::max(std::min(std::min(pa[k], pb[k]), pc[k]), 0.0f)));
+      end[k] = int(std::floor(std::min(std::max(std::max(pa[k], pb[k]), pc[k]), last)));
+    }
+    const bool met = first[0] <= end[0] && first[1] <= end[1], high = end[1] - first[1] >= kLow;
+    low[lows] = i, tall[talls] = i;
+    lows += met && !high, talls += met && high;
+  }
+  *low_count = lows, *tall_count = talls;
 }
 
 FASTIBL_KERNEL_INLINE WideInt whole(Wide a) { return __builtin_convertvector(a, WideInt); }
 FASTIBL_KERNEL_INLINE Wide numbers(WideInt a) { return __builtin_convertvector(a, Wide); }
 
+// The corners of eight triangles: those at `corner`.
+FASTIBL_KERNEL_INLINE void load_places(const float* places, const std::int32_t* corner,
+                                       const std::int32_t* triangles, Wide& x, Wide& y) {
+#ifdef FASTIBL_IN_AVX2
+  const std::int32_t* t = triangles;
+  const __m256 first = corners(places, corner[t[0]], corner[t[1]], corner[t[4]], corner[t[5]]),
+               second = corners(places, corner[t[2]], corner[t[3]], corner[t[6]], corner[t[7]]);
+  x = _mm256_shuffle_ps(first, second, 0x88), y = _mm256_shuffle_ps(first, second, 0xdd);
+#else
+  for (int l = 0; l < kWide; ++l) {
+    const float* p = places + 2 * corner[triangles[l]];
+    x[l] = p[0], y[l] = p[1];
+  }
+#endif
+}
+
 // Triangles of at most kLow rows, which most are: by the arithmetic of draw_triangle, and without a
 // branch that depends on a triangle.
 FASTIBL_TARGET void draw_low(const std::int32_t* chosen, int count, const std::int32_t* a,
-                             const std::int32_t* b, const std::int32_t* c, const float* px,
-                             const float* py, float last_texel, std::ptrdiff_t stride,
-                             std::uint64_t* words) {
+                             const std::int32_t* b, const std::int32_t* c, const float* places,
+                             float last_texel, std::ptrdiff_t stride, std::uint64_t* words) {
   const Wide none = repeat(0), one = repeat(1), last = repeat(last_texel);
   for (int begin = 0; begin < count; begin += kWide) {
     Wide x[3], y[3], slope[3], low[3], high[3];
-    for (int l = 0; l < kWide; ++l) {
-      const int i = chosen[std::min(begin + l, count - 1)];
-      x[0][l] = px[a[i]], y[0][l] = py[a[i]];
-      x[1][l] = px[b[i]], y[1][l] = py[b[i]];
-      x[2][l] = px[c[i]], y[2][l] = py[c[i]];
-    }
+    std::int32_t triangles[kWide];
+    for (int l = 0; l < kWide; ++l) triangles[l] = chosen[std::min(begin + l, count - 1)];
+    load_places(places, a, triangles, x[0], y[0]);
+    load_places(places, b, triangles, x[1], y[1]);
+    load_places(places, c, triangles, x[2], y[2]);
     for (int k = 0; k < 3; ++k) {
       const int from = k == 2 ? 0 : k, to = k == 0 ? 1 : 2;
       const Wide rise = y[to] - y[from];
