@@ -34,33 +34,37 @@ FASTIBL_CLONES void place_on_level(const float* __restrict px, const float* __re
 }
 
 // Level of each footprint, in between where two are blended.
-FASTIBL_CLONES void choose_levels(const float* __restrict pixels, const int* __restrict seen,
-                                  int lanes, float last, float* __restrict chosen,
-                                  float* __restrict range) {
-  const Float16 none = {}, one = none + 1.0f, final = none + last;
-  Float16 least = final, most = none;
-  for (int i = 0; i < lanes; i += 16) {
-    Float16 area = *reinterpret_cast<const Float16*>(pixels + i) * (1 / kPixelsOfFirst);
-    Float16 level = none;
+template <typename V>
+FASTIBL_INLINE void choose_levels_by(const float* __restrict pixels, const int* __restrict seen,
+                                     int lanes, float last, float* __restrict chosen,
+                                     float* __restrict range) {
+  const V none = {}, one = none + 1.0f, final = none + last;
+  V least = final, most = none;
+  for (int i = 0; i < lanes; i += kWidth<V>) {
+    V area = floats_at<V>(pixels + i) * (1 / kPixelsOfFirst);
+    V level = none;
     for (int step = 1; step < FrameLevels::kMost; ++step) {
       level += area >= 4.0f ? one : none;
       area = area >= 4.0f ? area * 0.25f : area;
     }
-    const Float16 way = (area - kBlendBegin) * (1 / (kBlendEnd - kBlendBegin));
-    const Float16 risen = way > none ? way : none;
+    const V way = (area - kBlendBegin) * (1 / (kBlendEnd - kBlendBegin));
+    const V risen = way > none ? way : none;
     level += risen < one ? risen : one;
     level = level < final ? level : final;
-    *reinterpret_cast<Float16*>(chosen + i) = level;
-    const Int16 shown = *reinterpret_cast<const Int16*>(seen + i) != 0;
-    const Float16 low = shown ? level : final, high = shown ? level : none;
+    put(level, chosen + i);
+    const auto shown = ints_at<V>(seen + i) != 0;
+    const V low = shown ? level : final, high = shown ? level : none;
     least = low < least ? low : least, most = high > most ? high : most;
   }
   range[0] = least[0], range[1] = most[0];
-  for (int k = 1; k < 16; ++k) {
+  for (int k = 1; k < kWidth<V>; ++k) {
     range[0] = least[k] < range[0] ? least[k] : range[0];
     range[1] = most[k] > range[1] ? most[k] : range[1];
   }
 }
+FASTIBL_BY_WIDTH(void choose_levels(const float* pixels, const int* seen, int lanes, float last,
+                                    float* chosen, float* range),
+                 choose_levels_by<V>(pixels, seen, lanes, last, chosen, range))
 
 // How much each footprint takes of one level.
 FASTIBL_CLONES void weigh_level(const float* __restrict chosen, const int* __restrict seen,
@@ -150,25 +154,32 @@ FASTIBL_CLONES void split_clipped(const float (*__restrict share)[kTexelLanes], 
 }
 
 // Whether a group shows the rim of a lamp.
-FASTIBL_CLONES bool shows_light(const float (*__restrict linear)[kTexelLanes],
-                                const int* __restrict seen, int lanes, float light) {
-  const Float16 none = {}, one = none + 1.0f;
-  Float16 values = none, counts = none, highest = none;
-  for (int i = 0; i < lanes; i += 16) {
-    const auto at = [&](int c) { return *reinterpret_cast<const Float16*>(linear[c] + i); };
-    const Int16 shown = *reinterpret_cast<const Int16*>(seen + i) != 0;
-    const Float16 all = at(0) + at(1) + at(2);
-    const Float16 value = shown ? all : none;
-    values += value, counts += shown ? one : none;
-    highest = value > highest ? value : highest;
-  }
+template <typename V>
+FASTIBL_INLINE bool shows_light_by(const float (*__restrict linear)[kTexelLanes],
+                                   const int* __restrict seen, int lanes, float light) {
+  const V none = {}, one = none + 1.0f;
   float sum = 0, count = 0, most = 0;
-  for (int k = 0; k < 16; ++k) {
-    sum += values[k], count += counts[k];
-    most = highest[k] > most ? highest[k] : most;
+  for (int part = 0; part < 16; part += kWidth<V>) {
+    V values = none, counts = none, highest = none;
+    for (int i = part; i < lanes; i += 16) {
+      const auto shown = ints_at<V>(seen + i) != 0;
+      const V all =
+          floats_at<V>(linear[0] + i) + floats_at<V>(linear[1] + i) + floats_at<V>(linear[2] + i);
+      const V value = shown ? all : none;
+      values += value, counts += shown ? one : none;
+      highest = value > highest ? value : highest;
+    }
+    for (int k = 0; k < kWidth<V>; ++k) {
+      sum += values[k], count += counts[k];
+      most = highest[k] > most ? highest[k] : most;
+    }
   }
   return most > 3 * light && most * count > kContrast * sum;
 }
+
+FASTIBL_BY_WIDTH(bool shows_light(const float (*linear)[kTexelLanes], const int* seen, int lanes,
+                                  float light),
+                 shows_light_by<V>(linear, seen, lanes, light))
 
 // A quarter of each footprint, on the picture's axes.
 FASTIBL_CLONES void quarter(const Sightings& s, float right, float down, int lanes,

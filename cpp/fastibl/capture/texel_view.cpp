@@ -130,7 +130,8 @@ constexpr float kLongest = 1.74f;  // of a direction to a face's corner
 // side of the picture where they all do; with what is near, the surface between them bulges a
 // little: a sphere by the tile's own bulge, a box by no more than its depth differs from corner to
 // corner. near: of each corner, see Surroundings; null where all is far away.
-FASTIBL_CLONES void find_tiles_of(const TexelView::Projection& p, const PictureBounds& bounds,
+template <typename V>
+FASTIBL_INLINE void find_tiles_by(const TexelView::Projection& p, const PictureBounds& bounds,
                                   const TileOutlines::Corner (&corners)[4],
                                   const float* const* near, const float* bulges,
                                   const float* on_side, int count, float* most_pixels) {
@@ -142,44 +143,45 @@ FASTIBL_CLONES void find_tiles_of(const TexelView::Projection& p, const PictureB
   const float t20 = p.turn[2][0], t21 = p.turn[2][1], t22 = p.turn[2][2];
   const float s0 = p.shift[0], s1 = p.shift[1], s2 = p.shift[2], texel = p.pixels;
   const float offset = std::sqrt(s0 * s0 + s1 * s1 + s2 * s2);
-  const auto greater = [](const Float16& u, const Float16& v) -> Float16 { return u > v ? u : v; };
-  const auto less = [](const Float16& u, const Float16& v) -> Float16 { return u < v ? u : v; };
-  const Float16 none = {};
-  for (int i = 0; i < count; i += 16) {
+  const auto greater = [](const V& u, const V& v) -> V { return u > v ? u : v; };
+  const auto less = [](const V& u, const V& v) -> V { return u < v ? u : v; };
+  const V none = {};
+  for (int i = 0; i < count; i += kWidth<V>) {
     float any = 0;
-    for (int k = i; k < i + 16; ++k) any += on_side[k];
+    for (int k = i; k < i + kWidth<V>; ++k) any += on_side[k];
     if (any == 0) continue;
-    const auto at = [i](const auto& values) -> Float16 {
-      return *reinterpret_cast<const Float16*>(&values[std::size_t(i)]);
-    };
-    Float16 left = none - 1e30f, right = left, top = left, bottom = left, front = left, most = none;
-    Float16 nearest = none, farthest = none + 1e30f;
+    const auto at = [i](const auto& values) -> V { return floats_at<V>(&values[std::size_t(i)]); };
+    V left = none - 1e30f, right = left, top = left, bottom = left, front = left, most = none;
+    V nearest = none, farthest = none + 1e30f;
     for (int k = 0; k < 4; ++k) {
       const TileOutlines::Corner& c = corners[k];
-      const Float16 &x = at(c.x), &y = at(c.y), &z = at(c.z);
-      const Float16 w = near ? at(near[k]) : none;
-      const Float16 tx = t00 * x + t10 * y + t20 * z + w * s0;
-      const Float16 ty = t01 * x + t11 * y + t21 * z + w * s1;
-      const Float16 tz = t02 * x + t12 * y + t22 * z + w * s2;
+      const V x = at(c.x), y = at(c.y), z = at(c.z);
+      const V w = near ? at(near[k]) : none;
+      const V tx = t00 * x + t10 * y + t20 * z + w * s0;
+      const V ty = t01 * x + t11 * y + t21 * z + w * s1;
+      const V tz = t02 * x + t12 * y + t22 * z + w * s2;
       nearest = greater(nearest, w), farthest = less(farthest, w);
       left = greater(left, tx - side.left * tz), right = greater(right, side.right * tz - tx);
       top = greater(top, ty - side.top * tz), bottom = greater(bottom, side.bottom * tz - ty);
       front = greater(front, tz);
       // At less depth a texel covers more than any level of the picture averages.
-      const Float16 ratio = 1.0f / greater(tz, none + 0.02f);
+      const V ratio = 1.0f / greater(tz, none + 0.02f);
       most = greater(most, texel * ratio * ratio * ratio);
     }
-    const Float16 bulge =
-        near ? (kLongest * at(bulges) * nearest + (nearest - farthest)) * offset : none;
-    const Float16 x = bulge * slope_x, y = bulge * slope_y;
+    const V bulge = near ? (kLongest * at(bulges) * nearest + (nearest - farthest)) * offset : none;
+    const V x = bulge * slope_x, y = bulge * slope_y;
     most = left + x >= 0.0f ? most : none, most = right + x >= 0.0f ? most : none;
     most = top + y >= 0.0f ? most : none, most = bottom + y >= 0.0f ? most : none;
     most = front + bulge >= 0.0f ? most : none;
     most *= at(on_side);
-    Float16& out = *reinterpret_cast<Float16*>(most_pixels + i);
-    out = greater(out, most);
+    put(greater(floats_at<V>(most_pixels + i), most), most_pixels + i);
   }
 }
+FASTIBL_BY_WIDTH(void find_tiles_of(const TexelView::Projection& p, const PictureBounds& bounds,
+                                    const TileOutlines::Corner (&corners)[4],
+                                    const float* const* near, const float* bulges,
+                                    const float* on_side, int count, float* most_pixels),
+                 find_tiles_by<V>(p, bounds, corners, near, bulges, on_side, count, most_pixels))
 
 }  // namespace
 

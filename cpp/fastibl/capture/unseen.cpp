@@ -37,23 +37,29 @@ double unseen_part(double projected, const TileSums& sums) {
 }
 
 // Sums of weight / (|d − source|² + kNear2)⁴, and of that times the value.
-FASTIBL_CLONES void sum_nearness(const float* const from[7], int count, const float* d,
-                                 float* __restrict total) {
-  const auto at = [](const float* p) -> Float16 { return *reinterpret_cast<const Float16*>(p); };
-  Float16 sums[4] = {};
-  for (int i = 0; i < count; i += kPartial) {
-    const Float16 dot = at(from[0] + i) * d[0] + at(from[1] + i) * d[1] + at(from[2] + i) * d[2];
-    // The largest is 1: eighth powers of the rest do not overflow.
-    const Float16 near = kNear2 / ((2 + kNear2) - 2 * dot), near2 = near * near;
-    const Float16 weight = at(from[3] + i) * (near2 * near2);
-    sums[0] += weight;
-    for (int c = 0; c < 3; ++c) sums[1 + c] += weight * at(from[4 + c] + i);
-  }
-  for (int k = 0; k < 4; ++k) {
-    total[k] = 0;
-    for (int i = 0; i < kPartial; ++i) total[k] += sums[k][i];
+template <typename V>
+FASTIBL_INLINE void sum_nearness_by(const float* const* from, int count, const float* d,
+                                    float* __restrict total) {
+  for (int k = 0; k < 4; ++k) total[k] = 0;
+  for (int part = 0; part < kPartial; part += kWidth<V>) {
+    V sums[4] = {};
+    for (int i = part; i < count; i += kPartial) {
+      V at[7];
+      for (int k = 0; k < 7; ++k) at[k] = floats_at<V>(from[k] + i);
+      const V dot = at[0] * d[0] + at[1] * d[1] + at[2] * d[2];
+      // The largest is 1: eighth powers of the rest do not overflow.
+      const V near = kNear2 / ((2 + kNear2) - 2 * dot), near2 = near * near;
+      const V weight = at[3] * (near2 * near2);
+      sums[0] += weight;
+      for (int c = 0; c < 3; ++c) sums[1 + c] += weight * at[4 + c];
+    }
+    for (int k = 0; k < 4; ++k)
+      for (int i = 0; i < kWidth<V>; ++i) total[k] += sums[k][i];
   }
 }
+FASTIBL_BY_WIDTH(void sum_nearness(const float* const* from, int count, const float* d,
+                                   float* total),
+                 sum_nearness_by<V>(from, count, d, total))
 
 }  // namespace
 

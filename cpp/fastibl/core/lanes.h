@@ -31,15 +31,16 @@ FASTIBL_INLINE void log1m(const Lanes& t, Lanes& result) {
            2 * u * (1 + q * (1 / 3.0f + q * (0.2f + q * (1 / 7.0f + q * (1 / 9.0f)))));
 }
 
-// exp(x) for x ≤ 0, to 2e-7; 0 below −87.
-FASTIBL_INLINE void exp_negative(const Lanes& x, Lanes& result) {
-  const Lanes y = (x > -87 ? x : Lanes{} - 87) * 1.44269504f;
-  const IntLanes e = __builtin_convertvector(y - 0.5f, IntLanes);  // nearest: y ≤ 0
-  const Lanes f = (y - __builtin_convertvector(e, Lanes)) * 0.69314718f;
-  const Lanes p =
+// exp(x) for x ≤ 0, to 2e-7; 0 below −87. Of any number of floats.
+template <typename V>
+FASTIBL_INLINE void exp_negative(const V& x, V& result) {
+  const V y = (x > -87 ? x : V{} - 87) * 1.44269504f;
+  const auto e = __builtin_convertvector(y - 0.5f, IntsOf<V>);  // nearest: y ≤ 0
+  const V f = (y - __builtin_convertvector(e, V)) * 0.69314718f;
+  const V p =
       1 + f * (1 + f * (0.5f + f * (1 / 6.0f + f * (1 / 24.0f + f * (1 / 120.0f + f / 720.0f)))));
-  const Lanes value = p * reinterpret_cast<Lanes>((e + 127) << 23);
-  result = x > -87 ? value : Lanes{};
+  const V value = p * reinterpret_cast<V>((e + 127) << 23);
+  result = x > -87 ? value : V{};
 }
 
 }  // namespace fastibl

@@ -7,6 +7,8 @@
 // wide vectors are passed in other registers.
 #pragma once
 
+#include <cstring>
+
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
     defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__) && !defined(__SANITIZE_THREAD__)
 #define FASTIBL_CLONES __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
@@ -22,10 +24,61 @@ using Float4 [[gnu::vector_size(16), gnu::aligned(4)]] = float;
 using Float8 [[gnu::vector_size(32), gnu::aligned(4)]] = float;
 using Float16 [[gnu::vector_size(64), gnu::aligned(4)]] = float;
 using Int16 [[gnu::vector_size(64), gnu::aligned(4)]] = int;
+
+// For short helpers of such functions: inlined, they are compiled as their caller is.
+#define FASTIBL_INLINE inline __attribute__((always_inline))
+
+// Of templates whose argument V is one of these: how many floats it holds, what its comparisons
+// give, and how it is read and written. (A template's argument forgets the alignment.)
+template <typename V>
+inline constexpr int kWidth = int(sizeof(V) / sizeof(float));
+template <typename V>
+using IntsOf = decltype(V{} > V{});
+
+template <typename V>
+FASTIBL_INLINE V floats_at(const float* p) {
+  V floats;
+  std::memcpy(&floats, p, sizeof floats);
+  return floats;
+}
+template <typename V>
+FASTIBL_INLINE IntsOf<V> ints_at(const int* p) {
+  IntsOf<V> ints;
+  std::memcpy(&ints, p, sizeof ints);
+  return ints;
+}
+template <typename V>
+FASTIBL_INLINE void put(const V& floats, float* p) {
+  std::memcpy(p, &floats, sizeof floats);
+}
 }  // namespace fastibl
 #else
 #error "fastibl needs the vector types of GCC or Clang"
 #endif
 
-// For short helpers of such functions: inlined, they are compiled as their caller is.
-#define FASTIBL_INLINE inline __attribute__((always_inline))
+// FASTIBL_BY_WIDTH(result function(parameters), call) defines a function that calls a template with
+// V, floats side by side: as many as a register of the processor holds. Wider vectors are not kept
+// in registers from one round of a loop to the next. Sums are to be made in sixteen parts, of which
+// V takes some at a time, so that all processors give the same bits.
+#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
+    defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__) && !defined(__SANITIZE_THREAD__)
+#define FASTIBL_BY_WIDTH(function, call)               \
+  __attribute__((target("default"))) function {        \
+    using V = Float4;                                  \
+    return call;                                       \
+  }                                                    \
+  __attribute__((target("arch=x86-64-v3"))) function { \
+    using V = Float8;                                  \
+    return call;                                       \
+  }                                                    \
+  __attribute__((target("arch=x86-64-v4"))) function { \
+    using V = Float16;                                 \
+    return call;                                       \
+  }
+#else
+#define FASTIBL_BY_WIDTH(function, call) \
+  function {                             \
+    using V = Float4;                    \
+    return call;                         \
+  }
+#endif

@@ -9,16 +9,21 @@ namespace {
 
 constexpr int kPartial = 16;  // sums side by side, in the same order on every processor
 
-FASTIBL_CLONES void add_products(const float* values, const float* weights, int count,
-                                 float* __restrict sums) {
-  Float16 total = {};
-  int i = 0;
-  for (; i + kPartial <= count; i += kPartial)
-    total += *reinterpret_cast<const Float16*>(values + i) *
-             *reinterpret_cast<const Float16*>(weights + i);
-  *reinterpret_cast<Float16*>(sums) = total;
-  for (; i < count; ++i) sums[i % kPartial] += values[i] * weights[i];
+template <typename V>
+FASTIBL_INLINE void add_products_by(const float* values, const float* weights, int count,
+                                    float* __restrict sums) {
+  const int whole = count / kPartial * kPartial;
+  for (int part = 0; part < kPartial; part += kWidth<V>) {
+    V total = {};
+    for (int i = part; i < whole; i += kPartial)
+      total += floats_at<V>(values + i) * floats_at<V>(weights + i);
+    put(total, sums + part);
+  }
+  for (int i = whole; i < count; ++i) sums[i % kPartial] += values[i] * weights[i];
 }
+FASTIBL_BY_WIDTH(void add_products(const float* values, const float* weights, int count,
+                                   float* sums),
+                 add_products_by<V>(values, weights, count, sums))
 
 // Of a pattern's texels times their weights.
 glm::dvec3 sum_pattern(const FoldedMap& map, std::size_t pattern,

@@ -63,22 +63,26 @@ class Window {
 
 // Correlation with a code of its modules' middles, white ones first, at `count` shifts to the right
 // and some more, to whole registers.
-FASTIBL_CLONES void correlate(const float* const* codes, const float* const* inside, int whites,
-                              int modules, int count, float* out) {
-  for (int x = 0; x < count; x += kLanes) {
-    Lanes n{}, sum{}, squares{}, white_n{}, white_sum{};
+template <typename V>
+FASTIBL_INLINE void correlate_by(const float* const* codes, const float* const* inside, int whites,
+                                 int modules, int count, float* out) {
+  for (int x = 0; x < count; x += kWidth<V>) {
+    V n{}, sum{}, squares{}, white_n{}, white_sum{};
     for (int k = 0; k < modules; ++k) {
-      const Lanes v = *reinterpret_cast<const Float16*>(codes[k] + x);
-      n += *reinterpret_cast<const Float16*>(inside[k] + x);
+      const V v = floats_at<V>(codes[k] + x);
+      n += floats_at<V>(inside[k] + x);
       sum += v, squares += v * v;
       if (k + 1 == whites) white_n = n, white_sum = sum;
     }
-    const Lanes spread = (n * squares - sum * sum) * (white_n * (n - white_n));
-    const Lanes match = n * white_sum - white_n * sum;
-    for (int k = 0; k < kLanes; ++k)
+    const V spread = (n * squares - sum * sum) * (white_n * (n - white_n));
+    const V match = n * white_sum - white_n * sum;
+    for (int k = 0; k < kWidth<V>; ++k)
       out[x + k] = n[k] >= kData / 2 && spread[k] > 0 ? match[k] / std::sqrt(spread[k]) : 0;
   }
 }
+FASTIBL_BY_WIDTH(void correlate(const float* const* codes, const float* const* inside, int whites,
+                                int modules, int count, float* out),
+                 correlate_by<V>(codes, inside, whites, modules, count, out))
 
 class Search {
  public:

@@ -44,27 +44,35 @@ enum Field {
 template <int Count>
 struct alignas(sizeof(Lanes)) Rows {
   Lanes row[Count];
-  FASTIBL_INLINE Lanes& operator[](std::size_t k) { return row[k]; }
-  FASTIBL_INLINE const Lanes& operator[](std::size_t k) const { return row[k]; }
+  // Those of a row from `lane` on that V holds.
+  template <typename V>
+  FASTIBL_INLINE V at(std::size_t k, int lane) const {
+    return floats_at<V>(reinterpret_cast<const float*>(row + k) + lane);
+  }
+  template <typename V>
+  FASTIBL_INLINE void set(std::size_t k, int lane, const V& value) {
+    put(value, reinterpret_cast<float*>(row + k) + lane);
+  }
 };
 using Block = Rows<kFields>;
 // What they should show for a step of 1, and how that changes with motion and blur.
 using Expected = Rows<kMotion + 1>;
 
 // Share of a normal distribution below x, and its density: Abramowitz and Stegun, 26.2.16.
-FASTIBL_INLINE void normal(const Lanes& x, Lanes& below, Lanes& density) {
-  const Lanes size = x < 0 ? -x : x;
+template <typename V>
+FASTIBL_INLINE void normal(const V& x, V& below, V& density) {
+  const V size = x < 0 ? -x : x;
   exp_negative(-0.5f * x * x, density);
   density *= 0.39894228f;
-  const Lanes t = 1 / (1 + 0.33267f * size);
-  const Lanes tail = density * t * (0.4361836f + t * (0.937298f * t - 0.1201676f));
+  const V t = 1 / (1 + 0.33267f * size);
+  const V tail = density * t * (0.4361836f + t * (0.937298f * t - 0.1201676f));
   below = x < 0 ? tail : 1 - tail;
 }
 
-FASTIBL_INLINE void shares(const Lanes& first, const Lanes& size, Lanes* share, Lanes* moved,
-                           Lanes* blurred) {
-  const Lanes second = first - size;
-  Lanes a, b, p, q;
+template <typename V>
+FASTIBL_INLINE void shares(const V& first, const V& size, V* share, V* moved, V* blurred) {
+  const V second = first - size;
+  V a, b, p, q;
   normal(first, a, p), normal(second, b, q);
   share[0] = 1 - a, share[1] = a - b, share[2] = b;
   moved[0] = -p, moved[1] = p - q, moved[2] = q;
@@ -72,36 +80,44 @@ FASTIBL_INLINE void shares(const Lanes& first, const Lanes& size, Lanes* share, 
   blurred[0] = p, blurred[1] = q - p, blurred[2] = -q;
 }
 
-FASTIBL_CLONES void expect(const Block* blocks, std::size_t count, float blur, Expected* out) {
+template <typename V>
+FASTIBL_INLINE void expect_by(const Block* blocks, std::size_t count, float blur, Expected* out) {
   const float sharp = 1 / blur;
-  for (std::size_t k = 0; k < count; ++k) {
-    const Block& p = blocks[k];
-    const Lanes size_u = p[kSizeU] * sharp, size_v = p[kSizeV] * sharp;
-    Lanes across[9], down[9];
-    shares(p[kU] * size_u, size_u, across, across + 3, across + 6);
-    shares(p[kV] * size_v, size_v, down, down + 3, down + 6);
-    Lanes sum{}, by_u{}, by_v{}, by_blur{};
-    for (int i = 0; i < 3; ++i) {
-      const Lanes* w = &p[std::size_t(kWhite + 3 * i)];
-      const Lanes share = w[0] * across[0] + w[1] * across[1] + w[2] * across[2];
-      const Lanes moved = w[0] * across[3] + w[1] * across[4] + w[2] * across[5];
-      const Lanes blurred = w[0] * across[6] + w[1] * across[7] + w[2] * across[8];
-      // A corner that is no right angle: first term of the tetrachoric series.
-      sum += down[i] * share + p[kSlant] * down[3 + i] * moved;
-      by_u += down[i] * moved, by_v += down[3 + i] * share;
-      by_blur += down[i] * blurred + down[6 + i] * share;
+  for (std::size_t k = 0; k < count; ++k)
+    for (int lane = 0; lane < kLanes; lane += kWidth<V>) {
+      const auto p = [&](std::size_t field) { return blocks[k].at<V>(field, lane); };
+      const V size_u = p(kSizeU) * sharp, size_v = p(kSizeV) * sharp;
+      V across[9], down[9];
+      shares<V>(p(kU) * size_u, size_u, across, across + 3, across + 6);
+      shares<V>(p(kV) * size_v, size_v, down, down + 3, down + 6);
+      V sum{}, by_u{}, by_v{}, by_blur{};
+      for (std::size_t i = 0; i < 3; ++i) {
+        const V w[3] = {p(kWhite + 3 * i), p(kWhite + 3 * i + 1), p(kWhite + 3 * i + 2)};
+        const V share = w[0] * across[0] + w[1] * across[1] + w[2] * across[2];
+        const V moved = w[0] * across[3] + w[1] * across[4] + w[2] * across[5];
+        const V blurred = w[0] * across[6] + w[1] * across[7] + w[2] * across[8];
+        // A corner that is no right angle: first term of the tetrachoric series.
+        sum += down[i] * share + p(kSlant) * down[3 + i] * moved;
+        by_u += down[i] * moved, by_v += down[3 + i] * share;
+        by_blur += down[i] * blurred + down[6 + i] * share;
+      }
+      by_u *= size_u, by_v *= size_v;
+      const V at[3] = {p(kPlace), p(kPlace + 1), p(kPlace + 2)};
+      V g[3];
+      for (std::size_t i = 0; i < 3; ++i) g[i] = -(by_u * p(kGu + i) + by_v * p(kGv + i));
+      const V expected[kMotion + 1] = {at[1] * g[2] - at[2] * g[1],
+                                       at[2] * g[0] - at[0] * g[2],
+                                       at[0] * g[1] - at[1] * g[0],
+                                       g[0],
+                                       g[1],
+                                       g[2],
+                                       by_blur * sharp,
+                                       sum};
+      for (std::size_t i = 0; i <= kMotion; ++i) out[k].set(i, lane, expected[i]);
     }
-    by_u *= size_u, by_v *= size_v;
-    const Lanes* at = &p[kPlace];
-    Lanes g[3];
-    for (int i = 0; i < 3; ++i)
-      g[i] = -(by_u * p[std::size_t(kGu + i)] + by_v * p[std::size_t(kGv + i)]);
-    Expected& e = out[k];
-    e[0] = at[1] * g[2] - at[2] * g[1], e[1] = at[2] * g[0] - at[0] * g[2];
-    e[2] = at[0] * g[1] - at[1] * g[0];
-    e[3] = g[0], e[4] = g[1], e[5] = g[2], e[6] = by_blur * sharp, e[7] = sum;
-  }
 }
+FASTIBL_BY_WIDTH(void expect(const Block* blocks, std::size_t count, float blur, Expected* out),
+                 expect_by<V>(blocks, count, blur, out))
 
 // Levels of black and of the step to white.
 struct Levels {
@@ -109,62 +125,86 @@ struct Levels {
   float deviation = 0;  // by the noise expected, without unit; 0: they could not be told
 };
 
-FASTIBL_INLINE void variance_of(const Levels& levels, const Lanes& white, Lanes& variance) {
-  const Lanes share = white < 0 ? Lanes{} : white > 1 ? Lanes{} + 1 : white;
+template <typename V>
+FASTIBL_INLINE void variance_of(const Levels& levels, const V& white, V& variance) {
+  const V share = white < 0 ? V{} : white > 1 ? V{} + 1 : white;
   variance = (levels.black > 0 ? levels.black : 0) + levels.step * (share + kDark);
 }
 
 // Sums for a line through light by white: weight, white, white², light, white · light, light².
-FASTIBL_CLONES void line_sums(const Block* blocks, const Expected* expected, std::size_t count,
-                              const Levels& levels, float* out) {
-  Lanes s[6]{};
-  for (std::size_t k = 0; k < count; ++k) {
-    const Lanes white = expected[k][kMotion], light = blocks[k][kLight];
-    Lanes variance;
-    variance_of(levels, white, variance);
-    const Lanes weight = blocks[k][kCounts] / variance, ww = weight * white, wl = weight * light;
-    s[0] += weight, s[1] += ww, s[2] += ww * white, s[3] += wl, s[4] += ww * light;
-    const Lanes e = light - levels.black - levels.step * white;
-    s[5] += weight * e * e;
+template <typename V>
+FASTIBL_INLINE void line_sums_by(const Block* blocks, const Expected* expected, std::size_t count,
+                                 const Levels& levels, float* out) {
+  for (int i = 0; i < 6; ++i) out[i] = 0;
+  for (int lane = 0; lane < kLanes; lane += kWidth<V>) {
+    V s[6]{};
+    for (std::size_t k = 0; k < count; ++k) {
+      const V white = expected[k].at<V>(kMotion, lane), light = blocks[k].at<V>(kLight, lane);
+      V variance;
+      variance_of(levels, white, variance);
+      const V weight = blocks[k].at<V>(kCounts, lane) / variance;
+      const V ww = weight * white, wl = weight * light;
+      s[0] += weight, s[1] += ww, s[2] += ww * white, s[3] += wl, s[4] += ww * light;
+      const V e = light - levels.black - levels.step * white;
+      s[5] += weight * e * e;
+    }
+    for (int i = 0; i < 6; ++i)
+      for (int l = 0; l < kWidth<V>; ++l) out[i] += s[i][l];
   }
-  for (int k = 0; k < 6; ++k) out[k] = total(s[k]);
 }
+FASTIBL_BY_WIDTH(void line_sums(const Block* blocks, const Expected* expected, std::size_t count,
+                                const Levels& levels, float* out),
+                 line_sums_by<V>(blocks, expected, count, levels, out))
 
 // Normal equations with Tukey's weights, upper part row by row.
-FASTIBL_CLONES void add_products(const Block* blocks, const Expected* expected, std::size_t count,
-                                 const Levels& levels, float scale, float* out) {
-  Lanes m[kSums - 1][kSums]{};
+template <typename V>
+FASTIBL_INLINE void add_products_by(const Block* blocks, const Expected* expected,
+                                    std::size_t count, const Levels& levels, float scale,
+                                    float* out) {
+  for (int i = 0; i < (kSums - 1) * kSums; ++i) out[i] = 0;
   const float reach = 1 / (kTukey * kTukey * scale * scale);
-  for (std::size_t k = 0; k < count; ++k) {
-    const Expected& p = expected[k];
-    Lanes variance;
-    variance_of(levels, p[kMotion], variance);
-    Lanes row[kSums];
-    const Lanes e = blocks[k][kLight] - levels.black - levels.step * p[kMotion];
-    const Lanes q = 1 - e * e / variance * reach;
-    const Lanes weight = (q > 0 ? q * q : Lanes{}) * blocks[k][kCounts] / variance;
-    for (int i = 0; i < kMotion; ++i) row[i] = levels.step * p[std::size_t(i)];
-    row[kMotion] = Lanes{} + 1, row[kMotion + 1] = p[kMotion], row[kMotion + 2] = e;
-    for (int i = 0; i < kSums - 1; ++i) {
-      const Lanes w = weight * row[i];
-      for (int j = i; j < kSums; ++j) m[i][j] += w * row[j];
+  for (int lane = 0; lane < kLanes; lane += kWidth<V>) {
+    V m[kSums - 1][kSums]{};
+    for (std::size_t k = 0; k < count; ++k) {
+      V row[kSums], variance;
+      for (std::size_t i = 0; i < kMotion; ++i) row[i] = levels.step * expected[k].at<V>(i, lane);
+      const V white = expected[k].at<V>(kMotion, lane);
+      variance_of(levels, white, variance);
+      const V e = blocks[k].at<V>(kLight, lane) - levels.black - levels.step * white;
+      const V q = 1 - e * e / variance * reach;
+      const V weight = (q > 0 ? q * q : V{}) * blocks[k].at<V>(kCounts, lane) / variance;
+      row[kMotion] = V{} + 1, row[kMotion + 1] = white, row[kMotion + 2] = e;
+      for (int i = 0; i < kSums - 1; ++i) {
+        const V w = weight * row[i];
+        for (int j = i; j < kSums; ++j) m[i][j] += w * row[j];
+      }
     }
+    for (int i = 0; i < kSums - 1; ++i)
+      for (int j = i; j < kSums; ++j)
+        for (int l = 0; l < kWidth<V>; ++l) out[i * kSums + j] += m[i][j][l];
   }
-  for (int i = 0; i < kSums - 1; ++i)
-    for (int j = i; j < kSums; ++j) out[i * kSums + j] = total(m[i][j]);
 }
+FASTIBL_BY_WIDTH(void add_products(const Block* blocks, const Expected* expected, std::size_t count,
+                                   const Levels& levels, float scale, float* out),
+                 add_products_by<V>(blocks, expected, count, levels, scale, out))
 
 // Moves the pixels' places on the board against a motion of the board.
-FASTIBL_CLONES void shift(Block* blocks, std::size_t count, const float* motion) {
-  for (std::size_t k = 0; k < count; ++k) {
-    Block& b = blocks[k];
-    const Lanes* p = &b[kPlace];
-    const Lanes d[3] = {motion[1] * p[2] - motion[2] * p[1] + motion[3],
-                        motion[2] * p[0] - motion[0] * p[2] + motion[4],
-                        motion[0] * p[1] - motion[1] * p[0] + motion[5]};
-    for (std::size_t i = 0; i < 3; ++i) b[kU] -= b[kGu + i] * d[i], b[kV] -= b[kGv + i] * d[i];
-  }
+template <typename V>
+FASTIBL_INLINE void shift_by(Block* blocks, std::size_t count, const float* motion) {
+  for (std::size_t k = 0; k < count; ++k)
+    for (int lane = 0; lane < kLanes; lane += kWidth<V>) {
+      const auto b = [&](std::size_t field) { return blocks[k].at<V>(field, lane); };
+      const V p[3] = {b(kPlace), b(kPlace + 1), b(kPlace + 2)};
+      const V d[3] = {motion[1] * p[2] - motion[2] * p[1] + motion[3],
+                      motion[2] * p[0] - motion[0] * p[2] + motion[4],
+                      motion[0] * p[1] - motion[1] * p[0] + motion[5]};
+      V u = b(kU), v = b(kV);
+      for (std::size_t i = 0; i < 3; ++i) u -= b(kGu + i) * d[i], v -= b(kGv + i) * d[i];
+      blocks[k].set(kU, lane, u), blocks[k].set(kV, lane, v);
+    }
 }
+FASTIBL_BY_WIDTH(void shift(Block* blocks, std::size_t count, const float* motion),
+                 shift_by<V>(blocks, count, motion))
 
 Levels levels_of(std::span<const Block> blocks, const Expected* expected) {
   Levels levels;
@@ -184,22 +224,31 @@ Levels levels_of(std::span<const Block> blocks, const Expected* expected) {
 
 // Up to 16 pixels of a module into the lanes of a block from `lane` on. fields: what they share;
 // own: what they do not, of the first of them, with 16 floats before it that may be read.
-FASTIBL_CLONES void put_lanes(const float* fields, const float* const* own, const int* own_fields,
-                              int own_count, int lane, int count, Block& block) {
-  const IntLanes index = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-  // 0 or all bits: differences below 0 have the upper one.
-  const IntLanes taken = ~((index - lane) >> 31) & ((index - (lane + count)) >> 31);
-  // Selections by comparison would be made lane by lane.
-  const auto set = [&](Lanes & to, const Lanes& value) __attribute__((always_inline)) {
-    to = reinterpret_cast<Lanes>((reinterpret_cast<IntLanes>(value) & taken) |
-                                 (reinterpret_cast<IntLanes>(to) & ~taken));
-  };
-  for (std::size_t k = 0; k < kFields; ++k) set(block[k], Lanes{} + fields[k]);
-  for (int k = 0; k < own_count; ++k) {
-    const Lanes value = *reinterpret_cast<const Float16*>(own[k] - lane);
-    set(block[std::size_t(own_fields[k])], value);
+template <typename V>
+FASTIBL_INLINE void put_lanes_by(const float* fields, const float* const* own,
+                                 const int* own_fields, int own_count, int lane, int count,
+                                 Block& block) {
+  using Ints = IntsOf<V>;
+  for (int part = 0; part < kLanes; part += kWidth<V>) {
+    Ints index;
+    for (int l = 0; l < kWidth<V>; ++l) index[l] = part + l;
+    // 0 or all bits: differences below 0 have the upper one. Selections by comparison would be made
+    // lane by lane.
+    const Ints taken = ~((index - lane) >> 31) & ((index - (lane + count)) >> 31);
+    const auto set = [&](std::size_t k, const V& value) __attribute__((always_inline)) {
+      const V old = block.at<V>(k, part);
+      block.set(k, part,
+                reinterpret_cast<V>((reinterpret_cast<Ints>(value) & taken) |
+                                    (reinterpret_cast<Ints>(old) & ~taken)));
+    };
+    for (std::size_t k = 0; k < kFields; ++k) set(k, V{} + fields[k]);
+    for (int k = 0; k < own_count; ++k)
+      set(std::size_t(own_fields[k]), floats_at<V>(own[k] - lane + part));
   }
 }
+FASTIBL_BY_WIDTH(void put_lanes(const float* fields, const float* const* own, const int* own_fields,
+                                int own_count, int lane, int count, Block& block),
+                 put_lanes_by<V>(fields, own, own_fields, own_count, lane, count, block))
 
 // Not below x; ceil() is a call where processors may lack it.
 int next_whole(double x) {
