@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <tuple>
 
@@ -95,9 +96,11 @@ struct NearestPointers {
   float *distance, *second, *depth;
 };
 
-FASTIBL_CLONES void find_nearest(const float* const* p, const float* bounds, int blocks,
-                                 const float* spheres, int count, std::int32_t* near,
-                                 const NearestPointers& out) {
+template <typename V>
+FASTIBL_INLINE void find_nearest_by(const float* const* p, const float* bounds, int blocks,
+                                    const float* spheres, int count, std::int32_t* near,
+                                    const NearestPointers& out) {
+  using Ints = IntsOf<V>;
   for (int b = 0; b < blocks; ++b) {
     // Spheres further from the block than kMost change nothing.
     int candidates = 0;
@@ -107,39 +110,41 @@ FASTIBL_CLONES void find_nearest(const float* const* p, const float* bounds, int
       near[candidates] = j;
       candidates += dx * dx + dy * dy + dz * dz < reach * reach;
     }
-    Lanes at[6];
-    for (int k = 0; k < 6; ++k) at[k] = *reinterpret_cast<const Float16*>(p[k] + b * kLanes);
-    Lanes best = Lanes{} + kMost, next = best, deepest{};
-    IntLanes first{}, intruder{};
-    for (int k = 0; k < candidates; ++k) {
-      const int j = near[k];
-      const float* s = spheres + 4 * j;
-      const Lanes dx = at[0] - s[0], dy = at[1] - s[1], dz = at[2] - s[2];
-      const Lanes squared = dx * dx + dy * dy + dz * dz;
-      const Lanes facing = dx * at[3] + dy * at[4] + dz * at[5];
-      Lanes d;
-      for (int i = 0; i < kLanes; ++i) d[i] = __builtin_sqrtf(squared[i]);
-      const IntLanes is_behind = facing > 0;
-      d -= s[3];
-      const Lanes behind = is_behind ? d : Lanes{} + kMost;
-      const Lanes in_front = is_behind ? Lanes{} : d;
-      const IntLanes nearer = behind < best, deeper = in_front < deepest;
-      const Lanes loser = nearer ? best : behind;
-      next = loser < next ? loser : next;
-      best = nearer ? behind : best;
-      first = nearer ? IntLanes{} + j : first;
-      deepest = deeper ? in_front : deepest;
-      intruder = deeper ? IntLanes{} + j : intruder;
-    }
-    for (int k = 0; k < kLanes; ++k) {
-      out.sphere[b * kLanes + k] = first[k];
-      out.intruder[b * kLanes + k] = intruder[k];
-      out.distance[b * kLanes + k] = best[k];
-      out.second[b * kLanes + k] = next[k];
-      out.depth[b * kLanes + k] = deepest[k];
+    for (int at = b * kLanes; at < (b + 1) * kLanes; at += kWidth<V>) {
+      V place[6];
+      for (int k = 0; k < 6; ++k) place[k] = floats_at<V>(p[k] + at);
+      V best = V{} + kMost, next = best, deepest{};
+      Ints first{}, intruder{};
+      for (int k = 0; k < candidates; ++k) {
+        const int j = near[k];
+        const float* s = spheres + 4 * j;
+        const V dx = place[0] - s[0], dy = place[1] - s[1], dz = place[2] - s[2];
+        const V squared = dx * dx + dy * dy + dz * dz;
+        const V facing = dx * place[3] + dy * place[4] + dz * place[5];
+        V d;
+        for (int i = 0; i < kWidth<V>; ++i) d[i] = __builtin_sqrtf(squared[i]);
+        const Ints is_behind = facing > 0;
+        d -= s[3];
+        const V behind = is_behind ? d : V{} + kMost;
+        const V in_front = is_behind ? V{} : d;
+        const Ints nearer = behind < best, deeper = in_front < deepest;
+        const V loser = nearer ? best : behind;
+        next = loser < next ? loser : next;
+        best = nearer ? behind : best;
+        first = nearer ? Ints{} + j : first;
+        deepest = deeper ? in_front : deepest;
+        intruder = deeper ? Ints{} + j : intruder;
+      }
+      std::memcpy(out.sphere + at, &first, sizeof first);
+      std::memcpy(out.intruder + at, &intruder, sizeof intruder);
+      put(best, out.distance + at), put(next, out.second + at), put(deepest, out.depth + at);
     }
   }
 }
+FASTIBL_BY_WIDTH(void find_nearest(const float* const* p, const float* bounds, int blocks,
+                                   const float* spheres, int count, std::int32_t* near,
+                                   const NearestPointers& out),
+                 find_nearest_by<V>(p, bounds, blocks, spheres, count, near, out))
 
 void find_nearest(const Samples& s, const SphereSet& spheres, Nearest& nearest) {
   const std::size_t n = s.x.size();
