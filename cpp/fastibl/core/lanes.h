@@ -19,15 +19,16 @@ FASTIBL_INLINE float total(const Lanes& a) {
   return sum;
 }
 
-// ln(1 − t) for t in [0, 1), to 2e-7 of its value, also where t is small.
-FASTIBL_INLINE void log1m(const Lanes& t, Lanes& result) {
+// ln(1 − t) for t in [0, 1), to 2e-7 of its value, also where t is small. Of any number of floats.
+template <typename V>
+FASTIBL_INLINE void log1m(const V& t, V& result) {
   // 1 − t = m 2^e with m in [√½, √2): where e is 0, m − 1 is −t, which keeps its digits.
-  const IntLanes bits = reinterpret_cast<IntLanes>(1 - t);
-  const IntLanes e = (bits - 0x3f3504f3) >> 23;
-  const Lanes m = reinterpret_cast<Lanes>(bits - (e << 23));
-  const Lanes v = e == 0 ? -t : m - 1;
-  const Lanes u = v / (2 + v), q = u * u;  // ln(1 + v) = 2 artanh(v/(2 + v)), |u| ≤ 0.172
-  result = __builtin_convertvector(e, Lanes) * 0.69314718f +
+  const IntsOf<V> bits = reinterpret_cast<IntsOf<V>>(1 - t);
+  const IntsOf<V> e = (bits - 0x3f3504f3) >> 23;
+  const V m = reinterpret_cast<V>(bits - (e << 23));
+  const V v = e == 0 ? -t : m - 1;
+  const V u = v / (2 + v), q = u * u;  // ln(1 + v) = 2 artanh(v/(2 + v)), |u| ≤ 0.172
+  result = __builtin_convertvector(e, V) * 0.69314718f +
            2 * u * (1 + q * (1 / 3.0f + q * (0.2f + q * (1 / 7.0f + q * (1 / 9.0f)))));
 }
 

@@ -62,23 +62,23 @@ FASTIBL_INLINE void put(const V& floats, float* p) {
 // V takes some at a time, so that all processors give the same bits.
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
     defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__) && !defined(__SANITIZE_THREAD__)
-#define FASTIBL_BY_WIDTH(function, call)               \
+#define FASTIBL_BY_WIDTH(function, ...)                \
   __attribute__((target("default"))) function {        \
     using V = Float4;                                  \
-    return call;                                       \
+    return __VA_ARGS__;                                \
   }                                                    \
   __attribute__((target("arch=x86-64-v3"))) function { \
     using V = Float8;                                  \
-    return call;                                       \
+    return __VA_ARGS__;                                \
   }                                                    \
   __attribute__((target("arch=x86-64-v4"))) function { \
     using V = Float16;                                 \
-    return call;                                       \
+    return __VA_ARGS__;                                \
   }
 #else
-#define FASTIBL_BY_WIDTH(function, call) \
-  function {                             \
-    using V = Float4;                    \
-    return call;                         \
+#define FASTIBL_BY_WIDTH(function, ...) \
+  function {                            \
+    using V = Float4;                   \
+    return __VA_ARGS__;                 \
   }
 #endif

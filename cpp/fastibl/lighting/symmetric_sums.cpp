@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "fastibl/core/lanes.h"
 #include "fastibl/core/simd.h"
 
 namespace fastibl {
@@ -11,30 +10,39 @@ namespace {
 
 constexpr int kPart = 64;  // texels whose values of one channel stay in the first-level cache
 
-// One part, for one channel and two outputs: six wide sums stay in registers.
-FASTIBL_CLONES void add_part(const SymmetricTexel* texels, const std::uint32_t* slots,
-                                  const float* weights, int count, int channel, float* first,
-                                  float* second) {
-  Lanes a0{}, a1{}, a2{}, b0{}, b1{}, b2{};
-  for (int i = 0; i < count; ++i) {
-    const Lanes* v = reinterpret_cast<const Lanes*>(texels[slots[i]].values[channel]);
-    const Lanes v0 = v[0], v1 = v[1], v2 = v[2];
-    const float a = weights[i * kOutputs], b = weights[i * kOutputs + 1];
-    a0 += a * v0, a1 += a * v1, a2 += a * v2;
-    b0 += b * v0, b1 += b * v1, b2 += b * v2;
+// One part, for one channel and two outputs: up to twelve wide sums stay in registers.
+template <typename V>
+FASTIBL_INLINE void add_part_by(const SymmetricTexel* texels, const std::uint32_t* slots,
+                                const float* weights, int count, int channel, float* first,
+                                float* second) {
+  constexpr int kSums = std::min(6, kCubeSymmetries / kWidth<V>);
+  for (int begin = 0; begin < kCubeSymmetries; begin += kSums * kWidth<V>) {
+    V a[kSums]{}, b[kSums]{};
+    for (int i = 0; i < count; ++i) {
+      const float* value = texels[slots[i]].values[channel] + begin;
+      const float to_first = weights[i * kOutputs], to_second = weights[i * kOutputs + 1];
+      for (int k = 0; k < kSums; ++k) {
+        const V v = floats_at<V>(value + k * kWidth<V>);
+        a[k] += to_first * v, b[k] += to_second * v;
+      }
+    }
+    for (int k = 0; k < kSums; ++k) {
+      const int at = begin + k * kWidth<V>;
+      put(floats_at<V>(first + at) + a[k], first + at);
+      put(floats_at<V>(second + at) + b[k], second + at);
+    }
   }
-  Lanes* to = reinterpret_cast<Lanes*>(first);
-  to[0] += a0, to[1] += a1, to[2] += a2;
-  to = reinterpret_cast<Lanes*>(second);
-  to[0] += b0, to[1] += b1, to[2] += b2;
 }
+FASTIBL_BY_WIDTH(void add_part(const SymmetricTexel* texels, const std::uint32_t* slots,
+                               const float* weights, int count, int channel, float* first,
+                               float* second),
+                 add_part_by<V>(texels, slots, weights, count, channel, first, second))
 
 }  // namespace
 
 void add_symmetric_sums(std::span<const SymmetricTexel> texels,
                         std::span<const std::uint32_t> slots, const float* weights, int outputs,
                         SymmetricTexel* sums) {
-  static_assert(kCubeSymmetries * sizeof(float) == 3 * sizeof(Lanes));
   alignas(64) float unused[kCubeSymmetries];
   for (std::size_t begin = 0; begin < slots.size(); begin += kPart) {
     const int count = int(std::min(slots.size() - begin, std::size_t(kPart)));
