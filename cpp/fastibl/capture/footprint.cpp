@@ -40,7 +40,7 @@ FASTIBL_INLINE void choose_levels_by(const float* __restrict pixels, const int* 
                                      float* __restrict range) {
   const V none = {}, one = none + 1.0f, final = none + last;
   V least = final, most = none;
-  for (int i = 0; i < lanes; i += kWidth<V>) {
+  for (int i = 0; i < lanes; i += kFloatsIn<V>) {
     V area = floats_at<V>(pixels + i) * (1 / kPixelsOfFirst);
     V level = none;
     for (int step = 1; step < FrameLevels::kMost; ++step) {
@@ -51,13 +51,13 @@ FASTIBL_INLINE void choose_levels_by(const float* __restrict pixels, const int* 
     const V risen = way > none ? way : none;
     level += risen < one ? risen : one;
     level = level < final ? level : final;
-    put(level, chosen + i);
+    put_floats(level, chosen + i);
     const auto shown = ints_at<V>(seen + i) != 0;
     const V low = shown ? level : final, high = shown ? level : none;
     least = low < least ? low : least, most = high > most ? high : most;
   }
   range[0] = least[0], range[1] = most[0];
-  for (int k = 1; k < kWidth<V>; ++k) {
+  for (int k = 1; k < kFloatsIn<V>; ++k) {
     range[0] = least[k] < range[0] ? least[k] : range[0];
     range[1] = most[k] > range[1] ? most[k] : range[1];
   }
@@ -159,7 +159,7 @@ FASTIBL_INLINE bool shows_light_by(const float (*__restrict linear)[kTexelLanes]
                                    const int* __restrict seen, int lanes, float light) {
   const V none = {}, one = none + 1.0f;
   float sum = 0, count = 0, most = 0;
-  for (int part = 0; part < 16; part += kWidth<V>) {
+  for (int part = 0; part < 16; part += kFloatsIn<V>) {
     V values = none, counts = none, highest = none;
     for (int i = part; i < lanes; i += 16) {
       const auto shown = ints_at<V>(seen + i) != 0;
@@ -169,7 +169,7 @@ FASTIBL_INLINE bool shows_light_by(const float (*__restrict linear)[kTexelLanes]
       values += value, counts += shown ? one : none;
       highest = value > highest ? value : highest;
     }
-    for (int k = 0; k < kWidth<V>; ++k) {
+    for (int k = 0; k < kFloatsIn<V>; ++k) {
       sum += values[k], count += counts[k];
       most = highest[k] > most ? highest[k] : most;
     }

@@ -146,9 +146,9 @@ FASTIBL_INLINE void find_tiles_by(const TexelView::Projection& p, const PictureB
   const auto greater = [](const V& u, const V& v) -> V { return u > v ? u : v; };
   const auto less = [](const V& u, const V& v) -> V { return u < v ? u : v; };
   const V none = {};
-  for (int i = 0; i < count; i += kWidth<V>) {
+  for (int i = 0; i < count; i += kFloatsIn<V>) {
     float any = 0;
-    for (int k = i; k < i + kWidth<V>; ++k) any += on_side[k];
+    for (int k = i; k < i + kFloatsIn<V>; ++k) any += on_side[k];
     if (any == 0) continue;
     const auto at = [i](const auto& values) -> V { return floats_at<V>(&values[std::size_t(i)]); };
     V left = none - 1e30f, right = left, top = left, bottom = left, front = left, most = none;
@@ -174,7 +174,7 @@ FASTIBL_INLINE void find_tiles_by(const TexelView::Projection& p, const PictureB
     most = top + y >= 0.0f ? most : none, most = bottom + y >= 0.0f ? most : none;
     most = front + bulge >= 0.0f ? most : none;
     most *= at(on_side);
-    put(greater(floats_at<V>(most_pixels + i), most), most_pixels + i);
+    put_floats(greater(floats_at<V>(most_pixels + i), most), most_pixels + i);
   }
 }
 FASTIBL_BY_WIDTH(void find_tiles_of(const TexelView::Projection& p, const PictureBounds& bounds,

@@ -41,7 +41,7 @@ template <typename V>
 FASTIBL_INLINE void sum_nearness_by(const float* const* from, int count, const float* d,
                                     float* __restrict total) {
   for (int k = 0; k < 4; ++k) total[k] = 0;
-  for (int part = 0; part < kPartial; part += kWidth<V>) {
+  for (int part = 0; part < kPartial; part += kFloatsIn<V>) {
     V sums[4] = {};
     for (int i = part; i < count; i += kPartial) {
       V at[7];
@@ -54,7 +54,7 @@ FASTIBL_INLINE void sum_nearness_by(const float* const* from, int count, const f
       for (int c = 0; c < 3; ++c) sums[1 + c] += weight * at[4 + c];
     }
     for (int k = 0; k < 4; ++k)
-      for (int i = 0; i < kWidth<V>; ++i) total[k] += sums[k][i];
+      for (int i = 0; i < kFloatsIn<V>; ++i) total[k] += sums[k][i];
   }
 }
 FASTIBL_BY_WIDTH(void sum_nearness(const float* const* from, int count, const float* d,

@@ -1,6 +1,7 @@
 // Sixteen floats side by side, a vector type of GCC and Clang: one register of AVX-512, two of
 // AVX2, four of SSE. For functions with FASTIBL_CLONES; what they call must be inlined into
-// them.
+// them. A loop that carries them from round to round does so through memory where they are several
+// registers: FASTIBL_BY_WIDTH is for those.
 #pragma once
 
 #include <cstdint>

@@ -11,7 +11,19 @@
 
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
     defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__) && !defined(__SANITIZE_THREAD__)
-#define FASTIBL_CLONES __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
+#define FASTIBL_VERSIONS
+#endif
+
+// CMake's FASTIBL_AVX512=OFF: as on a processor with AVX2.
+#ifdef FASTIBL_NO_AVX512
+#define FASTIBL_WITH_V4(...)
+#else
+#define FASTIBL_WITH_V4(...) __VA_ARGS__
+#endif
+
+#ifdef FASTIBL_VERSIONS
+#define FASTIBL_CLONES \
+  __attribute__((target_clones("default", "arch=x86-64-v3" FASTIBL_WITH_V4(, "arch=x86-64-v4"))))
 #else
 #define FASTIBL_CLONES
 #endif
@@ -31,7 +43,7 @@ using Int16 [[gnu::vector_size(64), gnu::aligned(4)]] = int;
 // Of templates whose argument V is one of these: how many floats it holds, what its comparisons
 // give, and how it is read and written. (A template's argument forgets the alignment.)
 template <typename V>
-inline constexpr int kWidth = int(sizeof(V) / sizeof(float));
+inline constexpr int kFloatsIn = int(sizeof(V) / sizeof(float));
 template <typename V>
 using IntsOf = decltype(V{} > V{});
 
@@ -48,7 +60,7 @@ FASTIBL_INLINE IntsOf<V> ints_at(const int* p) {
   return ints;
 }
 template <typename V>
-FASTIBL_INLINE void put(const V& floats, float* p) {
+FASTIBL_INLINE void put_floats(const V& floats, float* p) {
   std::memcpy(p, &floats, sizeof floats);
 }
 }  // namespace fastibl
@@ -60,21 +72,20 @@ FASTIBL_INLINE void put(const V& floats, float* p) {
 // V, floats side by side: as many as a register of the processor holds. Wider vectors are not kept
 // in registers from one round of a loop to the next. Sums are to be made in sixteen parts, of which
 // V takes some at a time, so that all processors give the same bits.
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
-    defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__) && !defined(__SANITIZE_THREAD__)
-#define FASTIBL_BY_WIDTH(function, ...)                \
-  __attribute__((target("default"))) function {        \
-    using V = Float4;                                  \
-    return __VA_ARGS__;                                \
-  }                                                    \
-  __attribute__((target("arch=x86-64-v3"))) function { \
-    using V = Float8;                                  \
-    return __VA_ARGS__;                                \
-  }                                                    \
-  __attribute__((target("arch=x86-64-v4"))) function { \
-    using V = Float16;                                 \
-    return __VA_ARGS__;                                \
-  }
+#ifdef FASTIBL_VERSIONS
+#define FASTIBL_BY_WIDTH(function, ...)                                \
+  __attribute__((target("default"))) function {                        \
+    using V = Float4;                                                  \
+    return __VA_ARGS__;                                                \
+  }                                                                    \
+  __attribute__((target("arch=x86-64-v3"))) function {                 \
+    using V = Float8;                                                  \
+    return __VA_ARGS__;                                                \
+  }                                                                    \
+  FASTIBL_WITH_V4(__attribute__((target("arch=x86-64-v4"))) function { \
+    using V = Float16;                                                 \
+    return __VA_ARGS__;                                                \
+  })
 #else
 #define FASTIBL_BY_WIDTH(function, ...) \
   function {                            \

@@ -21,9 +21,13 @@ inline bool has_avx2() {
   return yes;
 }
 inline bool has_avx512() {
+#ifdef FASTIBL_NO_AVX512  // see core/simd.h
+  return false;
+#else
   static const bool yes = has_avx2() && __builtin_cpu_supports("avx512bw") &&
                           __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
   return yes;
+#endif
 }
 #define FASTIBL_PICK(function)         \
   auto* function = portable::function; \

@@ -13,11 +13,11 @@ template <typename V>
 FASTIBL_INLINE void add_products_by(const float* values, const float* weights, int count,
                                     float* __restrict sums) {
   const int whole = count / kPartial * kPartial;
-  for (int part = 0; part < kPartial; part += kWidth<V>) {
+  for (int part = 0; part < kPartial; part += kFloatsIn<V>) {
     V total = {};
     for (int i = part; i < whole; i += kPartial)
       total += floats_at<V>(values + i) * floats_at<V>(weights + i);
-    put(total, sums + part);
+    put_floats(total, sums + part);
   }
   for (int i = whole; i < count; ++i) sums[i % kPartial] += values[i] * weights[i];
 }

@@ -44,7 +44,7 @@ FASTIBL_INLINE void evaluate(const Shape& shape, const V& t, V& height, V& secon
 template <LobeModel model, typename V>
 FASTIBL_INLINE void set_part(const Shape& shape, const SixteenDirections& d, const SeenTexel* texel,
                              std::size_t count, float* weights, float* totals) {
-  for (int lane = 0; lane < kLanes; lane += kWidth<V>) {
+  for (int lane = 0; lane < kLanes; lane += kFloatsIn<V>) {
     const V ox = floats_at<V>(d.x + lane), oy = floats_at<V>(d.y + lane),
             oz = floats_at<V>(d.z + lane);
     V sum{};
@@ -59,10 +59,10 @@ FASTIBL_INLINE void set_part(const Shape& shape, const SixteenDirections& d, con
       const V mean = height + second * (t * (2 - t)) * (s.extent / 24);
       const V weight = (mean > 0 ? mean : V{}) * s.angle;
       const V kept = given < 0.9999f ? weight : V{};
-      put(kept, weights + i * kLanes + lane);
+      put_floats(kept, weights + i * kLanes + lane);
       sum += kept;
     }
-    put(floats_at<V>(totals + lane) + sum, totals + lane);
+    put_floats(floats_at<V>(totals + lane) + sum, totals + lane);
   }
 }
 

@@ -15,21 +15,21 @@ template <typename V>
 FASTIBL_INLINE void add_part_by(const SymmetricTexel* texels, const std::uint32_t* slots,
                                 const float* weights, int count, int channel, float* first,
                                 float* second) {
-  constexpr int kSums = std::min(6, kCubeSymmetries / kWidth<V>);
-  for (int begin = 0; begin < kCubeSymmetries; begin += kSums * kWidth<V>) {
+  constexpr int kSums = std::min(6, kCubeSymmetries / kFloatsIn<V>);
+  for (int begin = 0; begin < kCubeSymmetries; begin += kSums * kFloatsIn<V>) {
     V a[kSums]{}, b[kSums]{};
     for (int i = 0; i < count; ++i) {
       const float* value = texels[slots[i]].values[channel] + begin;
       const float to_first = weights[i * kOutputs], to_second = weights[i * kOutputs + 1];
       for (int k = 0; k < kSums; ++k) {
-        const V v = floats_at<V>(value + k * kWidth<V>);
+        const V v = floats_at<V>(value + k * kFloatsIn<V>);
         a[k] += to_first * v, b[k] += to_second * v;
       }
     }
     for (int k = 0; k < kSums; ++k) {
-      const int at = begin + k * kWidth<V>;
-      put(floats_at<V>(first + at) + a[k], first + at);
-      put(floats_at<V>(second + at) + b[k], second + at);
+      const int at = begin + k * kFloatsIn<V>;
+      put_floats(floats_at<V>(first + at) + a[k], first + at);
+      put_floats(floats_at<V>(second + at) + b[k], second + at);
     }
   }
 }

@@ -110,7 +110,7 @@ FASTIBL_INLINE void find_nearest_by(const float* const* p, const float* bounds, 
       near[candidates] = j;
       candidates += dx * dx + dy * dy + dz * dz < reach * reach;
     }
-    for (int at = b * kLanes; at < (b + 1) * kLanes; at += kWidth<V>) {
+    for (int at = b * kLanes; at < (b + 1) * kLanes; at += kFloatsIn<V>) {
       V place[6];
       for (int k = 0; k < 6; ++k) place[k] = floats_at<V>(p[k] + at);
       V best = V{} + kMost, next = best, deepest{};
@@ -122,7 +122,7 @@ FASTIBL_INLINE void find_nearest_by(const float* const* p, const float* bounds, 
         const V squared = dx * dx + dy * dy + dz * dz;
         const V facing = dx * place[3] + dy * place[4] + dz * place[5];
         V d;
-        for (int i = 0; i < kWidth<V>; ++i) d[i] = __builtin_sqrtf(squared[i]);
+        for (int i = 0; i < kFloatsIn<V>; ++i) d[i] = __builtin_sqrtf(squared[i]);
         const Ints is_behind = facing > 0;
         d -= s[3];
         const V behind = is_behind ? d : V{} + kMost;
@@ -137,7 +137,8 @@ FASTIBL_INLINE void find_nearest_by(const float* const* p, const float* bounds, 
       }
       std::memcpy(out.sphere + at, &first, sizeof first);
       std::memcpy(out.intruder + at, &intruder, sizeof intruder);
-      put(best, out.distance + at), put(next, out.second + at), put(deepest, out.depth + at);
+      put_floats(best, out.distance + at), put_floats(next, out.second + at),
+          put_floats(deepest, out.depth + at);
     }
   }
 }

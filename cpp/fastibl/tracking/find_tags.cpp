@@ -66,7 +66,7 @@ class Window {
 template <typename V>
 FASTIBL_INLINE void correlate_by(const float* const* codes, const float* const* inside, int whites,
                                  int modules, int count, float* out) {
-  for (int x = 0; x < count; x += kWidth<V>) {
+  for (int x = 0; x < count; x += kFloatsIn<V>) {
     V n{}, sum{}, squares{}, white_n{}, white_sum{};
     for (int k = 0; k < modules; ++k) {
       const V v = floats_at<V>(codes[k] + x);
@@ -76,7 +76,7 @@ FASTIBL_INLINE void correlate_by(const float* const* codes, const float* const* 
     }
     const V spread = (n * squares - sum * sum) * (white_n * (n - white_n));
     const V match = n * white_sum - white_n * sum;
-    for (int k = 0; k < kWidth<V>; ++k)
+    for (int k = 0; k < kFloatsIn<V>; ++k)
       out[x + k] = n[k] >= kData / 2 && spread[k] > 0 ? match[k] / std::sqrt(spread[k]) : 0;
   }
 }

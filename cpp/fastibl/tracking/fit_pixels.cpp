@@ -51,7 +51,7 @@ struct alignas(sizeof(Lanes)) Rows {
   }
   template <typename V>
   FASTIBL_INLINE void set(std::size_t k, int lane, const V& value) {
-    put(value, reinterpret_cast<float*>(row + k) + lane);
+    put_floats(value, reinterpret_cast<float*>(row + k) + lane);
   }
 };
 using Block = Rows<kFields>;
@@ -84,7 +84,7 @@ template <typename V>
 FASTIBL_INLINE void expect_by(const Block* blocks, std::size_t count, float blur, Expected* out) {
   const float sharp = 1 / blur;
   for (std::size_t k = 0; k < count; ++k)
-    for (int lane = 0; lane < kLanes; lane += kWidth<V>) {
+    for (int lane = 0; lane < kLanes; lane += kFloatsIn<V>) {
       const auto p = [&](std::size_t field) { return blocks[k].at<V>(field, lane); };
       const V size_u = p(kSizeU) * sharp, size_v = p(kSizeV) * sharp;
       V across[9], down[9];
@@ -136,7 +136,7 @@ template <typename V>
 FASTIBL_INLINE void line_sums_by(const Block* blocks, const Expected* expected, std::size_t count,
                                  const Levels& levels, float* out) {
   for (int i = 0; i < 6; ++i) out[i] = 0;
-  for (int lane = 0; lane < kLanes; lane += kWidth<V>) {
+  for (int lane = 0; lane < kLanes; lane += kFloatsIn<V>) {
     V s[6]{};
     for (std::size_t k = 0; k < count; ++k) {
       const V white = expected[k].at<V>(kMotion, lane), light = blocks[k].at<V>(kLight, lane);
@@ -149,7 +149,7 @@ FASTIBL_INLINE void line_sums_by(const Block* blocks, const Expected* expected, 
       s[5] += weight * e * e;
     }
     for (int i = 0; i < 6; ++i)
-      for (int l = 0; l < kWidth<V>; ++l) out[i] += s[i][l];
+      for (int l = 0; l < kFloatsIn<V>; ++l) out[i] += s[i][l];
   }
 }
 FASTIBL_BY_WIDTH(void line_sums(const Block* blocks, const Expected* expected, std::size_t count,
@@ -163,7 +163,7 @@ FASTIBL_INLINE void add_products_by(const Block* blocks, const Expected* expecte
                                     float* out) {
   for (int i = 0; i < (kSums - 1) * kSums; ++i) out[i] = 0;
   const float reach = 1 / (kTukey * kTukey * scale * scale);
-  for (int lane = 0; lane < kLanes; lane += kWidth<V>) {
+  for (int lane = 0; lane < kLanes; lane += kFloatsIn<V>) {
     V m[kSums - 1][kSums]{};
     for (std::size_t k = 0; k < count; ++k) {
       V row[kSums], variance;
@@ -181,7 +181,7 @@ FASTIBL_INLINE void add_products_by(const Block* blocks, const Expected* expecte
     }
     for (int i = 0; i < kSums - 1; ++i)
       for (int j = i; j < kSums; ++j)
-        for (int l = 0; l < kWidth<V>; ++l) out[i * kSums + j] += m[i][j][l];
+        for (int l = 0; l < kFloatsIn<V>; ++l) out[i * kSums + j] += m[i][j][l];
   }
 }
 FASTIBL_BY_WIDTH(void add_products(const Block* blocks, const Expected* expected, std::size_t count,
@@ -192,7 +192,7 @@ FASTIBL_BY_WIDTH(void add_products(const Block* blocks, const Expected* expected
 template <typename V>
 FASTIBL_INLINE void shift_by(Block* blocks, std::size_t count, const float* motion) {
   for (std::size_t k = 0; k < count; ++k)
-    for (int lane = 0; lane < kLanes; lane += kWidth<V>) {
+    for (int lane = 0; lane < kLanes; lane += kFloatsIn<V>) {
       const auto b = [&](std::size_t field) { return blocks[k].at<V>(field, lane); };
       const V p[3] = {b(kPlace), b(kPlace + 1), b(kPlace + 2)};
       const V d[3] = {motion[1] * p[2] - motion[2] * p[1] + motion[3],
@@ -229,9 +229,9 @@ FASTIBL_INLINE void put_lanes_by(const float* fields, const float* const* own,
                                  const int* own_fields, int own_count, int lane, int count,
                                  Block& block) {
   using Ints = IntsOf<V>;
-  for (int part = 0; part < kLanes; part += kWidth<V>) {
+  for (int part = 0; part < kLanes; part += kFloatsIn<V>) {
     Ints index;
-    for (int l = 0; l < kWidth<V>; ++l) index[l] = part + l;
+    for (int l = 0; l < kFloatsIn<V>; ++l) index[l] = part + l;
     // 0 or all bits: differences below 0 have the upper one. Selections by comparison would be made
     // lane by lane.
     const Ints taken = ~((index - lane) >> 31) & ((index - (lane + count)) >> 31);
