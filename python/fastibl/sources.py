@@ -126,8 +126,7 @@ class CameraSource(_Closing):
         while not self._closed:
             shots = self._newest()
             if not shots:
-                ended = all(camera.ended for camera in self.cameras.values())
-                if ended or time.monotonic() - quiet > self._patience:
+                if self._ended or time.monotonic() - quiet > self._patience:
                     return
                 continue
             quiet = time.monotonic()
@@ -136,12 +135,16 @@ class CameraSource(_Closing):
                 last = max(last, max(shot.time for shot in group.values()))
                 yield _frame(last, group)
 
+    @property
+    def _ended(self) -> bool:
+        return all(camera.ended for camera in self.cameras.values())
+
     def _newest(self) -> dict[str, Shot]:
         """New pictures; a second camera gets the time that makes a pair."""
+        cameras = self.cameras.values()
         with self._news:
-            cameras = self.cameras.values()
-            self._news.wait_for(lambda: self._closed or any(c.has_news or c.ended for c in cameras), _WAIT)
-            awaited = [c for c in self.cameras.values() if c.connected]
+            self._news.wait_for(lambda: self._closed or self._ended or any(c.has_news for c in cameras), _WAIT)
+            awaited = [c for c in cameras if c.connected]
             self._news.wait_for(lambda: all(c.has_news for c in awaited), self._together if len(awaited) > 1 else 0)
         shots: dict[str, Shot] = {}
         for name, camera in self.cameras.items():

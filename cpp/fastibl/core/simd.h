@@ -35,7 +35,6 @@ namespace fastibl {
 using Float4 [[gnu::vector_size(16), gnu::aligned(4)]] = float;
 using Float8 [[gnu::vector_size(32), gnu::aligned(4)]] = float;
 using Float16 [[gnu::vector_size(64), gnu::aligned(4)]] = float;
-using Int16 [[gnu::vector_size(64), gnu::aligned(4)]] = int;
 
 // For short helpers of such functions: inlined, they are compiled as their caller is.
 #define FASTIBL_INLINE inline __attribute__((always_inline))

@@ -8,13 +8,6 @@ typedef std::int32_t Counts __attribute__((vector_size(32)));
 typedef float Floats __attribute__((vector_size(32)));
 typedef double Doubles __attribute__((vector_size(64)));
 
-FASTIBL_KERNEL_INLINE Floats eight(float value) {
-  return Floats{value, value, value, value, value, value, value, value};
-}
-FASTIBL_KERNEL_INLINE Doubles eight(double value) {
-  return Doubles{value, value, value, value, value, value, value, value};
-}
-
 // √max(x, 0)
 template <typename V>
 FASTIBL_KERNEL_INLINE V square_root(V x) {
@@ -196,7 +189,7 @@ FASTIBL_KERNEL_INLINE void add_all(const Spheres& spheres, const Light<double>& 
   Ellipses<T> ellipses;
   Touched<kMostGroups> groups;
   Touched<kMostColumns> columns;
-  const V size = eight(T(target.size)), steps = V{0, 1, 2, 3, 4, 5, 6, 7};
+  const V size = V{} + T(target.size), steps = V{0, 1, 2, 3, 4, 5, 6, 7};
   for (int begin = 0; begin < spheres.count; begin += kBlock) {
     const int count = std::min(kBlock, spheres.count - begin);
     set_up(spheres, begin, count, setting, target.size, ellipses);
