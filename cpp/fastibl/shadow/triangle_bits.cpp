@@ -222,7 +222,7 @@ void ShadowTriangles::draw_cut(std::size_t triangle, float top, const PlaneProje
 
 void ShadowTriangles::draw(const PlaneProjection& light, const PlaneGrid& grid, PlaneBits& bits,
                            Scratch& scratch) const {
-  if (bits.size() == 0) return;
+  if (bits.size() == 0 || a_.empty()) return;
   const int count = int(a_.size());
   scratch.places.resize(x_.size());
   scratch.low.resize(a_.size() + 1), scratch.tall.resize(a_.size() + 1);
