@@ -169,14 +169,11 @@ FASTIBL_INLINE bool shows_light_by(const float (*__restrict linear)[kTexelLanes]
       values += value, counts += shown ? one : none;
       highest = value > highest ? value : highest;
     }
-    for (int k = 0; k < kFloatsIn<V>; ++k) {
-      sum += values[k], count += counts[k];
-      most = highest[k] > most ? highest[k] : most;
-    }
+    add_each(values, sum), add_each(counts, count);
+    for (int k = 0; k < kFloatsIn<V>; ++k) most = highest[k] > most ? highest[k] : most;
   }
   return most > 3 * light && most * count > kContrast * sum;
 }
-
 FASTIBL_BY_WIDTH(bool shows_light(const float (*linear)[kTexelLanes], const int* seen, int lanes,
                                   float light),
                  shows_light_by<V>(linear, seen, lanes, light))

@@ -53,8 +53,7 @@ FASTIBL_INLINE void sum_nearness_by(const float* const* from, int count, const f
       sums[0] += weight;
       for (int c = 0; c < 3; ++c) sums[1 + c] += weight * at[4 + c];
     }
-    for (int k = 0; k < 4; ++k)
-      for (int i = 0; i < kFloatsIn<V>; ++i) total[k] += sums[k][i];
+    for (int k = 0; k < 4; ++k) add_each(sums[k], total[k]);
   }
 }
 FASTIBL_BY_WIDTH(void sum_nearness(const float* const* from, int count, const float* d,

@@ -16,7 +16,7 @@ typedef std::int32_t IntLanes __attribute__((vector_size(64)));
 
 FASTIBL_INLINE float total(const Lanes& a) {
   float sum = 0;
-  for (int k = 0; k < kLanes; ++k) sum += a[k];
+  add_each(a, sum);
   return sum;
 }
 

@@ -62,6 +62,11 @@ template <typename V>
 FASTIBL_INLINE void put_floats(const V& floats, float* p) {
   std::memcpy(p, &floats, sizeof floats);
 }
+// One after the other, so that sums in parts are those of sixteen at once.
+template <typename V>
+FASTIBL_INLINE void add_each(const V& floats, float& sum) {
+  for (int k = 0; k < kFloatsIn<V>; ++k) sum += floats[k];
+}
 }  // namespace fastibl
 #else
 #error "fastibl needs the vector types of GCC or Clang"

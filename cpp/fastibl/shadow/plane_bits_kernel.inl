@@ -26,12 +26,15 @@ FASTIBL_KERNEL_INLINE Counts round_up(V x, V most) {
   return down - __builtin_convertvector(__builtin_convertvector(down, V) < x, Counts);
 }
 
-// Eight words, of a group of rows; add(begin, end) sets the bits [begin, end), where those below 0
-// and above 63 are none.
-#if defined(FASTIBL_IN_AVX512)
+#if defined(FASTIBL_IN_AVX2) || defined(FASTIBL_IN_AVX512)
 FASTIBL_KERNEL_INLINE Floats square_root(Floats x) {
   return _mm256_sqrt_ps(_mm256_max_ps(x, _mm256_setzero_ps()));
 }
+#endif
+
+// Eight words, of a group of rows; add(begin, end) sets the bits [begin, end), where those below 0
+// and above 63 are none.
+#if defined(FASTIBL_IN_AVX512)
 struct Words {
   __m512i row;
   FASTIBL_KERNEL_INLINE explicit Words(const std::uint64_t* p) : row(_mm512_load_si512(p)) {}
@@ -49,9 +52,6 @@ struct Words {
   }
 };
 #elif defined(FASTIBL_IN_AVX2)
-FASTIBL_KERNEL_INLINE Floats square_root(Floats x) {
-  return _mm256_sqrt_ps(_mm256_max_ps(x, _mm256_setzero_ps()));
-}
 FASTIBL_KERNEL_INLINE Counts round_up(Floats x, Floats most) {
   const __m256 within = _mm256_min_ps(_mm256_max_ps(x, _mm256_setzero_ps()), most);
   return (Counts)_mm256_cvttps_epi32(_mm256_ceil_ps(within));

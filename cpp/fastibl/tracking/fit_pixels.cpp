@@ -148,8 +148,7 @@ FASTIBL_INLINE void line_sums_by(const Block* blocks, const Expected* expected, 
       const V e = light - levels.black - levels.step * white;
       s[5] += weight * e * e;
     }
-    for (int i = 0; i < 6; ++i)
-      for (int l = 0; l < kFloatsIn<V>; ++l) out[i] += s[i][l];
+    for (int i = 0; i < 6; ++i) add_each(s[i], out[i]);
   }
 }
 FASTIBL_BY_WIDTH(void line_sums(const Block* blocks, const Expected* expected, std::size_t count,
@@ -180,8 +179,7 @@ FASTIBL_INLINE void add_products_by(const Block* blocks, const Expected* expecte
       }
     }
     for (int i = 0; i < kSums - 1; ++i)
-      for (int j = i; j < kSums; ++j)
-        for (int l = 0; l < kFloatsIn<V>; ++l) out[i * kSums + j] += m[i][j][l];
+      for (int j = i; j < kSums; ++j) add_each(m[i][j], out[i * kSums + j]);
   }
 }
 FASTIBL_BY_WIDTH(void add_products(const Block* blocks, const Expected* expected, std::size_t count,
