@@ -2,6 +2,7 @@
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <limits>
@@ -12,6 +13,7 @@
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/pose.h"
+#include "fastibl/core/solve.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/scene/response.h"
 
@@ -27,6 +29,36 @@ TEST_CASE("a rotation vector is the inverse of its rotation up to half a turn") 
       CHECK(rotation_angle(rotation_from_vector(rotation_vector(rotation)), rotation) < 1e-9);
       if (short_of > 1e-9) CHECK(glm::length(rotation_vector(rotation) - w) < 1e-6);
     }
+}
+
+TEST_CASE("small systems are solved, and those that are not positive definite refused") {
+  constexpr std::size_t n = 4;
+  // Hilbert's matrix: a condition number of 15514.
+  std::array<double, n * n> a{}, inverse{};
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t k = 0; k < n; ++k) a[n * i + k] = 1 / double(i + k + 1);
+  REQUIRE(invert<n>(a, inverse, 2));
+  const std::array<double, n> first{16, -120, 240, -140};  // of its inverse: whole numbers
+  for (std::size_t k = 0; k < n; ++k) {
+    CHECK(inverse[k] == doctest::Approx(2 * first[k]).epsilon(1e-10));
+    CHECK(inverse[n * k] == doctest::Approx(2 * first[k]).epsilon(1e-10));
+  }
+  std::array<double, n> x{};
+  REQUIRE(solve_symmetric<n>(a, {1, 0, 0, 0}, x));
+  for (std::size_t k = 0; k < n; ++k) CHECK(x[k] == doctest::Approx(first[k]).epsilon(1e-10));
+  std::array<double, n * 2> columns{0, 1, 0, 0, 0, 0, 0, 0};
+  REQUIRE(solve_columns<n, 2>(a, columns, columns));
+  for (std::size_t k = 0; k < n; ++k) {
+    CHECK(columns[2 * k] == 0);
+    CHECK(columns[2 * k + 1] == doctest::Approx(first[k]).epsilon(1e-10));
+  }
+  for (std::size_t k = 0; k < n; ++k) a[n * 3 + k] = a[n * k + 3] = a[n * 2 + k];  // singular
+  a[15] = a[11];
+  CHECK_FALSE(solve_symmetric<n>(a, first, x));
+  a.fill(0);
+  CHECK_FALSE(solve_symmetric<n>(a, first, x));
+  a.fill(std::numeric_limits<double>::quiet_NaN());
+  CHECK_FALSE(solve_symmetric<n>(a, first, x));
 }
 
 TEST_CASE("decoding what is no number gives 0") {

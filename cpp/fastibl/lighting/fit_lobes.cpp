@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "fastibl/core/simd.h"
+#include "fastibl/core/solve.h"
 #include "fastibl/lighting/irradiance_sums.h"
 
 namespace fastibl {
@@ -52,8 +53,8 @@ const Nodes& nodes() {
 // ((15/32) c²/a³ − (3/32)/a) v. Rows are times the root of the weights.
 FASTIBL_CLONES
 void fill_rows(const float* x, const float* y, const float* z, const float* root, int count,
-               const float* v, float* __restrict value, float* __restrict dx,
-               float* __restrict dy, float* __restrict dz) {
+               const float* v, float* __restrict value, float* __restrict dx, float* __restrict dy,
+               float* __restrict dz) {
   const float vx = v[0], vy = v[1], vz = v[2];
   const float a2 = vx * vx + vy * vy + vz * vz, a = __builtin_sqrtf(a2), inverse = 1 / a;
   for (int i = 0; i < count; ++i) {
@@ -118,31 +119,6 @@ const Candidates& candidates() {
   return *made;
 }
 
-// Solves the symmetric positive definite system (n × n, row by row); false where it is none.
-bool solve_cholesky(std::vector<double> m, std::vector<double>& b) {
-  const std::size_t n = b.size();
-  for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t j = 0; j <= i; ++j) {
-      double sum = m[i * n + j];
-      for (std::size_t k = 0; k < j; ++k) sum -= m[i * n + k] * m[j * n + k];
-      if (i != j)
-        m[i * n + j] = sum / m[j * n + j];
-      else if (sum > 0)
-        m[i * n + i] = std::sqrt(sum);
-      else
-        return false;
-    }
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t k = 0; k < i; ++k) b[i] -= m[i * n + k] * b[k];
-    b[i] /= m[i * n + i];
-  }
-  for (std::size_t i = n; i-- > 0;) {
-    for (std::size_t k = i + 1; k < n; ++k) b[i] -= m[k * n + i] * b[k];
-    b[i] /= m[i * n + i];
-  }
-  return true;
-}
-
 // Levenberg and Marquardt on the axes, for one channel. The sign of amplitudes needs no care: an
 // axis turns round, and lobes are even.
 class AxisFit {
@@ -192,7 +168,7 @@ class AxisFit {
       for (int trial = 0; trial < 4 && !better; ++trial) {
         std::vector<double> damped = matrix, move = gradient;
         for (std::size_t i = 0; i < n; ++i) damped[i * n + i] += damping * trace / double(n);
-        if (solve_cholesky(std::move(damped), move)) {
+        if (solve_in_place(damped, move)) {
           for (std::size_t k = 0; k < axes_.size(); ++k)
             axes_[k] = before[k] + glm::vec3(move[3 * k], move[3 * k + 1], move[3 * k + 2]);
           evaluate();

@@ -9,6 +9,7 @@
 
 #include "fastibl/core/lanes.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/core/solve.h"
 #include "fastibl/shadow/outline_weights.h"
 #include "fastibl/shadow/voxel_surface.h"
 
@@ -169,29 +170,10 @@ double cost(const Samples& s, const Nearest& nearest) {
   return sum;
 }
 
-// Solves the symmetric positive definite A x = b in place by Cholesky.
-glm::dvec4 solve(std::array<std::array<double, 4>, 4> a, glm::dvec4 b) {
-  for (std::size_t i = 0; i < 4; ++i)
-    for (std::size_t j = 0; j <= i; ++j) {
-      double sum = a[i][j];
-      for (std::size_t k = 0; k < j; ++k) sum -= a[i][k] * a[j][k];
-      a[i][j] = i == j ? std::sqrt(std::max(sum, 1e-12)) : sum / a[j][j];
-    }
-  for (int i = 0; i < 4; ++i) {
-    for (int k = 0; k < i; ++k) b[i] -= a[std::size_t(i)][std::size_t(k)] * b[k];
-    b[i] /= a[std::size_t(i)][std::size_t(i)];
-  }
-  for (int i = 3; i >= 0; --i) {
-    for (int k = i + 1; k < 4; ++k) b[i] -= a[std::size_t(k)][std::size_t(i)] * b[k];
-    b[i] /= a[std::size_t(i)][std::size_t(i)];
-  }
-  return b;
-}
-
 // Normal equations of one sphere for (centre, radius).
 struct Equations {
-  std::array<std::array<double, 4>, 4> matrix{};
-  glm::dvec4 right{0};
+  std::array<double, 16> matrix{};
+  std::array<double, 4> right{};
   double weight = 0;
 };
 
@@ -211,8 +193,8 @@ void step(const Samples& s, const Nearest& nearest, const Inside& is_inside, Sph
     const float row[4] = {u.x, u.y, u.z, 1};  // −∂e/∂(centre, radius)
     Equations& q = all[std::size_t(sphere)];
     for (std::size_t a = 0; a < 4; ++a) {
-      for (std::size_t b = 0; b <= a; ++b) q.matrix[a][b] += double(w * row[a] * row[b]);
-      q.right[int(a)] += double(w * row[a] * e);
+      for (std::size_t b = 0; b <= a; ++b) q.matrix[4 * a + b] += double(w * row[a] * row[b]);
+      q.right[a] += double(w * row[a] * e);
     }
     q.weight += double(w);
   };
@@ -223,8 +205,10 @@ void step(const Samples& s, const Nearest& nearest, const Inside& is_inside, Sph
   for (std::size_t j = 0; j < spheres.size(); ++j) {
     Equations& q = all[j];
     if (!(q.weight > 0)) continue;
-    for (std::size_t a = 0; a < 4; ++a) q.matrix[a][a] += 0.02 * q.weight;
-    const glm::vec4 change = 0.7f * glm::vec4(solve(q.matrix, q.right));
+    for (std::size_t a = 0; a < 4; ++a) q.matrix[5 * a] += 0.02 * q.weight;
+    if (!solve_in_place(q.matrix, q.right)) continue;
+    const auto& x = q.right;
+    const glm::vec4 change = 0.7f * glm::vec4(x[0], x[1], x[2], x[3]);
     const float most = std::max(1.0f, 0.2f * spheres[j].w), length = glm::length(change);
     const glm::vec4 before = spheres[j];
     spheres[j] += length > most ? change * (most / length) : change;

@@ -6,6 +6,8 @@
 #include <limits>
 #include <vector>
 
+#include "fastibl/core/solve.h"
+
 namespace fastibl {
 namespace {
 
@@ -186,30 +188,12 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
 
 // Of four parameters: w and the logarithm of the gain.
 struct Normal {
-  double a[4][4] = {}, b[4] = {};
-};
+  std::array<double, 16> a{};  // row by row
+  std::array<double, 4> b{};
 
-bool solve4(Normal n, double (&x)[4]) {
-  for (int c = 0; c < 4; ++c) {  // Cholesky
-    for (int k = 0; k < c; ++k) n.a[c][c] -= n.a[c][k] * n.a[c][k];
-    if (!(n.a[c][c] > 0)) return false;
-    n.a[c][c] = std::sqrt(n.a[c][c]);
-    for (int r = c + 1; r < 4; ++r) {
-      for (int k = 0; k < c; ++k) n.a[r][c] -= n.a[r][k] * n.a[c][k];
-      n.a[r][c] /= n.a[c][c];
-    }
-  }
-  for (int r = 0; r < 4; ++r) {
-    x[r] = n.b[r];
-    for (int k = 0; k < r; ++k) x[r] -= n.a[r][k] * x[k];
-    x[r] /= n.a[r][r];
-  }
-  for (int r = 3; r >= 0; --r) {
-    for (int k = r + 1; k < 4; ++k) x[r] -= n.a[k][r] * x[k];
-    x[r] /= n.a[r][r];
-  }
-  return true;
-}
+  double& at(int row, int column) { return a[std::size_t(4 * row + column)]; }
+  double at(int row, int column) const { return a[std::size_t(4 * row + column)]; }
+};
 
 class Level {
  public:
@@ -274,8 +258,8 @@ class Level {
     }
     int k = 0;
     for (int a = 0; a < 4; ++a)
-      for (int b = 0; b <= a; ++b) n.a[a][b] = n.a[b][a] = double(sums[k++]);
-    for (int a = 0; a < 4; ++a) n.b[a] = double(sums[k++]);
+      for (int b = 0; b <= a; ++b) n.at(a, b) = n.at(b, a) = double(sums[k++]);
+    for (double& b : n.b) b = double(sums[k++]);
     return n;
   }
 
@@ -356,14 +340,15 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
       Normal n = level.normal(float(scale));
       const double s2 = scale * scale * alike;
       for (int a = 0; a < 3; ++a) {
-        for (int b = 0; b < 3; ++b) n.a[a][b] += s2 * prior.information[b][a];
+        for (int b = 0; b < 3; ++b) n.at(a, b) += s2 * prior.information[b][a];
         const glm::dvec3 off = from_prior + w;
-        n.b[a] -= s2 * (prior.information[0][a] * off.x + prior.information[1][a] * off.y +
-                        prior.information[2][a] * off.z);
+        n.b[std::size_t(a)] -=
+            s2 * (prior.information[0][a] * off.x + prior.information[1][a] * off.y +
+                  prior.information[2][a] * off.z);
       }
-      n.a[3][3] += s2 * gain_information, n.b[3] -= s2 * gain_information * log_gain;
-      double step[4];
-      if (!solve4(n, step)) return std::nullopt;
+      n.at(3, 3) += s2 * gain_information, n.b[3] -= s2 * gain_information * log_gain;
+      std::array<double, 4> step;
+      if (!solve_symmetric<4>(n.a, n.b, step)) return std::nullopt;
       const glm::dvec3 dw(step[0], step[1], step[2]);
       w += dw, log_gain += step[3];
       if (glm::length(w) > double(kRelinearise)) {
@@ -380,11 +365,11 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
     const Normal n = level.normal(float(scale));
     const double s2 = scale * scale / options.independent;
     // The gain is fitted too: what is left of the rotation (Schur).
-    const double gain = n.a[3][3] + gain_information * s2;
+    const double gain = n.at(3, 3) + gain_information * s2;
     for (int a = 0; a < 3; ++a)
       for (int b = 0; b < 3; ++b)
         out.information[b][a] =
-            (n.a[a][b] - n.a[a][3] * n.a[b][3] / gain) / s2 + prior.information[b][a];
+            (n.at(a, b) - n.at(a, 3) * n.at(b, 3) / gain) / s2 + prior.information[b][a];
     out.residual = scale, out.features = int(count), out.agreeing = level.agreeing(scale);
     out.drift = level.drift();
     if (options.note) level.note(scale);

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/core/solve.h"
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/find_tags.h"
 #include "fastibl/tracking/fit.h"
@@ -176,16 +177,6 @@ double variance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::s
   return 1 + shared * shared * std::max(1.0, together) * weights / used;
 }
 
-bool covariance_of(const EdgeFit& fit, double variance, std::array<double, 36>& covariance) {
-  for (std::size_t c = 0; c < 6; ++c) {
-    std::array<double, 6> unit{}, x{};
-    unit[c] = variance;
-    if (!solve_symmetric<6>(fit.information, unit, x)) return false;
-    for (std::size_t r = 0; r < 6; ++r) covariance[6 * r + c] = x[r];
-  }
-  return true;
-}
-
 // A picture taken row by row, while it is tracked: what the rows' motion is expected to be, in the
 // camera frame of the row that is taken when the middle of the board is.
 struct Rolling {
@@ -356,7 +347,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   tracked.residual_px = fit->residual;
   tracked.ambiguity = choice.ambiguity, tracked.ambiguous = choice.ambiguity > 0.5;
   double variance = variance_of(*fit, near.points, codes.shown.size(), search.spread);
-  if (!covariance_of(*fit, variance, tracked.covariance)) return std::nullopt;
+  if (!invert<6>(fit->information, tracked.covariance, variance)) return std::nullopt;
   const auto& c = tracked.covariance;
   if (!(std::sqrt(c[0] + c[7] + c[14]) < options.largest_error * kDegree)) return std::nullopt;
   refine(light, pattern_, codes, project(pose), lens_, search.spread, tracked);
@@ -367,7 +358,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     const auto more = fit_to(near.points);
     auto covariance = tracked.covariance;
     const double by = more ? variance_of(*more, near.points, again.shown.size(), search.spread) : 0;
-    if (more && more->motion < kNear && covariance_of(*more, by, covariance)) {
+    if (more && more->motion < kNear && invert<6>(more->information, covariance, by)) {
       fit = more, variance = by;
       tracked.camera_from_marker = more->camera_from_marker, tracked.covariance = covariance;
       tracked.edges = int(std::count(more->used.begin(), more->used.end(), true));

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "fastibl/tracking/roll_corners.h"
-#include "fastibl/tracking/solve.h"
+#include "fastibl/core/solve.h"
 
 namespace fastibl {
 namespace {

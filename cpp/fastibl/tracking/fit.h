@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "fastibl/scene/camera.h"
-#include "fastibl/tracking/solve.h"
+#include "fastibl/core/solve.h"
 
 namespace fastibl {
 

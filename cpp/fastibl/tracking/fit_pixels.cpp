@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fastibl/core/lanes.h"
+#include "fastibl/core/solve.h"
 #include "fastibl/tracking/fit.h"
 
 namespace fastibl {
@@ -442,13 +443,8 @@ bool solve(const Sums& sums, double scale, PixelFit& fit, std::array<double, 6>&
     for (std::size_t k = 0; k < 6; ++k) a[6 * i + k] = sums[i * w + k] - share * sums[b * w + k];
     right[i] = sums[i * w + kMotion] - share * sums[b * w + kMotion];
   }
-  if (!solve_symmetric<6>(a, right, motion)) return false;
-  for (std::size_t c = 0; c < 6; ++c) {
-    std::array<double, 6> unit{}, x{};
-    unit[c] = scale * scale;
-    if (!solve_symmetric<6>(a, unit, x)) return false;
-    for (std::size_t r = 0; r < 6; ++r) fit.covariance[6 * r + c] = x[r];
-  }
+  if (!solve_symmetric<6>(a, right, motion) || !invert<6>(a, fit.covariance, scale * scale))
+    return false;
   wider = sums[b * w + kMotion];
   for (std::size_t k = 0; k < 6; ++k) wider -= sums[b * w + k] * motion[k];
   wider /= own;

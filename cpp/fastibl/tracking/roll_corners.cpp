@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "fastibl/tracking/fit_edges.h"
-#include "fastibl/tracking/solve.h"
+#include "fastibl/core/solve.h"
 
 namespace fastibl {
 namespace {

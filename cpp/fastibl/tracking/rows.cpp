@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "fastibl/core/check.h"
-#include "fastibl/tracking/solve.h"
+#include "fastibl/core/solve.h"
 
 namespace fastibl {
 namespace {
@@ -128,24 +128,23 @@ std::optional<RowMatrix> joint_covariance(const UnknownMatrix& information, doub
   std::array<double, 36> a{};
   for (std::size_t i = 0; i < 6; ++i)
     for (std::size_t k = 0; k < 6; ++k) a[6 * i + k] = information[n * i + k];
-  double g[6][m], mixed[6][m];
+  std::array<double, 6 * m> g{};
+  for (std::size_t r = 0; r < 6; ++r)
+    for (std::size_t c = 0; c < m; ++c) g[m * r + c] = -information[n * r + 6 + c];
+  if (!solve_columns<6, m>(a, g, g)) return std::nullopt;
+  double mixed[6][m];
   std::array<double, m * m> own{}, v{};
-  for (std::size_t c = 0; c < m; ++c) {
-    std::array<double, 6> right{}, x{};
-    for (std::size_t r = 0; r < 6; ++r) right[r] = -information[n * r + 6 + c];
-    if (!solve_symmetric<6>(a, right, x)) return std::nullopt;
-    for (std::size_t r = 0; r < 6; ++r) g[r][c] = x[r];
-  }
   for (std::size_t i = 0; i < m; ++i)
     for (std::size_t k = 0; k < m; ++k) {
       own[m * i + k] = information[n * (6 + i) + 6 + k];
-      for (std::size_t r = 0; r < 6; ++r) own[m * i + k] += information[n * r + 6 + i] * g[r][k];
+      for (std::size_t r = 0; r < 6; ++r)
+        own[m * i + k] += information[n * r + 6 + i] * g[m * r + k];
     }
   if (!invert<m>(own, v)) return std::nullopt;
   for (std::size_t i = 0; i < 6; ++i)
     for (std::size_t k = 0; k < m; ++k) {
       mixed[i][k] = 0;
-      for (std::size_t r = 0; r < m; ++r) mixed[i][k] += variance * g[i][r] * v[m * r + k];
+      for (std::size_t r = 0; r < m; ++r) mixed[i][k] += variance * g[m * i + r] * v[m * r + k];
     }
   RowMatrix out{};
   for (std::size_t i = 0; i < 12; ++i)
@@ -155,7 +154,7 @@ std::optional<RowMatrix> joint_covariance(const UnknownMatrix& information, doub
       out[kAll * i + 6 + k] = out[kAll * (6 + k) + i] = mixed[i][k];
     for (std::size_t k = 0; k < 6; ++k) {
       out[kAll * i + k] = known[6 * i + k];
-      for (std::size_t r = 0; r < m; ++r) out[kAll * i + k] += mixed[i][r] * g[k][r];
+      for (std::size_t r = 0; r < m; ++r) out[kAll * i + k] += mixed[i][r] * g[m * k + r];
     }
   }
   return out;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/core/solve.h"
 #include "fastibl/tracking/fit.h"
 #include "fastibl/tracking/roll_corners.h"
 
@@ -160,16 +161,6 @@ std::optional<double> other_cost(const TwoMinima& fit, std::span<const Match> ma
   return cost;
 }
 
-bool invert(const std::array<double, 36>& a, std::array<double, 36>& inverse) {
-  for (std::size_t c = 0; c < 6; ++c) {
-    std::array<double, 6> unit{}, x{};
-    unit[c] = 1;
-    if (!solve_symmetric<6>(a, unit, x)) return false;
-    for (std::size_t r = 0; r < 6; ++r) inverse[6 * r + c] = x[r];
-  }
-  return true;
-}
-
 // The half of the tags that agree best on one pose near `pose`, which is moved there: least trimmed
 // squares by concentration steps (Rousseeuw and Van Driessen 1999), unmoved by fewer than half
 // wrong tags even when they all err to one side. All of one or two tags.
@@ -266,7 +257,7 @@ std::optional<Tracked> fit_still(const Detection& detection, std::span<const dou
     tracked.ambiguity = std::min(1.0, (fit.best->cost + floor) / (*other + floor));
   tracked.ambiguous = tracked.ambiguity > kAmbiguous;
 
-  if (!invert(fit.best->information, tracked.covariance)) return std::nullopt;
+  if (!invert<6>(fit.best->information, tracked.covariance)) return std::nullopt;
   // Residuals of a single tag are 8 numbers for 6 parameters: the expected noise is the floor.
   const double variance =
       std::max(expected * expected, fit.best->cost / std::max(2.0, 2.0 * double(good.size()) - 6));
