@@ -123,7 +123,7 @@ void bind_mesh_shadow(py::module_& module) {
       .def(
           "fits",
           [](const MeshShadow& shadow, const py::object& pose) {
-            return shadow.place(require_pose(pose, "marker_from_object")).has_value();
+            return shadow.motion(require_pose(pose, "marker_from_object")).has_value();
           },
           py::arg("marker_from_object"),
           "Whether the object still stands as it was baked: shifted on the plane and turned about "

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "fastibl/core/parallel.h"
+#include "fastibl/core/plane_motion.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/core/solve.h"
 #include "fastibl/lighting/fit_lighting.h"
@@ -59,6 +60,28 @@ TEST_CASE("small systems are solved, and those that are not positive definite re
   CHECK_FALSE(solve_symmetric<n>(a, first, x));
   a.fill(std::numeric_limits<double>::quiet_NaN());
   CHECK_FALSE(solve_symmetric<n>(a, first, x));
+}
+
+TEST_CASE("what is lifted is told by the object's middle, wherever the origin is") {
+  const glm::vec2 middle(3, 1);
+  const float size = 0.2f;
+  for (const double turn : {0.0, 0.7, 3.0})
+    for (const glm::dvec3 tilt : {glm::dvec3(0), glm::dvec3(5e-4, 0, 0), glm::dvec3(0, -5e-4, 0)}) {
+      CAPTURE(turn);
+      Pose pose{rotation_from_vector(tilt) * rotation_from_vector({0, 0, turn}), {1, 2, 0}};
+      const double lift = (pose.rotation * glm::dvec3(middle, 0)).z;
+      pose.translation.z = -lift;  // the middle lies on the plane
+      const auto motion = motion_along_plane(pose, middle, size);
+      REQUIRE(motion.has_value());
+      CHECK(motion->turned() == (turn != 0));
+      const glm::dvec2 there(pose * glm::dvec3(middle, 0));
+      CHECK(glm::length(glm::dvec2(*motion * middle) - there) < 1e-5);
+      CHECK(glm::length(motion->inverse() * (*motion * middle) - middle) < 1e-5f);
+      pose.translation.z = -lift + 2e-3 * double(size);
+      CHECK_FALSE(motion_along_plane(pose, middle, size).has_value());
+    }
+  CHECK_FALSE(motion_along_plane({rotation_from_vector({2e-3, 0, 0}), {0, 0, 0}}, {0, 0}, size));
+  CHECK_FALSE(motion_along_plane({rotation_from_vector({3.14159265, 0, 0}), {}}, {0, 0}, size));
 }
 
 TEST_CASE("decoding what is no number gives 0") {

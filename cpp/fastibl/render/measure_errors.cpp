@@ -462,7 +462,7 @@ struct ErrorMeasurement::Work {
     standing.spheres = scene.spheres, standing.baked_shadow = scene.baked_shadow;
     standing.marker_from_object.rotation = glm::dmat3(at.turned);
     standing.marker_from_object.translation = {0, 0, at.lifted};
-    if (scene.baked_shadow && !scene.baked_shadow->place(standing.marker_from_object))
+    if (scene.baked_shadow && !scene.baked_shadow->motion(standing.marker_from_object))
       standing.given = scene.given ? scene.given : std::make_shared<const Mesh>(scene.mesh);
   }
 

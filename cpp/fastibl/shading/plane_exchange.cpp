@@ -15,9 +15,8 @@ namespace {
 constexpr float kExtent =
     1.5f;  // times the object's largest extent: as far as shadows are looked at
 constexpr int kMostCells = 128;
-constexpr int kBlock = 64;       // vertices that one thread works out at a time
-constexpr int kParts = 8;        // of the vertices, whose light on the plane is summed apart
-constexpr double kSlack = 1e-3;  // of the object's size; radians
+constexpr int kBlock = 64;  // vertices that one thread works out at a time
+constexpr int kParts = 8;   // of the vertices, whose light on the plane is summed apart
 
 constexpr std::size_t kGroup = 8;  // cells, row by row, that are worked on together
 constexpr std::size_t kQuad = 4;   // groups whose shares are stored together
@@ -213,7 +212,7 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
   const glm::mat3 marker_from_object(standing.rotation);
   std::vector<glm::vec3> normals = vertex_normals(mesh);
   for (glm::vec3& n : normals) n = marker_from_object * n;
-  const Sources sources(mesh, vertices, normals, cell_area, float(kSlack) * size_);
+  const Sources sources(mesh, vertices, normals, cell_area, float(kStandingSlack) * size_);
 
   const OctahedralGrid& grid = octahedral_grid(visibility.size);
   const Downward down(grid, marker_from_object);
@@ -257,17 +256,6 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
     groups_.insert(groups_.end(), seen.groups.begin(), seen.groups.end());
     shares_.insert(shares_.end(), seen.shares.begin(), seen.shares.end());
   }
-}
-
-std::optional<PlaneMotion> PlaneExchange::motion(const Pose& marker_from_object) const {
-  const Pose motion = marker_from_object * standing_.inverse();
-  const glm::dvec3 up = motion.rotation[2], shift = motion.translation;
-  if (!(std::hypot(up.x, up.y) <= kSlack && up.z > 0)) return std::nullopt;
-  // A turn by the slack lifts what is far from the origin.
-  const double lift = shift.z + up.x * centre_.x + up.y * centre_.y;
-  if (!(std::fabs(lift) <= kSlack * size_)) return std::nullopt;
-  const glm::dvec2 along(motion.rotation[0]);
-  return PlaneMotion{glm::vec2(shift), glm::vec2(along / glm::length(along))};
 }
 
 Image<float> PlaneExchange::onto_plane(std::span<const glm::vec3> exitance) const {

@@ -7,25 +7,12 @@
 #include <vector>
 
 #include "fastibl/core/image.h"
+#include "fastibl/core/plane_motion.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/vertex_visibility.h"
 
 namespace fastibl {
-
-// A turn around z and a shift along the plane.
-struct PlaneMotion {
-  glm::vec2 shift{0}, cos_sin{1, 0};
-
-  glm::vec2 operator*(glm::vec2 p) const {
-    return shift + glm::vec2(cos_sin.x * p.x - cos_sin.y * p.y, cos_sin.y * p.x + cos_sin.x * p.y);
-  }
-  PlaneMotion inverse() const {
-    PlaneMotion back{{0, 0}, {cos_sin.x, -cos_sin.y}};
-    back.shift = -(back * shift);
-    return back;
-  }
-};
 
 // Form factors between vertices and square cells of the plane z = 0, where the object stands. One
 // table serves both ways: what a vertex sees of a cell, times its area, is what the cell sees of
@@ -42,7 +29,9 @@ class PlaneExchange {
 
   // Where the cells lie for the object at `pose`; nothing where it is tilted or lifted against
   // where it stood: then other form factors hold.
-  std::optional<PlaneMotion> motion(const Pose& marker_from_object) const;
+  std::optional<PlaneMotion> motion(const Pose& marker_from_object) const {
+    return motion_along_plane(marker_from_object * standing_.inverse(), centre_, size_);
+  }
 
   bool empty() const { return shares_.empty(); }  // the object sees nothing of the plane
   std::size_t vertex_count() const { return areas_.size(); }

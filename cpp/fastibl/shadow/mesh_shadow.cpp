@@ -9,8 +9,7 @@
 namespace fastibl {
 namespace {
 
-constexpr int kCellsAtOnce = 32;      // between two reports of progress
-constexpr float kPlaceSlack = 1e-3f;  // of the object's size; radians
+constexpr int kCellsAtOnce = 32;  // between two reports of progress
 
 }  // namespace
 
@@ -72,19 +71,6 @@ std::optional<MeshShadow> MeshShadow::bake(const Mesh& mesh, const MeshShadowOpt
   shadow.tables_ = {SparseCover(options.resolution, inner), SparseCover(options.resolution, outer)};
   if (progress && !progress(1)) return std::nullopt;
   return shadow;
-}
-
-std::optional<PlanePlace> MeshShadow::place(const Pose& pose) const {
-  const glm::dvec3 up = pose.rotation[2], shift = pose.translation;
-  if (!(std::hypot(up.x, up.y) <= kPlaceSlack && up.z > 0)) return std::nullopt;
-  const glm::dvec3 middle(glm::dvec2(inner_.centre), 0);
-  const double lift = (pose.rotation * middle).z + shift.z;
-  if (!(std::fabs(lift) <= kPlaceSlack * size_)) return std::nullopt;
-  const glm::dvec2 along(pose.rotation[0]);
-  PlanePlace place{glm::vec2(shift), glm::vec2(along / glm::length(along))};
-  // What rounding leaves of no turn at all.
-  if (std::fabs(place.cos_sin.y) < 1e-6f && place.cos_sin.x > 0) place.cos_sin = {1, 0};
-  return place;
 }
 
 }  // namespace fastibl

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "fastibl/core/pose.h"
+#include "fastibl/core/plane_motion.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/shadow/plane_bits.h"
 #include "fastibl/shadow/sky_cells.h"
@@ -22,18 +22,6 @@ struct MeshShadowOptions {
   int rings = 16;        // of cells of the sky: 4 rings² cells
   int samples = 9;       // directions a cell, 1 to 63
   bool operator==(const MeshShadowOptions&) const = default;
-};
-
-// Where an object stands on the plane, in the marker frame.
-struct PlanePlace {
-  glm::vec2 offset{0};
-  glm::vec2 cos_sin{1, 0};  // of its turn about z
-  bool turned() const { return cos_sin != glm::vec2(1, 0); }
-  glm::vec2 operator*(glm::vec2 p) const {
-    return {cos_sin.x * p.x - cos_sin.y * p.y + offset.x,
-            cos_sin.y * p.x + cos_sin.x * p.y + offset.y};
-  }
-  bool operator==(const PlanePlace&) const = default;
 };
 
 class MeshShadow {
@@ -66,9 +54,11 @@ class MeshShadow {
   const ShadowTriangles& triangles() const { return triangles_; }
   std::size_t bytes() const { return tables_.inner.bytes() + tables_.outer.bytes(); }
 
-  // Where an object stands that was moved so; nothing unless it was only shifted on the plane and
-  // turned about z, to 1e-3 of its size: then another bake is needed.
-  std::optional<PlanePlace> place(const Pose& marker_from_object) const;
+  // How the object was moved along the plane; nothing where it was tilted or lifted: then another
+  // bake is needed.
+  std::optional<PlaneMotion> motion(const Pose& marker_from_object) const {
+    return motion_along_plane(marker_from_object, inner_.centre, size_);
+  }
 
  private:
   MeshShadow(const Mesh& mesh, const MeshShadowOptions& options);

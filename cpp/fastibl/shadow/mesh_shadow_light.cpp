@@ -117,21 +117,21 @@ void MeshShadowLight::update(const CubeMap& radiance) {
   ++splits_;
 }
 
-void MeshShadowLight::place_lights(const NearLights& near_lights, const PlanePlace& place) {
+void MeshShadowLight::place_lights(const NearLights& near_lights, const PlaneMotion& motion) {
   near_ = NearPlane(near_lights);
   for (Set* set : {&now_, before_ ? &*before_ : nullptr}) {
     if (!set) continue;
-    if (place.cos_sin != place_.cos_sin) set->drawn_from.clear();
+    if (motion.cos_sin != motion_.cos_sin) set->drawn_from.clear();
     set->near_light.clear();
     for (const glm::vec3& d : set->split.directions()) set->near_light.push_back(near_.light_of(d));
   }
-  place_ = place;
+  motion_ = motion;
 }
 
 PlaneProjection MeshShadowLight::projection(const Set& set, std::size_t k) const {
   const glm::vec3 d = set.split.directions()[k];
   const int light = set.near_light[k];
-  return light < 0 ? along(d) : near_.projection(d, light, place_.offset);
+  return light < 0 ? along(d) : near_.projection(d, light, motion_.shift);
 }
 
 // Those whose shadows were not drawn yet, or lie elsewhere now: near lights are known better, and
@@ -183,7 +183,7 @@ PlaneGrid MeshShadowLight::fine_grid(const MeshShadow& shadow, const ShadowTrian
     }
   if (!(lower.x < upper.x)) return {fine_, {0, 0}, 0};
   const glm::vec2 half = 0.5f * (upper - lower), centre = 0.5f * (upper + lower);
-  const PlanePlace turn{{0, 0}, place_.cos_sin};
+  const PlaneMotion turn = motion_.turn();
   const glm::vec2 off = glm::abs(centre - turn * shadow.inner().centre);
   const auto reach = [&](float extent) { return std::max(off.x, off.y) + extent; };
   // The other maps spread the shadow by a texel.
@@ -209,11 +209,10 @@ void MeshShadowLight::draw(const MeshShadow& shadow) {
   }
   if (!due) return;
   // Drawn where the object is turned, not where it is shifted: grid and object shift together.
-  const PlanePlace turn{{0, 0}, place_.cos_sin};
+  const PlaneMotion turn = motion_.turn();
   PlaneGrid inner = shadow.inner(), outer = shadow.outer();
   inner.centre = outer.centre = turn * inner.centre;
-  const ShadowTriangles moved =
-      turn.turned() ? shadow.triangles().moved(turn.cos_sin, {0, 0}) : ShadowTriangles();
+  const ShadowTriangles moved = turn.turned() ? shadow.triangles().moved(turn) : ShadowTriangles();
   const ShadowTriangles& triangles = turn.turned() ? moved : shadow.triangles();
   fine_map_ = fine_grid(shadow, triangles);
   for (int i = 0; i < 2; ++i) {
@@ -325,7 +324,7 @@ void MeshShadowLight::add_fine(const ShadowMap& rest, ShadowMap& map) const {
   std::vector<float> lost = no_loss(n);
   add_lights(&Set::fine, Part::compact, lost);
   map.fine = unblocked(lost, n);
-  map.fine_centre = fine_map_.centre + place_.offset, map.fine_extent = fine_map_.extent;
+  map.fine_centre = fine_map_.centre + motion_.shift, map.fine_extent = fine_map_.extent;
   const PlaneGrid grid{n, map.fine_centre, map.fine_extent};
   add_near(&Set::fine, Part::compact, grid, map.fine);
   divide_by_light(grid, map.fine);
@@ -381,19 +380,20 @@ std::vector<glm::vec4> MeshShadowLight::share_out(const MeshShadow& shadow, bool
 
 ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radiance,
                                 const Pose& marker_from_object, const NearLights& near_lights) {
-  const std::optional<PlanePlace> place = shadow.place(marker_from_object);
-  check(place.has_value(), "expected an object that stands as its shadow was baked, got one tilted",
+  const std::optional<PlaneMotion> motion = shadow.motion(marker_from_object);
+  check(motion.has_value(),
+        "expected an object that stands as its shadow was baked, got one tilted",
         " or lifted off the plane");
   check(radiance.size() > 0, "the radiance map is empty");
   update(radiance);
-  place_lights(near_lights, *place);
+  place_lights(near_lights, *motion);
   draw(shadow);
-  const float turn = std::atan2(place_.cos_sin.y, place_.cos_sin.x);
+  const float turn = std::atan2(motion_.cos_sin.y, motion_.cos_sin.x);
   if (sums_.size() != now_.weights.rest_size || sums_.turn() != turn)
     sums_ = CellSums(shadow.cells(), now_.weights.rest_size, turn);
 
   ShadowMap map;
-  map.centre = place_ * shadow.inner().centre;
+  map.centre = motion_ * shadow.inner().centre;
   map.extent = shadow.inner().extent, map.outer_extent = shadow.outer().extent;
   const std::vector<glm::vec4> cells = share_out(shadow, map.no_light);
   const PlaneGrid inner{shadow.inner().size, map.centre, map.extent},
@@ -405,7 +405,7 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
                         Image<float>& own, Image<float>& of_rest) {
     std::vector<float> lost = no_loss(table.size());
     table.add(cells, lost);
-    if (place_.turned()) {
+    if (motion_.turned()) {
       own = unblocked(lost, table.size());
       to_ratio(own);
       std::fill(lost.begin(), lost.end(), 0.0f);
@@ -425,9 +425,9 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
   map.outer = make(shadow.tables().outer, &Set::outer, outer, soft.outer, rest.outer);
   soft.extent = map.extent, soft.outer_extent = map.outer_extent;
   const auto finish = [&](ShadowMap& whole) {
-    if (place_.turned()) {
-      add_turned(soft, shadow.inner(), place_.cos_sin, whole.ratio);
-      add_turned(soft, shadow.outer(), place_.cos_sin, whole.outer);
+    if (motion_.turned()) {
+      add_turned(soft, shadow.inner(), motion_.cos_sin, whole.ratio);
+      add_turned(soft, shadow.outer(), motion_.cos_sin, whole.outer);
     }
     divide_by_light(inner, whole.ratio), divide_by_light(outer, whole.outer);
     to_ratio(whole.ratio), to_ratio(whole.outer);

@@ -61,7 +61,7 @@ class MeshShadowLight {
   void draw(const MeshShadow& shadow);
   PlaneGrid fine_grid(const MeshShadow& shadow, const ShadowTriangles& triangles);
   void add_fine(const ShadowMap& rest, ShadowMap& map) const;
-  void place_lights(const NearLights& near_lights, const PlanePlace& place);
+  void place_lights(const NearLights& near_lights, const PlaneMotion& motion);
   PlaneProjection projection(const Set& set, std::size_t direction) const;
   // Writes those chosen; the others stay.
   void draw_directions(const ShadowTriangles& triangles, const Set& set,
@@ -80,7 +80,7 @@ class MeshShadowLight {
   std::optional<Set> before_;  // while the directions are faded
   float fade_ = 1;             // of now_
   CellSums sums_;
-  PlanePlace place_;
+  PlaneMotion motion_;
   NearPlane near_;
   // Of each near light: its share of the light that shares are of, and of that on the plane.
   std::vector<glm::vec3> near_shares_, near_plane_shares_;

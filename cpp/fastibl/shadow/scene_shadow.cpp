@@ -49,7 +49,7 @@ ShadowMap SceneShadow::cast(const CubeMap& radiance, glm::vec3 plane_irradiance,
       baked_ = scene.baked_shadow, light_ = MeshShadowLight({}, options.settings.fine);
       triangles_ = nullptr, coarse_ = {};
     }
-    if (!baked_->place(scene.marker_from_object)) {
+    if (!baked_->motion(scene.marker_from_object)) {
       place(scene);
       const int most = std::max(kMostDrawn / std::max(triangles_->count(), 1), kFewest);
       const int directions = std::min(options.settings.directions, most);

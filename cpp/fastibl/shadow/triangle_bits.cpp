@@ -172,11 +172,11 @@ ShadowTriangles::Box ShadowTriangles::box() const {
   return {{*x0, *y0, *z0}, {*x1, *y1, *z1}};
 }
 
-ShadowTriangles ShadowTriangles::moved(glm::vec2 cos_sin, glm::vec2 offset) const {
+ShadowTriangles ShadowTriangles::moved(const PlaneMotion& motion) const {
   ShadowTriangles out = *this;
   for (std::size_t i = 0; i < x_.size(); ++i) {
-    out.x_[i] = cos_sin.x * x_[i] - cos_sin.y * y_[i] + offset.x;
-    out.y_[i] = cos_sin.y * x_[i] + cos_sin.x * y_[i] + offset.y;
+    const glm::vec2 p = motion * glm::vec2(x_[i], y_[i]);
+    out.x_[i] = p.x, out.y_[i] = p.y;
   }
   return out;
 }

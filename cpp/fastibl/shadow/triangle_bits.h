@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "fastibl/core/plane_motion.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/mesh.h"
@@ -37,10 +38,10 @@ class ShadowTriangles {
     glm::vec3 lower{0}, upper{0};
   };
   Box box() const;  // of all vertices
-  // The same triangles, turned about z by the angle whose cosine and sine these are, then moved.
-  ShadowTriangles moved(glm::vec2 cos_sin, glm::vec2 offset) const;
+  // The same triangles, moved along the plane.
+  ShadowTriangles moved(const PlaneMotion& motion) const;
 
-  struct Scratch {  // to be kept between calls; one a thread
+  struct Scratch {                        // to be kept between calls; one a thread
     std::vector<glm::vec2> places;        // of the vertices on the grid
     std::vector<std::int32_t> low, tall;  // triangles that meet texels
   };
