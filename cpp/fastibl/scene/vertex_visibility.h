@@ -26,4 +26,12 @@ struct VertexVisibility {
   bool operator==(const VertexVisibility&) const = default;
 };
 
+// Appends the runs of cells that are not 0.
+inline void append_runs(std::span<const std::uint8_t> blocked, std::vector<std::uint16_t>& edges) {
+  std::uint8_t before = 0;
+  for (std::size_t k = 0; k < blocked.size(); ++k)
+    if (blocked[k] != before) edges.push_back(std::uint16_t(k)), before = blocked[k];
+  if (before) edges.push_back(std::uint16_t(blocked.size()));
+}
+
 }  // namespace fastibl

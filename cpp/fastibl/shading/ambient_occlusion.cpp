@@ -8,6 +8,7 @@
 #include "fastibl/core/check.h"
 #include "fastibl/core/lanes.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/core/scramble.h"
 #include "fastibl/scene/bvh.h"
 
 namespace fastibl {
@@ -25,12 +26,9 @@ void basis(glm::vec3 n, glm::vec3& u, glm::vec3& v) {
 }
 
 // A number in [0, 1) that differs from vertex to vertex, so that errors of neighbours do not line
-// up into patterns. Mixer of MurmurHash3.
-float scramble(std::uint32_t h) {
-  h ^= h >> 16, h *= 0x85ebca6bu;
-  h ^= h >> 13, h *= 0xc2b2ae35u;
-  h ^= h >> 16;
-  return float(h >> 8) * 0x1p-24f;
+// up into patterns.
+float part_of_turn(std::size_t vertex) {
+  return float(scramble(std::uint32_t(vertex)) >> 8) * 0x1p-24f;
 }
 
 // Cosine-weighted directions (Malley: a disc lifted to the hemisphere) about +z, on the sunflower
@@ -54,8 +52,7 @@ std::vector<glm::vec3> cosine_directions(int count) {
 glm::mat3 vertex_frame(glm::vec3 n, int vertex) {
   glm::vec3 u, v;
   basis(n, u, v);
-  const float turn = 2 * kPi * scramble(std::uint32_t(vertex)), c = std::cos(turn),
-              s = std::sin(turn);
+  const float turn = 2 * kPi * part_of_turn(vertex), c = std::cos(turn), s = std::sin(turn);
   return {c * u + s * v, c * v - s * u, n};
 }
 

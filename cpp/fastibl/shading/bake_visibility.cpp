@@ -30,12 +30,9 @@ struct Baked {  // of a block of vertices
   std::vector<std::uint16_t> edges;
 };
 
-void append_runs(const Cells& blocked, Baked& baked) {
+void append(const Cells& blocked, Baked& baked) {
   const std::size_t begin = baked.edges.size();
-  std::uint8_t before = 0;
-  for (std::size_t k = 0; k < blocked.size(); ++k)
-    if (blocked[k] != before) baked.edges.push_back(std::uint16_t(k)), before = blocked[k];
-  if (before) baked.edges.push_back(std::uint16_t(blocked.size()));
+  append_runs(blocked, baked.edges);
   baked.counts.push_back(std::uint32_t(baked.edges.size() - begin));
 }
 
@@ -50,7 +47,7 @@ VertexVisibility baked(std::size_t count, std::span<const glm::vec3> normals, in
     for (int b = begin; b < end; ++b)
       for (std::size_t i = std::size_t(b) * kBlock;
            i < std::min(count, std::size_t(b + 1) * kBlock); ++i)
-        append_runs(blocked_around(i, normals[i]), blocks[std::size_t(b)]);
+        append(blocked_around(i, normals[i]), blocks[std::size_t(b)]);
   });
   result.first.push_back(0);
   for (const Baked& block : blocks) {

@@ -118,14 +118,6 @@ Mesh cut_around(const Mesh& mesh, glm::vec3 centre, float radius) {
       return tried;
 }
 
-// Runs of the marked cells.
-void append_runs(const std::vector<std::uint8_t>& marked, std::vector<std::uint16_t>& edges) {
-  std::uint8_t before = 0;
-  for (std::size_t k = 0; k < marked.size(); ++k)
-    if (marked[k] != before) edges.push_back(std::uint16_t(k)), before = marked[k];
-  if (before) edges.push_back(std::uint16_t(marked.size()));
-}
-
 }  // namespace
 
 Holdouts make_holdouts(std::vector<Mesh> meshes, glm::vec3 centre, float radius) {

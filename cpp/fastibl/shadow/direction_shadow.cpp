@@ -246,16 +246,14 @@ void cast_near_bits(const SphereSet& spheres, const glm::dvec3& light, const Pla
 void join_border(ShadowMap& map) {
   if (map.outer.empty()) return;
   const int n = map.ratio.width;
+  const PlaneGrid grid{n, map.centre, map.extent};
   const std::vector<float> keep = border_keep(n);
   std::vector<glm::vec2> points(static_cast<std::size_t>(n));
   std::vector<glm::vec3> around(points.size());
   for_border(keep, [&](int begin, int end, int y) {
-    const std::size_t count = std::size_t(end - begin);
-    for (int x = begin; x < end; ++x)
-      points[std::size_t(x - begin)] =
-          map.centre + map.extent * glm::vec2(shared::plane_offset(x, float(n)),
-                                              shared::plane_offset(y, float(n)));
-    map.sample_outer(std::span(points).first(count), around);
+    const std::span row = std::span(points).first(std::size_t(end - begin));
+    grid.points(begin, y, row);
+    map.sample_outer(row, around);
     for (int x = begin; x < end; ++x) {
       const float k = std::min(keep[std::size_t(x)], keep[std::size_t(y)]);
       float* r = map.ratio.pixel(x, y);
@@ -394,16 +392,19 @@ void DirectionShadow::sum_near(std::span<const PlaneBits> bits, std::span<const 
     sum_shares(bits, own, left);
     const float height = near_.height(i);
     parallel_for(grid.size, kStrip, [&](int begin, int end) {
-      for (int y = begin; y < end; ++y)
+      std::vector<glm::vec2> points(std::size_t(grid.size));
+      std::vector<float> falloff(points.size());
+      for (int y = begin; y < end; ++y) {
+        grid.points(0, y, points);
+        near_.falloff(i, points, falloff);
         for (int x = 0; x < grid.size; ++x) {
-          const glm::vec2 at(shared::plane_offset(x, float(grid.size)),
-                             shared::plane_offset(y, float(grid.size)));
-          const float here = height * near_.falloff(i, grid.centre + grid.extent * at);
+          const float here = height * falloff[std::size_t(x)];
           for (int c = 0; c < 3; ++c) {
             ratio.pixel(x, y)[c] -= here * (1 - left.pixel(x, y)[c]);
             lit.pixel(x, y)[c] += (here - 1) * sum[c];
           }
         }
+      }
     });
   }
   for (std::size_t k = 0; k < ratio.data.size(); ++k) {

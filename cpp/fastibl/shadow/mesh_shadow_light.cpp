@@ -70,17 +70,19 @@ float shift_between(const PlaneProjection& a, const PlaneProjection& b, float to
 }
 
 // Adds what the object's own maps, which lie along its axes, have where the texels of `image` are.
-void add_turned(const ShadowMap& soft, const PlaneGrid& grid, glm::vec2 cos_sin,
+void add_turned(const ShadowLookUp& soft, float extent, const PlaneMotion& turn,
                 Image<float>& image) {
-  const int n = grid.size;
-  for (int y = 0; y < n; ++y)
-    for (int x = 0; x < n; ++x) {
-      const glm::vec2 p = grid.extent * glm::vec2(shared::plane_offset(x, float(n)),
-                                                  shared::plane_offset(y, float(n)));
-      const glm::vec2 own(cos_sin.x * p.x + cos_sin.y * p.y, cos_sin.x * p.y - cos_sin.y * p.x);
-      const glm::vec3 ratio = soft.sample(own);
-      for (int c = 0; c < 3; ++c) image.pixel(x, y)[c] += 1 - ratio[c];
-    }
+  const PlaneGrid grid{image.width, {0, 0}, extent};
+  const PlaneMotion back = turn.inverse();
+  std::vector<glm::vec2> points(std::size_t(image.width));
+  std::vector<glm::vec3> ratios(points.size());
+  for (int y = 0; y < image.height; ++y) {
+    grid.points(0, y, points);
+    for (glm::vec2& p : points) p = back * p;
+    soft.sample(points, ratios);
+    float* row = image.row(y);
+    for (std::size_t i = 0; i < 3 * points.size(); ++i) row[i] += 1 - (&ratios[0].x)[i];
+  }
 }
 
 }  // namespace
@@ -268,10 +270,7 @@ void for_rows(const PlaneGrid& grid, const Use& use) {
   parallel_for(n, 16, [&](int begin, int end) {
     std::vector<glm::vec2> points(static_cast<std::size_t>(n));
     for (int y = begin; y < end; ++y) {
-      for (int x = 0; x < n; ++x)
-        points[std::size_t(x)] =
-            grid.centre + grid.extent * glm::vec2(shared::plane_offset(x, float(n)),
-                                                  shared::plane_offset(y, float(n)));
+      grid.points(0, y, points);
       use(y, points);
     }
   });
@@ -333,10 +332,7 @@ void MeshShadowLight::add_fine(const ShadowMap& rest, ShadowMap& map) const {
     std::vector<glm::vec2> points(static_cast<std::size_t>(n));
     std::vector<glm::vec3> ratios(points.size());
     for (int y = begin; y < end; ++y) {
-      for (int x = 0; x < n; ++x)
-        points[std::size_t(x)] =
-            map.fine_centre + map.fine_extent * glm::vec2(shared::plane_offset(x, float(n)),
-                                                          shared::plane_offset(y, float(n)));
+      grid.points(0, y, points);
       look_up.sample(points, ratios);
       float* row = map.fine.row(y);
       for (int i = 0; i < 3 * n; ++i) {
@@ -424,10 +420,11 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
   map.ratio = make(shadow.tables().inner, &Set::inner, inner, soft.ratio, rest.ratio);
   map.outer = make(shadow.tables().outer, &Set::outer, outer, soft.outer, rest.outer);
   soft.extent = map.extent, soft.outer_extent = map.outer_extent;
+  const ShadowLookUp own(soft);
   const auto finish = [&](ShadowMap& whole) {
     if (motion_.turned()) {
-      add_turned(soft, shadow.inner(), motion_.cos_sin, whole.ratio);
-      add_turned(soft, shadow.outer(), motion_.cos_sin, whole.outer);
+      add_turned(own, shadow.inner().extent, motion_.turn(), whole.ratio);
+      add_turned(own, shadow.outer().extent, motion_.turn(), whole.outer);
     }
     divide_by_light(inner, whole.ratio), divide_by_light(outer, whole.outer);
     to_ratio(whole.ratio), to_ratio(whole.outer);

@@ -63,12 +63,6 @@ void NearPlane::falloff(int i, std::span<const glm::vec2> points, std::span<floa
   falloff_of(at, light.inverse_distance, least, points.data(), points.size(), out.data());
 }
 
-float NearPlane::falloff(int i, glm::vec2 point) const {
-  float out = 0;
-  falloff(i, {&point, 1}, {&out, 1});
-  return out;
-}
-
 bool NearPlane::still_right(const NearLights& others) const {
   if (others.lights.size() != near_lights_.lights.size()) return false;
   if (others.lights.empty()) return true;

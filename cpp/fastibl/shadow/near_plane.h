@@ -27,7 +27,6 @@ class NearPlane {
   // The light of a direction of light i on the plane is what it is at the map's centre, times
   // height(), times falloff().
   float height(glm::vec3 direction, int i) const;
-  float falloff(int i, glm::vec2 point) const;
   void falloff(int i, std::span<const glm::vec2> points, std::span<float> falloffs) const;
   float height(int i) const {  // of its middle
     return height(near_lights_.lights[std::size_t(i)].direction, i);

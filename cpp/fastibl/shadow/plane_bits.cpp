@@ -6,6 +6,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/wide.h"
+#include "fastibl/scene/shared_formulas.h"
 
 #ifdef FASTIBL_WITH_AVX2
 #include <immintrin.h>
@@ -80,6 +81,13 @@ FASTIBL_PICK_AVX512(add_cut);
 FASTIBL_PICK_AVX512(add_far);
 
 }  // namespace
+
+void PlaneGrid::points(int x, int y, std::span<glm::vec2> out) const {
+  const float n = float(size);
+  for (std::size_t i = 0; i < out.size(); ++i)
+    out[i] = centre +
+             extent * glm::vec2(shared::plane_offset(x + int(i), n), shared::plane_offset(y, n));
+}
 
 void PlaneBits::set_span(int row, int begin, int end) {
   for (int c = begin / 64; 64 * c < end; ++c) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "fastibl/core/vector.h"
@@ -19,6 +20,8 @@ struct PlaneGrid {
   float extent = 1;     // half the edge, metres
 
   double texel() const { return 2.0 * double(extent) / size; }  // edge of a texel, metres
+  // The middles of the texels of row y from column x on, metres.
+  void points(int x, int y, std::span<glm::vec2> out) const;
   // The position of a point in texels, the centre of texel (i, j) at (i, j).
   glm::dvec2 texels(glm::dvec2 point) const {
     return (point - glm::dvec2(centre)) / texel() + (0.5 * size - 0.5);

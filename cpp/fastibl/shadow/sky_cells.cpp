@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/scramble.h"
 
 namespace fastibl {
 namespace {
@@ -14,13 +15,8 @@ constexpr double kLowest = 1e-3;
 
 double part(double x) { return x - std::floor(x); }
 
-// Mixer of MurmurHash3, to [0, 1).
-double scramble(std::uint32_t h) {
-  h ^= h >> 16, h *= 0x85ebca6bu;
-  h ^= h >> 13, h *= 0xc2b2ae35u;
-  h ^= h >> 16;
-  return h * 0x1p-32;
-}
+// In [0, 1).
+double scrambled(std::uint32_t h) { return scramble(h) * 0x1p-32; }
 
 }  // namespace
 
@@ -46,8 +42,8 @@ std::vector<glm::vec3> SkyCells::directions(int cell, int count) const {
   // A lattice of rank one (Roberts 2018, The Unreasonable Effectiveness of Quasirandom Sequences),
   // shifted by another amount in each cell, so that the gaps of neighbours do not line up.
   constexpr double kPlastic = 1.32471795724474602596;
-  const double shift_u = scramble(2 * std::uint32_t(cell) + 1),
-               shift_v = scramble(2 * std::uint32_t(cell) + 2);
+  const double shift_u = scrambled(2 * std::uint32_t(cell) + 1),
+               shift_v = scrambled(2 * std::uint32_t(cell) + 2);
   std::vector<glm::vec3> out;
   for (int k = 0; k < count; ++k) {
     const double u = part(shift_u + k / kPlastic), v = part(shift_v + (k + 0.5) / count);

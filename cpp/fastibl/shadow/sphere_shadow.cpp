@@ -10,6 +10,7 @@
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shadow/direction_shadow.h"
+#include "fastibl/shadow/plane_bits.h"
 
 namespace fastibl {
 namespace {
@@ -214,12 +215,12 @@ ShadowMap cast_shadow(const CubeMap& radiance, glm::vec3 plane_irradiance, const
   map.ignored_spheres = obstruction.ignored();
   map.no_light = obstruction.no_light();
   const auto offset = [&](int i) { return shared::plane_offset(i, float(n)); };
+  const PlaneGrid grid{n, map.centre, map.extent};
   parallel_for(n, 1, [&](int begin, int end) {
     std::vector<glm::vec2> points(static_cast<std::size_t>(n));
     std::vector<glm::vec3> ratios(points.size());
     for (int y = begin; y < end; ++y) {
-      for (int x = 0; x < n; ++x)
-        points[std::size_t(x)] = map.centre + map.extent * glm::vec2(offset(x), offset(y));
+      grid.points(0, y, points);
       for (std::size_t x = 0; x < points.size(); x += kBlock) {
         const std::size_t count = std::min(std::size_t(kBlock), points.size() - x);
         obstruction.ratios(std::span(points).subspan(x, count),
