@@ -126,6 +126,7 @@ void draw_triangle(glm::vec2 a, glm::vec2 b, glm::vec2 c, int size, std::ptrdiff
 #define FASTIBL_KERNEL "fastibl/shadow/triangle_kernel.inl"
 #include "fastibl/core/kernel.inl"
 FASTIBL_PICK(project);
+FASTIBL_PICK(project_near);
 FASTIBL_PICK(find_met);
 FASTIBL_PICK(draw_low);
 
@@ -156,6 +157,7 @@ ShadowTriangles::ShadowTriangles(const Mesh& mesh, const Pose& marker_from_mesh)
         number[std::size_t(v)] = int(x_.size());
         const glm::vec3& p = builder.vertices[std::size_t(v)];
         x_.push_back(p.x), y_.push_back(p.y), z_.push_back(p.z);
+        top_ = std::max(top_, p.z);
       }
       corner[k] = number[std::size_t(v)];
     }
@@ -232,18 +234,15 @@ void ShadowTriangles::draw(const PlaneProjection& light, const PlaneGrid& grid, 
   const float top = near_light ? kTop / light.inverse_height : 0;
   float* places = &scratch.places.data()->x;
   if (near_light)
-    for (std::size_t i = 0; i < x_.size(); ++i) {
-      const glm::vec2 p = scale * thrown({x_[i], y_[i], std::min(z_[i], top)}, light) + shift;
-      scratch.places[i] = {std::min(kFar, std::max(-kFar, p.x)),
-                           std::min(kFar, std::max(-kFar, p.y))};
-    }
+    project_near(x_.data(), y_.data(), z_.data(), int(x_.size()), &slope.x, &shift.x, scale, top,
+                 light.inverse_height, places);
   else
     project(x_.data(), y_.data(), z_.data(), int(x_.size()), &slope.x, &shift.x, scale, places);
   const float last = float(bits.size() - 1);
   int low = 0, tall = 0;
   find_met(a_.data(), b_.data(), c_.data(), count, places, last, scratch.low.data(),
            scratch.tall.data(), &low, &tall);
-  if (near_light) {
+  if (near_light && top_ > top) {
     const auto higher = [&](std::int32_t triangle) {
       const auto k = std::size_t(triangle);
       return std::max({z_[std::size_t(a_[k])], z_[std::size_t(b_[k])], z_[std::size_t(c_[k])]}) >

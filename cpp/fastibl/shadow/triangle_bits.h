@@ -61,6 +61,7 @@ class ShadowTriangles {
                 const PlaneGrid& grid, PlaneBits& bits) const;
 
   std::vector<float> x_, y_, z_;         // vertices
+  float top_ = 0;                        // largest z
   std::vector<std::int32_t> a_, b_, c_;  // triangles, corners in ascending order
 };
 

@@ -15,6 +15,20 @@ FASTIBL_TARGET void project(const float* x, const float* y, const float* z, int 
   }
 }
 
+// The same of a near light, 1 / inverse_height above the plane; what is above `top` as at it.
+FASTIBL_TARGET void project_near(const float* x, const float* y, const float* z, int count,
+                                 const float* slope, const float* shift, float scale, float top,
+                                 float inverse_height, float* places) {
+  const float slope_x = slope[0], slope_y = slope[1], shift_x = shift[0], shift_y = shift[1];
+  for (int i = 0; i < count; ++i) {
+    const float h = std::min(z[i], top), fall = 1 - h * inverse_height;
+    const float u = scale * ((x[i] - h * slope_x) / fall) + shift_x,
+                v = scale * ((y[i] - h * slope_y) / fall) + shift_y;
+    places[2 * i] = std::min(kFar, std::max(-kFar, u));
+    places[2 * i + 1] = std::min(kFar, std::max(-kFar, v));
+  }
+}
+
 #ifdef FASTIBL_IN_AVX2
 // The first corners of four triangles, or the second, or the third.
 FASTIBL_KERNEL_INLINE __m256 corners(const float* places, std::int32_t a, std::int32_t b,
