@@ -110,6 +110,45 @@ def test_far_shadow_is_in_the_outer_map():
     assert (shadow.ratio(cube, [[0.0, 6.1 * shadow.extent], [1e6, 0.0]]) == 1).all()
 
 
+def ball(n=120):
+    """2 n² small triangles."""
+    u, v = np.meshgrid(np.arange(n + 1) / n * 2 * np.pi, np.arange(n + 1) / n * np.pi, indexing="ij")
+    vertices = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), 1 - np.cos(v)], -1).reshape(-1, 3) / 4
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    quads = np.stack([a, a + 1, a + n + 2, a, a + n + 2, a + n + 1], -1)
+    return fastibl.Mesh(vertices, quads.reshape(-1, 3))
+
+
+def poles(n=40):
+    """Three thin ones of many triangles, that a coarser mesh would lose."""
+    u, z = np.meshgrid(np.arange(n + 1) / n * 2 * np.pi, np.linspace(0, 0.5, n + 1), indexing="ij")
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    quads = np.stack([a, a + n + 1, a + n + 2, a, a + n + 2, a + 1], -1).reshape(-1, 3)
+    each = [np.stack([x + 0.005 * np.cos(u), y + 0.005 * np.sin(u), z], -1) for x, y in ((0, 0), (0.1, 0), (0, 0.1))]
+    faces = [quads + k * u.size for k in range(3)]
+    return fastibl.Mesh(np.concatenate([e.reshape(-1, 3) for e in each]), np.concatenate(faces))
+
+
+@pytest.mark.parametrize("make", [ball, poles])
+def test_outer_map_of_many_triangles(make):
+    """Drawn coarser where the outer map's texels do not tell triangles apart, and not where thin parts would vanish."""
+    mesh, cube = make(), sky(7, size=16, sigma=2.0)
+    shadow = MeshShadow(mesh, 64, cache=False)
+    d, angles, radiance = reference.samples(cube.faces.astype(np.float64))
+    up = d[:, 2] > 0
+    light = (angles * d[:, 2])[up, None] * radiance[up]
+    places = np.random.default_rng(0).uniform(-2, 2, (800, 2))
+    places = places[np.abs(places).max(axis=1) > shadow.extent]
+    origins = np.repeat(np.pad(places, ((0, 0), (0, 1)), constant_values=1e-6), up.sum(), axis=0)
+    towards = np.tile(d[up], (len(places), 1))
+    met = fastibl.Bvh(mesh).occluded(origins.astype(np.float32), towards.astype(np.float32)).reshape(len(places), -1)
+    true = 1 - met @ light / light.sum(axis=0)
+    off = shadow.ratio(cube, places) - true
+    print(f"{len(mesh.triangles)} triangles: {(1 - true).mean():.4f} lost, {off.mean():+.5f} of it not found,", end=" ")
+    print(f"RMS {np.sqrt((off**2).mean()):.4f}")
+    assert abs(off.mean()) < 0.1 * (1 - true).mean() and np.sqrt((off**2).mean()) < 0.01
+
+
 def test_bits_are_those_of_rays():
     """One direction alone: every texel is lit or not, as a ray says."""
     mesh = fastibl.shapes.figurine(0.5)

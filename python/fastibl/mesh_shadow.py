@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._fastibl import BakedShadow, CubeMap, Environment, Mesh, MeshShadowLight, Pose, ShadowMap
 from .expected import expect
 
-_FORMAT = 1  # of the files, and of how a table is baked: another number makes older files stale
+_FORMAT = 2  # of the files, and of how a table is baked: another number makes older files stale
 _PATIENCE = 0.5  # seconds before a progress bar appears
 _ARRAYS = ("begin", "cells", "cover", "outer_begin", "outer_cells", "outer_cover")
 _MOST_BYTES = 256 << 20  # of all files together; the ones that were used longest ago go first

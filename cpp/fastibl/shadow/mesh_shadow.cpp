@@ -5,11 +5,24 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/shadow/coarse_mesh.h"
 
 namespace fastibl {
 namespace {
 
-constexpr int kCellsAtOnce = 32;  // between two reports of progress
+constexpr int kCellsAtOnce = 32;    // between two reports of progress
+constexpr float kPartOfTexel = 7;   // of the outer map, that vertices may become one in
+constexpr double kSameArea = 0.02;  // else thin parts vanished
+constexpr double kFewer = 0.75;     // triangles, for it to be worth it
+
+// Of those of a mesh, for texels of this size; empty where there are hardly fewer.
+ShadowTriangles triangles_for(const Mesh& mesh, double texel) {
+  const Mesh coarse = coarse_mesh(mesh, float(texel) / kPartOfTexel);
+  if (double(coarse.triangles.size()) > kFewer * double(mesh.triangles.size())) return {};
+  const double area = surface_area(mesh);
+  if (!(std::fabs(surface_area(coarse) - area) <= kSameArea * area)) return {};
+  return ShadowTriangles(coarse);
+}
 
 }  // namespace
 
@@ -32,6 +45,7 @@ MeshShadow::MeshShadow(const Mesh& mesh, const MeshShadowOptions& options)
   check(std::isfinite(outer_.extent) && std::isfinite(inner_.centre.x) &&
             std::isfinite(inner_.centre.y),
         "expected a mesh that a map can hold, got one of ", size_, " m");
+  if (!triangles_.empty()) outer_triangles_ = triangles_for(mesh, outer_.texel());
 }
 
 MeshShadow::MeshShadow(const Mesh& mesh, const MeshShadowOptions& options, Tables tables)
@@ -51,14 +65,14 @@ std::optional<MeshShadow> MeshShadow::bake(const Mesh& mesh, const MeshShadowOpt
   const auto bake_cell = [&](int cell, std::vector<PlaneBits>& images,
                              ShadowTriangles::Scratch& scratch) {
     const std::vector<glm::vec3> directions = shadow.cells_.directions(cell, options.samples);
-    const auto source = [&](const PlaneGrid& grid) {
+    const auto source = [&](const ShadowTriangles& triangles, const PlaneGrid& grid) {
       images.assign(directions.size(), PlaneBits(grid.size));
       for (std::size_t k = 0; k < directions.size(); ++k)
-        shadow.triangles_.draw(directions[k], grid, images[k], scratch);
+        triangles.draw(directions[k], grid, images[k], scratch);
       return SparseCover::source(images);
     };
-    inner[std::size_t(cell)] = source(shadow.inner_);
-    outer[std::size_t(cell)] = source(shadow.outer_);
+    inner[std::size_t(cell)] = source(shadow.triangles(), shadow.inner_);
+    outer[std::size_t(cell)] = source(shadow.outer_triangles(), shadow.outer_);
   };
   for (int first = 0; first < count; first += kCellsAtOnce) {
     if (progress && !progress(float(first) / float(count))) return std::nullopt;

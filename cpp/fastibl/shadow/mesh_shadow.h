@@ -52,6 +52,10 @@ class MeshShadow {
   const SkyCells& cells() const { return cells_; }
   const Tables& tables() const { return tables_; }
   const ShadowTriangles& triangles() const { return triangles_; }
+  // For the outer map: the same, or fewer where its texels do not tell them apart.
+  const ShadowTriangles& outer_triangles() const {
+    return outer_triangles_.empty() ? triangles_ : outer_triangles_;
+  }
   std::size_t bytes() const { return tables_.inner.bytes() + tables_.outer.bytes(); }
 
   // How the object was moved along the plane; nothing where it was tilted or lifted: then another
@@ -65,7 +69,7 @@ class MeshShadow {
   MeshShadowOptions options_;
   PlaneGrid inner_, outer_;
   SkyCells cells_;
-  ShadowTriangles triangles_;
+  ShadowTriangles triangles_, outer_triangles_;  // empty: no others
   Tables tables_;
   float size_ = 0;  // largest extent
 };

@@ -214,8 +214,15 @@ void MeshShadowLight::draw(const MeshShadow& shadow) {
   const PlaneMotion turn = motion_.turn();
   PlaneGrid inner = shadow.inner(), outer = shadow.outer();
   inner.centre = outer.centre = turn * inner.centre;
-  const ShadowTriangles moved = turn.turned() ? shadow.triangles().moved(turn) : ShadowTriangles();
-  const ShadowTriangles& triangles = turn.turned() ? moved : shadow.triangles();
+  ShadowTriangles moved, moved_outer;
+  const auto placed = [&](const ShadowTriangles& own, ShadowTriangles& other) {
+    if (turn.turned()) other = own.moved(turn);
+    return turn.turned() ? &other : &own;
+  };
+  const ShadowTriangles& triangles = *placed(shadow.triangles(), moved);
+  const bool same = &shadow.outer_triangles() == &shadow.triangles();
+  const ShadowTriangles& outer_triangles =
+      same ? triangles : *placed(shadow.outer_triangles(), moved_outer);
   fine_map_ = fine_grid(shadow, triangles);
   for (int i = 0; i < 2; ++i) {
     if (!sets[i]) continue;
@@ -225,7 +232,7 @@ void MeshShadowLight::draw(const MeshShadow& shadow) {
     for (const int k : stale[i]) set.drawn_from[std::size_t(k)] = projection(set, std::size_t(k));
     if (!stale[i].empty()) {
       draw_directions(triangles, set, stale[i], inner, set.inner_parts);
-      draw_directions(triangles, set, stale[i], outer, set.outer_parts);
+      draw_directions(outer_triangles, set, stale[i], outer, set.outer_parts);
       set.inner = SparseCover(inner.size, set.inner_parts);
       set.outer = SparseCover(outer.size, set.outer_parts);
     }

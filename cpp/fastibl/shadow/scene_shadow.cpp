@@ -1,10 +1,9 @@
 #include "fastibl/shadow/scene_shadow.h"
 
 #include <algorithm>
-#include <array>
-#include <map>
 
 #include "fastibl/core/check.h"
+#include "fastibl/shadow/coarse_mesh.h"
 
 namespace fastibl {
 namespace {
@@ -13,26 +12,12 @@ constexpr int kMostDrawn = 400000;  // triangles, over all directions of light,
 constexpr int kFewest = 32;         // and of these
 constexpr float kCells = 128;       // along the longest edge of a mesh of more triangles than that
 
-// A mesh of fewer triangles with the same shadow to a third of a texel: vertices of one cell become
-// one of them.
+// With the same shadow to a third of a texel.
 Mesh coarser(const Mesh& mesh) {
   const Bounds box = bounds(mesh.vertices);
   const glm::vec3 size = box.upper - box.lower;
-  const float scale = kCells / std::max({size.x, size.y, size.z, 1e-30f});
-  std::map<std::array<int, 3>, int> cells;
-  Mesh out;
-  std::vector<int> place;
-  for (const glm::vec3& v : mesh.vertices) {
-    const glm::ivec3 cell(glm::floor(scale * (v - box.lower)));
-    const auto [at, is_new] = cells.try_emplace({cell.x, cell.y, cell.z}, int(out.vertices.size()));
-    if (is_new) out.vertices.push_back(v);
-    place.push_back(at->second);
-  }
-  for (const glm::ivec3& t : mesh.triangles) {
-    const glm::ivec3 n(place[std::size_t(t.x)], place[std::size_t(t.y)], place[std::size_t(t.z)]);
-    if (n.x != n.y && n.y != n.z && n.x != n.z) out.triangles.push_back(n);
-  }
-  return out.triangles.empty() ? mesh : out;
+  Mesh coarse = coarse_mesh(mesh, std::max({size.x, size.y, size.z, 1e-30f}) / kCells);
+  return coarse.triangles.empty() ? mesh : coarse;
 }
 
 }  // namespace
