@@ -1,6 +1,7 @@
 #include "fastibl/shadow/triangle_bits.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <map>
@@ -127,6 +128,7 @@ void draw_triangle(glm::vec2 a, glm::vec2 b, glm::vec2 c, int size, std::ptrdiff
 #include "fastibl/core/kernel.inl"
 FASTIBL_PICK(project);
 FASTIBL_PICK(project_near);
+FASTIBL_PICK(find_cells);
 FASTIBL_PICK(find_met);
 FASTIBL_PICK(draw_low);
 
@@ -227,7 +229,8 @@ void ShadowTriangles::draw(const PlaneProjection& light, const PlaneGrid& grid, 
   if (bits.size() == 0 || a_.empty()) return;
   const int count = int(a_.size());
   scratch.places.resize(x_.size());
-  scratch.low.resize(a_.size() + 1), scratch.tall.resize(a_.size() + 1);
+  scratch.cells.resize(x_.size());
+  scratch.low.resize(a_.size() + kWide), scratch.tall.resize(a_.size() + kWide);
   const float scale = float(1 / grid.texel());
   const glm::vec2 slope = light.slope, shift(grid.texels({0, 0}));
   const bool near_light = light.inverse_height > 0;
@@ -240,7 +243,8 @@ void ShadowTriangles::draw(const PlaneProjection& light, const PlaneGrid& grid, 
     project(x_.data(), y_.data(), z_.data(), int(x_.size()), &slope.x, &shift.x, scale, places);
   const float last = float(bits.size() - 1);
   int low = 0, tall = 0;
-  find_met(a_.data(), b_.data(), c_.data(), count, places, last, scratch.low.data(),
+  find_cells(places, int(x_.size()), last, scratch.cells.data());
+  find_met(a_.data(), b_.data(), c_.data(), count, scratch.cells.data(), scratch.low.data(),
            scratch.tall.data(), &low, &tall);
   if (near_light && top_ > top) {
     const auto higher = [&](std::int32_t triangle) {

@@ -43,6 +43,7 @@ class ShadowTriangles {
 
   struct Scratch {                        // to be kept between calls; one a thread
     std::vector<glm::vec2> places;        // of the vertices on the grid
+    std::vector<std::int32_t> cells;      // and between which texels
     std::vector<std::int32_t> low, tall;  // triangles that meet texels
   };
   // Sets the bits of the texels whose centres the shadow covers; bits that are set stay set.

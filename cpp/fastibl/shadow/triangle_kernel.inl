@@ -39,44 +39,68 @@ FASTIBL_KERNEL_INLINE __m256 corners(const float* places, std::int32_t a, std::i
   };
   return _mm256_castpd_ps(_mm256_set_m128d(two(c, d), two(a, b)));
 }
-FASTIBL_KERNEL_INLINE __m256 corners(const float* places, const std::int32_t* which) {
-  return corners(places, which[0], which[1], which[2], which[3]);
-}
 #endif
 
-// The triangles whose box holds the centre of a texel, in order: of at most
-// kLow rows to `low`, of more to `tall`, which both have room for one more than all.
+// Where a position lies among the centres of texels: 2k − 1 between k − 1 and k, 2k at k; of x in
+// the lower half, of y in the upper. All before the first is one place, and all beyond the last.
+FASTIBL_TARGET void find_cells(const float* places, int count, float last, std::int32_t* cells) {
+  const float most = last + 0.5f;
+  for (int i = 0; i < count; ++i) {
+    const float x = std::min(most, std::max(-0.5f, places[2 * i])),
+                y = std::min(most, std::max(-0.5f, places[2 * i + 1]));
+    const int u = int(std::floor(x)) + int(std::ceil(x)),
+              v = int(std::floor(y)) + int(std::ceil(y));
+    cells[i] = (u & 0xffff) | v << 16;
+  }
+}
+
+// The triangles whose box holds the centre of a texel, in order: of at most kLow rows to `low`, of
+// more to `tall`, which both have room for kWide more than all.
 FASTIBL_TARGET void find_met(const std::int32_t* a, const std::int32_t* b, const std::int32_t* c,
-                             int count, const float* places, float last, std::int32_t* low,
+                             int count, const std::int32_t* cells, std::int32_t* low,
                              std::int32_t* tall, int* low_count, int* tall_count) {
   int lows = 0, talls = 0, i = 0;
 #ifdef FASTIBL_IN_AVX2
-  const __m256 most = _mm256_set1_ps(last), none = _mm256_setzero_ps(),
-               rows = _mm256_set1_ps(float(kLow));
-  for (; i + 4 <= count; i += 4) {
-    const __m256 pa = corners(places, a + i), pb = corners(places, b + i),
-                 pc = corners(places, c + i);
-    const __m256 begin = _mm256_max_ps(_mm256_min_ps(_mm256_min_ps(pa, pb), pc), none),
-                 end = _mm256_min_ps(_mm256_max_ps(_mm256_max_ps(pa, pb), pc), most);
-    const __m256 first = _mm256_ceil_ps(begin), final = _mm256_floor_ps(end);
-    const auto some = unsigned(_mm256_movemask_ps(_mm256_cmp_ps(first, final, _CMP_LE_OQ)));
-    const unsigned met = some & some << 1 & 0xaa;  // of y, where that of x is set as well
-    if (met == 0) continue;
-    const auto many = unsigned(
-        _mm256_movemask_ps(_mm256_cmp_ps(_mm256_sub_ps(final, first), rows, _CMP_GE_OQ)));
-    for (int k = 0; k < 4; ++k) {
-      const unsigned bit = 2u << 2 * k, high = met & many & bit, flat = met & ~many & bit;
-      low[lows] = i + k, tall[talls] = i + k;
-      lows += flat != 0, talls += high != 0;
-    }
+  // The lanes of a mask, and then others.
+  alignas(64) static constexpr auto lanes = [] {
+    std::array<std::array<std::int32_t, kWide>, 1 << kWide> all{};
+    for (unsigned mask = 0; mask < all.size(); ++mask)
+      for (int k = 0, n = 0; k < kWide; ++k)
+        if (mask >> k & 1) all[mask][std::size_t(n++)] = k;
+    return all;
+  }();
+  const auto append = [&](unsigned mask, std::int32_t* list, int& number) FASTIBL_TARGET {
+    const __m256i chosen = _mm256_load_si256((const __m256i*)lanes[mask].data());
+    _mm256_storeu_si256((__m256i*)(list + number), _mm256_add_epi32(chosen, _mm256_set1_epi32(i)));
+    number += __builtin_popcount(mask);
+  };
+  const __m256i one = _mm256_set1_epi16(1), none = _mm256_setzero_si256(),
+                rows = _mm256_set1_epi32(kLow - 1);
+  const auto cells_of = [&](const std::int32_t* corner) FASTIBL_TARGET {
+    return _mm256_i32gather_epi32(cells, _mm256_loadu_si256((const __m256i*)(corner + i)), 4);
+  };
+  for (; i + kWide <= count; i += kWide) {
+    const __m256i pa = cells_of(a), pb = cells_of(b), pc = cells_of(c);
+    const __m256i least = _mm256_min_epi16(_mm256_min_epi16(pa, pb), pc),
+                  most = _mm256_max_epi16(_mm256_max_epi16(pa, pb), pc);
+    const __m256i first = _mm256_srai_epi16(_mm256_add_epi16(least, one), 1),
+                  final = _mm256_srai_epi16(most, 1);
+    const __m256i met = _mm256_cmpeq_epi32(_mm256_cmpgt_epi16(first, final), none);
+    const auto bits = unsigned(_mm256_movemask_ps(_mm256_castsi256_ps(met)));
+    if (bits == 0) continue;
+    const __m256i high =
+        _mm256_cmpgt_epi32(_mm256_srai_epi32(_mm256_sub_epi16(final, first), 16), rows);
+    const auto many = unsigned(_mm256_movemask_ps(_mm256_castsi256_ps(high)));
+    append(bits & ~many, low, lows);
+    if (bits & many) append(bits & many, tall, talls);
   }
 #endif
   for (; i < count; ++i) {
-    const float *pa = places + 2 * a[i], *pb = places + 2 * b[i], *pc = places + 2 * c[i];
     int first[2], end[2];
     for (int k = 0; k < 2; ++k) {
-      first[k] = int(std::ceil(std::max(std::min(std::min(pa[k], pb[k]), pc[k]), 0.0f)));
-      end[k] = int(std::floor(std::min(std::max(std::max(pa[k], pb[k]), pc[k]), last)));
+      const auto at = [&](std::int32_t corner) { return std::int16_t(cells[corner] >> 16 * k); };
+      const auto [least, most] = std::minmax({at(a[i]), at(b[i]), at(c[i])});
+      first[k] = (least + 1) >> 1, end[k] = most >> 1;
     }
     const bool met = first[0] <= end[0] && first[1] <= end[1], high = end[1] - first[1] >= kLow;
     low[lows] = i, tall[talls] = i;
