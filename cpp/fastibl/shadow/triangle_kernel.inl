@@ -151,13 +151,10 @@ FASTIBL_TARGET void draw_low(const std::int32_t* chosen, int count, const std::i
     }
     const Wide y0 = larger(smaller(smaller(y[0], y[1]), y[2]), none),
                y1 = smaller(larger(larger(y[0], y[1]), y[2]), last);
-    const Wide floor0 = numbers(whole(y0));
-    const Wide first_row = floor0 + (floor0 < y0 ? one : none), last_row = numbers(whole(y1)),
-               rows = last_row - first_row;
-    float most = 0;
-    for (int l = 0; l < kWide; ++l) most = std::max(most, rows[l]);
-    for (int r = 0; r <= int(most); ++r) {
-      const Wide at = first_row + repeat(float(r));
+    const Wide floor0 = numbers(whole(y0)), last_row = numbers(whole(y1));
+    for (Wide at = floor0 + (floor0 < y0 ? one : none);; at += one) {
+      const WideInt inside = at <= last_row;
+      if (set_bits(inside) == 0) break;
       Wide left = repeat(kFar), right = repeat(-kFar);
       for (int k = 0; k < 3; ++k) {
         const int from = k == 2 ? 0 : k;
@@ -167,20 +164,18 @@ FASTIBL_TARGET void draw_low(const std::int32_t* chosen, int count, const std::i
         right = met ? larger(cross, right) : right;
       }
       left = larger(left, none), right = smaller(right, last);
-      const WideInt some = (left <= right) & (at <= last_row);
+      const WideInt some = (left <= right) & inside;
       left = some ? left : one, right = some ? right : none;
       const WideInt floor_left = whole(left);
       const WideInt start = floor_left - (numbers(floor_left) < left), end = whole(right),
-                    row = whole(some ? at : none);
-      for (int l = 0; l < kWide; ++l) {
-        // Bits s … e of one word, none where s > e.
-        const int s = start[l], e = end[l];
-        const std::uint64_t bits =
-            (~std::uint64_t{0} << (s & 63)) & (~std::uint64_t{0} >> (63 - (e & 63)));
+                    row = whole(at);
+      for (unsigned covered = set_bits(start <= end); covered != 0; covered &= covered - 1) {
+        const int l = __builtin_ctz(covered), s = start[l], e = end[l];
         if ((e >> 6) > (s >> 6))
           set_span(words + row[l], stride, s, e);
         else
-          words[(e >> 6) * stride + row[l]] |= e < s ? 0 : bits;
+          words[(e >> 6) * stride + row[l]] |=
+              (~std::uint64_t{0} << (s & 63)) & (~std::uint64_t{0} >> (63 - (e & 63)));
       }
     }
   }
