@@ -6,6 +6,7 @@
 ./dev bench plan-pictures     the picture of docs/plan.md, likewise
 ./dev bench live-pictures     those of docs/live.md, likewise
 ./dev bench program-pictures  those of docs/program.md, likewise
+./dev bench report-pictures   the plots and the picture of reports in the documents, likewise
 ./dev bench demo-picture      that of the README, likewise
 """
 
@@ -26,6 +27,7 @@ PICTURES = {
     "plan-pictures": "bench.plan.pictures",
     "live-pictures": "bench.live_pictures",
     "program-pictures": "bench.program_pictures",
+    "report-pictures": "bench.report_pictures",
     "demo-picture": "bench.demo_picture",
 }
 NAMES = ("lighting", "shadow", "tracking", "frame", "real", "peers")
