@@ -96,3 +96,20 @@ def test_a_session_starts_with_its_prior():
     error = irradiance_error(result.environment, prior)
     print(f"after one frame the irradiance is {error:.2%} off")
     assert error < 0.1
+
+
+@pytest.mark.parametrize("scale", [1e-3, 10.0, 1e4])
+@pytest.mark.parametrize("cameras", ["back", "both"])
+def test_a_prior_of_another_scale_is_as_bright_as_the_board_says(scale, cameras):
+    """A photograph's units, or a network's: before eight tiles of the sky were seen whole, from the first frame on."""
+    film = fastibl.simulate(seconds=0.5, fps=10, size=(320, 240), hand=False, lamp=False)
+    truth = film.truth.environment(0)
+    prior = fastibl.CubeMap(truth.faces * np.float32(scale))
+    scene = fastibl.Scene(fastibl.shapes.figurine(detail=0.9), spheres=0, visibility_rays=0)
+    session = fastibl.Session(scene, film.rig, film.board, prior=prior, size=64, paper_albedo=PAPER)
+    errors = []
+    for frame in film:
+        frame.front = None if cameras == "back" else frame.front
+        errors.append(irradiance_error(session.process(frame).environment, truth))
+    print(f"x{scale}, {cameras}: irradiance {errors[0]:.1%} off in the first frame, {errors[-1]:.1%} in the last")
+    assert max(errors) < 0.12

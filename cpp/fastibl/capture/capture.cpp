@@ -22,6 +22,7 @@ constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLa
 constexpr int kSmallLater = 12;
 constexpr double kMeterPause = 0.1;     // seconds between readings of the board's white
 constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
+constexpr float kOtherScale = 0.5f;     // share by which a prior map's brightness moves at once
 constexpr double kRimOfLight = 0.25;    // of the radiance of a light: at the rim of one
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 // Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
@@ -287,11 +288,12 @@ void Capture::read_meter(const Picture& picture, const KnownCamera& k, const Row
 
 // refills: see refills_after().
 void Capture::take_changes(const std::vector<int>& changed, int refills) {
-  const bool all_refills = refills == grid_.count();
+  bool all_refills = refills == grid_.count();
   std::vector<int> refilled, boosted;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
-  if (all_refills || ++pictures_ % kPicturesPerFill == 0) {
-    if (prior_) match_prior(refilled);
+  const bool unmatched = prior_ && !prior_->matched();
+  if (++pictures_ % kPicturesPerFill == 0 || all_refills || unmatched) {
+    if (prior_ && match_prior(refilled)) refills = grid_.count(), all_refills = true;
     if (options_.most_boost > 1) boost_lights(boosted);
     unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);
     new_sums_.clear();
@@ -413,12 +415,14 @@ void Capture::refill_from_prior(int tile) {
   make_levels(tile);
 }
 
-void Capture::match_prior(std::vector<int>& refilled) {
-  if (!prior_->match(sums_, tile_angle_, sky_)) return;
+bool Capture::match_prior(std::vector<int>& refilled) {
+  const float moved = prior_->match(sums_, tile_angle_, tile_projected_, sky_, plane_irradiance_);
+  if (!(moved > 0)) return false;
   for (const int tile : sky_) {
     unseen_.give(tile, prior_->mean(tile));
     if (sums_[std::size_t(tile)].count < tile_rect(grid_, tile).texels()) refilled.push_back(tile);
   }
+  return moved > kOtherScale;
 }
 
 // Reads the picture where it shows texels.

@@ -206,7 +206,7 @@ class Capture {
   bool refill(int tile);
   bool has_prior(int tile) const { return prior_ && unseen_.above(tile); }
   void refill_from_prior(int tile);
-  void match_prior(std::vector<int>& refilled);
+  bool match_prior(std::vector<int>& refilled);  // true if all is to be refilled at once
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
 

@@ -37,28 +37,43 @@ PriorMap::PriorMap(const CubeMap& map, TileGrid grid)
   }
 }
 
-bool PriorMap::match(const std::vector<TileSums>& sums, std::span<const double> tile_angle,
-                     std::span<const int> tiles) {
+float PriorMap::match(const std::vector<TileSums>& sums, std::span<const double> tile_angle,
+                      std::span<const double> tile_projected, std::span<const int> sky,
+                      const std::optional<glm::dvec3>& plane_irradiance) {
   glm::vec3 gain = gain_;
+  bool enough = true;
   for (int c = 0; c < 3; ++c) {
     std::vector<float> ratios;
-    for (const int tile : tiles) {
+    for (const int tile : sky) {
       const std::size_t i = std::size_t(tile);
       const bool whole = sums[i].angle >= kNearlyWhole * tile_angle[i];
       if (!whole || sums[i].bound_angle > 0 || !(means_[i][c] > 0)) continue;
       const float ratio = float(sums[i].flux[c] / sums[i].angle) / means_[i][c];
       if (std::isfinite(ratio)) ratios.push_back(ratio);
     }
-    if (ratios.size() < kLeastTiles) return false;
+    enough = enough && ratios.size() >= kLeastTiles;
+    if (!enough) break;
     const auto middle = ratios.begin() + std::ptrdiff_t(ratios.size() / 2);
     std::nth_element(ratios.begin(), middle, ratios.end());
     if (*middle > 0) gain[c] = *middle;
   }
-  const glm::vec3 change = glm::abs(gain - gain_);
-  if (!(change.x > kMoved * gain_.x || change.y > kMoved * gain_.y || change.z > kMoved * gain_.z))
-    return false;
+  if (!enough) {
+    if (!plane_irradiance || matched_ == Matched::by_tiles) return 0;
+    gain = gain_;
+    glm::dvec3 own(0);
+    for (const int tile : sky)
+      own += tile_projected[std::size_t(tile)] * glm::dvec3(means_[std::size_t(tile)]);
+    for (int c = 0; c < 3; ++c) {
+      const float ratio = float((*plane_irradiance)[c] / own[c]);
+      if (std::isfinite(ratio) && ratio > 0) gain[c] = ratio;
+    }
+  }
+  matched_ = enough ? Matched::by_tiles : Matched::by_plane;
+  const glm::vec3 change = glm::abs(gain - gain_) / gain_;
+  const float most = std::max({change.x, change.y, change.z});
+  if (!(most > kMoved)) return 0;
   gain_ = gain;
-  return true;
+  return most;
 }
 
 }  // namespace fastibl

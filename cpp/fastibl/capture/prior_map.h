@@ -1,6 +1,7 @@
 // A map that is known from before: it stands for what no picture has seen.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,9 +17,12 @@ class PriorMap {
   PriorMap(const CubeMap& map, TileGrid grid);
 
   // Finds the brightness of the place now against then, by channel: the median of tiles that were
-  // seen nearly whole. True if it moved by more than a small share.
-  bool match(const std::vector<TileSums>& sums, std::span<const double> tile_angle,
-             std::span<const int> tiles);
+  // seen nearly whole; where they are few, the light that falls on the plane by what the map has
+  // for it. Returns by how much it moved as a share, 0 for little. sky: tiles above the horizon.
+  float match(const std::vector<TileSums>& sums, std::span<const double> tile_angle,
+              std::span<const double> tile_projected, std::span<const int> sky,
+              const std::optional<glm::dvec3>& plane_irradiance);
+  bool matched() const { return matched_ != Matched::no; }
 
   // As the place is now.
   glm::vec3 mean(int tile) const {
@@ -32,6 +36,7 @@ class PriorMap {
   std::size_t stride_;
   std::vector<glm::vec3> texels_, means_;
   glm::vec3 gain_{1};
+  enum class Matched { no, by_plane, by_tiles } matched_ = Matched::no;
 };
 
 }  // namespace fastibl
