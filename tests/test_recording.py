@@ -85,6 +85,10 @@ def test_attitudes_are_kept(tmp_path):
     assert read == given and read[2].attitude is None
     given[1].attitude = np.eye(3)
     assert read != given
+    for frame in given[2:]:  # of one time: each its own
+        frame.time = given[1].time
+    given[2].attitude = TURN.rotation
+    assert list(Recording.open(write(path, given))) == given
     write(path, frames(2))  # an older one's go with it
     assert not (path / "attitudes.csv").exists()
 

@@ -91,6 +91,40 @@ def test_maps_from_wide_pictures(camera, dtype):
     assert error < 0.01
 
 
+def test_outside_a_fisheyes_circle_there_is_nothing():
+    """Pictures are black there, and the lens model goes on."""
+    size, pose = 64, looking((0.3, 0.5, 0.8), EYE)
+    camera = fastibl.Camera(240, 240, 80, 80, 120, 120, model="fisheye", field_of_view=120)
+    whole = camera.replace(field_of_view=360)
+    y, x = np.mgrid[:240, :240] + 0.5
+    black = np.hypot(x - 120, y - 120) > 80 * np.radians(60.5)  # half a pixel of the rim is grey
+    linear = picture_of(lambda d: place_light(np.nan_to_num(d)), whole, pose, split=3)
+    linear[black] = 0
+    true = place_map(size)
+    errors, seen = {}, {}
+    for known in (camera, whole):
+        capture = fastibl.Capture(size=size)
+        for k, exposure in enumerate((1.0, 1 / 16, 1 / 256)):
+            capture.add(exposed(linear, known, exposure), known, pose, exposure=exposure, time=k / 10)
+        seen[known.field_of_view] = np.isfinite(capture.last_seen)
+        filled = np.where(seen[known.field_of_view][..., None], capture.environment().radiance.faces, true)
+        filled[fastibl.texel_directions(size)[..., 2] < 0.05] = 0
+        errors[known.field_of_view] = irradiance_error(
+            fastibl.CubeMap(filled), fastibl.CubeMap(np.where(fastibl.texel_directions(size)[..., 2:] < 0.05, 0, true))
+        )
+    print(f"irradiance {errors[120]:.2%} off, where the black is taken for the place {errors[360]:.1%}")
+    assert errors[120] < 0.01 < 0.05 < errors[360]
+    d = fastibl.texel_directions(size)
+    angle = np.degrees(np.arccos(np.clip((d @ pose.rotation.T)[..., 2], -1, 1)))
+    up = d[..., 2] > 0.05
+    # Footprints must not reach beyond the rim: two texels, of 1.4 degrees, and 4 pixels.
+    assert not seen[120][up & (angle > 60)].any() and seen[120][up & (angle < 52)].all()
+    rim = np.radians([59.9, 60.1])
+    pixels = camera.project(np.stack([np.sin(rim), 0 * rim, np.cos(rim)], axis=-1))
+    assert np.isfinite(pixels[0]).all() and np.isnan(pixels[1]).all()
+    assert np.isnan(camera.unproject([120 + 80 * rim[1], 120.0])).all()
+
+
 def test_vignetting_of_a_fisheye():
     camera = fastibl.Camera(240, 240, 80, 80, 120, 120, model="fisheye", vignetting=[-0.12])
     pose = looking((0.0, 0.3, 1.0), EYE)
@@ -152,14 +186,20 @@ def test_bad_wide_cameras_are_refused():
         ({"model": "orthographic"}, "perspective, fisheye or equirectangular"),
         ({"model": "fisheye", "distortion": [0.1] * 5}, "0 or 4"),
         ({"model": "equirectangular", "distortion": [0.1] * 4}, "no distortion"),
+        ({"model": "fisheye", "field_of_view": 361}, "1 to 360 degrees, got 361"),
+        ({"model": "fisheye", "field_of_view": np.nan}, "1 to 360 degrees"),
+        ({"field_of_view": 90}, "told of fisheyes, got 90 degrees of a camera that is perspective"),
     ):
         with pytest.raises(ValueError, match=words):
             fastibl.Camera(100, 100, 50, 50, 50, 50, **arguments)
 
 
 def test_wide_cameras_are_kept(tmp_path):
-    rig = fastibl.Rig(fastibl.Camera(64, 48, 60, 60, 32, 24), FISHEYE, fastibl.Pose(np.eye(4)))
-    recording.write_rig(tmp_path / "rig.yaml", rig)
-    assert recording.read_rig(tmp_path / "rig.yaml") == rig
-    assert pickle.loads(pickle.dumps(FISHEYE)) == FISHEYE and "fisheye" in repr(FISHEYE)
+    narrower = FISHEYE.replace(field_of_view=183.5)
+    assert narrower != FISHEYE and "field_of_view=183.5" in repr(narrower)
+    for fisheye in (FISHEYE, narrower):
+        rig = fastibl.Rig(fastibl.Camera(64, 48, 60, 60, 32, 24), fisheye, fastibl.Pose(np.eye(4)))
+        recording.write_rig(tmp_path / "rig.yaml", rig)
+        assert recording.read_rig(tmp_path / "rig.yaml") == rig
+        assert pickle.loads(pickle.dumps(fisheye)) == fisheye and "fisheye" in repr(fisheye)
     assert pickle.loads(pickle.dumps(AROUND)) == AROUND

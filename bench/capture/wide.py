@@ -19,8 +19,8 @@ _TURN = fastibl.Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0])
 CAMERAS = {
     "360 degrees, 1024x512": fastibl.Camera.equirectangular(1024, 512),
     "fisheye of 185 degrees, 640x640": fastibl.Camera(
-        640, 640, 198, 198, 320, 320, distortion=[0.01, -0.004, 0.0, 0.0], model="fisheye"
-    ),
+        640, 640, 198, 198, 320, 320, distortion=[0.01, -0.004, 0.0, 0.0], model="fisheye", field_of_view=185
+    ),  # fmt: skip
 }
 
 

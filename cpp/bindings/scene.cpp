@@ -298,11 +298,13 @@ v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readou
 to its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt
 2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
 downwards, pixels a radian; see equirectangular()). The last two measure light, as a rig's front camera or in Capture;
-boards are tracked in, and objects drawn over, perspective pictures. Raises ValueError for what is not a camera.)")
+boards are tracked in, and objects drawn over, perspective pictures. field_of_view: degrees across a fisheye's circle;
+what lies outside, which most pictures have black, is not looked at; 360: all that the model reaches. Raises ValueError
+for what is not a camera.)")
       .def(py::init([](int width, int height, double fx, double fy, double cx, double cy,
                        std::vector<double> distortion, const std::optional<Response>& response,
                        double gain, std::vector<double> vignetting, double readout,
-                       const std::string& model) {
+                       const std::string& model, double field_of_view) {
              Camera camera{width,
                            height,
                            fx,
@@ -314,7 +316,8 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
                            gain,
                            std::move(vignetting),
                            readout,
-                           camera_model(model)};
+                           camera_model(model),
+                           field_of_view};
              camera.validate();
              return camera;
            }),
@@ -322,7 +325,7 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
            py::arg("cy"), py::arg("distortion") = std::vector<double>{},
            py::arg("response") = py::none(), py::arg("gain") = 1.0,
            py::arg("vignetting") = std::vector<double>{}, py::arg("readout") = 0.0,
-           py::arg("model") = "perspective")
+           py::arg("model") = "perspective", py::arg("field_of_view") = 360.0)
       .def_static(
           "equirectangular",
           [](int width, int height, const std::optional<Response>& response, double gain) {
@@ -343,7 +346,7 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
           "from_opencv",
           [](const py::object& K, std::vector<double> distortion, std::pair<int, int> size,
              const std::optional<Response>& response, double gain, std::vector<double> vignetting,
-             double readout, const std::string& model) {
+             double readout, const std::string& model, double field_of_view) {
             const Doubles k = require_floats<double>(K, "K");
             if (k.ndim() != 2 || k.shape(0) != 3 || k.shape(1) != 3)
               throw py::value_error("K must have shape (3, 3), got " + shape_of(k));
@@ -352,12 +355,14 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
                                     k.at(1, 2), std::move(distortion), camera_model(model));
             camera.response = response.value_or(Response{});
             camera.gain = gain, camera.vignetting = std::move(vignetting), camera.readout = readout;
+            camera.field_of_view = field_of_view;
             camera.validate();
             return camera;
           },
           py::arg("K"), py::arg("distortion"), py::arg("size"), py::arg("response") = py::none(),
           py::arg("gain") = 1.0, py::arg("vignetting") = std::vector<double>{},
           py::arg("readout") = 0.0, py::arg("model") = "perspective",
+          py::arg("field_of_view") = 360.0,
           "From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = "
           "(width, height). model: \"perspective\", or \"fisheye\" for what cv2.fisheye "
           "calibrates. Raises ValueError for other shapes, a wrong number of coefficients or "
@@ -389,6 +394,8 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
       .def_property_readonly(
           "model", [](const Camera& c) { return std::string(name(c.model)); },
           "\"perspective\", \"fisheye\" or \"equirectangular\".")
+      .def_readonly("field_of_view", &Camera::field_of_view,
+                    "Degrees across a fisheye's circle; 360: all that its model reaches.")
       .def_property_readonly(
           "vignetting", [](const Camera& c) { return py::tuple(py::cast(c.vignetting)); },
           "v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in focal lengths; empty for none.")
@@ -450,14 +457,20 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
                     ", distortion=" + std::string(py::repr(py::cast(c.distortion))) +
                     (c.model == CameraModel::perspective
                          ? ")"
-                         : ", model='" + std::string(name(c.model)) + "')");
+                         : ", model='" + std::string(name(c.model)) + "'" +
+                               (c.field_of_view == 360
+                                    ? ")"
+                                    : ", field_of_view=" +
+                                          std::string(py::repr(py::float_(c.field_of_view))) +
+                                          ")"));
            })
       .def(
           "replace",
           [](const py::object& self, const py::kwargs& changes) {
             py::dict arguments;
             for (const char* name : {"width", "height", "fx", "fy", "cx", "cy", "distortion",
-                                     "response", "gain", "vignetting", "readout", "model"})
+                                     "response", "gain", "vignetting", "readout", "model",
+                                     "field_of_view"})
               arguments[name] = self.attr(name);
             for (const auto& [name, value] : changes) arguments[name] = value;
             return py::type::of(self)(**arguments).cast<Camera>();
@@ -470,7 +483,8 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
       .def(py::pickle(
           [](const Camera& c) {
             return py::make_tuple(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion,
-                                  c.response, c.gain, c.vignetting, c.readout, int(c.model));
+                                  c.response, c.gain, c.vignetting, c.readout, int(c.model),
+                                  c.field_of_view);
           },
           [](const py::tuple& t) {
             return Camera{
@@ -485,7 +499,8 @@ boards are tracked in, and objects drawn over, perspective pictures. Raises Valu
                 t[8].cast<double>(),
                 t[9].cast<std::vector<double>>(),
                 t.size() > 10 ? t[10].cast<double>() : 0,
-                t.size() > 11 ? CameraModel(t[11].cast<int>()) : CameraModel::perspective};
+                t.size() > 11 ? CameraModel(t[11].cast<int>()) : CameraModel::perspective,
+                t.size() > 12 ? t[12].cast<double>() : 360};
           }));
 
   py::class_<Rig>(module, "Rig",

@@ -215,7 +215,9 @@ class Camera:
     to its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt
     2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
     downwards, pixels a radian; see equirectangular()). The last two measure light, as a rig's front camera or in Capture;
-    boards are tracked in, and objects drawn over, perspective pictures. Raises ValueError for what is not a camera.
+    boards are tracked in, and objects drawn over, perspective pictures. field_of_view: degrees across a fisheye's circle;
+    what lies outside, which most pictures have black, is not looked at; 360: all that the model reaches. Raises ValueError
+    for what is not a camera.
     """
     __hash__: typing.ClassVar[None] = None
     @staticmethod
@@ -224,7 +226,7 @@ class Camera:
         A 360° camera: all directions, z in the middle of the picture. width, height: pixels. Raises ValueError for a size below 1.
         """
     @staticmethod
-    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective') -> Camera:
+    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective', field_of_view: typing.SupportsFloat | typing.SupportsIndex = 360.0) -> Camera:
         """
         From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height). model: "perspective", or "fisheye" for what cv2.fisheye calibrates. Raises ValueError for other shapes, a wrong number of coefficients or another model.
         """
@@ -234,9 +236,9 @@ class Camera:
         ...
     def __eq__(self, arg0: Camera) -> bool:
         ...
-    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float, int]:
+    def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float, int, float]:
         ...
-    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective') -> None:
+    def __init__(self, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective', field_of_view: typing.SupportsFloat | typing.SupportsIndex = 360.0) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -268,6 +270,11 @@ class Camera:
     def distortion(self) -> tuple:
         """
         k1 k2 p1 p2 [k3 [k4 k5 k6]]; of a fisheye k1 k2 k3 k4; empty for none.
+        """
+    @property
+    def field_of_view(self) -> float:
+        """
+        Degrees across a fisheye's circle; 360: all that its model reaches.
         """
     @property
     def fx(self) -> float:

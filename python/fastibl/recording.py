@@ -395,7 +395,9 @@ class _StoredFrames(Sequence):
     def __init__(self, path: Path):
         self.path = path
         self.moments = _read_moments(path / "frames.csv")
-        self.attitudes = _read_attitudes(path / "attitudes.csv")
+        attitudes = _read_attitudes(path / "attitudes.csv")
+        each = {time: iter(of_time) for time, of_time in attitudes.items()}  # frames of one time: one after the other
+        self.attitudes = [next(each.get(time, iter(())), None) for time, _ in self.moments]
         self._videos: dict[str, tuple[cv2.VideoCapture, int]] = {}
 
     def __len__(self) -> int:
@@ -403,7 +405,7 @@ class _StoredFrames(Sequence):
 
     def __getitem__(self, index: int) -> Frame:
         time, pictures = self.moments[index]
-        frame = Frame(time, attitude=self.attitudes.get(time))
+        frame = Frame(time, attitude=self.attitudes[index])
         for camera, (file, exposure) in pictures.items():
             setattr(frame, camera, self._read(file))
             setattr(frame, f"{camera}_exposure", exposure)
@@ -559,11 +561,11 @@ def _attitude_of(attitude: ArrayLike, what: str) -> NDArray[np.float64]:
     return m
 
 
-def _read_attitudes(path: Path) -> dict[float, NDArray[np.float64]]:
-    """By time; none where there is no such list."""
+def _read_attitudes(path: Path) -> dict[float, list[NDArray[np.float64]]]:
+    """By time, in their order; none where there is no such list."""
     if not path.is_file():
         return {}
-    attitudes: dict[float, NDArray[np.float64]] = {}
+    attitudes: dict[float, list[NDArray[np.float64]]] = {}
     with io.StringIO(_text(path, _MOST_TEXT), newline="") as file:
         for number, line in enumerate(_whole_lines(file, path), 1):
             cells = line.strip().split(",")
@@ -577,7 +579,7 @@ def _read_attitudes(path: Path) -> dict[float, NDArray[np.float64]]:
                 matrix = np.reshape(numbers, (3, 3))
             except ValueError:
                 raise ValueError(f"{where}: expected ten numbers, got {cells}") from None
-            attitudes[time] = _attitude_of(matrix, f"{where}: the attitude")
+            attitudes.setdefault(time, []).append(_attitude_of(matrix, f"{where}: the attitude"))
     return attitudes
 
 
@@ -680,6 +682,8 @@ def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
             storage.write("height", camera.height)
             if camera.model != "perspective":
                 storage.write("model", camera.model)
+            if camera.field_of_view != 360:
+                storage.write("field_of_view", float(camera.field_of_view))
             storage.write("camera_matrix", camera.opencv_matrix)
             if camera.distortion:
                 storage.write("distortion", np.array([camera.distortion], np.float64))
@@ -732,6 +736,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
     width, height = _whole(node, "width", path), _whole(node, "height", path)
     check_pixels(f"{path}: the {name} camera", width, height)
     gain, readout, model = node.getNode("gain"), node.getNode("readout"), node.getNode("model")
+    view = node.getNode("field_of_view")
     return Camera.from_opencv(
         matrix,
         [] if distortion is None else distortion.ravel().tolist(),
@@ -741,6 +746,7 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
         vignetting=[] if vignetting is None else vignetting.ravel().tolist(),
         readout=0.0 if readout.empty() else _number(node, "readout", path),
         model=model.string() if model.isString() else "perspective" if model.empty() else "?",
+        field_of_view=360.0 if view.empty() else _number(node, "field_of_view", path),
     )
 
 

@@ -71,6 +71,11 @@ void Camera::validate() const {
   check(gain > 0 && std::isfinite(gain), "a camera's gain must be positive and finite, got ", gain);
   check(readout >= 0 && std::isfinite(readout),
         "a camera's readout must be seconds, finite and not negative, got ", readout);
+  check(field_of_view >= 1 && field_of_view <= 360,
+        "a field of view must be 1 to 360 degrees, got ", field_of_view);
+  check(model == CameraModel::fisheye || field_of_view == 360,
+        "a field of view is told of fisheyes, got ", field_of_view, " degrees of a camera that is ",
+        name(model));
 }
 
 Camera Camera::from_opencv(int width, int height, double fx, double fy, double cx, double cy,

@@ -37,10 +37,14 @@ struct Camera {
   // Others than perspective ones only measure light (see Capture); boards are tracked in, and
   // objects drawn over, perspective pictures.
   CameraModel model = CameraModel::perspective;
+  // Degrees across a fisheye's circle: what lies outside shows nothing of the place, and most
+  // pictures are black there. 360: all that the model reaches.
+  double field_of_view = 360;
 
   // Throws std::invalid_argument for sizes that are not from 1 to 16384 pixels, focal lengths not
-  // from 0.001 to 10⁷, a principal point further than that, a gain ≤ 0, a readout < 0, another
-  // number of coefficients, and whatever is not finite.
+  // from 0.001 to 10⁷, a principal point further than that, a gain ≤ 0, a readout < 0, a field of
+  // view that is not from 1 to 360, or less than 360 of no fisheye, another number of coefficients,
+  // and whatever is not finite.
   void validate() const;
 
   // From OpenCV's numbers, whose pixel centres are whole: half a pixel is added to cx and cy.

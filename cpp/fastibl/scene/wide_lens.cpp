@@ -38,7 +38,7 @@ WideLens::WideLens(const Camera& camera)
   check(camera.model != CameraModel::perspective, "a perspective camera has a Lens");
   for (std::size_t i = 0; i < std::min<std::size_t>(camera.distortion.size(), 4); ++i)
     k_[i] = camera.distortion[i];
-  limit_ = growth_limit(k_);
+  limit_ = std::min(growth_limit(k_), camera.field_of_view * pi / 360);
 }
 
 std::optional<glm::dvec2> WideLens::project(const glm::dvec3& p) const {

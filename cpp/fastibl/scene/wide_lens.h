@@ -19,7 +19,7 @@ class WideLens {
   double fx_, fy_, cx_, cy_;
   double k_[4] = {};
   bool fisheye_;
-  double limit_;  // radians from the axis, up to which a fisheye's model grows
+  double limit_;  // radians from the axis, up to which a fisheye's model grows, and it sees
 };
 
 }  // namespace fastibl

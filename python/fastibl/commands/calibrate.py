@@ -37,6 +37,10 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--fisheye", action="store_true", help="a fisheye (Kannala and Brandt) instead of a perspective lens"
     )
     camera.add_argument(
+        "--field-of-view", type=float, metavar="DEGREES",
+        help="across a fisheye's circle, outside which its pictures show nothing (default: all of the picture)",
+    )  # fmt: skip
+    camera.add_argument(
         "--terms", type=int, choices=(4, 5, 8), default=5, help="of the distortion (default: %(default)s)"
     )
     _board(camera)
@@ -179,6 +183,8 @@ def run_camera(arguments: argparse.Namespace) -> int:
 
     if arguments.fisheye and arguments.camera == "back":
         raise ValueError("boards are tracked in perspective pictures: --fisheye goes with --camera front")
+    if arguments.field_of_view is not None and not arguments.fisheye:
+        raise ValueError("--field-of-view goes with --fisheye")
     known = getattr(read_rig(arguments.rig), arguments.camera) if arguments.rig.is_file() else None
     found = calibrate_camera(
         _read_pictures(arguments),
@@ -191,6 +197,10 @@ def run_camera(arguments: argparse.Namespace) -> int:
     camera = found.camera
     if known is not None:  # what pictures of a board do not tell
         camera = camera.replace(gain=known.gain, readout=known.readout, vignetting=known.vignetting)
+        if known.model == camera.model:
+            camera = camera.replace(field_of_view=known.field_of_view)
+    if arguments.field_of_view is not None:
+        camera = camera.replace(field_of_view=arguments.field_of_view)
     _keep(arguments, camera)
     return 0
 
