@@ -14,7 +14,7 @@ from . import inputs, live_browser
 from .measure import ROOT
 
 _DOCS = ROOT / "docs"
-_WIDTH, _HEIGHT, _QUALITY = 1200, 1300, 85
+_WIDTH, _HEIGHT, _QUALITY = 1360, 1480, 82
 _PLOTS = {
     "capture-error-against-time": "quick",
     "capture-over-time": "quick",

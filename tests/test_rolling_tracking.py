@@ -1,6 +1,7 @@
 """Poses by row: boards through a rolling shutter, sessions of it, and the calibration of when pictures are taken."""
 
 import copy
+import itertools
 import pickle
 from functools import cache
 
@@ -205,6 +206,27 @@ def test_a_global_shutter_is_found_to_be_one():
     timing = calibrate_timing(tuple(film(BOARD, path, CAMERA, 24, 0)), ROLLING, BOARD)
     print(f"\n{1e3 * timing.readout:.3f} +- {1e3 * timing.readout_deviation:.3f} ms")
     assert timing.readout < 1e-4 and timing.clock_offset is None and timing.clock_offset_deviation is None
+
+
+def test_clocks_of_a_global_shutter():
+    """What tracking errs by is no picture that is upside down."""
+    above = fastibl.Pose.look_at([0.05, -0.35, 0.4], [0, 0, 0])
+
+    def path(t):
+        turn = 0.5 * np.array([0.35, 0.3, 0.4]) * np.sin(2 * np.pi * np.array([0.7, 0.9, 1.1]) * t + np.arange(3))
+        return fastibl.Pose.from_rotation_vector(turn, [0.02 * np.sin(2 * t), 0.01 * np.cos(3 * t), 0]) @ above
+
+    made = fastibl.simulate(
+        seconds=2, fps=20, hand=False, lamp=False, path=path, clock_offset=0.1, rig=fastibl.Rig(CAMERA), live=True
+    )
+    times = np.arange(-0.5, 3, 0.005)
+    bodies = [path(t).rotation for t in times]
+    rates = -np.array([small_turn(b @ a.T) / 0.005 for a, b in itertools.pairwise(bodies)])
+    timing = calibrate_timing(
+        [(frame.time, frame.back) for frame in made], CAMERA, made.board, gyro=(times[:-1] + 0.0025, rates)
+    )
+    print(f"\n{timing.readout_deviation * 1e3:.3f} ms, {1e3 * timing.clock_offset:.2f} ms")
+    assert timing.readout < 1e-4 and abs(timing.clock_offset - 0.1) < 1e-3
 
 
 def test_two_cameras_that_see_the_board_tell_their_clocks_apart():

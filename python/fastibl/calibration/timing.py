@@ -123,7 +123,7 @@ def calibrate_timing(
             f"the motion does not tell the readout: {1e3 * readout:.1f} ms with a standard deviation of "
             f"{1e3 * deviation:.1f} ms; turn the camera faster, in several directions, with the board in view"
         )
-    if readout < -4 * deviation:
+    if readout < -max(4 * deviation, _LEAST_READOUT):  # what the tracking of motion errs by is no readout
         raise ValueError(f"the readout came out as {1e3 * readout:.2f} ms: are the pictures upside down?")
     offset = offset_deviation = None
     if poses is not None:
