@@ -5,6 +5,7 @@ import pytest
 
 import fastibl
 from fastibl import Capture, Pose
+from fastibl.comparison import irradiance_error
 from fastibl.exposure import Bracket
 
 RNG = np.random.default_rng(2)
@@ -94,6 +95,51 @@ def test_a_change_of_all_the_light_is_believed_when_it_stays():
     assert believed / 30 == pytest.approx(0.2, abs=0.04) and set(hows[believed:]) == {"told"}
     ray = np.asarray(looking_at(0.3).rotation)[2]
     np.testing.assert_allclose(capture.environment().radiance.sample(ray), 0.3 * PLACE.sample(ray), rtol=0.1)
+
+
+def turned(strength, tag, turns=2):
+    """Brackets of a camera that turns by 57 degrees a second, up and down: the error of what it saw in the end."""
+    capture, how = Capture(size=64, doubt_exposures=True), []
+    for k in range(63 * turns):
+        pose, exposure = looking_at(0.1 * k, (0.25, 0.75)[k // 3 % 2]), (1.0, 1 / 4, 1 / 16)[k % 3]
+        light = fastibl.CubeMap(PLACE.faces * np.float32(strength(k)))
+        how.append(capture.add(picture(pose, exposure, light=light), CAMERA, pose, exposure * tag(k), time=k / 10).how)
+    return seen_error(capture, light), how
+
+
+@pytest.mark.parametrize("factor", [0.25, 1.6, 4.0])
+def test_all_the_light_changes_while_the_camera_turns(factor):
+    """What was painted while it was doubted, and what is older, is not compared with."""
+    error, how = turned(lambda k: factor if k >= 63 else 1.0, lambda k: 1.0)
+    print(f"x{factor}: {error:.2%}, corrected {how.count('corrected')}, averaged {how.count('averaged')}")
+    assert error < 0.02 and how.count("corrected") <= 8 and how.count("averaged") <= 4
+    assert set(how[-30:]) == {"told"}
+
+
+@pytest.mark.parametrize("factor", [1 / 8, 2.0, 8.0])
+@pytest.mark.parametrize("count", [1, 3])
+def test_first_pictures_with_wrong_tags(factor, count):
+    """The first picture sets the scale, and those that follow tell that it was wrong."""
+    error, how = turned(lambda k: 1.0, lambda k: factor if k < count else 1.0, turns=1)
+    print(f"{count} x{factor}: {error:.2%}, corrected {how.count('corrected')}, averaged {how.count('averaged')}")
+    assert error < 0.02 and set(how[-30:]) == {"told"}
+
+
+def test_a_scale_that_was_assumed_is_said_to_be():
+    """No exposure at all: as the board's white says, and wrong by what that tells."""
+    film = fastibl.simulate(seconds=1, fps=8, size=(320, 240), hand=False, lamp=False, path="sweep")
+    truth = film.truth.environment(0)
+    session = fastibl.Session(fastibl.Scene(fastibl.shapes.figurine(detail=0.9)), film.rig, film.board, size=64)
+    for frame in film:
+        frame.front_exposure = None
+        env = session.process(frame).environment
+    error, (low, high) = irradiance_error(env, truth), env.predicted_interval
+    print(f"irradiance {error:.1%} off, stated {env.predicted_error:.1%}, {low:.1%} to {high:.1%}; {env.knowledge}")
+    assert error < 0.6 and low < error < high and env.knowledge["scale"] >= 0.08
+    told = Capture(size=64)
+    pose = looking_at(0.0)
+    told.add(picture(pose, 0.8), CAMERA, pose, 0.8, time=0)
+    assert told.environment().knowledge["scale"] == 0
 
 
 def test_what_changes_in_a_part_of_the_picture_comes_at_once():

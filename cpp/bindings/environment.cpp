@@ -172,6 +172,7 @@ not finite, or a box that does not hold it.)")
             out["parallax_doubt"] = e.knowledge.parallax_doubt;
             out["prior_flux"] = e.knowledge.prior_flux;
             out["boosted_flux"] = e.knowledge.boosted_flux;
+            out["scale"] = e.knowledge.scale;
             return out;
           },
           "What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux "
@@ -179,7 +180,8 @@ not finite, or a box that does not hold it.)")
           "before, bound_flux of the light known as a lower bound only, boosted_flux of it that "
           "clipped and was put back (see Capture's most_boost), parallax put wrong because things "
           "are near, as far as their lights tell, parallax_doubt that may be put wrong as well: of "
-          "how near things are little was seen.")
+          "how near things are little was seen, scale by which all of it may be wrong where a "
+          "camera never told an exposure, as the board's white says.")
       .def("__repr__", [](const Environment& e) {
         return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
                std::to_string(e.coverage) + ">";

@@ -561,7 +561,7 @@ class Environment:
     @property
     def knowledge(self) -> dict:
         """
-        What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux of the light in what was never seen, of which prior_flux is taken from a map from before, bound_flux of the light known as a lower bound only, boosted_flux of it that clipped and was put back (see Capture's most_boost), parallax put wrong because things are near, as far as their lights tell, parallax_doubt that may be put wrong as well: of how near things are little was seen.
+        What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux of the light in what was never seen, of which prior_flux is taken from a map from before, bound_flux of the light known as a lower bound only, boosted_flux of it that clipped and was put back (see Capture's most_boost), parallax put wrong because things are near, as far as their lights tell, parallax_doubt that may be put wrong as well: of how near things are little was seen, scale by which all of it may be wrong where a camera never told an exposure, as the board's white says.
         """
     @property
     def light_positions(self) -> numpy.typing.NDArray[numpy.float64]:

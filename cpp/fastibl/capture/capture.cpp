@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "fastibl/capture/footprint.h"
 #include "fastibl/core/check.h"
@@ -185,6 +186,8 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
     }
   };
   Taken taken{.exposure = exposure.value_or(1)};
+  ExposureDoubt& doubt = one ? one->doubt : wide->doubt;
+  if (exposure) doubt.tell();
   if (!exposure || (options_.doubt_exposures && one)) {
     std::vector<LevelProbe> probes;
     if (one)
@@ -194,8 +197,10 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
         probe_level(wide->picture.picture(), side, side_poses, wide->picture.mask(), probes);
       });
     for (LevelProbe& p : probes) p.expected *= glm::vec3(tint);
-    taken = (one ? one->doubt : wide->doubt).judge(probes, exposure, time);
+    taken = doubt.judge(probes, exposure, time);
+    if (doubt.found_change() > 0) distrust(doubt.found_change());
     if (taken.as == TakenAs::left_out) return taken;
+    if (taken.as == TakenAs::assumed) taken.exposure = assumed_exposure(picture, camera);
   }
   taken.tint *= tint;
   if (one)
@@ -274,6 +279,52 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
       if (plane && !unseen_.above(tiles_[i])) plane_seen_[std::size_t(tiles_[i])] = 1;
     }
   return true;
+}
+
+double Capture::assumed_exposure(const Picture& picture, const Camera& camera) const {
+  if (!plane_irradiance_) return 1;
+  const ByteResponse bytes(camera.response);
+  const PixelReader pixels(picture, camera.response, bytes);
+  constexpr int kAcross = 32;
+  double sum = 0;
+  for (int j = 0; j < kAcross; ++j)
+    for (int i = 0; i < kAcross; ++i) {
+      const glm::vec3 linear =
+          pixels.linear(i * picture.width / kAcross, j * picture.height / kAcross);
+      sum += double(linear.x + linear.y + linear.z) / (3 * kAcross * kAcross);
+    }
+  const glm::dvec3& plane = *plane_irradiance_;
+  const double radiance = (plane.x + plane.y + plane.z) / (3 * std::numbers::pi);
+  const double exposure = sum / (radiance * camera.gain);
+  return exposure > 0 && std::isfinite(exposure) ? exposure : 1;
+}
+
+double Capture::scale_error() const {
+  const auto is_assumed = [](const auto& camera) { return camera.doubt.assumed(); };
+  if (std::none_of(cameras_.begin(), cameras_.end(), is_assumed) &&
+      std::none_of(wide_cameras_.begin(), wide_cameras_.end(), is_assumed))
+    return 0;
+  if (!plane_irradiance_) return 1;
+  glm::dvec3 sky = unseen_.sky_irradiance(sums_, tile_projected_);
+  for (int tile = 0; tile < grid_.count(); ++tile)
+    if (unseen_.above(tile)) sky += sums_[std::size_t(tile)].irradiance;
+  const glm::dvec3& plane = *plane_irradiance_;
+  const double ratio = (sky.x + sky.y + sky.z) / (plane.x + plane.y + plane.z);
+  return std::isfinite(ratio) ? std::max(std::abs(ratio - 1), kMeterDeviation) : 1;
+}
+
+void Capture::distrust(double change) {
+  const float share = float(change * change);
+  for (int c = 0; c < 3; ++c)
+    for (std::size_t i = 0; i < state_.value[c].size(); ++i)
+      state_.variance[c][i] = std::min(
+          state_.variance[c][i] + share * state_.value[c][i] * state_.value[c][i], kMostVariance);
+  const std::uint64_t version = new_tile_version();
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    relate_variances(state_, std::size_t(tile) * std::size_t(grid_.stride()),
+                     tile_rect(grid_, tile).texels());
+    versions_[std::size_t(tile)] = version;
+  }
 }
 
 void Capture::read_meter(const Picture& picture, const KnownCamera& k, const RowPoses& poses,

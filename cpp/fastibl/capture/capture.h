@@ -150,6 +150,13 @@ class Capture {
   void probe_level(const Picture& picture, const KnownCamera& camera,
                    const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask,
                    std::vector<LevelProbe>& probes) const;
+  // All of the map may be wrong by so much, ln.
+  void distrust(double change);
+  // That a picture has with which the sky, were it all as bright as the picture, lit the plane as
+  // the board's white says; 1 where that was not seen.
+  double assumed_exposure(const Picture& picture, const Camera& camera) const;
+  // Relative error of the irradiance where a camera's scale was assumed: by the board's white.
+  double scale_error() const;
   void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
                   const Taken& taken);
   void take_changes(const std::vector<int>& changed, int refills);

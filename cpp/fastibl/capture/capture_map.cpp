@@ -110,7 +110,8 @@ void Capture::update_snapshot(Environment& snapshot) const {
                         near.doubt,
                         flux > 0 ? from_prior / flux : 0,
                         up_flux > 0 ? boosted / up_flux : 0,
-                        options_.most_boost > 1 && plane_irradiance_};
+                        options_.most_boost > 1 && plane_irradiance_,
+                        scale_error()};
   const ErrorInterval error = expected_error(snapshot.knowledge);
   snapshot.predicted_error = error.expected;
   snapshot.predicted_low = error.low, snapshot.predicted_high = error.high;

@@ -28,7 +28,7 @@ ErrorInterval expected_error(const MapKnowledge& known) {
   const double boosted = known.boosted_flux * known.boosted_flux,
                bounds = known.weighed ? kWeighed * known.bound_flux + kBoosted * boosted
                                       : kBound * known.bound_flux;
-  const double open = sure + known.parallax, expected = open + bounds;
+  const double open = sure + known.parallax + known.scale, expected = open + bounds;
   const double doubt = kDoubts * known.parallax_doubt;
   // Of its logarithm: the less is left unseen, the more it matters what that is.
   const double below = 1 - 0.35 * sky, above = 1 - 0.7 * sky;

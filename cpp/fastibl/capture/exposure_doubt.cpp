@@ -12,6 +12,7 @@ constexpr double kUsable = 0.6;        // the same of one that an exposure is re
 constexpr double kSame = 0.15;         // ln: two pictures are off alike
 constexpr double kStays = 0.2 - 1e-6;  // seconds, and times' rounding, and
 constexpr int kPictures = 4;           // pictures: what is off as long is the place
+constexpr double kFarOff = 1;          // ln: of what is only known to be far off
 
 glm::dvec3 log_of(const PictureLevel& level, double told) {
   return glm::dvec3(std::log(level.exposure / told)) + glm::log(level.tint);
@@ -41,18 +42,26 @@ bool ExposureDoubt::confirmed(const std::optional<glm::dvec3>& log_ratio, double
   if (!same) doubt_ = Doubt{log_ratio, time, 0};
   if (log_ratio) doubt_->log_ratio = log_ratio;
   ++doubt_->pictures;
-  return doubt_->pictures >= kPictures && time - doubt_->since >= kStays;
+  if (!(doubt_->pictures >= kPictures && time - doubt_->since >= kStays)) return false;
+  if (!doubt_->believed) {
+    change_ = doubt_->log_ratio ? largest(*doubt_->log_ratio) : kFarOff;
+    flicker_ = {};  // it compared with the map as it was
+  }
+  doubt_->believed = true;
+  return true;
 }
 
 Taken ExposureDoubt::judge(std::span<const LevelProbe> probes, std::optional<double> told,
                            double time) {
   Taken taken;
+  change_ = 0;
   if (!told) {
     taken = without_word(probes);
     placed_ |= taken.as != TakenAs::left_out;
+    assumed_ |= taken.as == TakenAs::assumed;
     return taken;
   }
-  placed_ = true;
+  tell();
   taken.exposure = *told, taken.probes = int(probes.size());
   const std::optional<PictureLevel> level = fit_level(probes);
   if (!level) {  // no word on past doubts either

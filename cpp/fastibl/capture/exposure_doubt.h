@@ -32,8 +32,16 @@ struct Taken {
 // everywhere. It is believed when it stays.
 class ExposureDoubt {
  public:
+  // An exposure came with a picture, whether it is judged or not.
+  void tell() { placed_ = true, assumed_ = false; }
   // told: what came with the picture, or nothing.
   Taken judge(std::span<const LevelProbe> probes, std::optional<double> told, double time);
+  // ln of the factor by which the last picture made sure that the place is another than the map
+  // says, or that the map began with a wrong exposure: what is older is not to be compared with. 0:
+  // it did not.
+  double found_change() const { return change_; }
+  // Whether all that the camera showed is in a scale that was assumed.
+  bool assumed() const { return assumed_; }
 
  private:
   Taken without_word(std::span<const LevelProbe> probes);
@@ -42,10 +50,13 @@ class ExposureDoubt {
     std::optional<glm::dvec3> log_ratio;
     double since = 0;  // seconds
     int pictures = 0;
+    bool believed = false;
   };
   std::optional<Doubt> doubt_;
   FlickerWatch flicker_;
   bool placed_ = false;  // whether any picture was taken
+  bool assumed_ = false;
+  double change_ = 0;
 };
 
 }  // namespace fastibl

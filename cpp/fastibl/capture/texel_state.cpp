@@ -18,7 +18,6 @@ constexpr float kLongest = 1.0f;
 // Relative difference of samples of a lamp's rim: clipped and unclipped pictures of it are read
 // with footprints of other shapes.
 constexpr float kRim = 0.3f;
-constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
 constexpr float kMostElapsed = 1e9f;    // seconds: what grows with them stays below that
 alignas(64) constexpr int kNoneClipped[kTexelLanes] = {};
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound

@@ -36,6 +36,8 @@ struct Samples {
 // Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
 inline constexpr float kModelNoise = 0.03f;
 
+inline constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
+
 // Takes samples of the texels [first, first + count) that were seen at `time` into their
 // estimates. unsure: for each the variance that is left, in variances of such a sample, of the
 // channel where it is largest, over those that are more than bounds; −1 where none was seen.

@@ -73,6 +73,8 @@ struct MapKnowledge {
   double prior_flux = 0;      // share of the light that a map from before stands for
   double boosted_flux = 0;    // share of the light above the horizon that clipped, and was put back
   bool weighed = false;       // what is a bound was compared with the light that the plane shows
+  // Relative error of all light where no exposure was told, as far as the plane shows it.
+  double scale = 0;
 };
 
 // Relative error of an irradiance: what is expected, and the ends of a 90 % interval.
