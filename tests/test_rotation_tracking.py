@@ -175,6 +175,21 @@ def test_a_gyroscope_alone_is_less_and_less_sure(film):
     assert worse[0] and not worse[-1] and sorted(worse, reverse=True) == worse
 
 
+def test_a_gyroscope_that_contradicts_what_is_seen_is_not_believed():
+    """It stops telling turns, and the camera turns on."""
+    film = simulate(textured(), seconds=3, fps=20, size=SIZE, hand=False, lamp=False, path=turning, gyro=0.0)
+    session, last = fastibl.Session(scene(), film.rig, film.board, size=64), None
+    before, after = [], []
+    for frame in film:
+        last = frame.attitude if frame.time < 1.6 else last
+        turned = session.process(dataclasses.replace(frame, attitude=last)).turned
+        if turned is not None:
+            errors = before if frame.time < 1.6 else after
+            errors.append(angle(turned.back_from_marker, film.truth.pose(frame.time)))
+    print(f"{len(before)} frames before, {len(after)} after, off by {max(after, default=0):.2f} degrees")
+    assert len(before) > 5 and max(before + after) < 1
+
+
 def test_no_turn_is_lost_where_the_board_leaves():
     """Its last pictures may disagree with what was seen, and be looked at or not."""
     film = simulate(textured(), seconds=2, fps=20, size=SIZE, hand=False, lamp=False, path=turning, gyro=0.0)

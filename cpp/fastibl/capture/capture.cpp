@@ -343,7 +343,7 @@ void Capture::take_changes(const std::vector<int>& changed, int refills) {
   std::vector<int> refilled, boosted;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
   const bool unmatched = prior_ && !prior_->matched();
-  if (++pictures_ % kPicturesPerFill == 0 || all_refills || unmatched) {
+  if (all_refills || unmatched || ++pictures_ % kPicturesPerFill == 0) {
     if (prior_ && match_prior(refilled)) refills = grid_.count(), all_refills = true;
     if (options_.most_boost > 1) boost_lights(boosted);
     unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);

@@ -16,6 +16,11 @@ constexpr int kAttempts = 2;  // each goes on from what the one before made of i
 // Where a rotation is expected no better than to kWide radians, so many features have to agree.
 constexpr double kWide = std::numbers::pi / 180;
 constexpr int kFew = 40;
+// Of the largest residual: beyond, what is seen contradicts a gyroscope; near walls and blur do
+// not.
+constexpr double kContradicts = 3;
+constexpr double kBlank =
+    0.4;  // log2: deviation of a picture's large parts that vignetting may have
 constexpr double kLongestStep = 0.3;      // seconds between poses that give a velocity
 constexpr double kKnown = 3e-4;           // radians: deviation of a known pose
 constexpr double kUnknownVelocity = 1.0;  // rad/s
@@ -37,6 +42,18 @@ double largest_eigenvalue(const glm::dmat3& m) {
 
 double mean_variance(const glm::dmat3& covariance) {
   return (covariance[0][0] + covariance[1][1] + covariance[2][2]) / 3;
+}
+
+// Whether a picture shows more than one bright or dark thing all over.
+bool shows_something(const MapView& view) {
+  const LightPyramid::Level& level = view.light->level(LightPyramid::kLevels - 1);
+  double sum = 0, squares = 0;
+  for (const float light : level.light) {
+    const double value = std::log2(std::clamp(double(light), 1e-4, 1.0));
+    sum += value, squares += value * value;
+  }
+  const double count = double(std::max<std::size_t>(level.light.size(), 1)), mean = sum / count;
+  return squares / count - mean * mean > kBlank * kBlank;
 }
 
 Rig validated(Rig rig) {
@@ -127,7 +144,7 @@ void RotationTracker::start(const Pose& back_from_marker, double time,
                    glm::dvec3(0)};
   }
   eye_ = back_from_marker.inverse().translation;
-  known_ = found_ = time, last_drift_ = found_drift_ = 0;
+  known_ = found_ = time, last_drift_ = found_drift_ = 0, contradicted_ = false;
   add_features(views(pictures));
 }
 
@@ -241,15 +258,17 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
                            options_.alignment);
     if (!found) break;
     result = judged(*found, time);
+    contradicted_ |= !result && found->residual > kContradicts * options_.largest_residual &&
+                     std::any_of(seen.begin(), seen.end(), shows_something);
   }
   // By few features a rotation far from what was expected may agree by chance.
   if (result && result->features < kFew && largest_eigenvalue(state_->ww) > kWide * kWide)
     result.reset();
   if (result) {
     correct(*state_, result->back_from_marker.rotation, glm::inverse(found->information));
-    found_ = time, found_drift_ = found->drift;
+    found_ = time, found_drift_ = found->drift, contradicted_ = false;
     fine_.forget_missed();
-  } else if (turn) {
+  } else if (turn && !contradicted_) {
     result = turned(state_->rotation, state_->ww, found_drift_, time);
   }
   if (!result) return std::nullopt;

@@ -83,7 +83,7 @@ class RotationTracker {
   // were added. turn: now_from_before of the back camera since the last frame, where a gyroscope
   // tells. Nothing before a start, where nothing known is in view, it has too little structure, or
   // does not agree; after a while of that it is lost until the next start. With a gyroscope it goes
-  // on by that alone, as long as largest_error allows.
+  // on by that alone, as long as largest_error allows, until what is to be seen contradicts it.
   std::optional<Turned> track(const Environment& environment, const RigPictures& pictures,
                               double time, const std::optional<glm::dmat3>& turn = {});
   // Whether pictures agree with what was seen before, under a rotation that is known otherwise; a
@@ -127,6 +127,7 @@ class RotationTracker {
   double found_ = 0;            // and when one was last found
   // Variances: of what is seen now, and of the map where a rotation was last found.
   double last_drift_ = 0, found_drift_ = 0;
+  bool contradicted_ = false;  // the gyroscope, since a rotation was found
 };
 
 }  // namespace fastibl
