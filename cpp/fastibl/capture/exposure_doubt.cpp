@@ -12,7 +12,6 @@ constexpr double kUsable = 0.6;        // the same of one that an exposure is re
 constexpr double kSame = 0.15;         // ln: two pictures are off alike
 constexpr double kStays = 0.2 - 1e-6;  // seconds, and times' rounding, and
 constexpr int kPictures = 4;           // pictures: what is off as long is the place
-constexpr double kFarOff = 1;          // ln: of what is only known to be far off
 
 glm::dvec3 log_of(const PictureLevel& level, double told) {
   return glm::dvec3(std::log(level.exposure / told)) + glm::log(level.tint);
@@ -43,11 +42,11 @@ bool ExposureDoubt::confirmed(const std::optional<glm::dvec3>& log_ratio, double
   if (log_ratio) doubt_->log_ratio = log_ratio;
   ++doubt_->pictures;
   if (!(doubt_->pictures >= kPictures && time - doubt_->since >= kStays)) return false;
-  if (!doubt_->believed) {
-    change_ = doubt_->log_ratio ? largest(*doubt_->log_ratio) : kFarOff;
+  if (!doubt_->believed && doubt_->log_ratio) {  // else it may be a hand
+    change_ = largest(*doubt_->log_ratio);
     flicker_ = {};  // it compared with the map as it was
+    doubt_->believed = true;
   }
-  doubt_->believed = true;
   return true;
 }
 
