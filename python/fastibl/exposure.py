@@ -24,7 +24,8 @@ def whole_periods(exposure: float, flicker: float, seconds_at_one: float = 0.01)
 class Bracket:
     """Exposures in turn, whatever they show: what CameraSource and simulate ask for the next one.
 
-    steps: by the first exposure, which the camera finds itself.
+    steps: by the first exposure, which the camera finds itself; each at least a 256th of the one before, or light that
+    clips in one drowns in the noise of the next.
     """
 
     def __init__(self, steps: Sequence[float] = (1.0, 1 / 16, 1 / 256)):

@@ -26,7 +26,7 @@ class MeshShadowLight {
 
   // The shadow of the object where it stands. The directions stay while they suit the light, so
   // that nothing flickers; new ones are faded in over kFadeCasts casts, faster while much of the
-  // light moves. Throws std::invalid_argument for a pose that MeshShadow::place refuses.
+  // light moves. Throws std::invalid_argument for a pose that is no motion along the plane.
   // The map's outer image is faded to 1 at its border, so that no edge is seen there.
   // near_lights: of the map. Directions of their light throw shadows from where they are, and each
   // light varies over the plane as from its middle. What of it is not brighter than the threshold

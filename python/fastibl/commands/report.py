@@ -29,7 +29,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     made.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
     made.add_argument("--recording", type=Path, help="folder of a recording (default: a simulated one)")
     made.add_argument("--out", type=Path, default=Path("report"), help="folder to write (default: %(default)s)")
-    made.add_argument("--quick", action="store_true", help="about a minute instead of a quarter of an hour")
+    made.add_argument("--quick", action="store_true", help="about a minute instead of 4 to 20")
     made.add_argument(
         "--against", type=Path, metavar="JSON",
         help="report.json of before: says what became better or worse; exit code 1 if something is clearly worse",
