@@ -13,15 +13,16 @@ namespace {
 
 constexpr double kMostCells = 1 << 20;  // along an edge: three numbers fit 64 bits
 
-std::uint64_t key_of(glm::dvec3 cell) {
-  const glm::dvec3 c = glm::clamp(glm::floor(cell), glm::dvec3(0), glm::dvec3(kMostCells - 1));
-  return std::uint64_t(c.x) << 40 | std::uint64_t(c.y) << 20 | std::uint64_t(c.z);
+std::uint64_t key_of(const glm::dvec3& cell) {
+  return std::uint64_t(cell.x) << 40 | std::uint64_t(cell.y) << 20 | std::uint64_t(cell.z);
 }
 
 }  // namespace
 
 Mesh coarse_mesh(const Mesh& mesh, float cell) {
-  const glm::dvec3 lower(bounds(mesh.vertices).lower);
+  const Bounds box = bounds(mesh.vertices);
+  const glm::dvec3 lower(box.lower), size = glm::dvec3(box.upper) - lower;
+  if (!(std::max({size.x, size.y, size.z}) < (kMostCells - 1) * double(cell))) return mesh;
   std::unordered_map<std::uint64_t, int> cells;
   std::vector<int> place;
   std::vector<glm::dvec3> sums;
