@@ -159,21 +159,21 @@ ShadowTriangles::ShadowTriangles(const Mesh& mesh, const Pose& marker_from_mesh)
         number[std::size_t(v)] = int(x_.size());
         const glm::vec3& p = builder.vertices[std::size_t(v)];
         x_.push_back(p.x), y_.push_back(p.y), z_.push_back(p.z);
-        top_ = std::max(top_, p.z);
       }
       corner[k] = number[std::size_t(v)];
     }
     std::sort(corner, corner + 3);
     a_.push_back(corner[0]), b_.push_back(corner[1]), c_.push_back(corner[2]);
   }
+  find_box();
 }
 
-ShadowTriangles::Box ShadowTriangles::box() const {
-  if (x_.empty()) return {};
+void ShadowTriangles::find_box() {
+  if (x_.empty()) return;
   const auto [x0, x1] = std::minmax_element(x_.begin(), x_.end());
   const auto [y0, y1] = std::minmax_element(y_.begin(), y_.end());
   const auto [z0, z1] = std::minmax_element(z_.begin(), z_.end());
-  return {{*x0, *y0, *z0}, {*x1, *y1, *z1}};
+  box_ = {{*x0, *y0, *z0}, {*x1, *y1, *z1}};
 }
 
 ShadowTriangles ShadowTriangles::moved(const PlaneMotion& motion) const {
@@ -182,6 +182,7 @@ ShadowTriangles ShadowTriangles::moved(const PlaneMotion& motion) const {
     const glm::vec2 p = motion * glm::vec2(x_[i], y_[i]);
     out.x_[i] = p.x, out.y_[i] = p.y;
   }
+  out.find_box();
   return out;
 }
 
@@ -246,7 +247,7 @@ void ShadowTriangles::draw(const PlaneProjection& light, const PlaneGrid& grid, 
   find_cells(places, int(x_.size()), last, scratch.cells.data());
   find_met(a_.data(), b_.data(), c_.data(), count, scratch.cells.data(), scratch.low.data(),
            scratch.tall.data(), &low, &tall);
-  if (near_light && top_ > top) {
+  if (near_light && box_.upper.z > top) {
     const auto higher = [&](std::int32_t triangle) {
       const auto k = std::size_t(triangle);
       return std::max({z_[std::size_t(a_[k])], z_[std::size_t(b_[k])], z_[std::size_t(c_[k])]}) >

@@ -37,7 +37,7 @@ class ShadowTriangles {
   struct Box {
     glm::vec3 lower{0}, upper{0};
   };
-  Box box() const;  // of all vertices
+  const Box& box() const { return box_; }  // of all vertices
   // The same triangles, moved along the plane.
   ShadowTriangles moved(const PlaneMotion& motion) const;
 
@@ -60,10 +60,11 @@ class ShadowTriangles {
  private:
   void draw_cut(std::size_t triangle, float top, const PlaneProjection& light,
                 const PlaneGrid& grid, PlaneBits& bits) const;
+  void find_box();
 
   std::vector<float> x_, y_, z_;         // vertices
-  float top_ = 0;                        // largest z
   std::vector<std::int32_t> a_, b_, c_;  // triangles, corners in ascending order
+  Box box_;
 };
 
 }  // namespace fastibl
