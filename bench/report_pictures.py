@@ -1,5 +1,5 @@
 """What the documents show of reports, by `./dev bench report-pictures`: the overview and the top of the page of a full
-one of all real maps, and plots of quick ones. Some 25 minutes; nothing else should run beside it."""
+one of all real maps, and plots of quick ones. Some minutes; nothing else should run beside it."""
 
 from __future__ import annotations
 

@@ -299,26 +299,27 @@ double Capture::assumed_exposure(const Picture& picture, const Camera& camera) c
   return exposure > 0 && std::isfinite(exposure) ? exposure : 1;
 }
 
+glm::dvec3 Capture::seen_sky_irradiance() const {
+  glm::dvec3 sum(0);
+  for (int tile = 0; tile < grid_.count(); ++tile)
+    if (unseen_.above(tile)) sum += sums_[std::size_t(tile)].irradiance;
+  return sum;
+}
+
 double Capture::scale_error() const {
   const auto is_assumed = [](const auto& camera) { return camera.doubt.assumed(); };
   if (std::none_of(cameras_.begin(), cameras_.end(), is_assumed) &&
       std::none_of(wide_cameras_.begin(), wide_cameras_.end(), is_assumed))
     return 0;
   if (!plane_irradiance_) return 1;
-  glm::dvec3 sky = unseen_.sky_irradiance(sums_, tile_projected_);
-  for (int tile = 0; tile < grid_.count(); ++tile)
-    if (unseen_.above(tile)) sky += sums_[std::size_t(tile)].irradiance;
+  const glm::dvec3 sky = seen_sky_irradiance() + unseen_.sky_irradiance(sums_, tile_projected_);
   const glm::dvec3& plane = *plane_irradiance_;
   const double ratio = (sky.x + sky.y + sky.z) / (plane.x + plane.y + plane.z);
   return std::isfinite(ratio) ? std::max(std::abs(ratio - 1), kMeterDeviation) : 1;
 }
 
 void Capture::distrust(double change) {
-  const float share = float(change * change);
-  for (int c = 0; c < 3; ++c)
-    for (std::size_t i = 0; i < state_.value[c].size(); ++i)
-      state_.variance[c][i] = std::min(
-          state_.variance[c][i] + share * state_.value[c][i] * state_.value[c][i], kMostVariance);
+  fastibl::distrust(state_, change);
   const std::uint64_t version = new_tile_version();
   for (int tile = 0; tile < grid_.count(); ++tile) {
     relate_variances(state_, std::size_t(tile) * std::size_t(grid_.stride()),

@@ -157,6 +157,7 @@ class Capture {
   double assumed_exposure(const Picture& picture, const Camera& camera) const;
   // Relative error of the irradiance where a camera's scale was assumed: by the board's white.
   double scale_error() const;
+  glm::dvec3 seen_sky_irradiance() const;  // of the plane
   void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
                   const Taken& taken);
   void take_changes(const std::vector<int>& changed, int refills);

@@ -120,12 +120,9 @@ void Capture::update_snapshot(Environment& snapshot) const {
 void Capture::boost_lights(std::vector<int>& shown) {
   if (!plane_irradiance_) return;
   BoundLight bounds;
-  glm::dvec3 seen(0);
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t i = std::size_t(tile), start = i * std::size_t(grid_.stride());
-    if (!unseen_.above(tile)) continue;
-    seen += sums_[i].irradiance;
-    if (!(sums_[i].bound_angle > 0)) continue;
+    if (!unseen_.above(tile) || !(sums_[i].bound_angle > 0)) continue;
     bounds += sum_bounds(state_, start, tile_rect(grid_, tile).texels(), &projected_[start]);
     shown.push_back(tile);
   }
@@ -133,7 +130,7 @@ void Capture::boost_lights(std::vector<int>& shown) {
   const glm::dvec3 unseen = unseen_.sky_irradiance(sums_, tile_projected_),
                    unsure = kMeterDeviation * *plane_irradiance_;
   const LightBoost boost =
-      boost_of(bounds, *plane_irradiance_ - seen - unseen,
+      boost_of(bounds, *plane_irradiance_ - seen_sky_irradiance() - unseen,
                glm::sqrt(unseen * unseen + unsure * unsure), options_.most_boost);
   // No light is counted twice: the rest of it may be in what was not seen.
   unseen_.measure_plane(*plane_irradiance_ - added(boost, bounds), unsure);

@@ -60,7 +60,6 @@ Taken ExposureDoubt::judge(std::span<const LevelProbe> probes, std::optional<dou
     assumed_ |= taken.as == TakenAs::assumed;
     return taken;
   }
-  tell();
   taken.exposure = *told, taken.probes = int(probes.size());
   const std::optional<PictureLevel> level = fit_level(probes);
   if (!level) {  // no word on past doubts either

@@ -32,7 +32,7 @@ struct Taken {
 // everywhere. It is believed when it stays.
 class ExposureDoubt {
  public:
-  // An exposure came with a picture, whether it is judged or not.
+  // An exposure came with a picture; before that is judged, if it is.
   void tell() { placed_ = true, assumed_ = false; }
   // told: what came with the picture, or nothing.
   Taken judge(std::span<const LevelProbe> probes, std::optional<double> told, double time);

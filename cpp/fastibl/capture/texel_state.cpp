@@ -11,14 +11,15 @@ namespace {
 
 // A sample further than this many standard deviations from the value is a change of the place.
 constexpr float kChange = 4.0f;
-// Seconds up to which a value becomes the less sure against a new sample the longer ago it was seen:
-// what differs much is a change, and noise of a dark exposure must not be averaged in for being
-// taken a minute later.
+// Seconds up to which a value becomes the less sure against a new sample the longer ago it was
+// seen: what differs much is a change, and noise of a dark exposure must not be averaged in for
+// being taken a minute later.
 constexpr float kLongest = 1.0f;
 // Relative difference of samples of a lamp's rim: clipped and unclipped pictures of it are read
 // with footprints of other shapes.
 constexpr float kRim = 0.3f;
 constexpr float kMostElapsed = 1e9f;    // seconds: what grows with them stays below that
+constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
 alignas(64) constexpr int kNoneClipped[kTexelLanes] = {};
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
 
@@ -285,6 +286,15 @@ void merge_samples(TexelState& state, std::size_t first, int count, const Sighti
       compare_clipped(in, &state.value[c][first], &state.variance[c][first], bounds[c], unsure);
   }
   if (bounded || samples.any_clipped) join_bounds(bounds, lanes, &state.bound[first]);
+}
+
+void distrust(TexelState& state, double share) {
+  const float square = float(share * share);
+  for (int c = 0; c < 3; ++c)
+    for (std::size_t i = 0; i < state.value[c].size(); ++i) {
+      const float value = state.value[c][i];
+      state.variance[c][i] = std::min(state.variance[c][i] + square * value * value, kMostVariance);
+    }
 }
 
 void relate_variances(TexelState& state, std::size_t first, int count) {

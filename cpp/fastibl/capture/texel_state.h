@@ -36,8 +36,6 @@ struct Samples {
 // Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
 inline constexpr float kModelNoise = 0.03f;
 
-inline constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
-
 // Takes samples of the texels [first, first + count) that were seen at `time` into their
 // estimates. unsure: for each the variance that is left, in variances of such a sample, of the
 // channel where it is largest, over those that are more than bounds; −1 where none was seen.
@@ -45,6 +43,8 @@ inline constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
 void merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
                    const Samples& samples, const SensorNoise& noise, double time, double* last_seen,
                    double common, float* unsure);
+// What is known of all texels may be wrong by this share of it: variances grow, `relative` stays.
+void distrust(TexelState& state, double share);
 // Renews `relative`.
 void relate_variances(TexelState& state, std::size_t first, int count);
 

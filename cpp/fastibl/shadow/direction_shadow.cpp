@@ -15,9 +15,9 @@
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
-#include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shadow/map_border.h"
 #include "fastibl/shadow/near_spheres.h"
+#include "fastibl/shadow/plane_rows.h"
 
 namespace fastibl {
 namespace {
@@ -391,18 +391,14 @@ void DirectionShadow::sum_near(std::span<const PlaneBits> bits, std::span<const 
     const glm::vec3 sum = choose(i);
     sum_shares(bits, own, left);
     const float height = near_.height(i);
-    parallel_for(grid.size, kStrip, [&](int begin, int end) {
-      std::vector<glm::vec2> points(std::size_t(grid.size));
+    for_rows(grid, [&](int y, const std::vector<glm::vec2>& points) {
       std::vector<float> falloff(points.size());
-      for (int y = begin; y < end; ++y) {
-        grid.points(0, y, points);
-        near_.falloff(i, points, falloff);
-        for (int x = 0; x < grid.size; ++x) {
-          const float here = height * falloff[std::size_t(x)];
-          for (int c = 0; c < 3; ++c) {
-            ratio.pixel(x, y)[c] -= here * (1 - left.pixel(x, y)[c]);
-            lit.pixel(x, y)[c] += (here - 1) * sum[c];
-          }
+      near_.falloff(i, points, falloff);
+      for (int x = 0; x < grid.size; ++x) {
+        const float here = height * falloff[std::size_t(x)];
+        for (int c = 0; c < 3; ++c) {
+          ratio.pixel(x, y)[c] -= here * (1 - left.pixel(x, y)[c]);
+          lit.pixel(x, y)[c] += (here - 1) * sum[c];
         }
       }
     });

@@ -7,8 +7,8 @@
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/shadow_look_up.h"
-#include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shadow/map_border.h"
+#include "fastibl/shadow/plane_rows.h"
 
 namespace fastibl {
 namespace {
@@ -268,23 +268,6 @@ void MeshShadowLight::add_lights(Cover cover, Part part, std::vector<float>& los
       (set->*cover).add(lights_of(*set, part, -1), lost);
 }
 
-namespace {
-
-// Calls use(y, points) for the rows of texels of a grid.
-template <class Use>
-void for_rows(const PlaneGrid& grid, const Use& use) {
-  const int n = grid.size;
-  parallel_for(n, 16, [&](int begin, int end) {
-    std::vector<glm::vec2> points(static_cast<std::size_t>(n));
-    for (int y = begin; y < end; ++y) {
-      grid.points(0, y, points);
-      use(y, points);
-    }
-  });
-}
-
-}  // namespace
-
 // Of near lights. grid: of the image, in the marker frame.
 void MeshShadowLight::add_near(Cover cover, Part part, const PlaneGrid& grid,
                                Image<float>& lost) const {
@@ -335,17 +318,13 @@ void MeshShadowLight::add_fine(const ShadowMap& rest, ShadowMap& map) const {
   add_near(&Set::fine, Part::compact, grid, map.fine);
   divide_by_light(grid, map.fine);
   const ShadowLookUp look_up(rest);
-  parallel_for(n, 16, [&](int begin, int end) {
-    std::vector<glm::vec2> points(static_cast<std::size_t>(n));
+  for_rows(grid, [&](int y, const std::vector<glm::vec2>& points) {
     std::vector<glm::vec3> ratios(points.size());
-    for (int y = begin; y < end; ++y) {
-      grid.points(0, y, points);
-      look_up.sample(points, ratios);
-      float* row = map.fine.row(y);
-      for (int i = 0; i < 3 * n; ++i) {
-        const float left = (&ratios[0].x)[i] - row[i];
-        row[i] = left < 2 * kNothing ? 0 : left;  // the look-up errs by as much again
-      }
+    look_up.sample(points, ratios);
+    float* row = map.fine.row(y);
+    for (int i = 0; i < 3 * n; ++i) {
+      const float left = (&ratios[0].x)[i] - row[i];
+      row[i] = left < 2 * kNothing ? 0 : left;  // the look-up errs by as much again
     }
   });
 }
