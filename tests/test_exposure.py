@@ -142,6 +142,37 @@ def test_a_scale_that_was_assumed_is_said_to_be():
     assert told.environment().knowledge["scale"] == 0
 
 
+def test_a_scale_that_was_assumed_is_mended_by_the_boards_white():
+    """The front camera's pictures come before any of the board; then the white says how bright they are."""
+    options = {"seconds": 3, "fps": 10, "size": (320, 240), "hand": False, "lamp": False, "path": "sweep"}
+    film = fastibl.simulate(PLACE, **options, front_exposures=lambda last: last)
+    truth = film.truth.environment(0)
+    for units in (1.0, 8.0, 1 / 8):  # of the back camera's exposures
+        capture = Capture(size=64, board=film.board, centre=(0, 0, 0.1))
+        scale, mended = [], []
+        for k, frame in enumerate(film):
+            pose = film.truth.pose(frame.time)
+            front = film.rig.front_from_back @ pose
+            assert capture.add(frame.front, film.rig.front, front, None, frame.time, number=1).how != "left out"
+            if k >= 6:
+                capture.add(frame.back, film.rig.back, pose, frame.back_exposure * units, frame.time)
+            light = fastibl.Lighting(capture.environment()).irradiance((0, 0, 1)).mean()
+            scale.append(light * units / fastibl.Lighting(truth).irradiance((0, 0, 1)).mean())
+            mended.append(capture.mended)
+        print(f"units {units:g}: x{scale[5]:.2f}, x{scale[10]:.2f}, x{scale[-1]:.2f}; mended after {mended}")
+        assert abs(np.log(scale[-1])) < 0.15 and 1 <= mended[-1] <= 3
+        assert abs(np.log(scale[5])) > 0.5, "wrong before, or nothing is shown"
+
+
+def test_cameras_of_the_same_parameters_are_told_apart():
+    """Of two cameras of one make the second sets its own scale."""
+    capture, away = Capture(size=64), looking_at(2.4, 0.2)
+    pose = looking_at(0.0)
+    assert capture.add(picture(pose, 0.8), CAMERA, pose, None, 0.0).how == "assumed"
+    assert capture.add(picture(away, 0.8), CAMERA, away, None, 0.0).how == "left out"
+    assert capture.add(picture(away, 0.8), CAMERA, away, None, 0.0, number=1).how == "assumed"
+
+
 def test_what_changes_in_a_part_of_the_picture_comes_at_once():
     capture, time = warmed()
     pose = looking_at(0.3)

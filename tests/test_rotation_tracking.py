@@ -72,6 +72,19 @@ def test_session_follows_the_surroundings(film):
     assert turned_after_loss >= 30 and np.median(errors) < 0.2 and max(errors) < 0.5
 
 
+def test_cameras_that_tell_no_exposure():
+    """With the exposures that their last pictures were taken into the map with, where they are steady."""
+    options = {"seconds": 3, "fps": 20, "size": SIZE, "hand": False, "lamp": False, "path": turning}
+    film = simulate(textured(), **options, front_exposures=lambda last: last)
+    session, errors = fastibl.Session(scene(), film.rig, film.board, size=64), []
+    for frame in film:
+        result = session.process(dataclasses.replace(frame, back_exposure=None, front_exposure=None))
+        if result.turned is not None:
+            errors.append(angle(result.turned.back_from_marker, film.truth.pose(frame.time)))
+    print(f"rotation: median {np.median(errors):.3f}, worst {max(errors):.3f} degrees, {len(errors)} frames")
+    assert len(errors) >= 30 and np.median(errors) < 0.3 and max(errors) < 0.75
+
+
 def test_switched_off(film):
     session = fastibl.Session(scene(), film.rig, film.board, size=64, follow_surroundings=False)
     coverage = 0.0

@@ -109,7 +109,7 @@ Raises ValueError for values out of range.)")
           [](Capture& capture, const py::object& image, const Camera& camera,
              const py::object& camera_from_marker, const std::optional<double>& exposure,
              double time, const py::object& mask, const py::object& last_row,
-             const std::array<double, 3>& tint, bool plane) {
+             const std::array<double, 3>& tint, bool plane, int number) {
             py::array keep, keep_mask;
             const Picture picture = require_picture(image, "image", keep);
             const Pose pose = require_pose(camera_from_marker, "camera_from_marker");
@@ -130,12 +130,12 @@ Raises ValueError for values out of range.)")
             }
             const py::gil_scoped_release release;
             return capture.add(picture, camera, pose, exposure, time, view, last,
-                               {tint[0], tint[1], tint[2]}, plane);
+                               {tint[0], tint[1], tint[2]}, plane, number);
           },
           py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"),
           py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
           py::arg("last_row") = py::none(), py::arg("tint") = std::array<double, 3>{1, 1, 1},
-          py::arg("plane") = true,
+          py::arg("plane") = true, py::arg("number") = 0,
           R"(Update the texels that a picture sees.
 
 image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
@@ -144,8 +144,11 @@ picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0
 what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
 row was taken; camera_from_marker is then that of the first row. tint: by channel, a known
 factor on the exposure, see fastibl.white. plane: False where the place of the camera is a guess: what was seen of the
-plane otherwise stays. Returns Taken. Raises ValueError or TypeError, naming what was
-expected and what came.)")
+plane otherwise stays. number: tells cameras apart whose parameters are the same. Returns Taken. Raises ValueError or
+TypeError, naming what was expected and what came.)")
+      .def_property_readonly("mended", &Capture::mended, R"(How often the scale of a camera that tells no exposure was found wrong.
+
+All that it had shown was then made brighter or darker, so that the sky lights the board as its white says.)")
       .def(
           "next_exposure",
           [](const Capture& capture, const Camera& camera, const py::object& camera_from_marker,

@@ -74,9 +74,7 @@ bool Player::advance() {
   frame_ = std::make_shared<const OwnedFrame>(std::move(*next));
   ++count_;
   record_frame();
-  Frame frame = frame_->view();
-  assumed_.fill(frame);
-  FrameResult result = session_->process(frame);
+  FrameResult result = session_->process(frame_->view());
   timings_.add(result.timings);
   watch_time(result);
   changed_ = false;
@@ -89,13 +87,6 @@ bool Player::advance() {
   tracked_ = result_.tracked;
   if (!result_.back_from_marker) ++unseen_;
   drawn_ = false;
-  if (const auto exposure = assumed_.measure(result_.environment.get())) {
-    begin_session();
-    char text[32];
-    std::snprintf(text, sizeof text, "%.2g", *exposure);
-    say(std::string("the front camera's exposure is taken for ") + text +
-        ", as the board's white tells; the light is captured anew");
-  }
   return true;
 }
 

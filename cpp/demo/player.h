@@ -9,7 +9,6 @@
 #include <string>
 
 #include "demo/args.h"
-#include "demo/assumed_front.h"
 #include "demo/frame_source.h"
 #include "demo/materials.h"
 #include "demo/object_list.h"
@@ -107,7 +106,6 @@ class Player {
   bool again_ = false;  // the wish is another than what is being made
   std::unique_ptr<Recorder> recorder_;
   std::shared_ptr<const OwnedFrame> frame_;
-  AssumedFront assumed_;
   FrameResult result_;
   std::optional<Tracked> tracked_;  // of the frame, however often it is drawn
   Image<std::uint8_t> picture_;

@@ -910,7 +910,7 @@ class Capture:
         ...
     def __repr__(self) -> str:
         ...
-    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, tint: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0], plane: bool = True) -> Taken:
+    def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, tint: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0], plane: bool = True, number: typing.SupportsInt | typing.SupportsIndex = 0) -> Taken:
         """
         Update the texels that a picture sees.
 
@@ -920,8 +920,8 @@ class Capture:
         what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
         row was taken; camera_from_marker is then that of the first row. tint: by channel, a known
         factor on the exposure, see fastibl.white. plane: False where the place of the camera is a guess: what was seen of the
-        plane otherwise stays. Returns Taken. Raises ValueError or TypeError, naming what was
-        expected and what came.
+        plane otherwise stays. number: tells cameras apart whose parameters are the same. Returns Taken. Raises ValueError or
+        TypeError, naming what was expected and what came.
         """
     def environment(self) -> Environment:
         """
@@ -943,6 +943,13 @@ class Capture:
     def last_seen(self) -> numpy.typing.NDArray[numpy.float64]:
         """
         (6, n, n) float64: time at which each texel was last seen; -inf if never.
+        """
+    @property
+    def mended(self) -> int:
+        """
+        How often the scale of a camera that tells no exposure was found wrong.
+
+        All that it had shown was then made brighter or darker, so that the sky lights the board as its white says.
         """
 class ShadowMap:
     """

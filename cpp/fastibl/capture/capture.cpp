@@ -52,21 +52,23 @@ Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignet
       bytes(given.response),
       probe_rays(Capture::probe_rays(given, lens)) {}
 
-Capture::KnownCamera& Capture::known(const Camera& camera) {
+Capture::KnownCamera& Capture::known(const Camera& camera, int number) {
   for (KnownCamera& k : cameras_)
-    if (k.camera == camera) return k;
+    if (k.number == number && k.camera == camera) return k;
   camera.validate();
   if (cameras_.size() == kCameras) cameras_.erase(cameras_.begin());
-  return cameras_.emplace_back(camera);
+  KnownCamera& k = cameras_.emplace_back(camera);
+  k.number = number;
+  return k;
 }
 
-Capture::KnownWide& Capture::known_wide(const Camera& camera) {
+Capture::KnownWide& Capture::known_wide(const Camera& camera, int number) {
   for (KnownWide& k : wide_cameras_)
-    if (k.camera == camera) return k;
+    if (k.number == number && k.camera == camera) return k;
   camera.validate();
   if (wide_cameras_.size() == kCameras) wide_cameras_.erase(wide_cameras_.begin());
   KnownWide& wide = wide_cameras_.emplace_back();
-  wide.camera = camera;
+  wide.camera = camera, wide.number = number;
   wide.sides = sides_of(camera, grid_.size);
   for (const WideSide& side : wide.sides) wide.known.emplace_back(side.camera, side.vignette);
   return wide;
@@ -135,6 +137,7 @@ Capture::Capture(CaptureOptions options)
   }
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
+  scales_.assign(tiles, ScaleOf::nothing);
   at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0);
   if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
   if (options_.prior) {
@@ -150,7 +153,8 @@ Capture::Capture(CaptureOptions options)
 
 Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
                    std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask,
-                   const std::optional<Pose>& last_row, const glm::dvec3& tint, bool plane) {
+                   const std::optional<Pose>& last_row, const glm::dvec3& tint, bool plane,
+                   int number) {
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
@@ -168,8 +172,8 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
   const bool perspective = camera.model == CameraModel::perspective;
-  KnownCamera* const one = perspective ? &known(camera) : nullptr;
-  KnownWide* const wide = perspective ? nullptr : &known_wide(camera);
+  KnownCamera* const one = perspective ? &known(camera, number) : nullptr;
+  KnownWide* const wide = perspective ? nullptr : &known_wide(camera, number);
   const int refills = refills_after(time, camera);
   time_ = time;
   if (last_camera_ != camera) last_camera_ = camera;
@@ -210,7 +214,8 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
       any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), plane,
                   changed);
     });
-  if (one && plane) read_meter(picture, *one, poses, taken);
+  note_scales(changed, doubt.assumed() && !(one && one->metered), !exposure);
+  if (one && plane && read_meter(picture, *one, poses, taken)) mend_scale(changed);
   if (any) take_changes(changed, refills);
   return taken;
 }
@@ -281,41 +286,11 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   return true;
 }
 
-double Capture::assumed_exposure(const Picture& picture, const Camera& camera) const {
-  if (!plane_irradiance_) return 1;
-  const ByteResponse bytes(camera.response);
-  const PixelReader pixels(picture, camera.response, bytes);
-  constexpr int kAcross = 32;
-  double sum = 0;
-  for (int j = 0; j < kAcross; ++j)
-    for (int i = 0; i < kAcross; ++i) {
-      const glm::vec3 linear =
-          pixels.linear(i * picture.width / kAcross, j * picture.height / kAcross);
-      sum += double(linear.x + linear.y + linear.z) / (3 * kAcross * kAcross);
-    }
-  const glm::dvec3& plane = *plane_irradiance_;
-  const double radiance = (plane.x + plane.y + plane.z) / (3 * std::numbers::pi);
-  const double exposure = sum / (radiance * camera.gain);
-  return exposure > 0 && std::isfinite(exposure) ? exposure : 1;
-}
-
 glm::dvec3 Capture::seen_sky_irradiance() const {
   glm::dvec3 sum(0);
   for (int tile = 0; tile < grid_.count(); ++tile)
     if (unseen_.above(tile)) sum += sums_[std::size_t(tile)].irradiance;
   return sum;
-}
-
-double Capture::scale_error() const {
-  const auto is_assumed = [](const auto& camera) { return camera.doubt.assumed(); };
-  if (std::none_of(cameras_.begin(), cameras_.end(), is_assumed) &&
-      std::none_of(wide_cameras_.begin(), wide_cameras_.end(), is_assumed))
-    return 0;
-  if (!plane_irradiance_) return 1;
-  const glm::dvec3 sky = seen_sky_irradiance() + unseen_.sky_irradiance(sums_, tile_projected_);
-  const glm::dvec3& plane = *plane_irradiance_;
-  const double ratio = (sky.x + sky.y + sky.z) / (plane.x + plane.y + plane.z);
-  return std::isfinite(ratio) ? std::max(std::abs(ratio - 1), kMeterDeviation) : 1;
 }
 
 void Capture::distrust(double change) {
@@ -328,14 +303,16 @@ void Capture::distrust(double change) {
   }
 }
 
-void Capture::read_meter(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
+bool Capture::read_meter(const Picture& picture, KnownCamera& k, const RowPoses& poses,
                          const Taken& taken) {
-  if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return;
+  if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return false;
   auto read = meter_->read(k.pixels(picture), k.camera, k.lens, poses.at(0.5), taken.exposure);
-  if (!read) return;
+  if (!read) return false;
   *read /= taken.tint;
+  k.metered = true;
   metered_ = time_, plane_irradiance_ = read;
   unseen_.measure_plane(*read, kMeterDeviation * *read);
+  return true;
 }
 
 // refills: see refills_after().

@@ -81,11 +81,12 @@ class Capture {
   // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
   // is not positive and finite, or a time before the last one. tint: by channel, a known factor on
   // the exposure: of another camera's white balance and scale. plane: false where the place of the
-  // camera is a guess: what was seen of the plane otherwise stays.
+  // camera is a guess: what was seen of the plane otherwise stays. number: tells cameras apart
+  // whose parameters are the same.
   Taken add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
             std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask = {},
             const std::optional<Pose>& last_row = {}, const glm::dvec3& tint = glm::dvec3(1),
-            bool plane = true);
+            bool plane = true, int number = 0);
 
   // The marker was turned: what is above the horizon turns with new_from_old, and lights are to be
   // located anew; the plane is forgotten.
@@ -105,6 +106,9 @@ class Capture {
   int size() const { return options_.size; }
   const glm::dvec3& centre() const { return options_.centre; }
   double time() const { return time_; }
+  // How often what a camera that tells no exposure had shown was made brighter or darker as a
+  // whole, so that the sky lights the board as its white says.
+  int mended() const { return mended_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
   std::vector<double> last_seen() const;
 
@@ -119,6 +123,7 @@ class Capture {
     }
     PixelReader pixels(const Picture& picture) const { return {picture, camera.response, bytes}; }
     Camera camera;
+    int number = 0;
     std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
     PictureBounds bounds;
@@ -126,20 +131,22 @@ class Capture {
     ByteResponse bytes;
     std::vector<std::optional<glm::dvec3>> probe_rays;
     ExposureDoubt doubt;
+    bool metered = false;       // whether the board's white was read in its pictures
     glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
     double looked_at = kNever;  // and when, seconds
   };
   // A fisheye or 360° camera: what is known of its sides.
   struct KnownWide {
     Camera camera;
+    int number = 0;
     std::vector<WideSide> sides;
     std::vector<KnownCamera> known;
     SidePicture picture;
     ExposureDoubt doubt;
   };
   struct View;  // of one picture
-  KnownCamera& known(const Camera& camera);
-  KnownWide& known_wide(const Camera& camera);
+  KnownCamera& known(const Camera& camera, int number);
+  KnownWide& known_wide(const Camera& camera, int number);
   // Of a perspective picture: adds tiles that changed; false if the map holds nothing of it.
   bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
             const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
@@ -152,13 +159,19 @@ class Capture {
                    std::vector<LevelProbe>& probes) const;
   // All of the map may be wrong by so much, ln.
   void distrust(double change);
-  // That a picture has with which the sky, were it all as bright as the picture, lit the plane as
-  // the board's white says; 1 where that was not seen.
+  // In camera_scale.cpp. That a picture has with which the sky, were it all as bright as the
+  // picture, lit the plane as the board's white says; 1 where that was not seen.
   double assumed_exposure(const Picture& picture, const Camera& camera) const;
   // Relative error of the irradiance where a camera's scale was assumed: by the board's white.
   double scale_error() const;
+  enum class ScaleOf : std::uint8_t { nothing, assumed, known };  // of what a tile shows
+  // Of tiles that a picture changed, of a camera with an assumed scale or not.
+  void note_scales(const std::vector<int>& tiles, bool assumed, bool untold);
+  // Makes what is in an assumed scale as bright as the board's white says; adds such tiles.
+  void mend_scale(std::vector<int>& changed);
   glm::dvec3 seen_sky_irradiance() const;  // of the plane
-  void read_meter(const Picture& picture, const KnownCamera& camera, const RowPoses& poses,
+  // True if it shows the board's white well enough.
+  bool read_meter(const Picture& picture, KnownCamera& camera, const RowPoses& poses,
                   const Taken& taken);
   void take_changes(const std::vector<int>& changed, int refills);
   // Renews boost_; appends tiles that show it. In capture_map.cpp.
@@ -240,6 +253,9 @@ class Capture {
   std::optional<LightMeter> meter_;
   double metered_ = kNever;                     // seconds
   std::optional<glm::dvec3> plane_irradiance_;  // that it read last
+  std::vector<ScaleOf> scales_;                 // by tile
+  double scaled_at_ = 0;  // the share of the sky that was seen when the scale was last looked at
+  int mended_ = 0;
   LightBoost boost_;
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior

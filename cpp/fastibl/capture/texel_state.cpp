@@ -297,6 +297,14 @@ void distrust(TexelState& state, double share) {
     }
 }
 
+void scale_texels(TexelState& state, std::size_t first, int count, float factor) {
+  for (int c = 0; c < 3; ++c)
+    for (std::size_t i = first; i < first + std::size_t(count); ++i) {
+      state.value[c][i] *= factor;
+      state.variance[c][i] = std::min(state.variance[c][i] * factor * factor, kMostVariance);
+    }
+}
+
 void relate_variances(TexelState& state, std::size_t first, int count) {
   const float* value[3] = {&state.value[0][first], &state.value[1][first], &state.value[2][first]};
   const float* variance[3] = {&state.variance[0][first], &state.variance[1][first],

@@ -45,6 +45,8 @@ void merge_samples(TexelState& state, std::size_t first, int count, const Sighti
                    double common, float* unsure);
 // What is known of all texels may be wrong by this share of it: variances grow, `relative` stays.
 void distrust(TexelState& state, double share);
+// Makes texels brighter by a factor; `relative` stays.
+void scale_texels(TexelState& state, std::size_t first, int count, float factor);
 // Renews `relative`.
 void relate_variances(TexelState& state, std::size_t first, int count);
 

@@ -32,9 +32,11 @@ constexpr int kStream = 3;           // frames in a row that come with light of 
 constexpr int kStill = 30;           // frames without, after which it stays again
 constexpr int kLeastFrames = 60;     // from one time to the next: it takes as long as some frames
 constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures, which have one
-constexpr double kSameExposure = 0.05;  // exposure, by so much of its logarithm; where none comes
-constexpr double kSinglePatience = 8;   // for so many seconds, another will do
-constexpr int kBounceCells = 32;        // of the plane, along an edge
+constexpr double kSameExposure = 0.05;   // exposure, by so much of its logarithm; where none comes
+constexpr double kSteadyExposure = 0.3;  // ln, from one picture to the next
+constexpr double kSinglePatience = 8;    // for so many seconds, another will do
+constexpr int kFront = 1;                // the camera's number; the back one's is 0
+constexpr int kBounceCells = 32;         // of the plane, along an edge
 constexpr double kSmallestHeight =
     0.01;  // metres: an object's centre for capture, however flat it is
 
@@ -375,11 +377,11 @@ std::optional<Pose> Session::find_pose(const Frame& frame, FrameResult& result) 
 void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   RigPictures pictures;  // what is of unknown exposure cannot be compared
   pictures.number = ++moments_;
-  if (frame.back_exposure)
-    pictures.back = frame.back, pictures.back_exposure = *frame.back_exposure;
-  if (frame.front_exposure) {  // compared is green
+  if (const auto exposure = frame.back_exposure ? frame.back_exposure : read_back_.next())
+    pictures.back = frame.back, pictures.back_exposure = *exposure;
+  if (const auto exposure = frame.front_exposure ? frame.front_exposure : read_front_.next()) {
     pictures.front = frame.front;
-    pictures.front_exposure = *frame.front_exposure * options_.front_ratio.y;
+    pictures.front_exposure = *exposure * options_.front_ratio.y;  // compared is green
   }
   if (!rotation_tracker_) return;
   const auto start = [&](const Pose& pose) {
@@ -589,6 +591,13 @@ Pose Session::drawn_pose(const FrameResult& result) const {
   return motion.moved(first, share);
 }
 
+void Session::ReadExposure::read(const Taken& taken) {
+  std::optional<double> now;
+  if (taken.as != TakenAs::left_out) now = taken.exposure;
+  steady = now && last && std::abs(std::log(*now / *last)) <= kSteadyExposure;
+  last = now;
+}
+
 void Session::capture_frame(const Frame& frame, FrameResult& result) {
   const std::optional<Pose>& pose = result.back_from_marker;
   // Of what only turned, the place is not known: the plane that was seen from the board's pose
@@ -599,6 +608,9 @@ void Session::capture_frame(const Frame& frame, FrameResult& result) {
         capture_->add(frame.back, rig_.back, pose ? *pose : *turned_, frame.back_exposure,
                       frame.time, {}, result.back_last_row, glm::dvec3(1), plane);
     if (result.back_taken->as != TakenAs::left_out) back_exposure_ = result.back_taken->exposure;
+    read_back_.read(*result.back_taken);
+    if (std::exchange(mended_, capture_->mended()) != mended_ && rotation_tracker_)
+      rotation_tracker_->forget();  // what pictures showed was in another scale
   }
   if (turns_.takes(LightStep::front)) {
     const auto front_from_marker = [&](double time) {
@@ -612,7 +624,8 @@ void Session::capture_frame(const Frame& frame, FrameResult& result) {
       last_row = front_from_marker(frame.time + rig_.front->readout);
     result.front_taken =
         capture_->add(frame.front, *rig_.front, front_from_marker(frame.time), frame.front_exposure,
-                      frame.time, {}, last_row, options_.front_ratio, plane);
+                      frame.time, {}, last_row, options_.front_ratio, plane, kFront);
+    read_front_.read(*result.front_taken);
     if (result.front_taken->as == TakenAs::left_out) return;
     if (!last_capture_time_ || !is_single_exposure(frame)) single_exposure_ = frame.front_exposure;
     last_capture_time_ = frame.time;

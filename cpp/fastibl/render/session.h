@@ -236,6 +236,15 @@ class Session {
   double last_pose_time_ = 0;
   std::optional<double> last_time_;
   double back_exposure_ = 1;  // of the last back picture, as far as it is known
+  // What the map last said of the exposures of a camera that tells none, for its next picture.
+  struct ReadExposure {
+    std::optional<double> last;
+    bool steady = false;  // as that before it: no bracket
+    void read(const Taken& taken);
+    std::optional<double> next() const { return steady ? last : std::nullopt; }
+  };
+  ReadExposure read_back_, read_front_;
+  int mended_ = 0;                                             // as the capture had it
   std::optional<double> last_capture_time_, single_exposure_;  // of the paper's single pictures
 };
 

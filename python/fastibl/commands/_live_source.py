@@ -25,7 +25,6 @@ class Opened:
     about: str | Callable[[], str]
     notices: list[str] = field(default_factory=list)
     adaptive: Any = None
-    assumed: Any = None  # AssumedFront around the cameras
     distance: float | None = None  # of the walls, where it is known
 
 
@@ -112,7 +111,6 @@ def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opene
     from ..exposure import Bracket
     from ..recording import read_rig
     from ..sources import CameraSource
-    from ..untold_exposure import AssumedFront
 
     back = 0 if arguments.back is None else arguments.back
     if arguments.front is not None and arguments.environment is not None:
@@ -143,8 +141,7 @@ def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opene
             "how bright the rest must be. Turn the camera around the room, or give `--front CAMERA` or "
             "`--environment room.hdr`."
         )
-    assumed = None if arguments.front is None else AssumedFront(source)
-    return Opened(assumed or source, about, notices, adaptive, assumed=assumed)
+    return Opened(source, about, notices, adaptive)
 
 
 def _found(arguments: argparse.Namespace, back: int | str) -> tuple[Any, dict[str, Any], list[str]]:

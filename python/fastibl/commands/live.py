@@ -226,13 +226,6 @@ class _Watch:
                 self._opened.adaptive.schedule.update(session.capture, source.rig.front_from_back @ pose)
             self._bar.update()
             self._bar.set_postfix(error=f"{100 * self._error:.0f} %", dropped=self._dropped, refresh=False)
-        assumed = self._opened.assumed
-        if assumed is not None and result is not None and assumed.measure(result.environment):
-            self.loop.say(
-                f"the front camera's exposure is taken for {assumed.exposure:.2g}, as the board's white tells; "
-                "the light is captured anew"
-            )
-            self.loop.change({"restart": True})
         if self._seconds is not None and self._end is None:  # by a clock: a recording may end before
             self._end = threading.Timer(self._seconds, self.loop.stop)
             self._end.daemon = True

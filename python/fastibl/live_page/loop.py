@@ -441,8 +441,7 @@ class LiveLoop:
 
     def _record(self, played: Played) -> None:
         try:
-            as_told = getattr(self.source, "as_told", None)
-            self._recorder.add(as_told(played.frame) if as_told else played.frame)
+            self._recorder.add(played.frame)
         except Exception as error:  # noqa: BLE001 - whatever ended it
             self.say(f"the recording ended: {error}")
             self._end_recording()

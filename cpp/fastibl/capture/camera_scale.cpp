@@ -1,0 +1,94 @@
+// The scale of cameras that tell no exposure, by the board's white in pictures of another.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "fastibl/capture/capture.h"
+
+namespace fastibl {
+namespace {
+
+constexpr double kLeastSeen = 0.25;  // of the sky, by what it lights: with less, little is known
+constexpr double kLessUnseen = 2.0 / 3;  // of that, before the white is asked again,
+constexpr double kAllSeen = 0.98;        // until so much was seen: after that the light may change
+// ln: what is off by less stays, where all of the sky was seen and where nothing was. The first
+// picture is seldom further off, and what was not seen is filled as the white says in any case.
+constexpr double kGood = 0.1, kGuess = 0.75;
+
+double grey(const glm::dvec3& light) { return (light.x + light.y + light.z) / 3; }
+
+}  // namespace
+
+double Capture::assumed_exposure(const Picture& picture, const Camera& camera) const {
+  if (!plane_irradiance_) return 1;
+  const ByteResponse bytes(camera.response);
+  const PixelReader pixels(picture, camera.response, bytes);
+  constexpr int kAcross = 32;
+  double sum = 0;
+  for (int j = 0; j < kAcross; ++j)
+    for (int i = 0; i < kAcross; ++i) {
+      const glm::vec3 linear =
+          pixels.linear(i * picture.width / kAcross, j * picture.height / kAcross);
+      sum += double(linear.x + linear.y + linear.z) / (3 * kAcross * kAcross);
+    }
+  const glm::dvec3& plane = *plane_irradiance_;
+  const double radiance = (plane.x + plane.y + plane.z) / (3 * std::numbers::pi);
+  const double exposure = sum / (radiance * camera.gain);
+  return exposure > 0 && std::isfinite(exposure) ? exposure : 1;
+}
+
+double Capture::scale_error() const {
+  const auto is_assumed = [](const auto& camera) { return camera.doubt.assumed(); };
+  if (std::none_of(cameras_.begin(), cameras_.end(), is_assumed) &&
+      std::none_of(wide_cameras_.begin(), wide_cameras_.end(), is_assumed))
+    return 0;
+  if (!plane_irradiance_) return 1;
+  const glm::dvec3 sky = seen_sky_irradiance() + unseen_.sky_irradiance(sums_, tile_projected_);
+  const glm::dvec3& plane = *plane_irradiance_;
+  const double ratio = (sky.x + sky.y + sky.z) / (plane.x + plane.y + plane.z);
+  return std::isfinite(ratio) ? std::max(std::abs(ratio - 1), kMeterDeviation) : 1;
+}
+
+void Capture::note_scales(const std::vector<int>& tiles, bool assumed, bool untold) {
+  for (const int tile : tiles) {
+    ScaleOf& scale = scales_[std::size_t(tile)];
+    if (scale == ScaleOf::nothing)
+      scale = assumed ? ScaleOf::assumed : ScaleOf::known;
+    else if (!untold)
+      scale = ScaleOf::known;
+  }
+}
+
+// What was not seen of the sky is taken to be as bright as what was: the more was seen, the better
+// the scale is known, so that the white is asked again whenever there is more.
+void Capture::mend_scale(std::vector<int>& changed) {
+  if (prior_ || boost_.any() || scaled_at_ > kAllSeen) return;
+  double known = 0, assumed = 0, seen = 0, sky = 0;
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    if (!unseen_.above(tile)) continue;
+    const std::size_t i = std::size_t(tile);
+    const TileSums& sums = sums_[i];
+    sky += tile_projected_[i], seen += sums.projected;
+    (scales_[i] == ScaleOf::assumed ? assumed : known) += grey(sums.irradiance);
+  }
+  if (!(assumed > 0)) return;
+  const double share = seen / sky;
+  if (share < kLeastSeen || 1 - share > kLessUnseen * (1 - scaled_at_)) return;
+  const double factor = (share * grey(*plane_irradiance_) - known) / assumed;
+  if (!(factor > 0) || !std::isfinite(factor)) return;
+  scaled_at_ = share;
+  if (std::abs(std::log(factor)) <= kGuess + share * (kGood - kGuess)) return;
+  const std::size_t stride = std::size_t(grid_.stride());
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    const std::size_t i = std::size_t(tile);
+    if (!unseen_.above(tile) || scales_[i] != ScaleOf::assumed || sums_[i].count == 0) continue;
+    scale_texels(state_, i * stride, tile_rect(grid_, tile).texels(), float(factor));
+    sums_[i] = sum_of(tile);
+    changed.push_back(tile);
+  }
+  std::sort(changed.begin(), changed.end());
+  changed.erase(std::unique(changed.begin(), changed.end()), changed.end());
+  ++mended_;
+}
+
+}  // namespace fastibl
