@@ -3,6 +3,7 @@
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "bindings/one_at_a_time.h"
 #include "bindings/room_box.h"
 
 namespace fastibl::bindings {
@@ -128,9 +129,8 @@ Raises ValueError for values out of range.)")
               view = {static_cast<const std::uint8_t*>(keep_mask.data()), int(keep_mask.shape(1)),
                       int(keep_mask.shape(0)), 1, keep_mask.shape(1)};
             }
-            const py::gil_scoped_release release;
-            return capture.add(picture, camera, pose, exposure, time, view, last,
-                               {tint[0], tint[1], tint[2]}, plane, number);
+            return one_at_a_time(&capture, [&] { return capture.add(picture, camera, pose, exposure, time, view, last,
+                               {tint[0], tint[1], tint[2]}, plane, number); });
           },
           py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"),
           py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
@@ -146,16 +146,16 @@ row was taken; camera_from_marker is then that of the first row. tint: by channe
 factor on the exposure, see fastibl.white. plane: False where the place of the camera is a guess: what was seen of the
 plane otherwise stays. number: tells cameras apart whose parameters are the same. Returns Taken. Raises ValueError or
 TypeError, naming what was expected and what came.)")
-      .def_property_readonly("mended", &Capture::mended, R"(How often the scale of a camera that tells no exposure was found wrong.
+      .def_property_readonly("mended", [](const Capture& capture) { return one_at_a_time(&capture, [&] { return capture.mended(); }); }, R"(How often the scale of a camera that tells no exposure was found wrong.
 
 All that it had shown was then made brighter or darker, so that the sky lights the board as its white says.)")
       .def(
           "next_exposure",
           [](const Capture& capture, const Camera& camera, const py::object& camera_from_marker,
              double shortest, double longest) {
-            return capture.next_exposure(camera,
-                                         require_pose(camera_from_marker, "camera_from_marker"),
-                                         {shortest, longest});
+            const Pose pose = require_pose(camera_from_marker, "camera_from_marker");
+            return one_at_a_time(
+                &capture, [&] { return capture.next_exposure(camera, pose, {shortest, longest}); });
           },
           py::arg("camera"), py::arg("camera_from_marker"), py::arg("shortest"), py::arg("longest"),
           R"(The exposure with which a camera there tells most of what the map lacks.
@@ -166,8 +166,7 @@ for another camera or a range that is none.)")
       .def(
           "turn",
           [](Capture& capture, const Pose& new_from_old) {
-            const py::gil_scoped_release release;
-            capture.turn(new_from_old.rotation);
+            one_at_a_time(&capture, [&] { capture.turn(new_from_old.rotation); });
           },
           py::arg("new_from_old"),
           "The marker was turned: what is above the horizon turns with the rotation of this Pose, "
@@ -175,8 +174,8 @@ for another camera or a range that is none.)")
       .def(
           "environment",
           [](Capture& capture) {
-            const py::gil_scoped_release release;
-            return std::const_pointer_cast<Environment>(capture.environment());
+            return one_at_a_time(
+                &capture, [&] { return std::const_pointer_cast<Environment>(capture.environment()); });
           },
           "Environment at the time of the last picture, without holes.")
       .def_property_readonly(
@@ -184,7 +183,7 @@ for another camera or a range that is none.)")
           [](const Capture& capture) {
             const int n = capture.size();
             py::array_t<double> out({6, n, n});
-            const std::vector<double> times = capture.last_seen();
+            const std::vector<double> times = one_at_a_time(&capture, [&] { return capture.last_seen(); });
             std::copy(times.begin(), times.end(), out.mutable_data());
             return out;
           },

@@ -118,7 +118,9 @@ void bind_lighting(py::module_& module) {
              options.glossy_settings = settings_with<GlossySettings>(options.glossy, glossy_given);
              options.measure_error = false;
              options.environment = environment;
-             return fit_lighting(shared_cube(cube), options, previous);
+             const std::shared_ptr<const CubeMap> shared = shared_cube(cube);
+             const py::gil_scoped_release release;
+             return fit_lighting(shared, options, previous);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
            py::arg("glossy_settings"), py::arg("previous") = nullptr,

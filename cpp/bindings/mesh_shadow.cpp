@@ -2,6 +2,7 @@
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "bindings/one_at_a_time.h"
 #include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/shadow/mesh_shadow_light.h"
 
@@ -133,9 +134,10 @@ void bind_mesh_shadow(py::module_& module) {
           [](const MeshShadow& shadow, const CubeMap& cube, const py::object& pose,
              MeshShadowLight& light, const Environment* environment) {
             const Pose placed = pose.is_none() ? Pose{} : require_pose(pose, "marker_from_object");
-            const py::gil_scoped_release release;
-            return light.cast(shadow, cube, placed,
-                              environment ? find_near_lights(*environment) : NearLights{});
+            return one_at_a_time(&light, [&] {
+              return light.cast(shadow, cube, placed,
+                                environment ? find_near_lights(*environment) : NearLights{});
+            });
           },
           py::arg("cube"), py::arg("marker_from_object"), py::arg("light"),
           py::arg("environment") = py::none(),

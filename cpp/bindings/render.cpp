@@ -4,6 +4,7 @@
 #include "bindings/costs.h"
 #include "bindings/detector.h"
 #include "bindings/numpy.h"
+#include "bindings/one_at_a_time.h"
 #include "bindings/room_box.h"
 #include "fastibl/render/session.h"
 #include "fastibl/shadow/mesh_shadow.h"
@@ -25,6 +26,12 @@ std::unique_ptr<Renderer> renderer_named(const std::string& backend) {
         "with Debian's libepoxy-dev, libegl-dev, libgles2 and libgl1-mesa-dri");
 #endif
   throw py::value_error("backend must be \"auto\", \"cpu\" or \"gl\", got \"" + backend + "\"");
+}
+
+// Its capture is an object of its own to Python.
+template <typename F>
+auto alone(Session& session, F&& f) {
+  return one_at_a_time(&session, &session.capture(), std::forward<F>(f));
 }
 
 // What Python sees of a processed frame; arrays are made when asked for.
@@ -160,39 +167,42 @@ void bind_render(py::module_& module) {
               frame.back_last_row = require_pose(back_last_row, "back_last_row");
             if (!attitude.is_none())
               frame.attitude = require_rotation(attitude, "a frame's attitude");
-            const py::gil_scoped_release release;
-            Result result{session.process(frame), {}, session.plan()};
-            result.shadow = session.shadow_map();
-            return result;
+            return alone(session, [&] {
+              Result result{session.process(frame), {}, session.plan()};
+              result.shadow = session.shadow_map();
+              return result;
+            });
           },
           py::arg("time"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
           py::arg("front_exposure"), py::arg("back_from_marker"),
           py::arg("back_last_row") = py::none(), py::arg("attitude") = py::none())
-      .def_property_readonly("plan", &Session::plan,
-                             "Plan of the next frame: print it for the bill.")
       .def_property_readonly(
-          "scene", [](const Session& s) { return s.scene(); },
+          "plan", [](Session& s) { return alone(s, [&] { return Plan(s.plan()); }); },
+          "Plan of the next frame, as it stands now: print it for the bill.")
+      .def_property_readonly(
+          "scene", [](Session& s) { return alone(s, [&] { return Scene(s.scene()); }); },
           "A copy of the Scene that is drawn: what is done to it does not change the session.")
-      .def_property_readonly("shadow_map", &Session::shadow_map,
+      .def_property_readonly("shadow_map", [](Session& s) { return alone(s, [&] { return s.shadow_map(); }); },
                              "ShadowMap of the last frame: .image, .extent.")
       .def_property_readonly(
-          "plane_gain", &Session::plane_gain,
+          "plane_gain", [](Session& s) { return alone(s, [&] { return s.plane_gain(); }); },
           R"(ShadowMap of what the plane's picture was multiplied by in the last frame.
 
 Its ratio is the shadow's as strength and colour have it, and the light that the object sends to the plane by what the
 plane gets without the object: it may exceed 1.)")
       .def(
           "set_shadow_look",
-          [](Session& s, double strength,
-             const py::object&
-                 color) { s.set_shadow_look({float(strength), require_triple(color, "color")}); },
+          [](Session& s, double strength, const py::object& color) {
+            const ShadowLook look{float(strength), require_triple(color, "color")};
+            alone(s, [&] { s.set_shadow_look(look); });
+          },
           py::arg("strength") = 1.0, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
           "Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. "
           "Raises "
           "ValueError for values outside [0, 1].")
-      .def_property_readonly("object", &Session::object, "ObjectLayer of the last frame.")
+      .def_property_readonly("object", [](Session& s) { return alone(s, [&] { return s.object(); }); }, "ObjectLayer of the last frame.")
       .def_property_readonly(
-          "holdout", &Session::holdout,
+          "holdout", [](Session& s) { return alone(s, [&] { return s.holdout(); }); },
           "ObjectLayer of the real objects before the virtual one in the last frame: what is left "
           "of their light times coverage, and coverage.")
       .def_property_readonly("capture", &Session::capture,
@@ -205,32 +215,51 @@ plane gets without the object: it may exceed 1.)")
           "device", [](Session& s) { return s.renderer().device(); },
           "The driver's name of what draws (GL_RENDERER): a graphics card, or \"llvmpipe …\" where "
           "Mesa draws in software; \"\" on the CPU back end.")
-      .def("set_material", &Session::set_material, py::arg("material"),
+      .def(
+          "set_material",
+          [](Session& s, const Material& material) {
+            alone(s, [&] { s.set_material(material); });
+          },
+          py::arg("material"),
            "Use another material from the next frame on.")
       .def(
           "move",
-          [](Session& s,
-             const py::object& pose) { s.move(require_pose(pose, "marker_from_object")); },
+          [](Session& s, const py::object& pose) {
+            const Pose marker_from_object = require_pose(pose, "marker_from_object");
+            alone(s, [&] { s.move(marker_from_object); });
+          },
           py::arg("marker_from_object"),
           "Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is no pose.")
-      .def("_set_cast_shadow", &Session::set_cast_shadow, py::arg("cast"))
+      .def(
+          "_set_cast_shadow",
+          [](Session& s, bool cast) { alone(s, [&] { s.set_cast_shadow(cast); }); },
+          py::arg("cast"))
       .def(
           "_set_baked_shadow",
-          [](Session& s, const std::shared_ptr<MeshShadow>& baked) { s.set_baked_shadow(baked); },
+          [](Session& s, const std::shared_ptr<MeshShadow>& baked) {
+ alone(s, [&] { s.set_baked_shadow(baked); }); },
           py::arg("baked"))
       .def(
           "_set_environment",
-          [](Session& s, const std::shared_ptr<Environment>& e) { s.set_environment(e); },
+          [](Session& s, const std::shared_ptr<Environment>& e) {
+ alone(s, [&] { s.set_environment(e); }); },
           py::arg("environment"))
-      .def("_set_methods", &Session::set_methods, py::arg("methods"))
-      .def("_set_scene", &Session::set_scene, py::arg("scene"))
-      .def("set_budgets", &Session::set_budgets, py::arg("error") = 0.0,
+      .def(
+          "_set_methods",
+          [](Session& s, const Methods& methods) { alone(s, [&] { s.set_methods(methods); }); },
+          py::arg("methods"))
+      .def(
+          "_set_scene", [](Session& s, const Scene& scene) { alone(s, [&] { s.set_scene(scene); }); },
+          py::arg("scene"))
+      .def("set_budgets", [](Session& s, double error, double milliseconds) {
+           alone(s, [&] { s.set_budgets(error, milliseconds); }); }, py::arg("error") = 0.0,
            py::arg("milliseconds") = 0.0,
            "Keep to other budgets from the next frame on, 0 for none. Raises ValueError for values "
            "that are negative or not finite.")
       .def(
           "_set_backend",
-          [](Session& s, const std::string& backend) { s.set_renderer(renderer_named(backend)); },
+          [](Session& s, const std::string& backend) {
+ auto renderer = renderer_named(backend); alone(s, [&] { s.set_renderer(std::move(renderer)); }); },
           py::arg("backend"));
 }
 

@@ -1,4 +1,5 @@
 #include "bindings/numpy.h"
+#include "bindings/one_at_a_time.h"
 #include "bindings/spheres.h"
 #include "fastibl/core/check.h"
 #include "fastibl/scene/lighting.h"
@@ -60,9 +61,12 @@ Floats glossy(SelfShadow& s, const Lighting& lighting, const py::object& eye, do
   if (!(exponent >= 0))
     throw py::value_error("the exponent must be at least 0, got " + std::to_string(exponent));
   std::vector<glm::vec4> shares(s.vertices.size());
-  s.update(lighting, rotation_of(marker_from_object));
-  glossy_shares(s.visibility, s.light, {float(exponent)}, s.vertices, s.normals, *vectors(at),
-                shares);
+  const glm::mat3 turn = rotation_of(marker_from_object);
+  one_at_a_time(&s, [&] {
+    s.update(lighting, turn);
+    glossy_shares(s.visibility, s.light, {float(exponent)}, s.vertices, s.normals, *vectors(at),
+                  shares);
+  });
   Floats out(py::ssize_t(shares.size()));
   for (std::size_t i = 0; i < shares.size(); ++i) out.mutable_data()[i] = shares[i].w;
   return out;
@@ -132,7 +136,8 @@ Raises ValueError for another shape or size.)")
       .def(
           "shares",
           [](SelfShadow& s, const Lighting& lighting, const py::object& marker_from_object) {
-            return colours(s.shares(lighting, rotation_of(marker_from_object)));
+            const glm::mat3 turn = rotation_of(marker_from_object);
+            return colours(one_at_a_time(&s, [&] { return s.shares(lighting, turn); }));
           },
           py::arg("lighting"), py::arg("marker_from_object") = py::none(),
           R"(Share of the irradiance that reaches each vertex, by colour channel: (v, 3) float32 in [0, 1].
@@ -143,10 +148,12 @@ marker_from_object: Pose or (4, 4), where the mesh stands. Raises ValueError for
           "irradiance",
           [](SelfShadow& s, const Lighting& lighting, const py::object& marker_from_object) {
             const glm::mat3 turn = rotation_of(marker_from_object);
-            std::vector<glm::vec4> shares = s.shares(lighting, turn);
-            for (std::size_t i = 0; i < shares.size(); ++i)
-              shares[i] *= glm::vec4(evaluate(lighting.irradiance, turn * s.normals[i]), 1);
-            return colours(shares);
+            return colours(one_at_a_time(&s, [&] {
+              std::vector<glm::vec4> shares = s.shares(lighting, turn);
+              for (std::size_t i = 0; i < shares.size(); ++i)
+                shares[i] *= glm::vec4(evaluate(lighting.irradiance, turn * s.normals[i]), 1);
+              return shares;
+            }));
           },
           py::arg("lighting"), py::arg("marker_from_object") = py::none(),
           "Irradiance of each vertex with its self-shadow: (v, 3) float32. Arguments as of "

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "bindings/numpy.h"
+#include "bindings/one_at_a_time.h"
 #include "bindings/spheres.h"
 #include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/lighting/harmonic_sums.h"
@@ -261,9 +262,10 @@ last map is returned. directions: how many stand for all light. Raises ValueErro
             const ShadowOptions options =
                 require_options("directions", 256, resolution, extent, centre, outer);
             const SphereSet set = require_spheres(spheres);
-            const py::gil_scoped_release release;
-            return std::const_pointer_cast<ShadowMap>(self.cast(
-                cube, set, options, environment ? find_near_lights(*environment) : NearLights{}));
+            return one_at_a_time(&self, [&] {
+              return std::const_pointer_cast<ShadowMap>(self.cast(
+                  cube, set, options, environment ? find_near_lights(*environment) : NearLights{}));
+            });
           },
           py::arg("cube"), py::arg("spheres"), py::arg("resolution") = 0,
           py::arg("extent") = py::none(), py::arg("centre") = py::none(), py::arg("outer") = true,
@@ -272,7 +274,11 @@ last map is returned. directions: how many stand for all light. Raises ValueErro
           "from where they are; see cast_shadow.")
       .def_property_readonly(
           "light",
-          [](const DirectionShadow& self) { return direction_arrays(self.light().directions()); },
+          [](const DirectionShadow& self) {
+            const auto light = one_at_a_time(
+                &self, [&] { return std::vector<LightDirection>(self.light().directions()); });
+            return direction_arrays(light);
+          },
           "Directions (k, 3) and shares (k, 3) of the last cast, see light_directions; twice as "
           "many "
           "while new ones are faded in.");

@@ -252,7 +252,10 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
       "_refine_corners",
       [](const py::array_t<std::uint8_t>& grey, const py::object& tags, int border_bits,
          const Camera& camera) {
-        return refine_corners(require_grey(grey), require_tags(tags), border_bits, camera);
+        const auto picture = require_grey(grey);
+        const std::vector<DetectedTag> found = require_tags(tags);
+        const py::gil_scoped_release release;
+        return refine_corners(picture, found, border_bits, camera);
       },
       py::arg("grey"), py::arg("tags"), py::arg("border_bits"), py::arg("camera"),
       "Corners by edges measured in linear light; list of DetectedTag.");

@@ -1,0 +1,33 @@
+// Objects that change with calls, from Python's threads.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <array>
+#include <cstdint>
+#include <mutex>
+#include <utility>
+
+namespace fastibl::bindings {
+
+// Of the object at an address; some share one, and then wait for each other.
+inline std::recursive_mutex& mutex_of(const void* address) {
+  static std::array<std::recursive_mutex, 64> mutexes;
+  return mutexes[(reinterpret_cast<std::uintptr_t>(address) >> 6) * 0x9E3779B97F4A7C15u >> 58];
+}
+
+// Runs f while no other call on the object runs, nor on a part of it that is an object of its own
+// to Python; the interpreter goes on meanwhile. f must not touch Python's objects, but may call
+// what does so with the GIL, which may call the object again.
+template <typename F>
+auto one_at_a_time(const void* object, const void* part, F&& f) {
+  const pybind11::gil_scoped_release release;
+  const std::scoped_lock lock(mutex_of(object), mutex_of(part));
+  return std::forward<F>(f)();
+}
+template <typename F>
+auto one_at_a_time(const void* object, F&& f) {
+  return one_at_a_time(object, object, std::forward<F>(f));
+}
+
+}  // namespace fastibl::bindings
