@@ -173,6 +173,24 @@ def test_cameras_of_the_same_parameters_are_told_apart():
     assert capture.add(picture(away, 0.8), CAMERA, away, None, 0.0, number=1).how == "assumed"
 
 
+def test_a_zoom_does_not_forget_that_a_scale_was_assumed():
+    capture, pose = Capture(size=64), looking_at(0.0)
+    for k in range(6):
+        zoomed = fastibl.Camera(160, 120, 110 + k, 110 + k, 80, 60)
+        capture.add(picture(pose, 0.8, zoomed), zoomed, pose, None, 0.1 * k)
+        assert capture.environment().knowledge["scale"] == 1, k
+
+
+def test_the_camera_that_was_used_longest_ago_is_forgotten():
+    """One stays and one zooms: what is known of the first, here its scale, is kept."""
+    capture, pose, away = Capture(size=64), looking_at(0.0), looking_at(2.4, 0.2)
+    for k in range(6):
+        assert capture.add(picture(pose, 0.8), CAMERA, pose, None, 0.1 * k).how == ("estimated" if k else "assumed")
+        zoomed = fastibl.Camera(160, 120, 110 + k, 100, 80, 60)
+        capture.add(picture(pose, 0.8, zoomed), zoomed, pose, 0.8, 0.1 * k, number=1)
+    assert capture.add(picture(away, 0.8), CAMERA, away, None, 1.0).how == "left out", "it has a scale"
+
+
 def test_what_changes_in_a_part_of_the_picture_comes_at_once():
     capture, time = warmed()
     pose = looking_at(0.3)

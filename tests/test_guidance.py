@@ -82,3 +82,24 @@ def test_bad_input_is_refused():
 def test_any_size_of_map(size):
     found = fastibl.guide(fastibl.Capture(size=size).environment())
     assert found.image.shape == (256, 512, 3)
+
+
+@pytest.mark.parametrize("light", [0, 1])
+def test_a_black_or_unseen_map_has_a_way_to_go(light):
+    capture = fastibl.Capture(size=32)
+    pose = looking((1, 0, 0.4), EYE)
+    capture.add(np.full((120, 160, 3), 255 * light // 2, np.uint8), CAMERA, pose)
+    found = fastibl.guide(capture.environment(), CAMERA, pose)
+    assert np.isfinite(found.direction).all() and 0 < found.share < 1 and np.isfinite(found.right)
+    assert found.direction @ pose.rotation[2] < np.cos(np.radians(28)), "elsewhere than it looks"
+
+
+def test_sizes_that_are_no_power_of_two():
+    found = []
+    for size in (64, 100):
+        capture = fastibl.Capture(size=size)
+        for k, d in enumerate(ring(np.radians(150))):
+            see(capture, d, 0.5 * k)
+        found.append(fastibl.guide(capture.environment()))
+    assert found[0].direction @ found[1].direction > np.cos(np.radians(30))
+    assert found[0].share == pytest.approx(found[1].share, rel=0.25)

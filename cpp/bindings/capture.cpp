@@ -5,6 +5,7 @@
 #include "bindings/numpy.h"
 #include "bindings/one_at_a_time.h"
 #include "bindings/room_box.h"
+#include "fastibl/capture/next_view.h"
 
 namespace fastibl::bindings {
 
@@ -190,6 +191,22 @@ for another camera or a range that is none.)")
           "(6, n, n) float64: time at which each texel was last seen; -inf if never.")
       .def("__repr__",
            [](const Capture& c) { return "<fastibl.Capture " + std::to_string(c.size()) + "^2>"; });
+  module.def(
+      "_next_view",
+      [](const Environment& environment, const py::object& looking) {
+        std::optional<glm::dvec3> at;
+        if (!looking.is_none()) at = glm::dvec3(require_triple(looking, "looking"));
+        NextView next;
+        {
+          const py::gil_scoped_release release;
+          next = next_view(environment, at);
+        }
+        py::object direction = py::none();
+        if (next.direction) direction = py::array_t<double>(3, &next.direction->x);
+        return py::make_tuple(direction, next.share);
+      },
+      py::arg("environment"), py::arg("looking"),
+      "Direction (3,) in whose surroundings most light is unseen, or None, and its share.");
 }
 
 }  // namespace fastibl::bindings

@@ -1840,7 +1840,7 @@ class _Session:
     @property
     def plan(self) -> Plan:
         """
-        Plan of the next frame: print it for the bill.
+        Plan of the next frame, as it stands now: print it for the bill.
         """
     @property
     def plane_gain(self) -> ShadowMap:
@@ -1893,6 +1893,10 @@ def _method_names(step: str) -> list[str]:
 def _method_settings(step: str, method: str) -> dict:
     """
     Names of a method's settings, with the values that are worth comparing beside the default.
+    """
+def _next_view(environment: Environment, looking: typing.Any) -> tuple[typing.Any, float]:
+    """
+    Direction (3,) in whose surroundings most light is unseen, or None, and its share.
     """
 def _plan_seconds(scene: Scene, environment: Environment, repetitions: typing.SupportsInt | typing.SupportsIndex) -> tuple[float, float]:
     """

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._fastibl import Camera, CubeMap, Environment, Pose, texel_directions, texel_solid_angles
-from .comparison import level_at_most
+from ._fastibl import Camera, CubeMap, Environment, Pose, _next_view
 from .expected import expect
-from .panorama import panorama_rays, seen_map
-
-_GRID = 16  # texels along an edge of a face, for choosing
-_VIEW = np.radians(28)  # from the middle of a picture to what it shows for certain
-_NEAR = np.radians(90)  # a turn by this much more must show e times as much
+from .panorama import panorama_rays
 
 
 @dataclass(frozen=True)
@@ -62,45 +56,13 @@ def guide(
     if height < 16:
         raise ValueError(f"height must be at least 16 pixels, got {height}")
     looking = camera_from_marker.rotation[2] if camera_from_marker is not None else None
-    direction, share = _most_unseen(environment, looking)
+    direction, share = _next_view(environment, looking)
     right = up = None
     if direction is not None and camera_from_marker is not None:
         x, y, z = camera_from_marker.rotation @ direction
         right, up = np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(-y, np.hypot(x, z)))
     image = _picture(environment, camera, camera_from_marker, direction, height)
     return Guidance(direction, share, right, up, image)
-
-
-@cache
-def _grid(size: int) -> tuple[NDArray, NDArray, NDArray]:
-    """Of texels above the horizon: which they are, directions, and solid angles where two see each other."""
-    directions = texel_directions(size).astype(np.float64)
-    sky = directions[..., 2] > 0
-    angles = np.broadcast_to(texel_solid_angles(size), sky.shape)[sky]
-    d = directions[sky]
-    return sky, d, (d @ d.T > np.cos(_VIEW)) * angles
-
-
-def _most_unseen(environment: Environment, looking: NDArray | None) -> tuple[NDArray | None, float]:
-    confidence = np.asarray(environment.confidence)
-    size = min(_GRID, confidence.shape[1])
-    sky, directions, views = _grid(size)
-    seen = level_at_most(seen_map(environment), size)[..., 0]
-    light = level_at_most(environment, size).mean(axis=-1)
-    size = seen.shape[1]
-    if size != sky.shape[1]:  # maps whose size is no power of two
-        sky, directions, views = _grid(size)
-    light = light[sky] + light[sky].mean()  # what it is, is a guess: any part may hold a lamp
-    unseen = (1 - seen[sky]).clip(0, 1)
-    gains = views @ (unseen * light)
-    share = gains / (2 * np.pi * light.mean())
-    if share.max() < 1e-3:
-        return None, 0.0
-    preferred = gains
-    if looking is not None:
-        preferred = gains * np.exp(-np.arccos(np.clip(directions @ looking, -1, 1)) / _NEAR)
-    best = int(np.argmax(preferred))
-    return directions[best], float(share[best])
 
 
 def _picture(

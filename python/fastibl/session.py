@@ -235,7 +235,7 @@ class Session(_Session):
         marker or the object, or it was warned of."""
         vertices = self._drawn.mesh.vertices
         middle = 0.5 * (vertices.min(axis=0).astype(float) + vertices.max(axis=0))
-        places = np.array([(0.0, 0.0, 0.0), self._drawn.marker_from_object @ middle])
+        places = np.array([(0.0, 0.0, 0.0), self.scene.marker_from_object @ middle])
 
         def shows(camera_from_marker: Pose) -> bool:
             pixels = self._camera.project(camera_from_marker @ places)

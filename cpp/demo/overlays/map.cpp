@@ -1,7 +1,11 @@
-#include "demo/guidance.h"
+#include <cmath>
+#include <numbers>
+#include <string>
+
 #include "demo/overlays/equirect.h"
 #include "demo/overlays/format.h"
 #include "demo/overlays/overlay.h"
+#include "fastibl/capture/next_view.h"
 #include "fastibl/lighting/harmonic_sums.h"
 
 namespace fastibl::demo {
@@ -15,11 +19,27 @@ double table_light(const CubeMap& map) {
   return (irradiance.x + irradiance.y + irradiance.z) / 3;
 }
 
+// "turn 40 deg left, 20 deg up".
+std::string way(const glm::dvec3& direction, const Pose& camera_from_marker) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  const glm::dvec3 d = camera_from_marker.rotation * direction;
+  const double right = std::atan2(d.x, d.z) / kDegree;
+  const double up = std::atan2(-d.y, std::hypot(d.x, d.z)) / kDegree;
+  std::string text;
+  const auto add = [&](double by, const char* plus, const char* minus) {
+    if (std::abs(by) < 5) return;
+    text += (text.empty() ? "turn " : ", ") + std::to_string(std::lround(std::abs(by))) + " deg " +
+            (by > 0 ? plus : minus);
+  };
+  add(right, "right", "left"), add(up, "up", "down");
+  return text.empty() ? "hold still" : text;
+}
+
 // As narrow as the inset.
-std::vector<Line> told(const View& view, const Guidance& guidance) {
+std::vector<Line> told(const View& view, const NextView& next) {
   const Environment& environment = *view.result.environment;
   std::vector<Line> lines = {
-      {"map: " + fixed(100 * guidance.seen, 0) + " % of the sky seen,"},
+      {"map: " + fixed(100 * next.seen, 0) + " % of the sky seen,"},
       {"its light is off by about " + fixed(100 * environment.predicted_error, 0) + " %,"},
       {"by " + fixed(100 * environment.predicted_low, 0) + " to " +
        fixed(100 * environment.predicted_high, 0) + " % 9 times in 10"}};
@@ -27,7 +47,7 @@ std::vector<Line> told(const View& view, const Guidance& guidance) {
     const double off = table_light(environment.radiance) / table_light(*view.true_light) - 1;
     lines.push_back({fixed(100 * off, 1) + " % by the true map, below"});
   }
-  if (!guidance.direction) lines.push_back({"all of the sky was seen", kGreen});
+  if (!next.direction) lines.push_back({"all of the sky was seen", kGreen});
   return lines;
 }
 
@@ -45,12 +65,14 @@ void draw_map(Canvas& canvas, const View& view) {
   std::optional<Pose> front;
   if (pose && view.rig.front) front = view.rig.front_from_back * *pose;
   const std::optional<Pose>& turning = view.rig.front ? front : pose;
-  const Guidance guidance = guide(*view.result.environment, turning);
-  std::vector<Line> lines = told(view, guidance);
-  if (guidance.direction && turning) {
+  std::optional<glm::dvec3> looking;
+  if (turning) looking = glm::transpose(turning->rotation)[2];
+  const NextView next = next_view(*view.result.environment, looking);
+  std::vector<Line> lines = told(view, next);
+  if (next.direction && turning) {
     lines.push_back(
         {std::string("look there with the ") + (front ? "front" : "back") + " camera:", kOrange});
-    lines.push_back({way(*guidance.direction, *turning), kOrange});
+    lines.push_back({way(*next.direction, *turning), kOrange});
   }
   if (const auto at = canvas.take(Corner::bottom_right, 2 * height, height)) {
     const Inset inset{*at, height};
@@ -58,9 +80,9 @@ void draw_map(Canvas& canvas, const View& view) {
     draw_equirect(canvas, inset, environment.radiance, environment.confidence(), exposure);
     if (pose) draw_field(canvas, inset, view.rig.back, *pose, kWhite);
     if (front) draw_field(canvas, inset, *view.rig.front, *front, kBlue);
-    if (guidance.direction) {
-      const glm::dvec3 target(*guidance.direction);
-      if (turning) draw_way(canvas, inset, glm::transpose(turning->rotation)[2], target, kOrange);
+    if (next.direction) {
+      const glm::dvec3& target = *next.direction;
+      if (turning) draw_way(canvas, inset, *looking, target, kOrange);
       canvas.circle(in_equirect(inset, target), height / 16.0, kOrange, 2);
     }
   }

@@ -39,7 +39,7 @@ double Capture::assumed_exposure(const Picture& picture, const Camera& camera) c
 
 double Capture::scale_error() const {
   const auto is_assumed = [](const auto& camera) { return camera.doubt.assumed(); };
-  if (std::none_of(cameras_.begin(), cameras_.end(), is_assumed) &&
+  if (!forgot_assumed_ && std::none_of(cameras_.begin(), cameras_.end(), is_assumed) &&
       std::none_of(wide_cameras_.begin(), wide_cameras_.end(), is_assumed))
     return 0;
   if (!plane_irradiance_) return 1;

@@ -52,23 +52,35 @@ Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignet
       bytes(given.response),
       probe_rays(Capture::probe_rays(given, lens)) {}
 
-Capture::KnownCamera& Capture::known(const Camera& camera, int number) {
-  for (KnownCamera& k : cameras_)
-    if (k.number == number && k.camera == camera) return k;
+template <typename Known>
+Known* Capture::find_known(std::vector<Known>& all, const Camera& camera, int number) {
+  ++used_;
+  for (Known& k : all)
+    if (k.number == number && k.camera == camera) {
+      k.used = used_;
+      return &k;
+    }
   camera.validate();
-  if (cameras_.size() == kCameras) cameras_.erase(cameras_.begin());
+  if (all.size() == kCameras) {  // a zoom makes a new one of each picture
+    const auto oldest = std::min_element(
+        all.begin(), all.end(), [](const Known& a, const Known& b) { return a.used < b.used; });
+    forgot_assumed_ |= oldest->doubt.assumed();
+    all.erase(oldest);
+  }
+  return nullptr;
+}
+
+Capture::KnownCamera& Capture::known(const Camera& camera, int number) {
+  if (KnownCamera* k = find_known(cameras_, camera, number)) return *k;
   KnownCamera& k = cameras_.emplace_back(camera);
-  k.number = number;
+  k.number = number, k.used = used_;
   return k;
 }
 
 Capture::KnownWide& Capture::known_wide(const Camera& camera, int number) {
-  for (KnownWide& k : wide_cameras_)
-    if (k.number == number && k.camera == camera) return k;
-  camera.validate();
-  if (wide_cameras_.size() == kCameras) wide_cameras_.erase(wide_cameras_.begin());
+  if (KnownWide* k = find_known(wide_cameras_, camera, number)) return *k;
   KnownWide& wide = wide_cameras_.emplace_back();
-  wide.camera = camera, wide.number = number;
+  wide.camera = camera, wide.number = number, wide.used = used_;
   wide.sides = sides_of(camera, grid_.size);
   for (const WideSide& side : wide.sides) wide.known.emplace_back(side.camera, side.vignette);
   return wide;

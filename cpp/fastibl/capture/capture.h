@@ -124,6 +124,7 @@ class Capture {
     PixelReader pixels(const Picture& picture) const { return {picture, camera.response, bytes}; }
     Camera camera;
     int number = 0;
+    std::int64_t used = 0;              // when, in pictures
     std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
     PictureBounds bounds;
@@ -139,6 +140,7 @@ class Capture {
   struct KnownWide {
     Camera camera;
     int number = 0;
+    std::int64_t used = 0;
     std::vector<WideSide> sides;
     std::vector<KnownCamera> known;
     SidePicture picture;
@@ -147,6 +149,9 @@ class Capture {
   struct View;  // of one picture
   KnownCamera& known(const Camera& camera, int number);
   KnownWide& known_wide(const Camera& camera, int number);
+  // The one with these parameters; null if there is none, and then there is room for another.
+  template <typename Known>
+  Known* find_known(std::vector<Known>& all, const Camera& camera, int number);
   // Of a perspective picture: adds tiles that changed; false if the map holds nothing of it.
   bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
             const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
@@ -268,6 +273,8 @@ class Capture {
   std::vector<std::uint64_t> versions_;  // by tile, as the map's
   std::vector<KnownCamera> cameras_;
   std::vector<KnownWide> wide_cameras_;
+  std::int64_t used_ = 0;        // pictures
+  bool forgot_assumed_ = false;  // a camera whose scale was assumed
   std::optional<Camera> last_camera_;
   FrameLevels levels_;
   std::vector<float> most_pixels_;
