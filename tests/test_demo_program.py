@@ -150,11 +150,52 @@ def test_attitudes_are_read_and_recorded(recording, tmp_path):
     assert len(again) == len(frames)
     for edit, message in (
         (lambda text: text.replace(",0.", ",9.", 1), "attitudes.csv: the attitude at 0 s must be a rotation"),
-        (lambda text: text.replace(",", ",x", 11), "expected a finite number"),
+        (lambda text: text.replace("\n0.0,", "\n0.0,x", 1), "expected a finite number"),
         (lambda text: text.replace("\n0.0,", "\n0.0,1,", 1), "expected a time and 9 numbers, got 11 values"),
+        (lambda text: text.replace("m00,m01", "m01,m00"), "must have the columns time,m00,m01"),
     ):
         copy = edited(told, tmp_path / str(len(message)), "attitudes.csv", edit)
         assert message in run("--recording", copy, "--headless", code=2)
+
+
+def test_attitudes_of_one_time_are_each_their_own(recording, tmp_path):
+    turns = [fastibl.Pose.from_rotation_vector([0.1 * k, 0.2, 0.3], np.zeros(3)).rotation for k in range(3)]
+    frames = [
+        dataclasses.replace(frame, attitude=turn, time=0.0, front=None)
+        for frame, turn in zip(recording, turns, strict=False)
+    ]
+    told = store(fastibl.Recording(recording.rig, frames, recording.board, recording.truth), tmp_path / "told")
+    run("--recording", told, "--headless", "--record", tmp_path / "again")
+    again = list(fastibl.Recording.open(tmp_path / "again"))
+    assert [frame.time for frame in again] == [0.0] * 3
+    for frame, before, turn in zip(again, frames, turns, strict=True):
+        assert np.array_equal(frame.attitude, turn) and np.array_equal(frame.back, before.back)
+
+
+def test_all_of_a_rig_goes_through(recording, tmp_path):
+    """Every parameter of a camera, other than it is by itself, is read and recorded."""
+    back = fastibl.Camera(
+        320, 240, 301.5, 299.25, 158.5, 121.75, distortion=[0.01, -0.02, 0.001, 0.002, 0.003], gain=1.5, readout=0.01
+    ).replace(vignetting=[-0.1, 0.02, 0.0], response=fastibl.Response.from_curve(np.linspace(0, 1, 64) ** 2))
+    front = fastibl.Camera(
+        320, 240, 95.5, 96.5, 160.5, 119.5, model="fisheye", distortion=[0.01, 0.002, 0.0, 0.001], field_of_view=183.0
+    )
+    rig = fastibl.Rig(back, front, fastibl.Pose.from_rotation_vector([0, 3.1, 0.1], [0.01, 0.02, -0.03]))
+    frames = [dataclasses.replace(recording[0], front=np.zeros((240, 320, 3), np.uint8))]
+    assert frames[0].back.shape == (240, 320, 3)
+    told = store(fastibl.Recording(rig, frames, recording.board, recording.truth), tmp_path / "told")
+    run("--recording", told, "--headless", "--record", tmp_path / "again")
+    again = fastibl.Recording.open(tmp_path / "again").rig
+    assert again.back == back and again.front == front
+    np.testing.assert_allclose(again.front_from_back.matrix, rig.front_from_back.matrix, atol=1e-12)
+
+
+def test_a_list_that_a_spreadsheet_saved(folder, tmp_path):
+    marked = edited(folder, tmp_path / "marked", "frames.csv", lambda text: "\ufeff" + text.replace(",", ", "))
+    for name, path in (("a", folder), ("b", marked)):
+        run("--recording", path, "--headless", "--out", tmp_path / name, "--frames", 2)
+    for a, b in zip(pictures(tmp_path / "a"), pictures(tmp_path / "b"), strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 def test_video_recording_gives_the_same(recording, folder, tmp_path):

@@ -8,6 +8,7 @@ import socket
 import threading
 import time
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -286,6 +287,34 @@ def test_every_control_is_applied(run, tmp_path):
     assert np.array_equal(cv2.imread(saved)[..., ::-1], loop.latest.get().result.image)
     other = json.loads(client.ask("save", "POST", "")[1])["saved"]
     assert other != saved, "a picture was written over another"
+
+
+def test_changes_that_find_no_room_are_refused_whole(tmp_path):
+    loop = LiveLoop(Source(), Choices(height=0.05), Settings("cube"), {"environment": WHITE}, folder=tmp_path, about="")
+    while loop._queue.qsize() < loop._queue.maxsize - 1:
+        assert loop.change({"turn": 1.0})
+    assert loop.change({"step": True, "shadow": False}) and not loop.change({"step": True, "shadow": True})
+    loop._apply_waiting()
+    assert loop._steps == 1 and loop._queue.empty()
+
+
+def test_viewers_who_save_at_once_have_a_picture_each(run, monkeypatch):
+    client, page, loop = run()
+    from fastibl.live_page import server
+
+    taken, real = threading.Barrier(2), server.free_path
+
+    def free(*given):
+        path = real(*given)
+        with contextlib.suppress(threading.BrokenBarrierError):
+            taken.wait(2)  # both have asked
+        return path
+
+    monkeypatch.setattr(server, "free_path", free)
+    with ThreadPoolExecutor(2) as pool:
+        answers = [pool.submit(Client(page).ask, "save", "POST", "") for _ in range(2)]
+        saved = {json.loads(answer.result()[1])["saved"] for answer in answers}
+    assert len(saved) == 2 and all(cv2.imread(path) is not None for path in saved)
 
 
 def test_objects_are_made_ready_one_at_a_time(run, monkeypatch):

@@ -64,6 +64,27 @@ def test_a_full_disk_ends_the_recording_and_says_so(tmp_path, monkeypatch):
     assert 1 <= len(Recording.open(tmp_path / "s")) == out.written < 1000
 
 
+def test_what_waited_when_the_disk_was_full_is_told(tmp_path, monkeypatch):
+    """Who closes a recording is told why frames are missing, if nobody was before."""
+
+    def full(*_):
+        time.sleep(0.05)
+        raise OSError(28, "No space left on device")
+
+    out = Recorder(tmp_path / "r", RIG)
+    monkeypatch.setattr(out._writer, "add", full)
+    assert all(out.add(frame(k)) for k in range(4))
+    with pytest.raises(OSError, match="No space"):
+        out.close()
+    assert (out.written, out.dropped) == (0, 4)
+    out.close()  # once is enough
+    with pytest.raises(KeyError), Recorder(tmp_path / "s", RIG) as out:
+        monkeypatch.setattr(out._writer, "add", full)
+        out.add(frame(0))
+        raise KeyError  # which goes on
+    assert out.error is not None
+
+
 def test_a_line_that_was_cut_off_is_left_out(tmp_path):
     with Recorder(tmp_path / "r", RIG) as out:
         for k in range(3):

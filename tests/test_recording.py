@@ -144,6 +144,32 @@ def test_rig_round_trip(tmp_path):
     assert read_rig(tmp_path / "one.yaml") == Rig(rig.back)
 
 
+def test_a_calibration_that_cannot_be_written_leaves_the_one_before(tmp_path, monkeypatch):
+    path = tmp_path / "rig.yaml"
+    write_rig(path, Rig(*cameras(), TURN))
+    before = path.read_bytes()
+
+    def full(self, data):
+        with self.open("wb") as file:
+            file.write(data[: len(data) // 2])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space"):
+        write_rig(path, Rig(cameras()[0]))
+    assert path.read_bytes() == before and [p.name for p in tmp_path.iterdir()] == ["rig.yaml"]
+
+
+def test_links_and_devices_stay_what_they_are(tmp_path):
+    (tmp_path / "there").mkdir()
+    link = tmp_path / "rig.yaml"
+    link.symlink_to(tmp_path / "there" / "real.yaml")
+    write_rig(link, Rig(cameras()[0]))
+    assert link.is_symlink() and read_rig(tmp_path / "there" / "real.yaml") == Rig(cameras()[0])
+    write_rig("/dev/null", Rig(cameras()[0]))
+    assert not Path("/dev/null").is_file()
+
+
 def test_board_round_trip(tmp_path):
     board = Board.default()
     write_board(tmp_path / "board.yaml", board)

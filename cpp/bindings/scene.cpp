@@ -350,6 +350,13 @@ for what is not a camera.)")
             const Doubles k = require_floats<double>(K, "K");
             if (k.ndim() != 2 || k.shape(0) != 3 || k.shape(1) != 3)
               throw py::value_error("K must have shape (3, 3), got " + shape_of(k));
+            if (k.at(0, 1) != 0)
+              throw py::value_error("K has a skew of " + std::to_string(k.at(0, 1)) +
+                                    "; expected one without");
+            if (k.at(1, 0) != 0 || k.at(2, 0) != 0 || k.at(2, 1) != 0 || k.at(2, 2) != 1)
+              throw py::value_error(
+                  "K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got other values where 0 and 1 "
+                  "are expected");
             Camera camera =
                 Camera::from_opencv(size.first, size.second, k.at(0, 0), k.at(1, 1), k.at(0, 2),
                                     k.at(1, 2), std::move(distortion), camera_model(model));
@@ -447,30 +454,30 @@ for what is not a camera.)")
           "else "
           "of unit length; NaN beyond the lens model. Raises ValueError for another shape.")
       .def(py::self == py::self)
-      .def("__repr__",
-           [](const Camera& c) {
-             return "Camera(" + std::to_string(c.width) + ", " + std::to_string(c.height) +
-                    ", fx=" + std::string(py::repr(py::float_(c.fx))) +
-                    ", fy=" + std::string(py::repr(py::float_(c.fy))) +
-                    ", cx=" + std::string(py::repr(py::float_(c.cx))) +
-                    ", cy=" + std::string(py::repr(py::float_(c.cy))) +
-                    ", distortion=" + std::string(py::repr(py::cast(c.distortion))) +
-                    (c.model == CameraModel::perspective
-                         ? ")"
-                         : ", model='" + std::string(name(c.model)) + "'" +
-                               (c.field_of_view == 360
-                                    ? ")"
-                                    : ", field_of_view=" +
-                                          std::string(py::repr(py::float_(c.field_of_view))) +
-                                          ")"));
-           })
+      .def(
+          "__repr__",
+          [](const Camera& c) {
+            return "Camera(" + std::to_string(c.width) + ", " + std::to_string(c.height) +
+                   ", fx=" + std::string(py::repr(py::float_(c.fx))) +
+                   ", fy=" + std::string(py::repr(py::float_(c.fy))) +
+                   ", cx=" + std::string(py::repr(py::float_(c.cx))) +
+                   ", cy=" + std::string(py::repr(py::float_(c.cy))) +
+                   ", distortion=" + std::string(py::repr(py::cast(c.distortion))) +
+                   (c.model == CameraModel::perspective
+                        ? ")"
+                        : ", model='" + std::string(name(c.model)) + "'" +
+                              (c.field_of_view == 360
+                                   ? ")"
+                                   : ", field_of_view=" +
+                                         std::string(py::repr(py::float_(c.field_of_view))) + ")"));
+          })
       .def(
           "replace",
           [](const py::object& self, const py::kwargs& changes) {
             py::dict arguments;
-            for (const char* name : {"width", "height", "fx", "fy", "cx", "cy", "distortion",
-                                     "response", "gain", "vignetting", "readout", "model",
-                                     "field_of_view"})
+            for (const char* name :
+                 {"width", "height", "fx", "fy", "cx", "cy", "distortion", "response", "gain",
+                  "vignetting", "readout", "model", "field_of_view"})
               arguments[name] = self.attr(name);
             for (const auto& [name, value] : changes) arguments[name] = value;
             return py::type::of(self)(**arguments).cast<Camera>();
@@ -487,20 +494,19 @@ for what is not a camera.)")
                                   c.field_of_view);
           },
           [](const py::tuple& t) {
-            return Camera{
-                t[0].cast<int>(),
-                t[1].cast<int>(),
-                t[2].cast<double>(),
-                t[3].cast<double>(),
-                t[4].cast<double>(),
-                t[5].cast<double>(),
-                t[6].cast<std::vector<double>>(),
-                t[7].cast<Response>(),
-                t[8].cast<double>(),
-                t[9].cast<std::vector<double>>(),
-                t.size() > 10 ? t[10].cast<double>() : 0,
-                t.size() > 11 ? CameraModel(t[11].cast<int>()) : CameraModel::perspective,
-                t.size() > 12 ? t[12].cast<double>() : 360};
+            return Camera{t[0].cast<int>(),
+                          t[1].cast<int>(),
+                          t[2].cast<double>(),
+                          t[3].cast<double>(),
+                          t[4].cast<double>(),
+                          t[5].cast<double>(),
+                          t[6].cast<std::vector<double>>(),
+                          t[7].cast<Response>(),
+                          t[8].cast<double>(),
+                          t[9].cast<std::vector<double>>(),
+                          t.size() > 10 ? t[10].cast<double>() : 0,
+                          t.size() > 11 ? CameraModel(t[11].cast<int>()) : CameraModel::perspective,
+                          t.size() > 12 ? t[12].cast<double>() : 360};
           }));
 
   py::class_<Rig>(module, "Rig",

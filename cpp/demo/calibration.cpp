@@ -3,6 +3,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
+#include "demo/output.h"
 #include "fastibl/core/check.h"
 
 namespace fastibl::demo {
@@ -99,6 +100,7 @@ Camera read_camera(const cv::FileNode& node, const char* name, const fs::path& p
   camera.response = read_response(node, path);
   if (!node["readout"].empty()) camera.readout = number(node, "readout", path);
   if (!node["gain"].empty()) camera.gain = number(node, "gain", path);
+  if (!node["field_of_view"].empty()) camera.field_of_view = number(node, "field_of_view", path);
   if (!node["model"].empty()) {
     check(node["model"].isString(), path.string(), ": model must be a name");
     camera.model = camera_model(std::string(node["model"]));
@@ -164,13 +166,15 @@ std::optional<Board> read_board(const fs::path& path) {
 
 namespace {
 
-cv::FileStorage create(const fs::path& path) {
-  try {
-    cv::FileStorage storage(path.string(), cv::FileStorage::WRITE);
-    if (storage.isOpened()) return storage;
-  } catch (const cv::Exception&) {
-  }
-  throw std::runtime_error("could not write " + path.string());
+// A text of OpenCV's, and then a file: its own writer does not notice a full disk.
+cv::FileStorage begin() {
+  constexpr int kYaml =
+      cv::FileStorage::WRITE | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML;
+  return cv::FileStorage(".yaml", kYaml);
+}
+void finish(cv::FileStorage& storage, const fs::path& path) {
+  const std::string text = storage.releaseAndGetString();
+  write_file(path, text.data(), text.size());
 }
 
 cv::Mat row_of(const std::vector<double>& values) { return cv::Mat(values, true).reshape(1, 1); }
@@ -181,6 +185,7 @@ void write_camera(cv::FileStorage& storage, const char* name, const Camera& came
   storage.write("height", camera.height);
   if (camera.model != CameraModel::perspective)
     storage.write("model", std::string(fastibl::name(camera.model)));
+  if (camera.field_of_view != 360) storage.write("field_of_view", camera.field_of_view);
   const cv::Matx33d matrix(camera.fx, 0, camera.cx - 0.5, 0, camera.fy, camera.cy - 0.5, 0, 0, 1);
   storage.write("camera_matrix", cv::Mat(matrix));
   if (!camera.distortion.empty()) storage.write("distortion", row_of(camera.distortion));
@@ -197,18 +202,20 @@ void write_camera(cv::FileStorage& storage, const char* name, const Camera& came
 }  // namespace
 
 void write_rig(const fs::path& path, const Rig& rig) {
-  cv::FileStorage storage = create(path);
+  cv::FileStorage storage = begin();
   write_camera(storage, "back", rig.back);
-  if (!rig.front) return;
-  write_camera(storage, "front", *rig.front);
-  cv::Matx44d matrix;
-  const glm::dmat4 pose = rig.front_from_back.matrix();
-  for (int k = 0; k < 16; ++k) matrix(k / 4, k % 4) = pose[k % 4][k / 4];
-  storage.write("front_from_back", cv::Mat(matrix));
+  if (rig.front) {
+    write_camera(storage, "front", *rig.front);
+    cv::Matx44d matrix;
+    const glm::dmat4 pose = rig.front_from_back.matrix();
+    for (int k = 0; k < 16; ++k) matrix(k / 4, k % 4) = pose[k % 4][k / 4];
+    storage.write("front_from_back", cv::Mat(matrix));
+  }
+  finish(storage, path);
 }
 
 void write_board(const fs::path& path, const Board& board) {
-  cv::FileStorage storage = create(path);
+  cv::FileStorage storage = begin();
   std::vector<int> ids;
   std::vector<double> corners;
   for (const Tag& tag : board.tags) {
@@ -221,6 +228,7 @@ void write_board(const fs::path& path, const Board& board) {
   storage.write("border_bits", board.border_bits);
   storage.write("width", board.width);
   storage.write("height", board.height);
+  finish(storage, path);
 }
 
 }  // namespace fastibl::demo

@@ -13,13 +13,18 @@ namespace fs = std::filesystem;
 
 }  // namespace
 
+void write_file(const fs::path& path, const char* data, std::size_t count) {
+  std::ofstream file(path, std::ios::binary);
+  file.write(data, std::streamsize(count));
+  file.close();
+  if (!file) throw std::runtime_error("could not write " + path.string() + "; is the disk full?");
+}
+
 void write_png(const fs::path& path, const Image<std::uint8_t>& picture) {
-  bool written = false;
-  try {
-    written = cv::imwrite(path.string(), bgr_from(picture), {cv::IMWRITE_PNG_COMPRESSION, 1});
-  } catch (const cv::Exception&) {
-  }
-  if (!written) throw std::runtime_error("could not write " + path.string());
+  std::vector<unsigned char> bytes;
+  if (!cv::imencode(".png", bgr_from(picture), bytes, {cv::IMWRITE_PNG_COMPRESSION, 1}))
+    throw std::runtime_error("could not encode " + path.string());
+  write_file(path, reinterpret_cast<const char*>(bytes.data()), bytes.size());
 }
 
 Output::Output(fs::path path, double fps) : path_(std::move(path)), fps_(fps) {

@@ -25,7 +25,8 @@ class Output {
   Image<std::uint8_t> last_;
 };
 
-// Throws std::runtime_error.
+// These throw std::runtime_error, for a full disk too.
+void write_file(const std::filesystem::path& path, const char* data, std::size_t count);
 void write_png(const std::filesystem::path& path, const Image<std::uint8_t>& picture);
 
 }  // namespace fastibl::demo

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <iostream>
 #include <numbers>
+#include <utility>
 
 #include "demo/object.h"
 #include "demo/open.h"
@@ -113,9 +114,14 @@ void Player::refresh() {
   frame.front = {}, frame.back_from_marker = result_.back_from_marker;
   frame.back_last_row = result_.back_last_row;
   session_->set_environment(result_.environment);
-  result_ = session_->process(frame);
-  result_.tracked = tracked_;
+  try {
+    result_ = session_->process(frame);
+  } catch (...) {
+    session_->set_environment(nullptr);
+    throw;
+  }
   session_->set_environment(nullptr);
+  result_.tracked = tracked_;
 }
 
 const Image<std::uint8_t>& Player::picture() {
@@ -202,8 +208,13 @@ void Player::set_methods(const Methods& methods) {
   session_->set_methods(methods), changed_ = true;
 }
 void Player::set_backend(const std::string& name) {
-  backend_ = name;
-  session_->set_renderer(make_renderer());
+  const std::string before = std::exchange(backend_, name);
+  try {
+    session_->set_renderer(make_renderer());
+  } catch (...) {  // it lacks a method that is asked for
+    backend_ = before;
+    throw;
+  }
   changed_ = true;
 }
 void Player::set_budgets(double error, double milliseconds) {

@@ -9,6 +9,7 @@
 
 #include "demo/calibration.h"
 #include "demo/output.h"
+#include "demo/recording_tables.h"
 #include "fastibl/core/clock.h"
 
 namespace fastibl::demo {
@@ -136,7 +137,7 @@ void Recorder::write(const OwnedFrame& frame) {
 
 void Recorder::write_attitude(double time, const glm::dmat3& attitude) {
   const fs::path path = folder_ / "attitudes.csv";
-  if (attitudes_ < 0) attitudes_ = open_table(path, "time,m00,m01,m02,m10,m11,m12,m20,m21,m22\n");
+  if (attitudes_ < 0) attitudes_ = open_table(path, std::string(kAttitudeColumns) + '\n');
   std::string line = number(time);
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 3; ++c) line.append(",").append(number(attitude[c][r]));

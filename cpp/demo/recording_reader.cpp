@@ -10,6 +10,7 @@
 
 #include "demo/calibration.h"
 #include "demo/pixels.h"
+#include "demo/recording_tables.h"
 
 namespace fastibl::demo {
 namespace {
@@ -25,7 +26,7 @@ std::vector<std::string> cells(std::string line) {
   for (const char c : line)
     if (c == ',')
       out.emplace_back();
-    else if (c != '"')  // names hold neither commas nor quotes
+    else if (c != '"' && !(c == ' ' && out.back().empty()))  // names hold neither commas nor quotes
       out.back() += c;
   return out;
 }
@@ -80,6 +81,14 @@ double number(const std::string& text, const std::string& where) {
   return value;
 }
 
+// Of a table's first line, which spreadsheets begin with a byte order mark.
+std::vector<std::string> header_of(std::ifstream& file) {
+  std::string line;
+  std::getline(file, line);
+  if (line.starts_with("\xef\xbb\xbf")) line.erase(0, 3);
+  return cells(line);
+}
+
 // Calls visit(cells, where) for the lines after a header that was read, but for a last one without
 // its end: a crash may have cut it off.
 template <typename Visit>
@@ -97,19 +106,19 @@ void for_lines(std::ifstream& file, const fs::path& path, Visit&& visit) {
   }
 }
 
-// `count` numbers by their time.
-std::map<double, std::vector<double>> numbers_by_time(std::ifstream& file, const fs::path& path,
-                                                      std::size_t count) {
-  std::map<double, std::vector<double>> out;
-  std::string header;
-  std::getline(file, header);
+// Calls visit(time, numbers) for the lines of a table of such columns.
+template <typename Visit>
+void for_numbers(std::ifstream& file, const fs::path& path, std::string_view columns,
+                 Visit&& visit) {
+  const std::vector<std::string> expected = cells(std::string(columns));
+  check(header_of(file) == expected, path.string(), " must have the columns ", columns);
   for_lines(file, path, [&](const std::vector<std::string>& row, const std::string& where) {
-    check(row.size() == count + 1, where, ": expected a time and ", count, " numbers, got ",
-          row.size(), " values");
-    std::vector<double>& values = out[number(row[0], where)];
-    for (std::size_t k = 0; k < count; ++k) values.push_back(number(row[k + 1], where));
+    check(row.size() == expected.size(), where, ": expected a time and ", expected.size() - 1,
+          " numbers, got ", row.size(), " values");
+    std::vector<double> numbers;
+    for (const std::string& cell : row) numbers.push_back(number(cell, where));
+    visit(numbers[0], numbers.data() + 1);
   });
-  return out;
 }
 
 }  // namespace
@@ -129,9 +138,7 @@ RecordingReader::RecordingReader(const fs::path& folder, bool true_poses)
 void RecordingReader::read_table(const fs::path& path) {
   std::ifstream file(path);
   check(file.good(), "the recording has no frames.csv: expected ", path.string());
-  std::string line;
-  std::getline(file, line);
-  const std::vector<std::string> header = cells(line);
+  const std::vector<std::string> header = header_of(file);
   const auto column = [&](const char* name) {
     const auto found = std::find(header.begin(), header.end(), name);
     check(found != header.end(), path.string(), " has no column ", name,
@@ -170,24 +177,24 @@ void RecordingReader::read_table(const fs::path& path) {
 void RecordingReader::read_poses(const fs::path& path) {
   std::ifstream file(path);
   check(file.good(), "--poses truth needs true poses: expected ", path.string());
-  for (const auto& [time, values] : numbers_by_time(file, path, 12)) {
+  for_numbers(file, path, kPoseColumns, [&](double time, const double* m) {
     glm::dmat4 matrix(1.0);
-    for (int k = 0; k < 12; ++k) matrix[k % 4][k / 4] = values[std::size_t(k)];
+    for (int k = 0; k < 12; ++k) matrix[k % 4][k / 4] = m[k];
     poses_[time] = Pose::from_matrix(matrix);
-  }
+  });
 }
 
 // Where a gyroscope was there.
 void RecordingReader::read_attitudes(const fs::path& path) {
   std::ifstream file(path);
   if (!file.good()) return;
-  for (const auto& [time, values] : numbers_by_time(file, path, 9)) {
+  for_numbers(file, path, kAttitudeColumns, [&](double time, const double* m) {
     glm::dmat3 rotation;
-    for (int k = 0; k < 9; ++k) rotation[k % 3][k / 3] = values[std::size_t(k)];
+    for (int k = 0; k < 9; ++k) rotation[k % 3][k / 3] = m[k];
     check(is_rotation(rotation, kAttitude), path.string(), ": the attitude at ", time,
           " s must be a rotation");
-    attitudes_[time] = rotation;
-  }
+    attitudes_.emplace(time, rotation);  // behind others of its time
+  });
 }
 
 std::optional<OwnedFrame> RecordingReader::next() {
@@ -196,8 +203,11 @@ std::optional<OwnedFrame> RecordingReader::next() {
   OwnedFrame frame;
   frame.time = time;
   frame.back_exposure = moment.back.exposure, frame.front_exposure = moment.front.exposure;
-  if (const auto told = attitudes_.find(time); told != attitudes_.end())
-    frame.attitude = told->second;
+  // Frames of one time have each their own, in their order.
+  const auto first = moments_.lower_bound(time);
+  auto told = attitudes_.lower_bound(time);
+  for (auto of = first; of != next_ && told != attitudes_.end(); ++of) ++told;
+  if (told != attitudes_.end() && told->first == time) frame.attitude = told->second;
   if (true_poses_) {
     const auto pose = poses_.lower_bound(time - kSameTime);
     check(pose != poses_.end() && pose->first <= time + kSameTime,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ._fastibl import Board, Tag
 from .file_limits import MOST_PIXELS
+from .whole_file import write_whole
 
 DATA_MODULES = 6  # of family 36h11 along one side, without its border
 METRES_PER_INCH = 0.0254
@@ -137,7 +138,7 @@ def save_board(board: Board, path: str | os.PathLike, dpi: float = 300.0) -> Non
                 f"a board of {board.width:.2f} x {board.height:.2f} m has {pixels:.3g} pixels at {dpi:g} dpi, "
                 f"more than {MOST_PIXELS}: save a .pdf"
             )
-        path.write_bytes(_png(draw_board(board, dpi), dpi))
+        write_whole(path, _png(draw_board(board, dpi), dpi))
     elif ending == ".pdf":
         _save_pdf(board, path)
     else:

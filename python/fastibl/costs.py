@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import math
@@ -9,7 +10,8 @@ from pathlib import Path
 
 from ._fastibl import __version__, _default_costs, _measure_costs
 from .machine import cpu
-from .mesh_shadow import cache_folder, part_of
+from .mesh_shadow import cache_folder
+from .whole_file import write_whole
 
 
 def default_costs() -> dict[str, float]:
@@ -41,13 +43,9 @@ def machine_costs(measure: bool = True) -> dict[str, float]:
     if path is None:
         return costs
     text = json.dumps({"cpu": cpu(), "nanoseconds": costs}, indent=1)
-    part = part_of(path)
-    try:
+    with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError:
-        part.unlink(missing_ok=True)
+        write_whole(path, text)
     return costs
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from ._fastibl import __version__
 from .demo import DISTANCE, HEIGHT, DemoResult, Run
 from .pages import STYLE, figure, plot, table
+from .whole_file import write_whole
 
 
 def _time_plots(result: DemoResult) -> str:
@@ -178,5 +179,5 @@ prediction does not know yet.</p>
 fastibl render my-recording --object spot.obj --height 0.12 --out out.webm</pre>
 </body></html>"""
     path = out / "report.html"
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page)
     return path

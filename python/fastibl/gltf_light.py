@@ -21,6 +21,7 @@ from ._fastibl import CubeMap, Environment, __version__
 from .axes import handed, radiance_of, to_axes
 from .lighting import Lighting
 from .sh_files import COSINE
+from .whole_file import write_whole
 
 NAME = "EXT_lights_image_based"
 _RANGE = 255.0  # of RGBD: one over the smallest alpha
@@ -90,7 +91,7 @@ def _write(path: Path, light: dict[str, Any], pictures: list[bytes]) -> None:
     if path.suffix.lower() == ".gltf":
         uris = (f"data:image/png;base64,{base64.b64encode(data).decode()}" for data in pictures)
         content["images"] = [{"uri": uri} for uri in uris]
-        path.write_text(json.dumps(content), encoding="utf-8")
+        write_whole(path, json.dumps(content))
         return
     body, content["bufferViews"] = b"", []
     for data in pictures:
@@ -101,6 +102,7 @@ def _write(path: Path, light: dict[str, Any], pictures: list[bytes]) -> None:
     text = json.dumps(content).encode()
     text += b" " * (-len(text) % 4)
     header = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(body))
-    path.write_bytes(
-        header + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    write_whole(
+        path,
+        header + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body,
     )

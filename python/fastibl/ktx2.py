@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from . import texels
 from ._fastibl import __version__
 from .file_limits import check_pixels, file_bytes
+from .whole_file import write_whole
 
 _IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 _RGBA16F = 97  # VK_FORMAT_R16G16B16A16_SFLOAT
@@ -56,7 +57,7 @@ def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32
         places.insert(0, _LEVEL.pack(at + len(body), len(data), len(data)))
         body += data
     header = _HEADER.pack(_IDENTIFIER, _RGBA16F, 2, size, size, 0, 0, 6, len(levels), 0)
-    path.write_bytes(header + index + b"".join(places) + descriptor + keys + body)
+    write_whole(path, header + index + b"".join(places) + descriptor + keys + body)
 
 
 def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:

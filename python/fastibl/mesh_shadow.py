@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-import threading
 import time
 import warnings
 import zipfile
@@ -20,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import BakedShadow, CubeMap, Environment, Mesh, MeshShadowLight, Pose, ShadowMap
 from .expected import expect
+from .whole_file import whole_file
 
 _FORMAT = 2  # of the files, and of how a table is baked: another number makes older files stale
 _PATIENCE = 0.5  # seconds before a progress bar appears
@@ -210,26 +210,16 @@ def _checksum(tables: list[NDArray]) -> int:
     return total
 
 
-def part_of(path: Path) -> Path:
-    """A name beside a file's, to write it under first, that no other process or thread takes."""
-    return path.with_suffix(f".{os.getpid()}-{threading.get_ident()}.part")
-
-
 def _write(path: Path, baked: Any) -> None:
-    """Under another name first: who reads sees the whole file or none. A disk that is full or closed is no error."""
+    """A disk that is full or closed is no error."""
     tables = baked.tables
-    part = part_of(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("wb") as file:
+        with whole_file(path) as part, part.open("wb") as file:
             np.savez_compressed(file, checksum=np.int64(_checksum(tables)), **dict(zip(_ARRAYS, tables, strict=True)))
-        part.replace(path)
         _forget(path.parent)
     except OSError as error:
         warnings.warn(f"the shadow could not be kept in {path.parent}: {error}", RuntimeWarning, stacklevel=4)
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 def _forget(folder: Path) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ._fastibl import Response
 from .file_limits import check_file_size, check_pixels, file_bytes
 from .picture_headers import jpeg_size, png_size, radiance_size, radiance_upright
+from .whole_file import write_whole
 
 LINEAR = (".hdr", ".exr")
 ENCODED = (".png", ".jpg", ".jpeg")
@@ -99,7 +100,7 @@ def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> N
         return
     height, width = image.shape[:2]
     head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n"
-    path.write_bytes(head.encode() + _rgbe(image).tobytes())
+    write_whole(path, head.encode() + _rgbe(image).tobytes())
 
 
 def write_exr(path: Path, channels: dict[str, NDArray[np.float32]], attributes: dict[str, Any] | None = None) -> None:

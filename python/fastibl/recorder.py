@@ -45,15 +45,17 @@ class Recorder:
         self._closing = False
         self.written = self.dropped = 0  # frames
         self.error: Exception | None = None
+        self._told = False  # somebody, of it
         self._thread = threading.Thread(target=self._run, name="fastibl recorder", daemon=True)
         self._thread.start()
 
     def add(self, frame: Frame) -> bool:
         """Takes a frame to be written; False where it was dropped. Raises what ended the recording, if anything did."""
-        if self.error is not None:
-            raise self.error
         size = _bytes(frame)
         with self._changed:
+            if self.error is not None:
+                self._told = True
+                raise self.error
             if self._queue and self._waiting + size > self._buffer:
                 self.dropped += 1
                 return False
@@ -63,7 +65,7 @@ class Recorder:
         return True
 
     def close(self) -> None:
-        """Writes what waits."""
+        """Writes what waits. Raises what ended the recording if add() did not; what waited then counts as dropped."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -72,12 +74,19 @@ class Recorder:
             self._writer.close()
         except OSError as error:  # the end of frames.csv found no room
             self.error = self.error or error
+        if self.error is not None and not self._told:
+            self._told = True
+            raise self.error
 
     def __enter__(self) -> Recorder:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, error: object, *_: object) -> None:
+        try:
+            self.close()
+        except Exception:
+            if error is None:  # else that one goes on
+                raise
 
     def _check_disk(self) -> None:
         folder = next(p for p in (self.path, *self.path.absolute().parents) if p.exists())
@@ -106,8 +115,12 @@ class Recorder:
                     synced = time.monotonic()
                     self._writer.sync()
                     self._check_disk()
-        except Exception as error:  # noqa: BLE001 - whatever it is, add() tells
-            self.error = error
+        except Exception as error:  # noqa: BLE001 - whatever it is, add() and close() tell
+            with self._changed:
+                self.error = error
+                self.dropped += len(self._queue)
+                self._queue.clear()
+                self._waiting = 0
 
 
 def _bytes(frame: Frame) -> int:

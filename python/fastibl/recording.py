@@ -39,6 +39,7 @@ from ._fastibl import Board, Camera, CubeMap, Pose, Response, Rig
 from .expected import expect
 from .file_limits import check_file_size, check_pixels, file_bytes
 from .picture_headers import jpeg_size, png_size
+from .whole_file import write_whole
 
 if TYPE_CHECKING:
     import cv2
@@ -616,7 +617,7 @@ def _writing(path: Path) -> Iterator[cv2.FileStorage]:
     mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
     storage = cv2.FileStorage(path.name, mode)
     yield storage
-    path.write_text(storage.releaseAndGetString(), encoding="utf-8", newline="\n")
+    write_whole(path, storage.releaseAndGetString())
 
 
 def _number(node: cv2.FileNode, name: str, path: Path) -> float:

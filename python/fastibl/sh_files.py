@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ._fastibl import CubeMap, Environment
 from .axes import radiance_of, to_axes
 from .lighting import Lighting
+from .whole_file import write_whole
 
 CONVENTIONS = ("filament", "three.js")
 
@@ -52,10 +53,10 @@ def write_sh(
     if path.suffix.lower() not in (".txt", ".json"):
         raise ValueError(f"{path} must end in .txt or .json")
     if path.suffix.lower() == ".txt":
-        path.write_text(_text(rows, convention), encoding="utf-8")
+        write_whole(path, _text(rows, convention))
         return
     content = _light_probe(rows) if convention == "three.js" else _named(rows, convention, axes)
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(content, indent=1) + "\n")
 
 
 def _text(rows: NDArray[np.float64], convention: str) -> str:

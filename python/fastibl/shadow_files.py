@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ._fastibl import ShadowMap
 from .expected import expect
 from .pictures import write_exr
+from .whole_file import write_whole
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 _MOST = 4096  # texels along an edge
@@ -59,7 +60,7 @@ def write_shadow(
         return {"file": path.name, **about}
     _write_png(path, opacity)
     about = {"file": path.name, "alpha": "1 - ratio, linear", **about}
-    path.with_suffix(".json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    write_whole(path.with_suffix(".json"), json.dumps(about, indent=1) + "\n")
     return about
 
 
@@ -89,4 +90,4 @@ def _write_png(path: Path, opacity: NDArray[np.float32]) -> None:
     rgba = np.zeros((*opacity.shape, 4), np.uint16)
     rgba[..., 3] = np.rint(opacity * 65535)
     data = cv2.imencode(".png", rgba)[1]
-    path.write_bytes(data.tobytes())
+    write_whole(path, data.tobytes())

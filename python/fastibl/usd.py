@@ -14,6 +14,7 @@ from ._fastibl import CubeMap, Environment
 from .axes import matrix, radiance_of, turned
 from .environment_files import averaged_equirect
 from .pictures import LINEAR, write_picture
+from .whole_file import write_whole
 
 # A dome's own frame has its pole along +y, whatever is up in the stage, and its picture is as OpenEXR has it: longitude
 # 0, in the middle, is +z, and +x is to the left of it. Rows give a direction in the frame of our equirectangular
@@ -50,7 +51,7 @@ def write_usd(
     radiance = radiance_of(cube)
     picture = path.with_name(f"{path.stem}_dome.{format}")
     write_picture(picture, averaged_equirect(turned(radiance, picture_from_marker), height))
-    path.write_text(_stage(picture.name, axes), encoding="utf-8")
+    write_whole(path, _stage(picture.name, axes))
     return [path, picture]
 
 

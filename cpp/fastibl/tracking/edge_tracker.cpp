@@ -145,7 +145,7 @@ std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<
     prior.rows.reset();  // it led nowhere, or is no longer needed
   }
   if (tracked) {
-    before_ = last_;
+    if (time > last_->time) before_ = last_;  // the same picture again tells of no motion
   } else {
     tracked = detect(picture, bytes, prior, detector);
     // What was predicted from may still hold in the next frame; it is proved there.

@@ -78,8 +78,6 @@ def run(arguments: argparse.Namespace) -> int:
                     raise
     if recorder is None:
         raise ValueError(f"no camera gave a picture within {arguments.patience:g} s")
-    if recorder.error is not None:
-        raise recorder.error
     print(
         f"{arguments.out}: {recorder.written} frames, {recorder.dropped} dropped for lack of speed of the disk, "
         f"{source.dropped} pictures not asked for in time"

@@ -86,7 +86,7 @@ class LiveLoop:
         self._options, self._after_frame, self._log = dict(options or {}), after_frame, log
         self._settings, self._watched = settings, watched
         self._about = about if callable(about) else lambda: about
-        self._queue: queue.Queue[tuple[str, Any]] = queue.Queue(_WAITING)
+        self._queue: queue.Queue[Mapping[str, Any]] = queue.Queue(_WAITING)
         self._stopping = threading.Event()
         self._restarting = False
         self._steps = 0
@@ -108,10 +108,9 @@ class LiveLoop:
     # For other threads.
 
     def change(self, changes: Mapping[str, Any]) -> bool:
-        """Asks for changes that Choices.read has checked; False where too many wait already."""
+        """Asks for changes that Choices.read has checked; False, and none is made, where too many wait already."""
         try:
-            for item in changes.items():
-                self._queue.put_nowait(item)
+            self._queue.put_nowait(changes)
         except queue.Full:
             return False
         return True
@@ -253,7 +252,7 @@ class LiveLoop:
                 if self.latest.get().messages != tuple(self._messages):
                     self._show()
                 continue
-            changed = self._apply(*first)
+            changed = self._apply(first)
             changed |= self._apply_waiting()
             if changed and self._again is not None and not condition():
                 self._process_again(self._again)
@@ -286,15 +285,17 @@ class LiveLoop:
                 change = self._queue.get_nowait()
             except queue.Empty:
                 return changed
-            changed |= self._apply(*change)
+            changed |= self._apply(change)
 
-    def _apply(self, name: str, value: Any) -> bool:
-        """Whether the picture changes with it."""
-        try:
-            return bool(getattr(self, f"_set_{name}")(value))
-        except (OSError, ValueError, TypeError, RuntimeError) as error:
-            self.say(f"{name.strip('_')}: {error}")
-            return False
+    def _apply(self, changes: Mapping[str, Any]) -> bool:
+        """Whether the picture changes with them."""
+        changed = False
+        for name, value in changes.items():
+            try:
+                changed |= bool(getattr(self, f"_set_{name}")(value))
+            except (OSError, ValueError, TypeError, RuntimeError) as error:
+                self.say(f"{name.strip('_')}: {error}")
+        return changed
 
     def _note(self, **settings: Any) -> None:
         self._settings = replace(self._settings, **settings)
@@ -364,9 +365,9 @@ class LiveLoop:
             try:
                 made = self._load(name)
             except Exception as error:  # noqa: BLE001 - files and their readers raise what they like
-                self._queue.put(("_failed", (name, error)))
+                self._queue.put({"_failed": (name, error)})
             else:
-                self._queue.put(("_ready", made))
+                self._queue.put({"_ready": made})
 
         threading.Thread(target=prepare, name="fastibl object", daemon=True).start()
 

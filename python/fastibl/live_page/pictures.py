@@ -143,7 +143,8 @@ class Pictures:
 
 
 def save_picture(snapshot: Snapshot, path: Path) -> Path:
-    """Writes the composite as .png. Raises ValueError where there is none yet, OSError where it cannot be written."""
+    """Writes the composite as .png. Raises ValueError where there is none yet, FileExistsError where another one has
+    the name, and other OSErrors where it cannot be written."""
     if snapshot.result is None:
         raise ValueError("there is no picture yet")
     picture = snapshot.result.image
@@ -151,5 +152,6 @@ def save_picture(snapshot: Snapshot, path: Path) -> Path:
     ok, encoded = cv2.imencode(".png", cv2.cvtColor(picture, order))
     if not ok:
         raise OSError("the picture cannot be encoded")
-    path.write_bytes(encoded.tobytes())
+    with path.open("xb") as file:
+        file.write(encoded.tobytes())
     return path

@@ -297,8 +297,11 @@ class _Handler(BaseHTTPRequestHandler):
         self._viewer()
         loop = self.server.page.loop
         try:
-            path = free_path(loop.folder, time.strftime("picture-%Y%m%d-%H%M%S"), (".png",))
-            saved = save_picture(loop.latest.get(), path)
+            saved = None
+            while saved is None:  # another viewer may take the name
+                path = free_path(loop.folder, time.strftime("picture-%Y%m%d-%H%M%S"), (".png",))
+                with contextlib.suppress(FileExistsError):
+                    saved = save_picture(loop.latest.get(), path)
         except (OSError, ValueError) as error:
             raise _Refusal(HTTPStatus.CONFLICT, str(error)) from None
         loop.say(f"saved {saved}")

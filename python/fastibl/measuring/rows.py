@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..machine import cpu
+from ..whole_file import write_whole
 from .timing import Timing, yardstick_seconds
 
 _CHECKOUT = Path(__file__).resolve().parents[3]
@@ -101,7 +102,7 @@ def write_rows(path: Path, rows: Sequence[Row], head: Mapping[str, Any]) -> Path
     lines = ",\n".join("  " + json.dumps(_columns(r), ensure_ascii=False) for r in ordered)
     text = json.dumps(first, indent=1, ensure_ascii=False)[:-2] + ',\n "rows": [\n' + lines + "\n ]\n}\n"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
     return path
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import pages
+from ..whole_file import write_whole
 from .plots import Dumbbells, Frontier, Lines, write
 from .section import Section, Strip, Table
 
@@ -158,5 +159,5 @@ SVG and PNG. <code>fastibl report --against report.json</code> later says what b
 </main></div></body></html>"""
     page = re.sub(r">\s*\n\s*<", ">\n<", page)
     path = out / "report.html"
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page)
     return path
