@@ -9,6 +9,7 @@
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/lighting/harmonic_sums.h"
 #include "fastibl/lighting/irradiance_sums.h"
+#include "fastibl/scene/directional_albedo.h"
 #include "fastibl/scene/glossy.h"
 
 namespace fastibl::bindings {

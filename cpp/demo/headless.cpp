@@ -2,7 +2,6 @@
 
 #include <csignal>
 #include <iostream>
-#include <thread>
 
 #include "demo/commands.h"
 #include "demo/output.h"

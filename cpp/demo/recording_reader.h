@@ -5,7 +5,6 @@
 #include <map>
 #include <opencv2/videoio.hpp>
 #include <string>
-#include <vector>
 
 #include "demo/frame_source.h"
 

@@ -7,6 +7,7 @@
 #include <limits>
 #include <random>
 
+#include "fastibl/core/lanes.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/scene/glossy.h"

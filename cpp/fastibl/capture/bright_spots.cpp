@@ -1,7 +1,6 @@
 #include "fastibl/capture/bright_spots.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 
 namespace fastibl {

@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "fastibl/capture/footprint.h"
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/prefetch.h"
-#include "fastibl/core/simd.h"
 #include "fastibl/scene/main_lights.h"
 
 namespace fastibl {

@@ -1,8 +1,6 @@
 // The maps that a Capture hands out.
 #include <algorithm>
 #include <atomic>
-#include <cmath>
-#include <cstring>
 #include <numbers>
 
 #include "fastibl/capture/capture.h"

@@ -1,11 +1,9 @@
 #include "fastibl/capture/light_meter.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <numbers>
 
-#include "fastibl/capture/code_sums.h"
 #include "fastibl/scene/tag_codes.h"
 
 namespace fastibl {

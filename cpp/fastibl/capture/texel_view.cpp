@@ -1,7 +1,6 @@
 #include "fastibl/capture/texel_view.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "fastibl/core/simd.h"

@@ -1,6 +1,5 @@
 #include "fastibl/capture/tile_pyramids.h"
 
-#include <algorithm>
 #include <bit>
 
 #include "fastibl/core/simd.h"

@@ -1,7 +1,6 @@
 #include "fastibl/capture/unseen.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/tile_cone.h"

@@ -1,7 +1,6 @@
 #include "fastibl/lighting/prefilter.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "fastibl/core/check.h"

@@ -1,5 +1,7 @@
 // The sum over a folded map at eight nodes of an octant; see core/wide.h for how it is compiled.
 
+#include <cstring>
+
 #include "fastibl/core/wide.inl"
 
 FASTIBL_KERNEL_INLINE void sharpen(Wide& cosine, float reach, float sharpening) {

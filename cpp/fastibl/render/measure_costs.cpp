@@ -10,7 +10,6 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
-#include "fastibl/shading/bake_visibility.h"
 #include "fastibl/shading/bounce.h"
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/rasterize.h"

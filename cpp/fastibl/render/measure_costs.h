@@ -6,8 +6,7 @@
 namespace fastibl {
 
 // CPU time of one core; some three seconds. What needs cameras' pictures is the built-in cost times
-// what the rest takes by its own built-in cost. Not to be called from inside a parallel_for; the
-// number of threads is set to 1 meanwhile.
+// what the rest takes by its own built-in cost. Its loops run in the calling thread alone.
 Costs measure_costs();
 
 }  // namespace fastibl

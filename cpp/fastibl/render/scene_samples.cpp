@@ -12,7 +12,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/shading/sample_cells.h"
-#include "fastibl/shading/traced_shares.h"
+#include "fastibl/shading/triangle_place.h"
 
 namespace fastibl {
 namespace {

@@ -10,6 +10,7 @@
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/workload.h"
 #include "fastibl/shading/glossy_shares.h"
+#include "fastibl/shading/holdout.h"
 
 namespace fastibl {
 namespace {

@@ -24,7 +24,6 @@
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/scene.h"
 #include "fastibl/shading/bounce.h"
-#include "fastibl/shading/holdout.h"
 #include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/plane_exchange.h"
 #include "fastibl/shading/self_shadow.h"

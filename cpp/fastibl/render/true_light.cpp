@@ -1,7 +1,6 @@
 #include "fastibl/render/true_light.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 
 #include "fastibl/core/lanes.h"

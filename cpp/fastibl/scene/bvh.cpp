@@ -229,13 +229,6 @@ bool Bvh::occluded(const Ray& ray) const {
   return hit;
 }
 
-int Bvh::count_hits(const Ray& ray) const {
-  int count = 0;
-  float t_max = ray.t_max;
-  traverse(ray, t_max, [&](int, float, float, float) { return ++count, false; });
-  return count;
-}
-
 Bvh::Hit Bvh::nearest(const Ray& ray) const {
   Hit hit;
   float t_max = ray.t_max;

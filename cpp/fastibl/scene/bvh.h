@@ -33,8 +33,7 @@ class Bvh {
   Bvh() = default;
   explicit Bvh(const Mesh& mesh);  // copies what it needs
 
-  bool occluded(const Ray& ray) const;   // whether anything is met within (t_min, t_max)
-  int count_hits(const Ray& ray) const;  // number of triangles met
+  bool occluded(const Ray& ray) const;  // whether anything is met within (t_min, t_max)
   // Nearest hit: index of the triangle, or −1; t and barycentric u, v of its second and third
   // vertex.
   struct Hit {

@@ -5,6 +5,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/simd.h"
+#include "fastibl/scene/directional_albedo.h"
 #include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/seen_lights.h"
 #include "fastibl/scene/shared_formulas.h"

@@ -3,9 +3,7 @@
 
 #include <array>
 #include <span>
-#include <vector>
 
-#include "fastibl/scene/directional_albedo.h"
 #include "fastibl/scene/light_arrays.h"
 #include "fastibl/scene/lighting.h"
 

@@ -1,7 +1,6 @@
 // The glossy term of many places at once.
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 
 #include "fastibl/core/check.h"

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/cube_map.h"

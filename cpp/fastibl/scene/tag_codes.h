@@ -1,8 +1,6 @@
 // What is printed on the tags of family 36h11.
 #pragma once
 
-#include <cstdint>
-
 namespace fastibl {
 
 inline constexpr int kTagCount = 587;  // ids from 0

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/core/lanes.h"
+
 namespace fastibl {
 namespace {
 

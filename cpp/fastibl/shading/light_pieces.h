@@ -1,7 +1,6 @@
 // A few directions that stand for all light of a map: parts of its faces that hold about as much.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "fastibl/core/lanes.h"
 #include "fastibl/core/simd.h"
 
 namespace fastibl {

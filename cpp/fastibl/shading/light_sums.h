@@ -5,9 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <vector>
 
-#include "fastibl/core/lanes.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/material.h"
 

@@ -1,7 +1,6 @@
 // What near lights give an object by the place of each of its vertices, not only by its normal.
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "fastibl/scene/lighting.h"

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <memory>
 #include <mutex>
 #include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
-#include "fastibl/core/simd.h"
 
 namespace fastibl {
 namespace {

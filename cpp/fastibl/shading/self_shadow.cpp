@@ -1,7 +1,6 @@
 #include "fastibl/shading/self_shadow.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"

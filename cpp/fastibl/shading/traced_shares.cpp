@@ -8,9 +8,9 @@
 #include "fastibl/scene/octahedral.h"
 #include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/shading/bake_visibility.h"
-#include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/hidden_cells.h"
 #include "fastibl/shading/light_sums.h"
+#include "fastibl/shading/lobe_cells.h"
 
 namespace fastibl {
 namespace {

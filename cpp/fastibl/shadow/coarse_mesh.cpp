@@ -1,12 +1,10 @@
 #include "fastibl/shadow/coarse_mesh.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <set>
 #include <tuple>
 #include <unordered_map>
-#include <utility>
 
 namespace fastibl {
 namespace {

@@ -279,12 +279,6 @@ void sum_shares(std::span<const PlaneBits> bits, std::span<const glm::ivec4> sha
   });
 }
 
-Image<float> ratio_of(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares) {
-  Image<float> ratio;
-  sum_shares(bits, shares, ratio);
-  return ratio;
-}
-
 float outer_extent(std::span<const LightDirection> light, const SphereSet& spheres,
                    const PlaneGrid& grid, const NearPlane& near_plane) {
   const glm::dvec4 ball = bounding_ball(spheres);

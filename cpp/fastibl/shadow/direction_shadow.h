@@ -7,7 +7,6 @@
 
 #include <memory>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "fastibl/core/image.h"
@@ -19,9 +18,8 @@
 namespace fastibl {
 
 // 1 − the sum of the shares where bits are set: (size, size, 3), row 0 is y min. Shares as
-// whole_shares() makes them: exactly 1 where no bit is set, exactly 0 where all are.
-Image<float> ratio_of(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares);
-// The same into an image that is kept; fading: towards its border, as fade_border() does.
+// whole_shares() makes them: exactly 1 where no bit is set, exactly 0 where all are. Into an image
+// that is kept; fading: towards its border, as fade_border() does.
 void sum_shares(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares,
                 Image<float>& ratio, bool fading = false);
 

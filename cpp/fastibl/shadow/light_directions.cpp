@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "fastibl/core/check.h"
+#include "fastibl/scene/methods.h"
 
 namespace fastibl {
 namespace {

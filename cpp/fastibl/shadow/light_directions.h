@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "fastibl/scene/cube_map.h"
-#include "fastibl/scene/methods.h"
 #include "fastibl/shadow/sky_energy.h"
 
 namespace fastibl {

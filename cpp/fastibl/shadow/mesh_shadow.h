@@ -4,8 +4,6 @@
 
 #include <functional>
 #include <optional>
-#include <span>
-#include <vector>
 
 #include "fastibl/core/plane_motion.h"
 #include "fastibl/scene/mesh.h"

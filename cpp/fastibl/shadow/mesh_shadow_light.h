@@ -5,7 +5,6 @@
 // 0.25 ms for a change of the light at 128²; see bench/shadows/rigid.py.
 #pragma once
 
-#include <array>
 #include <optional>
 
 #include "fastibl/scene/cube_map.h"

@@ -1,6 +1,5 @@
 #include "fastibl/shadow/ratio_at.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "fastibl/core/parallel.h"

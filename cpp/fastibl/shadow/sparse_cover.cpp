@@ -1,7 +1,6 @@
 #include "fastibl/shadow/sparse_cover.h"
 
 #include <algorithm>
-#include <cstring>
 #include <limits>
 
 #include "fastibl/core/check.h"

@@ -1,9 +1,9 @@
 #include "fastibl/shadow/steady_light.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "fastibl/core/check.h"
+#include "fastibl/scene/methods.h"
 
 namespace fastibl {
 namespace {

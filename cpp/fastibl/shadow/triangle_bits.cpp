@@ -1,7 +1,6 @@
 #include "fastibl/shadow/triangle_bits.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <map>

@@ -1,12 +1,9 @@
 // The rotation under which pictures of distant light agree with a map of it.
 #pragma once
 
-#include <array>
 #include <optional>
 #include <span>
 
-#include "fastibl/scene/camera.h"
-#include "fastibl/tracking/light_pyramid.h"
 #include "fastibl/tracking/map_features.h"
 #include "fastibl/tracking/picture_features.h"
 

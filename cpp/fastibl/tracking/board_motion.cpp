@@ -1,7 +1,6 @@
 #include "fastibl/tracking/board_motion.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numbers>
 #include <utility>
 

@@ -1,11 +1,10 @@
 #include "fastibl/tracking/edge_tracker.h"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "fastibl/tracking/roll_corners.h"
 #include "fastibl/core/solve.h"
+#include "fastibl/tracking/roll_corners.h"
 
 namespace fastibl {
 namespace {

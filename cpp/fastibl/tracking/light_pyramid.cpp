@@ -1,7 +1,5 @@
 #include "fastibl/tracking/light_pyramid.h"
 
-#include <algorithm>
-
 namespace fastibl {
 namespace {
 

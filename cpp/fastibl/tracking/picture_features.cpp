@@ -1,7 +1,6 @@
 #include "fastibl/tracking/picture_features.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace fastibl {
 namespace {

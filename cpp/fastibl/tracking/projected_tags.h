@@ -1,7 +1,6 @@
 // A board's tags as a pose puts them into the picture, and how far the picture agrees.
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "fastibl/scene/camera.h"

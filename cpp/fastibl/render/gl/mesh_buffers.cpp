@@ -1,7 +1,6 @@
 #include "fastibl/render/gl/mesh_buffers.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <utility>
 

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "fastibl/core/check.h"
+#include "fastibl/scene/directional_albedo.h"
 #include "fastibl/scene/glossy.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shading/rasterize.h"

@@ -1,7 +1,6 @@
 // The shade pass: which triangle each sample sees, then its colour. Private to render/gl.
 #pragma once
 
-#include "fastibl/core/pose.h"
 #include "fastibl/render/gl/gpu.h"
 #include "fastibl/render/gl/light_textures.h"
 #include "fastibl/render/gl/material_textures.h"
