@@ -1,4 +1,6 @@
 // Hostile spheres, grids, points and light.
+#include <utility>
+
 #include "fastibl/shadow/direction_shadow.h"
 #include "fastibl/shadow/ratio_at.h"
 #include "fastibl/shadow/sphere_shadow.h"
