@@ -28,6 +28,20 @@ def board(request):
     return BOARDS[request.param]
 
 
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(-1, -1), (1, -1), (1, 1), (-1, 1)],  # AprilTag's own order
+        [(0, 0)] * 4,
+        [(-1, 0), (0, 0), (1, 0), (2, 0)],
+        [(-1, 1), (1, -1), (1, 1), (-1, -1)],
+    ],
+)
+def test_tags_that_no_picture_can_show_are_refused(corners):
+    with pytest.raises(ValueError, match="clockwise around an area, from the upper left"):
+        fastibl.Board([(3, 0.02 * np.array(corners, float))], 0.1, 0.1)
+
+
 def test_grid_counts_from_the_top_and_kalibr_from_the_bottom():
     grid = fastibl.Board.grid(3, 4, 0.03, 0.01)
     centre = {tag.id: tag.corners.mean(0) for tag in grid.tags}

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from board_pictures import look_at, render, srgb
+from board_pictures import look_at, project_tag, render, srgb
 
 import fastibl
 from fastibl.calibration import calibrate_board, calibrate_camera, calibrate_response, calibrate_rig
@@ -26,6 +26,61 @@ def pictures():
     return board_pictures()
 
 
+FAR = [(t, 2.2 * d, a, r) for t, d, a, r in VIEWS]
+
+
+def test_tags_that_are_too_small_to_be_refined_count_for_nothing(pictures):
+    """One that is left as it was detected is as much off as a hundred others."""
+    from fastibl.calibration.corners import find_corners
+
+    camera = fastibl.Camera(480, 360, 396.0, 399.0, 243.5, 176.0)
+    pose = look_at(45, 0.75, 20)
+    far = render(BOARD, camera, pose, fine=3)
+    seen, raw = find_corners(far, BOARD, camera), find_corners(far, BOARD, camera, refine=False)
+    true = {tag.id: project_tag(tag, camera, pose) for tag in BOARD.tags}
+    errors = [
+        [float(np.linalg.norm(p - true[i], axis=1).max()) for i, p in zip(s.ids, s.pixels, strict=True)]
+        for s in (seen, raw)
+    ]
+    print(
+        f"{len(seen.ids)} of {len(raw.ids)} tags refined, off by {np.round(errors[0], 2)}, of {np.round(errors[1], 2)}"
+    )
+    assert len(seen.ids) < len(raw.ids) and max(errors[1]) > 0.5
+    assert all(e < 0.3 for e in errors[0])
+
+
+def test_eight_terms_that_pictures_do_not_tell_are_zero(pictures):
+    five, eight = (calibrate_camera(pictures, BOARD, terms=n) for n in (5, 8))
+    print(f"{five}\n{eight}")
+    errors = pixel_errors(eight.camera, CAMERA)
+    assert eight.residual <= five.residual * 1.0001
+    assert np.median(errors) < 0.1 and errors.max() < 1
+    if np.isinf(eight.deviations["k6"]):
+        assert eight.camera.distortion[5:] == (0, 0, 0) or list(eight.camera.distortion[5:]) == [0, 0, 0]
+
+
+def test_a_fisheye_is_found_in_pictures():
+    """Lines are bent in them, also within a tag: corners are refined by the lens that was found."""
+    lens = [0.03, -0.01, 0.003, -0.001]
+    camera = fastibl.Camera(480, 360, 150.0, 151.0, 241.0, 178.0, distortion=lens, model="fisheye")
+    board = fastibl.Board.default()
+    views = [(15 + 9 * (k % 4), 0.15 + 0.02 * (k % 3), 47 * k, 80 * k) for k in range(10)]
+    shots = [
+        render(board, camera, look_at(t, d, a, r, aim), seed=k, fine=3)
+        for k, ((t, d, a, r), aim) in enumerate(zip(views, AIMS, strict=False))
+    ]
+    found = calibrate_camera(shots, board, model="fisheye")
+    errors = pixel_errors(found.camera, camera, margin=60)
+    print(f"{found}\npixels within {np.median(errors):.3f} px (median), {errors.max():.2f} px (worst)")
+    assert abs(found.camera.fx / camera.fx - 1) < 2e-3 and np.median(errors) < 0.2 and found.residual < 0.15
+
+
+def pixel_errors(found, true, margin=20, step=9):
+    """By how far the found camera puts points of the picture's directions elsewhere than the true one."""
+    at = np.mgrid[margin : true.width - margin : step, margin : true.height - margin : step].reshape(2, -1).T
+    return np.linalg.norm(found.project(true.unproject(at.astype(float))) - at, axis=1)
+
+
 @pytest.fixture(scope="module")
 def calibrated(pictures):
     return calibrate_camera(pictures, BOARD, terms=4)
@@ -44,8 +99,7 @@ def test_a_lens_is_found_within_its_stated_deviations(calibrated):
     print("in deviations: " + ", ".join(f"{n} {o:+.1f}" for n, o in off.items()))
     assert max(map(abs, off.values())) < 5 and np.sqrt(np.mean(np.square(list(off.values())))) < 3
     assert abs(values["fx"] / true["fx"] - 1) < 1e-3 and found.residual < 0.15
-    d = found.camera.unproject(np.mgrid[20:460:9, 20:340:9].reshape(2, -1).T.astype(float))
-    error = np.abs(CAMERA.project(d) - np.mgrid[20:460:9, 20:340:9].reshape(2, -1).T)
+    error = pixel_errors(found.camera, CAMERA)
     print(f"pixels within {np.median(error):.3f} px (median), {error.max():.2f} px (worst)")
     assert np.median(error) < 0.1 and error.max() < 1
 
@@ -252,6 +306,43 @@ def test_a_board_is_measured_by_a_camera_without_distortion():
     plain = fastibl.Camera(CAMERA.width, CAMERA.height, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
     found = calibrate_board([render(BOARD, plain, look_at(*v), seed=k) for k, v in enumerate(views)], BOARD, plain)
     assert len(found.board.tags) == len(BOARD.tags)
+
+
+@pytest.mark.parametrize(
+    "measured, message",
+    [
+        ((1, 26, 0.2), "not both on the board"),
+        ((1, 1, 0.2), "1 twice"),
+        ((0, 3), "ids and metres"),
+        ((0, 3, np.nan), "nan m between tags 0 and 3, but the board 0.156 m"),
+        ((0, 3, 156.0), "is it in metres"),
+        ((0, 3, -0.156), "is it in metres"),
+    ],
+)
+def test_a_length_that_was_not_measured_is_refused(pictures, measured, message):
+    with pytest.raises(ValueError, match=message):
+        calibrate_board(pictures, BOARD, CAMERA, measured=measured)
+
+
+def test_what_is_no_picture_board_or_pose_is_named(pictures):
+    with pytest.raises(ValueError, match="picture 2 must have shape .*, got None"):
+        calibrate_camera([*pictures[:2], None], BOARD)
+    with pytest.raises(TypeError, match="board must be Board, got None"):
+        calibrate_camera(pictures, None)
+    with pytest.raises(TypeError, match=r"front\[1\] must be Pose or None, got ndarray"):
+        calibrate_rig([fastibl.Pose()] * 2, [None, np.eye(4)])
+
+
+def test_half_a_turn_has_a_vector():
+    from fastibl.calibration.rotations import rotation_vectors, rotations_from
+
+    axes = np.random.default_rng(0).normal(size=(100, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    for angle in (0.0, 1e-9, 1.0, np.pi - 1e-5, np.pi - 1e-8, np.pi):
+        turns = rotations_from(angle * axes)
+        vectors = rotation_vectors(turns)
+        np.testing.assert_allclose(rotations_from(vectors), turns, atol=1e-7)
+        np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), angle, atol=1e-9)
 
 
 def test_pictures_that_no_fisheye_took_are_refused():

@@ -408,6 +408,55 @@ def test_gravity_decides_between_minima_that_the_picture_cannot_tell():
     assert error(tracked, pose) < 0.02
 
 
+def test_smoothing_mixes_nothing_in_from_before_the_board_was_lost():
+    before, after = look_at(20, 0.45, 40, 10), look_at(45, 0.55, 160, -60)
+    tracker = fastibl.Tracker(BOARD, CAMERA, smoothing=0.3)
+    assert tracker.track(shot(before), 0.0) and tracker.track(blank(), 1 / 30) is None
+    assert error(tracker.track(shot(after), 2 / 30), after) < 0.02
+
+
+@pytest.mark.parametrize("white", [1.4, 2.5, 4.0, 6.0])
+def test_overexposed_paper_that_has_grown_over_the_ink(white):
+    """By up to a pixel on each side; the stated deviation knows, too."""
+    camera, worst = vga(), 0.0
+    for k, (tilt, azimuth) in enumerate([(15, 30), (35, 140), (50, 250)]):
+        pose = look_at(tilt, 0.5, azimuth, 20 * k)
+        image = render(BOARD, camera, pose, exposure=white / 0.85, black=0.03, seed=k)
+        tracked = fastibl.Tracker(BOARD, camera).track(image)
+        off = error(tracked, pose)
+        stated = np.degrees(np.sqrt(np.trace(tracked.covariance[:3, :3])))
+        print(f"white {white}: tilt {tilt}: {off:.3f} degrees, stated {stated:.3f}, residual {tracked.residual_px:.2f}")
+        worst = max(worst, off / stated)
+        assert off < 0.25
+    assert worst < 4
+
+
+@pytest.mark.parametrize("method", ["edges", "board", "frame-marker"])
+@pytest.mark.parametrize("brighter", [1, 8, 100])
+def test_float_pictures_beyond_white(method, brighter):
+    """Linear light without an end: the same pose, whatever its unit."""
+    camera, pose = vga(), look_at(30, 0.45, 40, 10)
+    linear = fastibl.Response.srgb().decode(render(BOARD, camera, pose, noise=0.002) / 255.0)
+    tracked = fastibl.Tracker(BOARD, camera, method).track((brighter * linear).astype(np.float32))
+    limit = {"edges": 0.02, "board": 0.05, "frame-marker": 0.2}[method]
+    assert error(tracked, pose) < limit, f"{error(tracked, pose):.3f} degrees"
+
+
+@pytest.mark.parametrize("method", ["edges", "board", "frame-marker"])
+def test_two_boards_of_the_same_print_are_none(method):
+    board, camera = fastibl.Board.grid(3, 4, 0.03, 0.01), vga()
+    rng, answers = np.random.default_rng(0), []
+    left, right = (render(board, camera, look_at(10, 0.5, 0, 0, (aim, 0.0)), seed=3) for aim in (0.12, -0.12))
+    both = np.where(np.arange(640)[None, :, None] < 320, left, right)
+    for _ in range(5):
+        noisy = np.clip(both + rng.normal(0, 2, both.shape), 0, 255).astype(np.uint8)
+        answers.append(fastibl.Tracker(board, camera, method).track(noisy))
+    ids = [tag for tag, _ in detect(np.ascontiguousarray(both[..., 1]), board, camera)[0]]
+    print(f"tags {sorted(ids)}")
+    assert len(ids) >= len(set(ids)) + 8, "two boards are in view"
+    assert answers == [None] * 5
+
+
 def test_smoothing_is_off_by_default_and_lags_by_its_time():
     path = [look_at(20, 0.45, 40 + 0.3 * k, 10) for k in range(25)]
     shots = [shot(pose, seed=k) for k, pose in enumerate(path)]

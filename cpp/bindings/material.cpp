@@ -10,8 +10,7 @@ namespace {
 enum class Coding { linear, srgb, normal };  // of what 8 bits or the range 0 to 1 mean
 
 float decoded(float value, Coding coding) {
-  if (coding == Coding::srgb)
-    return value <= 0.04045f ? value / 12.92f : std::pow((value + 0.055f) / 1.055f, 2.4f);
+  if (coding == Coding::srgb) return Response::srgb().decode(value);
   return coding == Coding::normal ? 2 * value - 1 : value;
 }
 

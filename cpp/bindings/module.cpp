@@ -1,5 +1,6 @@
+#include "bindings/module.h"
+
 #include "bindings/argument_errors.h"
-#include "bindings/numpy.h"
 
 PYBIND11_MODULE(_fastibl, module) {
   using namespace fastibl::bindings;
@@ -15,7 +16,10 @@ PYBIND11_MODULE(_fastibl, module) {
     }
   });
   bind_core(module);
-  bind_scene(module);
+  bind_cube(module);
+  bind_camera(module);
+  bind_board(module);
+  bind_mesh(module);
   bind_environment(module);
   bind_material(module);
   bind_lighting(module);

@@ -196,22 +196,4 @@ py::tuple triple(const glm::vec<3, T>& v) {
   return py::make_tuple(v.x, v.y, v.z);
 }
 
-void bind_core(py::module_& module);
-void bind_material(py::module_& module);
-void bind_scene(py::module_& module);
-void bind_environment(py::module_& module);
-void bind_tracking(py::module_& module);
-void bind_rotation_tracker(py::module_& module);
-void bind_capture(py::module_& module);
-void bind_lighting(py::module_& module);
-void bind_ggx(py::module_& module);
-void bind_prefilter(py::module_& module);
-void bind_shadow(py::module_& module);
-void bind_mesh_shadow(py::module_& module);
-void bind_object(py::module_& module);
-void bind_plane_exchange(py::module_& module);
-void bind_shading(py::module_& module);
-void bind_plan(py::module_& module);
-void bind_render(py::module_& module);
-
 }  // namespace fastibl::bindings

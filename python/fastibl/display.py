@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._fastibl import CubeMap, Environment, FrameResult, Plan, ShadowMap
+from ._fastibl import CubeMap, Environment, FrameResult, Plan, Response, ShadowMap
 from .comparison import Comparison
 from .guidance import Guidance
 from .lighting import Lighting
@@ -219,9 +219,7 @@ def _encoded(linear: NDArray) -> NDArray[np.uint8]:
 
 def _bytes(linear: NDArray) -> NDArray[np.uint8]:
     """sRGB, cut at white."""
-    x = np.clip(linear, 0, 1)
-    encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 1e-9) ** (1 / 2.4) - 0.055)
-    return np.rint(255 * encoded).astype(np.uint8)
+    return np.rint(255 * Response.srgb().encode(np.clip(linear, 0, 1))).astype(np.uint8)
 
 
 def _percent(value: float) -> str:

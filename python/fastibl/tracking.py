@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 import numpy as np
@@ -97,9 +98,11 @@ class Tracker:
     ):
         self.board, self.camera, self.refine = board, camera, bool(refine)
         self.method = method_name("tracking", method)
-        self._edges, self._lock = None, threading.Lock()
+        self._edges, self._lock, self._time = None, threading.Lock(), -math.inf
         if self.method in ("auto", "edges"):
             gravity = np.asarray(gravity_in_marker, np.float64)
+            if not np.isfinite(gravity).all():
+                raise ValueError(f"gravity_in_marker must be finite, got {gravity_in_marker}")
             self._edges = _EdgeTracker(board, camera, smoothing=float(smoothing), gravity_in_marker=gravity)
 
     def track(
@@ -121,12 +124,17 @@ class Tracker:
         if self._edges is not None:
             with self._lock:  # one picture after the other, whatever the threads
                 return self._edges.track(image, time, detect, turn, gravity)
+        if time is not None:
+            if not (math.isfinite(time) and time >= self._time):
+                raise ValueError(f"time must not run backwards: {time} s after {self._time} s")
+            self._time = time
         grey = _grey(image, self.camera)
         tags, start = detect(grey, self.board, self.camera)
         return _track(tags, start, self.board, self.camera, self.method, grey if self.refine else None)
 
     def reset(self) -> None:
         """Forgets the last pose: the next picture is searched anew."""
+        self._time = -math.inf
         if self._edges is not None:
             with self._lock:
                 self._edges.reset()

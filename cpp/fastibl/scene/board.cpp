@@ -18,6 +18,16 @@ Tag square_tag(int id, glm::dvec2 centre, double size) {
            centre + glm::dvec2(-h, -h)}};
 }
 
+// Around a convex area, seen from above.
+bool is_clockwise(const Tag& tag) {
+  for (std::size_t i = 0; i < 4; ++i) {
+    const glm::dvec2 a = tag.corners[(i + 1) % 4] - tag.corners[i],
+                     b = tag.corners[(i + 2) % 4] - tag.corners[(i + 1) % 4];
+    if (!(a.x * b.y - a.y * b.x < 0)) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 Board Board::default_board() {
@@ -85,6 +95,11 @@ void Board::validate() const {
       check(std::isfinite(corner.x) && std::isfinite(corner.y), "tag ", tag.id,
             " has a corner that is not finite");
   }
+  for (const Tag& tag : tags)
+    check(
+        is_clockwise(tag), "the corners of tag ", tag.id,
+        " must run clockwise around an area, from the upper left one of the upright tag on: upper "
+        "left, upper right, lower right, lower left");
 }
 
 const Tag* Board::find(int id) const {

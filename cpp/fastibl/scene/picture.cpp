@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/cube_map.h"
@@ -49,7 +50,26 @@ Image<float> linear_from(const Picture& picture, const Response& response) {
   return out;
 }
 
-Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response) {
+float scale_below_white(const Picture& picture) {
+  if (picture.type != PixelType::float32) return 1;
+  constexpr int kSamples = 200;    // along an edge
+  constexpr double kBelow = 0.99;  // of them
+  const int dx = std::max(1, picture.width / kSamples), dy = std::max(1, picture.height / kSamples);
+  std::vector<float> brightest;
+  for (int y = 0; y < picture.height; y += dy) {
+    const auto* in = reinterpret_cast<const float*>(picture.row(y));
+    for (int x = 0; x < picture.width; x += dx) {
+      const float most = std::max({in[3 * x], in[3 * x + 1], in[3 * x + 2]});
+      if (std::isfinite(most)) brightest.push_back(most);
+    }
+  }
+  if (brightest.empty()) return 1;
+  const auto at = brightest.begin() + std::ptrdiff_t(kBelow * double(brightest.size() - 1));
+  std::nth_element(brightest.begin(), at, brightest.end());
+  return *at > 1 ? 1 / *at : 1;
+}
+
+Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response, float scale) {
   const int count = 3 * picture.width;
   if (picture.type == PixelType::uint8) {
     Image<std::uint8_t> out;
@@ -68,7 +88,7 @@ Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response)
       for (int i = 0; i < count; ++i) to[i] = std::uint8_t((in[i] * 255u + 32767u) / 65535u);
     } else {
       const auto* in = reinterpret_cast<const float*>(picture.row(y));
-      for (int i = 0; i < count; ++i) to[i] = table.encode(in[i]);
+      for (int i = 0; i < count; ++i) to[i] = table.encode(scale * in[i]);
     }
   }
   return out;
@@ -76,7 +96,8 @@ Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response)
 
 Image<std::uint8_t> grey_from(const Picture& picture, const Response& response) {
   const bool bytes = picture.type == PixelType::uint8;
-  const Image<std::uint8_t> rgb = bytes ? Image<std::uint8_t>() : bytes_from(picture, response);
+  const Image<std::uint8_t> rgb =
+      bytes ? Image<std::uint8_t>() : bytes_from(picture, response, scale_below_white(picture));
   Image<std::uint8_t> grey(picture.width, picture.height, 1);
   for (int y = 0; y < picture.height; ++y)
     luma(bytes ? picture.row(y) : rgb.row(y), picture.width, grey.row(y));

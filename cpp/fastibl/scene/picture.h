@@ -32,9 +32,13 @@ struct Picture {
 // Linear values (exposure × gain × vignetting × radiance). Float pictures are cleaned as maps are:
 // NaN and negative values to 0, at most 1e9.
 Image<float> linear_from(const Picture& picture, const Response& response);
-// 8-bit RGB as a person sees it: 8-bit input unchanged, else encoded with the response.
-Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response);
-// 8-bit grey for detection, from the encoded values (Rec. 601 luma).
+// At most 1: by which a float picture, which may go far beyond white, is to be multiplied so that
+// no more than its brightest hundredth is white.
+float scale_below_white(const Picture& picture);
+// 8-bit RGB as a person sees it: 8-bit input unchanged, else encoded with the response, float after
+// it was multiplied by `scale`.
+Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response, float scale = 1);
+// 8-bit grey for detection, from the encoded values (Rec. 601 luma), of float scaled below white.
 Image<std::uint8_t> grey_from(const Picture& picture, const Response& response);
 
 }  // namespace fastibl

@@ -39,6 +39,7 @@ constexpr double kLeastBlur = 0.5;    // px, with that of the pixels
 
 constexpr double kSharp = 1.1, kShared = 0.01;  // px: `spread` of a sharp picture, error there
 constexpr double kNarrow = 3;                   // times as much of edges with room for one pixel
+constexpr double kUnevenGrowth = 0.25;          // of what white has grown, which differs by edge
 constexpr double kSides = 8;                    // errors of a tag that are independent, about
 
 struct Codes {
@@ -171,8 +172,11 @@ double variance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::s
       const double weight = 1 / (fit.deviation[i] * fit.deviation[i]);
       ++used, weights += weight, narrow += points[i].kind < 2 ? weight : 0;
     }
-  const double shared =
+  const double blurred =
       kShared * (spread / kSharp) * (spread / kSharp) * (1 + kNarrow * narrow / weights);
+  const double uneven =
+      fit.growth == 0 ? 0 : std::max(kUnevenGrowth * std::abs(fit.growth), fit.residual);
+  const double shared = std::hypot(blurred, uneven);
   const double together = used / (kSides * double(std::max<std::size_t>(tags, 1)));
   return 1 + shared * shared * std::max(1.0, together) * weights / used;
 }
@@ -350,7 +354,8 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   if (!invert<6>(fit->information, tracked.covariance, variance)) return std::nullopt;
   const auto& c = tracked.covariance;
   if (!(std::sqrt(c[0] + c[7] + c[14]) < options.largest_error * kDegree)) return std::nullopt;
-  refine(light, pattern_, codes, project(pose), lens_, search.spread, tracked);
+  if (fit->growth == 0)  // else pixels at edges are not as they would be
+    refine(light, pattern_, codes, project(pose), lens_, search.spread, tracked);
   if (tracked.pixels == 0 && search.most < kEdgesAlone) {  // then by more edges
     search.most = kEdgesAlone;
     Codes again = read_codes(light, pattern_, project(pose));

@@ -126,7 +126,8 @@ std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<
   if (last_ && time - last_->time > options_.longest_gap) reset();
 
   Image<std::uint8_t> converted;
-  if (picture.type != PixelType::uint8) converted = bytes_from(picture, camera_.response);
+  if (picture.type != PixelType::uint8)
+    converted = bytes_from(picture, camera_.response, scale_below_white(picture));
   const ImageView<const std::uint8_t> bytes =
       converted.empty() ? ImageView<const std::uint8_t>{picture.row(0), picture.width,
                                                         picture.height, 3, picture.stride()}
@@ -147,6 +148,7 @@ std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<
     if (time > last_->time) before_ = last_;  // the same picture again tells of no motion
   } else {
     tracked = detect(picture, bytes, prior, detector);
+    shown_.reset();  // it may be elsewhere
     // What was predicted from may still hold in the next frame; it is proved there.
     if (!tracked) return std::nullopt;
     before_.reset();

@@ -14,6 +14,7 @@ constexpr std::size_t kLeastPoints = 8, kLeastOfKind = 24, kScalePoints = 400;
 constexpr std::size_t kKinds = 8;
 constexpr double kTukey = 4.685;      // 95 % efficient for normal errors
 constexpr float kLeastNoise = 2e-3f;  // px: exact pictures must not divide by zero
+constexpr double kLeastGrowth = 0.1;  // px: less is left to cancel out between opposite edges
 constexpr double kFarCost = 25;       // of a point: no nearer than five times its noise
 
 using Row = std::array<double, 6>;
@@ -84,6 +85,27 @@ struct Normal {
       for (std::size_t p = 0; p < rows.size(); ++p)
         if (weights[p] > 0) add(rows[p], weights[p], points[p].offset);
     }
+  }
+  // What a shift of all points along their normals, which nothing else is known of, leaves known.
+  struct Shift {
+    std::array<double, N> with{};  // the motion
+    double alone = 0, value = 0;
+  };
+  Shift without_shift(const std::vector<std::array<double, N>>& rows,
+                      const std::vector<double>& weights, std::span<const EdgePoint> points) {
+    Shift s;
+    for (std::size_t p = 0; p < rows.size(); ++p) {
+      if (!(weights[p] > 0)) continue;
+      for (std::size_t i = 0; i < N; ++i) s.with[i] += weights[p] * rows[p][i];
+      s.alone += weights[p], s.value += weights[p] * points[p].offset;
+    }
+    if (!(s.alone > 0)) return s;
+    for (std::size_t i = 0; i < N; ++i) {
+      const double share = s.with[i] / s.alone;
+      b[i] -= share * s.value;
+      for (std::size_t k = i; k < N; ++k) a[N * i + k] -= share * s.with[k];
+    }
+    return s;
   }
   void mirror() {
     for (std::size_t i = 0; i < N; ++i)
@@ -163,9 +185,18 @@ std::optional<EdgeFit> fit(std::span<const EdgePoint> points,
   EdgeFit fit;
   fit.deviation.resize(count), fit.used.resize(count);
   x = {};
+  bool grown = false;
   for (int round = 0; round < kWeightings; ++round) {
+    if (round == 1) {
+      for (std::size_t i = 0; i < count; i += few)
+        sizes.push_back(float(points[i].offset - dot(rows[i], x)));
+      fit.growth = median(sizes);
+      sizes.clear();
+      grown = std::abs(fit.growth) > kLeastGrowth;
+      if (!grown) fit.growth = 0;
+    }
     for (std::size_t i = 0; i < count; ++i)
-      residual[i] = float((points[i].offset - dot(rows[i], x)) / points[i].noise);
+      residual[i] = float((points[i].offset - fit.growth - dot(rows[i], x)) / points[i].noise);
     const auto scales = scales_of(points, residual, floor);
     Normal<N> n = prior;
     for (std::size_t i = 0; i < count; ++i) {
@@ -177,8 +208,11 @@ std::optional<EdgeFit> fit(std::span<const EdgePoint> points,
           fit.used[i] ? (1 - q * q) * (1 - q * q) / (fit.deviation[i] * fit.deviation[i]) : 0;
     }
     n.add_all(rows, weights, points);
+    typename Normal<N>::Shift shift;
+    if (grown) shift = n.without_shift(rows, weights, points);
     n.mirror();
     if (!solve_symmetric<N>(n.a, n.b, x) || !finite(x)) return std::nullopt;
+    if (grown && shift.alone > 0) fit.growth = (shift.value - dot(shift.with, x)) / shift.alone;
   }
   information = prior;
   // A jerk is found anew each time; it does not move the points any further.
@@ -189,11 +223,12 @@ std::optional<EdgeFit> fit(std::span<const EdgePoint> points,
     const double step = dot(rows[i], kept);
     squares += step * step;
     if (i % few == 0)
-      sizes.push_back(
-          float(std::abs(points[i].offset - (N > kRowParameters ? dot(rows[i], x) : step))));
+      sizes.push_back(float(
+          std::abs(points[i].offset - fit.growth - (N > kRowParameters ? dot(rows[i], x) : step))));
     weights[i] = fit.used[i] ? 1 / (fit.deviation[i] * fit.deviation[i]) : 0;
   }
   information.add_all(rows, weights, points);
+  if (grown) information.without_shift(rows, weights, points);
   information.mirror();
   fit.residual = median(sizes);
   fit.motion = std::sqrt(squares / double(count));
@@ -329,8 +364,8 @@ std::vector<EdgePoint> unrolled(std::span<const EdgePoint> points, const Lens& l
 namespace {
 
 // Distance of a found edge from where the pose puts it, in units of its deviation.
-double distance(const EdgePoint& p, const glm::dvec2& pixel, double deviation) {
-  return (p.offset - glm::dot(p.normal, pixel - p.pixel)) / deviation;
+double distance(const EdgePoint& p, const EdgeFit& fit, std::size_t i, const glm::dvec2& pixel) {
+  return (p.offset - fit.growth - glm::dot(p.normal, pixel - p.pixel)) / fit.deviation[i];
 }
 
 }  // namespace
@@ -341,7 +376,7 @@ double edge_cost(std::span<const EdgePoint> points, const EdgeFit& fit, const Le
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!fit.used[i]) continue;
     const auto pixel = lens.project(pose * glm::dvec3(points[i].point, 0));
-    const double e = pixel ? distance(points[i], *pixel, fit.deviation[i]) : 1e9;
+    const double e = pixel ? distance(points[i], fit, i, *pixel) : 1e9;
     cost += std::min(e * e, kFarCost);
   }
   return cost;
@@ -356,7 +391,7 @@ std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const EdgeFit
       if (!fit.used[i]) continue;
       const auto pixel = lens.project(at * glm::dvec3(points[i].point, 0));
       if (!pixel) return std::numeric_limits<double>::infinity();
-      const double e = distance(points[i], *pixel, fit.deviation[i]);
+      const double e = distance(points[i], fit, i, *pixel);
       cost += e * e;
     }
     return cost;
@@ -371,7 +406,7 @@ std::optional<Pose> refit_edges(std::span<const EdgePoint> points, const EdgeFit
       Row row = *row_of(points[i], lens, pose, &pixel);
       const double scale = fit.deviation[i];
       for (double& v : row) v /= scale;
-      n.add(row, 1, distance(points[i], pixel, fit.deviation[i]));
+      n.add(row, 1, distance(points[i], fit, i, pixel));
     }
     n.mirror();
     for (std::size_t i = 0; i < 6; ++i) n.a[7 * i] *= 1 + damping;

@@ -15,7 +15,8 @@ struct EdgeFit {
   Pose camera_from_marker;
   std::array<double, 36> information{};  // of (w, d) as Tracked::covariance; its inverse is that
   double residual = 0;                   // px: median distance of the points from the fitted edges
-  double motion = 0;             // px: by how much the fit moved the points, root mean square
+  double growth = 0;  // px: by which all white has shrunk; negative where it has grown; else 0
+  double motion = 0;  // px: by how much the fit moved the points, root mean square
   std::vector<float> deviation;  // px: of each point, from the scatter of its kind
   std::vector<bool> used;        // points that agree
   // Of a rolling shutter: the rows' motion, and what is known of it and of the pose together;
@@ -30,7 +31,9 @@ Pose moved(const Pose& pose, const std::array<double, 6>& x);
 // Moves `pose`, by which the points were measured, so that the edges lie where they were found:
 // weighted least squares of the distances across the edges, with Tukey's biweight at 4.685 times
 // the points' own scatter. Linear about `pose`: measure again and repeat until nothing moves.
-// Nothing for fewer than 8 points or where they leave a motion open.
+// Where all edges lie towards white, or towards black, paper was overexposed or ink has run: then
+// that is found along with the motion. Nothing for fewer than 8 points or where they leave a motion
+// open.
 std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
                                  const Pose& pose);
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <optional>
 
+#include "fastibl/scene/wide_lens.h"
+
 namespace fastibl {
 namespace {
 
@@ -14,18 +16,18 @@ constexpr double kClear = 1.5;  // px kept from data modules, whose blur lifts t
 constexpr double kStep = 0.5;   // px between samples of a profile
 constexpr int kMostSteps = 32;
 
-// Position on the plane z = 1, and how it maps to pixels nearby.
+// Where a position on the plane is seen, and how it maps to pixels nearby.
 struct Local {
   glm::dvec2 pixel;
   glm::dmat2 pixel_from_ideal;
 };
 
 struct Line {
-  glm::dvec2 point, direction;  // on the plane z = 1; direction of unit length
+  glm::dvec2 point, direction;  // on the plane; direction of unit length
 };
 
 struct SidePoint {
-  double along, offset;  // in units of the plane z = 1
+  double along, offset;  // in units of the plane
 };
 
 // The unit square on a tag's four corners; Heckbert 1989, Fundamentals of Texture Mapping, 2.2.3.
@@ -60,17 +62,83 @@ glm::dvec2 on_side(std::size_t side, double along, double in) {
   }
 }
 
+// The plane z = 1 before a perspective camera.
+class ImagePlane {
+ public:
+  explicit ImagePlane(const Camera& camera) : camera_(camera), lens_(camera) {}
+  std::optional<glm::dvec2> ideal(const glm::dvec2& pixel) const {
+    const auto ray = lens_.unproject(pixel);
+    return ray ? std::optional(glm::dvec2(*ray)) : std::nullopt;
+  }
+  bool valid(const glm::dvec2& ideal) const { return lens_.valid(ideal); }
+  Local local(const glm::dvec2& ideal) const {
+    Local result;
+    glm::dmat2 d(1.0);
+    const glm::dvec2 p = lens_.distort(ideal, &d);
+    result.pixel = {camera_.fx * p.x + camera_.cx, camera_.fy * p.y + camera_.cy};
+    result.pixel_from_ideal = glm::dmat2(camera_.fx, 0, 0, camera_.fy) * d;
+    return result;
+  }
+
+ private:
+  const Camera& camera_;
+  Lens lens_;
+};
+
+// The plane that touches the unit sphere where a camera that sees far aside sees a tag.
+class TangentPlane {
+ public:
+  TangentPlane(const WideLens& lens, const DetectedTag& tag) : lens_(lens) {
+    glm::dvec3 sum(0);
+    for (const glm::dvec2& corner : tag.corners)
+      if (const auto ray = lens.unproject(corner)) sum += glm::normalize(*ray);
+    if (!(glm::length(sum) > 0)) return;
+    const glm::dvec3 axis = glm::normalize(sum);
+    const glm::dvec3 right = glm::normalize(
+        glm::cross(std::abs(axis.y) < 0.9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0), axis));
+    from_plane_ = glm::dmat3(right, glm::cross(axis, right), axis);
+  }
+  std::optional<glm::dvec2> ideal(const glm::dvec2& pixel) const {
+    const auto ray = lens_.unproject(pixel);
+    if (!ray) return std::nullopt;
+    const glm::dvec3 r = *ray * from_plane_;
+    if (!(r.z > 0)) return std::nullopt;
+    return glm::dvec2(r) / r.z;
+  }
+  bool valid(const glm::dvec2& ideal) const { return pixel(ideal).has_value(); }
+  Local local(const glm::dvec2& ideal) const {
+    constexpr double kStepAside = 1e-5;
+    const auto at = [&](double x, double y) {
+      return pixel(ideal + glm::dvec2(x, y)).value_or(glm::dvec2(std::nan("")));
+    };
+    const double scale = 0.5 / kStepAside;
+    return {at(0, 0),
+            {scale * (at(kStepAside, 0) - at(-kStepAside, 0)),
+             scale * (at(0, kStepAside) - at(0, -kStepAside))}};
+  }
+
+ private:
+  std::optional<glm::dvec2> pixel(const glm::dvec2& ideal) const {
+    return lens_.project(from_plane_ * glm::dvec3(ideal, 1));
+  }
+  const WideLens& lens_;
+  glm::dmat3 from_plane_{1.0};
+};
+
+// Plane: on which the board's lines are straight.
+template <typename Plane>
 class Refiner {
  public:
-  Refiner(ImageView<const std::uint8_t> grey, const Camera& camera, const RefineOptions& options)
-      : grey_(grey), camera_(camera), lens_(camera), options_(options), table_(camera.response) {}
+  Refiner(ImageView<const std::uint8_t> grey, const Camera& camera, const Plane& plane,
+          const ByteResponse& table, const RefineOptions& options)
+      : grey_(grey), camera_(camera), plane_(plane), options_(options), table_(table) {}
 
   std::optional<DetectedTag> refine(const DetectedTag& tag, int border_bits) const {
     std::array<glm::dvec2, 4> ideal;
     for (std::size_t i = 0; i < 4; ++i) {
-      const auto ray = lens_.unproject(tag.corners[i]);
-      if (!ray) return std::nullopt;
-      ideal[i] = glm::dvec2(*ray);
+      const auto at = plane_.ideal(tag.corners[i]);
+      if (!at) return std::nullopt;
+      ideal[i] = *at;
     }
     for (int round = 0; round < options_.rounds; ++round) {
       const SquareMap map(ideal);
@@ -87,13 +155,13 @@ class Refiner {
       }
       for (std::size_t i = 0; i < 4; ++i) {
         const auto corner = meet(sides[(i + 3) % 4], sides[i]);
-        if (!corner || !lens_.valid(*corner)) return std::nullopt;
+        if (!corner || !plane_.valid(*corner)) return std::nullopt;
         ideal[i] = *corner;
       }
     }
     DetectedTag out{tag.id, {}};
     for (std::size_t i = 0; i < 4; ++i) {
-      out.corners[i] = local(ideal[i]).pixel;
+      out.corners[i] = plane_.local(ideal[i]).pixel;
       const double side = glm::length(tag.corners[(i + 1) % 4] - tag.corners[i]);
       const double move = glm::length(out.corners[i] - tag.corners[i]);
       if (!(move <= std::max(2.0, options_.longest_move * side))) return std::nullopt;
@@ -102,25 +170,16 @@ class Refiner {
   }
 
  private:
-  Local local(const glm::dvec2& ideal) const {
-    Local result;
-    glm::dmat2 d(1.0);
-    const glm::dvec2 p = lens_.distort(ideal, &d);
-    result.pixel = {camera_.fx * p.x + camera_.cx, camera_.fy * p.y + camera_.cy};
-    result.pixel_from_ideal = glm::dmat2(camera_.fx, 0, 0, camera_.fy) * d;
-    return result;
-  }
-
   // Width in pixels of the black border beside a side, and of as much white outside it, where they
   // are narrowest: perspective makes far modules smaller.
   double border_px(const SquareMap& tag, std::size_t side, double border) const {
     double narrowest = 1e9;
     for (const double along : {kSideStart, 0.5, 1 - kSideStart}) {
-      const glm::dvec2 a = local(tag(on_side(side, along, 0))).pixel;
-      const glm::dvec2 b = local(tag(on_side(side, along + 0.01, 0))).pixel;
+      const glm::dvec2 a = plane_.local(tag(on_side(side, along, 0))).pixel;
+      const glm::dvec2 b = plane_.local(tag(on_side(side, along + 0.01, 0))).pixel;
       const glm::dvec2 t = glm::normalize(b - a);
       for (const double in : {border, -border}) {
-        const glm::dvec2 d = local(tag(on_side(side, along, in))).pixel - a;
+        const glm::dvec2 d = plane_.local(tag(on_side(side, along, in))).pixel - a;
         narrowest = std::min(narrowest, std::abs(t.x * d.y - t.y * d.x));
       }
     }
@@ -179,8 +238,8 @@ class Refiner {
     for (int i = 0; i < count; ++i) {
       const double along = kSideStart + (1 - 2 * kSideStart) * (i + 0.5) / count;
       const glm::dvec2 ideal = a + along * side;
-      if (!lens_.valid(ideal)) continue;
-      const Local at = local(ideal);
+      if (!plane_.valid(ideal)) continue;
+      const Local at = plane_.local(ideal);
       const glm::dvec2 tangent = glm::normalize(at.pixel_from_ideal * t);
       const glm::dvec2 out(tangent.y, -tangent.x);
       const auto offset = edge_offset(at.pixel, out, reach);
@@ -235,9 +294,9 @@ class Refiner {
 
   ImageView<const std::uint8_t> grey_;
   const Camera& camera_;
-  Lens lens_;
+  const Plane& plane_;
   RefineOptions options_;
-  ByteResponse table_;
+  const ByteResponse& table_;
 };
 
 }  // namespace
@@ -249,10 +308,19 @@ std::vector<DetectedTag> refine_corners(ImageView<const std::uint8_t> grey,
         "refine_corners needs a grey picture of the camera's size ", camera.width, " × ",
         camera.height, ", got ", grey.width, " × ", grey.height, " with ", grey.channels,
         " channels");
-  const Refiner refiner(grey, camera, options);
+  const ByteResponse table(camera.response);
   std::vector<DetectedTag> out;
   out.reserve(tags.size());
-  for (const DetectedTag& tag : tags) out.push_back(refiner.refine(tag, border_bits).value_or(tag));
+  const auto refined = [&](const DetectedTag& tag, const auto& plane) {
+    return Refiner(grey, camera, plane, table, options).refine(tag, border_bits).value_or(tag);
+  };
+  if (camera.model == CameraModel::perspective) {
+    const ImagePlane plane(camera);
+    for (const DetectedTag& tag : tags) out.push_back(refined(tag, plane));
+  } else {
+    const WideLens lens(camera);
+    for (const DetectedTag& tag : tags) out.push_back(refined(tag, TangentPlane(lens, tag)));
+  }
   return out;
 }
 

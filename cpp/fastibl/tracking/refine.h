@@ -21,8 +21,8 @@ struct RefineOptions {
 // point is where the profile across the side, normalised between black and white, has its area:
 // that is unmoved by any symmetric blur, but only in linear light (gamma spreads white and shrinks
 // a tag by about 0.4 px), so values are decoded with the camera's response. Lines are straight in
-// undistorted coordinates. A tag with a side that cannot be measured keeps the corners it came
-// with.
+// undistorted coordinates, of fisheye and 360° cameras on a plane before each tag. A tag with a
+// side that cannot be measured keeps the corners it came with.
 std::vector<DetectedTag> refine_corners(ImageView<const std::uint8_t> grey,
                                         const std::vector<DetectedTag>& tags, int border_bits,
                                         const Camera& camera, const RefineOptions& options = {});

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "fastibl/core/solve.h"
 #include "fastibl/tracking/fit.h"
@@ -48,6 +49,15 @@ std::vector<Seen> seen_tags(const std::vector<DetectedTag>& tags, std::span<cons
   std::stable_sort(seen.begin(), seen.end(),
                    [](const Seen& a, const Seen& b) { return a.side > b.side; });
   return seen;
+}
+
+// How many tags of the board are seen more than once: each is of another board.
+std::size_t doubled_tags(const std::vector<DetectedTag>& tags, const Board& board) {
+  std::map<int, int> counts;
+  for (const DetectedTag& tag : tags)
+    if (board.find(tag.id)) ++counts[tag.id];
+  return std::size_t(std::count_if(counts.begin(), counts.end(),
+                                   [](const auto& counted) { return counted.second > 1; }));
 }
 
 std::vector<Match> all_matches(const std::vector<Seen>& seen) {
@@ -210,7 +220,10 @@ std::optional<Tracked> fit_still(const Detection& detection, std::span<const dou
   const double expected = noise.empty() ? options.detected_noise_px : options.refined_noise_px;
   const Lens lens(camera);
   std::vector<Seen> seen = seen_tags(detection.tags, noise, board);
-  if (options.method == TrackingMethod::frame_marker && seen.size() > 1) seen.resize(1);
+  const std::size_t doubled = doubled_tags(detection.tags, board);
+  const bool by_one = options.method == TrackingMethod::frame_marker;
+  if (doubled > (by_one ? 0 : seen.size())) return std::nullopt;  // two boards of the same print
+  if (by_one && seen.size() > 1) seen.resize(1);
   if (seen.empty()) return std::nullopt;
   std::optional<Pose> start = best_start(seen, lens, detection.start);
   if (!start) return std::nullopt;

@@ -12,6 +12,7 @@ from .._fastibl import Board, Camera
 from .corners import Seen, find_corners, size_of
 
 _LEAST_PICTURES = 5
+_MOST_SCALE = 2  # of a printed board against what it was said to be
 _MOST_DEVIATION = 0.001  # of the board's size: of a corner's place
 
 
@@ -40,6 +41,23 @@ class BoardCalibration:
         )
 
 
+def _check_measured(measured: tuple[int, int, float], ids: Sequence[int], middles: NDArray) -> None:
+    try:
+        a, b, metres = measured
+    except (TypeError, ValueError):
+        raise ValueError(f"measured must be two tags' ids and metres between them, got {measured!r}") from None
+    if a == b:
+        raise ValueError(f"measured must name two tags, got {a} twice")
+    if not {a, b} <= {*ids}:
+        raise ValueError(f"measured must name two tags; {a} and {b} are not both on the board")
+    said = float(np.linalg.norm(middles[ids.index(a)] - middles[ids.index(b)]))
+    if not said / _MOST_SCALE <= metres <= said * _MOST_SCALE:
+        raise ValueError(
+            f"measured says {metres} m between tags {a} and {b}, but the board {said:.3f} m; is it in metres, and from "
+            "centre to centre?"
+        )
+
+
 def calibrate_board(
     pictures: Sequence[ArrayLike], board: Board, camera: Camera, *, measured: tuple[int, int, float] | None = None
 ) -> BoardCalibration:
@@ -57,15 +75,15 @@ def calibrate_board(
             f"the pictures must be the camera's {camera.width} x {camera.height}, got {size[0]} x {size[1]}"
         )
     ids = [tag.id for tag in board.tags]
-    if measured is not None and not {*measured[:2]} <= {*ids}:
-        raise ValueError(f"tags {measured[0]} and {measured[1]} are not both on the board")
+    nominal = np.array([tag.corners for tag in board.tags], np.float64)
+    if measured is not None:
+        _check_measured(measured, ids, nominal.mean(axis=1))
     whole = [s for s in (find_corners(p, board, camera) for p in pictures) if len(s.ids) == len(ids)]
     if len(whole) < _LEAST_PICTURES:
         raise ValueError(
             f"{len(whole)} of {len(pictures)} pictures show all {len(ids)} tags; expected at least {_LEAST_PICTURES}"
         )
     found, residual, deviation = _release(whole, ids, camera)
-    nominal = np.array([tag.corners for tag in board.tags], np.float64)
     found = _aligned(found.reshape(-1, 3), nominal.reshape(-1, 2)).reshape(nominal.shape[0], 4, 3)
     across, up = _extent(found, nominal)
     scale = 1 / across  # as wide as it is said to be

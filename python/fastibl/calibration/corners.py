@@ -29,25 +29,36 @@ class Seen:
         return (self.pixels.reshape(-1, 2) - 0.5).astype(np.float32)
 
 
-def find_corners(picture: ArrayLike, board: Board, camera: Camera) -> Seen:
+def find_corners(picture: ArrayLike, board: Board, camera: Camera, refine: bool = True) -> Seen:
     """Tags of the board, their corners refined in linear light.
 
-    camera: its lens and response; a guess will do, and a better one finds better corners.
+    camera: its lens and response; a guess will do where lines are nearly straight, and a better one finds better
+    corners. refine: False for corners as they are detected, some 0.7 pixels off, where nothing is known of a lens that
+    bends lines. Tags that are too small to be refined are left out: one of them is as much off as a hundred others.
     """
     grey = _grey(picture, camera)
     known = {tag.id: np.asarray(tag.corners) for tag in board.tags}
-    tags = _refine_corners(
-        grey, [t for t in detect(grey, board, camera)[0] if t[0] in known], board.border_bits, camera
-    )
+    found = [(tag, np.asarray(corners)) for tag, corners in detect(grey, board, camera)[0] if tag in known]
+    if refine:
+        refined = _refine_corners(grey, found, board.border_bits, camera)
+        found = [
+            (tag.id, tag.corners)
+            for tag, (_, before) in zip(refined, found, strict=True)
+            if not np.array_equal(tag.corners, before)
+        ]
     return Seen(
-        tuple(tag.id for tag in tags),
-        np.array([known[tag.id] for tag in tags]).reshape(-1, 4, 2),
-        np.array([tag.corners for tag in tags]).reshape(-1, 4, 2),
+        tuple(tag for tag, _ in found),
+        np.array([known[tag] for tag, _ in found]).reshape(-1, 4, 2),
+        np.array([corners for _, corners in found], np.float64).reshape(-1, 4, 2),
     )
 
 
 def size_of(pictures: Sequence[ArrayLike]) -> tuple[int, int]:
     """(width, height) that all pictures share; ValueError where they do not, or there are none."""
+    for number, picture in enumerate(pictures):
+        if np.ndim(picture) != 3:
+            got = "None" if picture is None else f"shape {np.shape(picture)}"
+            raise ValueError(f"picture {number} must have shape (height, width, 3), got {got}")
     sizes = {np.shape(p)[1::-1] for p in pictures}
     if len(sizes) != 1:
         raise ValueError(f"expected pictures of one size, got {sorted(sizes) or 'none'}")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera, Pose, Response
+from ..expected import expect
 from .corners import Seen, find_corners, size_of
 
 _LEAST_TAGS = 3  # in a picture that counts
@@ -18,6 +19,7 @@ _CELLS = (8, 6)  # that the picture is cut into, to see which parts of the lens 
 _LEAST_CELLS = 0.5  # share of them with corners
 _MOST_DEVIATION = 0.01  # of the focal lengths
 _MOST_RESIDUAL = 2.0  # pixels
+_WORTH = 0.98  # of the residual that three terms more must leave to be told apart from none
 _LEAST_TILT = 25  # degrees between the boards of two pictures
 _OUTLIER = 6  # times the median residual of pictures: shaken or bent
 
@@ -27,8 +29,8 @@ class CameraCalibration:
     """A camera, and how well it is known.
 
     deviations: standard deviation of fx, fy, cx, cy (pixels) and of each distortion coefficient, for corners whose
-    errors are independent. residual: RMS of corners, pixels. pictures: indices of those used. poses:
-    camera_from_marker of each.
+    errors are independent; infinite for k4, k5 and k6, which are then 0, where the pictures do not tell them.
+    residual: RMS of corners, pixels. pictures: indices of those used. poses: camera_from_marker of each.
     """
 
     camera: Camera
@@ -61,17 +63,16 @@ def calibrate_camera(
     """
     if model not in ("perspective", "fisheye") or terms not in (4, 5, 8):
         raise ValueError(f"expected a perspective model of 4, 5 or 8 terms or a fisheye, got {model} of {terms}")
+    expect(board, Board, "board")
     width, height = size_of(pictures)
     guess = Camera(width, height, 0.9 * width, 0.9 * width, width / 2, height / 2, response=response)
     solve = _solve_fisheye if model == "fisheye" else _solve
-    lens = guess
-    for _ in range(2):  # corners are found again with the lens of the first round
-        seen = [find_corners(p, board, lens) for p in pictures]
+    lens, bends = guess, model == "fisheye"
+    for round_ in range(3 if bends else 2):  # corners are found again with the lens of the round before
+        seen = [find_corners(p, board, lens, refine=round_ > 0 or not bends) for p in pictures]
         used = [k for k, s in enumerate(seen) if len(s.ids) >= min(_LEAST_TAGS, len(board.tags))]
         _check_views([seen[k] for k in used], (width, height), len(pictures))
         found = solve([seen[k] for k in used], used, (width, height), terms, response)
-        if model == "fisheye":
-            break  # over a tag it hardly bends an edge
         lens = found.camera
     if not found.residual <= _MOST_RESIDUAL:
         raise ValueError(
@@ -123,12 +124,20 @@ def _solve(
 ) -> CameraCalibration:
     import cv2
 
-    flags = {4: cv2.CALIB_FIX_K3, 5: 0, 8: cv2.CALIB_RATIONAL_MODEL}[terms]
+    flags = cv2.CALIB_FIX_K3 if terms == 4 else 0
     while True:
         points, pixels = [s.points() for s in seen], [s.opencv_pixels() for s in seen]
-        residual, K, lens, rotations, translations, deviations, _, by_picture = cv2.calibrateCameraExtended(
-            points, pixels, size, None, None, flags=flags
-        )
+        found = cv2.calibrateCameraExtended(points, pixels, size, None, None, flags=flags)
+        if terms == 8:  # from nothing it ends anywhere
+            more = cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_USE_INTRINSIC_GUESS
+            padded = np.pad(np.ravel(found[2])[:5], (0, 3))
+            rational = cv2.calibrateCameraExtended(points, pixels, size, found[1].copy(), padded.copy(), flags=more)
+            if rational[0] < _WORTH * found[0]:
+                found = rational
+            else:  # numerator and denominator cancel out, and could be anything
+                known = np.concatenate([np.ravel(found[5])[:9], np.full(3, np.inf)])
+                found = (*found[:2], padded, *found[3:5], known, *found[6:])
+        residual, K, lens, rotations, translations, deviations, _, by_picture = found
         good = np.ravel(by_picture) <= _OUTLIER * np.median(by_picture)
         if good.all() or good.sum() < _LEAST_PICTURES:
             break

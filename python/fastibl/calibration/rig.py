@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._fastibl import Pose
+from ..expected import expect
 from .rotations import rotation_vectors
 
 _LEAST_MOMENTS = 4
@@ -52,6 +53,9 @@ def calibrate_rig(back: Sequence[Pose | None], front: Sequence[Pose | None]) -> 
     """
     if len(back) != len(front):
         raise ValueError(f"expected poses of the same moments, got {len(back)} and {len(front)}")
+    for name, poses in (("back", back), ("front", front)):
+        for number, pose in enumerate(poses):
+            expect(pose, (Pose, type(None)), f"{name}[{number}]")
     pairs = [(a.matrix, b.matrix) for a, b in zip(back, front, strict=True) if a is not None and b is not None]
     if len(pairs) < _LEAST_MOMENTS:
         raise ValueError(f"both boards were seen at {len(pairs)} moments; expected at least {_LEAST_MOMENTS}")

@@ -16,8 +16,17 @@ def rotations_from(w: NDArray) -> NDArray[np.float64]:
 
 
 def rotation_vectors(r: NDArray) -> NDArray[np.float64]:
-    """Rotation vectors (..., 3) of rotations (..., 3, 3) of less than half a turn."""
+    """Rotation vectors (..., 3) of rotations (..., 3, 3), of half a turn at most: then about either direction."""
     axis = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1)
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = np.arctan2(sine, np.trace(r, axis1=-2, axis2=-1)[..., None] - 1)
-    return axis * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 0.5)
+    vectors = axis * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 0.5)
+    half = angle[..., 0] > np.pi - 1e-6  # the sine says nothing of the axis: R + 1 is twice its square
+    if np.any(half):
+        square = r[half] + np.eye(3)
+        largest = np.argmax(np.diagonal(square, axis1=-2, axis2=-1), axis=-1)
+        along = np.take_along_axis(square, largest[:, None, None], axis=-2)[:, 0]
+        along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+        along *= np.where((along * axis[half]).sum(axis=-1, keepdims=True) < 0, -1, 1)
+        vectors[half] = angle[half] * along
+    return vectors

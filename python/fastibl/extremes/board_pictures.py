@@ -96,12 +96,13 @@ _ray_cache = {}
 
 
 def _rays(camera, fine, x, y):
-    key = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, fine)
+    key = (repr(camera), camera.distortion, camera.model, fine)
     if key not in _ray_cache:
         K = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
         pixels = np.stack([x, y], -1).reshape(-1, 1, 2)
         # OpenCV's own inverse of the lens model, not fastibl's; K is in the pixel convention of x and y.
-        ideal = cv2.undistortPoints(pixels, K, np.array(camera.distortion or (0.0,) * 4))
+        undistort = cv2.fisheye.undistortPoints if camera.model == "fisheye" else cv2.undistortPoints
+        ideal = undistort(pixels, K, np.array(camera.distortion or (0.0,) * 4))
         rays = np.concatenate([ideal.reshape(*x.shape, 2), np.ones((*x.shape, 1))], -1)
         _ray_cache.clear()
         _ray_cache[key] = rays.astype(np.float32)

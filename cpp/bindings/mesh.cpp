@@ -1,0 +1,234 @@
+#include "fastibl/scene/mesh.h"
+
+#include <pybind11/operators.h>
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "bindings/numpy.h"
+#include "fastibl/core/parallel.h"
+#include "fastibl/scene/bvh.h"
+#include "fastibl/scene/obj_file.h"
+
+namespace fastibl::bindings {
+
+void bind_mesh(py::module_& module) {
+  module.def(
+      "_read_obj",
+      [](const py::bytes& content) {
+        const std::string_view text = content;
+        const py::gil_scoped_release release;
+        return read_obj(text);
+      },
+      py::arg("content"));
+  module.def(
+      "_polygon_triangles",
+      [](const py::array_t<double, py::array::c_style | py::array::forcecast>& corners) {
+        if (corners.ndim() != 2 || corners.shape(1) != 3)
+          throw py::value_error("corners must have shape (n, 3), got " + shape_of(corners));
+        std::vector<glm::dvec3> polygon;
+        for (py::ssize_t i = 0; i < corners.shape(0); ++i)
+          polygon.emplace_back(corners.at(i, 0), corners.at(i, 1), corners.at(i, 2));
+        const std::vector<glm::ivec3> found = polygon_triangles(polygon);
+        py::array_t<int> out({py::ssize_t(found.size()), py::ssize_t{3}});
+        std::memcpy(out.mutable_data(), found.data(), found.size() * sizeof(glm::ivec3));
+        return out;
+      },
+      py::arg("corners"));
+  py::class_<Mesh>(module, "Mesh", R"(Triangle mesh.
+
+vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
+or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to work them out.
+Raises ValueError for wrong shapes, indices out of range, or values that are not finite.)")
+      .def(py::init([](const py::object& vertices, const py::object& triangles,
+                       const py::object& uvs, const py::object& normals) {
+             const Floats v = require_vectors(vertices, "vertices");
+             if (v.ndim() != 2)
+               throw py::value_error("vertices must have shape (v, 3), got " + shape_of(v));
+             const py::array t = py::array::ensure(triangles);
+             if (!t || (t.dtype().kind() != 'i' && t.dtype().kind() != 'u')) {
+               PyErr_Clear();
+               throw py::type_error("triangles must hold integers");
+             }
+             if (t.ndim() != 2 || t.shape(1) != 3)
+               throw py::value_error("triangles must have shape (t, 3), got " + shape_of(t));
+             const auto wide =
+                 py::array_t<long long, py::array::c_style | py::array::forcecast>::ensure(t);
+             Mesh mesh;
+             mesh.vertices.assign(vectors(v), vectors(v) + v.shape(0));
+             for (py::ssize_t i = 0; i < wide.shape(0); ++i) {
+               glm::ivec3 triangle;
+               for (int c = 0; c < 3;
+                    ++c)  // an index beyond int is out of range; −1 is reported as such
+                 triangle[c] =
+                     wide.at(i, c) > 0x7fffffff || wide.at(i, c) < 0 ? -1 : int(wide.at(i, c));
+               mesh.triangles.push_back(triangle);
+             }
+             if (!uvs.is_none()) {
+               const Floats uv = require_floats<float>(uvs, "uvs");
+               if (uv.ndim() != 2 || uv.shape(1) != 2)
+                 throw py::value_error("uvs must have shape (v, 2), got " + shape_of(uv));
+               for (py::ssize_t i = 0; i < uv.shape(0); ++i)
+                 mesh.uvs.push_back({uv.at(i, 0), uv.at(i, 1)});
+             }
+             if (!normals.is_none()) {
+               const Floats n = require_vectors(normals, "normals");
+               if (n.ndim() != 2)
+                 throw py::value_error("normals must have shape (v, 3), got " + shape_of(n));
+               mesh.normals.assign(vectors(n), vectors(n) + n.shape(0));
+             }
+             mesh.validate();
+             return mesh;
+           }),
+           py::arg("vertices"), py::arg("triangles"), py::arg("uvs") = py::none(),
+           py::arg("normals") = py::none())
+      .def_property_readonly(
+          "vertices",
+          [](const Mesh& m) {
+            Floats out({py::ssize_t(m.vertices.size()), py::ssize_t{3}});
+            std::copy(m.vertices.begin(), m.vertices.end(), vectors(out));
+            return out;
+          },
+          "(v, 3) float32 metres, a copy.")
+      .def_property_readonly(
+          "triangles",
+          [](const Mesh& m) {
+            py::array_t<int> out({py::ssize_t(m.triangles.size()), py::ssize_t{3}});
+            std::memcpy(out.mutable_data(), m.triangles.data(),
+                        m.triangles.size() * sizeof(glm::ivec3));
+            return out;
+          },
+          "(t, 3) int32, a copy.")
+      .def_property_readonly(
+          "uvs",
+          [](const Mesh& m) -> py::object {
+            if (m.uvs.empty()) return py::none();
+            Floats out({py::ssize_t(m.uvs.size()), py::ssize_t{2}});
+            std::memcpy(out.mutable_data(), m.uvs.data(), m.uvs.size() * sizeof(glm::vec2));
+            return out;
+          },
+          "(v, 2) float32, a copy, or None.")
+      .def_property_readonly(
+          "normals",
+          [](const Mesh& m) {
+            const std::vector<glm::vec3> normals = vertex_normals(m);
+            Floats out({py::ssize_t(normals.size()), py::ssize_t{3}});
+            std::copy(normals.begin(), normals.end(), vectors(out));
+            return out;
+          },
+          "(v, 3) float32 unit vertex normals: those given, else weighted by angle.")
+      .def_property_readonly(
+          "tangents",
+          [](const Mesh& m) {
+            const std::vector<glm::vec4> tangents = vertex_tangents(m, vertex_normals(m));
+            Floats out({py::ssize_t(tangents.size()), py::ssize_t{4}});
+            std::memcpy(out.mutable_data(), tangents.data(), tangents.size() * sizeof(glm::vec4));
+            return out;
+          },
+          "(v, 4) float32: unit direction in which u grows, and the side (1 or -1) of normal x "
+          "tangent on which v does; around the z axis where there are no uvs.")
+      .def_property_readonly("_given_normals",
+                             [](const Mesh& m) -> py::object {
+                               if (m.normals.empty()) return py::none();
+                               Floats out({py::ssize_t(m.normals.size()), py::ssize_t{3}});
+                               std::copy(m.normals.begin(), m.normals.end(), vectors(out));
+                               return out;
+                             })
+      .def(py::self == py::self)
+      .def("__repr__",
+           [](const Mesh& m) {
+             return "<fastibl.Mesh of " + std::to_string(m.vertices.size()) + " vertices, " +
+                    std::to_string(m.triangles.size()) + " triangles>";
+           })
+      .def(py::pickle(
+          [](const py::object& self) {
+            return py::make_tuple(py::object(self.attr("vertices")),
+                                  py::object(self.attr("triangles")), py::object(self.attr("uvs")),
+                                  py::object(self.attr("_given_normals")));
+          },
+          [](const py::tuple& t) {
+            return py::type::of<Mesh>()(t[0], t[1], t[2], t[3]).cast<Mesh>();
+          }));
+
+  py::class_<Bvh>(module, "Bvh", R"(Ray queries on a mesh. Triangles are two-sided.
+
+mesh: Mesh; rays are in its frame, lengths in metres. Origins and directions are (..., 3) of any float dtype; t counts
+in lengths of the direction. Raises ValueError for other shapes, TypeError for integers.)")
+      .def(py::init([](const Mesh& mesh) {
+             const py::gil_scoped_release release;
+             return Bvh(mesh);
+           }),
+           py::arg("mesh"))
+      .def(
+          "occluded",
+          [](const Bvh& bvh, const py::object& origins, const py::object& directions, float t_min) {
+            const Floats o = require_vectors(origins, "origins"),
+                         d = require_vectors(directions, "directions");
+            if (o.ndim() > 1 && shape_vector(o) != shape_vector(d))
+              throw py::value_error(
+                  "origins must be one point, or have the shape of directions; got " + shape_of(o) +
+                  " and " + shape_of(d));
+            std::vector<py::ssize_t> shape = shape_vector(d);
+            shape.pop_back();
+            py::array_t<bool> out(shape);
+            bool* to = out.mutable_data();
+            if (o.ndim() == 1) {
+              const py::gil_scoped_release release;
+              DirectionSet set(int(d.size() / 3));
+              for (int i = 0; i < set.count; ++i) set.set(i, vectors(d)[i]);
+              std::vector<std::uint8_t> hidden(std::size_t(set.count), 0);
+              bvh.occluded(vectors(o)[0], set, t_min, hidden);
+              std::copy(hidden.begin(), hidden.end(), to);
+              return out;
+            }
+            {
+              const py::gil_scoped_release release;
+              parallel_for(int(o.size() / 3), 1024, [&](int begin, int end) {
+                for (int i = begin; i < end; ++i)
+                  to[i] = bvh.occluded({vectors(o)[i], vectors(d)[i], t_min});
+              });
+            }
+            return out;
+          },
+          py::arg("origins"), py::arg("directions"), py::arg("t_min") = 0.0f,
+          R"(Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.
+
+origins may be one point (3,) for all directions, which is several times faster.)")
+      .def(
+          "nearest",
+          [](const Bvh& bvh, const py::object& origins, const py::object& directions, float t_min) {
+            const Floats o = require_vectors(origins, "origins"),
+                         d = require_vectors(directions, "directions");
+            if (shape_vector(o) != shape_vector(d))
+              throw py::value_error("origins and directions must have the same shape, got " +
+                                    shape_of(o) + " and " + shape_of(d));
+            std::vector<py::ssize_t> shape = shape_vector(o);
+            shape.pop_back();
+            py::array_t<int> triangle(shape);
+            Floats t(shape);
+            shape.push_back(2);
+            Floats uv(shape);
+            int* to = triangle.mutable_data();
+            float *tt = t.mutable_data(), *tuv = uv.mutable_data();
+            {
+              const py::gil_scoped_release release;
+              parallel_for(int(o.size() / 3), 1024, [&](int begin, int end) {
+                for (int i = begin; i < end; ++i) {
+                  const Bvh::Hit hit = bvh.nearest({vectors(o)[i], vectors(d)[i], t_min});
+                  to[i] = hit.triangle,
+                  tt[i] = hit.triangle < 0 ? std::numeric_limits<float>::infinity() : hit.t;
+                  tuv[2 * i] = hit.u, tuv[2 * i + 1] = hit.v;
+                }
+              });
+            }
+            return py::make_tuple(triangle, t, uv);
+          },
+          py::arg("origins"), py::arg("directions"), py::arg("t_min") = 0.0f,
+          "First hits of the rays (..., 3): triangle index (-1: none), t, and barycentric (u, v) "
+          "of its second and third vertex.");
+}
+
+}  // namespace fastibl::bindings
