@@ -453,6 +453,8 @@ def simulate(
         raise ValueError(f"shutter and readout must not exceed the {1 / fps:g} s between frames, got {longest} s")
     if gyro is not None and not (np.isfinite(gyro) and gyro >= 0):
         raise ValueError(f"gyro must be None or a finite noise of 0 or more, got {gyro}")
+    if live and out is not None:
+        raise ValueError("live frames are not kept: leave out away, or record them with a RecordingWriter")
     place, has_lamp = _place_of(environment, albedo)
     board = Board.default() if board is None else (board or None)
     if not callable(path) and path not in PATHS:
@@ -474,8 +476,6 @@ def simulate(
 
     make = _Pictures(place, rig, board, truth, noise, pose_at, timing, front_exposures, auto_exposure, gyro, seed)
     if live:
-        if out is not None:
-            raise ValueError("live frames are not kept: leave out away, or record them with a RecordingWriter")
         return Recording(rig, _LiveFrames(make, times, seed), board, truth)
     writer = RecordingWriter(out, rig, board, video=video) if out is not None else None
     frames: list[Frame] = []
