@@ -27,7 +27,7 @@ def light_of(seed, path):
 
 
 def log_and_write(item, path):
-    with open(path.parents[1] / "calls.log", "a") as log:
+    with open(path.parents[2] / "calls.log", "a") as log:
         log.write(f"{item}\n")
     path.write_text(str(item))
 
@@ -249,3 +249,47 @@ def test_dask(tmp_path):
     assert [i.state for i in summary.items] == ["done", "failed", "done", "done"]
     assert [i.state for i in again.items] == ["kept", "failed", "kept", "kept"]
     assert not other.failed and len(results(tmp_path / "b")) == 2
+
+
+def two_files(item, path):
+    path.write_text("one")
+    path.with_suffix(".json").write_text("two")
+
+
+def interrupted(item, path):
+    if item == 1:
+        raise KeyboardInterrupt
+    path.write_text("here")
+
+
+def test_a_second_file_is_not_lost_without_a_word(tmp_path):
+    summary = batch.run(two_files, [0], tmp_path, suffix=".txt", workers=1, progress=False)
+    (item,) = summary.items
+    assert item.state == "failed" and "0.json beside 0.txt" in item.error and not (tmp_path / "0.txt").exists()
+
+
+def test_items_are_written_under_their_own_names(tmp_path):
+    def dome(item, path):
+        path.mkdir()
+        fastibl.write_usd(path / "stage.usda", fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32)))
+
+    summary = batch.run(dome, [0], tmp_path, executor=ThreadPoolExecutor(1), progress=False)
+    assert summary.items[0].state == "done"
+    assert "stage_dome.hdr" in (tmp_path / "0" / "stage.usda").read_text()
+    assert (tmp_path / "0" / "stage_dome.hdr").exists()
+
+
+def test_an_item_that_is_interrupted_fails_alone(tmp_path):
+    summary = batch.run(interrupted, range(4), tmp_path, workers=2, progress=False)
+    assert [item.state for item in summary.items] == ["done", "failed", "done", "done"]
+    assert "KeyboardInterrupt" in summary.items[1].error
+
+
+def test_threads_are_what_they_were(tmp_path):
+    before = fastibl.threads()
+    fastibl.set_threads(2)
+    try:
+        batch.run(interrupted, [0], tmp_path, executor=ThreadPoolExecutor(1), threads=1, progress=False)
+        assert fastibl.threads() == 2
+    finally:
+        fastibl.set_threads(before)

@@ -82,3 +82,27 @@ def test_a_comparison_reads_like_a_table():
     print("\n" + text)
     assert [line.split()[0] for line in text.splitlines()] == ["matte", "glossy", "mirror", "irradiance"]
     assert all("10.00 %" in line for line in text.splitlines())
+
+
+def test_where_in_a_block_a_lamp_is_counts():
+    """Of a map that is summed by blocks of 4 x 4: a sun moved within one, in the upper corner of a face."""
+    faces = np.zeros((2, 6, 128, 128, 3), np.float32)
+    faces[0, 4, 40, 40] = faces[1, 4, 43, 43] = 1.0
+    angles = fastibl.texel_solid_angles(128)
+    faces[1] *= float(angles[40, 40] / angles[43, 43])
+    normals = fastibl.texel_directions(8).reshape(-1, 3).astype(np.float64)
+    e = [np.maximum(normals @ fastibl.texel_directions(128)[4, k, k], 0) for k in (40, 43)]
+    expected = np.sqrt(np.mean((e[1] - e[0]) ** 2)) / e[0].mean()
+    found = fastibl.compare(faces[1], faces[0]).rmse["matte"]
+    print(f"{found:.4f} of {expected:.4f}")
+    assert found == pytest.approx(expected, rel=0.05) and expected > 0.02
+
+
+@pytest.mark.parametrize("size", [1, 2, 4, 8])
+def test_coarse_maps_are_what_they_are_in_finer_texels(size):
+    faces = np.random.default_rng(size).random((6, size, size, 3)).astype(np.float32)
+    fine = np.repeat(np.repeat(faces, 64 // size, axis=1), 64 // size, axis=2)
+    assert fastibl.compare(faces, fine).rmse["matte"] < 2e-3
+    normals = [(0, 0, 1), (0.6, 0, 0.8), (-0.6, 0.64, -0.48)]
+    true = fastibl.reference.irradiance(fine, normals)
+    np.testing.assert_allclose(fastibl.reference.irradiance(faces, normals), true, rtol=2e-3)

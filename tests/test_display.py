@@ -76,6 +76,13 @@ def test_transparent_frames_are_shown_over_white(shown):
     assert (display.picture(shown["frame"])[0, 0] == 255).all()
 
 
+def test_a_budget_that_is_not_met_is_told_in_the_table():
+    light = fastibl.CubeMap(np.random.default_rng(0).random((6, 16, 16, 3)).astype(np.float32))
+    scene = fastibl.Scene(fastibl.shapes.figurine(detail=0.9), spheres=8)
+    for error, said in ((1e-6, "<b>Not within</b> the error budget"), (0.5, "Within the error budget of 50 %")):
+        assert said in fastibl.display.table(fastibl.make_plan(scene, light, error=error))
+
+
 @pytest.mark.parametrize(
     "name, words", [("plan", ("irradiance", "left out", "in all", "%")), ("comparison", ("matte", "mirror"))]
 )

@@ -312,3 +312,21 @@ def test_three_js_modules_read_what_is_written(three_js_scene, marked, tmp_path)
         assert off < allowed
     expected = fastibl.Lighting(map_read).prefiltered(32)[1].sample(n)
     assert np.abs(level - expected).mean() / expected.mean() < 0.1  # nearest texels
+
+
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("height", [None, 8, 64])
+def test_a_small_sun_keeps_its_light_in_an_equirectangular_picture(axis, height, tmp_path):
+    """At the poles, too, where rows of a picture hold little of the sphere."""
+    faces = np.zeros((6, 32, 32, 3), np.float32)
+    faces[axis, 16, 16] = 1000.0
+    cube = fastibl.CubeMap(faces)
+    true = float((faces[..., 0] * fastibl.texel_solid_angles(32)).sum())
+    fastibl.write_environment(tmp_path / "sun.hdr", cube, height=height)
+    fastibl.write_usd(tmp_path / "sun.usda", cube, height=height)
+    for name in ("sun.hdr", "sun_dome.hdr"):
+        picture = fastibl.pictures.read_picture(tmp_path / name)
+        edges = np.cos(np.linspace(0, np.pi, len(picture) + 1))
+        angles = (edges[:-1] - edges[1:]) * 2 * np.pi / picture.shape[1]
+        flux = float((picture[..., 0] * angles[:, None]).sum())
+        assert flux == pytest.approx(true, rel=0.004), f"{name}: {flux / true:.4f}"  # shared exponents

@@ -33,10 +33,13 @@ import uuid
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from multiprocessing import parent_process
 from operator import index
 from pathlib import Path
 from typing import Any, SupportsIndex
 
+from ._fastibl import set_threads
+from ._fastibl import threads as threads_now
 from .expected import expect
 
 _UNFINISHED = ".unfinished"  # in `out`: what is being written
@@ -122,12 +125,16 @@ def run(
     begin = time.perf_counter()
     results = {n: Item(n, "kept") for n in names if (out / n).exists()}
     todo = {n: item for n, item in zip(names, items, strict=True) if n not in results}
-    with _bar(len(names), len(results), progress) as bar:
-        for item in _every(executor, workers, function, todo, out.absolute(), threads):
-            results[item.name] = item
-            bar.update()
-            if item.error:
-                bar.write(f"{item.name}: {item.error}")
+    before = threads_now()
+    try:
+        with _bar(len(names), len(results), progress) as bar:
+            for item in _every(executor, workers, function, todo, out.absolute(), threads):
+                results[item.name] = item
+                bar.update()
+                if item.error:
+                    bar.write(f"{item.name}: {item.error}")
+    finally:
+        set_threads(before)  # items that ran in this process set others
     summary = Summary(tuple(results[n] for n in names), time.perf_counter() - begin)
     shutil.rmtree(out / _UNFINISHED, ignore_errors=True)
     _write_summary(out, summary)
@@ -222,7 +229,7 @@ def _finished(
     try:
         for n, item in todo.items():
             # A name of its own: an executor that remembers calls must not answer with an earlier one's failure.
-            part = out / _UNFINISHED / f"{uuid.uuid4().hex[:12]}-{n}"
+            part = out / _UNFINISHED / uuid.uuid4().hex[:12] / n
             begun[n] = _mark(part)
             try:
                 future = runner.submit(_attempt, function, item, part, out / n, threads)
@@ -257,28 +264,34 @@ def _attempt(
     """Runs where the executor does: seconds, and what was raised."""
     begin = time.perf_counter()
     error = trace = ""
+    # A real Ctrl-C reaches the parent, too.
+    failures = (Exception, SystemExit, *((KeyboardInterrupt,) if parent_process() is not None else ()))
     try:
-        part.parent.mkdir(exist_ok=True)
+        part.parent.mkdir(parents=True, exist_ok=True)
         _mark(part).touch()
         if threads is not None:
-            from ._fastibl import set_threads
-
             set_threads(threads)
         function(item, part)
         if not part.exists():
             raise FileNotFoundError("the function returned without writing a file or folder at its path")
+        beside = sorted(path.name for path in part.parent.iterdir() if path != part)
+        if beside:
+            raise FileExistsError(
+                f"the function wrote {', '.join(beside)} beside {part.name}: what belongs together is written into a "
+                "folder of that name, with suffix=''"
+            )
         _sync(part)
         os.replace(part, final)
-    except (Exception, SystemExit) as raised:  # the summary tells
+    except failures as raised:  # the summary tells
         error, trace = _last_line(raised), traceback.format_exc()
-        _remove(part)
+    _remove(part.parent)
     _mark(part).unlink(missing_ok=True)
     return time.perf_counter() - begin, error, trace
 
 
 def _mark(part: Path) -> Path:
     """A file that is there while an item is worked on."""
-    return part.with_name(f"{part.name}.begun")
+    return part.parent.with_name(f"{part.parent.name}.begun")
 
 
 def _last_line(error: BaseException) -> str:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from ._fastibl import CubeMap, Environment, texel_directions, texel_solid_angles
 from .expected import expect
 
+_FINEST, _BLOCKS = 256, 32  # texels and blocks along an edge that the irradiance is summed over
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -51,13 +53,27 @@ def level_at_most(source: Any, size: int) -> NDArray:
 
 
 def irradiance_over_sphere(source: Any, size: int = 8) -> NDArray:
-    """Irradiance (6, size, size, 3) float64 over normals, summed over the map's level of at most 32 squared texels."""
-    faces = level_at_most(source, 32)
+    """Irradiance (6, size, size, 3) float64 over normals, of the map's level of at most 256 squared texels.
+
+    Summed over blocks of which each keeps its light's mean direction, by channel: wrong only where a block is both
+    above the horizon and below it.
+    """
+    faces = level_at_most(source, _FINEST)
+    pieces = max(1, _BLOCKS // faces.shape[1])
+    faces = np.repeat(np.repeat(faces, pieces, axis=1), pieces, axis=2)
     n = faces.shape[1]
-    directions = texel_directions(n).reshape(-1, 3).astype(np.float64)
-    flux = faces.reshape(-1, 3) * np.tile(texel_solid_angles(n).reshape(-1), 6)[:, None]
+    directions = texel_directions(n).astype(np.float64)
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    weighted = directions * texel_solid_angles(n)[None, ..., None]
+    edge = max(1, n // _BLOCKS)
+    starts = np.arange(0, n, edge)
     normals = texel_directions(size).reshape(-1, 3).astype(np.float64)
-    return (np.maximum(normals @ directions.T, 0) @ flux).reshape(6, size, size, 3)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    out = np.empty((len(normals), 3))
+    for c in range(3):
+        light = np.add.reduceat(np.add.reduceat(faces[..., c, None] * weighted, starts, axis=1), starts, axis=2)
+        out[:, c] = np.maximum(normals @ light.reshape(-1, 3).T, 0).sum(axis=1)
+    return out.reshape(6, size, size, 3)
 
 
 def relative_errors(estimated: NDArray, true: NDArray) -> NDArray:

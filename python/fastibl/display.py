@@ -84,7 +84,7 @@ def _(thing: FrameResult, height: int = 256) -> NDArray[np.uint8]:
     if image.shape[-1] == 3:
         return image
     alpha = image[..., 3:] / 255  # straight, over white
-    return np.rint(image[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8)
+    return _bytes(Response.srgb().decode(image[..., :3] / 255) * alpha + (1 - alpha))
 
 
 @picture.register
@@ -116,6 +116,10 @@ def _(thing: Plan) -> str:
     total = "" if thing.expected_error is None else _percent(thing.expected_error)
     rows.append(("in all", "", total, f"{thing.milliseconds:.2f} ms"))
     foot = "" if thing.assured_error is None else f"<p>The picture is within {_percent(thing.assured_error)}.</p>"
+    if thing.error_budget > 0:
+        foot += f"<p>{_kept(thing.meets_error)} the error budget of {_percent(thing.error_budget)}.</p>"
+    if thing.milliseconds_budget > 0:
+        foot += f"<p>{_kept(thing.meets_milliseconds)} the time budget of {thing.milliseconds_budget:g} ms.</p>"
     if thing.light_error is not None and np.isfinite(thing.light_error):
         foot += (
             f"<p>The captured light is expected to be off by {_percent(thing.light_error)}, whatever the methods.</p>"
@@ -220,6 +224,10 @@ def _encoded(linear: NDArray) -> NDArray[np.uint8]:
 def _bytes(linear: NDArray) -> NDArray[np.uint8]:
     """sRGB, cut at white."""
     return np.rint(255 * Response.srgb().encode(np.clip(linear, 0, 1))).astype(np.uint8)
+
+
+def _kept(budget: bool) -> str:
+    return "Within" if budget else "<b>Not within</b>"
 
 
 def _percent(value: float) -> str:

@@ -94,9 +94,19 @@ def _units(vectors: ArrayLike, name: str) -> NDArray:
     return array / np.linalg.norm(array, axis=-1, keepdims=True)
 
 
-def irradiance(source: Any, normals: ArrayLike) -> NDArray:
-    """Irradiance (..., 3) float64 on surfaces facing `normals` (..., 3): sum of L max(n.w, 0) dw over the map."""
-    directions, angles, radiance = samples(source)
+def _pieces(source: Any) -> int:
+    if isinstance(source, Environment):
+        source = source.radiance
+    rows = source.size if isinstance(source, CubeMap) else np.shape(source)[-3]
+    return max(1, 64 // max(rows, 1))
+
+
+def irradiance(source: Any, normals: ArrayLike, split: int | None = None) -> NDArray:
+    """Irradiance (..., 3) float64 on surfaces facing `normals` (..., 3): sum of L max(n.w, 0) dw over the map.
+
+    split: pieces of a texel along each axis; by default 64 along an edge at least, for coarse maps.
+    """
+    directions, angles, radiance = samples(source, _pieces(source) if split is None else split)
     n = _units(normals, "normals")
     flat, flux = n.reshape(-1, 3), radiance * angles[:, None]
     out = np.empty((len(flat), flux.shape[1]))

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ._fastibl import CubeMap, Environment
+from ._fastibl import CubeMap, Environment, equirect_from_cubemap
 from .axes import matrix, radiance_of, turned
-from .environment_files import averaged_equirect
 from .pictures import LINEAR, write_picture
 from .whole_file import write_whole
 
@@ -50,7 +49,8 @@ def write_usd(
     picture_from_marker = _PICTURE_FROM_DOME @ _DOME_FROM_STAGE[axes] @ stage_from_marker
     radiance = radiance_of(cube)
     picture = path.with_name(f"{path.stem}_dome.{format}")
-    write_picture(picture, averaged_equirect(turned(radiance, picture_from_marker), height))
+    cube = turned(radiance, picture_from_marker)
+    write_picture(picture, equirect_from_cubemap(cube, 2 * cube.size if height is None else height))
     write_whole(path, _stage(picture.name, axes))
     return [path, picture]
 
