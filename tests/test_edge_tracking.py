@@ -271,6 +271,19 @@ def test_75_degrees_while_tracking():
     assert np.mean(np.isfinite(degrees)) >= 0.95 and np.median(degrees) < 0.05
 
 
+def test_a_fit_to_other_edges_than_its_own_is_refused():
+    """Small tags, 5 degrees from one picture to the next: edges fit to 0.17 px, and no tag shows its code."""
+    film_ = fastibl.simulate(seconds=3, fps=15, size=(320, 240), seed=2, hand=True, lamp=False, truth_size=16)
+    frame = film_[39]
+    true, before = (film_.truth.pose(film_[k].time) for k in (39, 38))
+    tracked = _track_edges(frame.back, film_.board, film_.rig.back, before)
+    assert tracked is None or error(tracked, true.matrix) < 0.2
+    tracker = fastibl.Tracker(film_.board, film_.rig.back)
+    for k in (37, 38, 39):
+        found = tracker.track(film_[k].back, film_[k].time)
+    assert error(found, true.matrix) < 0.2
+
+
 def test_leaving_and_returning():
     tracker, path = fastibl.Tracker(BOARD, CAMERA), HandPath(1)
     for k in range(24):

@@ -13,9 +13,11 @@ namespace fastibl {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kCodeHidden = 0.25;   // below, a tag is hidden or another one
-constexpr double kReadable = 1.6;      // px of a module, to hold its colour
-constexpr double kClose = 0.55;        // mean match from which no tags are looked for
+constexpr double kCodeHidden = 0.25;  // below, a tag is hidden or another one
+constexpr double kReadable = 1.6;     // px of a module, to hold its colour
+constexpr double kClose = 0.55;       // mean match from which no tags are looked for
+constexpr double kFits = 0.5;  // mean match of a right pose: 0.6 to 1 in hard films, 0.3 where
+                               // edges are fitted to others
 constexpr std::size_t kLeastTags = 3;  // whose shifts tell more than one shift of all
 constexpr double kShiftError = 2;      // px of a tag's shift; farther off is another one
 constexpr double kLeastShare = 0.15;   // of the tags that could be read must be, and of the edges
@@ -344,6 +346,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
 
   const auto used = std::size_t(std::count(fit->used.begin(), fit->used.end(), true));
   if (!enough(codes, share) || double(used) < share * double(near.expected)) return std::nullopt;
+  if (codes.readable > 0 && codes.mean < kFits) return std::nullopt;
   if (!(fit->residual < kLargestResidual)) return std::nullopt;
   Tracked tracked;
   tracked.camera_from_marker = pose;
