@@ -269,3 +269,18 @@ def test_threads_do_not_change_the_bits(marked):
     finally:
         fastibl.set_threads(before)
     same_error(lambda: fastibl.set_threads(-1), ValueError, "-1")
+
+
+@pytest.mark.parametrize("method", ["auto", "irradiance-cube"])
+@pytest.mark.parametrize("size, at", [(64, (41, 23)), (128, (84, 48)), (128, (85, 49))])
+def test_the_stated_error_knows_where_a_small_sun_is(method, size, at):
+    """Methods sum a coarse level, in which it lies elsewhere: the error is told by a finer one."""
+    faces = np.full((6, size, size, 3), 0.2, np.float32)
+    faces[4][at] = 3.0 / fastibl.texel_solid_angles(size)[at]
+    lighting = fastibl.Lighting(fastibl.CubeMap(faces), diffuse=method)
+    normals = fastibl.texel_directions(16).reshape(-1, 3)
+    true = fastibl.reference.irradiance(faces, normals)
+    off = np.abs(lighting.irradiance(normals) - true).mean() / true.mean()
+    told = lighting.methods["diffuse"].error
+    print(f"off by {off:.2%} (mean), stated {told:.2%}")
+    assert off / 1.5 < told < 2 * off

@@ -19,6 +19,9 @@ GlossySettings resolved(GlossyMethod method, GlossySettings settings) {
   return settings;
 }
 
+// Finer than what methods sum: small lights lie elsewhere in the texels of a coarse level.
+constexpr int kErrorSumSize = 128;
+
 }  // namespace
 
 bool reads_chain(GlossyMethod method) {
@@ -78,7 +81,7 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
 double irradiance_error(Lighting& lighting) {
   if (!lighting.irradiance_error && lighting.radiance)
     lighting.irradiance_error =
-        measure_error(lighting.irradiance, fold(*lighting.radiance, kSumSize));
+        measure_error(lighting.irradiance, fold(*lighting.radiance, kErrorSumSize));
   return lighting.irradiance_error.value_or(0);
 }
 

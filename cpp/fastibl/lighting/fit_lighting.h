@@ -34,7 +34,8 @@ bool reads_chain(GlossyMethod method);
 void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous = nullptr);
 // The same where it is missing: light that was fitted while nothing glossy was to be shaded.
 void ensure_chain(Lighting& lighting);
-// The error of the irradiance on its map, measured where it was not yet.
+// The error of the irradiance on its map, by a sum over its level of at most 128² texels; measured
+// where it was not yet.
 double irradiance_error(Lighting& lighting);
 
 }  // namespace fastibl
