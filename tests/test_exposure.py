@@ -1,5 +1,6 @@
 """Exposures that are wrong or not told, judged by what the map knows; and which exposure a camera takes next."""
 
+import board_pictures
 import numpy as np
 import pytest
 
@@ -162,6 +163,22 @@ def test_a_scale_that_was_assumed_is_mended_by_the_boards_white():
         print(f"units {units:g}: x{scale[5]:.2f}, x{scale[10]:.2f}, x{scale[-1]:.2f}; mended after {mended}")
         assert abs(np.log(scale[-1])) < 0.15 and 1 <= mended[-1] <= 3
         assert abs(np.log(scale[5])) > 0.5, "wrong before, or nothing is shown"
+
+
+def test_the_camera_that_shows_the_white_is_in_its_scale():
+    """One that tells no exposure at first: nothing of what it showed before the board is scaled."""
+    camera, board = fastibl.Camera(480, 360, 330, 330, 240, 180), fastibl.Board.default()
+    capture = Capture(size=64, board=board, centre=(0, 0, 0.1))
+    for k in range(24):
+        up = looking_at(0.26 * k, (0.25, 0.75)[k % 2])
+        assert capture.add(picture(up, 0.3, camera), camera, up, None, 0.1 * k).how in ("assumed", "estimated")
+    pose = board_pictures.look_at(20, 0.45, 40)
+    capture.add(
+        board_pictures.render(board, camera, pose), camera, pose, 40.0, 7.0
+    )
+    environment = capture.environment()
+    seen = environment.confidence[fastibl.texel_directions(64)[..., 2] > 0] > 0
+    assert environment.plane_irradiance is not None and seen.mean() > 0.5 and capture.mended == 0
 
 
 def test_cameras_of_the_same_parameters_are_told_apart():

@@ -49,14 +49,18 @@ double Capture::scale_error() const {
   return std::isfinite(ratio) ? std::max(std::abs(ratio - 1), kMeterDeviation) : 1;
 }
 
-void Capture::note_scales(const std::vector<int>& tiles, bool assumed, bool untold) {
+void Capture::note_scales(const std::vector<int>& tiles, int assumed_of, bool untold) {
   for (const int tile : tiles) {
-    ScaleOf& scale = scales_[std::size_t(tile)];
-    if (scale == ScaleOf::nothing)
-      scale = assumed ? ScaleOf::assumed : ScaleOf::known;
+    int& scale = scales_[std::size_t(tile)];
+    if (scale == kNoScale)
+      scale = assumed_of > 0 ? assumed_of : kOwnScale;
     else if (!untold)
-      scale = ScaleOf::known;
+      scale = kOwnScale;
   }
+}
+
+void Capture::know_scale(int first) {
+  std::replace(scales_.begin(), scales_.end(), first, kOwnScale);
 }
 
 // What was not seen of the sky is taken to be as bright as what was: the more was seen, the better
@@ -69,7 +73,7 @@ void Capture::mend_scale(std::vector<int>& changed) {
     const std::size_t i = std::size_t(tile);
     const TileSums& sums = sums_[i];
     sky += tile_projected_[i], seen += sums.projected;
-    (scales_[i] == ScaleOf::assumed ? assumed : known) += grey(sums.irradiance);
+    (scales_[i] > 0 ? assumed : known) += grey(sums.irradiance);
   }
   if (!(assumed > 0)) return;
   const double share = seen / sky;
@@ -81,7 +85,7 @@ void Capture::mend_scale(std::vector<int>& changed) {
   const std::size_t stride = std::size_t(grid_.stride());
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t i = std::size_t(tile);
-    if (!unseen_.above(tile) || scales_[i] != ScaleOf::assumed || sums_[i].count == 0) continue;
+    if (!unseen_.above(tile) || scales_[i] <= 0 || sums_[i].count == 0) continue;
     scale_texels(state_, i * stride, tile_rect(grid_, tile).texels(), float(factor));
     sums_[i] = sum_of(tile);
     changed.push_back(tile);

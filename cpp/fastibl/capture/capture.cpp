@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "fastibl/capture/footprint.h"
 #include "fastibl/core/check.h"
@@ -71,14 +72,14 @@ Known* Capture::find_known(std::vector<Known>& all, const Camera& camera, int nu
 Capture::KnownCamera& Capture::known(const Camera& camera, int number) {
   if (KnownCamera* k = find_known(cameras_, camera, number)) return *k;
   KnownCamera& k = cameras_.emplace_back(camera);
-  k.number = number, k.used = used_;
+  k.number = number, k.used = used_, k.first = ++known_;
   return k;
 }
 
 Capture::KnownWide& Capture::known_wide(const Camera& camera, int number) {
   if (KnownWide* k = find_known(wide_cameras_, camera, number)) return *k;
   KnownWide& wide = wide_cameras_.emplace_back();
-  wide.camera = camera, wide.number = number, wide.used = used_;
+  wide.camera = camera, wide.number = number, wide.used = used_, wide.first = ++known_;
   wide.sides = sides_of(camera, grid_.size);
   for (const WideSide& side : wide.sides) wide.known.emplace_back(side.camera, side.vignette);
   return wide;
@@ -147,7 +148,7 @@ Capture::Capture(CaptureOptions options)
   }
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
-  scales_.assign(tiles, ScaleOf::nothing);
+  scales_.assign(tiles, kNoScale);
   at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0);
   if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
   if (options_.prior) {
@@ -224,8 +225,10 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
       any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), plane,
                   changed);
     });
-  note_scales(changed, doubt.assumed() && !(one && one->metered), !exposure);
-  if (one && plane && read_meter(picture, *one, poses, taken)) mend_scale(changed);
+  const bool metered = one && plane && read_meter(picture, *one, poses, taken);
+  const bool assumed = doubt.assumed() && !(one && one->metered);
+  note_scales(changed, assumed ? (one ? one->first : wide->first) : 0, !exposure);
+  if (metered) mend_scale(changed);
   if (any) take_changes(changed, refills);
   return taken;
 }
@@ -319,7 +322,7 @@ bool Capture::read_meter(const Picture& picture, KnownCamera& k, const RowPoses&
   auto read = meter_->read(k.pixels(picture), k.camera, k.lens, poses.at(0.5), taken.exposure);
   if (!read) return false;
   *read /= taken.tint;
-  k.metered = true;
+  if (!std::exchange(k.metered, true)) know_scale(k.first);
   metered_ = time_, plane_irradiance_ = read;
   unseen_.measure_plane(*read, kMeterDeviation * *read);
   return true;

@@ -125,6 +125,7 @@ class Capture {
     Camera camera;
     int number = 0;
     std::int64_t used = 0;              // when, in pictures
+    int first = 0;                      // the how-many-th camera, from 1
     std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
     PictureBounds bounds;
@@ -141,6 +142,7 @@ class Capture {
     Camera camera;
     int number = 0;
     std::int64_t used = 0;
+    int first = 0;
     std::vector<WideSide> sides;
     std::vector<KnownCamera> known;
     SidePicture picture;
@@ -169,9 +171,12 @@ class Capture {
   double assumed_exposure(const Picture& picture, const Camera& camera) const;
   // Relative error of the irradiance where a camera's scale was assumed: by the board's white.
   double scale_error() const;
-  enum class ScaleOf : std::uint8_t { nothing, assumed, known };  // of what a tile shows
-  // Of tiles that a picture changed, of a camera with an assumed scale or not.
-  void note_scales(const std::vector<int>& tiles, bool assumed, bool untold);
+  // The scale of what a tile shows: these, or the one assumed of a camera, by KnownCamera::first.
+  static constexpr int kNoScale = 0, kOwnScale = -1;
+  // Of tiles that a picture changed: by which camera, if in a scale that was assumed, else 0.
+  void note_scales(const std::vector<int>& tiles, int assumed_of, bool untold);
+  // The board's white was read in pictures of that camera: what it showed is in its scale.
+  void know_scale(int first);
   // Makes what is in an assumed scale as bright as the board's white says; adds such tiles.
   void mend_scale(std::vector<int>& changed);
   glm::dvec3 seen_sky_irradiance() const;  // of the plane
@@ -258,7 +263,7 @@ class Capture {
   std::optional<LightMeter> meter_;
   double metered_ = kNever;                     // seconds
   std::optional<glm::dvec3> plane_irradiance_;  // that it read last
-  std::vector<ScaleOf> scales_;                 // by tile
+  std::vector<int> scales_;                     // by tile
   double scaled_at_ = 0;  // the share of the sky that was seen when the scale was last looked at
   int mended_ = 0;
   LightBoost boost_;
@@ -274,6 +279,7 @@ class Capture {
   std::vector<KnownCamera> cameras_;
   std::vector<KnownWide> wide_cameras_;
   std::int64_t used_ = 0;        // pictures
+  int known_ = 0;                // cameras so far
   bool forgot_assumed_ = false;  // a camera whose scale was assumed
   std::optional<Camera> last_camera_;
   FrameLevels levels_;

@@ -56,7 +56,7 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   quiet_ = QuietTiles(grid_);
   prior_.reset(), sky_.clear();  // it was given for the marker as it lay
   plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);
-  scales_.assign(scales_.size(), ScaleOf::known);  // tiles mix
+  scales_.assign(scales_.size(), kOwnScale);  // tiles mix
   renew_all();
 }
 

@@ -610,7 +610,8 @@ void Session::capture_frame(const Frame& frame, FrameResult& result) {
                       frame.time, {}, result.back_last_row, glm::dvec3(1), plane);
     if (result.back_taken->as != TakenAs::left_out) back_exposure_ = result.back_taken->exposure;
     read_back_.read(*result.back_taken);
-    if (std::exchange(mended_, capture_->mended()) != mended_ && rotation_tracker_)
+    const int before = std::exchange(mended_, capture_->mended());
+    if (mended_ != before && rotation_tracker_)
       rotation_tracker_->forget();  // what pictures showed was in another scale
   }
   if (turns_.takes(LightStep::front)) {
