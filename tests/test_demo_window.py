@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import time
 
 import cv2
 import numpy as np
@@ -129,6 +130,8 @@ def test_a_recording_that_is_gone_does_not_begin_again(screen, tmp_path):
     subprocess.run([str(PROGRAM), *SMALL, "--headless", "--frames", "3", "--record", str(simulated)], check=True)
     with Window(screen, "--recording", simulated, "--object", "ball", folder=tmp_path) as window:
         window.wait_for("Esc, too")
+        while " ms " not in window.title:  # until a picture was read
+            time.sleep(0.05)
         simulated.rename(tmp_path / "away")
         window.press("c")
         window.wait_for("no recording at")

@@ -173,9 +173,7 @@ def test_the_camera_that_shows_the_white_is_in_its_scale():
         up = looking_at(0.26 * k, (0.25, 0.75)[k % 2])
         assert capture.add(picture(up, 0.3, camera), camera, up, None, 0.1 * k).how in ("assumed", "estimated")
     pose = board_pictures.look_at(20, 0.45, 40)
-    capture.add(
-        board_pictures.render(board, camera, pose), camera, pose, 40.0, 7.0
-    )
+    capture.add(board_pictures.render(board, camera, pose), camera, pose, 40.0, 7.0)
     environment = capture.environment()
     seen = environment.confidence[fastibl.texel_directions(64)[..., 2] > 0] > 0
     assert environment.plane_irradiance is not None and seen.mean() > 0.5 and capture.mended == 0

@@ -104,3 +104,17 @@ def test_back_ends(name, material, methods, ball):
         f"{name}, {material}, {methods}: GL {np.quantile(difference, 0.99) / max(cpu.max(), 1e-30):.1e} of the largest"
     )
     assert np.quantile(difference, 0.99) <= max(2e-3, FILTER_ERROR) * max(float(cpu.max()), 1e-30)
+
+
+@pytest.mark.parametrize("length", [1e-38, 1e-25, 1e-16, 1e16, 1e20, 1e38])
+def test_normals_of_any_length_are_normalised(length):
+    faces = np.full((6, 8, 8, 3), 0.2, np.float32)
+    faces[4] = 2.0
+    lighting = fastibl.Lighting(fastibl.CubeMap(faces))
+    normal, view = np.array([0.36, 0.48, 0.8]), np.array([0.0, 0.6, 0.8])
+    for found, expected in (
+        (lighting.irradiance(length * normal), lighting.irradiance(normal)),
+        (lighting.glossy(length * normal, length * view), lighting.glossy(normal, view)),
+        (lighting.ggx(length * normal, length * view), lighting.ggx(normal, view)),
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-4)

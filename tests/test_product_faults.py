@@ -147,9 +147,10 @@ try:
         out = Recorder(path, wide, least_free=0)
         out.add(small)
         out.add(big)
-        out.close()
-        print("read", len(Recording.open(path)))
-        raise out.error
+        try:
+            out.close()
+        finally:
+            print("read", len(Recording.open(path)))
     if kind == "writer":
         with RecordingWriter(path, wide) as out:
             out.add(small)

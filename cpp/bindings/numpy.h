@@ -5,6 +5,8 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -108,7 +110,11 @@ inline glm::vec3* vectors(Floats& array) {
   return reinterpret_cast<glm::vec3*>(array.mutable_data());
 }
 
-inline glm::vec3 unit(const glm::vec3& v) {
+inline glm::vec3 unit(glm::vec3 v) {
+  const glm::vec3 size = glm::abs(v);
+  const float most = std::max({size.x, size.y, size.z});
+  // Squares of the others are no floats.
+  if (most > 0 && std::isfinite(most) && !(most > 1e-15f && most < 1e15f)) v /= most;
   const float length = glm::length(v);
   return length > 0 ? v / length
                     : v;  // length 0 has no direction: the result is defined, not useful
