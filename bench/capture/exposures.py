@@ -101,6 +101,22 @@ def adaptive_exposures() -> Iterator[Goal]:
         )
 
 
+def _sweep(place: str, **options) -> fastibl.Recording:
+    """Of both cameras, 60 frames in light that stays."""
+    return recorded(
+        place,
+        seconds=_SECONDS,
+        fps=_FPS,
+        seed=3,
+        size=_SIZE,
+        position=inputs.OBJECT,
+        path="sweep",
+        hand=False,
+        lamp=False,
+        **options,
+    )
+
+
 @row("capture", "exposures that are not told")
 def untold_exposures() -> Iterator[Goal]:
     what = "exposures told with the first picture of each camera alone"
@@ -110,17 +126,7 @@ def untold_exposures() -> Iterator[Goal]:
     places = [*inputs.MAPS, ROOM]
     errors, maps, notes, lost, pictures = {"back": [], "front": []}, {}, [], 0, 0
     for place in places:
-        film = recorded(
-            place,
-            seconds=_SECONDS,
-            fps=_FPS,
-            seed=3,
-            size=_SIZE,
-            position=inputs.OBJECT,
-            path="sweep",
-            hand=False,
-            lamp=False,
-        )
+        film = _sweep(place)
         here, left_out, told = {"back": [], "front": []}, 0, 0.0
         for hide in (False, True):
             capture = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT)
@@ -182,18 +188,7 @@ def never_told_exposures() -> Iterator[Goal]:
     for order, wait in (("the board's white is seen first", 0), ("it is seen after 10 pictures", 10)):
         off, notes = [], []
         for place in [*inputs.MAPS, ROOM]:
-            film = recorded(
-                place,
-                seconds=_SECONDS,
-                fps=_FPS,
-                seed=3,
-                size=_SIZE,
-                position=inputs.OBJECT,
-                path="sweep",
-                hand=False,
-                lamp=False,
-                front_exposures=_held,
-            )
+            film = _sweep(place, front_exposures=_held)
             capture, clipped = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT), []
             for index, frame in enumerate(film):
                 pose = film.truth.pose(frame.time)

@@ -17,7 +17,6 @@ from .pictures import read_picture, write_picture
 LAYOUTS = ("equirect", "faces", "strip", "cross")
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
 _CUBE_READERS = {".ktx2": ktx2.read_ktx2, ".dds": dds.read_dds}
-_FINEST = 2048  # rows of a picture that is averaged
 _CROSS = ((1, 2), (1, 0), (0, 1), (2, 1), (1, 1), (1, 3))  # row and column of each face
 
 
@@ -120,10 +119,14 @@ def write_environment(
         ktx2.write_ktx2(path, [handed(to_axes(radiance, axes), handedness).faces])
         return [path]
     if layout == "equirect":
-        cube = turned(radiance, matrix(axes, picture=True))
-        write_picture(path, equirect_from_cubemap(cube, 2 * cube.size if height is None else height))
+        write_equirect(path, turned(radiance, matrix(axes, picture=True)), height)
         return [path]
     return _write_faces(path, to_axes(radiance, axes).faces, layout)
+
+
+def write_equirect(path: Path, cube: CubeMap, height: int | None) -> None:
+    """Writes a cube that was turned to a picture's axes, by default 2 face edges high."""
+    write_picture(path, equirect_from_cubemap(cube, 2 * cube.size if height is None else height))
 
 
 def write_faces(path: str | os.PathLike[str], cube: CubeMap, layout: str = "strip") -> list[Path]:

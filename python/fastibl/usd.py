@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ._fastibl import CubeMap, Environment, equirect_from_cubemap
+from ._fastibl import CubeMap, Environment
 from .axes import matrix, radiance_of, turned
-from .pictures import LINEAR, write_picture
+from .environment_files import write_equirect
+from .pictures import LINEAR
 from .whole_file import write_whole
 
 # A dome's own frame has its pole along +y, whatever is up in the stage, and its picture is as OpenEXR has it: longitude
@@ -49,8 +50,7 @@ def write_usd(
     picture_from_marker = _PICTURE_FROM_DOME @ _DOME_FROM_STAGE[axes] @ stage_from_marker
     radiance = radiance_of(cube)
     picture = path.with_name(f"{path.stem}_dome.{format}")
-    cube = turned(radiance, picture_from_marker)
-    write_picture(picture, equirect_from_cubemap(cube, 2 * cube.size if height is None else height))
+    write_equirect(picture, turned(radiance, picture_from_marker), height)
     write_whole(path, _stage(picture.name, axes))
     return [path, picture]
 

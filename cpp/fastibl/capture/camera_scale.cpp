@@ -31,8 +31,7 @@ double Capture::assumed_exposure(const Picture& picture, const Camera& camera) c
           pixels.linear(i * picture.width / kAcross, j * picture.height / kAcross);
       sum += double(linear.x + linear.y + linear.z) / (3 * kAcross * kAcross);
     }
-  const glm::dvec3& plane = *plane_irradiance_;
-  const double radiance = (plane.x + plane.y + plane.z) / (3 * std::numbers::pi);
+  const double radiance = grey(*plane_irradiance_) / std::numbers::pi;
   const double exposure = sum / (radiance * camera.gain);
   return exposure > 0 && std::isfinite(exposure) ? exposure : 1;
 }
@@ -44,8 +43,7 @@ double Capture::scale_error() const {
     return 0;
   if (!plane_irradiance_) return 1;
   const glm::dvec3 sky = seen_sky_irradiance() + unseen_.sky_irradiance(sums_, tile_projected_);
-  const glm::dvec3& plane = *plane_irradiance_;
-  const double ratio = (sky.x + sky.y + sky.z) / (plane.x + plane.y + plane.z);
+  const double ratio = grey(sky) / grey(*plane_irradiance_);
   return std::isfinite(ratio) ? std::max(std::abs(ratio - 1), kMeterDeviation) : 1;
 }
 

@@ -14,7 +14,7 @@ namespace fastibl {
 namespace {
 
 constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
-constexpr std::size_t kCameras = 4;    // whose tables are kept
+constexpr std::size_t kCameras = 4;    // that are remembered, those used last
 // Seconds over which new values of unseen tiles are spread, and the least share that a picture
 // makes: what is not seen is a guess, and follows when there is time.
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;

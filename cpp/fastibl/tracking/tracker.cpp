@@ -31,15 +31,22 @@ double side_px(const DetectedTag& tag) {
   return sum / 4;
 }
 
+// How often each tag of the board is seen: more than once, it is another board's too.
+std::map<int, int> counts_of(const std::vector<DetectedTag>& tags, const Board& board) {
+  std::map<int, int> counts;
+  for (const DetectedTag& tag : tags)
+    if (board.find(tag.id)) ++counts[tag.id];
+  return counts;
+}
+
 // Tags of the board that were seen once, largest first. noise: of each tag, or empty for 1.
 std::vector<Seen> seen_tags(const std::vector<DetectedTag>& tags, std::span<const double> noise,
-                            const Board& board) {
+                            const Board& board, const std::map<int, int>& counts) {
   std::vector<Seen> seen;
   for (std::size_t k = 0; k < tags.size(); ++k) {
     const DetectedTag& tag = tags[k];
     const Tag* on_board = board.find(tag.id);
-    const auto same = [&](const DetectedTag& other) { return other.id == tag.id; };
-    if (!on_board || std::count_if(tags.begin(), tags.end(), same) != 1) continue;
+    if (!on_board || counts.at(tag.id) != 1) continue;
     Seen s{tag, {}, side_px(tag)};
     if (!std::isfinite(s.side) || !(s.side > 1)) continue;
     for (std::size_t i = 0; i < 4; ++i)
@@ -49,15 +56,6 @@ std::vector<Seen> seen_tags(const std::vector<DetectedTag>& tags, std::span<cons
   std::stable_sort(seen.begin(), seen.end(),
                    [](const Seen& a, const Seen& b) { return a.side > b.side; });
   return seen;
-}
-
-// How many tags of the board are seen more than once: each is of another board.
-std::size_t doubled_tags(const std::vector<DetectedTag>& tags, const Board& board) {
-  std::map<int, int> counts;
-  for (const DetectedTag& tag : tags)
-    if (board.find(tag.id)) ++counts[tag.id];
-  return std::size_t(std::count_if(counts.begin(), counts.end(),
-                                   [](const auto& counted) { return counted.second > 1; }));
 }
 
 std::vector<Match> all_matches(const std::vector<Seen>& seen) {
@@ -219,8 +217,10 @@ std::optional<Tracked> fit_still(const Detection& detection, std::span<const dou
                                  const TrackingOptions& options) {
   const double expected = noise.empty() ? options.detected_noise_px : options.refined_noise_px;
   const Lens lens(camera);
-  std::vector<Seen> seen = seen_tags(detection.tags, noise, board);
-  const std::size_t doubled = doubled_tags(detection.tags, board);
+  const std::map<int, int> counts = counts_of(detection.tags, board);
+  std::vector<Seen> seen = seen_tags(detection.tags, noise, board, counts);
+  const auto doubled = std::size_t(std::count_if(
+      counts.begin(), counts.end(), [](const auto& counted) { return counted.second > 1; }));
   const bool by_one = options.method == TrackingMethod::frame_marker;
   if (doubled > (by_one ? 0 : seen.size())) return std::nullopt;  // two boards of the same print
   if (by_one && seen.size() > 1) seen.resize(1);
