@@ -142,10 +142,10 @@ def reduced(faces: NDArray, factor: int) -> NDArray:
 # Steadiness
 
 
-def _weights(size: int, pairs: int, exponents: tuple[float, ...]) -> tuple[NDArray, NDArray, dict[float, NDArray]]:
+def _weights(size: int, count: int, exponents: tuple[float, ...]) -> tuple[NDArray, NDArray, dict[float, NDArray]]:
     """Normals, views, and by exponent the weights of the texels of a map; exponent 0 is the irradiance."""
     d, angles, _ = reference.samples(np.zeros((6, size, size, 3)))
-    n, v = pairs(pairs // len(ANGLES), seed=11)
+    n, v = pairs(count // len(ANGLES), seed=11)
     weights = {}
     for s in exponents:
         rows_ = np.empty((len(n), len(d)), np.float32)
@@ -169,10 +169,10 @@ _STEADY_GOALS = {"irradiance": 1e-3, "glossy": 3e-3}
 class _Changes:
     """Changes of the light from map to map, as estimated and in truth."""
 
-    def __init__(self, size: int, pairs: int = 100, at_most: float = np.inf):
-        """at_most: only changes of the true light of at most this, relative to its mean, are kept."""
+    def __init__(self, size: int, count: int = 100, at_most: float = np.inf):
+        """count: of pairs of normal and view; at_most: only changes of the true light of at most this, relative to its mean, are kept."""
         self.at_most = at_most
-        self.n, self.v, self.weights = _weights(size, pairs, _STEADY_EXPONENTS)
+        self.n, self.v, self.weights = _weights(size, count, _STEADY_EXPONENTS)
         self.last: dict[float, tuple[NDArray, NDArray]] = {}
         self.errors: dict[str, list[float]] = {"irradiance": [], "glossy": []}
 
