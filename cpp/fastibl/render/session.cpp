@@ -9,8 +9,6 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/workload.h"
-#include "fastibl/shading/glossy_shares.h"
-#include "fastibl/shading/holdout.h"
 
 namespace fastibl {
 namespace {
@@ -37,7 +35,6 @@ constexpr double kSameExposure = 0.05;   // exposure, by so much of its logarith
 constexpr double kSteadyExposure = 0.3;  // ln, from one picture to the next
 constexpr double kSinglePatience = 8;    // for so many seconds, another will do
 constexpr int kFront = 1;                // the camera's number; the back one's is 0
-constexpr int kBounceCells = 32;         // of the plane, along an edge
 constexpr double kSmallestHeight =
     0.01;  // metres: an object's centre for capture, however flat it is
 
@@ -123,7 +120,8 @@ void Session::judge_anew() {
   measured_ = {}, measurement_.reset(), measure_due_ = true;
   update_plan();
   make_stale();
-  if (plan_.includes(PassId::bounce)) place_exchange();  // now rather than in the first frame
+  if (plan_.includes(PassId::bounce))
+    shares_.place_exchange(scene_);  // now rather than in the first frame
 }
 
 void Session::make_stale() {
@@ -133,10 +131,7 @@ void Session::make_stale() {
       renderer_->clear(p.pass.id);
     if (p.pass.id != PassId::track && p.pass.id != PassId::capture) stale_ |= p.pass.writes;
   }
-  clear_shares();
-  near_shares_.clear();
-  bounce_ = {}, plane_gain_ = nullptr;
-  holdout_ratios_.clear();
+  shares_.clear(scene_, plan_.methods.self_shadow);
   if (!plan_.includes(PassId::irradiance)) lighting_.reset();  // it may be another method's
 }
 
@@ -243,7 +238,7 @@ void Session::update_plan(bool choose) {
   options.costs = options_.costs;
   options.workload =
       workload_of(scene_, rig_.back.width, rig_.back.height, light_moves(), options_.cast_shadow);
-  if (exchange_) options.workload.groups = double(exchange_->groups());
+  if (const auto groups = shares_.groups()) options.workload.groups = double(*groups);
   if (const std::optional<double> pixels = renderer_->shaded(); pixels && *pixels > 0)
     options.object_pixels = pixels;
   options.slowdown = time_.slowdown();
@@ -256,20 +251,19 @@ void Session::update_plan(bool choose) {
   plan_ = make_plan(scene_, environment_.get(), options);
   // The light came to matter, or no longer does.
   if (plan_.includes(PassId::near_light) != near_) {
-    near_shares_.clear();
+    shares_.clear_near();
     stale_ |=
         product::near_light | product::bounce | product::plane | product::object | product::image;
   }
   if (plan_.includes(PassId::bounce) == bounced) return;
-  bounce_ = {}, plane_gain_ = nullptr;
+  shares_.clear_bounce();
   stale_ |= product::bounce | product::plane | product::object | product::image;
 }
 
 void Session::set_scene(Scene scene) {
   check_scene(scene);
   scene_ = std::move(scene);
-  cell_light_ = {}, holdout_light_ = {}, near_share_maker_ = {};
-  exchange_.reset(), hidden_from_.reset();
+  shares_.forget_object();
   renderer_->clear(PassId::shadow), renderer_->clear(PassId::shade);
   replan();
 }
@@ -310,7 +304,7 @@ void Session::set_shadow_look(const ShadowLook& look) {
   look.validate();
   scene_.shadow_look = look;
   update_plan();
-  plane_gain_ = nullptr;
+  shares_.clear_gain();
   stale_ |= product::plane | product::holdout | product::image;
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
@@ -453,92 +447,6 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
     start(pose);
 }
 
-// The paper's P_V is read from the scene, so there is nothing to keep for it.
-void Session::clear_shares() {
-  light_shares_.clear();
-  const SelfShadowMethod method = plan_.methods.self_shadow;
-  const bool paper = method == SelfShadowMethod::ambient || !scene_.directions;
-  if (method == SelfShadowMethod::none)
-    light_shares_.assign(scene_.mesh.vertices.size(), glm::vec4(1));
-  else if (!paper)
-    light_shares_.assign(scene_.directions->entries(), glm::vec4(1));
-}
-
-void Session::update_cell_light(const CubeMap& radiance) {
-  const glm::mat3 marker_from_object(scene_.marker_from_object.rotation);
-  cell_light_.update(radiance, glm::transpose(marker_from_object), scene_.directions->size);
-}
-
-void Session::find_diffuse_shares() {
-  const glm::mat3 marker_from_object(scene_.marker_from_object.rotation);
-  update_cell_light(*lighting_->radiance);
-  diffuse_shares(*scene_.directions, cell_light_, lighting_->irradiance, scene_.normals,
-                 marker_from_object, light_shares_);
-}
-
-void Session::find_near_shares() {
-  const SharesOf of = light_shares_.empty()                 ? SharesOf::visibility
-                      : plan_.includes(PassId::self_shadow) ? SharesOf::directions
-                                                            : SharesOf::all;
-  near_shares_ = near_share_maker_.update(scene_, *lighting_, of);
-}
-
-// Of the light of the map, by side where both are seen: near lights and the bounce do not change
-// them alike.
-std::vector<glm::vec4> Session::shares_of_sides() const {
-  std::vector<glm::vec4> shares = light_shares_;
-  if (shares.empty())
-    for (const float v : scene_.visibility) shares.emplace_back(glm::vec3(v), 1);
-  const std::size_t vertices = scene_.mesh.vertices.size();
-  while (shares.size() < vertices * std::size_t(scene_.sides()))
-    shares.push_back(shares[shares.size() - vertices]);
-  return shares;
-}
-
-// Those, and what near lights change of them.
-std::vector<glm::vec4> Session::own_shares() const {
-  if (near_shares_.empty()) return light_shares_;
-  std::vector<glm::vec4> shares = shares_of_sides();
-  add_shares(near_shares_, shares);
-  return shares;
-}
-
-// Of every view anew.
-void Session::find_glossy_shares(const Pose& camera_from_marker) {
-  const std::optional<LobeShape> lobe = scene_.material.lobe();
-  if (!knows_directions(plan_.methods.self_shadow) || !lobe || !environment_ ||
-      !scene_.directions || scene_.directions->blocks_nothing())
-    return;
-  update_cell_light(environment_->radiance);
-  const Pose object_from_camera = (camera_from_marker * scene_.marker_from_object).inverse();
-  glossy_shares(*scene_.directions, cell_light_, *lobe, scene_.mesh.vertices, scene_.normals,
-                glm::vec3(object_from_camera.translation), light_shares_);
-}
-
-// Form factors hold until the object is tilted or lifted.
-void Session::place_exchange() {
-  if (!exchange_ || !exchange_->motion(scene_.marker_from_object))
-    exchange_.emplace(scene_.mesh, *scene_.directions, kBounceCells, scene_.marker_from_object);
-}
-
-void Session::find_bounce() {
-  place_exchange();
-  bounce_ =
-      fastibl::find_bounce(*exchange_, scene_, *lighting_, renderer_->shadow_map(), own_shares());
-}
-
-void Session::find_holdout_ratios() {
-  if (hidden_from_ != scene_.marker_from_object) {
-    follow_object(scene_);
-    hidden_ = hidden_by_object(scene_);
-    hidden_from_ = scene_.marker_from_object;
-  }
-  holdout_ratios_ = fastibl::holdout_ratios(scene_, hidden_, *lighting_, holdout_light_);
-  if (!scene_.shadow_look.changes()) return;
-  for (glm::vec4& ratio : holdout_ratios_)
-    ratio = glm::vec4(scene_.shadow_look.apply(glm::vec3(ratio)), 1);
-}
-
 // Before there is light, or where there is time for all, none is taken in turns.
 void Session::choose_turn(const Frame& frame) {
   const bool continuous = options_.methods.capture == CaptureMethod::continuous;
@@ -634,35 +542,6 @@ void Session::capture_frame(const Frame& frame, FrameResult& result) {
   }
 }
 
-void Session::check_frame(const Frame& frame) const {
-  const auto matches = [](const Picture& picture, const Camera& camera, const char* which) {
-    check(picture.empty() || (picture.width == camera.width && picture.height == camera.height),
-          "the ", which, " picture must be the camera's ", camera.width, " × ", camera.height,
-          ", got ", picture.width, " × ", picture.height);
-    check(picture.empty() || std::abs(picture.stride()) >= picture.packed(), "rows of the ", which,
-          " picture must be its ", picture.packed(), " bytes apart, got ", picture.stride());
-  };
-  matches(frame.back, rig_.back, "back");
-  if (rig_.front) matches(frame.front, *rig_.front, "front");
-  check(frame.front.empty() || rig_.front, "a front picture came, but the rig has no front camera");
-  for (const std::optional<double>& exposure : {frame.back_exposure, frame.front_exposure})
-    check(!exposure || (*exposure > 0 && std::isfinite(*exposure)),
-          "exposures must be positive and finite, got ", exposure.value_or(0));
-  for (const std::optional<Pose>& pose : {frame.back_from_marker, frame.back_last_row})
-    if (pose) pose->validate();
-  check(!frame.attitude || is_rotation(*frame.attitude, kAttitude),
-        "a frame's attitude must be a rotation");
-  check(!frame.back.empty() || !frame.front.empty() || frame.back_from_marker,
-        "a frame needs a picture or a pose");
-  check(!frame.back_last_row || (frame.back_from_marker && rig_.back.readout > 0),
-        "a pose of the last row needs one of the first and a back camera with a readout, got a "
-        "readout of ",
-        rig_.back.readout, " s");
-  check(std::isfinite(frame.time), "a frame's time must be finite seconds, got ", frame.time);
-  check(!last_time_ || frame.time >= *last_time_, "time must not run backwards: ", frame.time,
-        " s after ", last_time_.value_or(0), " s");
-}
-
 LightingOptions Session::lighting_options() const {
   LightingOptions options;
   options.diffuse = plan_.methods.diffuse;
@@ -697,27 +576,22 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
           fit_lighting(radiance(), lighting_options(), lighting_.get()));
       return true;
     case PassId::self_shadow:
-      find_diffuse_shares();
+      shares_.find_diffuse(scene_, *lighting_);
       return true;
     case PassId::near_light:
-      find_near_shares();
+      shares_.find_near(scene_, *lighting_, plan_.includes(PassId::self_shadow));
       return true;
     case PassId::bounce:
-      find_bounce();
+      shares_.find_bounce(scene_, *lighting_, renderer_->shadow_map());
       return true;
     case PassId::plane:
-      plane_gain_ = std::make_shared<const ShadowMap>(
-          fastibl::plane_gain(renderer_->shadow_map(), scene_.shadow_look, bounce_));
+      shares_.find_plane_gain(scene_, renderer_->shadow_map());
       return true;
     case PassId::holdout:
-      find_holdout_ratios();
+      shares_.find_holdouts(scene_, *lighting_);
       return true;
     case PassId::shade:
-      find_glossy_shares(drawn_from);
-      if (bounce_.empty() && near_shares_.empty()) break;
-      changed_shares_ = shares_of_sides();
-      if (!near_shares_.empty()) add_shares(near_shares_, changed_shares_);
-      if (!bounce_.empty()) add_shares(bounce_, changed_shares_);
+      shares_.find_glossy(scene_, radiance().get(), plan_.methods.self_shadow, drawn_from);
       break;
     default:
       break;
@@ -737,15 +611,16 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
     }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
   }
-  renderer_->run(
-      id, {scene_, plan_.methods, *lighting_, rig_.back, drawn_from, frame.back, back_exposure_,
-           bounce_.empty() && near_shares_.empty() ? light_shares_ : changed_shares_, plane_gain_,
-           holdout_ratios_, light_shares_, &cell_light_, plan_.shades_alike_as_one});
+  renderer_->run(id, {scene_, plan_.methods, *lighting_, rig_.back, drawn_from, frame.back,
+                      back_exposure_, shares_.all(), shares_.plane_gain(), shares_.holdouts(),
+                      shares_.own(), &shares_.cell_light(), plan_.shades_alike_as_one});
   return true;
 }
 
 FrameResult Session::process(const Frame& frame) {
-  check_frame(frame);
+  check_frame(frame, rig_);
+  check(!last_time_ || frame.time >= *last_time_, "time must not run backwards: ", frame.time,
+        " s after ", last_time_.value_or(0), " s");
   last_time_ = frame.time;
   if (frame.back_exposure) back_exposure_ = *frame.back_exposure;
   using Loops = OneThread::Loops;

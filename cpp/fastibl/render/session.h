@@ -14,6 +14,8 @@
 #include "fastibl/capture/capture.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/plan.h"
+#include "fastibl/render/frame.h"
+#include "fastibl/render/light_shares.h"
 #include "fastibl/render/light_turns.h"
 #include "fastibl/render/measure_errors.h"
 #include "fastibl/render/recent_motion.h"
@@ -23,10 +25,6 @@
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/scene.h"
-#include "fastibl/shading/bounce.h"
-#include "fastibl/shading/near_shares.h"
-#include "fastibl/shading/plane_exchange.h"
-#include "fastibl/shading/self_shadow.h"
 #include "fastibl/tracking/board_motion.h"
 #include "fastibl/tracking/detector.h"
 #include "fastibl/tracking/edge_tracker.h"
@@ -34,44 +32,6 @@
 #include "fastibl/tracking/tracker.h"
 
 namespace fastibl {
-
-// One moment of the cameras. Pictures are borrowed for the call.
-struct Frame {
-  double time = 0;  // seconds, not decreasing
-  Picture back, front;
-  std::optional<double> back_exposure = 1, front_exposure = 1;  // nothing where not known
-  // Skips tracking. Of a rolling shutter: of the first row.
-  std::optional<Pose> back_from_marker;
-  // With it, where the back camera has a readout and the pose of its last row is known; else that
-  // comes from the poses before.
-  std::optional<Pose> back_last_row;
-  // Of the back camera, as a gyroscope tells, from a frame at rest, whichever, that is the same for
-  // all frames: predicts the pose, and goes on while the board is out of view.
-  std::optional<glm::dmat3> attitude;
-};
-
-constexpr double kAttitude = 1e-3;  // by which Frame::attitude may not be a rotation
-
-struct FrameResult {
-  Image<std::uint8_t> image;  // RGB; RGBA with straight alpha where the frame has no back picture
-  std::optional<Pose>
-      back_from_marker;  // nothing where the board is not seen: the picture is the back picture
-  std::optional<Pose> back_last_row;  // of a rolling shutter, where its motion is known
-  std::optional<Tracked> tracked;     // where it was tracked, not given
-  std::optional<Taken> back_taken,
-      front_taken;  // how the pictures went into the map, where they did
-  // Where the board is out of view: what the surroundings tell. The map may be captured with it;
-  // nothing is drawn.
-  std::optional<Turned> turned;
-  // The board was moved by hand, and the map was turned to where it lies now.
-  bool board_moved = false;
-  std::shared_ptr<const Environment> environment;
-  std::shared_ptr<const Lighting> lighting;
-  std::vector<PassId> passes;             // that ran
-  std::map<std::string, double> timings;  // seconds, by pass, and "total"
-  // Relative, of the irradiance: capture and method together; 1 before there is any light.
-  double predicted_error = 1;
-};
 
 struct SessionOptions {
   Methods methods;
@@ -121,7 +81,9 @@ class Session {
   ShadowMap shadow_map() { return renderer_->shadow_map(); }
   // What the plane's picture was multiplied by: the ratio as it is drawn, and the light of the
   // object; it may exceed 1.
-  ShadowMap plane_gain() { return plane_gain_ ? *plane_gain_ : renderer_->shadow_map(); }
+  ShadowMap plane_gain() {
+    return shares_.plane_gain() ? *shares_.plane_gain() : renderer_->shadow_map();
+  }
   ObjectLayer object() { return renderer_->object(); }
   ObjectLayer holdout() { return renderer_->holdout(); }  // see holdout_layer()
   const Capture& capture() const { return *capture_; }
@@ -153,7 +115,6 @@ class Session {
   void watch_time(double milliseconds);
   void replan();      // after a change of what is wanted: makes stale what it concerns
   void judge_anew();  // the same after a change of the light
-  void check_frame(const Frame& frame) const;
   LightingOptions lighting_options() const;
   // drawn_from: the pose that the object is drawn with, see drawn_pose.
   bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
@@ -166,16 +127,6 @@ class Session {
   void find_motion(const Frame& frame, FrameResult& result);
   // Of the row that shows the middle of the object.
   Pose drawn_pose(const FrameResult& result) const;
-  void clear_shares();  // to what the method is without a map
-  void update_cell_light(const CubeMap& radiance);
-  void find_diffuse_shares();
-  void find_glossy_shares(const Pose& camera_from_marker);
-  void place_exchange();
-  void find_near_shares();
-  std::vector<glm::vec4> shares_of_sides() const;
-  std::vector<glm::vec4> own_shares() const;
-  void find_bounce();
-  void find_holdout_ratios();
 
   Scene scene_;
   Rig rig_;
@@ -203,18 +154,7 @@ class Session {
   SessionOptions options_;
   std::optional<Capture> capture_;
   std::shared_ptr<const Lighting> lighting_;
-  CellLight cell_light_;
-  std::vector<glm::vec4> light_shares_;  // of RenderInput, by the map alone
-  NearShares near_share_maker_;
-  std::vector<glm::vec3> near_shares_;     // what near lights change of them
-  std::vector<glm::vec4> changed_shares_;  // with that and the bounce
-  std::optional<PlaneExchange> exchange_;  // of the object as it stood last
-  Bounce bounce_;
-  std::shared_ptr<const ShadowMap> plane_gain_;
-  std::optional<Pose> hidden_from_;  // where the object stood
-  VertexVisibility hidden_;          // for the holdouts by the object
-  CellLight holdout_light_;
-  std::vector<glm::vec4> holdout_ratios_;  // of RenderInput
+  LightShares shares_;
   Plan plan_;
   MeasuredErrors measured_;
   std::optional<ErrorMeasurement> measurement_;  // that goes on

@@ -1,0 +1,78 @@
+// What objects change of the light of a map: of the scene's own object, of the plane around it, and
+// of the holdouts. Keeps what stays from one map to the next.
+#pragma once
+
+#include <cstddef>
+#include <glm/vec3.hpp>
+#include <glm/vec4.hpp>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/lighting.h"
+#include "fastibl/scene/methods.h"
+#include "fastibl/scene/scene.h"
+#include "fastibl/scene/shadow_map.h"
+#include "fastibl/scene/vertex_visibility.h"
+#include "fastibl/shading/bounce.h"
+#include "fastibl/shading/near_shares.h"
+#include "fastibl/shading/plane_exchange.h"
+#include "fastibl/shading/self_shadow.h"
+
+namespace fastibl {
+
+// Shares as RenderInput has them; each find_…() is a pass of the plan.
+class LightShares {
+ public:
+  void forget_object();  // another one comes
+  // What was found of a map and by other methods: shares are what `method` is without a map.
+  void clear(const Scene& scene, SelfShadowMethod method);
+  void clear_near() { near_.clear(); }
+  void clear_bounce() { bounce_ = {}, plane_gain_ = nullptr; }
+  void clear_gain() { plane_gain_ = nullptr; }
+
+  void find_diffuse(const Scene& scene, const Lighting& lighting);
+  // diffuse: whether find_diffuse() is a pass of the plan.
+  void find_near(const Scene& scene, const Lighting& lighting, bool diffuse);
+  void find_bounce(const Scene& scene, const Lighting& lighting, const ShadowMap& shadow);
+  void find_plane_gain(const Scene& scene, const ShadowMap& shadow);
+  // Cuts the scene's holdouts anew where the object was moved out of their midst.
+  void find_holdouts(Scene& scene, const Lighting& lighting);
+  // Of every view anew, with what near lights and the bounce change then. radiance: null before
+  // there is a map.
+  void find_glossy(const Scene& scene, const CubeMap* radiance, SelfShadowMethod method,
+                   const Pose& camera_from_marker);
+
+  // Form factors for the bounce, which hold until the object is tilted or lifted.
+  void place_exchange(const Scene& scene);
+  // Of triangles that the exchange is summed by; nothing before it is placed.
+  std::optional<std::size_t> groups() const;
+
+  std::span<const glm::vec4> all() const { return changes() ? changed_ : own_; }
+  std::span<const glm::vec4> own() const { return own_; }  // without near lights and the bounce
+  const CellLight& cell_light() const { return cell_light_; }
+  const std::shared_ptr<const ShadowMap>& plane_gain() const { return plane_gain_; }
+  std::span<const glm::vec4> holdouts() const { return holdouts_; }
+
+ private:
+  bool changes() const { return !bounce_.empty() || !near_.empty(); }
+  void update_cell_light(const Scene& scene, const CubeMap& radiance);
+  std::vector<glm::vec4> by_side(const Scene& scene) const;
+
+  CellLight cell_light_;
+  std::vector<glm::vec4> own_;
+  NearShares near_maker_;
+  std::vector<glm::vec3> near_;            // what near lights change
+  std::optional<PlaneExchange> exchange_;  // of the object as it stood last
+  Bounce bounce_;
+  std::vector<glm::vec4> changed_;
+  std::shared_ptr<const ShadowMap> plane_gain_;
+  std::optional<Pose> hidden_from_;  // where the object stood
+  VertexVisibility hidden_;          // for the holdouts by the object
+  CellLight holdout_light_;
+  std::vector<glm::vec4> holdouts_;
+};
+
+}  // namespace fastibl
