@@ -2,34 +2,27 @@
 // object.
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <limits>
-#include <map>
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
-#include "fastibl/capture/capture.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/plan.h"
 #include "fastibl/render/frame.h"
 #include "fastibl/render/light_shares.h"
+#include "fastibl/render/light_stream.h"
 #include "fastibl/render/light_turns.h"
-#include "fastibl/render/measure_errors.h"
-#include "fastibl/render/recent_motion.h"
+#include "fastibl/render/method_judge.h"
 #include "fastibl/render/renderer.h"
+#include "fastibl/render/rig_capture.h"
+#include "fastibl/render/rig_tracker.h"
 #include "fastibl/render/time_budget.h"
 #include "fastibl/scene/board.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/scene.h"
-#include "fastibl/tracking/board_motion.h"
 #include "fastibl/tracking/detector.h"
-#include "fastibl/tracking/edge_tracker.h"
-#include "fastibl/tracking/rotation_tracker.h"
-#include "fastibl/tracking/tracker.h"
 
 namespace fastibl {
 
@@ -58,12 +51,6 @@ struct SessionOptions {
   bool offline = false;  // see CandidateOptions
 };
 
-// What of a map is looked at to tell whether it is another light.
-struct LightSummary {
-  std::array<glm::vec3, 6> faces;  // mean radiances
-  float compact = 0;               // share of all light that is far above the mean
-};
-
 class Session {
  public:
   // rig: needed for anything but a fixed environment with given poses, and always for the size of
@@ -86,7 +73,7 @@ class Session {
   }
   ObjectLayer object() { return renderer_->object(); }
   ObjectLayer holdout() { return renderer_->holdout(); }  // see holdout_layer()
-  const Capture& capture() const { return *capture_; }
+  const Capture& capture() const { return capture_.map(); }
   Renderer& renderer() { return *renderer_; }
 
   const Scene& scene() const { return scene_; }
@@ -108,83 +95,48 @@ class Session {
   void set_renderer(std::unique_ptr<Renderer> renderer);
 
  private:
-  bool light_moves() const;               // it is captured, or given frame after frame
+  bool light_moves() const;  // it is captured, or given frame after frame
+  void replan();             // after a change of what is wanted: makes stale what it concerns
+  void judge_anew();         // the same after a change of the light
+  void choose_methods();     // where the light has changed, or the time is up
   void update_plan(bool choose = false);  // the lines and their errors; and methods anew
-  void choose_methods();                  // where the light has changed, or the time is up
   void make_stale();                      // all that methods make
   void watch_time(double milliseconds);
-  void replan();      // after a change of what is wanted: makes stale what it concerns
-  void judge_anew();  // the same after a change of the light
-  LightingOptions lighting_options() const;
-  // drawn_from: the pose that the object is drawn with, see drawn_pose.
-  bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
-  std::optional<Pose> find_pose(const Frame& frame, FrameResult& result);
-  void follow_surroundings(const Frame& frame, FrameResult& result);
   void choose_turn(const Frame& frame);
-  bool wants_capture(const Frame& frame, const std::optional<Pose>& pose) const;
-  bool is_single_exposure(const Frame& frame) const;
-  void capture_frame(const Frame& frame, FrameResult& result);
-  void find_motion(const Frame& frame, FrameResult& result);
-  // Of the row that shows the middle of the object.
-  Pose drawn_pose(const FrameResult& result) const;
+  void follow_surroundings(const Frame& frame, FrameResult& result);
+  RigCapture::Turn pictures_turn() const;
+  bool wants_capture(const Frame& frame, const FrameResult& found) const;
+  std::shared_ptr<const CubeMap> radiance() const;  // null before there is a map
+  LightingOptions lighting_options() const;
+  void ensure_lighting();  // of this map, and with the chain that glossy light is read from
+  // drawn_from: the pose that the object is drawn with, of the row that shows its middle.
+  bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
+  void run_passes(const std::vector<PassId>& due, const Frame& frame, FrameResult& result,
+                  const Pose& drawn_from);
+  void run_due(const Frame& frame, FrameResult& result);
 
   Scene scene_;
   Rig rig_;
-  std::optional<Board> board_;
   std::shared_ptr<const Environment> environment_;
   bool fixed_environment_;
-  Detector detector_;
-  std::optional<EdgeTracker> edge_tracker_;
-  std::optional<RotationTracker> rotation_tracker_;
-  std::uint64_t moments_ = 0;                   // that it was asked about
-  std::optional<glm::dmat3> known_attitude_;    // where the tracker last went on from
-  std::optional<glm::dmat3> tracked_attitude_;  // of the last pose of the board
-  BoardMotion board_motion_;
-  double look_again_ = -1e30, agreed_ = -1e30;  // seconds
-  struct Known {
-    Pose pose;
-    double time;
-    std::optional<glm::dmat3> attitude;
-  };
-  std::optional<Known> between_looks_;  // the last pose since
-  std::optional<Pose> turned_;          // of this frame, sure enough to capture with
-  bool hold_capture_ = false;           // the board seems to move
-  bool given_elsewhere_ = false;        // the given light does not lie as the surroundings do
   std::unique_ptr<Renderer> renderer_;
   SessionOptions options_;
-  std::optional<Capture> capture_;
+  RigTracker tracker_;
+  RigCapture capture_;
   std::shared_ptr<const Lighting> lighting_;
   LightShares shares_;
   Plan plan_;
-  MeasuredErrors measured_;
-  std::optional<ErrorMeasurement> measurement_;  // that goes on
-  std::optional<LightSummary> measured_light_;
-  bool measure_due_ = true, choose_due_ = false;
-  // Frames: methods judged, light given, light given that is new.
-  int since_measured_ = 0, since_set_ = 0, since_new_ = 0;
-  int set_in_a_row_ = 0;  // times that light was given frame after frame
+  Products stale_ = product::all & ~product::inputs;
+  MethodJudge judge_;
+  LightStream stream_;            // of the light that is given
+  bool given_elsewhere_ = false;  // it does not lie as the surroundings do
   TimeBudget time_;
   LightTurns turns_;
   bool in_turns_ = false;  // this frame
   float light_lag_ = 0;    // by which the light changed from one of its turns to the next, relative
-  Products stale_ = product::all & ~product::inputs;
-  Products held_ = 0;  // what pictures made stale, until the light's turn
-  RecentMotion recent_;
-  std::optional<MotionRate> motion_;  // of the back camera at last_pose_
-  std::optional<Pose> last_pose_;
-  double last_pose_time_ = 0;
+  Products held_ = 0;      // what pictures made stale, until the light's turn
   std::optional<double> last_time_;
   double back_exposure_ = 1;  // of the last back picture, as far as it is known
-  // What the map last said of the exposures of a camera that tells none, for its next picture.
-  struct ReadExposure {
-    std::optional<double> last;
-    bool steady = false;  // as that before it: no bracket
-    void read(const Taken& taken);
-    std::optional<double> next() const { return steady ? last : std::nullopt; }
-  };
-  ReadExposure read_back_, read_front_;
-  int mended_ = 0;                                             // as the capture had it
-  std::optional<double> last_capture_time_, single_exposure_;  // of the paper's single pictures
 };
 
 }  // namespace fastibl

@@ -1,0 +1,36 @@
+// Whether light that is given comes frame after frame, as captured light does.
+#pragma once
+
+namespace fastibl {
+
+// A few maps in frames that follow each other, each little other than the last, are light that
+// moves; it stays again when for some frames none came that is new.
+class LightStream {
+ public:
+  // Whether a map that is given now follows one that was given for the frame before.
+  bool follows() const { return since_set_ == 1; }
+  // A map is given. little: it follows, and is little other than the last.
+  void add(bool little) {
+    in_a_row_ = little ? in_a_row_ + 1 : 0;
+    since_set_ = since_new_ = 0;
+  }
+  void add_same() { since_set_ = 0; }
+  bool moves() const { return in_a_row_ >= kFirst; }
+  bool begins() const { return in_a_row_ == kFirst; }
+  void stay() { in_a_row_ = 0; }
+  // After each frame. True where light that moved stays from now on.
+  bool next_frame() {
+    ++since_set_, ++since_new_;
+    if (!moves() || since_new_ < kStill) return false;
+    stay();
+    return true;
+  }
+
+ private:
+  static constexpr int kFirst = 3;   // maps in a row
+  static constexpr int kStill = 30;  // frames
+  int in_a_row_ = 0;
+  int since_set_ = 0, since_new_ = 0;  // frames
+};
+
+}  // namespace fastibl

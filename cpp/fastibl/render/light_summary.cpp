@@ -1,0 +1,49 @@
+#include "fastibl/render/light_summary.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fastibl {
+namespace {
+
+constexpr int kCoarse = 16;    // texels along a face that light is summed up by
+constexpr float kCompact = 8;  // times the mean radiance, from where on light is compact
+constexpr float kOtherLight = 0.25f, kOtherCompactLight = 0.05f;  // shares of the light
+
+}  // namespace
+
+LightSummary summary_of(const CubeMap& map) {
+  LightSummary light;
+  const CubeLevel& top = map.level(map.level_count() - 1);
+  glm::vec3 mean(0);
+  for (int f = 0; f < 6; ++f) mean += (light.faces[std::size_t(f)] = top.texel(f, 0, 0)) / 6.0f;
+  const CubeLevel& level = map.level_at_most(kCoarse);
+  const float all = mean.x + mean.y + mean.z, limit = kCompact * all;
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < level.size(); ++y)
+      for (int x = 0; x < level.size(); ++x) {
+        const glm::vec3 texel = level.texel(f, x, y);
+        light.compact += std::max(texel.x + texel.y + texel.z - limit, 0.0f);
+      }
+  const float texels = 6.0f * float(level.size()) * float(level.size());
+  light.compact = all > 0 ? light.compact / (texels * all) : 0;
+  return light;
+}
+
+float difference(const LightSummary& a, const LightSummary& b) {
+  float off = 0, all = 0;
+  for (std::size_t f = 0; f < a.faces.size(); ++f)
+    for (int c = 0; c < 3; ++c)
+      off += std::abs(a.faces[f][c] - b.faces[f][c]), all += std::max(a.faces[f][c], b.faces[f][c]);
+  return all > 0 ? off / all : 0;
+}
+
+bool is_little_change(const LightSummary& a, const LightSummary& b) {
+  return difference(a, b) <= kOtherLight;
+}
+
+bool is_other_light(const LightSummary& a, const LightSummary& b) {
+  return !is_little_change(a, b) || std::abs(a.compact - b.compact) > kOtherCompactLight;
+}
+
+}  // namespace fastibl

@@ -1,0 +1,166 @@
+#include "fastibl/render/rig_tracker.h"
+
+#include <algorithm>
+#include <numbers>
+#include <utility>
+
+#include "fastibl/core/check.h"
+#include "fastibl/tracking/tracker.h"
+
+namespace fastibl {
+namespace {
+
+// Seconds that a front picture may use an earlier pose, and times' rounding.
+constexpr double kPoseLifetime = 0.1 + 1e-6;
+constexpr double kDegree = std::numbers::pi / 180;
+// A rotation by the surroundings that is less sure, drift of the map aside, is not captured with; a
+// third of a texel of 128.
+constexpr double kMostTurnDeviation = 0.5 * kDegree;
+// Up to here a rotation by a gyroscope tells the least turn of a board from its own error.
+constexpr double kSureTurn = 0.3 * kDegree;
+// Seconds between looks around while the board is in view and does not move: where surroundings
+// agree with it, and where they do not because they are near, which takes longer to find out.
+constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
+constexpr double kLookAroundRarely = 1;  // seconds: each costs as much as a picture's capture
+constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
+
+bool is_perspective(const Rig& rig) {
+  return rig.back.model == CameraModel::perspective &&
+         (!rig.front || rig.front->model == CameraModel::perspective);
+}
+
+}  // namespace
+
+RigTracker::RigTracker(Rig rig, std::optional<Board> board, Detector detector,
+                       bool follow_surroundings)
+    : rig_(std::move(rig)), board_(std::move(board)), detector_(std::move(detector)) {
+  if (!board_) return;
+  board_->validate();
+  check(detector_ != nullptr, "a session with a board needs a detector");
+  edge_tracker_.emplace(*board_, rig_.back);
+  if (follow_surroundings && is_perspective(rig_)) rotation_tracker_.emplace(rig_);
+}
+
+bool RigTracker::find_pose(const Frame& frame, TrackingMethod method, FrameResult& result) {
+  turned_.reset(), board_moves_ = false;
+  result.back_from_marker = frame.back_from_marker;
+  if (frame.back_from_marker || !board_) return false;
+  if (frame.back.empty()) return true;
+  if (method == TrackingMethod::automatic || method == TrackingMethod::edges) {
+    MotionHint hint;
+    if (frame.attitude && tracked_attitude_)
+      hint.turn = *frame.attitude * glm::transpose(*tracked_attitude_);
+    result.tracked = edge_tracker_->track(frame.back, frame.time, detector_, hint);
+    if (result.tracked) tracked_attitude_ = frame.attitude;
+  } else {
+    edge_tracker_->reset();
+    TrackingOptions options;
+    options.method = method;
+    const Image<std::uint8_t> grey = grey_from(frame.back, rig_.back.response);
+    result.tracked = track(detector_, grey.view(), *board_, rig_.back, options);
+  }
+  if (result.tracked) result.back_from_marker = result.tracked->camera_from_marker;
+  return true;
+}
+
+void RigTracker::start(const Pose& pose, const Frame& frame, const RigPictures& pictures) {
+  rotation_tracker_->start(pose, frame.time, pictures);
+  known_attitude_ = frame.attitude;
+}
+
+void RigTracker::forget_surroundings() {
+  if (rotation_tracker_) rotation_tracker_->forget();
+}
+
+std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround around,
+                                             FrameResult& result) {
+  if (!rotation_tracker_) return std::nullopt;
+  RigPictures& pictures = around.pictures;
+  pictures.number = ++moments_;
+  const auto track = [&] {
+    std::optional<glm::dmat3> turn;
+    if (frame.attitude && known_attitude_)
+      turn = *frame.attitude * glm::transpose(*known_attitude_);
+    known_attitude_ = frame.attitude;
+    return rotation_tracker_->track(*around.map(), pictures, frame.time, turn);
+  };
+  if (!around.mapped) {
+    // Before there is a map there is a pose to start from.
+    if (result.tracked) start(*result.back_from_marker, frame, pictures);
+    return std::nullopt;
+  }
+  if (!result.tracked) {
+    // A front picture alone has the last pose for a while.
+    if (frame.back.empty() && is_recent(frame.time)) return std::nullopt;
+    if (between_looks_) {
+      rotation_tracker_->start(between_looks_->pose, between_looks_->time);
+      known_attitude_ = between_looks_->attitude;
+    }
+    between_looks_.reset();
+    result.turned = track();
+    if (result.turned && result.turned->own_deviation() < kMostTurnDeviation)
+      turned_ = result.turned->back_from_marker;
+    return std::nullopt;
+  }
+  const Pose& pose = *result.back_from_marker;
+  if (!board_motion_.moving() && !around.look) {
+    between_looks_ = {pose, frame.time, frame.attitude};
+    return std::nullopt;
+  }
+  between_looks_.reset();  // by the board: whether it lies still is the question
+  const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
+  std::optional<Turned> turned;
+  if (agreement == Agreement::differs || (agreement == Agreement::nothing && frame.attitude))
+    turned = track();
+  board_motion_.look(pose, agreement, turned, frame.time);
+  if (agreement != Agreement::differs) agreed_ = frame.time;
+  look_again_ = frame.time - 1e-6 +
+                (around.rarely                   ? kLookAroundRarely
+                 : frame.time - agreed_ < kDoubt ? kLookAround
+                                                 : kLookAroundNear);
+  board_moves_ = board_motion_.moving();
+  const std::optional<glm::dmat3> moved = board_motion_.moved();
+  if (moved) rotation_tracker_->forget();
+  // By a gyroscope a board is seen to turn slowly, too, if it is not asked anew each time.
+  const bool told = frame.attitude && turned && turned->own_deviation() < kSureTurn;
+  if (board_moves_) return moved;
+  if (told && !moved)
+    between_looks_ = {pose, frame.time, frame.attitude};
+  else
+    start(pose, frame, pictures);
+  return moved;
+}
+
+void RigTracker::find_motion(const Frame& frame, FrameResult& result) {
+  if (!result.back_from_marker) return;
+  const Pose& pose = *result.back_from_marker;
+  const double readout = rig_.back.readout;
+  recent_.add(frame.time, pose);
+  result.back_last_row = result.tracked ? result.tracked->last_row : frame.back_last_row;
+  if (result.back_last_row)
+    motion_ = MotionRate{motion_between(pose, *result.back_last_row), readout};
+  else if (motion_ = recent_.motion(); motion_ && readout > 0)
+    result.back_last_row = motion_->later(pose, readout);
+  last_pose_ = pose, last_pose_time_ = frame.time;
+}
+
+bool RigTracker::is_recent(double time) const {
+  return last_pose_ && time - last_pose_time_ <= kPoseLifetime;
+}
+
+Pose RigTracker::back_at(double time) const {
+  const double later = time - last_pose_time_;
+  return motion_ && later > 0 ? motion_->later(*last_pose_, later) : *last_pose_;
+}
+
+Pose RigTracker::pose_of_row(const FrameResult& result, const glm::dvec3& point) const {
+  const Pose& first = *result.back_from_marker;
+  if (!result.back_last_row) return first;
+  const RowMotion motion = motion_between(first, *result.back_last_row);
+  const Pose middle = motion.moved(first, 0.5);
+  const auto pixel = rig_.back.project(middle * point);
+  const double share = pixel ? std::clamp(pixel->y / rig_.back.height, 0.0, 1.0) : 0.5;
+  return motion.moved(first, share);
+}
+
+}  // namespace fastibl

@@ -1,0 +1,90 @@
+// Where a session's cameras are: by the board, or where that is out of view by the surroundings.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "fastibl/core/pose.h"
+#include "fastibl/render/frame.h"
+#include "fastibl/render/recent_motion.h"
+#include "fastibl/scene/board.h"
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/environment.h"
+#include "fastibl/scene/methods.h"
+#include "fastibl/tracking/board_motion.h"
+#include "fastibl/tracking/detector.h"
+#include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/rotation_tracker.h"
+
+namespace fastibl {
+
+// What is known of the surroundings as a frame comes.
+struct SeenAround {
+  std::function<std::shared_ptr<const Environment>()> map;  // asked for where it is needed
+  bool mapped = false;                                      // whether there is one yet
+  RigPictures pictures;                                     // the frame's, those of known exposure
+  bool look = true;     // whether the board is to be compared with them in this frame
+  bool rarely = false;  // such looks cost other work its time
+};
+
+class RigTracker {
+ public:
+  // board: nothing where poses are given. The rotation by surroundings is followed where that is
+  // asked for, there is a board, and the cameras are perspective ones.
+  RigTracker(Rig rig, std::optional<Board> board, Detector detector, bool follow_surroundings);
+
+  bool has_board() const { return board_.has_value(); }
+
+  // The pose as the frame gives it or, where the board is in view, as it is tracked:
+  // `back_from_marker` and `tracked` of the result. False where there was nothing to track.
+  bool find_pose(const Frame& frame, TrackingMethod method, FrameResult& result);
+  // After that. Where the board is in view: whether it lies where it lay; newmarker_from_oldmarker
+  // where it was moved. Where it is not: how the cameras turned, `turned` of the result.
+  std::optional<glm::dmat3> follow(const Frame& frame, SeenAround around, FrameResult& result);
+  // Takes the pose, if any, and finds the rows' motion: as tracked or given, or that of the last
+  // frames.
+  void find_motion(const Frame& frame, FrameResult& result);
+  // What was seen of the surroundings is no longer true.
+  void forget_surroundings();
+
+  bool look_due(double time) const { return rotation_tracker_ && time >= look_again_; }
+  bool board_moves() const { return board_moves_; }  // as the last frame shows it
+  // Of the last frame: by the surroundings, where it is sure enough to capture with.
+  const std::optional<Pose>& turned() const { return turned_; }
+  // Whether the last pose by the board may still stand for that of a moment.
+  bool is_recent(double time) const;
+  // By that pose and the motion then.
+  Pose back_at(double time) const;
+  // That of the row which shows a point of the marker frame.
+  Pose pose_of_row(const FrameResult& result, const glm::dvec3& point) const;
+
+ private:
+  void start(const Pose& pose, const Frame& frame, const RigPictures& pictures);
+
+  Rig rig_;
+  std::optional<Board> board_;
+  Detector detector_;
+  std::optional<EdgeTracker> edge_tracker_;
+  std::optional<RotationTracker> rotation_tracker_;
+  std::uint64_t moments_ = 0;                   // that it was asked about
+  std::optional<glm::dmat3> known_attitude_;    // where the tracker last went on from
+  std::optional<glm::dmat3> tracked_attitude_;  // of the last pose of the board
+  BoardMotion board_motion_;
+  double look_again_ = -1e30, agreed_ = -1e30;  // seconds
+  struct Known {
+    Pose pose;
+    double time;
+    std::optional<glm::dmat3> attitude;
+  };
+  std::optional<Known> between_looks_;  // the last pose since
+  std::optional<Pose> turned_;
+  bool board_moves_ = false;
+  RecentMotion recent_;
+  std::optional<MotionRate> motion_;  // at last_pose_
+  std::optional<Pose> last_pose_;
+  double last_pose_time_ = 0;
+};
+
+}  // namespace fastibl
