@@ -5,6 +5,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/plan/choose_methods.h"
+#include "fastibl/plan/omissions.h"
 
 namespace fastibl {
 namespace {
@@ -51,87 +52,6 @@ Pass pass_of(PassId id, const Scene& scene) {
   }
 }
 
-// Why the self-shadow is not worked out from the light; empty where it is.
-std::string no_transfer(const Scene& scene) {
-  if (!scene.directions) return "what the object hides was not worked out";
-  if (scene.directions->blocks_nothing()) return "the object hides nothing of itself";
-  if (!scene.material.reads_irradiance()) return "k_L = 0: nothing reads it";
-  return "";
-}
-
-glm::dvec3 mean_of(const CubeMap& map) {
-  constexpr int kEnough = 16;  // for a bound: levels have the same mean
-  return map.level_at_most(kEnough).mean();
-}
-
-// What leaving out the bounce does to the plane's picture and the object's, by the light of the
-// plane: an object that reflects ρ of its light, at most 4π times the map's mean, sends the plane
-// at most all of it; a plane of the radiance that it is seen with lights the object by at most π
-// times that. Nothing where the light is not known.
-std::optional<double> bounce_bound(const Scene& scene, const Lighting* lighting) {
-  const Material& m = scene.material;
-  const glm::vec3 sent = !m.pbr ? m.diffuse + (m.exponent == 0 ? m.glossy : glm::vec3(0))
-                         : m.pbr->metallic < 1 || m.pbr->metallic_map ? m.pbr->base_color
-                                                                      : glm::vec3(0);
-  glm::vec3 emission = m.pbr ? m.pbr->emission : m.emission;
-  if (m.pbr && m.pbr->emission_map) emission *= m.pbr->emission_map->largest();
-  if (sent == glm::vec3(0) && emission == glm::vec3(0)) return 0.0;
-  if (!lighting || !lighting->radiance) return std::nullopt;
-  const glm::dvec3 mean = mean_of(*lighting->radiance);
-  double bound = 0;
-  for (int c = 0; c < 3; ++c) {
-    const double plane = lighting->plane_irradiance[c];
-    const double received = 4 * double(kPi) * (sent[c] * mean[c]) + double(kPi) * emission[c];
-    if (received > 0 && !(plane > 0)) return std::nullopt;
-    if (plane > 0) bound = std::max({bound, double(sent[c]), received / plane});
-  }
-  return bound;
-}
-
-// A share of the error budget that leaving the bounce out may take.
-constexpr double kBounceBudget = 0.1;
-
-std::string no_bounce(const Scene& scene, const PlanOptions& options, double& bound) {
-  if (!options.cast_shadow || !scene.casts_shadow()) return "there is no shadow to go with it";
-  if (!scene.directions) return "what the object hides was not worked out";
-  const std::optional<double> most = bounce_bound(scene, options.lighting);
-  if (!most || *most > kBounceBudget * options.error) return "";
-  bound = *most;
-  return bound == 0 ? "the object sends out no diffuse light" : "the object is too dark to matter";
-}
-
-// A share of the error budget that leaving the places of near lights out may take.
-constexpr double kNearBudget = 0.1;
-
-// What leaving out the places of near lights does to the irradiance of the object, by the mean
-// irradiance over all normals, π times the map's mean; see most_change().
-double near_bound(const Scene& scene, const Lighting& lighting) {
-  const Bounds box = bounds(scene.mesh.vertices);
-  const glm::vec3 middle(scene.marker_from_object * glm::dvec3(box.centre()));
-  const float reach = glm::length(middle - lighting.near_lights.centre) + box.radius();
-  const glm::vec3 change = most_change(lighting.near_lights, reach);
-  const glm::dvec3 mean = mean_of(*lighting.radiance);
-  double bound = 0;
-  for (int c = 0; c < 3; ++c)
-    if (change[c] > 0) bound = std::max(bound, double(change[c]) / (double(kPi) * mean[c]));
-  return bound;
-}
-
-// Why the lights are taken as distant; empty where they are not.
-std::string no_near_light(const Scene& scene, const Environment* environment,
-                          const PlanOptions& options, double& bound) {
-  if (!scene.material.reads_irradiance()) return "k_L = 0: nothing reads it";
-  const Lighting* lighting = options.lighting;
-  const bool known = lighting && lighting->radiance;
-  if (known ? lighting->near_lights.empty() : !environment || environment->light_positions.empty())
-    return "no light is known to be near";
-  if (!known) return "";
-  const double most = near_bound(scene, *lighting);
-  if (!(most <= kNearBudget * options.error)) return "";
-  bound = most;
-  return "the lights are too far, or too weak, to differ over the object";
-}
-
 }  // namespace
 
 std::string_view name(PassId id) {
@@ -176,10 +96,6 @@ double Plan::omission_bound() const {
 
 namespace {
 
-constexpr const char* kWithinBudget = "the picture is within the error budget without it";
-constexpr const char* kNoHelp = "with it the picture comes no nearer to the error budget";
-constexpr const char* kNoTime = "the time budget leaves none for it";
-
 // Methods by what they leave wrong under this light, where that was measured and there is a budget.
 std::optional<Choice> chosen(const Scene& scene, const PlanOptions& options, const Workload& work) {
   if (!options.measured || options.measured->empty()) return std::nullopt;
@@ -198,6 +114,15 @@ std::optional<Choice> chosen(const Scene& scene, const PlanOptions& options, con
   if (options.track) other(PassId::track);
   if (options.capture) other(PassId::capture), other(PassId::mips);
   return choose_methods(options.methods, *options.measured, options.costs, work, choice);
+}
+
+// Why a step is left out that the choice of methods does without.
+const char* why_dispensable(const PlanOptions& options, const std::optional<Choice>& choice) {
+  const bool within = choice && options.error > 0 && choice->assured <= options.error;
+  if (options.milliseconds > 0 && !within) return "the time budget leaves none for it";
+  if (choice && options.error > 0 && !within)
+    return "with it the picture comes no nearer to the error budget";
+  return "the picture is within the error budget without it";
 }
 
 // What a pass's method alone leaves wrong, or what leaving the pass out does.
@@ -253,6 +178,57 @@ void check_budgets(double error, double milliseconds) {
 
 namespace {
 
+std::string shading_of(const Material& material, const Methods& methods, const Lighting* fitted) {
+  std::string shading;
+  if (material.pbr) {
+    shading = material.reads_irradiance() ? "diffuse + ggx" : "ggx";
+  } else if (material.glossy == glm::vec3(0)) {
+    shading = "diffuse";
+  } else {
+    const std::string glossy = fitted ? described(fitted->glossy, fitted->glossy_settings)
+                                      : described(methods.glossy, methods.glossy_settings);
+    shading = material.diffuse == glm::vec3(0) ? "glossy (" : "diffuse + glossy (";
+    shading += glossy + ")";
+  }
+  if (methods.self_shadow == SelfShadowMethod::traced) return shading + ", self-shadow traced";
+  if (methods.self_shadow == SelfShadowMethod::pixel_transfer)
+    return shading + ", self-shadow by pixel";
+  return shading;
+}
+
+// Of a pass, where there is a choice. fitted: the light that was, or null.
+std::string method_of(PassId id, const Scene& scene, const Methods& methods, const Lighting* fitted,
+                      const Plan& plan) {
+  switch (id) {
+    case PassId::track:
+      return std::string(name(methods.tracking == TrackingMethod::automatic ? TrackingMethod::edges
+                                                                            : methods.tracking));
+    case PassId::capture:
+      return std::string(name(methods.capture));
+    case PassId::irradiance:
+      return fitted ? described(fitted->irradiance.method, fitted->irradiance.settings)
+                    : described(methods.diffuse, methods.diffuse_settings);
+    case PassId::shadow:
+      return described(scene.shadow_method(methods.shadow), methods.shadow_settings);
+    case PassId::self_shadow:
+      return std::string(name(shares_by_pixel(methods.self_shadow) ? methods.self_shadow
+                                                                   : SelfShadowMethod::transfer));
+    case PassId::near_light:
+      return "spheres";
+    case PassId::bounce:
+      return std::string(name(BounceMethod::one));
+    case PassId::plane:
+      if (!plan.includes(PassId::bounce)) return "strength and colour";
+      return scene.shadow_look.changes() ? "bounce, strength and colour" : "bounce";
+    case PassId::holdout:
+      return "rays";
+    case PassId::shade:
+      return shading_of(scene.material, methods, fitted);
+    default:
+      return "";
+  }
+}
+
 double frame_milliseconds(const Plan& plan, const Workload& work) {
   double each = 0, picture = 0, light = 0;
   for (const PlannedPass& p : plan.passes) {
@@ -291,10 +267,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     plan.picture_error = choice->error, plan.best_error = choice->best_error;
     plan.picture_assured = choice->assured, plan.best_assured = choice->best_assured;
   }
-  const bool within = choice && options.error > 0 && choice->assured <= options.error;
-  const char* dispensable = options.milliseconds > 0 && !within      ? kNoTime
-                            : choice && options.error > 0 && !within ? kNoHelp
-                                                                     : kWithinBudget;
+  const char* dispensable = why_dispensable(options, choice);
   const Methods& methods = plan.methods;
   plan.error_budget = options.error, plan.milliseconds_budget = options.milliseconds;
   // The nearest face of the paper's look-up may be another one there.
@@ -303,114 +276,15 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
                              (options.error == 0 || options.error >= Plan::kLeastForOne) &&
                              methods.diffuse != DiffuseMethod::nearest_face;
   for (const PassId id : kPasses) {
-    PlannedPass line{pass_of(id, scene), true, "", "", 0, std::nullopt};
-    const auto leave_out = [&](std::string reason) {
-      line.included = false, line.reason = std::move(reason);
-    };
-    switch (id) {
-      case PassId::track:
-        line.method = name(methods.tracking == TrackingMethod::automatic ? TrackingMethod::edges
-                                                                         : methods.tracking);
-        if (!options.track) leave_out("poses are given");
-        break;
-      case PassId::capture:
-        line.method = name(methods.capture);
-        if (environment && options.capture)
-          line.error = std::hypot(environment->predicted_error, options.light_lag);
-        if (!options.capture) leave_out("the environment is given");
-        break;
-      case PassId::mips:
-        if (!options.capture) leave_out("the environment is given with its chain");
-        break;
-      case PassId::irradiance: {
-        line.method = described(methods.diffuse, methods.diffuse_settings);
-        if (const Lighting* l = options.lighting; l && !choice) {
-          line.method = described(l->irradiance.method, l->irradiance.settings);
-          line.error = l->irradiance_error;
-        }
-        const bool lit = scene.material.reads_irradiance();
-        const bool shadowed = options.cast_shadow && (scene.casts_shadow() || scene.has_holdouts());
-        if (!lit && !shadowed) leave_out("k_L = 0 and no shadow: nothing reads it");
-        break;
-      }
-      case PassId::shadow:
-        line.method = described(scene.shadow_method(methods.shadow), methods.shadow_settings);
-        if (!options.cast_shadow)
-          leave_out("no shadow was asked for");
-        else if (!scene.casts_shadow())
-          leave_out("the object has no spheres");
-        break;
-      case PassId::self_shadow:
-        line.method = name(shares_by_pixel(methods.self_shadow) ? methods.self_shadow
-                                                                : SelfShadowMethod::transfer);
-        if (const std::string reason = no_transfer(scene); !reason.empty())
-          leave_out(reason);
-        else if (methods.self_shadow == SelfShadowMethod::none)
-          leave_out(options.methods.self_shadow == methods.self_shadow
-                        ? "no self-shadow was asked for"
-                        : dispensable);
-        else if (methods.self_shadow == SelfShadowMethod::ambient)
-          leave_out("P_V of the mesh stands for it, whatever the light");
-        break;
-      case PassId::near_light:
-        line.method = "spheres";
-        if (const std::string reason = no_near_light(scene, environment, options, line.bound);
-            !reason.empty())
-          leave_out(reason);
-        break;
-      case PassId::bounce:
-        line.method = name(BounceMethod::one);
-        if (options.methods.bounce == BounceMethod::none)
-          leave_out("no bounce was asked for");
-        else if (const std::string reason = no_bounce(scene, options, line.bound); !reason.empty())
-          leave_out(reason);
-        else if (methods.bounce == BounceMethod::none)
-          leave_out(dispensable);
-        break;
-      case PassId::plane: {
-        const bool bounced = plan.includes(PassId::bounce), look = scene.shadow_look.changes();
-        line.method =
-            bounced ? look ? "bounce, strength and colour" : "bounce" : "strength and colour";
-        if (!options.cast_shadow || !scene.casts_shadow())
-          leave_out("there is no shadow");
-        else if (!bounced && !look)
-          leave_out("the shadow is drawn as it is");
-        break;
-      }
-      case PassId::holdout:
-        line.method = "rays";
-        if (!scene.has_holdouts())
-          leave_out("no real objects were given");
-        else if (!options.cast_shadow)
-          leave_out("no shadow was asked for");
-        break;
-      case PassId::shade: {
-        const Material& m = scene.material;
-        const char* by_pixel =
-            methods.self_shadow == SelfShadowMethod::traced           ? ", self-shadow traced"
-            : methods.self_shadow == SelfShadowMethod::pixel_transfer ? ", self-shadow by pixel"
-                                                                      : "";
-        if (m.pbr) {
-          line.method = m.reads_irradiance() ? "diffuse + ggx" : "ggx";
-          line.method += by_pixel;
-          break;
-        }
-        line.method = m.glossy == glm::vec3(0)    ? "diffuse"
-                      : m.diffuse == glm::vec3(0) ? "glossy"
-                                                  : "diffuse + glossy";
-        if (m.glossy != glm::vec3(0))
-          line.method +=
-              " (" +
-              (options.lighting && !choice
-                   ? described(options.lighting->glossy, options.lighting->glossy_settings)
-                   : described(methods.glossy, methods.glossy_settings)) +
-              ")";
-        line.method += by_pixel;
-        break;
-      }
-      default:
-        break;
-    }
+    Omission omission = omission_of(id, scene, environment, options, plan, dispensable);
+    PlannedPass line{pass_of(id, scene), omission.reason.empty()};
+    line.reason = std::move(omission.reason), line.bound = omission.bound;
+    // Where methods were chosen, those go by what was measured; else they are those of the light.
+    const Lighting* fitted = choice ? nullptr : options.lighting;
+    line.method = method_of(id, scene, methods, fitted, plan);
+    if (id == PassId::capture && environment && options.capture)
+      line.error = std::hypot(environment->predicted_error, options.light_lag);
+    if (id == PassId::irradiance && fitted) line.error = fitted->irradiance_error;
     if (choice) set_measured_error(*choice, *options.measured, options.methods, line);
     line.milliseconds = pass_milliseconds(options.costs, id, methods, work) * options.slowdown;
     if (*line.milliseconds == 0 || !line.included) line.milliseconds.reset();

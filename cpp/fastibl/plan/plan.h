@@ -18,13 +18,13 @@ namespace fastibl {
 // One line of the plan.
 struct PlannedPass {
   Pass pass;
-  bool included;
-  std::string method;  // of an included pass, where there is a choice
-  std::string reason;  // why a pass was left out
-  double bound = 0;    // of a pass left out: largest relative error that this makes
+  bool included = true;
+  std::string method = {};  // where there is a choice
+  std::string reason = {};  // why a pass was left out
+  double bound = 0;         // of a pass left out: largest relative error that this makes
   // Of an included pass, where known: what its method alone leaves wrong of the picture (of capture
   // and, where nothing was measured, of irradiance: of the irradiance).
-  std::optional<double> error;
+  std::optional<double> error = {};
   std::optional<double> milliseconds = {};  // of an included pass: of one run, where known
   bool once = false;                        // it runs when the light has changed, not in each frame
 };
