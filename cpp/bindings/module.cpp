@@ -33,6 +33,7 @@ PYBIND11_MODULE(_fastibl, module) {
   bind_shading(module);
   bind_tracking(module);
   bind_rotation_tracker(module);
+  bind_methods(module);
   bind_plan(module);
   bind_render(module);
 #ifdef FASTIBL_WITH_GL

@@ -23,6 +23,7 @@ void bind_mesh_shadow(pybind11::module_& module);
 void bind_object(pybind11::module_& module);
 void bind_plane_exchange(pybind11::module_& module);
 void bind_shading(pybind11::module_& module);
+void bind_methods(pybind11::module_& module);
 void bind_plan(pybind11::module_& module);
 void bind_render(pybind11::module_& module);
 

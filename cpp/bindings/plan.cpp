@@ -4,15 +4,16 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 #include <set>
-#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "bindings/costs.h"
 #include "bindings/numpy.h"
 #include "fastibl/core/clock.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/plan/bill.h"
 #include "fastibl/render/measure_costs.h"
 #include "fastibl/render/measure_errors.h"
 #include "fastibl/render/workload.h"
@@ -38,8 +39,6 @@ constexpr std::pair<const char*, Products> kProducts[] = {
     {"object", product::object},
     {"image", product::image}};
 
-using Settings = std::map<std::string, int>;
-
 std::set<std::string> names_of(Products products) {
   std::set<std::string> names;
   for (const auto& [text, bit] : kProducts)
@@ -58,182 +57,7 @@ Products products_of(const std::set<std::string>& names) {
   return products;
 }
 
-// Reads like a bill: pass, method, expected error and time, or why it is left out.
-std::string bill(const Plan& plan) {
-  std::ostringstream text;
-  const auto number = [](double value, const char* unit) {
-    char buffer[48];
-    std::snprintf(buffer, sizeof buffer, "%.2g %s", value, unit);
-    return std::string(buffer);
-  };
-  const auto percent = [&](double value) { return number(100 * value, "%"); };
-  const auto milliseconds = [](double value) {
-    char buffer[48];
-    std::snprintf(buffer, sizeof buffer, "%.2f ms", value);
-    return std::string(buffer);
-  };
-  const auto column = [&](const std::string& value, std::size_t width) {
-    text << value << std::string(value.size() < width ? width - value.size() : 1, ' ');
-  };
-  column("pass", 12), column("method", 40), column("expected error", 16), text << "expected time\n";
-  for (const PlannedPass& p : plan.passes) {
-    column(std::string(name(p.pass.id)), 12);
-    if (p.included) {
-      column(p.method.empty() ? "-" : p.method, 40);
-      column(p.error ? percent(*p.error) : "-", 16);
-      text << (p.milliseconds ? milliseconds(*p.milliseconds) : "-") << (p.once ? " once\n" : "\n");
-    } else {
-      column("left out", 40), text << "at most " << percent(p.bound) << ": " << p.reason << "\n";
-    }
-  }
-  column("in all", 52);
-  if (plan.picture_error) {
-    column(percent(plan.expected_error()), 16);
-    text << milliseconds(plan.milliseconds) << " a frame\nthe picture is within "
-         << percent(plan.assured_error());
-  } else {
-    text << percent(plan.expected_error()) << " known, " << percent(plan.omission_bound())
-         << " at most from what is left out";
-  }
-  if (plan.error_budget > 0 && !plan.picture_error && plan.expected_error() <= plan.error_budget) {
-    text << "\nnot judged yet, nor whether it is within the error budget of "
-         << percent(plan.error_budget);
-  } else if (plan.error_budget > 0) {
-    text << (plan.meets_error() ? "\nwithin" : "\nNOT within") << " the error budget of "
-         << percent(plan.error_budget);
-    if (!plan.meets_error() && plan.best_error)
-      text << ": the best methods leave " << percent(*plan.best_error) << ", within "
-           << percent(plan.best_assured);
-  }
-  if (const auto light = plan.light_error(); light && std::isfinite(*light))
-    text << "\nthe captured light is expected to be off by " << percent(*light)
-         << ", whatever the methods";
-  if (plan.light_in_turns)
-    text << "\nthe light is made in turns, one step a frame: some frames late";
-  if (plan.milliseconds_budget > 0)
-    text << (plan.meets_milliseconds() ? "\nwithin" : "\nNOT within") << " the time budget of "
-         << milliseconds(plan.milliseconds_budget);
-  return text.str();
-}
-
-}  // namespace
-
-void bind_plan(py::module_& module) {
-  py::class_<Methods>(module, "_Methods", "The named methods that a frame is made with.")
-      .def(py::init([](const std::string& tracking, const std::string& capture,
-                       const std::string& diffuse, const Settings& diffuse_settings,
-                       const std::string& glossy, const Settings& glossy_settings,
-                       const std::string& normalization_name, const std::string& shadow,
-                       const Settings& shadow_settings, const std::string& self_shadow,
-                       const std::string& bounce) {
-             Methods methods;
-             methods.tracking = tracking_method(tracking);
-             methods.capture = capture_method(capture);
-             methods.diffuse = diffuse_method(diffuse);
-             methods.diffuse_settings =
-                 settings_with<DiffuseSettings>(methods.diffuse, diffuse_settings);
-             methods.glossy = glossy_method(glossy);
-             methods.glossy_settings =
-                 settings_with<GlossySettings>(methods.glossy, glossy_settings);
-             methods.normalization = normalization(normalization_name);
-             methods.shadow = shadow_method(shadow);
-             methods.shadow_settings =
-                 settings_with<ShadowSettings>(methods.shadow, shadow_settings);
-             methods.self_shadow = self_shadow_method(self_shadow);
-             methods.bounce = bounce_method(bounce);
-             return methods;
-           }),
-           py::kw_only(), py::arg("tracking"), py::arg("capture"), py::arg("diffuse"),
-           py::arg("diffuse_settings"), py::arg("glossy"), py::arg("glossy_settings"),
-           py::arg("normalization"), py::arg("shadow"), py::arg("shadow_settings"),
-           py::arg("self_shadow") = "auto", py::arg("bounce") = "auto")
-      .def_static("_auto", [] { return Methods{}; })
-      .def_static("_paper", &Methods::paper)
-      .def_property_readonly("tracking",
-                             [](const Methods& m) { return std::string(name(m.tracking)); })
-      .def_property_readonly("capture",
-                             [](const Methods& m) { return std::string(name(m.capture)); })
-      .def_property_readonly("diffuse",
-                             [](const Methods& m) { return std::string(name(m.diffuse)); })
-      .def_property_readonly(
-          "diffuse_settings",
-          [](const Methods& m) { return settings_map(m.diffuse, m.diffuse_settings); })
-      .def_property_readonly("glossy", [](const Methods& m) { return std::string(name(m.glossy)); })
-      .def_property_readonly(
-          "glossy_settings",
-          [](const Methods& m) { return settings_map(m.glossy, m.glossy_settings); })
-      .def_property_readonly("normalization",
-                             [](const Methods& m) { return std::string(name(m.normalization)); })
-      .def_property_readonly("shadow", [](const Methods& m) { return std::string(name(m.shadow)); })
-      .def_property_readonly(
-          "shadow_settings",
-          [](const Methods& m) { return settings_map(m.shadow, m.shadow_settings); })
-      .def_property_readonly("self_shadow",
-                             [](const Methods& m) { return std::string(name(m.self_shadow)); })
-      .def_property_readonly("bounce", [](const Methods& m) { return std::string(name(m.bounce)); })
-      .def(py::self == py::self)
-      .def("__reduce__",
-           [](const py::object& self) {
-             py::dict all;
-             for (const char* name : {"tracking", "capture", "diffuse", "diffuse_settings",
-                                      "glossy", "glossy_settings", "normalization", "shadow",
-                                      "shadow_settings", "self_shadow", "bounce"})
-               all[name] = self.attr(name);
-             const py::object make = py::module_::import("functools").attr("partial");
-             return py::make_tuple(make(py::type::of(self), **all), py::tuple());
-           })
-      .def("__repr__", [](const Methods& m) {
-        return "Methods(tracking='" + std::string(name(m.tracking)) + "', capture='" +
-               std::string(name(m.capture)) + "', diffuse='" +
-               described(m.diffuse, m.diffuse_settings) + "', glossy='" +
-               described(m.glossy, m.glossy_settings) + "', normalization='" +
-               std::string(name(m.normalization)) + "', shadow='" +
-               described(m.shadow, m.shadow_settings) + "', self_shadow='" +
-               std::string(name(m.self_shadow)) + "', bounce='" + std::string(name(m.bounce)) +
-               "')";
-      });
-  module.def(
-      "_method_names",
-      [](const std::string& step) {
-        std::vector<std::string> names;
-        const auto all = [&](const auto& methods) {
-          for (const auto m : methods) names.emplace_back(name(m));
-        };
-        if (step == "tracking")
-          all(kTrackingMethods);
-        else if (step == "capture")
-          all(kCaptureMethods);
-        else if (step == "diffuse")
-          all(kDiffuseMethods);
-        else if (step == "glossy")
-          all(kGlossyMethods);
-        else if (step == "shadow")
-          all(kShadowMethods);
-        else if (step == "self_shadow")
-          all(kSelfShadowMethods);
-        else if (step == "bounce")
-          all(kBounceMethods);
-        return names;
-      },
-      py::arg("step"));
-  module.def(
-      "_method_settings",
-      [](const std::string& step, const std::string& method) {
-        py::dict settings;
-        const auto add = [&](const auto& all) {
-          for (const auto& s : all) settings[py::str(std::string(s.name))] = s.compared;
-        };
-        if (step == "diffuse")
-          add(settings_of(diffuse_method(method)));
-        else if (step == "glossy")
-          add(settings_of(glossy_method(method)));
-        else if (step == "shadow")
-          add(settings_of(shadow_method(method)));
-        return settings;
-      },
-      py::arg("step"), py::arg("method"),
-      "Names of a method's settings, with the values that are worth comparing beside the default.");
-
+void bind_lines(py::module_& module) {
   py::class_<PlannedPass>(module, "PlannedPass", "One line of a plan.")
       .def_property_readonly(
           "name", [](const PlannedPass& p) { return std::string(name(p.pass.id)); },
@@ -301,6 +125,9 @@ void bind_plan(py::module_& module) {
                              "Largest relative error that leaving passes out makes.")
       .def("__str__", &bill)
       .def("__repr__", &bill);
+}
+
+void bind_making(py::module_& module) {
   py::class_<SceneSamples, std::shared_ptr<SceneSamples>>(module, "_SceneSamples");
   module.def(
       "_sample_scene",
@@ -349,6 +176,9 @@ void bind_plan(py::module_& module) {
       py::arg("capture"), py::arg("cast_shadow"), py::arg("error"), py::arg("milliseconds"),
       py::arg("costs"), py::arg("offline"), py::arg("width"), py::arg("height"),
       py::arg("samples"));
+}
+
+void bind_times(py::module_& module) {
   module.def(
       "_measure_costs",
       [] {
@@ -394,6 +224,9 @@ void bind_plan(py::module_& module) {
       "changes.");
   module.def(
       "_default_costs", [] { return costs_map({}); }, "The built-in cost table.");
+}
+
+void bind_errors(py::module_& module) {
   module.def(
       "_measured_errors",
       [](const Scene& scene, const std::shared_ptr<Environment>& environment,
@@ -428,6 +261,15 @@ void bind_plan(py::module_& module) {
       py::arg("offline") = false, py::arg("samples") = py::none(),
       "Squares of the picture's errors by candidate, of each step alone, and of all of the object "
       "and the plane, for light that stays: what a plan chooses from.");
+}
+
+}  // namespace
+
+void bind_plan(py::module_& module) {
+  bind_lines(module);
+  bind_making(module);
+  bind_times(module);
+  bind_errors(module);
   module.def(
       "due_passes",
       [](const Plan& plan, const std::set<std::string>& wanted,
