@@ -70,22 +70,24 @@ bool RigCapture::add(const Frame& frame, const Turn& turn, const RigTracker& tra
 
 void RigCapture::add_back(const Frame& frame, const RigTracker& tracker, FrameResult& result) {
   const bool by_board = result.back_from_marker.has_value();
+  std::optional<Pose> last_row = result.back_last_row;
+  if (!by_board && rig_.back.readout > 0) last_row = tracker.turned_at(rig_.back.readout);
   result.back_taken =
-      map_.add(frame.back, rig_.back, by_board ? *result.back_from_marker : *tracker.turned(),
-               frame.back_exposure, frame.time, {}, result.back_last_row, glm::dvec3(1), by_board);
+      map_.add(frame.back, rig_.back, by_board ? *result.back_from_marker : tracker.turned_at(0),
+               frame.back_exposure, frame.time, {}, last_row, glm::dvec3(1), by_board);
   read_back_.read(*result.back_taken);
 }
 
 void RigCapture::add_front(const Frame& frame, const RigTracker& tracker, FrameResult& result) {
-  const std::optional<Pose>& turned = tracker.turned();
-  const auto front_at = [&](double time) {
-    return rig_.front_from_back * (turned ? *turned : tracker.back_at(time));
+  const bool turned = tracker.turned();
+  const auto front_after = [&](double later) {
+    return rig_.front_from_back *
+           (turned ? tracker.turned_at(later) : tracker.back_at(frame.time + later));
   };
   std::optional<Pose> last_row;
-  if (!turned && rig_.front->readout > 0) last_row = front_at(frame.time + rig_.front->readout);
-  result.front_taken =
-      map_.add(frame.front, *rig_.front, front_at(frame.time), frame.front_exposure, frame.time, {},
-               last_row, front_ratio_, !turned, kFront);
+  if (rig_.front->readout > 0) last_row = front_after(rig_.front->readout);
+  result.front_taken = map_.add(frame.front, *rig_.front, front_after(0), frame.front_exposure,
+                                frame.time, {}, last_row, front_ratio_, !turned, kFront);
   read_front_.read(*result.front_taken);
   if (result.front_taken->as == TakenAs::left_out) return;
   if (!last_time_ || !is_single_exposure(frame)) single_exposure_ = frame.front_exposure;

@@ -24,10 +24,7 @@ constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kLookAroundRarely = 1;  // seconds: each costs as much as a picture's capture
 constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
 
-bool is_perspective(const Rig& rig) {
-  return rig.back.model == CameraModel::perspective &&
-         (!rig.front || rig.front->model == CameraModel::perspective);
-}
+bool is_perspective(const Camera& camera) { return camera.model == CameraModel::perspective; }
 
 }  // namespace
 
@@ -38,7 +35,11 @@ RigTracker::RigTracker(Rig rig, std::optional<Board> board, Detector detector,
   board_->validate();
   check(detector_ != nullptr, "a session with a board needs a detector");
   edge_tracker_.emplace(*board_, rig_.back);
-  if (follow_surroundings && is_perspective(rig_)) rotation_tracker_.emplace(rig_);
+  if (!follow_surroundings || !is_perspective(rig_.back)) return;
+  Rig followed = rig_;
+  follows_front_ = rig_.front && is_perspective(*rig_.front);
+  if (!follows_front_) followed.front.reset();
+  rotation_tracker_.emplace(std::move(followed));
 }
 
 bool RigTracker::find_pose(const Frame& frame, TrackingMethod method, FrameResult& result) {
@@ -63,9 +64,22 @@ bool RigTracker::find_pose(const Frame& frame, TrackingMethod method, FrameResul
   return true;
 }
 
-void RigTracker::start(const Pose& pose, const Frame& frame, const RigPictures& pictures) {
-  rotation_tracker_->start(pose, frame.time, pictures);
-  known_attitude_ = frame.attitude;
+// What a pose by the board tells of the rotation, and of its velocity where rows tell that.
+RigTracker::Known RigTracker::known(const Tracked& pose, const Frame& frame) const {
+  const auto& c = pose.covariance;
+  Known known{pose.camera_from_marker, frame.time, (c[0] + c[7] + c[14]) / 3, {}, frame.attitude};
+  if (pose.last_row && rig_.back.readout > 0)
+    known.velocity = rotation_vector(glm::transpose(pose.camera_from_marker.rotation) *
+                                     pose.last_row->rotation) /
+                     rig_.back.readout;
+  return known;
+}
+
+void RigTracker::start(const Known& known, const RigPictures& pictures) {
+  RigPictures with = pictures;
+  with.velocity = known.velocity;
+  rotation_tracker_->start(known.pose, known.time, with, known.variance);
+  known_attitude_ = known.attitude;
 }
 
 void RigTracker::forget_surroundings() {
@@ -77,6 +91,7 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   if (!rotation_tracker_) return std::nullopt;
   RigPictures& pictures = around.pictures;
   pictures.number = ++moments_;
+  if (!follows_front_) pictures.front = {};
   const auto track = [&] {
     std::optional<glm::dmat3> turn;
     if (frame.attitude && known_attitude_)
@@ -86,28 +101,27 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   };
   if (!around.mapped) {
     // Before there is a map there is a pose to start from.
-    if (result.tracked) start(*result.back_from_marker, frame, pictures);
+    if (result.tracked) start(known(*result.tracked, frame), pictures);
     return std::nullopt;
   }
   if (!result.tracked) {
     // A front picture alone has the last pose for a while.
     if (frame.back.empty() && is_recent(frame.time)) return std::nullopt;
-    if (between_looks_) {
-      rotation_tracker_->start(between_looks_->pose, between_looks_->time);
-      known_attitude_ = between_looks_->attitude;
-    }
+    if (between_looks_) start(*between_looks_, {});
     between_looks_.reset();
     result.turned = track();
     if (result.turned && result.turned->own_deviation() < kMostTurnDeviation)
-      turned_ = result.turned->back_from_marker;
+      turned_ = result.turned;
     return std::nullopt;
   }
-  const Pose& pose = *result.back_from_marker;
+  const Known by_board = known(*result.tracked, frame);
+  const Pose& pose = by_board.pose;
   if (!board_motion_.moving() && !around.look) {
-    between_looks_ = {pose, frame.time, frame.attitude};
+    between_looks_ = by_board;
     return std::nullopt;
   }
   between_looks_.reset();  // by the board: whether it lies still is the question
+  pictures.velocity = by_board.velocity;
   const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
   std::optional<Turned> turned;
   if (agreement == Agreement::differs || (agreement == Agreement::nothing && frame.attitude))
@@ -125,9 +139,9 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   const bool told = frame.attitude && turned && turned->own_deviation() < kSureTurn;
   if (board_moves_) return moved;
   if (told && !moved)
-    between_looks_ = {pose, frame.time, frame.attitude};
+    between_looks_ = by_board;
   else
-    start(pose, frame, pictures);
+    start(by_board, pictures);
   return moved;
 }
 
@@ -151,6 +165,13 @@ bool RigTracker::is_recent(double time) const {
 Pose RigTracker::back_at(double time) const {
   const double later = time - last_pose_time_;
   return motion_ && later > 0 ? motion_->later(*last_pose_, later) : *last_pose_;
+}
+
+Pose RigTracker::turned_at(double later) const {
+  const Pose pose = turned_->back_from_marker;
+  const glm::dmat3 turn = rotation_from_vector(later * turned_->velocity);
+  const glm::dmat3 rotation = orthonormal(pose.rotation * turn);
+  return {rotation, rotation * (glm::transpose(pose.rotation) * pose.translation)};
 }
 
 Pose RigTracker::pose_of_row(const FrameResult& result, const glm::dvec3& point) const {

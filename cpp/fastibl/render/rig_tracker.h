@@ -32,7 +32,8 @@ struct SeenAround {
 class RigTracker {
  public:
   // board: nothing where poses are given. The rotation by surroundings is followed where that is
-  // asked for, there is a board, and the cameras are perspective ones.
+  // asked for, there is a board, and the back camera is a perspective one; in its pictures, and in
+  // those of the front camera where that is one, too.
   RigTracker(Rig rig, std::optional<Board> board, Detector detector, bool follow_surroundings);
 
   bool has_board() const { return board_.has_value(); }
@@ -51,8 +52,10 @@ class RigTracker {
 
   bool look_due(double time) const { return rotation_tracker_ && time >= look_again_; }
   bool board_moves() const { return board_moves_; }  // as the last frame shows it
-  // Of the last frame: by the surroundings, where it is sure enough to capture with.
-  const std::optional<Pose>& turned() const { return turned_; }
+  // Whether the surroundings tell the rotation of the last frame, surely enough to capture with.
+  bool turned() const { return turned_.has_value(); }
+  // By that, some seconds later.
+  Pose turned_at(double later) const;
   // Whether the last pose by the board may still stand for that of a moment.
   bool is_recent(double time) const;
   // By that pose and the motion then.
@@ -61,7 +64,14 @@ class RigTracker {
   Pose pose_of_row(const FrameResult& result, const glm::dvec3& point) const;
 
  private:
-  void start(const Pose& pose, const Frame& frame, const RigPictures& pictures);
+  struct Known {
+    Pose pose;
+    double time, variance;
+    std::optional<glm::dvec3> velocity;
+    std::optional<glm::dmat3> attitude;
+  };
+  Known known(const Tracked& pose, const Frame& frame) const;
+  void start(const Known& known, const RigPictures& pictures);
 
   Rig rig_;
   std::optional<Board> board_;
@@ -73,13 +83,9 @@ class RigTracker {
   std::optional<glm::dmat3> tracked_attitude_;  // of the last pose of the board
   BoardMotion board_motion_;
   double look_again_ = -1e30, agreed_ = -1e30;  // seconds
-  struct Known {
-    Pose pose;
-    double time;
-    std::optional<glm::dmat3> attitude;
-  };
-  std::optional<Known> between_looks_;  // the last pose since
-  std::optional<Pose> turned_;
+  std::optional<Known> between_looks_;          // the last pose since
+  bool follows_front_ = false;
+  std::optional<Turned> turned_;
   bool board_moves_ = false;
   RecentMotion recent_;
   std::optional<MotionRate> motion_;  // at last_pose_

@@ -420,7 +420,9 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
   if (lights) stale_ |= std::exchange(held_, 0);
   // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map,
   // and so do pictures whose rotation the surroundings tell.
-  const Products wanted = product::texels | (pose ? product::image : 0);
+  Products wanted = product::texels;
+  if (pose) wanted |= product::image;
+  if (tracker_.turned()) wanted |= product::radiance;  // it is told what is seen by now
   run_passes(due_passes(plan_, wanted, stale_), frame, result, drawn_from);
   if (lights)
     light_lag_ = difference(summary_of(environment_->radiance), summary_of(before->radiance));

@@ -22,6 +22,7 @@ constexpr float kReadNoise = 0.002f, kShotNoise = 1 / 3000.0f, kDarkBias = 0.4f;
 constexpr float kDarkest = 0.003f;  // of white: below there is only noise
 constexpr float kDark = 0.0005f;    // of white: differences below hardly count
 constexpr float kUsualBlock = 4;    // pixels
+constexpr int kRowPasses = 2;       // in which the row that shows a place is found
 constexpr float kWhite = 0.97f;     // linear; what is expected above it tells nothing
 
 // log2, within 1e-4.
@@ -161,18 +162,26 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
       candidates.add(tile.features[level]);
   if (level == 0) candidates.limit(options.most);
   const Outside outside(camera, rotation);
+  const bool rolls = view.turn != glm::dvec3(0) || view.turn_by_w != glm::dmat3(0.0);
   for (const Candidate& candidate : scratch) {
     const MapFeature& f = *candidate.feature;
     if (outside(f.direction)) continue;
     const glm::dvec3 d(f.direction);
     glm::dmat2x3 derivative;
-    const auto pixel = view.lens->project(rotation * d, &derivative);
+    glm::dmat3 row(1.0), by_w(1.0);  // what turned until the row that shows it, and that by w
+    auto pixel = view.lens->project(rotation * d, &derivative);
+    for (int pass = 0; pass < kRowPasses && rolls && pixel; ++pass) {
+      const double share = std::clamp(pixel->y / camera.height, 0.0, 1.0);
+      row = rotation_from_vector(share * view.turn);
+      by_w = glm::dmat3(1.0) + share * view.turn_by_w;
+      pixel = view.lens->project(rotation * (row * d), &derivative);
+    }
     if (!pixel || !camera.inside(*pixel)) continue;
     const double vignette = camera.vignetting.empty() ? 1.0 : camera.vignette(*pixel);
     const Sensor sensor{float(double(white) / vignette), dark, off};
     if (f.light > kWhite * sensor.white) continue;
     // d(rotation exp([w]×) d) = rotation (w × d): rows of the pixel's derivative, in w.
-    const glm::dmat3 turned = rotation * cross_matrix(d) * -1.0;
+    const glm::dmat3 turned = rotation * cross_matrix(row * d) * by_w * -1.0;
     const glm::dvec3 mx = derivative[0] * turned, my = derivative[1] * turned;
     const double pixels = std::sqrt(glm::length(mx) * glm::length(my)) * double(f.width);
     // A bilinear look-up in means of b pixels has the variance of a box of √3 b.
@@ -181,7 +190,8 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
     const int read = std::clamp(int(wanted + 0.5), 0, LightPyramid::kLevels - 1);
     const float variance = sensor.variance(f, options, float(view.light->level(read).block));
     const float light = f.light + dark;
-    out.push_back({float(pixel->x), float(pixel->y), glm::vec3(mx), glm::vec3(my), f.axis / light,
+    const glm::vec3 axis = rolls ? glm::vec3((row * glm::dvec3(f.axis)) * by_w) : f.axis;
+    out.push_back({float(pixel->x), float(pixel->y), glm::vec3(mx), glm::vec3(my), axis / light,
                    kLn2 * fast_log2(light), 1 / std::sqrt(variance), dark, sensor.white, read, &f});
   }
 }

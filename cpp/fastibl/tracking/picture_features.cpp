@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "fastibl/core/pose.h"
+
 namespace fastibl {
 namespace {
 
@@ -49,8 +51,8 @@ std::size_t PictureFeatures::index(const glm::vec3& direction) const {
 
 // Takes the place of a cell whose light changes most.
 void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
-                               const glm::mat3& marker_from_camera, int level, int x0, int y0,
-                               float drift, float dark) {
+                               const std::vector<glm::mat3>& marker_from_camera, int level, int x0,
+                               int y0, float drift, float dark) {
   const LightPyramid::Level& l = view.light->level(BlockRays::kFirst + level);
   const auto at = [&](int x, int y) {
     return l.light[std::size_t(y) * std::size_t(l.width) + std::size_t(x)];
@@ -62,7 +64,8 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
   const auto full = [&](const glm::vec3& d) {
     return int(tiles_[index(d)].features[level].size()) >= kPerTile[level];
   };
-  const glm::vec3 middle = marker_from_camera * ray_at(x0 + cell / 2, y0 + cell / 2);
+  const auto turn = [&](int y) { return marker_from_camera[std::size_t(y)]; };
+  const glm::vec3 middle = turn(y0 + cell / 2) * ray_at(x0 + cell / 2, y0 + cell / 2);
   if (!(middle.z > 0) || full(middle)) return;
   float most = kLeastGradient * kLeastGradient;
   int bx = -1, by = -1;
@@ -82,11 +85,11 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
     return;
   const glm::vec3 ray = ray_at(bx, by), right = ray_at(bx + 1, by), down = ray_at(bx, by + 1);
   if (!(ray.z > 0 && right.z > 0 && down.z > 0)) return;
-  const glm::vec3 d = marker_from_camera * ray;
+  const glm::vec3 d = turn(by) * ray;
   if (!(d.z > std::max(kHorizon, 2 * glm::length(right - ray)))) return;
   if (full(d)) return;
   std::vector<MapFeature>& features = tiles_[index(d)].features[level];
-  const glm::vec3 u = marker_from_camera * (right - ray), v = marker_from_camera * (down - ray);
+  const glm::vec3 u = turn(by) * (right - ray), v = turn(by + 1) * down - d;
   const float width = 0.5f * (glm::length(u) + glm::length(v));
   for (const MapFeature& f : features)
     if (glm::length(f.direction - d) < kApart * width) return;
@@ -103,11 +106,16 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
 
 void PictureFeatures::add(const MapView& view, const BlockRays& rays,
                           const glm::dmat3& rig_from_marker, float drift, double dark) {
-  const glm::mat3 marker_from_camera(glm::transpose(view.camera_from_rig * rig_from_marker));
   const float relative_dark = float(dark * view.exposure * view.camera->gain) + 0.0005f;
   for (int level = 0; level < kLevels; ++level) {
     const LightPyramid::Level& l = view.light->level(BlockRays::kFirst + level);
     const int cell = kCell[level];
+    std::vector<glm::mat3> marker_from_camera;
+    for (int y = 0; y < l.height; ++y) {
+      const double share = (y + 0.5) * l.block / view.camera->height;
+      const glm::dmat3 rig = rig_from_marker * rotation_from_vector(share * view.turn);
+      marker_from_camera.emplace_back(glm::transpose(view.camera_from_rig * rig));
+    }
     for (int y = kBorder; y + cell + kBorder <= l.height; y += cell)
       for (int x = kBorder; x + cell + kBorder <= l.width; x += cell)
         consider(view, rays, marker_from_camera, level, x, y, drift, relative_dark);

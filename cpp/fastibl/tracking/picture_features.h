@@ -19,6 +19,10 @@ struct MapView {
   const Lens* lens = nullptr;
   glm::dmat3 camera_from_rig{1.0};
   double exposure = 1;
+  // Of a rolling shutter: the rig is at rotation · exp([s turn]×), marker frame, when the row at a
+  // share s of the height is read; and by how much `turn` changes with w in rotation · exp([w]×).
+  glm::dvec3 turn{0};
+  glm::dmat3 turn_by_w{0.0};
 };
 
 // Rays of the middles of blocks of the levels that features are taken of, unit length; null where
@@ -56,8 +60,10 @@ class PictureFeatures {
 
  private:
   std::size_t index(const glm::vec3& direction) const;
-  void consider(const MapView& view, const BlockRays& rays, const glm::mat3& marker_from_camera,
-                int level, int x0, int y0, float drift, float dark);
+  // marker_from_camera: by row of blocks.
+  void consider(const MapView& view, const BlockRays& rays,
+                const std::vector<glm::mat3>& marker_from_camera, int level, int x0, int y0,
+                float drift, float dark);
   TileGrid grid_{16};
   std::vector<Tile> tiles_;
 };

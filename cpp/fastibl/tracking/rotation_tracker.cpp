@@ -21,6 +21,8 @@ constexpr int kFew = 40;
 constexpr double kContradicts = 3;
 constexpr double kBlank =
     0.4;  // log2: deviation of a picture's large parts that vignetting may have
+// Seconds: pictures that come later, one camera's after the other's, are of the same moment.
+constexpr double kSameMoment = 2e-3;
 constexpr double kLongestStep = 0.3;      // seconds between poses that give a velocity
 constexpr double kKnown = 3e-4;           // radians: deviation of a known pose
 constexpr double kUnknownVelocity = 1.0;  // rad/s
@@ -105,7 +107,8 @@ Agreement RotationTracker::compare(const glm::dmat3& back_from_marker,
   options.coarsest = options.rounds = 0;
   options.note = false;
   options.most = kFewToCompare;
-  const auto found = align_rotation(features_, fine_, views(pictures), back_from_marker,
+  const State* state = state_ ? &*state_ : nullptr;
+  const auto found = align_rotation(features_, fine_, views(pictures, state), back_from_marker,
                                     {back_from_marker, glm::dmat3(1e12)}, options);
   if (!found || found->features < kFewestToAgree) return Agreement::nothing;
   const bool agrees = found->residual <= kAgrees && found->agreeing >= kAgreeing;
@@ -126,10 +129,12 @@ void RotationTracker::correct(State& state, const glm::dmat3& rotation,
   state.told = glm::dvec3(0);
 }
 
-void RotationTracker::start(const Pose& back_from_marker, double time,
-                            const RigPictures& pictures) {
+void RotationTracker::start(const Pose& back_from_marker, double time, const RigPictures& pictures,
+                            double variance) {
   check(std::isfinite(time) && (!state_ || time >= state_->time),
         "time must not run backwards: ", time, " s after ", state_ ? state_->time : 0, " s");
+  check(variance >= 0 && std::isfinite(variance), "a variance must be 0 or more and finite, got ",
+        variance);
   const glm::dmat3 known(kKnown * kKnown);
   if (state_ && time > state_->time && time - state_->time <= kLongestStep) {
     state_ = predicted(time, {});
@@ -143,9 +148,11 @@ void RotationTracker::start(const Pose& back_from_marker, double time,
                    time,
                    glm::dvec3(0)};
   }
+  if (pictures.velocity) state_->velocity = *pictures.velocity;
   eye_ = back_from_marker.inverse().translation;
-  known_ = found_ = time, last_drift_ = found_drift_ = 0, contradicted_ = false;
-  add_features(views(pictures));
+  // What the pictures show then is off by what the pose is, all of it alike.
+  known_ = found_ = time, last_drift_ = found_drift_ = variance, contradicted_ = false;
+  add_features(views(pictures, &*state_));
 }
 
 // Constant angular velocity but for a hand's accelerations; or a gyroscope's turn.
@@ -183,8 +190,16 @@ void RotationTracker::add_features(const std::vector<MapView>& views) {
               float(last_drift_), features_.dark());
 }
 
-std::vector<MapView> RotationTracker::views(const RigPictures& pictures) {
+// state: as of the pictures, for rolling shutters.
+std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const State* state) {
   std::vector<MapView> views;
+  const glm::dvec3 velocity = pictures.velocity ? *pictures.velocity
+                              : state           ? state->velocity
+                                                : glm::dvec3(0);
+  // A rotation that is off is so because the velocity was.
+  glm::dmat3 velocity_by_w(0.0);
+  if (state && !pictures.velocity)
+    velocity_by_w = glm::transpose(state->wv) * glm::inverse(state->ww);
   const bool ready = pictures.number != 0 && pictures.number == lit_;
   const auto add = [&](const Picture& picture, const Camera& camera, const Lens& lens,
                        LightPyramid& light, const glm::dmat3& camera_from_rig, double exposure) {
@@ -194,7 +209,8 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures) {
     check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
           exposure);
     if (!ready) light.make(picture, camera.response);
-    views.push_back({&light, &camera, &lens, camera_from_rig, exposure});
+    views.push_back({&light, &camera, &lens, camera_from_rig, exposure, camera.readout * velocity,
+                     camera.readout * velocity_by_w});
   };
   if (!pictures.back.empty())
     add(pictures.back, rig_.back, back_lens_, back_light_, glm::dmat3(1.0), pictures.back_exposure);
@@ -221,6 +237,7 @@ std::optional<Turned> RotationTracker::turned(const glm::dmat3& rotation,
   out.drift = std::sqrt(drift);
   out.since = time - known_;
   out.position_deviation = options_.wander * std::sqrt(std::max(0.0, out.since));
+  out.velocity = state_->velocity;
   return out;
 }
 
@@ -248,7 +265,7 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
     return std::nullopt;
   }
   features_.update(environment, last_drift_);
-  const std::vector<MapView> seen = views(pictures);
+  const std::vector<MapView> seen = views(pictures, &*state_);
   if (seen.empty()) return std::nullopt;
   const RotationPrior prior{state_->rotation, glm::inverse(state_->ww)};
   std::optional<Alignment> found;
@@ -266,9 +283,10 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
     result.reset();
   if (result) {
     correct(*state_, result->back_from_marker.rotation, glm::inverse(found->information));
+    result->velocity = state_->velocity;
     found_ = time, found_drift_ = found->drift, contradicted_ = false;
     fine_.forget_missed();
-  } else if (turn && !contradicted_) {
+  } else if ((turn || time - found_ <= kSameMoment) && !contradicted_) {
     result = turned(state_->rotation, state_->ww, found_drift_, time);
   }
   if (!result) return std::nullopt;

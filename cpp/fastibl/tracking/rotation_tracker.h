@@ -41,7 +41,8 @@ struct RigPictures {
   Picture back, front;
   double back_exposure = 1, front_exposure = 1;
   // Of the moment: pictures of the same one as in the call before are not gone through again.
-  std::uint64_t number = 0;  // 0: not known
+  std::uint64_t number = 0;            // 0: not known
+  std::optional<glm::dvec3> velocity;  // see Turned, where it is known otherwise
 };
 
 // A pose that rests on the map and not on the board: the rotation is measured, the place of the
@@ -59,6 +60,8 @@ struct Turned {
   int features = 0;  // 0: by a gyroscope alone, from the last rotation that rested on the map
   double gain = 1;   // by which the pictures are brighter than the map says
   double since = 0;  // seconds since the pose was last known
+  // Of the back camera, marker frame, rad/s: t seconds later its rotation is R exp([t velocity]×).
+  glm::dvec3 velocity{0};
   bool operator==(const Turned&) const = default;
 
   double deviation() const {  // of the rotation, radians, over all axes
@@ -77,8 +80,9 @@ class RotationTracker {
   explicit RotationTracker(Rig rig, RotationTrackingOptions options = {});
 
   // Takes a known pose, from which to go on, and what the pictures show then. Time: seconds, not
-  // decreasing.
-  void start(const Pose& back_from_marker, double time, const RigPictures& pictures = {});
+  // decreasing. variance: of its rotation, rad², mean over the axes.
+  void start(const Pose& back_from_marker, double time, const RigPictures& pictures = {},
+             double variance = 0);
   // The rotation at which the pictures agree with the map, which is as it was before these pictures
   // were added. turn: now_from_before of the back camera since the last frame, where a gyroscope
   // tells. Nothing before a start, where nothing known is in view, it has too little structure, or
@@ -105,7 +109,7 @@ class RotationTracker {
   };
   State predicted(double time, const std::optional<glm::dmat3>& turn) const;
   static void correct(State& state, const glm::dmat3& rotation, const glm::dmat3& covariance);
-  std::vector<MapView> views(const RigPictures& pictures);
+  std::vector<MapView> views(const RigPictures& pictures, const State* state);
   void add_features(const std::vector<MapView>& views);
   std::optional<Turned> judged(const Alignment& found, double time) const;
   std::optional<Turned> turned(const glm::dmat3& rotation, const glm::dmat3& covariance,
