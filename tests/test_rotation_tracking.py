@@ -241,9 +241,9 @@ def test_a_session_goes_on_by_a_gyroscope_where_nothing_is_seen():
     alone = follow_all(simulate(fastibl.CubeMap(place), **options))
     film = simulate(fastibl.CubeMap(place), gyro=0.001, **options)
     told = follow_all(film)
-    print(f"last at {max(alone):.2f} s, with a gyroscope {max(told):.2f} s, worst {max(told.values()):.2f} degrees")
-    assert max(alone) < 3.5 and max(told) > 4.4
-    assert max(told.values()) < 0.5
+    print(f"{len(alone)} frames, with a gyroscope {len(told)}, worst {max(told.values()):.2f} degrees")
+    assert len(told) > len(alone) + 8 and max(told) > 4.4
+    assert max(told.values()) < 0.5 and max(alone.values()) < 0.5
     rest = fastibl.Pose.from_rotation_vector([0.3, -2.0, 1.0], np.zeros(3)).rotation
     other = [dataclasses.replace(frame, attitude=frame.attitude @ rest) for frame in film]
     same = follow_all(fastibl.Recording(film.rig, other, film.board, film.truth))
@@ -255,6 +255,78 @@ def test_a_session_goes_on_by_a_gyroscope_where_nothing_is_seen():
     assert session.process(other[0]).image is not None
     listed = dataclasses.replace(other[1], attitude=other[1].attitude.tolist())
     assert session.process(listed).image is not None
+
+
+def shaking(time):
+    """A hand that is never still; the board in view at first, then up and round."""
+    share = np.clip((time - 1.5) / 0.8, 0, 1)
+    rise = share * share * (3 - 2 * share)
+    heading = 0.06 * np.sin(7 * time) + 0.5 * max(0.0, time - 2.0) ** 2
+    return looking(heading, np.radians(-46 + 66 * rise) + 0.05 * np.sin(5 * time + 1))
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    return simulate(textured(), seconds=3.2, fps=20, size=SIZE, hand=False, lamp=False, path=shaking)
+
+
+def followed(film, attitude=None, **options):
+    """Errors and stated deviations of the frames by the surroundings, degrees."""
+    session = fastibl.Session(scene(), film.rig, film.board, size=64, **options)
+    errors, stated = [], []
+    for frame in film:
+        turned = session.process(dataclasses.replace(frame, attitude=attitude and attitude(frame.time))).turned
+        if turned is not None:
+            errors.append(angle(turned.back_from_marker, film.truth.pose(frame.time)))
+            stated.append(np.degrees(np.sqrt(np.trace(turned.covariance))))
+    return np.array(errors), np.array(stated)
+
+
+@pytest.mark.parametrize("delay", [-0.02, 0.0, 0.02, 0.04])
+def test_a_gyroscope_may_be_late(shaken, delay):
+    """How late is found out while the board is in view. A delay of 40 ms was 7 degrees off."""
+    errors, stated = followed(shaken, lambda t: shaking(t - delay).rotation)
+    print(f"{len(errors)} frames: worst {errors.max():.2f} degrees, {(errors / stated).max():.1f} stated deviations")
+    assert len(errors) > 18 and np.median(errors) < 0.15
+    assert errors.max() < 0.5 and (errors < 4 * stated).all()
+
+
+def test_a_gyroscope_with_other_axes_is_not_believed(shaken):
+    axes = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    without, _ = followed(shaken)
+    for wrong in (lambda t: axes @ shaking(t).rotation, lambda t: shaking(t).rotation.T, lambda t: np.eye(3)):
+        errors, stated = followed(shaken, wrong)
+        print(f"{len(errors)} frames of {len(without)}, worst {max(errors, default=0):.2f} degrees")
+        assert (errors < 4 * stated).all() and len(errors) >= len(without) - 2
+
+
+def test_surroundings_through_a_rolling_shutter():
+    """0.38 degrees off with 10 ms of readout, and lost with more."""
+    for readout, most in ((0.01, 0.5), (0.02, 0.9)):
+        film = simulate(textured(), seconds=3, fps=20, size=SIZE, hand=False, lamp=False, path=turning, readout=readout)
+        errors, stated = followed(film)
+        print(f"{1e3 * readout:.0f} ms: {len(errors)} frames, median {np.median(errors):.3f}, worst {errors.max():.3f}")
+        assert len(errors) >= 25 and np.median(errors) < 0.25 and errors.max() < most
+
+
+def test_the_map_is_new_while_the_board_is_out_of_view(film):
+    session = fastibl.Session(scene(), film.rig, film.board, size=64)
+    coverage = []
+    for frame in film:
+        result = session.process(frame)
+        if result.turned is not None:
+            coverage.append(result.environment.coverage)
+            assert coverage[-1] == session.capture.environment().coverage
+    assert coverage[-1] > coverage[0] + 0.1
+
+
+def test_what_the_board_is_off_is_told_of_what_follows_it(shaken):
+    """Of one small tag the pose is a degree off, and with it all that goes on from it."""
+    small = fastibl.Board.grid(1, 1, 0.06, 0.01)
+    film = simulate(textured(), seconds=2.4, fps=20, size=SIZE, hand=False, lamp=False, path=shaking, board=small)
+    errors, stated = followed(film)
+    print(f"{len(errors)} frames, worst {errors.max():.2f} degrees, stated {stated.min():.2f} to {stated.max():.2f}")
+    assert len(errors) > 5 and stated.min() > 0.15 and (errors < 5 * stated).all()
 
 
 def test_same_bits_for_any_number_of_threads(film):

@@ -10,7 +10,8 @@ namespace {
 
 py::tuple turned_state(const Turned& t) {
   return py::make_tuple(t.back_from_marker, t.covariance, t.drift, t.position_deviation, t.residual,
-                        t.agreeing, t.features, t.gain, t.since);
+                        t.agreeing, t.features, t.gain, t.since, t.velocity.x, t.velocity.y,
+                        t.velocity.z);
 }
 
 Turned turned_from(const py::tuple& t) {
@@ -18,7 +19,7 @@ Turned turned_from(const py::tuple& t) {
           t[2].cast<double>(), t[3].cast<double>(),
           t[4].cast<double>(), t[5].cast<double>(),
           t[6].cast<int>(),    t[7].cast<double>(),
-          t[8].cast<double>()};
+          t[8].cast<double>(), {t[9].cast<double>(), t[10].cast<double>(), t[11].cast<double>()}};
 }
 
 RigPictures rig_pictures(const py::object& back, const py::object& front, double back_exposure,
@@ -56,6 +57,15 @@ be seen of the map, it is a gyroscope's alone: features, residual and agreeing a
       .def_readonly("features", &Turned::features, "Texels of the map that were compared.")
       .def_readonly("gain", &Turned::gain, "By which the pictures are brighter than the map says.")
       .def_readonly("since", &Turned::since, "Seconds since the pose was last known.")
+      .def_property_readonly(
+          "velocity",
+          [](const Turned& t) {
+            Doubles out(3);
+            for (int k = 0; k < 3; ++k) out.mutable_data()[k] = t.velocity[k];
+            return out;
+          },
+          "(3,) float64, rad/s, marker frame: t seconds later the rotation is R exp([t "
+          "velocity]x).")
       .def(py::self == py::self)
       .def("__repr__",
            [](const Turned& t) {

@@ -1466,6 +1466,11 @@ class Turned:
         """
         Seconds since the pose was last known.
         """
+    @property
+    def velocity(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        (3,) float64, rad/s, marker frame: t seconds later the rotation is R exp([t velocity]x).
+        """
 class _RotationTracker:
     def __init__(self, rig: Rig, options: dict = {}) -> None:
         ...

@@ -14,8 +14,8 @@ namespace {
 constexpr double kPoseLifetime = 0.1 + 1e-6;
 constexpr double kDegree = std::numbers::pi / 180;
 // A rotation by the surroundings that is less sure, drift of the map aside, is not captured with; a
-// third of a texel of 128.
-constexpr double kMostTurnDeviation = 0.5 * kDegree;
+// fifth of a texel of 128: what was captured so is what later pictures are followed by.
+constexpr double kMostTurnDeviation = 0.3 * kDegree;
 // Up to here a rotation by a gyroscope tells the least turn of a board from its own error.
 constexpr double kSureTurn = 0.3 * kDegree;
 // Seconds between looks around while the board is in view and does not move: where surroundings
@@ -23,6 +23,11 @@ constexpr double kSureTurn = 0.3 * kDegree;
 constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kLookAroundRarely = 1;  // seconds: each costs as much as a picture's capture
 constexpr double kDoubt = 0.6;  // seconds of disagreeing after which surroundings count as near
+
+// Mean over the axes, rad².
+double rotation_variance(const Tracked& pose) {
+  return (pose.covariance[0] + pose.covariance[7] + pose.covariance[14]) / 3;
+}
 
 bool is_perspective(const Camera& camera) { return camera.model == CameraModel::perspective; }
 
@@ -44,15 +49,21 @@ RigTracker::RigTracker(Rig rig, std::optional<Board> board, Detector detector,
 
 bool RigTracker::find_pose(const Frame& frame, TrackingMethod method, FrameResult& result) {
   turned_.reset(), board_moves_ = false;
+  const bool believed = gyro_.trusted();
+  attitude_ = frame.attitude ? gyro_.add(frame.time, *frame.attitude) : std::nullopt;
+  if (believed && !gyro_.trusted()) {  // nor is what it told of the board
+    board_motion_ = BoardMotion();
+    forget_surroundings();
+  }
   result.back_from_marker = frame.back_from_marker;
   if (frame.back_from_marker || !board_) return false;
   if (frame.back.empty()) return true;
   if (method == TrackingMethod::automatic || method == TrackingMethod::edges) {
     MotionHint hint;
-    if (frame.attitude && tracked_attitude_)
-      hint.turn = *frame.attitude * glm::transpose(*tracked_attitude_);
+    if (attitude_ && tracked_attitude_)
+      hint.turn = attitude_->rotation * glm::transpose(tracked_attitude_->rotation);
     result.tracked = edge_tracker_->track(frame.back, frame.time, detector_, hint);
-    if (result.tracked) tracked_attitude_ = frame.attitude;
+    if (result.tracked) tracked_attitude_ = attitude_;
   } else {
     edge_tracker_->reset();
     TrackingOptions options;
@@ -60,14 +71,16 @@ bool RigTracker::find_pose(const Frame& frame, TrackingMethod method, FrameResul
     const Image<std::uint8_t> grey = grey_from(frame.back, rig_.back.response);
     result.tracked = track(detector_, grey.view(), *board_, rig_.back, options);
   }
-  if (result.tracked) result.back_from_marker = result.tracked->camera_from_marker;
+  if (!result.tracked) return true;
+  result.back_from_marker = result.tracked->camera_from_marker;
+  if (frame.attitude)
+    gyro_.add_board(result.back_from_marker->rotation, rotation_variance(*result.tracked));
   return true;
 }
 
 // What a pose by the board tells of the rotation, and of its velocity where rows tell that.
 RigTracker::Known RigTracker::known(const Tracked& pose, const Frame& frame) const {
-  const auto& c = pose.covariance;
-  Known known{pose.camera_from_marker, frame.time, (c[0] + c[7] + c[14]) / 3, {}, frame.attitude};
+  Known known{pose.camera_from_marker, frame.time, rotation_variance(pose), {}, attitude_};
   if (pose.last_row && rig_.back.readout > 0)
     known.velocity = rotation_vector(glm::transpose(pose.camera_from_marker.rotation) *
                                      pose.last_row->rotation) /
@@ -94,10 +107,11 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   if (!follows_front_) pictures.front = {};
   const auto track = [&] {
     std::optional<glm::dmat3> turn;
-    if (frame.attitude && known_attitude_)
-      turn = *frame.attitude * glm::transpose(*known_attitude_);
-    known_attitude_ = frame.attitude;
-    return rotation_tracker_->track(*around.map(), pictures, frame.time, turn);
+    if (attitude_ && known_attitude_)
+      turn = attitude_->rotation * glm::transpose(known_attitude_->rotation);
+    known_attitude_ = attitude_;
+    return rotation_tracker_->track(*around.map(), pictures, frame.time, turn,
+                                    attitude_ ? attitude_->variance : 0);
   };
   if (!around.mapped) {
     // Before there is a map there is a pose to start from.
@@ -107,8 +121,8 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   if (!result.tracked) {
     // A front picture alone has the last pose for a while.
     if (frame.back.empty() && is_recent(frame.time)) return std::nullopt;
-    if (between_looks_) start(*between_looks_, {});
-    between_looks_.reset();
+    for (const Known& pose : between_looks_) start(pose, {});
+    between_looks_.clear();
     result.turned = track();
     if (result.turned && result.turned->own_deviation() < kMostTurnDeviation)
       turned_ = result.turned;
@@ -117,14 +131,14 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   const Known by_board = known(*result.tracked, frame);
   const Pose& pose = by_board.pose;
   if (!board_motion_.moving() && !around.look) {
-    between_looks_ = by_board;
+    between_looks_.push_back(by_board);
     return std::nullopt;
   }
-  between_looks_.reset();  // by the board: whether it lies still is the question
+  between_looks_.clear();  // by the board: whether it lies still is the question
   pictures.velocity = by_board.velocity;
   const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
   std::optional<Turned> turned;
-  if (agreement == Agreement::differs || (agreement == Agreement::nothing && frame.attitude))
+  if (agreement == Agreement::differs || (agreement == Agreement::nothing && attitude_))
     turned = track();
   board_motion_.look(pose, agreement, turned, frame.time);
   if (agreement != Agreement::differs) agreed_ = frame.time;
@@ -136,10 +150,10 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   const std::optional<glm::dmat3> moved = board_motion_.moved();
   if (moved) rotation_tracker_->forget();
   // By a gyroscope a board is seen to turn slowly, too, if it is not asked anew each time.
-  const bool told = frame.attitude && turned && turned->own_deviation() < kSureTurn;
+  const bool told = attitude_ && turned && turned->own_deviation() < kSureTurn;
   if (board_moves_) return moved;
   if (told && !moved)
-    between_looks_ = by_board;
+    between_looks_.push_back(by_board);
   else
     start(by_board, pictures);
   return moved;

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "fastibl/core/pose.h"
 #include "fastibl/render/frame.h"
@@ -16,6 +17,7 @@
 #include "fastibl/tracking/board_motion.h"
 #include "fastibl/tracking/detector.h"
 #include "fastibl/tracking/edge_tracker.h"
+#include "fastibl/tracking/gyro_model.h"
 #include "fastibl/tracking/rotation_tracker.h"
 
 namespace fastibl {
@@ -68,7 +70,7 @@ class RigTracker {
     Pose pose;
     double time, variance;
     std::optional<glm::dvec3> velocity;
-    std::optional<glm::dmat3> attitude;
+    std::optional<Attitude> attitude;
   };
   Known known(const Tracked& pose, const Frame& frame) const;
   void start(const Known& known, const RigPictures& pictures);
@@ -78,12 +80,14 @@ class RigTracker {
   Detector detector_;
   std::optional<EdgeTracker> edge_tracker_;
   std::optional<RotationTracker> rotation_tracker_;
-  std::uint64_t moments_ = 0;                   // that it was asked about
-  std::optional<glm::dmat3> known_attitude_;    // where the tracker last went on from
-  std::optional<glm::dmat3> tracked_attitude_;  // of the last pose of the board
+  std::uint64_t moments_ = 0;  // that it was asked about
+  GyroModel gyro_;
+  std::optional<Attitude> attitude_;          // of this frame
+  std::optional<Attitude> known_attitude_;    // where the tracker last went on from
+  std::optional<Attitude> tracked_attitude_;  // of the last pose of the board
   BoardMotion board_motion_;
   double look_again_ = -1e30, agreed_ = -1e30;  // seconds
-  std::optional<Known> between_looks_;          // the last pose since
+  std::vector<Known> between_looks_;            // poses since the last look
   bool follows_front_ = false;
   std::optional<Turned> turned_;
   bool board_moves_ = false;

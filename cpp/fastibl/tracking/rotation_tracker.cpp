@@ -13,9 +13,16 @@ constexpr int kFewToCompare = 300;  // features of a picture, to see whether it 
 constexpr double kAgrees = 0.75, kAgreeing = 0.93;  // of Alignment::residual and agreeing
 constexpr int kFewestToAgree = 50;                  // features
 constexpr int kAttempts = 2;  // each goes on from what the one before made of it
-// Where a rotation is expected no better than to kWide radians, so many features have to agree.
+// Where a rotation is expected no better than to kWide radians, no other may agree as well: within
+// kReach deviations, from kSimilar of the features on, with a residual up to kAsGood times as
+// large.
 constexpr double kWide = std::numbers::pi / 180;
+constexpr double kReach = 2, kSimilar = 0.5, kAsGood = 1.5;
+constexpr double kWidest = 3 * kWide;  // radians, from where on so many features have to agree
 constexpr int kFew = 40;
+constexpr double kApart = kWide;  // radians, from where on it is another
+// Of the largest residual: where it is expected better than that, a rotation is hardly a wrong one.
+constexpr double kNear = 1.5;
 // Of the largest residual: beyond, what is seen contradicts a gyroscope; near walls and blur do
 // not.
 constexpr double kContradicts = 3;
@@ -136,8 +143,8 @@ void RotationTracker::start(const Pose& back_from_marker, double time, const Rig
   check(variance >= 0 && std::isfinite(variance), "a variance must be 0 or more and finite, got ",
         variance);
   const glm::dmat3 known(kKnown * kKnown);
-  if (state_ && time > state_->time && time - state_->time <= kLongestStep) {
-    state_ = predicted(time, {});
+  if (state_ && time - state_->time <= kLongestStep) {
+    state_ = predicted(time, {}, 0);
     correct(*state_, back_from_marker.rotation, known);
   } else {
     state_ = State{back_from_marker.rotation,
@@ -157,7 +164,8 @@ void RotationTracker::start(const Pose& back_from_marker, double time, const Rig
 
 // Constant angular velocity but for a hand's accelerations; or a gyroscope's turn.
 RotationTracker::State RotationTracker::predicted(double time,
-                                                  const std::optional<glm::dmat3>& turn) const {
+                                                  const std::optional<glm::dmat3>& turn,
+                                                  double variance) const {
   State s = *state_;
   const double t = time - s.time;
   s.time = time;
@@ -170,15 +178,17 @@ RotationTracker::State RotationTracker::predicted(double time,
       s.velocity = w / t;
       const double scale = options_.gyro_scale * options_.gyro_scale;
       const glm::dvec3 told = s.told + w;  // a scale is wrong all the way
-      s.ww += glm::dmat3(noise * t) +
+      s.ww += glm::dmat3(noise * t + variance) +
               scale * (glm::outerProduct(told, told) - glm::outerProduct(s.told, s.told));
-      s.wv = glm::dmat3(0.0), s.vv = glm::dmat3(noise / t), s.told = told;
+      s.wv = glm::dmat3(0.0), s.vv = glm::dmat3(noise / t + variance / (t * t)), s.told = told;
     }
     return s;
   }
   s.rotation = orthonormal(s.rotation * rotation_from_vector(s.velocity * t));
+  // An acceleration that changes on the way: one that is the same all along would make up for a
+  // wrong velocity with one as wrong the other way, for ever.
   const double a2 = options_.acceleration * options_.acceleration;
-  s.ww += t * (s.wv + glm::transpose(s.wv)) + t * t * s.vv + glm::dmat3(a2 * t * t * t * t / 4);
+  s.ww += t * (s.wv + glm::transpose(s.wv)) + t * t * s.vv + glm::dmat3(a2 * t * t * t * t / 3);
   s.wv += t * s.vv + glm::dmat3(a2 * t * t * t / 2);
   s.vv += glm::dmat3(a2 * t * t);
   return s;
@@ -241,8 +251,34 @@ std::optional<Turned> RotationTracker::turned(const glm::dmat3& rotation,
   return out;
 }
 
+// Whether no other rotation that is to be expected agrees with the pictures about as well: found
+// from places all around.
+bool RotationTracker::is_only_one(const Alignment& found, const RotationPrior& prior,
+                                  const std::vector<MapView>& seen) const {
+  AlignmentOptions options = options_.alignment;
+  options.note = false;
+  const double reach = kReach * std::sqrt(largest_eigenvalue(state_->ww));
+  for (int k = 0; k < 6; ++k) {
+    glm::dvec3 w(0);
+    w[k / 2] = k % 2 == 0 ? reach : -reach;
+    const glm::dmat3 start = found.rotation * rotation_from_vector(w);
+    const std::optional<Alignment> other =
+        align_rotation(features_, fine_, seen, start, prior, options);
+    if (!other || other->features < kSimilar * found.features) continue;
+    const double apart = rotation_angle(orthonormal(other->rotation), orthonormal(found.rotation));
+    if (apart > kApart && other->residual <= kAsGood * found.residual &&
+        other->agreeing >= options_.least_agreeing)
+      return false;
+  }
+  return true;
+}
+
 std::optional<Turned> RotationTracker::judged(const Alignment& found, double time) const {
-  if (!(found.residual <= options_.largest_residual && found.agreeing >= options_.least_agreeing))
+  const double expected = std::sqrt(largest_eigenvalue(state_->ww));
+  const double most = expected > kWide ? 1 : kNear;
+  const double least = expected > kWidest ? kAgreeing : 0;
+  if (!(found.residual <= most * options_.largest_residual &&
+        found.agreeing >= std::max(least, options_.least_agreeing)))
     return std::nullopt;
   std::optional<Turned> out =
       turned(orthonormal(found.rotation), glm::inverse(found.information), found.drift, time);
@@ -254,12 +290,13 @@ std::optional<Turned> RotationTracker::judged(const Alignment& found, double tim
 
 std::optional<Turned> RotationTracker::track(const Environment& environment,
                                              const RigPictures& pictures, double time,
-                                             const std::optional<glm::dmat3>& turn) {
+                                             const std::optional<glm::dmat3>& turn,
+                                             double turn_variance) {
   check(std::isfinite(time) && (!state_ || time >= state_->time),
         "time must not run backwards: ", time, " s after ", state_ ? state_->time : 0, " s");
   check(environment.radiance.size() > 0, "the environment has no map");
   if (!state_) return std::nullopt;
-  state_ = predicted(time, turn);
+  state_ = predicted(time, turn, turn_variance);
   if (time - found_ > options_.longest_gap && !turn) {
     reset();
     return std::nullopt;
@@ -278,8 +315,10 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
     contradicted_ |= !result && found->residual > kContradicts * options_.largest_residual &&
                      std::any_of(seen.begin(), seen.end(), shows_something);
   }
-  // By few features a rotation far from what was expected may agree by chance.
-  if (result && result->features < kFew && largest_eigenvalue(state_->ww) > kWide * kWide)
+  // Far from what was expected, few features may agree by chance, and what repeats itself does.
+  const double expected = std::sqrt(largest_eigenvalue(state_->ww));
+  if (result && ((expected > kWidest && result->features < kFew) ||
+                 (expected > kWide && !is_only_one(*found, prior, seen))))
     result.reset();
   if (result) {
     correct(*state_, result->back_from_marker.rotation, glm::inverse(found->information));

@@ -85,11 +85,13 @@ class RotationTracker {
              double variance = 0);
   // The rotation at which the pictures agree with the map, which is as it was before these pictures
   // were added. turn: now_from_before of the back camera since the last frame, where a gyroscope
-  // tells. Nothing before a start, where nothing known is in view, it has too little structure, or
-  // does not agree; after a while of that it is lost until the next start. With a gyroscope it goes
-  // on by that alone, as long as largest_error allows, until what is to be seen contradicts it.
+  // tells, and its variance beside what the options have, rad². Nothing before a start, where
+  // nothing known is in view, it has too little structure, or does not agree; after a while of that
+  // it is lost until the next start. With a gyroscope it goes on by that alone, as long as
+  // largest_error allows, until what is to be seen contradicts it.
   std::optional<Turned> track(const Environment& environment, const RigPictures& pictures,
-                              double time, const std::optional<glm::dmat3>& turn = {});
+                              double time, const std::optional<glm::dmat3>& turn = {},
+                              double turn_variance = 0);
   // Whether pictures agree with what was seen before, under a rotation that is known otherwise; a
   // fast test.
   Agreement compare(const glm::dmat3& back_from_marker, const RigPictures& pictures);
@@ -107,11 +109,13 @@ class RotationTracker {
     double time = 0;
     glm::dvec3 told{0};  // by a gyroscope since the last correction, radians
   };
-  State predicted(double time, const std::optional<glm::dmat3>& turn) const;
+  State predicted(double time, const std::optional<glm::dmat3>& turn, double variance) const;
   static void correct(State& state, const glm::dmat3& rotation, const glm::dmat3& covariance);
   std::vector<MapView> views(const RigPictures& pictures, const State* state);
   void add_features(const std::vector<MapView>& views);
   std::optional<Turned> judged(const Alignment& found, double time) const;
+  bool is_only_one(const Alignment& found, const RotationPrior& prior,
+                   const std::vector<MapView>& seen) const;
   std::optional<Turned> turned(const glm::dmat3& rotation, const glm::dmat3& covariance,
                                double drift, double time) const;
 
