@@ -27,7 +27,7 @@ NORMALS = 2000
 _SPLIT = {512: 4, 2048: 8}  # pieces of a texel along each axis
 
 
-def errors(estimated: NDArray, true: NDArray, mean: float | NDArray) -> NDArray:
+def errors(estimated: NDArray, true: NDArray | float, mean: float | NDArray) -> NDArray:
     """RMS over RGB of the difference, by the mean of the truth; (n,)."""
     return np.sqrt(((np.asarray(estimated, np.float64) - true) ** 2).mean(axis=-1)) / mean
 
@@ -40,7 +40,10 @@ def kept(what: str, make: Callable[[], NDArray]) -> NDArray:
     return stored([what, np.__version__, _radiance(), Path(reference.__file__), Path(__file__)], make)
 
 
-def stored(key: Iterable[str | NDArray | Path], make: Callable[[], NDArray]) -> NDArray:
+Part = str | NDArray | Path  # of a key
+
+
+def stored(key: Iterable[Part], make: Callable[[], NDArray]) -> NDArray:
     """make(), kept between runs by the contents of what it was made from: texts, arrays, files."""
     parts = hashlib.sha256()
     for part in key:
@@ -137,13 +140,14 @@ def _glossy(count: int) -> NDArray:
         for s in EXPONENTS:
             split = _SPLIT.get(s, 1)
             if split == 1:
-                chosen, weight = slice(None), np.exp(s * log) * nd * angles
+                chosen: slice | NDArray = slice(None)
+                weight = np.exp(s * log) * nd * angles
             else:
                 # A texel is up to 0.02 wide, so n.h changes by less than that from its centre to its corners.
                 chosen = np.flatnonzero((nh > 10 ** (-8 / s) - 0.03) & (d @ n[i] > -0.03))
                 sub, sub_angles = fine[split][0][chosen], fine[split][1][chosen]
                 a, b = _cosines(n[i], v[i], sub.reshape(-1, 3))
-                weight = (a**s * b * sub_angles.reshape(-1)).reshape(len(chosen), -1).sum(axis=1)
+                weight = (a**s * b * sub_angles.reshape(-1)).reshape(len(sub), -1).sum(axis=1)
             out[s][i] = weight @ radiance[chosen] / weight.sum()
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl.demo import POSITION, run_demo, write_label
+from fastibl.expected import present
 
 from .measure import ROOT
 
@@ -33,11 +34,11 @@ def main() -> list[Path]:
     with tempfile.TemporaryDirectory() as folder:
         result = run_demo(recording, Path(folder))
     still, error = result.stills[-1], result.runs["default"].image_error[result.stills[-1].title]
-    back = [f for f in recording if f.back is not None][-1].back
+    back = [f.back for f in recording if f.back is not None][-1]
     pictures = {
         "back camera": back,
         f"fastibl: {100 * error:.1f} % off": still.pictures["default"],
-        "truth (brute force)": still.true.image,
+        "truth (brute force)": present(still.true).image,
     }
     maps = {"captured light (unseen parts dimmed)": result.maps["captured"], "true light": result.maps["true"]}
     rows = [

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import fastibl
+from fastibl.expected import present
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 MAPS = {p.stem.removesuffix("_1k"): p for p in sorted((SHARED / "hdri").glob("*.hdr"))}
@@ -62,8 +63,9 @@ def process(recording: fastibl.Recording, scene: fastibl.Scene, **options) -> Pr
     poses, timings, last = [], [], None
     for frame in recording:
         last = session.process(frame)
-        poses.append((frame.time, last.back_from_marker)), timings.append(dict(last.timings))
-    return Processed(session, poses, timings, last)
+        poses.append((frame.time, last.back_from_marker))
+        timings.append(dict(last.timings))
+    return Processed(session, poses, timings, present(last))
 
 
 @cache

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -150,7 +151,7 @@ def _object(page: Any, control: Callable, select: Callable, pixels: str) -> None
 
     for which, value in (("material", "gold"), ("object", "ring")):
         act, comes = other(
-            lambda which=which, value=value: page.select_option(f"#{which}", value),
+            partial(page.select_option, f"#{which}", value),
             f"last.settings.{which} === '{value}'",
         )
         control(f"{which} {value}", act, comes + " && !last.preparing")

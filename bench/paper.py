@@ -13,6 +13,7 @@ import fastibl
 from fastibl.comparison import irradiance_error, relative_errors
 from fastibl.gl_device import draws_in_software, gl_device
 from fastibl.measuring.samples import ANGLES, pairs, units
+from fastibl.recording import truth_of
 from fastibl.truth import texels_that_count
 
 from . import brute, inputs
@@ -112,9 +113,9 @@ def face_weights(normals: NDArray, nodes: int = 40) -> NDArray:
             cuts = [-1.0, 1.0]
             if abs(b) > 1e-12:
                 cuts += [s for s in ((-a - c) / b, (-a + c) / b, -a / b) if -1 < s < 1]
-            cuts = np.unique(cuts)
+            ordered = np.unique(cuts)
             total = 0.0
-            for s0, s1 in zip(cuts[:-1], cuts[1:], strict=True):
+            for s0, s1 in zip(ordered[:-1], ordered[1:], strict=True):
                 s = (s0 + s1) / 2 + (s1 - s0) / 2 * x
                 low, high = np.full_like(s, -1.0), np.full_like(s, 1.0)
                 if abs(c) > 1e-12:
@@ -247,7 +248,7 @@ def gl_against_cpu() -> Iterator[Goal]:
 @row("paper", "captured map in the demo's room")
 def captured_map() -> Iterator[Goal]:
     recording, processed = inputs.sweep(), inputs.swept(3.0)
-    truth = recording.truth
+    truth = truth_of(recording)
     last = recording.times[-1]
     true = truth.environment(last).faces.astype(np.float64)
     environment = processed.last.environment
@@ -284,7 +285,7 @@ def captured_map() -> Iterator[Goal]:
 
 @row("paper", "pose in the demo's room")
 def pose() -> Iterator[Goal]:
-    truth, poses = inputs.sweep().truth, inputs.swept(3.0).poses
+    truth, poses = truth_of(inputs.sweep()), inputs.swept(3.0).poses
     found = [(t, p) for t, p in poses if p is not None]
     angles = np.degrees([p.angle_to(truth.pose(t)) for t, p in found])
     shifts = [1e3 * np.linalg.norm(p.translation - truth.pose(t).translation) for t, p in found]
@@ -304,7 +305,7 @@ def pose() -> Iterator[Goal]:
 @row("paper", "irradiance of the captured map in the demo's room")
 def captured_irradiance_room() -> Iterator[Goal]:
     recording = inputs.sweep()
-    true = recording.truth.environment(recording.times[-1])
+    true = truth_of(recording).environment(recording.times[-1])
     for distance in (3.0, float("inf")):
         last = inputs.swept(distance).last
         error = irradiance_error(last.environment, true)
@@ -331,7 +332,7 @@ def captured_irradiance_maps() -> Iterator[Goal]:
         processed = inputs.process(recording, inputs.scene())
         environment = processed.last.environment
         found = sum(p is not None for _, p in processed.poses)
-        true = recording.truth.environment(recording.times[-1])
+        true = truth_of(recording).environment(recording.times[-1])
         front = min(f.front_exposure for f in recording) * recording.rig.front.gain
         angles = fastibl.texel_solid_angles(true.size)[..., None]
         beyond = float((np.maximum(true.faces - 1 / front, 0) * angles).sum() / (true.faces * angles).sum())

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl._fastibl import _grey, _refine_corners
+from fastibl.expected import present
 from fastibl.tracking import detect
 
 from .inputs import SHARED
@@ -20,7 +21,7 @@ NO_GRID = f"no photographs in {SHARED / 'aprilgrid'}"
 
 
 def read(path: Path) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(cv2.imread(str(path))[..., ::-1])
+    return np.ascontiguousarray(present(cv2.imread(str(path)))[..., ::-1])
 
 
 def grid(terms: int) -> tuple[fastibl.Board, fastibl.Camera, list[NDArray[np.uint8]]]:

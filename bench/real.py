@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import fastibl
 from fastibl._fastibl import _grey, _refine_corners
 from fastibl.comparison import irradiance_error
+from fastibl.recording import truth_of
 from fastibl.tracking import detect
 from fastibl.truth import TrueRenderer, picture_error
 
@@ -36,11 +37,11 @@ def places() -> list[Row]:
     for place, path in inputs.MAPS.items():
         recording = fastibl.simulate(path, seconds=_SECONDS, fps=_FPS, seed=0, position=inputs.OBJECT)
         frame, camera = recording[len(recording) - 1], recording.rig.back
-        true_map = recording.truth.environment(frame.time)
+        true_map = truth_of(recording).environment(frame.time)
         for name in names:
             print(f"{place}, {name}", file=sys.stderr, flush=True)
             true = renderers[name].render(
-                frame.back, frame.back_exposure, camera, recording.truth.pose(frame.time), true_map
+                frame.back, frame.back_exposure, camera, truth_of(recording).pose(frame.time), true_map
             )
             for methods in ("auto", "paper"):
                 done = inputs.process(recording, inputs.scene(name), methods=methods)

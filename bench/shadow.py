@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ class Setting:
 
     method: str
     count: int  # of spheres, at most
-    options: Mapping[str, int]
+    options: Mapping[str, Any]
 
     def __str__(self) -> str:
         return " ".join(f"{k}={v}" for k, v in {**self.options, "spheres": self.count}.items())
@@ -39,8 +40,9 @@ class Setting:
         return fastibl.shadow_ratio(cube, spheres, truth.grid(), self.method, **self.options)
 
     def cast(self, cube: fastibl.CubeMap, spheres: NDArray) -> fastibl.ShadowMap:
-        where = {"resolution": _RESOLUTION, "extent": truth.EXTENT, "centre": (0.0, 0.0), "outer": False}
-        return fastibl.cast_shadow(cube, spheres, self.method, **where, **self.options)
+        return fastibl.cast_shadow(
+            cube, spheres, self.method, _RESOLUTION, truth.EXTENT, (0.0, 0.0), outer=False, **self.options
+        )
 
 
 def settings() -> Iterator[Setting]:

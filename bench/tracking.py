@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 
 import fastibl
+from fastibl.expected import present
+from fastibl.recording import truth_of
 
 from . import inputs
 from .measure import Row, measure, row
@@ -15,7 +17,8 @@ def rows() -> list[Row]:
     recording = inputs.short_recording()
     frames = list(recording)
     before = fastibl.threads(), cv2.getNumThreads()
-    fastibl.set_threads(1), cv2.setNumThreads(1)
+    fastibl.set_threads(1)
+    cv2.setNumThreads(1)
     try:
         out = []
         for method in fastibl.methods("tracking"):
@@ -24,7 +27,7 @@ def rows() -> list[Row]:
                 time = measure(tracker.track, [f.back for f in frames], repetitions=2 * len(frames))
                 degrees, shifts, lost = [], [], 0
                 for frame in frames:
-                    tracked, true = tracker.track(frame.back), recording.truth.pose(frame.time)
+                    tracked, true = tracker.track(present(frame.back)), truth_of(recording).pose(frame.time)
                     if tracked is None:
                         lost += 1
                         continue
@@ -41,4 +44,5 @@ def rows() -> list[Row]:
                     out.append(row(method.name, case, metric, float(value), timed, setting=setting))
         return out
     finally:
-        fastibl.set_threads(before[0]), cv2.setNumThreads(before[1])
+        fastibl.set_threads(before[0])
+        cv2.setNumThreads(before[1])

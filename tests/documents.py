@@ -27,12 +27,13 @@ def pages() -> list[Path]:
 
 def blocks(page: Path) -> list[Block]:
     """Fenced code of a page, in order."""
-    found, inside = [], None
+    found: list[Block] = []
+    inside: tuple[int, str, list[str]] | None = None
     for number, line in enumerate(page.read_text("utf-8").splitlines(), 1):
         fence = re.match(r"```(\S*)\s*$", line)
         if fence and inside is None:
             inside = number, fence[1], []
-        elif fence and not fence[1]:
+        elif inside is not None and fence and not fence[1]:
             name = page.relative_to(ROOT).as_posix()
             found.append(Block(name, inside[0], inside[1], "\n".join(inside[2]) + "\n"))
             inside = None

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import fastibl
+from fastibl.expected import present
+from fastibl.recording import truth_of
 
 FACES = np.ones((6, 8, 8, 3), np.float32)
 CUBE = fastibl.CubeMap(FACES)
@@ -156,3 +158,16 @@ def test_the_command_line_says_what_cannot_be_done_without_a_traceback(tmp_path,
     fastibl.write_environment(path, CUBE)
     assert main(["export", str(path), "--size", "100000000", "--out", str(tmp_path / "out")]) == 2
     assert "fastibl: error:" in capsys.readouterr().err
+
+
+def test_what_is_known_to_be_there():
+    assert present(0.0) == 0.0
+    with pytest.raises(ValueError, match="got None"):
+        present(None)
+
+
+def test_a_recording_of_which_nothing_is_known():
+    known = fastibl.simulate(seconds=0.1, fps=10, size=(32, 24), truth_size=8)
+    assert truth_of(known) is known.truth
+    with pytest.raises(LookupError, match="no true environment map"):
+        truth_of(fastibl.Recording(RIG)).environment(0.0)

@@ -10,6 +10,8 @@ import numpy as np
 
 import fastibl
 from fastibl.comparison import irradiance_error
+from fastibl.expected import present
+from fastibl.recording import truth_of
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
@@ -47,7 +49,8 @@ class Moment:
 
 def true_map(place: str) -> fastibl.CubeMap:
     if place == ROOM:
-        return recorded(ROOM, seconds=0.1, fps=10, seed=0, size=(32, 24), hand=False, lamp=False).truth.environment(0.0)
+        film = recorded(ROOM, seconds=0.1, fps=10, seed=0, size=(32, 24), hand=False, lamp=False)
+        return truth_of(film).environment(0.0)
     return fastibl.read_environment(inputs.SUN_MAP if place == FRESH else inputs.MAPS[place], size=64)
 
 
@@ -81,14 +84,14 @@ def moments(place: str, brighter: float, path: str, seed: int, most: float) -> l
         front_exposures=Same(brighter * one_exposure(true_map(place))),
     )
     capture = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT, most_boost=most)
-    true = film.truth.environment(0.0)
+    true = truth_of(film).environment(0.0)
     plane, out = on_plane(true), []
     for index, frame in enumerate(film):
-        pose = film.truth.pose(frame.time)
+        pose = truth_of(film).pose(frame.time)
         capture.add(frame.back, film.rig.back, pose, exposure=frame.back_exposure, time=frame.time)
         if index:  # the first has another exposure
             turned = film.rig.front_from_back @ pose
-            capture.add(frame.front, film.rig.front, turned, exposure=frame.front_exposure, time=frame.time)
+            capture.add(frame.front, present(film.rig.front), turned, exposure=frame.front_exposure, time=frame.time)
         last = index == len(film) - 1
         if not last and (index % 3 or most == 1):
             continue

@@ -25,9 +25,7 @@ _LAMP = np.array([0.25, 0.75, 0.62]) / np.linalg.norm([0.25, 0.75, 0.62])
 def places() -> tuple[fastibl.CubeMap, fastibl.CubeMap]:
     """A room-like gradient without and with a lamp of 6 degrees that doubles the irradiance."""
     d = fastibl.texel_directions(128).astype(np.float64)
-    dark = (0.25 + 0.1 * d[..., 2:] + 0.05 * np.sin(7 * d[..., :1]) * np.cos(5 * d[..., 1:2])) * np.float64(
-        [1, 0.9, 0.8]
-    )
+    dark = (0.25 + 0.1 * d[..., 2:] + 0.05 * np.sin(7 * d[..., :1]) * np.cos(5 * d[..., 1:2])) * np.array([1, 0.9, 0.8])
     lit = dark.copy()
     radius = np.radians(6)
     lit[d @ _LAMP > np.cos(radius)] += 0.25 / np.sin(radius) ** 2

@@ -39,7 +39,7 @@ def cost() -> Iterator[Goal]:
             "<= 10 ns",
             bool(each <= 10e-9),
             (
-                f"{hits:.0f} texels of {6 * 128**2} ({percent(hits / (6 * 128**2))}); every pixel is read, "
+                f"{hits:.0f} texels of {6 * 128**2} ({percent(float(hits / (6 * 128**2)))}); every pixel is read, "
                 f"{640 * 480 / hits:.0f} a texel; {1e3 * each * hits:.3f} ms a picture, yardstick {1e3 * yard:.2f} ms",
             ),
         )

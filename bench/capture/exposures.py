@@ -9,7 +9,9 @@ import numpy as np
 
 import fastibl
 from fastibl.comparison import irradiance_error
+from fastibl.expected import present
 from fastibl.exposure import AdaptiveExposure
+from fastibl.recording import truth_of
 from fastibl.simulator import default_rig
 
 from .. import inputs
@@ -35,7 +37,7 @@ class _Bracketed:
 def _captured(place: str, adaptive: bool, seed: int) -> _Bracketed:
     rig, schedule = default_rig(_SIZE), None
     if adaptive:
-        schedule = AdaptiveExposure(rig.front, 1e-9, 1e9)
+        schedule = AdaptiveExposure(present(rig.front), 1e-9, 1e9)
     film = fastibl.simulate(
         inputs.MAPS[place],
         seconds=_SECONDS,
@@ -48,16 +50,16 @@ def _captured(place: str, adaptive: bool, seed: int) -> _Bracketed:
         front_exposures=schedule,
         live=True,
     )
-    true = film.truth.environment(0.0)
+    true = truth_of(film).environment(0.0)
     capture, out, first = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT), [], None
     stops = []
     for frame in film:
         first = first or frame.front_exposure
         stops.append(round(np.log2(frame.front_exposure / first)))
-        pose = film.truth.pose(frame.time)
+        pose = truth_of(film).pose(frame.time)
         turned = rig.front_from_back @ pose
         capture.add(frame.back, rig.back, pose, exposure=frame.back_exposure, time=frame.time)
-        capture.add(frame.front, rig.front, turned, exposure=frame.front_exposure, time=frame.time)
+        capture.add(frame.front, present(rig.front), turned, exposure=frame.front_exposure, time=frame.time)
         if schedule is not None:
             schedule.shortest, schedule.longest = (first * 2.0**s for s in _STOPS)
             schedule.update(capture, turned)
@@ -84,7 +86,8 @@ def adaptive_exposures() -> Iterator[Goal]:
             pairs = [(_captured(name, True, seed), _captured(name, False, seed)) for seed in (3, 4)]
             last = [float(np.mean([p[k].errors[-1] for p in pairs])) for k in (0, 1)]
             half = [float(np.mean([p[k].errors[0] for p in pairs])) for k in (0, 1)]
-            ours.append(last[0]), fixed.append(last[1])
+            ours.append(last[0])
+            fixed.append(last[1])
             a, b = pairs[0]
             notes.append(
                 f"{name}: {percent(last[0], 2)} against {percent(last[1], 2)}; after 30 frames {percent(half[0])} "
@@ -124,14 +127,16 @@ def untold_exposures() -> Iterator[Goal]:
         yield skipped(what, inputs.NO_MAPS)
         return
     places = [*inputs.MAPS, ROOM]
-    errors, maps, notes, lost, pictures = {"back": [], "front": []}, {}, [], 0, 0
+    errors: dict[str, list[float]] = {"back": [], "front": []}
+    maps, notes, lost, pictures = {}, [], 0, 0
     for place in places:
         film = _sweep(place)
-        here, left_out, told = {"back": [], "front": []}, 0, 0.0
+        here: dict[str, list[float]] = {"back": [], "front": []}
+        left_out, told = 0, 0.0
         for hide in (False, True):
             capture = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT)
             for frame in film:
-                pose = film.truth.pose(frame.time)
+                pose = truth_of(film).pose(frame.time)
                 for name in ("back", "front"):
                     true = getattr(frame, f"{name}_exposure")
                     taken = capture.add(
@@ -144,7 +149,7 @@ def untold_exposures() -> Iterator[Goal]:
                     left_out += taken.how == "left out"
                     if taken.how == "estimated":
                         here[name].append(abs(np.log(taken.exposure / true)))
-            error = irradiance_error(capture.environment(), film.truth.environment(0.0))
+            error = irradiance_error(capture.environment(), truth_of(film).environment(0.0))
             told, maps[place] = (error, told) if not hide else (told, error)
         lost, pictures = lost + left_out, pictures + 2 * len(film)
         if place != ROOM:
@@ -191,13 +196,13 @@ def never_told_exposures() -> Iterator[Goal]:
             film = _sweep(place, front_exposures=_held)
             capture, clipped = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT), []
             for index, frame in enumerate(film):
-                pose = film.truth.pose(frame.time)
+                pose = truth_of(film).pose(frame.time)
                 if index >= wait:
                     capture.add(frame.back, film.rig.back, pose, frame.back_exposure, frame.time)
                 front = film.rig.front_from_back @ pose
-                capture.add(frame.front, film.rig.front, front, None, frame.time, number=1)
+                capture.add(frame.front, present(film.rig.front), front, None, frame.time, number=1)
                 clipped.append(np.mean(frame.front == 255))
-            made, true = (on_plane(m).mean() for m in (capture.environment().radiance, film.truth.environment(0.0)))
+            made, true = (on_plane(m).mean() for m in (capture.environment().radiance, truth_of(film).environment(0.0)))
             factor = made / true
             off.append(abs(factor - 1))
             share = percent(float(np.mean(clipped)), 1)

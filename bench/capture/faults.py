@@ -14,6 +14,7 @@ import fastibl
 from fastibl.comparison import irradiance_error
 from fastibl.faults import KINDS, Faulty
 from fastibl.live import play
+from fastibl.recording import truth_of
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
@@ -33,9 +34,9 @@ class Laps:
     """A sweep forth and back, over and over, in one time. `pose` is the true one of the frame given last."""
 
     def __init__(self, film: fastibl.Recording, count: int, first: int = 0):
-        self.rig, self.board, self.truth = film.rig, film.board, film.truth
+        self.rig, self.board, self.truth = film.rig, film.board, truth_of(film)
         self._frames, self._first, self._count = list(film), first, count
-        self.pose = None
+        self.pose = fastibl.Pose()
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -82,7 +83,7 @@ def run(session: fastibl.Session, source, laps: Laps, look: int = _LOOK) -> Run:
             out.refused[why] += 1
         pose = None if result is None else result.back_from_marker
         out.by_kind[kind].append(None if pose is None else float(np.degrees(pose.angle_to(laps.pose))))
-        if pose is not None:
+        if result is not None and result.tracked is not None:
             out.residuals[kind].append(result.tracked.residual_px)
         for taken in () if result is None else (result.back_taken, result.front_taken):
             if taken is not None:

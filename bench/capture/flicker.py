@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 import fastibl
 from fastibl.comparison import irradiance_error
+from fastibl.recording import truth_of
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
@@ -16,7 +18,7 @@ from .recordings import ROOM, recorded
 
 _FRAMES, _SIZE = 60, (320, 240)
 # What, pictures a second, goal of the irradiance's error, what simulate() is given.
-CASES = (
+CASES: tuple[tuple[str, float, float, dict[str, Any]], ...] = (
     ("instant exposures", 15, 0.02, {}),
     ("instant exposures, at no rate of the mains", 13.0, 0.02, {}),
     ("20 ms, darker pictures 16 and 256 times shorter", 15, 0.02, {"shutter": 0.02}),
@@ -46,13 +48,13 @@ def swept(place: str, fps: float, doubt: bool = True, **timing: float) -> Run:
         lamp=False,
         **timing,
     )
-    true = film.truth.environment(0.0)
+    true = truth_of(film).environment(0.0)
     capture = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT, doubt_exposures=doubt)
     errors, averaged = [], 0
     for index, frame in enumerate(film):
         for name in ("back", "front"):
             camera, turned = getattr(film.rig, name), fastibl.Pose() if name == "back" else film.rig.front_from_back
-            first, last = (turned @ film.truth.pose(frame.time + later) for later in (0, camera.readout))
+            first, last = (turned @ truth_of(film).pose(frame.time + later) for later in (0, camera.readout))
             image, exposure = getattr(frame, name), getattr(frame, f"{name}_exposure")
             row = last if camera.readout > 0 else None
             averaged += capture.add(image, camera, first, exposure, frame.time, last_row=row).how == "averaged"

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,7 +194,7 @@ def plane() -> Surface:
     """Points of the marker plane around the object, not under it."""
     grid = (np.arange(36) + 0.5) / 36 * 0.56 - 0.28
     p = np.stack([*np.meshgrid(grid, grid), np.zeros((36, 36))], axis=-1).reshape(-1, 3)
-    up = np.tile(np.float32([0, 0, 1]), (len(p), 1))
+    up = np.tile(np.array([0, 0, 1], np.float32), (len(p), 1))
     p = p[~bvh().occluded((p + [0, 0, 1e-5]).astype(np.float32), up)]
     return Surface(p, np.tile([0.0, 0, 1], (len(p), 1)), bvh())
 
@@ -265,7 +266,7 @@ def _rendered(
     result = session.process(fastibl.Frame(0.0, back_from_marker=pose))
     layer, (pixels, _) = session.object, seen()
     at = pixels - [layer.y, layer.x]
-    inside = ((at >= 0) & (at < layer.rgba.shape[:2])).all(axis=1)
+    inside = np.all((at >= 0) & (at < layer.rgba.shape[:2]), axis=1)
     rgba = layer.rgba[tuple(np.where(inside[:, None], at, 0).T)]
     return rgba[:, :3], inside & (rgba[:, 3] == 1), result.shadow_map  # a pixel's edge is another matter
 
@@ -311,7 +312,7 @@ def captured(distance: float) -> NDArray:
     lens = fastibl.Camera(320, 240, 200.0, 200.0, 160.0, 120.0)
     x, y = np.meshgrid(np.arange(640) / 2 + 0.25, np.arange(480) / 2 + 0.25)
     rays = lens.unproject(np.stack([x, y], axis=-1))
-    capture = fastibl.Capture(size=64, centre=CENTRE)
+    capture = fastibl.Capture(size=64, centre=tuple(CENTRE))
     away = np.arctan2(-TOWARDS[1], -TOWARDS[0])
     for k in range(30):
         turn = away + np.radians(-70 + 140 * k / 29)
@@ -362,7 +363,8 @@ def near_walls() -> Iterator[Goal]:
         material = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=exponent)
         true = _glossy(lamp, exponent)
         error = {}
-        for name, options in {"far": {}, "lamp": {"lights": place}, "box": {"lights": place, "box": box}}.items():
+        known: dict[str, dict[str, Any]] = {"far": {}, "lamp": {"lights": place}, "box": {"lights": place, "box": box}}
+        for name, options in known.items():
             environment = fastibl.Environment(cube, centre=CENTRE, **options)
             light, whole, _ = _rendered(environment, material, "none", "cpu")
             error[name] = _relative(light, true, whole)

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 import fastibl
+from fastibl.recording import truth_of
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
@@ -79,7 +80,7 @@ def in_a_room() -> Iterator[Goal]:
         for frame in film:
             environment = session.process(frame).environment
             if environment is not None:
-                some.append(moment_of(environment, film.truth.environment(frame.time)))
+                some.append(moment_of(environment, truth_of(film).environment(frame.time)))
         shares.append(_share(some))
         notes.append(
             f"film {seed}{' with a hand in it' if hand else ''}: {percent(shares[-1])} of {len(some)} frames; median "

@@ -15,13 +15,15 @@ from pathlib import Path
 import fastibl
 from fastibl import recording, room, shutter, simulator
 from fastibl.comparison import irradiance_error
+from fastibl.expected import present
+from fastibl.recording import truth_of
 
 from .. import inputs
 from ..brute import CACHE
 
 FRESH = "immenstadter_horn"  # a sun
 ROOM = "room"  # the built-in one, with walls and lamps at 1 to 3 m
-_SOURCES = tuple(Path(module.__file__) for module in (recording, room, shutter, simulator))
+_SOURCES = tuple(Path(inspect.getfile(module)) for module in (recording, room, shutter, simulator))
 
 
 def recorded(place: str, **options) -> fastibl.Recording:
@@ -75,12 +77,13 @@ def sweep(place: str, distance: float = float("inf")) -> Sweep:
     """60 frames in 6 s by both cameras (63 and 78 degrees wide) with brackets, tracked."""
     film = recorded(place, seconds=6, fps=10, seed=0, position=inputs.OBJECT, path="sweep", hand=False, lamp=False)
     session = fastibl.Session(inputs.scene(), film.rig, film.board, distance=distance)
-    true = film.truth.environment(0.0)
+    true = truth_of(film).environment(0.0)
     tracked, result = 0, None
     for frame in film:
         result = session.process(frame)
         tracked += result.tracked is not None
-    return Sweep(moment_of(result.environment, true), result.environment, true, tracked)
+    environment = present(result).environment
+    return Sweep(moment_of(environment, true), environment, true, tracked)
 
 
 def sweeps() -> Iterator[tuple[str, Sweep]]:
@@ -103,12 +106,12 @@ def followed(place: str, frames_a_second: float, path: str, seed: int, **options
         lamp=False,
     )
     capture = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT, **options)
-    true = film.truth.environment(0.0)
+    true = truth_of(film).environment(0.0)
     for frame in film:
-        pose = film.truth.pose(frame.time)
+        pose = truth_of(film).pose(frame.time)
         capture.add(frame.back, film.rig.back, pose, exposure=frame.back_exposure, time=frame.time)
         turned = film.rig.front_from_back @ pose
-        capture.add(frame.front, film.rig.front, turned, exposure=frame.front_exposure, time=frame.time)
+        capture.add(frame.front, present(film.rig.front), turned, exposure=frame.front_exposure, time=frame.time)
         yield capture, capture.environment(), true
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 import fastibl
+from fastibl.expected import present
 from fastibl.simulator import DistantPlace, simulate
 
 from .. import inputs
@@ -52,10 +54,12 @@ def errors(name: str, up_and_down: bool) -> Errors:
         capture = fastibl.Capture(size=_SIZE, centre=_CENTRE)
         for f in film:
             pose = _front(f.time, up_and_down)
-            capture.add(f.front, film.rig.front, pose, f.front_exposure, f.time, last_row=last(f.time))
+            capture.add(f.front, present(film.rig.front), pose, f.front_exposure, f.time, last_row=last(f.time))
         return capture.environment().radiance.faces.astype(np.float64), np.isfinite(capture.last_seen)
 
-    common = {"seconds": 1.5, "fps": 20, "board": False, "hand": False, "rig": rig, "truth_size": 8, "path": path}
+    common: dict[str, Any] = {
+        "seconds": 1.5, "fps": 20, "board": False, "hand": False, "rig": rig, "truth_size": 8, "path": path,
+    }  # fmt: skip
     still, rolling = (simulate(environment, readout=r, **common) for r in (0.0, READOUT))
     maps = (
         captured(still, lambda _: None),
@@ -63,7 +67,7 @@ def errors(name: str, up_and_down: bool) -> Errors:
         captured(rolling, lambda _: None),
     )
     truth = DistantPlace(environment).truth(_CENTRE, _SIZE).faces.astype(np.float64)
-    white = 1 / min(f.front_exposure for f in still)  # no picture tells more
+    white = 1 / min(present(f.front_exposure) for f in still)  # no picture tells more
     seen = np.all([s for _, s in maps], axis=0) & (fastibl.texel_directions(_SIZE)[..., 2] > 0.05)
     true = np.minimum(truth[seen], white)
     return Errors(*(float(np.abs(np.minimum(m[seen], white) - true).mean() / true.mean()) for m, _ in maps))

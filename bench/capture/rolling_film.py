@@ -39,7 +39,9 @@ def board_light(board: fastibl.Board, pose_at: Path, time: float, camera: fastib
     maps = [((across[:, k] * x + down[:, k : k + 1]) / w).astype(np.float32) for k in (0, 1)]
     for k in (0, 1):
         maps[k][w * np.sign(np.median(w)) <= 0] = -1e4
-    seen = cv2.remap(texture, *maps, interpolation=cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=TABLE)
+    seen = cv2.remap(
+        texture, maps[0], maps[1], interpolation=cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=TABLE
+    )
     return cv2.resize(seen, (width, height), interpolation=cv2.INTER_AREA)
 
 

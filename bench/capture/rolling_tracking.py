@@ -6,13 +6,16 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
 from fastibl.calibration import PosePath, TimingCalibration, calibrate_timing
+from fastibl.expected import present
 from fastibl.extremes.board_pictures import rotation_error_degrees
+from fastibl.recording import truth_of
 from fastibl.simulator import DistantPlace, default_rig, simulate, with_readout
 
 from .. import inputs
@@ -102,7 +105,7 @@ def clocks() -> Iterator[Goal]:
     names = [name for name in PATHS if name != "around the board"]
     found = {(name, seed): calibrated(name, seed) for name in names for seed in range(SEEDS)}
     readouts = np.array([c.readout - READOUT for c in found.values()])
-    offsets = np.array([c.clock_offset - OFFSET for c in found.values()])
+    offsets = np.array([present(c.clock_offset) - OFFSET for c in found.values()])
     stated = [(c.readout_deviation, c.clock_offset_deviation) for c in found.values()]
     by_deviation = np.abs(np.stack([readouts, offsets], 1)) / np.array(stated)
     for what, errors, k in (("readout", readouts, 0), ("clock offset", offsets, 1)):
@@ -122,11 +125,13 @@ def clocks() -> Iterator[Goal]:
         # The mount is known to whoever gives poses.
         mounted = matrices[0] @ np.linalg.inv(path(times[0] - OFFSET))
         known = PosePath(times, [fastibl.Pose(np.linalg.inv(mounted) @ m) for m in matrices])
+        offset = present(timing.clock_offset)
         tracker = fastibl.Tracker(BOARD, CAMERA.replace(readout=timing.readout))
         for now, image in shots(name, seed):
-            given.append(rotation_error_degrees(known(now + timing.clock_offset).matrix, path(now)))
+            given.append(rotation_error_degrees(known(now + offset).matrix, path(now)))
             late.append(rotation_error_degrees(known(now).matrix, path(now)))
-            tracked.append(rotation_error_degrees(tracker.track(image, now).camera_from_marker.matrix, path(now)))
+            found_now = present(tracker.track(image, now)).camera_from_marker
+            tracked.append(rotation_error_degrees(found_now.matrix, path(now)))
     for what, degrees, notes in (
         ("poses by another clock, unknown 20 ms apart", given, (f"ignored: {np.percentile(late, 95):.2f} degrees",)),
         ("tracked, unknown readout", tracked, ()),
@@ -157,16 +162,20 @@ class Maps:
 @cache
 def maps(name: str) -> Maps:
     environment = fastibl.read_environment(inputs.MAPS[name], size=256)
-    common = {"seconds": 3, "fps": 15, "hand": False, "truth_size": 8, "path": around, "rig": default_rig((480, 360))}
+    common: dict[str, Any] = {
+        "seconds": 3, "fps": 15, "hand": False, "truth_size": 8, "path": around, "rig": default_rig((480, 360)),
+    }  # fmt: skip
     still = simulate(environment, readout=0.0, **common)
     rolling = simulate(environment, readout=READOUT, clock_offset=OFFSET, **common)
-    mesh = fastibl.Mesh(np.float32([[0, 0, 0.11], [0.01, 0, 0.13], [0, 0.01, 0.13]]), np.array([[0, 1, 2]]))
+    mesh = fastibl.Mesh(np.array([[0, 0, 0.11], [0.01, 0, 0.13], [0, 0.01, 0.13]], np.float32), np.array([[0, 1, 2]]))
     scene = fastibl.Scene(mesh, fastibl.Material(), spheres=0, visibility_rays=0)
 
     times = np.arange(-0.2, 3.4, 0.005)
     reference = times, [around(t) for t in times]  # by the clock of the truth
-    timing = calibrate_timing(((f.time, f.back) for f in rolling), rolling.rig.back, rolling.board, poses=reference)
-    known = PosePath(*reference)
+    timing = calibrate_timing(
+        ((f.time, present(f.back)) for f in rolling), rolling.rig.back, rolling.board, poses=reference
+    )
+    known, offset = PosePath(*reference), present(timing.clock_offset)
 
     def run(film: fastibl.Recording, rig: fastibl.Rig, given: Callable[[float], fastibl.Pose] | None = None):
         session, degrees = fastibl.Session(scene, rig, film.board), []
@@ -178,7 +187,7 @@ def maps(name: str) -> Maps:
                 )  # fmt: skip
             pose = session.process(frame).back_from_marker
             if pose is not None:
-                truth = around(frame.time + film.truth.clock_offset)
+                truth = around(frame.time + truth_of(film).clock_offset)
                 degrees.append(rotation_error_degrees(pose.matrix, truth.matrix))
         capture = session.capture
         faces = capture.environment().radiance.faces.astype(np.float64)
@@ -188,15 +197,17 @@ def maps(name: str) -> Maps:
     runs = (
         run(still, still.rig),
         run(rolling, found),
-        run(rolling, found, lambda t: known(t + timing.clock_offset)),
+        run(rolling, found, lambda t: known(t + offset)),
         run(rolling, with_readout(rolling.rig, 0.0), known),
     )
     truth = DistantPlace(environment).truth((0.0, 0.0, 0.12), 128).faces.astype(np.float64)
-    white = 1 / min(f.front_exposure for f in still)  # no picture tells more
+    white = 1 / min(present(f.front_exposure) for f in still)  # no picture tells more
     seen = np.all([s for _, s, _ in runs], axis=0) & (fastibl.texel_directions(128)[..., 2] > 0.05)
     true = np.minimum(truth[seen], white)
-    errors = [float(np.abs(np.minimum(faces[seen], white) - true).mean() / true.mean()) for faces, _, _ in runs]
-    return Maps(*errors, degrees=runs[1][2], timing=timing)
+    of_still, tracked, given, ignored = (
+        float(np.abs(np.minimum(faces[seen], white) - true).mean() / true.mean()) for faces, _, _ in runs
+    )
+    return Maps(of_still, tracked, given, ignored, degrees=runs[1][2], timing=timing)
 
 
 @row("capture", "rolling shutter: session")
@@ -220,7 +231,7 @@ def session_maps() -> Iterator[Goal]:
         )
     degrees = max(m.degrees for m in found.values())
     readouts = [1e3 * (m.timing.readout - READOUT) for m in found.values()]
-    offsets = [1e3 * (m.timing.clock_offset - OFFSET) for m in found.values()]
+    offsets = [1e3 * (present(m.timing.clock_offset) - OFFSET) for m in found.values()]
     yield Goal(
         f"{what}; tracked: p95 of the rotation, worst of {len(found)} maps",
         f"{degrees:.3f} degrees",

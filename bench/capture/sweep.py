@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def after_sweep() -> Iterator[Goal]:
 
 @row("capture", "the room after a sweep")
 def after_sweep_of_room() -> Iterator[Goal]:
-    cases = (
+    cases: tuple[tuple[str, dict[str, Any]], ...] = (
         ("nothing said of distances", {}),
         ("walls said to be at 3 m", {"distance": 3.0}),
         ("walls said to be a box", {"box": (LOWER - [0, 0, 0.001], UPPER)}),

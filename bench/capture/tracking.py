@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl._fastibl import _track_edges
+from fastibl.expected import present
 from fastibl.extremes.board_pictures import look_at, rotation_error_degrees
 
 from .. import photographs
@@ -126,7 +128,9 @@ def clean() -> Iterator[Goal]:
 @one_core()
 def hard() -> Iterator[Goal]:
     total = int(os.environ.get("FASTIBL_TRACKING_FRAMES", "700"))
-    cases = {"25 px tags": (BOARD, Look(), {"distance": (0.60, 0.65)})}
+    cases: dict[str, tuple[fastibl.Board, Look, dict[str, Any]]] = {
+        "25 px tags": (BOARD, Look(), {"distance": (0.60, 0.65)})
+    }
     cases["25 px tags, no large one"] = GRID, Look(), {"distance": (0.80, 0.87)}
     cases |= {name: (BOARD, look, {}) for name, look in HARD.items()}
     wrong = frames = 0
@@ -231,7 +235,7 @@ def halves_of_photographs() -> Iterator[Goal]:
     board, camera, images = photographs.grid(terms=5)
     rng, halves, notes = np.random.default_rng(0), [], []
     for k, image in enumerate(images):
-        start = fastibl.Tracker(board, camera).track(image)
+        start = present(fastibl.Tracker(board, camera).track(image))
         degrees = []
         for _ in range(50):
             order = rng.permutation(len(board.tags))
@@ -239,11 +243,11 @@ def halves_of_photographs() -> Iterator[Goal]:
                 _track_edges(image, half_of(board, part), camera, start.camera_from_marker)
                 for part in np.array_split(order, 2)
             ]
-            if None in poses:
+            a, b = poses
+            if a is None or b is None:
                 degrees.append(np.inf)
             else:
-                a, b = (p.camera_from_marker.matrix for p in poses)
-                degrees.append(rotation_error_degrees(a, b))
+                degrees.append(rotation_error_degrees(a.camera_from_marker.matrix, b.camera_from_marker.matrix))
         halves += degrees
         notes.append(
             f"photograph {k}: median {np.median(degrees):.4f}, p95 {np.percentile(degrees, 95):.4f} degrees, "
@@ -257,7 +261,8 @@ def halves_of_photographs() -> Iterator[Goal]:
 @one_core()
 def speed() -> Iterator[Goal]:
     frames = [list(film(BOARD, HandPath(seed), Look(), 24, seed)) for seed in range(3)]
-    cpus, detection = [], []
+    cpus: list[float] = []
+    detection: list[float] = []
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
@@ -323,12 +328,12 @@ def jitter() -> Iterator[Goal]:
     ):
         look, rng = Look(noise=noise), np.random.default_rng(1)
         light = cv2.GaussianBlur(board_film.board_light(BOARD, pose, fine=10), (0, 0), look.blur)
-        tracker, turns, stated = fastibl.Tracker(BOARD, CAMERA), [], []
+        tracker, found, stated = fastibl.Tracker(BOARD, CAMERA), [], []
         for k in range(300):
-            tracked = tracker.track(board_film.picture(light, look, rng), k / FPS)
-            turns.append(board_film.small_turn(tracked.camera_from_marker.rotation @ pose[:3, :3].T))
+            tracked = present(tracker.track(board_film.picture(light, look, rng), k / FPS))
+            found.append(board_film.small_turn(tracked.camera_from_marker.rotation @ pose[:3, :3].T))
             stated.append(np.trace(tracked.covariance[:3, :3]))
-        turns = np.degrees(turns)[1:]  # the first is detected
+        turns = np.degrees(found)[1:]  # the first is detected
         rms = float(np.sqrt(((turns - turns.mean(0)) ** 2).sum(1).mean()))
         least, of_sides = (
             float(np.degrees(np.sqrt(np.trace(bound(BOARD, pose, look, sides)[:3, :3])))) for sides in (False, True)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
+from fastibl.recording import truth_of
 from fastibl.simulator import DistantPlace, HandPath, simulate
 
 from .. import inputs, measure
@@ -51,7 +52,7 @@ def swept(place: str, gyro: float | None = None) -> Sweep:
         result = session.process(frame)
         spent = time.process_time() - begin
         if result.turned is not None:
-            errors.append(_angle(result.turned.back_from_marker, film.truth.pose(frame.time)))
+            errors.append(_angle(result.turned.back_from_marker, truth_of(film).pose(frame.time)))
             seconds.append(spent * result.timings["track"] / result.timings["total"])
         missing += result.turned is None and result.back_from_marker is None
     size = session.capture.last_seen.shape[-1]

@@ -8,6 +8,7 @@ import numpy as np
 
 import fastibl
 from fastibl.comparison import irradiance_error
+from fastibl.recording import truth_of
 from fastibl.room import LOWER, UPPER
 
 from .. import inputs
@@ -29,13 +30,13 @@ def captured(place: str, camera: fastibl.Camera) -> tuple[float, float]:
     path = None if place == ROOM else inputs.MAPS[place]
     rig = fastibl.Rig(_BACK, camera, _TURN)
     film = fastibl.simulate(path, rig=rig, seconds=0.4, fps=15, hand=False, lamp=False, board=False)
-    box = (LOWER, UPPER) if place == ROOM else None
-    capture = fastibl.Capture(size=128, centre=film.truth.position, box=box)
+    box = (tuple(LOWER), tuple(UPPER)) if place == ROOM else None
+    capture = fastibl.Capture(size=128, centre=truth_of(film).position, box=box)
     for f in film:
-        pose = rig.front_from_back @ film.truth.pose(f.time)
+        pose = rig.front_from_back @ truth_of(film).pose(f.time)
         capture.add(f.front, camera, pose, exposure=f.front_exposure, time=f.time)
     sky = fastibl.texel_directions(128)[..., 2] > 0
-    error = irradiance_error(capture.environment(), film.truth.environment(0))
+    error = irradiance_error(capture.environment(), truth_of(film).environment(0))
     return error, float(np.isfinite(capture.last_seen)[sky].mean())
 
 

@@ -111,9 +111,9 @@ def cube_truth() -> tuple[NDArray, dict[str, NDArray]]:
     def make() -> NDArray:
         texels, angles, _ = reference.samples(np.zeros((6, size, size, 3)))
         flux = [c.faces.reshape(-1, 3).astype(np.float64) * angles[:, None] for c in inputs.real_maps().values()]
-        flux = np.hstack(flux)
+        every = np.hstack(flux)
         parts = np.array_split(directions, 24)
-        return np.concatenate([np.maximum(p @ texels.T, 0) @ flux for p in parts])
+        return np.concatenate([np.maximum(p @ texels.T, 0) @ every for p in parts])
 
     sums = brute.kept("irradiance at 16 squared texels", make)
     return directions, {name: sums[:, 3 * k : 3 * k + 3] for k, name in enumerate(inputs.real_maps())}

@@ -10,6 +10,7 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ def lighting_of(name: str, glossy: str, lights: int) -> fastibl.Lighting:
 
 
 def error_by_map(
-    alpha: tuple[float, float], glossy: str = "stretched", lights: int = 8, **options: object
+    alpha: tuple[float, float], glossy: str = "stretched", lights: int = 8, **options: Any
 ) -> tuple[dict[str, float], list[float]]:
     """Mean error of each map, and of each view angle over all maps. glossy: whose chain is read."""
     n, t, v = surfaces(COUNT)
@@ -69,7 +70,7 @@ def error_by_map(
     return means, list(np.mean(angles, axis=0))
 
 
-def goal_of(what: str, alpha: tuple[float, float], goal: float | None, **options: object) -> Goal:
+def goal_of(what: str, alpha: tuple[float, float], goal: float | None, **options: Any) -> Goal:
     means, angles = error_by_map(alpha, **options)
     mean = float(np.mean(list(means.values())))
     tuned = [m for name, m in means.items() if name.startswith(TUNED)]

@@ -82,7 +82,7 @@ def between_levels() -> Iterator[Goal]:
         (name, s): reference.glossy(cube, normals, views, s) for name, cube in cubes.items() for s in (4, 16, 64, 200)
     }
     for method in (fastibl.Method("centroid"), fastibl.Method("stretched")):
-        means = {}
+        means: dict[int, list[float]] = {}
         for (name, s), true in truths.items():
             given = fastibl.Lighting(cubes[name], glossy=method).glossy(normals, views, float(s))
             means.setdefault(s, []).append(brute.errors(given, true, true.mean()).mean())
@@ -137,7 +137,8 @@ def lights() -> Iterator[Goal]:
         (f"lights by map: {counts}",),
     )
     normals, views = pairs(4, seed=5)
-    errors, worst = {}, {}
+    errors: dict[str, float] = {}
+    largest: dict[str, float] = {}
     for name, cube in inputs.real_maps().items():
         before = fastibl.Lighting(cube, glossy="stretched")
         # One light 2 % brighter: what lies within 8 degrees of it.
@@ -151,7 +152,7 @@ def lights() -> Iterator[Goal]:
             given = after.glossy(normals, views, s) - before.glossy(normals, views, s)
             error = brute.errors(given, change, true.mean())
             errors[name] = max(errors.get(name, 0.0), float(error.mean()))
-            worst[name] = max(worst.get(name, 0.0), float(error.max()))
+            largest[name] = max(largest.get(name, 0.0), float(error.max()))
     yield Goal(
         "glossy change under a 2 % light change, mean error on the worst map",
         percent(max(errors.values())),
@@ -160,7 +161,7 @@ def lights() -> Iterator[Goal]:
         (
             *by_map(errors),
             # A highlight far above the mean that is some per cent wrong is so before and after: the change, too.
-            "worst sample by map: " + ", ".join(f"{name} {percent(v)}" for name, v in worst.items()),
+            "worst sample by map: " + ", ".join(f"{name} {percent(v)}" for name, v in largest.items()),
         ),
     )
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
+from fastibl.expected import present
 from fastibl.viewpoint import looking
 
 from .. import inputs, measure
@@ -127,7 +128,7 @@ def follow(camera: fastibl.Camera, pictures: list[tuple[NDArray, fastibl.Pose]])
         del lighting
         if k % 40 == 0:
             yards.append(measure.yardstick(3).cpu)
-    return np.array(times), np.array(yards), env.coverage
+    return np.array(times), np.array(yards), present(env).coverage
 
 
 @row("light", "speed of following frames")

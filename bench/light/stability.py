@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -23,15 +24,19 @@ _SEAM_EXPONENTS = (2.0, 16.0, 64.0, 256.0, 2048.0)
 Evaluator = Callable[[NDArray, NDArray], NDArray]  # normals and views (n, 3), unit, to light (n, 3)
 
 
+def _irradiance(lighting: fastibl.Lighting, normals: NDArray, _: NDArray) -> NDArray:
+    return lighting.irradiance(normals)
+
+
 def evaluators(cube: fastibl.CubeMap, exponents: tuple[float, ...]) -> Iterator[tuple[str, Evaluator]]:
     """Every diffuse method, and every glossy one at each exponent."""
     for method in fastibl.methods("diffuse"):
         lighting = fastibl.Lighting(cube, diffuse=method)
-        yield str(method), lambda n, v, l=lighting: l.irradiance(n)
+        yield str(method), partial(_irradiance, lighting)
     for method in fastibl.methods("glossy"):
         lighting = fastibl.Lighting(cube, glossy=method)
         for s in exponents:
-            yield f"{method} s = {s:g}", lambda n, v, l=lighting, s=s: l.glossy(n, v, s)
+            yield f"{method} s = {s:g}", partial(lighting.glossy, exponent=s)
 
 
 def edges() -> Iterator[tuple[NDArray, NDArray, NDArray]]:
@@ -170,7 +175,8 @@ class _Changes:
     """Changes of the light from map to map, as estimated and in truth."""
 
     def __init__(self, size: int, count: int = 100, at_most: float = np.inf):
-        """count: of pairs of normal and view; at_most: only changes of the true light of at most this, relative to its mean, are kept."""
+        """count: of pairs of normal and view; at_most: only changes of the true light of at most this, relative to its
+        mean, are kept."""
         self.at_most = at_most
         self.n, self.v, self.weights = _weights(size, count, _STEADY_EXPONENTS)
         self.last: dict[float, tuple[NDArray, NDArray]] = {}
@@ -254,11 +260,11 @@ def recording() -> Iterator[Goal]:
             radiance = result.environment.radiance
             changes.add(radiance, result.lighting)
             for name, (method, other) in others.items():
-                last[name] = fastibl.Lighting(radiance, diffuse="sh9", glossy=method, previous=last[name])
-                other.add(radiance, last[name])
+                made = last[name] = fastibl.Lighting(radiance, diffuse="sh9", glossy=method, previous=last[name])
+                other.add(radiance, made)
     notes = tuple(
-        f"glossy by {name}: mean {percent(np.mean(other.errors['glossy']), 2)}, "
-        f"largest {percent(np.max(other.errors['glossy']), 2)}"
+        f"glossy by {name}: mean {percent(float(np.mean(other.errors['glossy'])), 2)}, "
+        f"largest {percent(float(np.max(other.errors['glossy'])), 2)}"
         for name, (_, other) in others.items()
     )
     for goal in _steady("300-frame recording, map against light", changes.errors, np.max, "largest"):

@@ -64,7 +64,7 @@ def over_maps(
     return out
 
 
-def run(command: Sequence[str], **options) -> tuple[str, float, float]:
+def run(command: Sequence[object], **options) -> tuple[str, float, float]:
     """Standard output, wall and CPU seconds of a program. Raises RuntimeError where it fails."""
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=600, **options)

@@ -8,6 +8,8 @@ from functools import cache
 import numpy as np
 
 import fastibl
+from fastibl.expected import present
+from fastibl.recording import truth_of
 from fastibl.truth import TruePicture, TrueRenderer, picture_error
 
 from .. import inputs
@@ -32,11 +34,11 @@ def _truth() -> tuple[fastibl.Frame, TruePicture]:
     """The last frame of the recording, and its true picture under the true light."""
     recording = inputs.short_recording()
     frame = [f for f in recording if f.back is not None][-1]
-    with_truth = recording.truth
+    truth = truth_of(recording)
     renderer = TrueRenderer(_scene(), extent=0.25, grid=96)
     true = renderer.render(
-        frame.back, frame.back_exposure, recording.rig.back, with_truth.pose(frame.time),
-        with_truth.environment(frame.time),
+        present(frame.back), present(frame.back_exposure), recording.rig.back, truth.pose(frame.time),
+        truth.environment(frame.time),
     )  # fmt: skip
     return frame, true
 
@@ -49,7 +51,7 @@ def _error(methods: str) -> float:
         result = session.process(frame)
         if frame.time == _truth()[0].time:
             break
-    return picture_error(result.image, _truth()[1], _truth()[0].back, recording.rig.back.response)
+    return picture_error(result.image, _truth()[1], present(_truth()[0].back), recording.rig.back.response)
 
 
 @row("plan", "whole frame")

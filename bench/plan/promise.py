@@ -17,7 +17,7 @@ import fastibl
 
 from ..goals import Goal, percent, row
 from . import cases, render, truth
-from .cases import Case, Errors, Picture
+from .cases import Case, Errors
 
 QUICK = bool(os.environ.get("FASTIBL_QUICK"))
 WITHIN, SAID = 0.98, 0.95
@@ -79,7 +79,7 @@ def flip(estimate: NDArray, true: NDArray) -> tuple[float, float] | None:
     return float(mean), float(np.percentile(error, 99))
 
 
-def kept(case: Case, kind: Kind, budget: float, rendered: dict[str, tuple[Picture, tuple | None]]) -> Kept:
+def kept(case: Case, kind: Kind, budget: float, rendered: dict[str, tuple[Errors, tuple | None]]) -> Kept:
     plan = fastibl.make_plan(
         render.scene(case),
         cases.environment(case.map),
@@ -109,7 +109,7 @@ def results(quick: bool = QUICK) -> list[Kept]:
     return out
 
 
-def _share(values: Sequence[bool]) -> float:
+def _share(values: Sequence[bool] | NDArray) -> float:
     return float(np.mean(values)) if len(values) else 1.0
 
 

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 import fastibl
+from fastibl.session import Methods
 
 from . import cases
 from .cases import Picture
@@ -27,7 +28,7 @@ def scene(case: cases.Case) -> fastibl.Scene:
     return session(case).scene
 
 
-def render(case: cases.Case, methods: object = "auto") -> Picture:
+def render(case: cases.Case, methods: Methods = "auto") -> Picture:
     """By these methods, on a session that has seen other light before: it keeps nothing of it."""
     kept = session(case)
     kept.set_methods(methods)

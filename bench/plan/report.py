@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -79,13 +80,15 @@ class Scene:
             }
         loaded = mi.load_dict(scene)
         begin = time.process_time()
-        picture = np.array(mi.render(loaded, seed=seed), np.float64)
+        picture = np.array(mi.render(loaded, seed=seed), np.float64)  # type: ignore[arg-type]
         return picture, time.process_time() - begin
 
-    def ours(self, material: fastibl.Material, methods: object = "auto") -> tuple[NDArray, fastibl.Session]:
+    def ours(
+        self, material: fastibl.Material, methods: Mapping[str, str] | None = None
+    ) -> tuple[NDArray, fastibl.Session]:
         """Our object (h, w, 4), without bounces."""
         scene = fastibl.Scene(self.mesh, material)
-        chosen = {"bounce": "none"} if methods == "auto" else {**methods, "bounce": "none"}
+        chosen = {**(methods or {}), "bounce": "none"}
         session = fastibl.Session(scene, fastibl.Rig(self.camera), None, self.cube, methods=chosen)
         session.process(fastibl.Frame(0.0, back_from_marker=self.pose))
         layer, out = session.object, np.zeros((_HEIGHT, _WIDTH, 4))
@@ -238,5 +241,5 @@ def _frame_seconds(scene: Scene) -> tuple[tuple[float, float, float], float]:
             sessions[name].set_environment(lights[name][k % 2])
         sessions[name].process(fastibl.Frame(0.1 * k, back=back, back_from_marker=scene.pose)).image  # noqa: B018
 
-    timings, yard = side_by_side({name: lambda k, name=name: one(name, k) for name in lights}, rounds=31, warm=6)
+    timings, yard = side_by_side({name: partial(one, name) for name in lights}, rounds=31, warm=6)
     return (timings["same"].cpu, timings["changed"].cpu, timings["another"].cpu), yard

@@ -9,7 +9,7 @@ choice of a plan.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
 import cv2
 import numpy as np
@@ -20,7 +20,7 @@ from fastibl import reference
 from fastibl.truth import TrueRenderer, pbr_surface, transmitted
 
 from .. import inputs
-from ..brute import stored
+from ..brute import Part, stored
 from ..shadows.sky import NO_EMBREE
 from .cases import EYE, HEIGHT, MATERIALS, WIDTH, Picture, environment, plane_points, rays, scene
 
@@ -131,8 +131,8 @@ def _all(mesh: str) -> dict[str, NDArray]:
             made.update(_work_out(mesh))
         return made[name]
 
-    key = [given.vertices, given.triangles, *light, text]
-    return {name: stored(["plan", name, *key], lambda name=name: make(name)) for name in names}
+    key: list[Part] = [given.vertices, given.triangles, *light, text]
+    return {name: stored(["plan", name, *key], partial(make, name)) for name in names}
 
 
 def _work_out(mesh: str) -> dict[str, NDArray]:

@@ -14,6 +14,7 @@ import numpy as np
 
 import fastibl
 from fastibl import batch
+from fastibl.expected import present
 
 from ..goals import Goal, row
 
@@ -29,7 +30,7 @@ def prefiltered(seed: int, path: Path) -> None:
     lighting = fastibl.Lighting(cube)
     for _ in range(_REPEATS):
         levels = lighting.prefiltered(size=_MAP, levels=6)
-    np.savez(path, *[level.faces for level in levels])
+    np.savez(path, *[present(level).faces for level in levels])
 
 
 def _files(out: Path) -> dict[str, bytes]:

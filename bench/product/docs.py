@@ -100,7 +100,7 @@ def _blocks() -> Iterator[Goal]:
     import documents
 
     count = {kind: len(documents.every_block(*names)) for kind, names in _KINDS.items()}
-    command = [sys.executable, "-m", "pytest", "-q", "--no-header", TESTS / "test_documents.py"]
+    command: list[str | Path] = [sys.executable, "-m", "pytest", "-q", "--no-header", TESTS / "test_documents.py"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     failed = re.findall(r"^FAILED (\S+)", done.stdout, re.M)
     yield Goal(

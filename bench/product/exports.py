@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import fastibl
 from fastibl import reference
 from fastibl.axes import handed, to_axes
+from fastibl.expected import present
 from fastibl.room import Room
 
 from ..goals import Goal, percent, row, skipped
@@ -120,7 +121,7 @@ def _export(cube: fastibl.CubeMap, folder: Path) -> None:
     fastibl.write_environment(folder / "environment.hdr", cube, axes="gltf")
     fastibl.write_environment(folder / "cross.exr", cube, "cross", axes="gltf")
     levels = fastibl.Lighting(to_axes(cube, "gltf")).prefiltered(128, 8)
-    _write_dds(folder / "environment.dds", [handed(level, "left") for level in levels])
+    _write_dds(folder / "environment.dds", [handed(present(level), "left") for level in levels])
 
 
 def _by_usd(root: Path, true: dict[str, NDArray], normals: NDArray) -> Iterator[Goal]:

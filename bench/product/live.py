@@ -82,7 +82,8 @@ class _Reader(threading.Thread):
 def _run(film: Any, folder: Path, browser: Any) -> dict[str, float]:
     """Seconds of the processor and pictures of a run that is shown."""
     loop = LiveLoop(film, Choices(), Settings("figurine"), {"distance": 3.0}, folder=folder, about="simulated")
-    meter = loop._session = _Metered(loop._session)
+    meter: Any = _Metered(loop._session)
+    loop._session = meter
     with live_browser.served(loop) as server:
         reader = page = None
         if browser is not None:

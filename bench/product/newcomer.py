@@ -90,7 +90,7 @@ def make_root(root: Path) -> None:
         (root / "etc/apt/sources.list").unlink(missing_ok=True)
     subprocess.run(["git", "clone", "-q", "--bare", ROOT, root / "srv/fastibl.git"], check=True)
     head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True)
-    bare = ["git", "-C", root / "srv/fastibl.git"]
+    bare: list[str | Path] = ["git", "-C", root / "srv/fastibl.git"]
     subprocess.run([*bare, "update-ref", "refs/heads/first-minutes", head.stdout.strip()], check=True)
     subprocess.run([*bare, "symbolic-ref", "HEAD", "refs/heads/first-minutes"], check=True)
 
@@ -127,7 +127,8 @@ class _Watch:
     """When a file is there for the first time."""
 
     def __init__(self, path: Path):
-        self._path, self._begin, self._at = path, time.perf_counter(), None
+        self._path, self._begin = path, time.perf_counter()
+        self._at: float | None = None
         self._thread = threading.Thread(target=self._look, daemon=True)
         self._thread.start()
 

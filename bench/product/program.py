@@ -8,6 +8,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from fastibl.expected import present
+
 from ..goals import Goal, row, skipped
 from ..window import PROGRAM, ROOT, Screen, Window, missing_tools
 
@@ -48,7 +50,7 @@ def _answered(screen: Screen, folder: Path) -> tuple[int, list[str]]:
 def _measured(command: list[object], env: dict[str, str] | None = None) -> tuple[float, float]:
     """Frames a second by the clock on the wall, and processor milliseconds a frame."""
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True, env=env)
-    rate, used = _RATE.search(done.stdout).groups()
+    rate, used = present(_RATE.search(done.stdout)).groups()
     return float(rate), float(used)
 
 

@@ -9,7 +9,7 @@ stand for those near them. As in the product, light goes each way once, and part
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import cv2
@@ -21,7 +21,7 @@ from fastibl import reference
 from fastibl.comparison import level_at_most
 
 from .. import inputs, measure
-from ..brute import stored
+from ..brute import Part, stored
 from ..goals import Goal, by_map, percent, row, skipped
 from ..light.speed import cpu_times, in_yardsticks
 from . import truth
@@ -69,7 +69,7 @@ def true_bounce(name: str) -> tuple[NDArray, NDArray, NDArray]:
     mesh, lights = truth.meshes()[name], truth.lights()
     ratios = np.stack([truth.mesh_truth(name, light) for light in lights], axis=1)
     levels = [level_at_most(light.cube, SIZE) for light in lights.values()]
-    key = ["bounce", mesh.vertices, mesh.triangles, ratios, *levels, Path(__file__)]
+    key: list[Part] = ["bounce", mesh.vertices, mesh.triangles, ratios, *levels, Path(__file__)]
     made = stored(key, lambda: _true_bounce(name, ratios, levels))
     count = len(chosen(name))
     return made[:count], made[count : 2 * count], made[2 * count :]
@@ -112,7 +112,7 @@ def _true_bounce(name: str, ratios: NDArray, levels: list[NDArray]) -> NDArray:
     total = np.maximum((flux[up] * d[up, 2][:, None, None]).sum(axis=0), 1e-300)
     added = np.zeros((len(points()), len(levels), 3))
     for k, point in enumerate(points()):
-        origin = np.float32([*point, ABOVE])
+        origin = np.array([*point, ABOVE], np.float32)
         met = scene.run(np.broadcast_to(origin, (len(up), 3)).copy(), d[up].astype(np.float32))
         hit = np.flatnonzero(met >= 0)
         hit = hit[(facing[met[hit]] * d[up[hit]]).sum(axis=1) < 0]
@@ -165,19 +165,20 @@ def measured(name: str) -> dict[str, tuple[float, float, float, float]]:
     bounce, scene = fastibl.Bounce(scene_of(name)), scene_of(name)
     normals, own = scene.mesh.normals[chosen(name)], fastibl.SelfShadow(scene.mesh)
     origins = np.pad(points(), ((0, 0), (0, 1)), constant_values=ABOVE).astype(np.float32)
-    outside = ~fastibl.Bvh(scene.mesh).occluded(origins, np.broadcast_to(np.float32([0, 0, 1]), origins.shape).copy())
+    up = np.tile(np.array([0, 0, 1], np.float32), (len(origins), 1))
+    outside = ~fastibl.Bvh(scene.mesh).occluded(origins, up)
     found = {}
     for k, (light, given) in enumerate(truth.lights().items()):
         lighting, shadow = fastibl.Lighting(given.cube), baked(name).cast(given.cube)
         bounce.update(lighting, shadow)
         irradiance, true = lighting.irradiance(normals), shadowed[:, k]
-        errors = [
+        with_bounce, without = (
             float(np.sqrt(((share[chosen(name)] * irradiance - true) ** 2).mean(axis=-1)).mean() / true.mean())
             for share in (bounce.shares, own.shares(lighting))
-        ]
+        )
         made = bounce.plane_gain.sample(points()) - shadow.sample(points())
         off = float(np.sqrt(((made - added[:, k])[outside] ** 2).mean()))
-        found[light] = (*errors, off, float(np.sqrt((added[outside, k] ** 2).mean())))
+        found[light] = (with_bounce, without, off, float(np.sqrt((added[outside, k] ** 2).mean())))
     return found
 
 
@@ -221,9 +222,9 @@ def times() -> Iterator[Goal]:
             own = fastibl.SelfShadow(scene.mesh, size=64 if len(scene.mesh.vertices) <= 10000 else 32)
             taken = cpu_times(
                 [
-                    lambda bounce=bounce, lighting=lighting, shadow=shadow: bounce.update(lighting, shadow),
-                    lambda own=own, lighting=lighting: own.shares(lighting),
-                    lambda scene=scene: fastibl.Bounce(scene),
+                    partial(bounce.update, lighting, shadow),
+                    partial(own.shares, lighting),
+                    partial(fastibl.Bounce, scene),
                 ],
                 7,
             )
@@ -304,8 +305,8 @@ def on_a_wall() -> Iterator[Goal]:
     levels = [level_at_most(light.cube, 64) for light in lights.values()]
     for name in truth.JUDGED:
         mesh = truth.meshes()[name]
-        key = ["wall", mesh.vertices, mesh.triangles, np.array(_FACE), *levels, Path(__file__)]
-        true = stored(key, lambda name=name: _true_on_wall(name, levels))
+        key: list[Part] = ["wall", mesh.vertices, mesh.triangles, np.array(_FACE), *levels, Path(__file__)]
+        true = stored(key, partial(_true_on_wall, name, levels))
         found = {
             light: truth.errors(wall_ratios(name, given.cube), true[:, k])
             for k, (light, given) in enumerate(lights.items())

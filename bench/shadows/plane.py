@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
+from functools import cache, partial
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -20,9 +22,10 @@ from ..processes import tests
 from . import truth
 from .sky import Sky, behind_spheres
 
+_T = TypeVar("_T")
 WIDTH, HEIGHT = 640, 480
 RESOLUTION = 128
-WHERE = {"method": "directions", "extent": truth.EXTENT, "centre": (0.0, 0.0), "outer": False}
+WHERE: dict[str, Any] = {"method": "directions", "extent": truth.EXTENT, "centre": (0.0, 0.0), "outer": False}
 
 
 def ratio(cube: fastibl.CubeMap, spheres: ArrayLike, points: ArrayLike, directions: int) -> NDArray:
@@ -67,10 +70,14 @@ def _cubes() -> list[fastibl.CubeMap]:
     return [light.cube for light in truth.lights().values()]
 
 
-def _in_turn(call: Callable[[fastibl.CubeMap], object], cubes: Sequence[fastibl.CubeMap]) -> Callable[[], object]:
+def _in_turn(call: Callable[[_T], object], each: Sequence[_T]) -> Callable[[], object]:
     """Every call gets the next light."""
-    turn = iter(range(1 << 30))
-    return lambda: call(cubes[next(turn) % len(cubes)])
+    turn = itertools.cycle(each)
+    return lambda: call(next(turn))
+
+
+def _looked_up(spheres: NDArray, points: NDArray, cube: fastibl.CubeMap) -> NDArray:
+    return fastibl.cast_shadow(cube, spheres).sample(points)
 
 
 class Moving:
@@ -81,7 +88,7 @@ class Moving:
 
     def __init__(self, cube: fastibl.CubeMap, spheres: NDArray, directions: int, resolution: int = RESOLUTION):
         self.cube, self.resolution, self.turn = cube, resolution, 0
-        self.spheres = spheres, spheres + np.float32([1e-3, 0, 0, 0])
+        self.spheres = spheres, spheres + np.array([1e-3, 0, 0, 0], np.float32)
         self.caster = fastibl.DirectionShadow(directions)
         self()
 
@@ -119,8 +126,8 @@ def against_cones() -> Iterator[Goal]:
                     _in_turn(lambda shadow: shadow(points, out), moving),
                     _in_turn(lambda shadow: shadow(), moving),
                     _in_turn(lambda cones: cones(x, y), cones),
-                    _in_turn(lambda cube, s=spheres: cast(cube, s, 256), cubes),
-                    _in_turn(lambda cube, s=spheres: fastibl.cast_shadow(cube, s).sample(points), cubes),
+                    _in_turn(partial(cast, spheres=spheres, directions=256), cubes),
+                    _in_turn(partial(_looked_up, spheres, points), cubes),
                 ],
                 15,
             )
@@ -325,7 +332,9 @@ def banding() -> Iterator[Goal]:
     # Where the truth itself has an edge a step is right, and a texel of the map (five pixels) beside it is of the edge.
     near = np.pad(steps, ((0, 0), (5, 5), (0, 0), (0, 0)))
     smooth = sliding_window_view(near, 11, axis=1).max(axis=-1) <= 1
-    beyond, exact, edges = {}, {}, 0.0
+    beyond: dict[str, float] = {}
+    exact: dict[str, float] = {}
+    edges = 0.0
     for k, (name, light) in enumerate(soft.items()):
         shadow = cast(light.cube, spheres, 256)
         at = lines.reshape(-1, 2)

@@ -139,7 +139,7 @@ def edge_displacement(name: str) -> tuple[float, float]:
     )
     of_spheres = np.zeros(len(points), bool)
     for *centre, r in truth.spheres(name).astype(float):
-        away = np.array(centre) - np.pad(points, ((0, 0), (0, 1)))
+        away: NDArray = np.array(centre) - np.pad(points, ((0, 0), (0, 1)))
         along = away @ d
         of_spheres |= ((away**2).sum(axis=1) - along**2 < r * r) & (along > 0)
     edges = []
@@ -187,7 +187,7 @@ def against_the_mesh() -> Iterator[Goal]:
         thin = name in ("stanford-bunny", "suzanne")
         for kind, limit in (("soft", 0.015 if thin else 0.008), ("hard", 0.03)):
             chosen = {k: e for k, e in errors.items() if truth.lights()[k].soft == (kind == "soft")}
-            worst = max(chosen, key=chosen.get)
+            worst = max(chosen, key=lambda light: chosen[light])
             judged = name in truth.JUDGED
             yield Goal(
                 f"exact shadow of 50 spheres against {name}{' (thin parts)' if thin else ''}, {kind} lights, worst RMS",

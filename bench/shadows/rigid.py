@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +98,10 @@ def error() -> Iterator[Goal]:
         )
 
 
+def _follow(shadow: fastibl.MeshShadow, cubes: Iterator[fastibl.CubeMap]) -> None:
+    shadow.cast(next(cubes), follow=True)
+
+
 @row("shadow", "rigid mesh: a map of its own for a sun")
 def fine_map() -> Iterator[Goal]:
     """Between texels, under the lights that are compact; the others have no such map and stay as they are."""
@@ -113,13 +118,10 @@ def fine_map() -> Iterator[Goal]:
                 cube = truth.lights()[name].cube
                 off = truth.errors(shadow.cast(cube).sample(truth.grid()), truth.mesh_truth(mesh, name))
                 found.setdefault(fine, []).append(off)
-                cubes = [cube, fastibl.CubeMap(cube.faces * np.float32(1.01))]
-                turn = iter(range(1 << 30))
+                cubes = itertools.cycle([cube, fastibl.CubeMap(cube.faces * np.float32(1.01))])
                 shadow.cast(cube, follow=True)
                 with measure.one_core():
-                    time_, yard = np.median(
-                        cpu_times([lambda s=shadow, c=cubes, t=turn: s.cast(c[next(t) % 2], follow=True)], 7), axis=0
-                    )
+                    time_, yard = np.median(cpu_times([partial(_follow, shadow, cubes)], 7), axis=0)
                 times[fine] = max(times.get(fine, 0), 4 * time_ / yard)
     rms = {fine: max(e.rms for e in some) for fine, some in found.items()}
     yield Goal(

@@ -8,7 +8,7 @@ vertex. The plane is not there: below the horizon the map holds the table.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -189,18 +189,19 @@ def glossy_errors(name: str, exponent: float) -> dict[str, float]:
     """Error of the glossy light without shadow, with P_V, and with the free share of the lobe, mean over all maps."""
     radiance = np.hstack([c.faces.reshape(-1, 3).astype(np.float64) for c in inputs.real_maps().values()])
     origins, normals = points(name)
-    seen, full, true, shares = visibility(name), [], [], []
+    seen, open_, lit, found = visibility(name), [], [], []
     for eye in eyes(name):
         view = eye - origins
         view /= np.linalg.norm(view, axis=1, keepdims=True)
         towards = np.flatnonzero((view * normals).sum(axis=1) > 0)
         towards = towards[~blocked(name, origins[towards], view[towards])][::4]
         weights = np.stack([_lobe(normals[i], view[i], exponent) for i in towards])
-        full.append(weights @ radiance), true.append((weights * seen[towards]) @ radiance)
+        open_.append(weights @ radiance)
+        lit.append((weights * seen[towards]) @ radiance)
         places = chosen(name)[towards]
         by_map = [self_shadow(name).glossy_shares(lighting(m), eye, exponent)[places] for m in inputs.real_maps()]
-        shares.append(np.stack([np.ones_like(by_map), [occlusion(name)[places]] * len(by_map), by_map]))
-    full, true, shares = np.concatenate(full), np.concatenate(true), np.concatenate(shares, axis=-1)
+        found.append(np.stack([np.ones_like(by_map), [occlusion(name)[places]] * len(by_map), by_map]))
+    full, true, shares = np.concatenate(open_), np.concatenate(lit), np.concatenate(found, axis=-1)
 
     def error(share: NDArray) -> float:
         """share: (maps, points)."""
@@ -257,9 +258,9 @@ def times() -> Iterator[Goal]:
             shadow, spheres = self_shadow(name, default), truth.spheres(name)
             taken = cpu_times(
                 [
-                    lambda shadow=shadow: shadow.shares(light),
-                    lambda shadow=shadow: shadow.glossy_shares(light, (0.5, 0.2, 0.8), 64.0),
-                    lambda mesh=mesh, spheres=spheres: fastibl.SelfShadow.from_spheres(mesh, spheres),
+                    partial(shadow.shares, light),
+                    partial(shadow.glossy_shares, light, (0.5, 0.2, 0.8), 64.0),
+                    partial(fastibl.SelfShadow.from_spheres, mesh, spheres),
                 ],
                 7,
             )

@@ -161,7 +161,7 @@ def behind_spheres(sky: Sky, given: ArrayLike) -> Callable[[NDArray, NDArray], N
     def hide(origin: NDArray, hidden: NDArray) -> None:
         near = np.flatnonzero(_in_caps(sky.middle, sky.reach, origin, centre, radius)[0])
         some, whole = _in_caps(sky.middle[near], sky.reach[near], origin, s[:, :3], s[:, 3])
-        full = whole.any(axis=1)
+        full = np.any(whole, axis=1)
         hidden[near[full]] = 1
         block, sphere = np.nonzero(some & ~full[:, None])
         if not len(block):

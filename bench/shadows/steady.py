@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
+from fastibl.expected import present
 
 from .. import inputs
 from ..goals import Goal, row, skipped
@@ -66,7 +68,7 @@ class Visibility:
                 to = at - point
                 given = sent * np.maximum(to[:, 2:], 0) / np.linalg.norm(to, axis=1, keepdims=True) ** 3
                 total[i] += given.sum(axis=0)
-                lost[i] += given[self._meet(point, to)].sum(axis=0)
+                lost[i] += given[present(self._meet)(point, to)].sum(axis=0)
         return np.where(total > 0, 1 - lost / np.where(total > 0, total, 1), 1)
 
     def _near(
@@ -107,7 +109,7 @@ def light_change() -> Iterator[Goal]:
     followed: dict[str, truth.Errors] = {}
     anew: dict[str, truth.Errors] = {}
     size: dict[str, float] = {}
-    where = {"extent": truth.EXTENT, "centre": (0.0, 0.0), "resolution": 128}
+    where: dict[str, Any] = {"extent": truth.EXTENT, "centre": (0.0, 0.0), "resolution": 128}
     for name, light in truth.lights().items():
         before, first = seen.ratio(light.cube), fastibl.cast_shadow(light.cube, spheres, "directions", **where)
         for k, cube in enumerate(brighter(light.cube)):
@@ -139,7 +141,7 @@ def light_change() -> Iterator[Goal]:
 def under(mesh: fastibl.Mesh, points: NDArray) -> NDArray[np.bool_]:
     """Which points of the plane (n, 2) lie under a mesh."""
     origins = np.pad(points, ((0, 0), (0, 1)), constant_values=truth.ABOVE).astype(np.float32)
-    return fastibl.Bvh(mesh).occluded(origins, np.broadcast_to(np.float32([0, 0, 1]), origins.shape).copy())
+    return fastibl.Bvh(mesh).occluded(origins, np.broadcast_to(np.array([0, 0, 1], np.float32), origins.shape).copy())
 
 
 @row("shadow", "flicker: a recording")

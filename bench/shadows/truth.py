@@ -101,7 +101,9 @@ def spheres(name: str, count: int = 50) -> NDArray[np.float32]:
 def covered(name: str) -> NDArray[np.bool_]:
     """Which points of the grid lie under a mesh."""
     origins = np.pad(grid(), ((0, 0), (0, 1)), constant_values=ABOVE).astype(np.float32)
-    return fastibl.Bvh(meshes()[name]).occluded(origins, np.broadcast_to(np.float32([0, 0, 1]), origins.shape).copy())
+    return fastibl.Bvh(meshes()[name]).occluded(
+        origins, np.broadcast_to(np.array([0, 0, 1], np.float32), origins.shape).copy()
+    )
 
 
 # Lights

@@ -17,7 +17,7 @@ class Pose:
     matrix: (4, 4) float64, rotation orthonormal within 1e-6, metres. Raises ValueError otherwise, TypeError for
     integers or objects. Without an argument: the identity.
     """
-    __hash__: typing.ClassVar[None] = None
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def from_rotation_vector(rotation: typing.Any, translation: typing.Any) -> Pose:
         """
@@ -34,7 +34,7 @@ class Pose:
         ...
     def __deepcopy__(self, memo: dict) -> Pose:
         ...
-    def __eq__(self, arg0: Pose) -> bool:
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple[numpy.typing.NDArray[numpy.float64]]:
         ...
@@ -83,7 +83,7 @@ class CubeMap:
     marker-frame direction is the OpenGL cube coordinate. NaN and negative values become 0, values above 1e9 (and
     infinity) become 1e9; `cleaned` counts them. Raises ValueError for another shape, TypeError for integers.
     """
-    __hash__: typing.ClassVar[None] = None
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def _repr_png_(thing: typing.Any) -> bytes:
         """
@@ -93,7 +93,7 @@ class CubeMap:
         ...
     def __deepcopy__(self, memo: dict) -> CubeMap:
         ...
-    def __eq__(self, arg0: CubeMap) -> bool:
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple[typing.Any, int, int, int]:
         ...
@@ -154,7 +154,7 @@ class Response:
     """
     A camera's response: encoded = response(linear), white at 1.
     """
-    __hash__: typing.ClassVar[None] = None
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def from_curve(curve: typing.Any) -> Response:
         """
@@ -170,7 +170,7 @@ class Response:
         """
         The sRGB curve.
         """
-    def __eq__(self, arg0: Response) -> bool:
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple[list[float]]:
         ...
@@ -219,7 +219,7 @@ class Camera:
     what lies outside, which most pictures have black, is not looked at; 360: all that the model reaches. Raises ValueError
     for what is not a camera.
     """
-    __hash__: typing.ClassVar[None] = None
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def equirectangular(width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> Camera:
         """
@@ -234,7 +234,7 @@ class Camera:
         ...
     def __deepcopy__(self, memo: dict) -> Camera:
         ...
-    def __eq__(self, arg0: Camera) -> bool:
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple[int, int, float, float, float, float, list[float], Response, float, list[float], float, int, float]:
         ...
@@ -334,8 +334,8 @@ class Rig:
     the back camera's frame to the front camera's. Raises ValueError for one of the two without the other, or what is no
     pose.
     """
-    __hash__: typing.ClassVar[None] = None
-    def __eq__(self, arg0: Rig) -> bool:
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple[Camera, Camera | None, Pose]:
         ...
@@ -364,8 +364,8 @@ class Tag:
     """
     A tag of a board: id, and corners (4, 2) in metres (upper left, upper right, lower right, lower left).
     """
-    __hash__: typing.ClassVar[None] = None
-    def __eq__(self, arg0: Tag) -> bool:
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __repr__(self) -> str:
         ...
@@ -387,7 +387,7 @@ class Board:
     upper left, upper right, lower right, lower left as the tag is read. border_bits: width of the black border in
     modules. width, height: of the page in metres. Raises ValueError for no tags, an id twice or outside 0 to 586.
     """
-    __hash__: typing.ClassVar[None] = None
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def default() -> Board:
         """
@@ -407,7 +407,7 @@ class Board:
         ...
     def __deepcopy__(self, memo: dict) -> Board:
         ...
-    def __eq__(self, arg0: Board) -> bool:
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple[list, float, float, int]:
         ...
@@ -454,8 +454,8 @@ class Mesh:
     or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to work them out.
     Raises ValueError for wrong shapes, indices out of range, or values that are not finite.
     """
-    __hash__: typing.ClassVar[None] = None
-    def __eq__(self, arg0: Mesh) -> bool:
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple[typing.Any, typing.Any, typing.Any, typing.Any]:
         ...
@@ -506,7 +506,7 @@ class Bvh:
         """
         First hits of the rays (..., 3): triangle index (-1: none), t, and barycentric (u, v) of its second and third vertex.
         """
-    def occluded(self, origins: typing.Any, directions: typing.Any, t_min: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> numpy.typing.NDArray[numpy.bool]:
+    def occluded(self, origins: typing.Any, directions: typing.Any, t_min: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> numpy.typing.NDArray[numpy.bool_]:
         """
         Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.
 
@@ -636,7 +636,7 @@ class Material:
     diffuse: k_L. glossy: k_G. exponent: s >= 0, half-vector exponent, may be infinite. emission: radiance. Raises
     ValueError for negative values.
     """
-    __hash__: typing.ClassVar[None] = None
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def pbr(base_color: typing.Any = (0.8, 0.8, 0.8), metallic: typing.Any = 0.0, roughness: typing.Any = 0.5, normal: typing.Any = None, emission: typing.Any = (0.0, 0.0, 0.0), *, anisotropy: typing.SupportsFloat | typing.SupportsIndex = 0.0, anisotropy_rotation: typing.SupportsFloat | typing.SupportsIndex = 0.0, normal_scale: typing.SupportsFloat | typing.SupportsIndex = 1.0, wrap: typing.Any = 'repeat') -> Material:
         """
@@ -652,7 +652,7 @@ class Material:
         is beyond them, "repeat", "clamp" (their border) or "mirror", or two of these, along u and v.
         Raises ValueError for values out of range or another shape, TypeError for another dtype.
         """
-    def __eq__(self, arg0: Material) -> bool:
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple:
         ...
@@ -731,8 +731,8 @@ class Light:
     """
     A small bright part of a map: a disc of equal radiance.
     """
-    __hash__: typing.ClassVar[None] = None
-    def __eq__(self, arg0: Light) -> bool:
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __repr__(self) -> str:
         ...
@@ -763,7 +763,7 @@ class Light:
         """
 class _Lighting:
     @typing.overload
-    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting = None, environment: Environment = None) -> None:
+    def __init__(self, cube: typing.Any, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], previous: _Lighting | None = None, environment: Environment | None = None) -> None:
         ...
     @typing.overload
     def __init__(self, other: _Lighting) -> None:
@@ -906,7 +906,7 @@ class Capture:
     where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says how much of the light it is.
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85, most_boost: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap | None = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85, most_boost: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -958,13 +958,13 @@ class ShadowMap:
     A fine map around the object and, by most methods, a coarse one around that; both have the same centre, and the fine
     one passes into the coarse one at its border. Beyond both the ratio is 1.
     """
-    __hash__: typing.ClassVar[None] = None
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def _repr_png_(thing: typing.Any) -> bytes:
         """
         `picture` as a PNG file. Raises what it raises.
         """
-    def __eq__(self, arg0: ShadowMap) -> bool:
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __repr__(self) -> str:
         ...
@@ -1071,7 +1071,7 @@ class BakedShadow:
     What a rigid object hides of the sky, see fastibl.MeshShadow.
     """
     @staticmethod
-    def bake(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, progress: collections.abc.Callable[[float], bool] = None) -> typing.Any:
+    def bake(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, progress: collections.abc.Callable[[float], bool] | None = None) -> typing.Any:
         """
         None if `progress`, called with the part that is done, returned False.
         """
@@ -1080,7 +1080,7 @@ class BakedShadow:
         """
         From what `tables` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
         """
-    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight, environment: Environment = None) -> ShadowMap:
+    def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight, environment: Environment | None = None) -> ShadowMap:
         """
         ShadowMap of the object under this light; environment: of the map, for its near lights.
         """
@@ -1286,7 +1286,7 @@ class SelfShadow:
         1 where nothing is blocked, and where there is no light. lighting: Lighting of a map in the marker frame.
         marker_from_object: Pose or (4, 4), where the mesh stands. Raises ValueError for what is no pose.
         """
-    def visible(self, directions: typing.Any) -> numpy.typing.NDArray[numpy.bool]:
+    def visible(self, directions: typing.Any) -> numpy.typing.NDArray[numpy.bool_]:
         """
         Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
 
@@ -1306,8 +1306,8 @@ class DetectedTag:
     """
     A tag found in a picture: id, and corners (4, 2) in pixels with centres at + 0.5, in the order of Tag.corners.
     """
-    __hash__: typing.ClassVar[None] = None
-    def __eq__(self, arg0: DetectedTag) -> bool:
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple[int, numpy.ndarray]:
         ...
@@ -1331,8 +1331,8 @@ class Tracked:
     """
     Where the board is seen by a camera in one picture.
     """
-    __hash__: typing.ClassVar[None] = None
-    def __eq__(self, arg0: Tracked) -> bool:
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple:
         ...
@@ -1412,8 +1412,8 @@ class Turned:
     The rotation is measured; the camera's place is where the board was last seen from. Where nothing is to
     be seen of the map, it is a gyroscope's alone: features, residual and agreeing are 0.
     """
-    __hash__: typing.ClassVar[None] = None
-    def __eq__(self, arg0: Turned) -> bool:
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __getstate__(self) -> tuple:
         ...
@@ -1489,14 +1489,14 @@ class _Methods:
     """
     The named methods that a frame is made with.
     """
-    __hash__: typing.ClassVar[None] = None
+    __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def _auto() -> _Methods:
         ...
     @staticmethod
     def _paper() -> _Methods:
         ...
-    def __eq__(self, arg0: _Methods) -> bool:
+    def __eq__(self, arg0: object) -> bool:
         ...
     def __init__(self, *, tracking: str, capture: str, diffuse: str, diffuse_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], glossy: str, glossy_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], normalization: str, shadow: str, shadow_settings: collections.abc.Mapping[str, typing.SupportsInt | typing.SupportsIndex], self_shadow: str = 'auto', bounce: str = 'auto') -> None:
         ...
@@ -1785,7 +1785,7 @@ class FrameResult:
         Turned, where the board is out of view and the surroundings tell how the cameras turned: the map may be captured with it, but nothing is drawn. Else None.
         """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool, prior: CubeMap, paper_albedo: typing.SupportsFloat | typing.SupportsIndex, most_boost: typing.SupportsFloat | typing.SupportsIndex, adapt: bool, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment | None, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool, prior: CubeMap | None, paper_albedo: typing.SupportsFloat | typing.SupportsIndex, most_boost: typing.SupportsFloat | typing.SupportsIndex, adapt: bool, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool) -> None:
         ...
     def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any, back_last_row: typing.Any = None, attitude: typing.Any = None) -> FrameResult:
         ...
@@ -1795,7 +1795,7 @@ class _Session:
         ...
     def _set_cast_shadow(self, cast: bool) -> None:
         ...
-    def _set_environment(self, environment: Environment) -> None:
+    def _set_environment(self, environment: Environment | None) -> None:
         ...
     def _set_methods(self, methods: _Methods) -> None:
         ...
@@ -1883,13 +1883,13 @@ def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8
     """
 def _level_parameters(mapping: str, count: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     ...
-def _make_plan(scene: Scene, environment: Environment, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, samples: _SceneSamples) -> Plan:
+def _make_plan(scene: Scene, environment: Environment | None, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, samples: _SceneSamples | None) -> Plan:
     ...
 def _measure_costs() -> dict[str, float]:
     """
     Unit costs of this machine in nanoseconds, by name; some three seconds.
     """
-def _measured_errors(scene: Scene, environment: Environment, methods: _Methods, cast_shadow: bool = True, offline: bool = False, samples: _SceneSamples = None) -> dict:
+def _measured_errors(scene: Scene, environment: Environment, methods: _Methods, cast_shadow: bool = True, offline: bool = False, samples: _SceneSamples | None = None) -> dict:
     """
     Squares of the picture's errors by candidate, of each step alone, and of all of the object and the plane, for light that stays: what a plan chooses from.
     """
@@ -1911,7 +1911,7 @@ def _polygon_triangles(corners: typing.Annotated[numpy.typing.ArrayLike, numpy.f
     ...
 def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex, bool]], model: str, error: typing.SupportsFloat | typing.SupportsIndex) -> list[CubeMap]:
     ...
-def _read_obj(content: bytes) -> ...:
+def _read_obj(content: bytes) -> typing.Any:
     ...
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """

@@ -94,8 +94,9 @@ def _parameters(signature: str) -> list[_Parameter]:
             continue
         name, _, rest = text.partition(":")
         annotation, *default = _split(rest, "=")
-        kinds = [_kind(a) for a in _split(annotation, "|")]
-        if None in kinds:
+        told = [_kind(a) for a in _split(annotation, "|")]
+        kinds = [k for k in told if k is not None]
+        if None in told:
             kinds = []
         elif Real in kinds:  # whole ones are among them
             kinds = [k for k in kinds if k is not SupportsIndex]

@@ -14,11 +14,12 @@ from tqdm import tqdm
 from . import shapes
 from ._fastibl import CubeMap, Environment, FrameResult, Material, Pose, Scene, set_threads, texel_directions, threads
 from .comparison import irradiance_over_sphere, relative_errors
+from .expected import present
 from .files import stand
 from .lighting import Lighting
 from .machine import cpu
 from .panorama import panorama_rays, seen_map
-from .recording import Frame, Recording
+from .recording import Frame, Recording, truth_of
 from .session import Session
 from .truth import TruePicture, TrueRenderer, picture_error, texels_that_count
 from .video import VideoWriter
@@ -122,7 +123,7 @@ def _run(
 ) -> tuple[Run, Session, dict[str, FrameResult]]:
     run, results_at = Run(name), {}
     session = Session(scene, recording.rig, recording.board, methods=METHODS[name], distance=DISTANCE)
-    truth = recording.truth
+    truth = truth_of(recording)
     last, true_pictures = None, {}
     for index, frame in enumerate(tqdm(recording, desc=f"{name} methods", total=len(recording), leave=False)):
         result = last = session.process(frame)
@@ -168,7 +169,7 @@ def _offset(pose: Pose, true: Pose) -> float:
 def run_demo(recording: Recording, out: Path) -> DemoResult:
     """Runs the default and the paper's methods on a recording with truth; writes two videos and a picture to `out`."""
     scene = demo_scene()
-    truth, frames = recording.truth, list(recording)
+    truth, frames = truth_of(recording), list(recording)
     times = [frame.time for frame in frames]
 
     def nearest(time: float) -> int:
@@ -219,18 +220,17 @@ def _compare_with_truth(
     recording: Recording, scene: Scene, frames: list[Frame], stills: list[Still], runs: dict[str, Run], kept: dict
 ) -> None:
     """Adds the true pictures to the stills, and to the runs how far theirs are from them."""
-    truth = recording.truth
+    truth = truth_of(recording)
     renderer = TrueRenderer(scene)
     response = recording.rig.back.response
     for still in tqdm([s for s in stills if s.compared], desc="true pictures", leave=False):
         frame: Frame = frames[still.index]
+        back, exposure = present(frame.back), present(frame.back_exposure)
         true_map = truth.environment(frame.time)
-        still.true = renderer.render(
-            frame.back, frame.back_exposure, recording.rig.back, truth.pose(frame.time), true_map
-        )
+        still.true = renderer.render(back, exposure, recording.rig.back, truth.pose(frame.time), true_map)
         ratio = renderer.plane_ratio(true_map)
         for name, run in runs.items():
-            run.image_error[still.title] = picture_error(still.pictures[name], still.true, frame.back, response)
+            run.image_error[still.title] = picture_error(still.pictures[name], still.true, back, response)
             run.shadow_error[still.title] = renderer.shadow_error(kept[name][1][still.title].shadow_map, ratio)
     true_map = truth.environment(frames[-1].time)
     faces, exact = np.asarray(true_map.faces, np.float64), irradiance_over_sphere(true_map)

@@ -10,13 +10,14 @@ import numpy as np
 from ._fastibl import __version__
 from .demo import DISTANCE, HEIGHT, DemoResult, Run
 from .pages import STYLE, figure, plot, table
+from .recording import truth_of
 from .whole_file import write_whole
 
 
 def _time_plots(result: DemoResult) -> str:
     from matplotlib.figure import Figure
 
-    truth, times = result.recording.truth, result.times
+    truth, times = truth_of(result.recording), result.times
     drawn = Figure(figsize=(10, 6.2))
     axes = drawn.subplots(3, 1, sharex=True)
     colours = {"default": "#0b6e99", "paper": "#b4552d"}
@@ -130,7 +131,7 @@ def write_report(result: DemoResult, out: Path) -> Path:
             f'<h3>{html.escape(still.title.capitalize())} ({at})</h3><div class="row">{"".join(figures)}</div>'
         )
     maps = "".join(figure(picture, name) for name, picture in result.maps.items())
-    truth = result.recording.truth
+    truth = truth_of(result.recording)
     events = []
     if truth.hand is not None:
         events.append(f"a hand covers the front camera from {truth.hand[0]:.1f} to {truth.hand[1]:.1f} s")

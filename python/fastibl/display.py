@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from functools import singledispatch
 from typing import Any
 
@@ -234,7 +235,7 @@ def _percent(value: float) -> str:
     return f"{100 * value:.2g} %" if value < 1 else f"{100 * value:.0f} %"
 
 
-def _html(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _html(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     def line(cells: tuple[str, ...], tag: str) -> str:
         return "<tr>" + "".join(f'<{tag} style="text-align: left">{html.escape(c)}</{tag}>' for c in cells) + "</tr>"
 
@@ -243,9 +244,11 @@ def _html(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 def attach() -> None:
     """Lets notebooks show these classes by themselves."""
-    for kind in (CubeMap, Environment, Lighting, ShadowMap, FrameResult, Guidance):
+    pictured: tuple[Any, ...] = (CubeMap, Environment, Lighting, ShadowMap, FrameResult, Guidance)
+    for kind in pictured:
         kind._repr_png_ = png
-    for kind in (Plan, Comparison):
+    tabled: tuple[Any, ...] = (Plan, Comparison)
+    for kind in tabled:
         kind._repr_html_ = table
 
 

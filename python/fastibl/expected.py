@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from numbers import Real
-from typing import Any, SupportsIndex
+from typing import Any, SupportsIndex, TypeVar
+
+_T = TypeVar("_T")
 
 _NAMES = {Real: "a number", SupportsIndex: "a whole number", type(None): "None"}
 
@@ -17,6 +19,13 @@ _HINTS = {
     "Rig": "Rig(camera) is one of a back camera alone, recording.read_rig reads files",
     "Scene": "Scene(mesh, material) makes one",
 }
+
+
+def present(value: _T | None) -> _T:
+    """What may be None elsewhere, where it is known not to be. Raises ValueError if it is None after all."""
+    if value is None:
+        raise ValueError("expected a value, got None")
+    return value
 
 
 def wrong_type(value: Any, kinds: tuple[type, ...], what: str, hint: str = "") -> str:

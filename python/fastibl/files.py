@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,7 @@ def _existing(path: str | os.PathLike[str], up: str, what: str) -> Path:
 def _turned(mesh: Mesh, up: str) -> Mesh:
     if up == "z":
         return mesh
-    turn = lambda a: None if a is None else a[:, [0, 2, 1]] * np.float32([1, -1, 1])  # noqa: E731
+    turn = lambda a: None if a is None else a[:, [0, 2, 1]] * np.array([1, -1, 1], np.float32)  # noqa: E731
     return Mesh(turn(mesh.vertices), mesh.triangles, mesh.uvs, turn(mesh._given_normals))
 
 
@@ -135,7 +136,7 @@ def _read_ply(path: Path) -> Mesh | None:
 def _read_by_trimesh(path: Path) -> Mesh | None:
     import trimesh
 
-    loaded = trimesh.load(path, force="mesh", process=False, skip_materials=True)
+    loaded: Any = trimesh.load(path, force="mesh", process=False, skip_materials=True)
     if len(getattr(loaded, "faces", ())) == 0:
         return None
     return _merged(loaded.vertices, np.asarray(loaded.faces, np.int64), None)

@@ -98,6 +98,11 @@ class _Part:
     material: int
     uvs: NDArray | None = None
 
+    @property
+    def reaches_beyond(self) -> bool:
+        """Whether uvs lie outside the picture."""
+        return self.uvs is not None and bool(self.uvs.min() < -1e-3 or self.uvs.max() > 1 + 1e-3)
+
     def lay(self, surface: _Surface) -> None:
         """Chooses the uvs that a surface's textures are read with."""
         if len(surface.lies) > 1:
@@ -126,7 +131,8 @@ class _File(Container):
     def array(self, index: int) -> NDArray:
         """Values (n, width) of an accessor; normalised integers as floats."""
         a = self.json["accessors"][index]
-        kind, width = np.dtype(_TYPES[a["componentType"]]).newbyteorder("<"), WIDTHS[a["type"]]
+        kind: np.dtype[Any] = np.dtype(_TYPES[a["componentType"]]).newbyteorder("<")
+        width = WIDTHS[a["type"]]
         if a["count"] < 1 or a["count"] > MOST_VERTICES:
             raise ValueError(f"one of its accessors has {a['count']} values; there may be 1 to {MOST_VERTICES}")
         if "bufferView" in a:
@@ -399,6 +405,6 @@ def read(path: Path) -> tuple[Mesh, Material]:
     surface = next(iter(surfaces.values())) if len(surfaces) == 1 else _atlas(parts, surfaces)
     if surface.maps() and any(p.uvs is None for p in parts):
         raise ValueError("a mesh with a texture has no uvs")
-    if len(surface.wraps) > 1 and any(p.uvs.min() < -1e-3 or p.uvs.max() > 1 + 1e-3 for p in parts):
+    if len(surface.wraps) > 1 and any(p.reaches_beyond for p in parts):
         raise ValueError("its textures go on beyond their borders in different ways")
     return _mesh(parts), surface.material()

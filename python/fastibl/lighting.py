@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ._fastibl import (
     CubeMap,
@@ -72,7 +73,7 @@ def _whole(key: str, value: float) -> int:
 
 def _check_known(name: str, settings: Mapping[str, float]) -> None:
     """Raises ValueError where no step has that method, or the method does not have these settings."""
-    known = set() if name in ("auto", "paper") else None
+    known: set[str] | None = set() if name in ("auto", "paper") else None
     for step in STEPS:
         if name in _method_names(step):
             known = set(_method_settings(step, name))
@@ -129,8 +130,8 @@ def resolve_methods(given: str | Mapping[str, str | Method] | _Methods) -> _Meth
     unknown = set(given) - set(STEPS) - {"normalization"}
     if unknown:
         raise ValueError(f"no step {sorted(unknown)[0]!r}; there are: {', '.join(STEPS)}")
-    chosen = {step: method_name(step, given.get(step, "auto")) for step in STEPS}
-    settings = {
+    chosen: dict[str, Any] = {step: method_name(step, given.get(step, "auto")) for step in STEPS}
+    settings: dict[str, Any] = {
         f"{step}_settings": method_settings(given.get(step, "auto")) for step in ("diffuse", "glossy", "shadow")
     }
     return _Methods(normalization=str(given.get("normalization", "energy")), **chosen, **settings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -68,7 +68,7 @@ def _same(a: NDArray, b: NDArray) -> bool:
     return a is b or (np.array_equal(a[::_ROWS], b[::_ROWS]) and np.array_equal(a, b))
 
 
-def play(session: Session, source: Any) -> Iterator[Played]:
+def play(session: Session, source: Any) -> Generator[Played, None, None]:
     """Processes a live source's frames one by one; what cannot be used is left out and named, and the session goes on.
 
     A picture of another size than the camera's, or one that repeats the last to the bit, is left out; the other

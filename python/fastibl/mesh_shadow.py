@@ -22,6 +22,7 @@ from .expected import expect
 from .whole_file import whole_file
 
 _FORMAT = 2  # of the files, and of how a table is baked: another number makes older files stale
+_Options = tuple[int, float, int, int]  # resolution, extent, rings, samples
 _PATIENCE = 0.5  # seconds before a progress bar appears
 _ARRAYS = ("begin", "cells", "cover", "outer_begin", "outer_cells", "outer_cover")
 _MOST_BYTES = 256 << 20  # of all files together; the ones that were used longest ago go first
@@ -139,7 +140,7 @@ def _cube(light: CubeMap | Environment) -> CubeMap:
     return light.radiance if isinstance(light, Environment) else light
 
 
-def _baked(mesh: Mesh, options: tuple, progress: bool | Callable[[float], bool]) -> Any:
+def _baked(mesh: Mesh, options: _Options, progress: bool | Callable[[float], bool]) -> Any:
     bar = _Bar() if progress is True and sys.stderr is not None and sys.stderr.isatty() else None
     report = progress if callable(progress) else bar
     try:
@@ -175,7 +176,7 @@ class _Bar:
 # Files: the arrays of both tables, compressed
 
 
-def _path(mesh: Mesh, options: tuple) -> Path | None:
+def _path(mesh: Mesh, options: _Options) -> Path | None:
     folder = cache_folder()
     if folder is None:
         return None
@@ -185,7 +186,7 @@ def _path(mesh: Mesh, options: tuple) -> Path | None:
     return folder / f"shadow-{key.hexdigest()[:32]}.npz"
 
 
-def _read(path: Path, mesh: Mesh, options: tuple) -> Any:
+def _read(path: Path, mesh: Mesh, options: _Options) -> Any:
     """The tables of a file, or None where there is none; a file that cannot be read is warned of."""
     if not path.is_file():
         return None

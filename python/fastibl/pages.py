@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -57,7 +58,7 @@ def plot(figure) -> str:
     return f'<img class="plot" alt="plot" src="{svg_data(buffer.getvalue())}">'
 
 
-def table(head: list[str], rows: list[tuple[str, ...]], note_last: bool = False) -> str:
+def table(head: list[str], rows: Sequence[tuple[str, ...]], note_last: bool = False) -> str:
     """Texts as a table. note_last: whether the last column is prose."""
     heads = [f"<th>{html.escape(h)}</th>" for h in head]
     if note_last:

@@ -56,7 +56,7 @@ def read_picture(path: Path, response: Response | None = None) -> NDArray[np.flo
 
 def unit(picture: NDArray[Any]) -> NDArray[np.float32]:
     """0 to 1 of a picture of whole numbers."""
-    return picture.astype(np.float32) / np.iinfo(picture.dtype).max
+    return picture.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
 
 
 def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
@@ -66,7 +66,8 @@ def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
     """
     import cv2
 
-    flips, exposure = (), 1.0
+    flips: tuple[int, ...] = ()
+    exposure = 1.0
     try:
         if size_of is radiance_size:
             data, flips, exposure = radiance_upright(data)

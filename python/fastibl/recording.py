@@ -219,7 +219,9 @@ def _foreign(item: Path) -> str:
     inside = _FOLDERS.get(item.name)
     if item.is_symlink() or not (item.is_dir() if inside else item.is_file() and item.name in _FILES):
         return item.name
-    files = sorted(item.iterdir()) if inside else []
+    if inside is None:
+        return ""
+    files = sorted(item.iterdir())
     return next((f"{item.name}/{f.name}" for f in files if f.is_dir() or not inside.fullmatch(f.name)), "")
 
 
@@ -346,7 +348,7 @@ class RecordingWriter:
         file = self.path / f"{camera}.mkv"
         if camera not in self._videos:
             size = (picture.shape[1], picture.shape[0])
-            writer = cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"FFV1"), 30, size)
+            writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"FFV1"), 30, size)
             if not writer.isOpened():
                 raise OSError(f"this OpenCV cannot write FFV1 video to {file}; write pictures instead")
             self._videos[camera] = writer
@@ -390,7 +392,7 @@ class RecordingWriter:
         self.close()
 
 
-class _StoredFrames(Sequence):
+class _StoredFrames(Sequence[Frame]):
     """Frames that are read when they are asked for."""
 
     def __init__(self, path: Path):
@@ -404,7 +406,7 @@ class _StoredFrames(Sequence):
     def __len__(self) -> int:
         return len(self.moments)
 
-    def __getitem__(self, index: int) -> Frame:
+    def __getitem__(self, index: Any) -> Any:
         time, pictures = self.moments[index]
         frame = Frame(time, attitude=self.attitudes[index])
         for camera, (file, exposure) in pictures.items():
@@ -453,7 +455,7 @@ class _StoredFrames(Sequence):
         video, following = self._videos.get(name, (None, 0))
         if video is None or number < following:  # frame by frame: seeking is not exact in every container
             video, following = _open_video(path), 0
-        picture = None
+        picture: Any = None
         while following <= number:
             read, picture = video.read()
             if not read:
@@ -787,6 +789,11 @@ def _load(path: Path) -> NDArray:
         return np.load(path, mmap_mode="r", allow_pickle=False)
     except Exception as error:  # NumPy raises what the parser of its header raises
         raise ValueError(f"{path} is not an array that can be read: {error}") from error
+
+
+def truth_of(recording: Recording) -> Truth:
+    """What is known of a recording; nothing is of most."""
+    return recording.truth or Truth()
 
 
 def _read_truth(folder: Path) -> Truth:

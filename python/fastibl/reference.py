@@ -326,7 +326,7 @@ def shadow_ratio(source: Any, occluder: Any, points: ArrayLike) -> NDArray:
     flat = p.reshape(-1, 2)
     out = np.ones((len(flat), 3))
     bvh = Bvh(occluder) if isinstance(occluder, Mesh) else None
-    spheres = None if bvh is not None else np.asarray(occluder, np.float64).reshape(-1, 4)
+    spheres = np.asarray([] if bvh is not None else occluder, np.float64).reshape(-1, 4)
     for i, point in enumerate(flat):
         origin = np.array([point[0], point[1], 0.0])
         if bvh is not None:

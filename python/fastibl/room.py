@@ -129,14 +129,14 @@ def _window(wall: _Surface, u0, z0, u1, z1, rng):
     rows, columns = wall._slice(u0, z0, u1, z1)
     height, width = rows.stop - rows.start, columns.stop - columns.start
     v = np.linspace(0, 1, height, dtype=np.float32)[:, None, None]
-    sky = (1 - v) * np.float32([32, 41, 56]) + v * np.float32([52, 54, 55])
+    sky = (1 - v) * np.array([32, 41, 56], np.float32) + v * np.array([52, 54, 55], np.float32)
     sky = np.broadcast_to(sky, (height, width, 3)).copy()
     clouds = sum(
         cv2.resize(rng.standard_normal((n, n + 1)).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
         * weight
         for n, weight in ((4, 1.0), (8, 0.5), (16, 0.25))
     )
-    sky += np.clip(clouds - 0.7, 0, 1.2)[..., None] * np.float32([110, 106, 100])
+    sky += np.clip(clouds - 0.7, 0, 1.2)[..., None] * np.array([110, 106, 100], np.float32)
     x = 0  # a row of houses and trees before it
     while x < width:
         step = int(rng.integers(width // 9, width // 5))
@@ -449,8 +449,8 @@ class Room:
 
     def _irradiance_picture(self, index: int, lamp: bool, reflected: bool = True) -> NDArray:
         states = (False, True) if lamp else (False,)
-        light = sum(self._direct[state][index] for state in states)
-        return light + sum(self._reflected[state][index] for state in states) if reflected else light
+        light = np.sum([self._direct[state][index] for state in states], axis=0)
+        return light + np.sum([self._reflected[state][index] for state in states], axis=0) if reflected else light
 
     def irradiance(self, points: ArrayLike, lamp: bool = False, reflected: bool = True) -> NDArray[np.float32]:
         """Irradiance (..., 3) of the table and the floor at points (..., 2) in metres.

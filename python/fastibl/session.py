@@ -27,7 +27,7 @@ from ._fastibl import (
     _Session,
     with_gl,
 )
-from .expected import expect
+from .expected import expect, present
 from .lighting import Lighting, Method, resolve_methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame
@@ -227,7 +227,7 @@ class Session(_Session):
             frame.attitude,
         )
         if frame.back_from_marker is not None and not self._poses_asked:
-            self._poses_asked = self._ask_pose(result.back_from_marker)
+            self._poses_asked = self._ask_pose(present(result.back_from_marker))
         return result
 
     def _ask_pose(self, pose: Pose) -> bool:
@@ -280,7 +280,9 @@ class Session(_Session):
         self._shadow = resolved.shadow
         self._bake()
 
-    def set_budgets(self, error: float | None = None, milliseconds: float | None = None) -> None:
+    def set_budgets(  # type: ignore[override]
+        self, error: float | None = None, milliseconds: float | None = None
+    ) -> None:
         """Keep to other budgets from the next frame on, None or 0 for none. Raises ValueError for values that are
         negative or not finite, TypeError for what is no number."""
         super().set_budgets(*_budgets(error, milliseconds))
@@ -310,6 +312,8 @@ def _lighting(result: FrameResult) -> Lighting | None:
     return None if core is None else Lighting._wrap(core)
 
 
-FrameResult.lighting = property(_lighting, doc="Lighting of the frame, or None before there is any.")
+FrameResult.lighting = property(  # type: ignore[method-assign, assignment]
+    _lighting, doc="Lighting of the frame, or None before there is any."
+)
 
 __all__ = ["Frame", "FrameResult", "Session", "make_plan", "with_gl"]

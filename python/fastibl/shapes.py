@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -39,12 +40,9 @@ def _net(field: Field, lower: NDArray, upper: NDArray, cell: float) -> tuple[NDA
     counts = np.ceil((np.asarray(upper) - lower) / cell).astype(int) + 1
     grid = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1)
     inside = (field(lower + cell * grid.reshape(-1, 3)) < 0).reshape(counts)
-    corners = sum(
-        inside[i : counts[0] - 1 + i, j : counts[1] - 1 + j, k : counts[2] - 1 + k].astype(int)
-        for i in (0, 1)
-        for j in (0, 1)
-        for k in (0, 1)
-    )
+    corners = np.zeros(counts - 1, int)
+    for i, j, k in itertools.product((0, 1), repeat=3):
+        corners += inside[i : counts[0] - 1 + i, j : counts[1] - 1 + j, k : counts[2] - 1 + k]
     crossed = (corners > 0) & (corners < 8)
     number = np.full(crossed.shape, -1)
     number[crossed] = np.arange(crossed.sum())

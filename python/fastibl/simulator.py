@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol, cast
 
 import cv2
 import numpy as np
@@ -343,7 +343,7 @@ class _Hand:
         self._height = np.broadcast_to(rows, shape)
         x = np.linspace(-1, 1, shape[1], dtype=np.float32)
         folds = 1 + 0.25 * np.cos(3 * np.pi * x + 0.6) * np.cos(1.2 * np.pi * rows) - 0.3 * rows
-        self._skin = folds[..., None] * (np.float32([0.60, 0.36, 0.26]) * np.float32(0.10 * light))
+        self._skin = folds[..., None] * (np.array([0.60, 0.36, 0.26], np.float32) * np.float32(0.10 * light))
 
     def cover(self, picture: NDArray, time: float, rows: slice = slice(None)) -> NDArray:
         """The picture, which is those rows of the camera's, behind the hand."""
@@ -446,7 +446,7 @@ def simulate(
     if len(size) != 2 or min(size) < 16:
         raise ValueError(f"size must be (width, height), each at least 16 pixels, got {size}")
     timing = Shutter(shutter, flicker, flicker_depth, glare, clock_offset)
-    rig = default_rig(tuple(size)) if rig is None else rig
+    rig = default_rig((size[0], size[1])) if rig is None else rig
     rig = rig if readout is None else with_readout(rig, readout)
     longest = max(shutter, *(camera.readout for camera in (rig.back, rig.front) if camera is not None))
     if longest > 1 / fps:
@@ -463,7 +463,8 @@ def simulate(
     pose_at = path if callable(path) else PATHS[path](path_rng, seconds).back_from_marker
     times = [k / fps for k in range(max(1, round(seconds * fps)))]
 
-    truth = Truth(position=tuple(float(x) for x in np.asarray(position, np.float64)), clock_offset=clock_offset)
+    at = cast("tuple[float, float, float]", tuple(float(x) for x in np.asarray(position, np.float64)))
+    truth = Truth(position=at, clock_offset=clock_offset)
     truth.maps = [(0.0, place.truth(truth.position, truth_size, False))]
     if lamp and has_lamp:
         truth.lamp_time = seconds / 2
@@ -504,7 +505,7 @@ def with_readout(rig: Rig, readout: float) -> Rig:
     return Rig(back) if rig.front is None else Rig(back, rig.front.replace(readout=readout), rig.front_from_back)
 
 
-class _LiveFrames:
+class _LiveFrames(Sequence[Frame]):
     """Frames that are taken when they are asked for, in order."""
 
     def __init__(self, make: _Pictures, times: list[float], seed: int):
@@ -519,7 +520,7 @@ class _LiveFrames:
         for index, time in enumerate(self.times):
             yield make.frame(index, time)
 
-    def __getitem__(self, index: int) -> Frame:
+    def __getitem__(self, index: Any) -> NoReturn:
         raise TypeError("live frames come in order: iterate")
 
 
@@ -554,6 +555,7 @@ class _Pictures:
         # A dark place still gives finite exposures.
         self.back_exposure = float(_TABLE_LEVEL / max(table, 1e-9))
         self.front_exposure = float(_FRONT_LEVEL / max(place_mean, 1e-9))
+        self._metered, self._last_front = 1.0, self.front_exposure
         self.hand = None
         if truth.hand is not None and self.front is not None:
             shape = self.front.rays.shape[:2]
@@ -561,11 +563,12 @@ class _Pictures:
 
     def frame(self, index: int, time: float) -> Frame:
         share = self._metered if self.auto_exposure and index > 0 else 1.0
-        frame = Frame(time, back_exposure=self.back_exposure * share)
+        exposure = self.back_exposure * share
+        frame = Frame(time, back_exposure=exposure)
         if self.gyro is not None:
             frame.attitude = self._attitude(index, time, self.gyro)
         lasts = self.timing.exposure_time * min(share, 1.0)  # beyond, cameras amplify
-        frame.back = self._take(self.back, self.pose_at, time, frame.back_exposure, lasts)
+        frame.back = self._take(self.back, self.pose_at, time, exposure, lasts)
         if self.auto_exposure:
             self._metered = self._after(frame.back, share)
         if self.front is not None:

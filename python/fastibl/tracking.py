@@ -102,7 +102,7 @@ class Tracker:
         if self.method in ("auto", "edges"):
             gravity = np.asarray(gravity_in_marker, np.float64)
             if not np.isfinite(gravity).all():
-                raise ValueError(f"gravity_in_marker must be finite, got {gravity_in_marker}")
+                raise ValueError(f"gravity_in_marker must be finite, got {str(gravity_in_marker)}")
             self._edges = _EdgeTracker(board, camera, smoothing=float(smoothing), gravity_in_marker=gravity)
 
     def track(

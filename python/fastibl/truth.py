@@ -25,7 +25,8 @@ from ._fastibl import (
     texel_directions,
 )
 from .comparison import level_at_most
-from .recording import Recording
+from .expected import present
+from .recording import Recording, truth_of
 
 _DIRECTIONS = 32  # face edge of the map level whose texels are the light directions
 _SPLIT = 4  # rays a pixel and axis, for coverage; light is worked out once a quarter, or once where they are alike
@@ -61,12 +62,12 @@ def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray
     covered the front camera. What the darkest exposure can hold decides about clipping: the front camera's above the
     horizon, the back camera's below it.
     """
-    truth, rig = recording.truth, recording.rig
+    truth, rig = truth_of(recording), recording.rig
     begin, end = truth.hand or (np.inf, -np.inf)
     counts = np.isfinite(last_seen) & (last_seen >= (truth.lamp_time or 0))
     counts &= ~((last_seen >= begin) & (last_seen <= end))
-    front = min(f.front_exposure for f in recording) * rig.front.gain
-    back = min(f.back_exposure for f in recording) * rig.back.gain
+    front = min(present(f.front_exposure) for f in recording) * present(rig.front).gain
+    back = min(present(f.back_exposure) for f in recording) * rig.back.gain
     true = np.asarray(truth.environment(recording.times[-1]).faces, np.float64)
     up = texel_directions(true.shape[1])[..., 2] > 0
     return counts, counts & (true.max(axis=-1) * np.where(up, front, back) < 0.95)
@@ -113,7 +114,8 @@ def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: ND
         if array.ndim < 2:
             return np.broadcast_to(array, (count, channels)) if channels > 1 else np.full(count, float(array))
         h, w = array.shape[:2]
-        x, y = uvs[:, 0] * w - 0.5, (1 - uvs[:, 1]) * h - 0.5
+        u, v = present(uvs).T
+        x, y = u * w - 0.5, (1 - v) * h - 0.5
         i, j = np.floor(x).astype(int), np.floor(y).astype(int)
         f, g = x - i, y - j
         if channels > 1:
@@ -184,7 +186,9 @@ class TrueRenderer:
         self.hidden_at_plane = self._hidden(points, up)
         self.plane_points = np.stack([x, y], axis=-1)
         self.outside_footprint = ~self.bvh.occluded(points, up.copy()).reshape(grid, grid)
-        self._points, self._seen, self._view = points.astype(np.float32), None, None
+        self._points = points.astype(np.float32)
+        self._seen: tuple[NDArray, NDArray, NDArray] | None = None
+        self._view: tuple[Camera, Pose, _Seen] | None = None
         self._ratio: tuple[CubeMap | Environment, NDArray] | None = None  # of the last map
 
     def _hidden(self, points: NDArray, normals: NDArray) -> NDArray[np.uint8]:
@@ -253,7 +257,8 @@ class TrueRenderer:
             weights = np.stack([1 - uv.sum(axis=1), uv[:, 0], uv[:, 1]], axis=1)
             weights = weights * (towards[:, 2] * angle[column] / np.pi)[:, None]
             found.append((row[front] + i, corner[front], weights[front]))
-        self._seen = tuple(np.concatenate(part) for part in zip(*found, strict=True))
+        point, corners, weight = (np.concatenate(part) for part in zip(*found, strict=True))
+        self._seen = point, corners, weight
         return self._seen
 
     def exitance(self, source: CubeMap | Environment) -> NDArray:
@@ -367,9 +372,11 @@ class TrueRenderer:
 
     def _seen_by(self, camera: Camera, back_from_marker: Pose) -> _Seen:
         """Kept for the last camera and pose: of every map the same."""
-        if self._view is None or self._view[:2] != (camera, back_from_marker):
-            self._view = camera, back_from_marker, self._look(camera, back_from_marker)
-        return self._view[2]
+        if self._view is not None and self._view[:2] == (camera, back_from_marker):
+            return self._view[2]
+        seen = self._look(camera, back_from_marker)
+        self._view = camera, back_from_marker, seen
+        return seen
 
     def _look(self, camera: Camera, back_from_marker: Pose) -> _Seen:
         mesh, s = self.scene.mesh, _SPLIT
@@ -461,10 +468,10 @@ class TrueRenderer:
         marker_from_back = back_from_marker.inverse()
         eye = marker_from_back.translation
         seen, material = self._seen_by(camera, back_from_marker), self.scene.material
-        layer = np.zeros((h * w, 4))
+        flat = np.zeros((h * w, 4))
         if len(seen.pixel):
             if material.model == "pbr":
-                surface = pbr_surface(material, seen.normal, seen.tangent, seen.uv)
+                surface = pbr_surface(material, seen.normal, present(seen.tangent), seen.uv)
                 light = self._irradiance(source, seen.start, surface.frame[:, 2], seen.hidden)
                 colour = self._pbr(source, surface, seen.view, light, seen.hidden)
             else:
@@ -473,9 +480,9 @@ class TrueRenderer:
                 if any(material.glossy):
                     colour = colour + np.asarray(material.glossy) * self._glossy(source, seen, material.exponent)
             for c in range(3):
-                layer[:, c] = np.bincount(seen.pixel, colour[:, c] * seen.part, h * w)
-            layer[:, 3] = np.bincount(seen.pixel, seen.part, h * w)
-        layer = layer.reshape(h, w, 4)
+                flat[:, c] = np.bincount(seen.pixel, colour[:, c] * seen.part, h * w)
+            flat[:, 3] = np.bincount(seen.pixel, seen.part, h * w)
+        layer = flat.reshape(h, w, 4)
         # Ratio at the plane point of each pixel, bilinear on the grid, 1 outside.
         x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
         ray = camera.unproject(np.stack([x, y], axis=-1))

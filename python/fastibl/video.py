@@ -29,7 +29,8 @@ class VideoWriter:
         except ImportError as error:
             raise ImportError("writing videos needs PyAV: pip install fastibl[video]") from error
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._av, self._shape = av, ()
+        self._av = av
+        self._shape: tuple[int, ...] = ()
         self._container = av.open(str(self.path), "w")
         self._stream = self._container.add_stream("libvpx-vp9", rate=Fraction(fps).limit_denominator(1000))
         self._stream.options = dict(_OPTIONS)

@@ -105,7 +105,7 @@ def linked(text: str, page: str, source: str, texts: dict) -> str:
 def build(out: Path, staged: Path) -> str:
     """Builds the site; returns what Sphinx printed. Raises RuntimeError with its warnings."""
     stage(staged)
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-E", "-b", "html", "-c", SITE, "-d"]
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-E", "-b", "html", "-c", str(SITE), "-d"]
     done = subprocess.run([*command, staged.parent / "doctrees", staged, out], capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(done.stdout + done.stderr)

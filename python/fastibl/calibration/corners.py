@@ -59,7 +59,7 @@ def size_of(pictures: Sequence[ArrayLike]) -> tuple[int, int]:
         if np.ndim(picture) != 3:
             got = "None" if picture is None else f"shape {np.shape(picture)}"
             raise ValueError(f"picture {number} must have shape (height, width, 3), got {got}")
-    sizes = {np.shape(p)[1::-1] for p in pictures}
+    sizes = {(np.shape(p)[1], np.shape(p)[0]) for p in pictures}
     if len(sizes) != 1:
         raise ValueError(f"expected pictures of one size, got {sorted(sizes) or 'none'}")
     return sizes.pop()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +56,7 @@ class PosePath:
     between neighbours; ValueError outside the times.
     """
 
-    def __init__(self, times: ArrayLike, poses: Sequence[Pose] | ArrayLike):
+    def __init__(self, times: ArrayLike, poses: Iterable[Pose | ArrayLike]):
         self.times = np.asarray(times, np.float64)
         self.poses = [p if isinstance(p, Pose) else Pose(p) for p in poses]
         if self.times.ndim != 1 or len(self.times) != len(self.poses) or len(self.poses) < 2:
@@ -83,7 +83,7 @@ def calibrate_timing(
     camera: Camera,
     board: Board,
     *,
-    poses: tuple[ArrayLike, Sequence[Pose] | ArrayLike] | None = None,
+    poses: tuple[ArrayLike, Iterable[Pose | ArrayLike]] | None = None,
     gyro: tuple[ArrayLike, ArrayLike] | None = None,
     longest_offset: float = 0.25,
 ) -> TimingCalibration:
@@ -159,7 +159,8 @@ class _Track:
         for k in range(1, len(self.times) - 1):
             sums = self._evidence(k)
             if sums is not None:
-                products.append(sums[0]), squares.append(sums[1])
+                products.append(sums[0])
+                squares.append(sums[1])
         if len(products) < _LEAST_FRAMES - 2:
             raise ValueError(f"the motion is known in {len(products)} pictures only; {_LEAST_FRAMES - 2} are needed")
         top, bottom = np.array(products), np.array(squares)
@@ -232,7 +233,7 @@ def _about_board(deviations: NDArray, place: NDArray) -> NDArray[np.float64]:
     return out * np.repeat(deviations, 3)
 
 
-def _rotations(times: ArrayLike, poses: Sequence[Pose] | ArrayLike) -> tuple[NDArray, NDArray]:
+def _rotations(times: ArrayLike, poses: Iterable[Pose | ArrayLike]) -> tuple[NDArray, NDArray]:
     times = np.asarray(times, np.float64)
     matrices = np.array([p.matrix if isinstance(p, Pose) else p for p in poses], np.float64)
     if times.ndim != 1 or matrices.shape[:1] != times.shape or matrices.shape[1:] not in ((3, 3), (4, 4)):

@@ -49,7 +49,7 @@ def device(text: str) -> int | str:
     return int(text) if text.isdecimal() else text
 
 
-def add_cameras(p: argparse.ArgumentParser) -> None:
+def add_cameras(p: argparse._ActionsContainer) -> None:
     """Options of live cameras and their board."""
     p.add_argument("--back", type=device, metavar="CAMERA", help="number, device path, URL or video file (default: 0)")
     p.add_argument("--front", type=device, metavar="CAMERA", help="the same of the front camera (default: none)")
@@ -94,7 +94,7 @@ def board_of(path: Path | None) -> Board:
 
 
 def parser(
-    commands: argparse._SubParsersAction, name: str, run: Callable, help: str, example: str
+    commands: argparse._SubParsersAction, name: str, run: Callable | None, help: str, example: str
 ) -> argparse.ArgumentParser:
     """Adds a command with its one-line help and an example."""
     made = commands.add_parser(

@@ -104,7 +104,7 @@ def _recorded(arguments: argparse.Namespace) -> Opened:
         recording.board = board_of(arguments.board)
     if recording.board is None:
         raise ValueError(f"{arguments.recording} says nothing of a board; nothing can be put before its pictures")
-    return Opened(Paced(recording, catch_up=_CATCH_UP), f"recording {recording.path.name}")
+    return Opened(Paced(recording, catch_up=_CATCH_UP), f"recording {arguments.recording.name}")
 
 
 def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opened:

@@ -38,7 +38,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     source.add_argument("--simulate", action="store_true", help="a virtual camera in a simulated room")
     source.add_argument("--recording", type=Path, metavar="REC", help="a recording, in its own time")
     source.add_argument("--rig", type=Path, metavar="YAML", help="calibration (default: none; angles are then guessed)")
-    angle = {"type": positive, "default": _DEGREES, "metavar": "DEG"}
+    angle: dict[str, Any] = {"type": positive, "default": _DEGREES, "metavar": "DEG"}
     source.add_argument("--fov", **angle, help="angle across the back picture, without --rig (default: %(default)g)")
     source.add_argument("--front-fov", **angle, help="the same of the front picture")
     source.add_argument("--size", type=picture_size, default=(640, 480), metavar="WxH", help="without --rig")
@@ -210,7 +210,8 @@ class _Watch:
         self._given = given  # map of the light
         self._lit: Session | None = None  # the session that has it as bright as it is here
         self._frames = self._posed = self._refused = 0
-        self._error, self._end = float("nan"), None
+        self._error = float("nan")
+        self._end: threading.Timer | None = None
 
     def take(self, session: Session, played: Played) -> None:
         self._refused += bool(played.refused)

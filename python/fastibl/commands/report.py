@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.measured is not None and arguments.against is None:
         raise ValueError("--measured needs --against")
     old = None if arguments.against is None else measuring.read_rows(arguments.against)
-    if arguments.measured is not None:
+    if old is not None and arguments.measured is not None:
         return _compared(old, measuring.read_rows(arguments.measured), arguments.against)[0]
     try:
         import matplotlib  # noqa: F401

@@ -8,6 +8,7 @@ import pickle
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from .._fastibl import Camera
 
@@ -34,7 +35,7 @@ def srgb(linear):
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-_pages = {}
+_pages: dict[tuple[bytes, float], NDArray[np.float32]] = {}
 
 
 def page_of(board, dpi=300):
@@ -92,7 +93,7 @@ def render(
     return np.rint(255 * encode(light)).astype(np.uint8)
 
 
-_ray_cache = {}
+_ray_cache: dict[tuple, NDArray[np.float32]] = {}
 
 
 def _rays(camera, fine, x, y):

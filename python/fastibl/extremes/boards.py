@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from .case import Case, Outcome, both, refused
 
 CAMERA = Camera(320, 240, 280.0, 280.0, 160.0, 120.0)
 # Expected: largest error in degrees, and whether there must be a pose; other poses may be None.
-POSES = {
+POSES: dict[str, tuple[dict[str, Any], float, bool]] = {
     "head-on": (dict(tilt_degrees=0, distance=0.4), 0.3, True),
     "nearly head-on": (dict(tilt_degrees=0.01, distance=0.4), 0.3, True),
     "45 degrees": (dict(tilt_degrees=45, distance=0.4, azimuth_degrees=30), 0.3, True),
@@ -40,16 +41,16 @@ def cases() -> Iterator[Case]:
                 f"{name}, {method}",
                 (f"a pose within {most:g} degrees" if wanted else f"None, or a pose within {most:g} degrees")
                 + ", or flagged ambiguous",
-                lambda v=view, m=method, x=most, w=wanted: _pose(v, m, x, w),
+                partial(_pose, view, method, most, wanted),
             )
     for name in PICTURES:
-        yield Case("tracking", f"picture: {name}", PICTURES[name][1], lambda n=name: _picture(n))
+        yield Case("tracking", f"picture: {name}", PICTURES[name][1], partial(_picture, name))
     for exposure in (1e-4, 1e-2, 0.1, 3.0, 30.0):
         yield Case(
             "tracking",
             f"exposed {exposure:g} times",
             "None, or a pose within 1 degree",
-            lambda e=exposure: _exposed(e),
+            partial(_exposed, exposure),
         )
     yield Case("tracking", "a board on a wall, gravity known", "the pose of the wall, not its mirror", _on_a_wall)
     yield Case("tracking", "exposures 20 stops apart in turn", "poses of the good pictures, none of the black", _stops)
@@ -67,7 +68,7 @@ def cases() -> Iterator[Case]:
         ("an empty picture", dict(shape=(0, 0, 3))),
         ("32-bit integers", dict(shape=(240, 320, 3), dtype=np.int32)),
     ):
-        yield Case("tracking", what, "ValueError or TypeError", lambda a=arguments: _bad_picture(**a))
+        yield Case("tracking", what, "ValueError or TypeError", partial(_bad_picture, **arguments))
     for what, call in (
         ("a board without tags", lambda: Board([], 0.2, 0.2)),
         ("a tag of NaN", lambda: Board([(0, np.full((4, 2), np.nan))], 0.2, 0.2)),
@@ -96,7 +97,7 @@ def cases() -> Iterator[Case]:
         ("a pose of NaN", lambda: Pose(np.full((4, 4), np.nan))),
         ("a pose of infinite translation", lambda: Pose(_shifted(np.inf))),
     ):
-        yield Case("cameras", what, "ValueError or TypeError", lambda c=call: refused(c, (ValueError, TypeError)))
+        yield Case("cameras", what, "ValueError or TypeError", partial(refused, call, (ValueError, TypeError)))
 
 
 def _corners() -> np.ndarray:
@@ -272,15 +273,13 @@ def _stops() -> Outcome:
 def _long_still() -> Outcome:
     tracker = Tracker(_board(), CAMERA)
     picture, _ = _view(POSES["45 degrees"][0])
-    first = last = None
+    poses = []
     for k in range(1000):
         tracked = tracker.track(picture, k / 30)
         if tracked is None:
             return Outcome(False, f"lost in frame {k}")
-        first, last = first or tracked.camera_from_marker, tracked.camera_from_marker
-        if k == 5:
-            first = last
-    drift = float(np.degrees(last.angle_to(first)))
+        poses.append(tracked.camera_from_marker)
+    drift = float(np.degrees(poses[-1].angle_to(poses[5])))
     return Outcome(drift < 0.01, f"{drift:.1e} degrees")
 
 
@@ -289,16 +288,15 @@ def _long_moving() -> Outcome:
         _shot(25 + 10 * float(np.sin(t)), 0.4 + 0.05 * float(np.cos(t))) for t in np.linspace(0, 2 * np.pi, 40)[:-1]
     ]
     order = [*shots, *shots[-2:0:-1]]
-    tracker, errors = Tracker(_board(), CAMERA), []
-    for k in range(1000):
+    tracker, errors = Tracker(_board(), CAMERA), np.zeros(1000)
+    for k in range(len(errors)):
         picture, pose = order[k % len(order)]
         tracked = tracker.track(picture, k / 30)
-        errors.append(np.nan if tracked is None else _degrees(tracked, pose))
-    errors = np.array(errors)
+        errors[k] = np.nan if tracked is None else _degrees(tracked, pose)
     lost = int(np.isnan(errors).sum())
     begin, end = np.nanmean(errors[:200]), np.nanmean(errors[-200:])
     return Outcome(
-        lost == 0 and end < 1.5 * begin + 0.01 and np.nanmax(errors) < 0.5,
+        bool(lost == 0 and end < 1.5 * begin + 0.01 and np.nanmax(errors) < 0.5),
         f"lost in {lost}, mean {begin:.3f} then {end:.3f}, worst {np.nanmax(errors):.2f} degrees",
     )
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
-from .._fastibl import Camera, Capture, Environment, texel_directions
+from .._fastibl import Camera, Capture, Environment, Pose, texel_directions
 from .case import Case, Outcome, at_most, both, is_light, refused
 from .views import all_around, camera_of, exposed, looking, picture_of, place_light, place_map
 from .worlds import MAPS, map_named
@@ -19,16 +19,16 @@ SUN = np.array([0.0, 0.6, 0.8])
 def cases() -> Iterator[Case]:
     for size in (1, 2, 3, 17, 64, 256):
         yield Case(
-            "capture", f"a map of {size} x {size} faces", "clean; the place's mean within 5 %", lambda n=size: _sized(n)
+            "capture", f"a map of {size} x {size} faces", "clean; the place's mean within 5 %", partial(_sized, size)
         )
     for name in MAPS:
-        yield Case("capture", f"prior: {name}", "a clean map", lambda n=name: _prior(n))
+        yield Case("capture", f"prior: {name}", "a clean map", partial(_prior, name))
     for stops in (0, 5, 10, 20):
         yield Case(
             "capture",
             f"exposures {stops} stops apart",
             "the place's mean within 5 %, lamp included where an exposure shows it",
-            lambda s=stops: _stops(s),
+            partial(_stops, stops),
         )
     yield Case(
         "capture", "a sun clipped in every exposure", "a lower bound: no dimmer than white, said to be clipped", _sun
@@ -47,19 +47,19 @@ def cases() -> Iterator[Case]:
         ("floats of -1", lambda c: np.full((c.height, c.width, 3), -1.0)),
         ("16-bit noise", lambda c: np.random.default_rng(0).integers(0, 65536, (c.height, c.width, 3), np.uint16)),
     ):
-        yield Case("capture", f"pictures: {what}", "a clean map", lambda p=picture: _content(p))
+        yield Case("capture", f"pictures: {what}", "a clean map", partial(_content, picture))
     for exposure in (1e-300, 1e-30, 1e-6, 1e6, 1e30, 1e300):
-        yield Case("capture", f"an exposure of {exposure:g}", "a clean map", lambda e=exposure: _odd_exposure(e))
+        yield Case("capture", f"an exposure of {exposure:g}", "a clean map", partial(_odd_exposure, exposure))
     for seconds in (1e-9, 1e3, 1e9, 1e30):
-        yield Case("capture", f"{seconds:g} s between pictures", "a clean map", lambda t=seconds: _later(t))
+        yield Case("capture", f"{seconds:g} s between pictures", "a clean map", partial(_later, seconds))
     for name, camera in CAMERAS.items():
-        yield Case("capture", f"camera: {name}", "a clean map", lambda c=camera: _odd_camera(c))
+        yield Case("capture", f"camera: {name}", "a clean map", partial(_odd_camera, camera))
     for name, pose in POSES.items():
-        yield Case("capture", f"pose: {name}", "a clean map", lambda p=pose: _odd_pose(p))
+        yield Case("capture", f"pose: {name}", "a clean map", partial(_odd_pose, pose))
     yield Case("capture", "nothing", "a clean map, predicted_error 1, interval 0 to 1", _nothing)
     yield Case("capture", "1000 pictures of one place", "no drift, no growth of memory", _long)
     for what, call in BAD.items():
-        yield Case("capture", what, "ValueError or TypeError", lambda c=call: refused(c, (ValueError, TypeError)))
+        yield Case("capture", what, "ValueError or TypeError", partial(refused, call, (ValueError, TypeError)))
 
 
 CAMERAS = {
@@ -119,7 +119,7 @@ def _clean(environment: Environment) -> Outcome:
 
 
 @cache
-def _sweep(exposures: tuple[float, ...]) -> list[tuple[np.ndarray, Camera, object, float]]:
+def _sweep(exposures: tuple[float, ...]) -> list[tuple[np.ndarray, Camera, Pose, float]]:
     """8-bit pictures of the place all around, exposures in turn."""
     camera = camera_of(64, 48)
     views = [
@@ -304,7 +304,7 @@ def _long() -> Outcome:
     """Each of 26 pictures of a still place, 38 times; memory of Python objects and of the process."""
     views = _sweep((0.5,))
     capture = _captured(views)
-    begin, mean = memory(), None
+    begin, mean = memory(), float("nan")
     tracemalloc.start()
     try:
         kept = tracemalloc.get_traced_memory()[0]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,6 +85,11 @@ def both(*outcomes: Outcome) -> Outcome:
     )
 
 
+def each(values: Iterable[Any], outcome: Callable[..., Outcome], *arguments: Any) -> Outcome:
+    """Of every value, with the same arguments, all outcomes."""
+    return both(*(outcome(value, *arguments) for value in values))
+
+
 def at_most(value: float, limit: float, what: str, percent: bool = False) -> Outcome:
     shown = f"{100 * value:.2g} %" if percent else f"{value:.3g}"
     return Outcome(bool(value <= limit), f"{what} {shown}")
@@ -122,9 +128,11 @@ def digits_lost(relative_error: float) -> float:
     return max(0.0, math.log10(max(relative_error, 1e-30) / 2.0**-24))
 
 
-def refused(call: Callable[[], object], kinds: type | Sequence[type] = ValueError, *words: str) -> Outcome:
+def refused(
+    call: Callable[[], object], kinds: type[Exception] | tuple[type[Exception], ...] = ValueError, *words: str
+) -> Outcome:
     """The call raises one of the kinds, and the message holds all words."""
-    kinds = (kinds,) if isinstance(kinds, type) else tuple(kinds)
+    kinds = kinds if isinstance(kinds, tuple) else (kinds,)
     try:
         call()
     except kinds as error:

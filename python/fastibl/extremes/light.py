@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from .. import reference
 from .._fastibl import CubeMap, directional_albedo, ggx_albedo, main_lights
 from ..lighting import Lighting, Method, methods
 from ..measuring.samples import units
-from .case import Case, Outcome, at_most, both, equal, is_light, refused
+from .case import Case, Outcome, at_most, both, each, equal, is_light, refused
 from .worlds import CONSTANT, MAPS, grazing, map_named, sun, true_irradiance
 
 EXPONENTS = (0.0, 1e-30, 1e-3, 1.0, 64.0, 1e4, 1e6, 1e9, 3e38, np.inf)
@@ -46,7 +47,7 @@ def _diffuse() -> Iterator[Case]:
                 "diffuse",
                 f"{name}, {method}",
                 "finite, never negative, no brighter than the map; exact where all is even, near the truth elsewhere",
-                lambda n=name, m=method: _irradiance(n, m),
+                partial(_irradiance, name, method),
             )
     for what, normals, kind in (
         ("a normal of length 0", [[0.0, 0, 0]], None),
@@ -59,7 +60,7 @@ def _diffuse() -> Iterator[Case]:
         ("two numbers", [[0.0, 1.0]], ValueError),
     ):
         expected = f"{kind.__name__}" if kind else "finite light, never NaN"
-        yield Case("diffuse", what, expected, lambda v=normals, k=kind: _odd_normals(v, k))
+        yield Case("diffuse", what, expected, partial(_odd_normals, normals, kind))
 
 
 def _irradiance(name: str, method: str) -> Outcome:
@@ -91,7 +92,7 @@ def _suns() -> Iterator[Case]:
                     "diffuse",
                     f"sun of {radiance:g} in {texels} texels, {method}",
                     f"mean error at most {100 * limit:g} % of the mean irradiance, mean kept",
-                    lambda r=radiance, t=texels, m=method, x=limit: _sun(r, t, m, x),
+                    partial(_sun, radiance, texels, method, limit),
                 )
 
 
@@ -122,21 +123,21 @@ def _glossy() -> Iterator[Case]:
                 "glossy",
                 f"exponent {exponent:g}, {method}, all maps",
                 "finite, never negative, no brighter than the map; an even map as it is",
-                lambda m=method, s=exponent: both(*(_lobe(n, m, s) for n in MAPS)),
+                partial(each, MAPS, _lobe, method, exponent),
             )
         for normalization in ("paper", "exact"):
             yield Case(
                 "glossy",
                 f"normalization {normalization}, {method}, all exponents",
                 "finite and never negative, also at grazing views and below the surface",
-                lambda m=method, k=normalization: both(*(_normalized(m, k, s) for s in EXPONENTS)),
+                partial(each, EXPONENTS, partial(_normalized, method, normalization)),
             )
     for bad in (-1.0, -1e-30, np.nan):
         yield Case(
             "glossy",
             f"exponent {bad:g}",
             "ValueError",
-            lambda s=bad: refused(lambda: _lighting("3 x 3 faces").glossy([[0.0, 0, 1]], [[0.0, 0, 1]], s)),
+            partial(_refused_glossy, bad),
         )
     yield Case("glossy", "table of albedos, all exponents", "in [0, 1.1]: Eq. 3 is a fit", _albedos)
 
@@ -145,6 +146,14 @@ def _lobe(name: str, method: str, exponent: float) -> Outcome:
     n, v = grazing()
     lighting, cube = _lighting(name, glossy=method), map_named(name)
     return _of_map(lighting.glossy(n[::5], v[::5], exponent), name, cube)
+
+
+def _refused_glossy(exponent: float) -> Outcome:
+    return refused(lambda: _lighting("3 x 3 faces").glossy([[0.0, 0, 1]], [[0.0, 0, 1]], exponent))
+
+
+def _refused_ggx(options: dict[str, Any]) -> Outcome:
+    return refused(lambda: _lighting("3 x 3 faces").ggx([[0.0, 0, 1]], [[0.0, 0, 1]], **options))
 
 
 def _of_map(light: NDArray, name: str, cube: CubeMap) -> Outcome:
@@ -176,19 +185,19 @@ def _ggx() -> Iterator[Case]:
                 "ggx",
                 f"alpha {alpha:g}, {method}, all maps",
                 "finite, never negative, no brighter than the map; an even map as it is",
-                lambda m=method, a=alpha: both(*(_ggx_lobe(n, m, (a, a)) for n in MAPS)),
+                partial(each, MAPS, _ggx_lobe, method, (alpha, alpha)),
             )
         for alphas in ((0.0, 1.0), (1.0, 0.0), (0.02, 1.0), (1.0, 1e-6)):
             yield Case(
                 "ggx",
                 f"alpha {alphas[0]:g} by {alphas[1]:g}, {method}, all maps",
                 "finite, never negative, no brighter than the map; an even map as it is",
-                lambda m=method, a=alphas: both(*(_ggx_lobe(n, m, a) for n in MAPS)),
+                partial(each, MAPS, _ggx_lobe, method, alphas),
             )
     for taps in (1, 16):
-        yield Case("ggx", f"{taps} taps", "an even map as it is", lambda k=taps: _ggx_taps(k))
+        yield Case("ggx", f"{taps} taps", "an even map as it is", partial(_ggx_taps, taps))
     for what, tangents in (("along the normal", 1.0), ("of length 0", 0.0), ("of NaN", np.nan)):
-        yield Case("ggx", f"a tangent {what}", "finite light", lambda t=tangents: _ggx_tangent(t))
+        yield Case("ggx", f"a tangent {what}", "finite light", partial(_ggx_tangent, tangents))
     for name, options in (
         ("roughness -0.1", {"roughness": -0.1}),
         ("roughness 1.1", {"roughness": 1.1}),
@@ -202,7 +211,7 @@ def _ggx() -> Iterator[Case]:
             "ggx",
             name,
             "ValueError",
-            lambda o=options: refused(lambda: _lighting("3 x 3 faces").ggx([[0.0, 0, 1]], [[0.0, 0, 1]], **o)),
+            partial(_refused_ggx, options),
         )
     yield Case("ggx", "table of albedos, roughness 0 to 1, grazing", "in [0, 1]", _ggx_albedos)
 
@@ -240,9 +249,9 @@ def _lights() -> Iterator[Case]:
             "lights",
             f"{name}: taken out",
             "what is left and the lights hold every photon once",
-            lambda n=name: _photons(n),
+            partial(_photons, name),
         )
-        yield Case("lights", f"{name}: main lights", "finite, shares in [0, 1]", lambda n=name: _main(n))
+        yield Case("lights", f"{name}: main lights", "finite, shares in [0, 1]", partial(_main, name))
     yield Case("lights", "blue and red lamps: colours", "each keeps its own", _colours)
     yield Case("lights", "a light smaller than a texel", "keeps its energy", _small_light)
     for count in (0, 8):
@@ -250,16 +259,14 @@ def _lights() -> Iterator[Case]:
             "lights",
             f"{count} lights taken out of two opposite suns",
             "finite at all exponents",
-            lambda k=count: _taken_out(k),
+            partial(_taken_out, count),
         )
     for count in (0, 12):
         yield Case(
             "lights",
             f"sh9-lobes of {count} lobes, all maps",
             "finite and never negative",
-            lambda k=count: both(
-                *(is_light(Lighting(map_named(n), Method("sh9-lobes", lobes=k)).irradiance(units(60))) for n in MAPS)
-            ),
+            partial(each, MAPS, _lobes, count),
         )
 
 
@@ -298,6 +305,10 @@ def _small_light() -> Outcome:
     _, angles, radiance = reference.samples(image)
     true = (angles[:, None] * radiance).sum(axis=0) / (4 * np.pi)
     return equal(cubemap_from_equirect(image, size=64).mean(), true, 1e-5, "mean")
+
+
+def _lobes(name: str, count: int) -> Outcome:
+    return is_light(Lighting(map_named(name), Method("sh9-lobes", lobes=count)).irradiance(units(60)))
 
 
 def _taken_out(count: int) -> Outcome:

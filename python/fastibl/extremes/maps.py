@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,11 +21,11 @@ STEP = "maps"
 
 def cases() -> Iterator[Case]:
     for size in (1, 2, 3, 7, 64, 333, 1024, 2048):
-        yield Case(STEP, f"solid angles of {size} x {size} faces", "sum to 4 pi", lambda n=size: _angles(n))
+        yield Case(STEP, f"solid angles of {size} x {size} faces", "sum to 4 pi", partial(_angles, size))
     for size in (1, 2, 3, 5, 31, 2048):
-        yield Case(STEP, f"levels of {size} x {size} faces", "each has the mean of the map", lambda n=size: _levels(n))
+        yield Case(STEP, f"levels of {size} x {size} faces", "each has the mean of the map", partial(_levels, size))
     for name in MAPS:
-        yield Case(STEP, f"{name}: all levels", "clean: finite and never negative", lambda m=name: _clean(m))
+        yield Case(STEP, f"{name}: all levels", "clean: finite and never negative", partial(_clean, name))
     for what, value, key in (
         ("NaN", np.nan, "nan"),
         ("infinity", np.inf, "capped"),
@@ -31,30 +33,30 @@ def cases() -> Iterator[Case]:
         ("negative", -1e-30, "negative"),
         ("1e10", 1e10, "capped"),
     ):
-        yield Case(STEP, f"a value that is {what}", f"is counted as {key}", lambda v=value, k=key: _counted(v, k))
+        yield Case(STEP, f"a value that is {what}", f"is counted as {key}", partial(_counted, value, key))
     for name, (array, kind) in BAD.items():
         yield Case(
             STEP,
             f"array: {name}",
             f"{kind.__name__} that says what was expected",
-            lambda a=array, k=kind: refused(lambda: CubeMap(a()), k),
+            partial(_refused, array, kind),
         )
     for name, array in GOOD.items():
-        yield Case(STEP, f"array: {name}", "taken as it is", lambda a=array: _taken(a()))
+        yield Case(STEP, f"array: {name}", "taken as it is", partial(_taken, array))
     for shape in ((1, 1), (1, 2), (2, 1), (3, 5), (1, 4096), (64, 128)):
         yield Case(
             STEP,
             f"equirectangular picture of {shape[0]} x {shape[1]}",
             "keeps its energy",
-            lambda s=shape: _equirect(s),
+            partial(_equirect, shape),
         )
     for value in (1e-30, 1e-8, 1.0, 1e8):
-        yield Case(STEP, f".hdr of {value:g}", "read back within 1/256", lambda v=value: _file(v, ".hdr"))
+        yield Case(STEP, f".hdr of {value:g}", "read back within 1/256", partial(_file, value, ".hdr"))
     for name, content in FILES.items():
-        yield Case(STEP, f"file: {name}", "an error that names the file", lambda n=name, c=content: _broken_file(n, c))
+        yield Case(STEP, f"file: {name}", "an error that names the file", partial(_broken_file, name, content))
 
 
-BAD = {
+BAD: dict[str, tuple[Callable[[], Any], type[Exception]]] = {
     "integers": (lambda: np.ones((6, 2, 2, 3), int), TypeError),
     "objects": (lambda: np.full((6, 2, 2, 3), None), TypeError),
     "strings": (lambda: np.full((6, 2, 2, 3), "a"), TypeError),
@@ -65,7 +67,7 @@ BAD = {
     "faces that are no squares": (lambda: np.zeros((6, 2, 3, 3)), ValueError),
     "four channels": (lambda: np.zeros((6, 2, 2, 4)), ValueError),
 }
-GOOD = {
+GOOD: dict[str, Callable[[], np.ndarray]] = {
     "float16": lambda: np.linspace(0, 9, 72).reshape(6, 2, 2, 3).astype(np.float16),
     "float64": lambda: np.linspace(0, 9, 72).reshape(6, 2, 2, 3),
     "long double": lambda: np.linspace(0, 9, 72).reshape(6, 2, 2, 3).astype(np.longdouble),
@@ -118,7 +120,12 @@ def _counted(value: float, key: str) -> Outcome:
     return both(is_light(cube.faces, 1e9, "texels"), Outcome(held, f"cleaned {cube.cleaned}"))
 
 
-def _taken(array: np.ndarray) -> Outcome:
+def _refused(make: Callable[[], Any], kind: type[Exception]) -> Outcome:
+    return refused(lambda: CubeMap(make()), kind)
+
+
+def _taken(make: Callable[[], np.ndarray]) -> Outcome:
+    array = make()
     return equal(CubeMap(array).faces, array.astype(np.float32), 0, "texels")
 
 

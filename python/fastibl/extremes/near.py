@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -41,10 +42,10 @@ def cases() -> Iterator[Case]:
                 "near light",
                 f"a lamp {name}: picture",
                 "finite; no more than from half of all directions",
-                lambda p=place, b=backend: _drawn(p, b),
+                partial(_drawn, place, backend),
                 backend,
             )
-        yield Case("near light", f"a lamp {name}: shadow", "ratios in [0, 1]", lambda p=place: _shadow(p))
+        yield Case("near light", f"a lamp {name}: shadow", "ratios in [0, 1]", partial(_shadow, place))
     for name, options in (
         ("a box that does not hold the centre", {"box": [(1, 1, 1), (2, 2, 2)]}),
         ("a box of NaN", {"box": [(np.nan, -1, -1), (1, 1, 1)]}),
@@ -56,10 +57,14 @@ def cases() -> Iterator[Case]:
             "near light",
             name,
             "ValueError",
-            lambda o=options: refused(lambda: Environment(map_named("lamp 20 cm away"), **o)),
+            partial(_refused, options),
         )
     for name, box in (("a narrow box", ((-0.2, -0.2, 0), (0.2, 0.2, 0.3))), ("a huge box", ((-1e9,) * 3, (1e9,) * 3))):
-        yield Case("near light", name, "finite light", lambda b=box: _boxed(b))
+        yield Case("near light", name, "finite light", partial(_boxed, box))
+
+
+def _refused(options: dict[str, Any]) -> Outcome:
+    return refused(lambda: Environment(map_named("lamp 20 cm away"), **options))
 
 
 def _environment(place) -> Environment:

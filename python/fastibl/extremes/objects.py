@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -52,27 +53,27 @@ def cases() -> Iterator[Case]:
             "objects",
             f"mesh with {name}",
             "an error that says what was expected",
-            lambda n=name: refused(lambda: Mesh(*_arrays(BAD[n])), (ValueError, TypeError, OverflowError)),
+            partial(_refused, name),
         )
     for name, content in FILES.items():
-        yield Case("objects", f"file {name}", "an error that names the file", lambda n=name, c=content: _file(n, c))
+        yield Case("objects", f"file {name}", "an error that names the file", partial(_file, name, content))
     for name in DEGENERATE:
-        yield Case("objects", f"{name}: normals, tangents", "unit length", lambda n=name: _frame(n))
-        yield Case("objects", f"{name}: rays", "hits are real; packets as single rays", lambda n=name: _rays(n))
+        yield Case("objects", f"{name}: normals, tangents", "unit length", partial(_frame, name))
+        yield Case("objects", f"{name}: rays", "hits are real; packets as single rays", partial(_rays, name))
         yield Case(
             "objects",
             f"{name}: spheres",
             "finite, at least one, or a ValueError",
-            lambda n=name: result_or_refusal(lambda: _spheres(n)),
+            partial(result_or_refusal, partial(_spheres, name)),
         )
-        yield Case("self_shadow", f"{name}: occlusion, shares", "in [0, 1]", lambda n=name: _self_shadow(n))
+        yield Case("self_shadow", f"{name}: occlusion, shares", "in [0, 1]", partial(_self_shadow, name))
         yield Case(
-            "self_shadow", f"{name}: exchange with the plane", "finite, never negative", lambda n=name: _exchange(n)
+            "self_shadow", f"{name}: exchange with the plane", "finite, never negative", partial(_exchange, name)
         )
-        yield Case("shadow", f"mesh: {name}", "ratios in [0, 1], or a ValueError", lambda n=name: _cast(n))
+        yield Case("shadow", f"mesh: {name}", "ratios in [0, 1], or a ValueError", partial(_cast, name))
     for name in MAPS:
-        yield Case("self_shadow", f"{name}: light of a ball", "shares in [0, 1], light finite", lambda n=name: _lit(n))
-        yield Case("shadow", f"mesh of a ball, {name}", "ratios in [0, 1]", lambda n=name: _ball(n))
+        yield Case("self_shadow", f"{name}: light of a ball", "shares in [0, 1], light finite", partial(_lit, name))
+        yield Case("shadow", f"mesh of a ball, {name}", "ratios in [0, 1]", partial(_ball, name))
     yield Case("self_shadow", "a convex mesh", "keeps nothing from itself", _convex)
     yield Case(
         "self_shadow",
@@ -87,7 +88,7 @@ def cases() -> Iterator[Case]:
             "objects",
             f"stand at a height of {height}",
             "ValueError",
-            lambda h=height: refused(lambda: stand(ball_mesh(), h)),
+            partial(_refused_height, height),
         )
     yield Case(
         "objects",
@@ -95,6 +96,14 @@ def cases() -> Iterator[Case]:
         "ValueError",
         lambda: refused(lambda: stand(degenerate("flat on the plane"), 1)),
     )
+
+
+def _refused(name: str) -> Outcome:
+    return refused(lambda: Mesh(*_arrays(BAD[name])), (ValueError, TypeError, OverflowError))
+
+
+def _refused_height(height: float) -> Outcome:
+    return refused(lambda: stand(ball_mesh(), height))
 
 
 def _arrays(given: tuple) -> list:
@@ -139,7 +148,7 @@ def _rays(name: str) -> Outcome:
 
 def _spheres(name: str) -> Outcome:
     spheres = fit_spheres(degenerate(name), 8, resolution=16)
-    held = len(spheres) >= 1 and np.isfinite(spheres).all() and bool((spheres[:, 3] > 0).all())
+    held = len(spheres) >= 1 and bool(np.isfinite(spheres).all() and (spheres[:, 3] > 0).all())
     return Outcome(held, f"{len(spheres)} spheres, radius {spheres[:, 3].min():.3g} to {spheres[:, 3].max():.3g}")
 
 

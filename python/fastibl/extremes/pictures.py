@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
-from .._fastibl import Camera, CubeMap, Environment, Material, Mesh, Rig, Scene
+from .._fastibl import Camera, CubeMap, Environment, Material, Mesh, Pose, Rig, Scene
 from ..recording import Frame
 from ..session import Session
-from .case import Case, Outcome, both, equal, is_light, is_ratio, refused, result_or_refusal
+from .case import Case, Outcome, both, each, equal, is_light, is_ratio, refused, result_or_refusal
 from .worlds import (
     CONSTANT,
     DEGENERATE,
@@ -62,7 +62,7 @@ def cases() -> Iterator[Case]:
                     "render",
                     f"{name}, {material}",
                     "finite, never negative; a white object in an even map as bright as that",
-                    lambda n=name, m=material, b=backend: _lit(n, m, b),
+                    partial(_lit, name, material, backend),
                     backend,
                 )
         for name in DEGENERATE:
@@ -70,7 +70,7 @@ def cases() -> Iterator[Case]:
                 "render",
                 f"object: {name}",
                 "a picture, finite, or a ValueError",
-                lambda n=name, b=backend: result_or_refusal(lambda: _object(n, b)),
+                partial(result_or_refusal, partial(_object, name, backend)),
                 backend,
             )
         for name, (camera, pose) in CAMERAS.items():
@@ -78,14 +78,14 @@ def cases() -> Iterator[Case]:
                 "render",
                 f"camera: {name}",
                 "a picture of its size, finite",
-                lambda c=camera, p=pose, b=backend: _camera(c, p, b),
+                partial(_camera, camera, pose, backend),
                 backend,
             )
         yield Case(
             "render",
             "four triangles of 100 km around the camera",
             "every sample sees one",
-            lambda b=backend: _around(b),
+            partial(_around, backend),
             backend,
         )
         for exposure in EXPOSURES:
@@ -93,7 +93,7 @@ def cases() -> Iterator[Case]:
                 "composite",
                 f"exposure {exposure:g}",
                 "pixels without object and shadow keep their bytes",
-                lambda e=exposure, b=backend: _bytes(e, b),
+                partial(_bytes, exposure, backend),
                 backend,
             )
         for strength, colour in ((0.0, (0, 0, 0)), (1.0, (1, 1, 1)), (1.0, (0, 0, 0))):
@@ -101,14 +101,14 @@ def cases() -> Iterator[Case]:
                 "composite",
                 f"shadow of strength {strength:g}, colour {colour[0]}",
                 "the picture unchanged where nothing of it is left to draw",
-                lambda s=strength, c=colour, b=backend: _look(s, c, b),
+                partial(_look, strength, colour, backend),
                 backend,
             )
         yield Case(
             "composite",
             "a holdout that covers everything",
             "the picture unchanged but for its shadow",
-            lambda b=backend: _holdout(b),
+            partial(_holdout, backend),
             backend,
         )
     for name in ("matte", "mirror", "brushed metal"):
@@ -116,7 +116,7 @@ def cases() -> Iterator[Case]:
             "render",
             f"{name}, all maps: GL against CPU",
             "99 % of the pixels within 2e-3 of the largest value",
-            lambda m=name: both(*(_agree(n, m) for n in MAPS)),
+            partial(each, MAPS, _agree, name),
             "gl",
         )
     for what, arguments in (
@@ -127,7 +127,7 @@ def cases() -> Iterator[Case]:
         ("of exponent NaN", {"exponent": np.nan}),
         ("of negative emission", {"emission": (0, 0, -1e-30)}),
     ):
-        yield Case("render", f"a material {what}", "ValueError", lambda a=arguments: refused(lambda: Material(**a)))
+        yield Case("render", f"a material {what}", "ValueError", partial(refused, partial(Material, **arguments)))
 
 
 def _session(name_or_map, scene: Scene, backend: str, camera: Camera = PICTURE, methods=None) -> Session:
@@ -196,7 +196,7 @@ def _glossy_scene() -> Scene:
     return Scene(_ball(), Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=0)
 
 
-def _camera(camera: Camera, pose: np.ndarray, backend: str) -> Outcome:
+def _camera(camera: Camera, pose: Pose, backend: str) -> Outcome:
     session = _session("blue and red lamps", _glossy_scene(), backend, camera)
     result = session.process(Frame(time=0.0, back=_back(camera), back_from_marker=pose))
     return both(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from .._fastibl import Material, Scene, due_passes
+from .._fastibl import CubeMap, Material, Scene, due_passes
 from ..lighting import Method, resolve_methods
 from ..session import make_plan
 from .case import Case, Outcome, refused, result_or_refusal
@@ -34,35 +36,35 @@ def cases() -> Iterator[Case]:
             "plan",
             f"{name}, an error of {budget:g}",
             "every pass is in it, or has a reason",
-            lambda s=scenes[name], b=budget: _complete(s, error=b),
+            partial(_complete, scenes[name], error=budget),
         )
     for name, budget in itertools.product(("matte", "all of it"), (1e-30, 1e-3, 1e30)):
         yield Case(
             "plan",
             f"{name}, {budget:g} ms",
             "every pass is in it, or has a reason",
-            lambda s=scenes[name], b=budget: _complete(s, milliseconds=b),
+            partial(_complete, scenes[name], milliseconds=budget),
         )
     for name in MAPS:
         yield Case(
             "plan",
             f"{name}: errors and bounds",
             "finite, never negative",
-            lambda s=scenes["all of it"], n=name: _complete(s, map_named(n), error=0.02),
+            partial(_of_map, scenes["all of it"], name),
         )
     for name in scenes:
         yield Case(
             "plan",
             f"{name}: every state of the products",
             "nothing is due twice; what is fresh is not made",
-            lambda s=scenes[name]: _due(s),
+            partial(_due, scenes[name]),
         )
     for name, value in (("NaN", np.nan), ("negative", -1.0), ("infinite", np.inf)):
         yield Case(
             "plan",
             f"an error that is {name}",
             "a plan, or ValueError",
-            lambda v=value: result_or_refusal(lambda: _complete(scenes["matte"], error=v)),
+            partial(result_or_refusal, partial(_complete, scenes["matte"], error=value)),
         )
     for what, call in (
         ("an unknown method", lambda: resolve_methods("magic")),
@@ -74,14 +76,14 @@ def cases() -> Iterator[Case]:
         ("a setting of 1e30", lambda: make_plan(scenes["matte"], methods={"diffuse": Method("sh9-lobes", lobes=1e30)})),
         ("-2 lobes", lambda: make_plan(scenes["matte"], methods={"diffuse": Method("sh9-lobes", lobes=-2)})),
     ):
-        yield Case("plan", what, "an error that says what there is", lambda c=call: _refused(c))
+        yield Case("plan", what, "an error that says what there is", partial(_refused, call))
 
 
-def _refused(call) -> Outcome:
+def _refused(call: Callable[[], object]) -> Outcome:
     return refused(call, (ValueError, TypeError, OverflowError))
 
 
-def _complete(scene: Scene, environment=None, **budget: float) -> Outcome:
+def _complete(scene: Scene, environment: CubeMap | None = None, **budget: Any) -> Outcome:
     plan = make_plan(scene, environment, **budget)
     silent = [p.name for p in plan.passes if not p.included and not p.reason]
     numbers = [plan.expected_error, plan.omission_bound, *(p.bound for p in plan.passes)]
@@ -94,6 +96,10 @@ def _complete(scene: Scene, environment=None, **budget: float) -> Outcome:
         + (f", no reason: {silent}" if silent else "")
         + (f", numbers {bad}" if bad else ""),
     )
+
+
+def _of_map(scene: Scene, name: str) -> Outcome:
+    return _complete(scene, map_named(name), error=0.02)
 
 
 def _due(scene: Scene) -> Outcome:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -27,24 +27,24 @@ def cases() -> Iterator[Case]:
             "session",
             "1000 frames, all that can change changes",
             "pictures finite, no growth of memory, the last as the first",
-            lambda b=backend: _long(b),
+            partial(_long, backend),
             backend,
             long=True,
         )
         yield Case(
-            "session", "light that jumps from map to map", "as a fresh session", lambda b=backend: _jumps(b), backend
+            "session", "light that jumps from map to map", "as a fresh session", partial(_jumps, backend), backend
         )
         yield Case(
             "session",
             "an object that leaves the plane and comes back",
             "the same picture as before",
-            lambda b=backend: _away(b),
+            partial(_away, backend),
             backend,
         )
-        yield Case("session", "no map yet", "a picture", lambda b=backend: _no_map(b), backend)
+        yield Case("session", "no map yet", "a picture", partial(_no_map, backend), backend)
     yield Case("session", "1000 frames captured", "no drift of the map, no growth", _long_capture, long=True)
     for kind in KINDS:
-        yield Case("session", f"fault: {kind}", "a result for every frame, its map clean", lambda k=kind: _fault(k))
+        yield Case("session", f"fault: {kind}", "a result for every frame, its map clean", partial(_fault, kind))
     for what, frame in (
         ("without picture or pose", dict(time=0.0)),
         ("at time NaN", dict(time=np.nan, back_from_marker=POSE)),
@@ -57,9 +57,7 @@ def cases() -> Iterator[Case]:
         ("with a pose that is none", dict(time=0.0, back_from_marker=np.zeros((4, 4)))),
         ("with a last row of a global shutter", dict(time=0.0, back_from_marker=POSE, back_last_row=POSE)),
     ):
-        yield Case(
-            "session", f"a frame {what}", "ValueError or TypeError; the session goes on", lambda f=frame: _bad(f)
-        )
+        yield Case("session", f"a frame {what}", "ValueError or TypeError; the session goes on", partial(_bad, frame))
 
 
 @cache  # sessions have copies of it

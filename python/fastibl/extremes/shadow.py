@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -38,8 +40,10 @@ SPHERES = {
     ),
     "one that vanishes far away": [(1e9, -1e9, 0.1, 0.05)],
 }
-_IGNORED = ("none", "one of NaN", "one of radius NaN", "one of infinite radius", "one of radius 0")
-_IGNORED += ("one of negative radius", "one below the plane", "one that touches the plane from below")
+_IGNORED = {
+    "none", "one of NaN", "one of radius NaN", "one of infinite radius", "one of radius 0", "one of negative radius",
+    "one below the plane", "one that touches the plane from below",
+}  # fmt: skip
 
 
 def cases() -> Iterator[Case]:
@@ -49,7 +53,7 @@ def cases() -> Iterator[Case]:
                 "shadow",
                 f"spheres: {name}, {method}",
                 "ratios in [0, 1]; 1 where none is above the plane",
-                lambda n=name, m=method: _spheres(n, m),
+                partial(_spheres, name, method),
             )
     for name in MAPS:
         for method in METHODS:
@@ -57,7 +61,7 @@ def cases() -> Iterator[Case]:
                 "shadow",
                 f"{name}, {method}",
                 "ratios in [0, 1]; 1 where nothing lights the plane",
-                lambda n=name, m=method: _light(n, m),
+                partial(_light, name, method),
             )
     for radiance in (1.0, 1e4, 1e8):
         for texels in (1, 100):
@@ -65,7 +69,7 @@ def cases() -> Iterator[Case]:
                 "shadow",
                 f"sun of {radiance:g} in {texels} texels",
                 "within 0.02 RMS of all texels summed",
-                lambda r=radiance, t=texels: _sun(r, t),
+                partial(_sun, radiance, texels),
             )
     for what, points, expected in (
         ("inside the sphere's foot", [(0.0, 0.0)], 0.0),
@@ -73,16 +77,16 @@ def cases() -> Iterator[Case]:
         ("at infinity", [(np.inf, 0)], 1.0),
         ("of NaN", [(np.nan, np.nan)], 1.0),
     ):
-        yield Case("shadow", f"a point {what}", f"ratio {expected:g}", lambda p=points, e=expected: _point(p, e))
+        yield Case("shadow", f"a point {what}", f"ratio {expected:g}", partial(_point, points, expected))
     for count in (8, 4096):
-        yield Case("shadow", f"{count} directions", "ratios in [0, 1]; shares sum to 1", lambda k=count: _directions(k))
+        yield Case("shadow", f"{count} directions", "ratios in [0, 1]; shares sum to 1", partial(_directions, count))
     for name, options in (
         ("7 directions", {"directions": 7}),
         ("5000 directions", {"directions": 5000}),
         ("an unknown method", {"method": "magic"}),
     ):
-        yield Case("shadow", name, "ValueError", lambda o=options: refused(lambda: _ratio(**o), ValueError))
-    for name, options in (
+        yield Case("shadow", name, "ValueError", partial(refused, partial(_ratio, **options), ValueError))
+    for name, given in (
         ("an extent of 0", {"extent": -1.0}),
         ("an extent of NaN", {"extent": np.nan}),
         ("a resolution of 1", {"resolution": 1}),
@@ -93,9 +97,13 @@ def cases() -> Iterator[Case]:
             "shadow",
             f"map with {name}",
             "ValueError",
-            lambda o=options: refused(lambda: cast_shadow(map_named("3 x 3 faces"), [_USUAL], **o), ValueError),
+            partial(_refused_map, given),
         )
     yield Case("shadow", "light that comes and goes", "ratios in [0, 1] in every frame; the same at the end", _flicker)
+
+
+def _refused_map(options: dict[str, Any]) -> Outcome:
+    return refused(lambda: cast_shadow(map_named("3 x 3 faces"), [_USUAL], **options), ValueError)
 
 
 def _points() -> np.ndarray:

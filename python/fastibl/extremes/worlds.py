@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import reference
-from .._fastibl import Camera, CubeMap, Mesh, texel_directions
+from .._fastibl import Camera, CubeMap, Mesh, Pose, texel_directions
 from ..measuring.samples import units
 
 # --- directions
@@ -114,11 +114,12 @@ def map_named(name: str) -> CubeMap:
 def true_irradiance(name: str, count: int = 40) -> NDArray[np.float64]:
     """Of the first normals of `grazing`, one of each six, by brute force."""
     source = map_named(name)
+    faces = source.faces
     if source.size > 128:
-        source = source.level(int(np.log2(source.size // 64)))
+        faces = source.level(int(np.log2(source.size // 64)))
     elif source.size < 16:  # pieces small enough that one direction stands for each
-        source = source.faces.repeat(32, axis=1).repeat(32, axis=2)
-    return reference.irradiance(source, units(40, 1)[:count])
+        faces = faces.repeat(32, axis=1).repeat(32, axis=2)
+    return reference.irradiance(faces, units(40, 1)[:count])
 
 
 # --- objects
@@ -184,11 +185,11 @@ def degenerate(name: str) -> Mesh:
 # --- cameras
 
 
-def seen_from(eye: ArrayLike, target: ArrayLike = (0, 0, 0.05)) -> NDArray[np.float64]:
-    """camera_from_marker (4, 4) of a camera there that looks at the target."""
+def seen_from(eye: ArrayLike, target: ArrayLike = (0, 0, 0.05)) -> Pose:
+    """camera_from_marker of a camera there that looks at the target."""
     from .views import looking
 
-    return looking(np.asarray(target, float) - np.asarray(eye, float), eye).matrix
+    return looking(np.asarray(target, float) - np.asarray(eye, float), eye)
 
 
 PICTURE = Camera(64, 64, 60, 60, 32, 32)

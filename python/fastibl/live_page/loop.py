@@ -186,7 +186,7 @@ class LiveLoop:
     def _take(self, played: Played) -> None:
         result = played.result
         if self._recorder is not None:
-            self._record(played)
+            self._record(self._recorder, played)
         changes: dict[str, Any] = {"left_out": "; ".join(f"{k}: {why}" for k, why in played.refused.items())}
         if result is not None:
             self.frames += 1
@@ -243,7 +243,7 @@ class LiveLoop:
             **changes,
         )
 
-    def _wait_for(self, condition: Callable[[], bool]) -> None:
+    def _wait_for(self, condition: Callable[[], object]) -> None:
         """Applies changes as they come; the last frame is made anew for those that it shows."""
         while not condition() and not self._stopping.is_set():
             try:
@@ -440,9 +440,9 @@ class LiveLoop:
             self.say(f"recording to {path}")
         return None
 
-    def _record(self, played: Played) -> None:
+    def _record(self, recorder: Recorder, played: Played) -> None:
         try:
-            self._recorder.add(played.frame)
+            recorder.add(played.frame)
         except Exception as error:  # noqa: BLE001 - whatever ended it
             self.say(f"the recording ended: {error}")
             self._end_recording()

@@ -123,7 +123,7 @@ class Pictures:
         self.light = Light()
         self._views = {
             "composite": _View(lambda s: None if s.result is None else jpeg(s.result.image)),
-            "back": _View(lambda s: None if s.frame is None else jpeg(s.frame.back)),
+            "back": _View(lambda s: None if s.frame is None or s.frame.back is None else jpeg(s.frame.back)),
             "front": _View(lambda s: None if s.front is None else jpeg(s.front)),
             "map": _View(self._map, _MAP_PERIOD),
             "shadow": _View(_shadow, _MAP_PERIOD),

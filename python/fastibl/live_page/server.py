@@ -152,6 +152,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = _TIMEOUT
     disable_nagle_algorithm = True
     server: _Server
+    _headers_buffer: list[bytes]  # of the base, whose stub lacks it
 
     def do_GET(self) -> None:  # noqa: N802 - the library's name
         self._answer({"": self._page, "choices": self._choices, "state": self._state, "picture": self._picture})

@@ -23,7 +23,8 @@ def steady(
     import cv2
 
     before = threads(), cv2.getNumThreads()
-    set_threads(cores), cv2.setNumThreads(cores)
+    set_threads(cores)
+    cv2.setNumThreads(cores)
     walls, cpus, passes, result = [], [], [], None
     try:
         # A camera does not jump: it goes the same way back.
@@ -35,7 +36,10 @@ def steady(
             result.image  # noqa: B018 - the picture has to arrive
             wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
             if k >= len(recording):
-                walls.append(wall), cpus.append(cpu), passes.append(dict(result.timings))
+                walls.append(wall)
+                cpus.append(cpu)
+                passes.append(dict(result.timings))
     finally:
-        set_threads(before[0]), cv2.setNumThreads(before[1])
+        set_threads(before[0])
+        cv2.setNumThreads(before[1])
     return timing(walls, cpus), passes, result

@@ -49,12 +49,16 @@ def commit() -> str:
     if not (_CHECKOUT / ".git").exists():
         return ""
     try:
-        run = {"cwd": _CHECKOUT, "capture_output": True, "text": True, "check": True}
-        head = subprocess.run(["git", "rev-parse", "--short=10", "HEAD"], **run).stdout.strip()
-        changed = subprocess.run(["git", "status", "--porcelain", "--", "cpp", "python", "shaders"], **run).stdout
+        head = _git("rev-parse", "--short=10", "HEAD").strip()
+        changed = _git("status", "--porcelain", "--", "cpp", "python", "shaders")
         return head + ("+" if changed.strip() else "")
     except (OSError, subprocess.CalledProcessError):
         return ""
+
+
+def _git(*arguments: str) -> str:
+    done = subprocess.run(["git", *arguments], cwd=_CHECKOUT, capture_output=True, text=True, check=True)
+    return done.stdout
 
 
 def row(
@@ -79,7 +83,7 @@ def row(
         setting,
         case,
         metric,
-        _digits(error),
+        None if error is None else _digits(error),
         _digits(time.median) if time else None,
         (_digits(time.low), _digits(time.high)) if time else None,
         _digits(time.median / (yard or yardstick_seconds())) if time else None,
@@ -91,8 +95,8 @@ def row(
     )
 
 
-def _digits(value: float | None) -> float | None:
-    return None if value is None else float(f"{float(value):.4g}")
+def _digits(value: float) -> float:
+    return float(f"{float(value):.4g}")
 
 
 def write_rows(path: Path, rows: Sequence[Row], head: Mapping[str, Any]) -> Path:

@@ -8,12 +8,14 @@ from contextlib import ContextDecorator
 from dataclasses import dataclass
 from functools import cache, wraps
 from inspect import isgeneratorfunction
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import cv2
 import numpy as np
 
 from .._fastibl import set_threads, threads
+
+_F = TypeVar("_F", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,15 @@ class Timing:
 
     def scaled(self, items: float) -> Timing:
         """The same for one of `items` equal parts of a call."""
-        parts = (self.median, self.low, self.high, self.cpu, self.cpu_low, self.cpu_high)
-        return Timing(*(v / items for v in parts), self.count)
+        return Timing(
+            self.median / items,
+            self.low / items,
+            self.high / items,
+            self.cpu / items,
+            self.cpu_low / items,
+            self.cpu_high / items,
+            self.count,
+        )
 
 
 def timing(walls: Iterable[float], cpus: Iterable[float]) -> Timing:
@@ -44,9 +53,9 @@ def timing(walls: Iterable[float], cpus: Iterable[float]) -> Timing:
     wall, cpu = np.asarray(list(walls)), np.asarray(list(cpus))
     if not len(wall):
         raise ValueError("no repetition was measured")
-    low, middle, high = np.percentile(wall, (10, 50, 90))
-    cpu_low, cpu_middle, cpu_high = np.percentile(cpu, (10, 50, 90))
-    return Timing(*(float(v) for v in (middle, low, high, cpu_middle, cpu_low, cpu_high)), len(wall))
+    low, middle, high = map(float, np.percentile(wall, (10, 50, 90)))
+    cpu_low, cpu_middle, cpu_high = map(float, np.percentile(cpu, (10, 50, 90)))
+    return Timing(middle, low, high, cpu_middle, cpu_low, cpu_high, len(wall))
 
 
 class _On(ContextDecorator):
@@ -65,7 +74,7 @@ class _On(ContextDecorator):
     def __exit__(self, *_: object) -> None:
         set_threads(self._before)
 
-    def __call__(self, function: Callable[..., Any]) -> Callable[..., Any]:
+    def __call__(self, function: _F) -> _F:
         if not isgeneratorfunction(function):
             return super().__call__(function)
 
@@ -74,7 +83,7 @@ class _On(ContextDecorator):
             with self._recreate_cm():
                 yield from function(*given, **named)
 
-        return on
+        return cast("_F", on)
 
 
 def one_core() -> _On:
@@ -98,7 +107,8 @@ def measure(call: Callable[..., Any], inputs: Sequence[Any], repetitions: int = 
         given = inputs[k % len(inputs)]
         wall, cpu = time.perf_counter(), time.process_time()
         call(given)
-        walls.append(time.perf_counter() - wall), cpus.append(time.process_time() - cpu)
+        walls.append(time.perf_counter() - wall)
+        cpus.append(time.process_time() - cpu)
     return timing(walls, cpus)
 
 

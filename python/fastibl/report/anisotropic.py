@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,13 +50,11 @@ def measure(inputs: Inputs) -> Section:
     batches = [tuple(units(count, seed + k).astype(np.float32) for k in range(3)) for seed in (30, 40)]
     first = next(iter(inputs.places))
 
-    def call(k: int, method: str, taps: int) -> NDArray:
+    def call(method: str, taps: int, k: int) -> NDArray:
         normals, views, tangents = batches[k % 2]
         return lit[method][first].ggx(normals, views, tangents=tangents, alpha=(0.1, 0.4), method=method, taps=taps)
 
-    timings, yard = side_by_side(
-        {f"{m} {k}": lambda r, m=m, k=k: call(r, m, k) for m, k in settings}, max(3, effort.rounds // 2)
-    )
+    timings, yard = side_by_side({f"{m} {k}": partial(call, m, k) for m, k in settings}, max(3, effort.rounds // 2))
     results = []
     for m, k in settings:
         errors, biases, extra = [], [], {}
@@ -64,7 +63,8 @@ def measure(inputs: Inputs) -> Section:
                 name: l.ggx(n, v, tangents=t, alpha=np.array(alpha), method=m, taps=k) for name, l in lit[m].items()
             }
             e, b = compared(given, truths[alpha])
-            errors.append(e), biases.append(b)
+            errors.append(e)
+            biases.append(b)
             extra[f"{alpha[0]:g} × {alpha[1]:g}"] = percent(float(np.mean(list(e.values()))))
         mark = CHOSEN if (m, k) == ("taps", _DEFAULT) else PAPER if (m, k) == ("gradient", 16) else ""
         results.append(

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import Frame, Scene, Session
-from .._fastibl import Environment
+from .._fastibl import CubeMap, Environment
 from ..comparison import irradiance_over_sphere, relative_errors
 from ..demo import DISTANCE, picture_of_map
+from ..expected import present
 from ..lighting import PAPER
 from ..measuring import Timing, one_core, timing
-from ..recording import Recording
-from .inputs import Inputs, truth_of
+from ..recording import Recording, truth_of
+from .inputs import Inputs
 from .plots import COLOURS, Lines
 from .section import Section, Strip, percent
 from .spheres import tenfold
@@ -33,11 +34,11 @@ frames, on one core."""
 
 @dataclass
 class _Captured:
-    environment: Environment | None = None
-    time: Timing | None = None
-    times: list[float] = field(default_factory=list)
-    true: list[float] = field(default_factory=list)
-    predicted: list[float] = field(default_factory=list)
+    environment: Environment
+    time: Timing
+    times: list[float]
+    true: list[float]
+    predicted: list[float]
 
 
 def _capture(recording: Recording, scene: Scene, method: str, size: int, distance: float) -> _Captured:
@@ -45,24 +46,27 @@ def _capture(recording: Recording, scene: Scene, method: str, size: int, distanc
         scene, recording.rig, recording.board, methods={"capture": method}, size=size, cast_shadow=False, distance=distance,
         follow_surroundings=False,
     )  # fmt: skip
-    out, spent, truths = _Captured(), [], {}
+    truth, environment = truth_of(recording), None
+    spent, times, found, predicted = [], [], [], []
+    truths: dict[int, NDArray] = {}
     for frame in recording:
-        pose = recording.truth.pose(frame.time)
+        pose = truth.pose(frame.time)
         given = Frame(
             frame.time, frame.back, frame.front, frame.back_exposure, frame.front_exposure, back_from_marker=pose
         )
         begin = process_time()
         result = session.process(given)
         spent.append(cpu_of("capture", result.timings, process_time() - begin))
-        true_map = recording.truth.environment(frame.time)
+        true_map = truth.environment(frame.time)
         true = truths.setdefault(id(true_map), irradiance_over_sphere(true_map))
         errors = relative_errors(irradiance_over_sphere(result.environment), true)
-        out.times.append(frame.time), out.true.append(float(np.median(errors)))
-        out.predicted.append(result.predicted_error)
-        out.environment = result.environment
+        times.append(frame.time)
+        found.append(float(np.median(errors)))
+        predicted.append(result.predicted_error)
+        environment = result.environment
     # The mean, as the paper's method does nothing in most frames.
-    out.time = replace(timing(spent, spent), median=float(np.mean(spent)))
-    return out
+    time = replace(timing(spent, spent), median=float(np.mean(spent)))
+    return _Captured(present(environment), time, times, found, predicted)
 
 
 @one_core()
@@ -70,15 +74,17 @@ def measure(inputs: Inputs) -> Section:
     recording = inputs.sweep
     what = _WHAT.format(count=len(recording), seconds=recording.duration, name=inputs.recording_name)
     section = Section("capture", "Capturing the light", what)
-    if not truth_of(recording).maps or not truth_of(recording).poses:
+    truth = truth_of(recording)
+    if not truth.maps or not truth.poses:
         section.missing = "The recording holds no true light or poses to compare with."
         return section
-    true_map = recording.truth.environment(recording.times[-1])
+    true_map = truth.environment(recording.times[-1])
     true = irradiance_over_sphere(true_map)
     infinite = float("inf")
     candidates = [("continuous", n, infinite) for n in _SIZES]
     candidates += [("continuous", _SIZES[-1], DISTANCE), (PAPER.capture, _SIZES[-1], infinite)]
-    results, kept, place = [], {}, inputs.recording_name
+    results, place = [], inputs.recording_name
+    kept: dict[tuple[str, int], _Captured] = {}
     for method, size, distance in candidates:
         found = _capture(recording, inputs.scene, method, size, distance)
         kept.setdefault((method, size), found)
@@ -112,7 +118,7 @@ def measure(inputs: Inputs) -> Section:
     return section
 
 
-def _maps(ours: Environment, theirs: Environment, true: object) -> Strip:
+def _maps(ours: Environment, theirs: Environment, true: CubeMap) -> Strip:
     scale = 0.28 / float(np.mean(true.mean()))
     pictures = [
         ("true light, all directions, up at the top", picture_of_map(true, scale, 160)),
@@ -123,7 +129,7 @@ def _maps(ours: Environment, theirs: Environment, true: object) -> Strip:
     return Strip("All light of the place", pictures, "Differences: grey is none, brighter is too bright.")
 
 
-def _difference(environment: Environment, true: object, scale: float, height: int = 160) -> NDArray[np.uint8]:
+def _difference(environment: Environment, true: CubeMap, scale: float, height: int = 160) -> NDArray[np.uint8]:
     from .._fastibl import equirect_from_cubemap
 
     ours = equirect_from_cubemap(environment.radiance, height).astype(np.float64)

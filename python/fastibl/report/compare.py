@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..expected import present
 from ..measuring import Row, label, seconds_text
 from .section import Section, Table
 
@@ -38,8 +39,9 @@ class Change:
 
     def text(self, r: Row) -> str:
         if self.of == "time":
-            low, high = r.spread or (r.seconds, r.seconds)
-            return f"{seconds_text(r.seconds)} ({seconds_text(low)} to {seconds_text(high)})"
+            seconds = present(r.seconds)
+            low, high = r.spread or (seconds, seconds)
+            return f"{seconds_text(seconds)} ({seconds_text(low)} to {seconds_text(high)})"
         return f"{r.error:.3g}"
 
 
@@ -90,7 +92,7 @@ def compare(old: Sequence[Row], new: Sequence[Row], name: str = "the old report"
 
 
 def _error_change(a: Row, b: Row) -> Change:
-    old, new = abs(a.error), abs(b.error)
+    old, new = abs(present(a.error)), abs(present(b.error))
     of = "bias" if "bias" in a.metric else "error"
     if not (np.isfinite(old) and np.isfinite(new)):  # a method that begins, or ceases, to give NaN
         worse = None if np.isfinite(old) == np.isfinite(new) else bool(np.isfinite(old))
@@ -103,12 +105,15 @@ def _error_change(a: Row, b: Row) -> Change:
 
 
 def _time_change(a: Row, b: Row) -> Change:
-    old, new = a.yardsticks / a.seconds, b.yardsticks / b.seconds  # yardsticks a second
-    long = max(a.seconds, b.seconds) >= TIME_LEAST or "time of one" in a.metric
-    worse = True if long and b.spread[0] * new > TIME_FACTOR * a.spread[1] * old else None
-    if long and a.spread[0] * old > TIME_FACTOR * b.spread[1] * new:
+    yards, new_yards = present(a.yardsticks), present(b.yardsticks)
+    seconds, new_seconds = present(a.seconds), present(b.seconds)
+    (low, high), (new_low, new_high) = present(a.spread), present(b.spread)
+    old, new = yards / seconds, new_yards / new_seconds  # yardsticks a second
+    long = max(seconds, new_seconds) >= TIME_LEAST or "time of one" in a.metric
+    worse = True if long and new_low * new > TIME_FACTOR * high * old else None
+    if long and low * old > TIME_FACTOR * new_high * new:
         worse = False
-    return Change(a, b, "time", b.yardsticks / a.yardsticks, worse)
+    return Change(a, b, "time", new_yards / yards, worse)
 
 
 def summary(c: Comparison) -> str:

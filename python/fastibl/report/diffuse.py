@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import Lighting, methods, reference
+from ..expected import present
 from ..lighting import PAPER, Method
 from ..measuring import one_core, row, seconds_text, side_by_side
 from ..measuring.samples import units
@@ -31,8 +36,15 @@ def measure(inputs: Inputs) -> Section:
     candidates = [Method("auto"), *methods("diffuse")]
     cubes = list(inputs.places.values())
     first = {m: Lighting(cubes[0], diffuse=m) for m in candidates}
-    calls = {f"use {m}": lambda k, m=m: first[m].irradiance(batches[k % 2]) for m in candidates}
-    calls |= {f"fit {m}": lambda k, m=m: Lighting(cubes[k % len(cubes)], diffuse=m) for m in candidates}
+
+    def use(method: Method, k: int) -> NDArray:
+        return first[method].irradiance(batches[k % 2])
+
+    def fit(method: Method, k: int) -> Lighting:
+        return Lighting(cubes[k % len(cubes)], diffuse=method)
+
+    calls: dict[str, Callable[[int], object]] = {f"use {m}": partial(use, m) for m in candidates}
+    calls |= {f"fit {m}": partial(fit, m) for m in candidates}
     timings, yard = side_by_side(calls, effort.rounds)
     results = []
     for m in candidates:
@@ -40,16 +52,16 @@ def measure(inputs: Inputs) -> Section:
         errors, biases = compared({name: l.irradiance(normals) for name, l in lit.items()}, truths)
         name = m.name
         mark = CHOSEN if name == "auto" else BY_PAPER if name == PAPER.diffuse and not m.settings else ""
-        fit = timings[f"fit {m}"].of_cpu
+        to_fit = timings[f"fit {m}"].of_cpu
         note = chosen_in([l.methods["diffuse"] for l in lit.values()]) if name == "auto" else ""
-        use = timings[f"use {m}"].of_cpu.scaled(effort.batch)
+        to_use = timings[f"use {m}"].of_cpu.scaled(effort.batch)
         results.append(
-            Result(name, setting_of(m), errors, biases, use, mark, {"to prepare": seconds_text(fit.median)}, note)
+            Result(name, setting_of(m), errors, biases, to_use, mark, {"to prepare": seconds_text(to_fit.median)}, note)
         )
         case = "prepare a map of 128 squared"
-        section.rows.append(row(name, case, time=fit, setting=setting_of(m), step="diffuse", yard=yard))
+        section.rows.append(row(name, case, time=to_fit, setting=setting_of(m), step="diffuse", yard=yard))
     step_section(section, "diffuse", "mean error of the irradiance", "time of one surface", results, yard)
-    worst, place = worst_place(results, CHOSEN)
+    _, place = present(worst_place(results, CHOSEN))
     cube, paper = inputs.places[place], PAPER.diffuse
     section.strips.append(
         strip(

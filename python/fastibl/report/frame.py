@@ -9,17 +9,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import CubeMap, Frame, Pose, Session, Tracker
+from .. import CubeMap, Frame, Pose, Response, Session, Tracker
 from ..comparison import level_at_most
+from ..expected import present
 from ..gl_device import gl_device
 from ..lighting import PAPER
 from ..measuring import Row, Timing, all_cores, one_core, row, seconds_text, side_by_side
 from ..measuring import measure as measure_calls
 from ..measuring.frames import steady
-from ..recording import Recording
+from ..recording import Recording, truth_of
 from ..session import Methods
 from ..truth import TruePicture, TrueRenderer, picture_error
-from .inputs import STREAM, Inputs, truth_of
+from .inputs import STREAM, Inputs
 from .section import Section, Strip, Table
 from .steps import CHOSEN, Result, step_section
 from .steps import PAPER as BY_PAPER
@@ -48,6 +49,7 @@ class _View:
     """A back picture, where it was taken, and the true picture for each place."""
 
     frame: Frame
+    back: NDArray
     truths: Mapping[str, TruePicture]
     renderer: TrueRenderer
 
@@ -56,11 +58,11 @@ def _posed(recording: Recording) -> tuple[Frame, Pose] | None:
     """The last frame with a back picture and a pose: true, given, or as tracked, which is as good to compare at."""
     for frame in reversed([f for f in recording if f.back is not None]):
         if truth_of(recording).poses:
-            return frame, recording.truth.pose(frame.time)
+            return frame, truth_of(recording).pose(frame.time)
         if frame.back_from_marker is not None:
             return frame, frame.back_from_marker
         if recording.board is not None:
-            tracked = Tracker(recording.board, recording.rig.back).track(frame.back)
+            tracked = Tracker(recording.board, recording.rig.back).track(present(frame.back))
             if tracked is not None:
                 return frame, tracked.camera_from_marker
     return None
@@ -70,17 +72,14 @@ def _view(inputs: Inputs, places: Mapping[str, CubeMap]) -> _View:
     recording, effort = inputs.follow, inputs.effort
     with all_cores():
         renderer = TrueRenderer(inputs.scene, extent=0.25, grid=96 if effort.name != "full" else 128)
-        frame, pose = _posed(recording)
-        given = Frame(frame.time, frame.back, back_exposure=_exposure(frame), back_from_marker=pose)
+        frame, pose = present(_posed(recording))
+        back = present(frame.back)
+        exposure = 1.0 if frame.back_exposure is None else frame.back_exposure
+        given = Frame(frame.time, back, back_exposure=exposure, back_from_marker=pose)
         truths = {
-            name: renderer.render(given.back, given.back_exposure, recording.rig.back, pose, cube)
-            for name, cube in places.items()
+            name: renderer.render(back, exposure, recording.rig.back, pose, cube) for name, cube in places.items()
         }
-    return _View(given, truths, renderer)
-
-
-def _exposure(frame: Frame) -> float:
-    return 1.0 if frame.back_exposure is None else frame.back_exposure
+    return _View(given, back, truths, renderer)
 
 
 def _alone(inputs: Inputs, view: _View, methods: Methods, places: Mapping[str, CubeMap]):
@@ -92,8 +91,8 @@ def _alone(inputs: Inputs, view: _View, methods: Methods, places: Mapping[str, C
     for k, (name, true) in enumerate(view.truths.items()):
         session.set_environment(places[name])
         image = pictures[name] = session.process(replace(view.frame, time=0.1 * k)).image
-        errors[name] = picture_error(image, true, view.frame.back, response)
-        biases[name] = _bias(image, true, view.frame.back, response)
+        errors[name] = picture_error(image, true, view.back, response)
+        biases[name] = _bias(image, true, view.back, response)
     return pictures, errors, biases
 
 
@@ -118,7 +117,7 @@ def _times(inputs: Inputs, view: _View) -> tuple[dict[str, Timing], float, float
     return timings, yard, measure_calls(lambda cube: one("auto", cube), others, 3, warm=0).cpu
 
 
-def _bias(image: NDArray, true: TruePicture, back: NDArray, response: object) -> float:
+def _bias(image: NDArray, true: TruePicture, back: NDArray, response: Response) -> float:
     """Mean of the picture by that of the truth, less 1, where the object or its shadow is, in linear light."""
     where = (true.coverage > 0) | (np.abs(true.image.astype(int) - back).max(axis=-1) > 1)
     truth = np.clip(true.linear[where], 0, 1)
@@ -167,7 +166,7 @@ def measure(inputs: Inputs) -> Section:
 
 def _strip(view: _View, place: str, pictures: Mapping[str, NDArray]) -> Strip:
     """Truth, both choices and their differences, cut to where something happens."""
-    true, back = view.truths[place], view.frame.back
+    true, back = view.truths[place], view.back
     changed = np.argwhere((true.coverage > 0) | (np.abs(true.image.astype(int) - back).max(axis=-1) > 8))
     (top, left), (bottom, right) = changed.min(axis=0), changed.max(axis=0) + 1
     cut = slice(max(0, top - 12), bottom + 12), slice(max(0, left - 12), right + 12)

@@ -15,6 +15,7 @@ from .. import (
     methods,
     shapes,
 )
+from ..expected import present
 from ..measuring import Row, label, one_core, row
 from ..measuring.samples import pairs, units
 from .inputs import Inputs
@@ -58,15 +59,15 @@ def measure(inputs: Inputs) -> Section:
     for taps in (1, 8, 16):
         given = [lit.ggx(n, v, alpha=np.array(a), taps=taps) for a in _ALPHAS]
         add("anisotropic", "taps", np.stack(given), f"taps={taps}")
-    add("prefiltered maps", "ggx", np.concatenate([c.faces.reshape(-1) for c in lit.prefiltered(32, 5)]))
+    add("prefiltered maps", "ggx", np.concatenate([present(c).faces.reshape(-1) for c in lit.prefiltered(32, 5)]))
     ball = shapes.surface_net(lambda p: np.linalg.norm(p, axis=1) - 1, np.full(3, -1.3), np.full(3, 1.3), 0.2)
     plain = Lighting(white).irradiance(ball.normals)
     add("self-shadow of a ball", "transfer", SelfShadow(ball).irradiance(lit) / plain)
     add("self-shadow of a ball", "ambient-occlusion", ambient_occlusion(ball))
-    far = np.float32([[50.0, 50.0, 0.5, 0.01]])
-    for m in ("directions", "cap-sum", "cap-product"):
-        shadow = cast_shadow(white, far, m, resolution=16, extent=0.3, centre=(0.0, 0.0), outer=False)
-        add("shadow of something far away", m, shadow.image)
+    far = np.array([[50.0, 50.0, 0.5, 0.01]], np.float32)
+    for method in ("directions", "cap-sum", "cap-product"):
+        shadow = cast_shadow(white, far, method, resolution=16, extent=0.3, centre=(0.0, 0.0), outer=False)
+        add("shadow of something far away", method, shadow.image)
     table.append(_colour(inputs, white))
     off_of[tuple(table[-1][:2])] = 0.0
     worst_of: dict[str, list[str]] = {}

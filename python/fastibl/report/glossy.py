@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import Lighting, methods, reference
 from ..comparison import level_at_most
@@ -36,16 +39,19 @@ def measure(inputs: Inputs) -> Section:
     candidates = [Method("auto"), *methods("glossy")]
     lit = {m: {name: Lighting(cube, glossy=m) for name, cube in inputs.places.items()} for m in candidates}
     first = next(iter(inputs.places))
-    timings, yard = side_by_side(
-        {str(m): lambda k, m=m: lit[m][first].glossy(*batches[k % 2], _TIMED) for m in candidates},
-        max(3, effort.rounds // 2),
-    )
+
+    def call(method: Method, k: int) -> NDArray:
+        normals, views = batches[k % 2]
+        return lit[method][first].glossy(normals, views, _TIMED)
+
+    timings, yard = side_by_side({str(m): partial(call, m) for m in candidates}, max(3, effort.rounds // 2))
     results, by_exponent = [], {}
     for m in candidates:
         errors, biases, extra = [], [], {}
         for s in effort.exponents:
             e, b = compared({name: l.glossy(n, v, float(s)) for name, l in lit[m].items()}, truths[s])
-            errors.append(e), biases.append(b)
+            errors.append(e)
+            biases.append(b)
             extra[f"s = {s}"] = percent(float(np.mean(list(e.values()))))
             by_exponent[m.name, setting_of(m), s] = e
         mark = CHOSEN if m.name == "auto" else BY_PAPER if m.name == PAPER.glossy and not m.settings else ""

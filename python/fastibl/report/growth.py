@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .. import Camera, CubeMap, Environment, Frame, Lighting, Mesh, Rig, SelfShadow, Session, cast_shadow
+from .. import Camera, CubeMap, Environment, Frame, Lighting, Mesh, Rig, SelfShadow, Session, ShadowMap, cast_shadow
 from ..lighting import PAPER
 from ..measuring import one_core, row, seconds_text, side_by_side
 from ..measuring.samples import units
@@ -86,28 +88,31 @@ def _maps(inputs: Inputs) -> Calls:
 
 def _spheres(inputs: Inputs) -> Calls:
     cubes = list(inputs.places.values())
-    where = {"resolution": 64, "extent": 0.2, "centre": (0.0, 0.0), "outer": False}
-    given = {n: inputs.spheres(n) for n in _SPHERES}
-    given = {len(s): s for s in given.values()}  # as many as were made
-    return {
-        m: {n: lambda k, s=s, m=m: cast_shadow(cubes[k % len(cubes)], s, m, **where) for n, s in given.items()}
-        for m in ("directions", PAPER.shadow)
-    }
+    where: dict[str, Any] = {"resolution": 64, "extent": 0.2, "centre": (0.0, 0.0), "outer": False}
+    fitted = [inputs.spheres(n) for n in _SPHERES]
+    given = {len(s): s for s in fitted}  # as many as were made
+
+    def cast(method: str, spheres: NDArray, k: int) -> ShadowMap:
+        return cast_shadow(cubes[k % len(cubes)], spheres, method, **where)
+
+    return {m: {n: partial(cast, m, s) for n, s in given.items()} for m in ("directions", PAPER.shadow)}
 
 
 def _pixels(inputs: Inputs) -> Calls:
-    cube, out = _room(inputs), {"default": {}, "the paper's": {}}
+    cube = _room(inputs)
+    out: dict[str, dict[int, Callable[[int], object]]] = {"default": {}, "the paper's": {}}
     for width in inputs.effort.pixels:
         height = width * 3 // 4
         camera = Camera(width, height, 0.9 * width, 0.9 * width, width / 2, height / 2)
         back = np.full((height, width, 3), 128, np.uint8)
         for name, methods in (("default", "auto"), ("the paper's", "paper")):
             session = Session(inputs.scene, Rig(camera), None, cube, methods=methods)
-            first = Frame(0.0, back=back, back_from_marker=pose_around(0.0))
-            out[name][width * height] = lambda k, s=session, f=first: (
-                s.process(replace(f, time=float(k + 1), back_from_marker=pose_around(0.01 * k))).image
-            )
+            out[name][width * height] = partial(_next_picture, session, back)
     return out
+
+
+def _next_picture(session: Session, back: NDArray, k: int) -> NDArray:
+    return session.process(Frame(float(k + 1), back=back, back_from_marker=pose_around(0.01 * k))).image
 
 
 def _lights(inputs: Inputs) -> Calls:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from .. import shapes
 from .._fastibl import CubeMap, Material, Mesh, Pose, Scene, fit_spheres, texel_directions
 from ..mesh_shadow import MeshShadow
-from ..recording import Recording, Truth
+from ..recording import Recording
 from ..viewpoint import looking
 
 SIZE = 128  # face edge of the maps, texels
@@ -142,11 +143,6 @@ def pose_around(turn: float = 0.0) -> Pose:
     return looking(np.array([0.0, 0.0, 0.05]) - eye, eye)
 
 
-def truth_of(recording: Recording) -> Truth:
-    """What is known of a recording; nothing is of most."""
-    return recording.truth or Truth()
-
-
 def beginning(recording: Recording, effort: Effort) -> Recording:
     """The first frames of a recording, as many as are tracked in a simulated one."""
     count = max(2, round(effort.follow[0] * effort.follow[1]))
@@ -161,11 +157,11 @@ def thinned(recording: Recording, effort: Effort) -> Recording:
     return Recording(recording.rig, [recording[int(k)] for k in chosen], recording.board, recording.truth)
 
 
-def simulated(effort: Effort, environment: object = None) -> tuple[Recording, Recording]:
+def simulated(effort: Effort, environment: CubeMap | None = None) -> tuple[Recording, Recording]:
     """The recordings that are tracked and captured from: in the built-in room, or another place."""
     from ..simulator import simulate
 
-    common = {"seed": 0, "position": POSITION, "lamp": False, "hand": False}
+    common: dict[str, Any] = {"seed": 0, "position": POSITION, "lamp": False, "hand": False}
     follow = simulate(environment, seconds=effort.follow[0], fps=effort.follow[1], **common)
     seconds, fps = effort.sweep
     sweep = simulate(environment, seconds=seconds, fps=fps, size=effort.sweep_size, path="sweep", **common)

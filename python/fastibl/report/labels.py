@@ -68,7 +68,7 @@ def place(axes: Any, labels: list[Label], avoid: NDArray, size: float = 8.5) -> 
         text = axes.text(0, 0, label.text, **style)
         extent = text.get_window_extent(renderer)
         text.remove()
-        best, best_cost, best_away = None, np.inf, 0.0
+        best, best_cost, best_away = np.full(4, np.nan), np.inf, 0.0
         for away, box in _candidates(points[k], np.array([extent.width, extent.height])):
             out = max(frame.x0 - box[0], 0) + max(box[2] - frame.x1, 0)
             out += max(frame.y0 - box[1], 0) + max(box[3] - frame.y1, 0)

@@ -76,7 +76,7 @@ def measure(inputs: Inputs) -> Section:
     section.tables.append(Table(head, table))
     section.text.append(("The plan of a frame with everything", str(plans["everything"])))
     section.text.append(("The plan for the matte object", str(plans["matte object"])))
-    saved = {name: 1 - timings[name].cpu / whole for name in list(cases)[1:]}
-    most = max(saved, key=lambda name: saved[name])
-    section.seen.append(f"Most is saved where “{most}”: {100 * saved[most]:.0f} % of the time.")
+    parts = {name: 1 - timings[name].cpu / whole for name in list(cases)[1:]}
+    most = max(parts, key=lambda name: parts[name])
+    section.seen.append(f"Most is saved where “{most}”: {100 * parts[most]:.0f} % of the time.")
     return section

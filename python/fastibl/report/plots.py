@@ -129,7 +129,8 @@ def _limits(values: Sequence[float], below: float, above: float) -> tuple[float,
 
 def _labels(points: Sequence[Point], marked: Mapping[str, str], colour: Mapping[str, str]) -> list[Label]:
     """One a point: the method's name once, and what its other points set."""
-    named, out = set(), []
+    named: set[str] = set()
+    out = []
     for p in sorted(points, key=lambda p: (p.method, bool(p.setting), p.seconds)):
         text, bold = p.setting, p.label in marked
         if p.method not in named or bold:
@@ -191,7 +192,7 @@ def _along(a: tuple[float, float], b: tuple[float, float]) -> np.ndarray:
 def _legend(axes: Any, chart: Frontier) -> None:
     from matplotlib.lines import Line2D
 
-    plain = {"ls": "none", "color": _SOFT, "mec": _SOFT}
+    plain: dict[str, Any] = {"ls": "none", "color": _SOFT, "mec": _SOFT}
     entries = [Line2D([], [], color="#c9d1d9", lw=3, label="frontier: nothing is faster and more exact")]
     if chart.chosen:
         entries.insert(0, Line2D([], [], marker="*", ms=13, label="chosen by default", **plain))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,25 +25,33 @@ which directions are free. The error is that of the vertex's light, by the mean 
 lighting all vertices, on one core, in each frame in which the light changed."""
 
 
-def _candidates(inputs: Inputs) -> dict[tuple[str, str], tuple]:
+_Light = Callable[[Lighting], NDArray]
+_Candidate = tuple[_Light, Callable[[], "SelfShadow | NDArray"] | None]
+
+
+def _candidates(inputs: Inputs) -> dict[tuple[str, str], _Candidate]:
     """By method and setting: a function from lighting to light at all vertices (v, 3), and one that prepares it."""
     mesh = inputs.mesh
     normals = mesh.normals
-    out = {("none", ""): (lambda l: l.irradiance(normals), None)}
+    out: dict[tuple[str, str], _Candidate] = {("none", ""): (lambda l: l.irradiance(normals), None)}
     sizes = (16, 32, 64, 128) if inputs.effort.name == "full" else (16, 32, 64)
     spheres = inputs.spheres(50)
-    prepared = {
+    prepared: dict[tuple[str, str], Callable[[], SelfShadow | NDArray]] = {
         ("ambient-occlusion", ""): lambda: ambient_occlusion(mesh),
         ("ambient-occlusion", "spheres=50"): lambda: ambient_occlusion(mesh, spheres=spheres),
         ("transfer", "spheres=50"): lambda: SelfShadow.from_spheres(mesh, spheres),
-        **{("transfer", f"size={n}"): lambda n=n: SelfShadow(mesh, size=n) for n in sizes},
+        **{("transfer", f"size={n}"): partial(SelfShadow, mesh, size=n) for n in sizes},
     }
+
+    def dimmed(part: NDArray, lighting: Lighting) -> NDArray:
+        return lighting.irradiance(normals) * part
+
     for key, prepare in prepared.items():
         made = prepare()
         if isinstance(made, SelfShadow):
             out[key] = (made.irradiance, prepare)
         else:
-            out[key] = (lambda l, made=made: l.irradiance(normals) * made[:, None], prepare)
+            out[key] = (partial(dimmed, made[:, None]), prepare)
     return out
 
 
@@ -58,9 +69,12 @@ def measure(inputs: Inputs) -> Section:
     lit = {name: Lighting(cube) for name, cube in inputs.places.items()}
     lights = list(lit.values())
     found = _candidates(inputs)
+
+    def call(light: _Light, k: int) -> NDArray:
+        return light(lights[k % len(lights)])
+
     timings, yard = side_by_side(
-        {f"{m} {s}": lambda k, light=light: light(lights[k % len(lights)]) for (m, s), (light, _) in found.items()},
-        effort.rounds,
+        {f"{m} {s}": partial(call, light) for (m, s), (light, _) in found.items()}, effort.rounds
     )
     results = []
     for (method, setting), (light, prepare) in found.items():

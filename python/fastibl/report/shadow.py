@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,16 +33,17 @@ light or object changed."""
 
 def _casts(inputs: Inputs, extent: float) -> dict[tuple[str, str], Callable]:
     """Functions from a map to its ShadowMap, by method and setting."""
-    where = {"resolution": _RESOLUTION, "extent": extent, "centre": (0.0, 0.0), "outer": False}
+    where: dict[str, Any] = {"resolution": _RESOLUTION, "extent": extent, "centre": (0.0, 0.0), "outer": False}
     out: dict[tuple[str, str], Callable] = {}
 
-    def spheres(method: str, count: int, **options: int) -> None:
+    def spheres(method: str, count: int, **options: Any) -> None:
         setting = " ".join(f"{k}={v}" for k, v in {**options, "spheres": count}.items())
         given = inputs.spheres(count)
         out[method, setting] = lambda cube: cast_shadow(cube, given, method, **where, **options)
 
     for count in (16, 50, 128):
-        spheres("cap-sum", count), spheres("cap-product", count)
+        spheres("cap-sum", count)
+        spheres("cap-product", count)
         spheres("directions", count, directions=256)
     for k in (16, 64, 1024):
         spheres("directions", 50, directions=k)
@@ -59,9 +62,12 @@ def measure(inputs: Inputs) -> Section:
     section = Section("shadow", "Shadow on the table", _WHAT.format(count=len(points), none=f"{none:.3f}"))
     casts, cubes = _casts(inputs, extent), list(inputs.places.values())
     default = "mesh", "directions=256"
+
+    def call(cast: Callable, k: int) -> ShadowMap:
+        return cast(cubes[k % len(cubes)])
+
     timings, yard = side_by_side(
-        {f"{m} {s}": lambda k, cast=cast: cast(cubes[k % len(cubes)]) for (m, s), cast in casts.items()},
-        max(3, effort.rounds // 2),
+        {f"{m} {s}": partial(call, cast) for (m, s), cast in casts.items()}, max(3, effort.rounds // 2)
     )
     results = []
     for (method, setting), cast in casts.items():

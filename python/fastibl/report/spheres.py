@@ -58,7 +58,7 @@ def strip(
     normals = surface(size)
     views = np.broadcast_to(VIEW / np.linalg.norm(VIEW), normals.shape)
     true = np.asarray(truth(normals, views), np.float64)
-    scale = 0.9 / max(np.percentile(true, 97), 1e-12)
+    scale = 0.9 / max(float(np.percentile(true, 97)), 1e-12)
     pictures = [("truth", _laid(encoded(true, scale)))]
     for name, method in methods.items():
         estimate = np.asarray(method(normals, views), np.float64)

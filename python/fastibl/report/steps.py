@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,7 @@ def rows_of(step: str, metric: str, results: Sequence[Result], yard: float, thre
     """Rows of each place, of the mean with its time, of the worst place, and of the bias."""
     out = []
     for r in results:
-        common = {"setting": r.setting, "step": step, "threads": threads}
+        common: dict[str, Any] = {"setting": r.setting, "step": step, "threads": threads}
         out += [row(r.method, place, metric, e, **common) for place, e in r.errors.items()]
         worst = max(r.errors.values())
         mean = f"mean of {len(r.errors)} places"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +103,7 @@ def _shadow(inputs: Inputs, count: int) -> dict[str, list[float]]:
     points = grid(count, extent)
     truths = inputs.by_place(Sky(inputs).plane_ratio(inputs.mesh, points))
     baked, spheres = MeshShadow(inputs.mesh, extent=extent), inputs.spheres(50)
-    where = {"resolution": 128, "extent": extent, "centre": (0.0, 0.0), "outer": False}
+    where: dict[str, Any] = {"resolution": 128, "extent": extent, "centre": (0.0, 0.0), "outer": False}
 
     def rms(ratio: NDArray, name: str) -> float:
         return float(np.sqrt(((ratio - truths[name]) ** 2).mean()))

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 
 from .. import Tracker, methods
+from ..expected import present
 from ..lighting import AUTO, PAPER
 from ..measuring import Point, one_core, row, seconds_text, timing
-from ..recording import Frame, Recording
-from .inputs import Inputs, truth_of
+from ..recording import Frame, Recording, truth_of
+from .inputs import Inputs
 from .plots import Frontier
 from .section import Section, Table
 
@@ -49,14 +52,15 @@ def _compare(section: Section, recording: Recording, frames: list[Frame], known:
     error = "median rotation error, degrees" if known else "median residual, pixels"
     metric = f"{error}; time of a picture"
     auto = "edges" if AUTO.tracking == "auto" else AUTO.tracking
-    points, table, marked, names = [], [], {}, {}
+    points, marked, names = [], {}, {}
+    table: list[list[str]] = []
     for method in methods("tracking"):
         for refine in (True, False)[: 1 if method.name == "edges" else 2]:  # "edges" measures them its own way
             tracker = Tracker(recording.board, recording.rig.back, method=method.name, refine=refine)
             walls, cpus, errors, shifts, lost = _followed(tracker, recording, frames, known, rounds)
             time, setting = timing(walls, cpus).of_cpu, "" if refine else "unrefined"
             value = float(np.median(errors)) if errors else float("nan")
-            common = {"setting": setting, "step": "tracking"}
+            common: dict[str, Any] = {"setting": setting, "step": "tracking"}
             case = f"{len(frames)} pictures"
             section.rows.append(row(method.name, case, metric, value if errors else None, time, **common))
             worst = max(errors, default=float("nan"))
@@ -99,18 +103,20 @@ def _followed(tracker: Tracker, recording: Recording, frames: list[Frame], known
     import time
 
     walls, cpus, errors, shifts, lost = [], [], [], [], 0
-    tracker.track(frames[0].back)
+    tracker.track(present(frames[0].back))
     for k in range(rounds):
         for frame in frames:
+            back = present(frame.back)
             wall, cpu = time.perf_counter(), time.process_time()
-            tracked = tracker.track(frame.back)
-            walls.append(time.perf_counter() - wall), cpus.append(time.process_time() - cpu)
+            tracked = tracker.track(back)
+            walls.append(time.perf_counter() - wall)
+            cpus.append(time.process_time() - cpu)
             if k:
                 continue
             if tracked is None:
                 lost += 1
             elif known:
-                true = recording.truth.pose(frame.time)
+                true = truth_of(recording).pose(frame.time)
                 errors.append(float(np.degrees(tracked.camera_from_marker.angle_to(true))))
                 # Of where the camera stands, in the marker frame.
                 here, there = tracked.camera_from_marker.inverse().translation, true.inverse().translation
