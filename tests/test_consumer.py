@@ -204,6 +204,32 @@ def test_builds_that_are_not_optimized(tmp_path):
     assert seen == [platform.machine() == "x86_64", False, False]
 
 
+@pytest.mark.parametrize("clang", [False, True], ids=["default", "clang"])
+@pytest.mark.parametrize("fast", ["-O3 -ffast-math", "-Ofast"])
+def test_fast_math_of_the_project_around(fast, clang, tmp_path):
+    """Its flags come before ours, which keep the checks for NaN."""
+    if clang and CLANG is None:
+        pytest.skip("needs clang++")
+    compiler = CLANG if clang else shutil.which("c++")
+    configure(
+        CONSUMER,
+        tmp_path,
+        f"-DFASTIBL_SOURCE={ROOT}",
+        *CORE_ONLY,
+        f"-DCMAKE_CXX_COMPILER={compiler}",
+        f"-DCMAKE_CXX_FLAGS_RELEASE={fast}",
+    )
+    (tmp_path / "nothing.cpp").write_text("")
+
+    def macros(target):
+        rule = re.search(rf"CXX_COMPILER__{target}_.*?FLAGS = (.*?)\n", (tmp_path / "build.ninja").read_text(), re.S)
+        return run(compiler, *rule[1].split(), "-dM", "-E", tmp_path / "nothing.cpp")
+
+    assert "__FINITE_MATH_ONLY__ 1" in macros("light")  # as the project wants it
+    ours = macros("fastibl_core")
+    assert "__FINITE_MATH_ONLY__ 0" in ours and "__FAST_MATH__" not in ours
+
+
 def test_glm_of_the_project_around(tmp_path):
     """A project that has GLM and Threads already, and finds fastibl's targets in a folder beside."""
     (tmp_path / "app").mkdir()
