@@ -315,13 +315,26 @@ def test_the_blocks_of_the_documentation(build_tree, tmp_path):
     (tmp_path / "CMakeLists.txt").write_text(head + listing)
     shutil.copy(CONSUMER / "light.cpp", tmp_path)
     configure(tmp_path, tmp_path / "build", f"-Dfastibl_DIR={build_tree}")
-    block = re.search(r"```cpp\n(.*?)```", text, re.S)[1]
-    includes = "#include <epoxy/gl.h>\n#include <fastibl/scene/cube_map.h>\n"
-    (tmp_path / "block.cpp").write_text(
-        includes + "void upload(const fastibl::CubeLevel& level, int mip) {\n" + block + "}\n"
-    )
     if Path("/usr/include/epoxy/gl.h").is_file():
-        run("c++", "-std=c++20", "-fsyntax-only", f"-I{ROOT / 'cpp'}", tmp_path / "block.cpp")
+        block = re.search(r"```cpp\n(.*?)```", text, re.S)[1]
+        head = "#include <epoxy/gl.h>\n#include <fastibl/scene/cube_map.h>\n"
+        compile_block(head + "void upload(const fastibl::CubeLevel& level, int mip) {\n" + block + "}\n", tmp_path)
+    calls = re.findall(r"`(\w+\([^`]+\)[\w.]*)`", text[text.index("## A renderer of one's own") :])
+    assert len(calls) >= 3
+    head = "".join(f"#include <fastibl/{header}>\n" for header in ("lighting/fit_lighting.h", PUBLIC["gl"]))
+    head += "#include <fastibl/lighting/prefilter.h>\nusing namespace fastibl;\n"
+    head += "void calls(std::shared_ptr<const CubeMap> map, const std::vector<PrefilterLevel>& levels) {\n"
+    compile_block(head + "".join(f"static_cast<void>({call});\n" for call in calls) + "}\n", tmp_path)
+    text = (ROOT / "docs" / "how-to" / "own-renderer.md").read_text()
+    includes, block = re.search(r"```cpp\n(.*?)\n\n(const.*?)```", text, re.S).groups()
+    compile_block(includes + "\nvoid block() {\n" + block + "}\n", tmp_path)
+
+
+def compile_block(text, folder):
+    (folder / "block.cpp").write_text(text)
+    flags = ["-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror"]
+    for compiler in filter(None, (shutil.which("c++"), CLANG)):
+        run(compiler, *flags, f"-I{ROOT / 'cpp'}", folder / "block.cpp")
 
 
 # Headers

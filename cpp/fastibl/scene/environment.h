@@ -83,22 +83,22 @@ struct ErrorInterval {
 };
 
 struct Environment {
-  CubeMap radiance;            // every texel has a value; unseen ones that of what was seen nearest
+  CubeMap radiance = {};       // every texel has a value; unseen ones that of what was seen nearest
   double coverage = 0;         // share of the sphere's solid angle that was ever seen
   double clipped = 0;          // share of the seen solid angle whose value is only a lower bound
   double predicted_error = 1;  // expected relative error of the irradiance, a median over normals
   double predicted_low = 0, predicted_high = 1;  // ends of an interval that holds it 9 times in 10
-  MapKnowledge knowledge;                        // that these rest on
+  MapKnowledge knowledge = {};                   // that these rest on
   glm::dvec3 centre{0};             // metres, marker frame: where the radiance is seen from
   std::optional<RoomBox> box = {};  // whose walls the map shows, where they are known
-  std::optional<glm::dvec3> plane_irradiance;  // RGB, as the board's paper shows it
-  std::vector<LightPosition> light_positions;  // of those near enough to be triangulated
+  std::optional<glm::dvec3> plane_irradiance = {};  // RGB, as the board's paper shows it
+  std::vector<LightPosition> light_positions = {};  // of those near enough to be triangulated
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its
   // value's square: the upper half of a float, at t · stride + k. Empty: known everywhere.
   double time = 0;
-  TexelTimes last_seen;
-  std::vector<std::uint16_t> variance;
+  TexelTimes last_seen = {};
+  std::vector<std::uint16_t> variance = {};
 
   // 6 n², packed as the faces.
   std::vector<float> confidence() const;  // 0 (never seen) to 1
