@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fastibl/capture/capture.h"
+#include "fastibl/capture/next_view.h"
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
@@ -240,6 +241,34 @@ TEST_CASE("pictures, masks and poses that a capture cannot use") {
   EdgeTracker tracker(Board::default_board(), view.rig.back);
   CHECK_THROWS_WITH_AS(tracker.track(view.frame.back, 0.0, nullptr), doctest::Contains("detector"),
                        std::invalid_argument);
+}
+
+TEST_CASE("a captured environment whose map was replaced by one of another size") {
+  const View view;
+  for (const int size : {8, 16, 32}) {
+    CaptureOptions options;
+    options.size = size;
+    Capture capture(options);
+    capture.add(view.frame.back, view.rig.back, *view.frame.back_from_marker, 1.0, 0);
+    Environment environment = *capture.environment();
+    CHECK_NOTHROW(environment.validate());
+    CHECK(environment.confidence().size() == std::size_t(6 * size * size));
+    for (const int other : {4, 64, 256}) {
+      CAPTURE(other);
+      environment.radiance = *grey(other);
+      CHECK_THROWS_WITH_AS(environment.validate(), doctest::Contains("another map"),
+                           std::invalid_argument);
+      CHECK_THROWS_AS(environment.confidence(), std::invalid_argument);
+      CHECK_THROWS_AS(environment.age(), std::invalid_argument);
+      CHECK_THROWS_AS(next_view(environment), std::invalid_argument);
+    }
+    environment = *capture.environment();
+    environment.variance.pop_back();
+    CHECK_THROWS_WITH_AS(environment.confidence(), doctest::Contains("variances"),
+                         std::invalid_argument);
+    environment.radiance = {};
+    CHECK_THROWS_AS(environment.confidence(), std::invalid_argument);
+  }
 }
 
 TEST_CASE("cameras whose response is none") {

@@ -25,12 +25,14 @@ class TexelTimes {
  public:
   TexelTimes() = default;
   explicit TexelTimes(TileGrid grid)  // never
-      : stride_(std::size_t(grid.stride())),
+      : size_(grid.size),
+        stride_(std::size_t(grid.stride())),
         times_(std::size_t(grid.count()) * stride_, kNever),
         common_(std::size_t(grid.count()), kNever),
         same_(std::size_t(grid.count()), 1) {}
 
   bool empty() const { return times_.empty(); }
+  int size() const { return size_; }  // texels along an edge of a face
   bool same(int tile) const { return same_[std::size_t(tile)] != 0; }
   double at(int tile, int texel) const {
     return same(tile) ? common_[std::size_t(tile)]
@@ -57,6 +59,7 @@ class TexelTimes {
   }
 
  private:
+  int size_ = 0;
   std::size_t stride_ = 0;
   std::vector<double> times_, common_;
   std::vector<std::uint8_t> same_;  // 0: as in times_
@@ -100,7 +103,11 @@ struct Environment {
   TexelTimes last_seen = {};
   std::vector<std::uint16_t> variance = {};
 
-  // 6 n², packed as the faces.
+  // Throws std::invalid_argument where times or variances are of a map of another size, as where a
+  // captured map was replaced.
+  void validate() const;
+
+  // 6 n², packed as the faces. These validate.
   std::vector<float> confidence() const;  // 0 (never seen) to 1
   std::vector<float> age() const;         // seconds since last seen; infinite if never
 };
