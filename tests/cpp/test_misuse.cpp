@@ -18,6 +18,7 @@
 #include "fastibl/scene/ggx.h"
 #include "fastibl/scene/glossy.h"
 #include "fastibl/scene/tag_codes.h"
+#include "fastibl/scene/texture.h"
 #include "fastibl/shadow/sphere_shadow.h"
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/rotation_tracker.h"
@@ -176,6 +177,20 @@ TEST_CASE("maps and meshes that are empty or broken") {
       CHECK_THROWS_AS(cast_shadow(*grey(), glm::vec3(irradiance), {{0, 0, 0.1f, 0.05f}}, options),
                       std::invalid_argument);
     }
+}
+
+TEST_CASE("pictures whose size is none, or not that of their values") {
+  CHECK_THROWS_WITH_AS(Image<float>(-1, 5, 3), doctest::Contains("-1 × 5"), std::invalid_argument);
+  CHECK_THROWS_AS(Image<std::uint8_t>(-1, -1, 3), std::invalid_argument);
+  CHECK(Image<float>(0, 5, 3).empty());
+  Image<float> image;
+  image.width = image.height = 10, image.data.resize(5);
+  CHECK_THROWS_WITH_AS(SurfaceTexture{image}, doctest::Contains("needs 300 values, got 5"),
+                       std::invalid_argument);
+  image.width = -10;
+  CHECK_THROWS_AS(SurfaceTexture{image}, std::invalid_argument);
+  image.width = 10, image.data.resize(300);
+  CHECK(SurfaceTexture(image).level_count() > 1);
 }
 
 TEST_CASE("rows without a distance are packed") {

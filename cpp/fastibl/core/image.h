@@ -27,7 +27,7 @@ struct ImageView {
   operator ImageView<const T>() const { return {data, width, height, channels, row_stride}; }
 };
 
-// Owned pixels, rows packed.
+// Owned pixels, rows packed. Throws std::invalid_argument for a negative size.
 template <typename T>
 struct Image {
   int width = 0;
@@ -37,10 +37,15 @@ struct Image {
 
   Image() = default;
   Image(int w, int h, int c, T value = {})
-      : width(w),
-        height(h),
-        channels(c),
-        data(std::size_t(w) * std::size_t(h) * std::size_t(c), value) {}
+      : width(w), height(h), channels(c), data(count(w, h, c), value) {}
+
+  // Throws std::invalid_argument where the fields disagree, as they can where they are set one by
+  // one.
+  void validate() const {
+    check(data.size() == count(width, height, channels), "a picture of ", width, " × ", height,
+          " with ", channels, " channels needs ", count(width, height, channels), " values, got ",
+          data.size());
+  }
 
   T* row(int y) { return data.data() + offset(0, y); }
   const T* row(int y) const { return data.data() + offset(0, y); }
@@ -57,6 +62,11 @@ struct Image {
   bool operator==(const Image&) const = default;
 
  private:
+  static std::size_t count(int w, int h, int c) {
+    check(w >= 0 && h >= 0 && c >= 0, "the size of a picture must not be negative, got ", w, " × ",
+          h, " with ", c, " channels");
+    return std::size_t(w) * std::size_t(h) * std::size_t(c);
+  }
   std::ptrdiff_t offset(int x, int y) const { return (std::ptrdiff_t{y} * width + x) * channels; }
 };
 
