@@ -85,6 +85,9 @@ struct ErrorInterval {
   double expected = 1, low = 0, high = 1;
 };
 
+// As a Capture or a Session hands it out it stays as it is while a shared_ptr holds it. One that
+// nobody holds is written anew: a pointer or weak_ptr to it then sees a later map. Whether a map
+// changed, CubeMap::tile_version tells, and not its address.
 struct Environment {
   CubeMap radiance = {};       // every texel has a value; unseen ones that of what was seen nearest
   double coverage = 0;         // share of the sphere's solid angle that was ever seen
