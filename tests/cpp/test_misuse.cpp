@@ -208,6 +208,54 @@ TEST_CASE("rows without a distance are packed") {
   CHECK_THROWS_AS(session.process(view.frame), std::invalid_argument);
 }
 
+TEST_CASE("pictures and masks whose rows or pixels lie where they cannot be read") {
+  const View view;
+  const Camera& camera = view.rig.back;
+  const Pose pose = *view.frame.back_from_marker;
+  const Detector blind = [](const auto&, const auto&, const auto&) { return Detection{}; };
+  std::vector<float> room(64 * 48 * 3 + 64, 0.5f);
+  char* const begin = reinterpret_cast<char*>(room.data());
+  constexpr std::ptrdiff_t kRow = 64 * 3;
+  const auto refused = [&](const Picture& picture, const char* message) {
+    CAPTURE(message);
+    const auto names = doctest::Contains(message);
+    CHECK_THROWS_WITH_AS(check_picture(picture), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(linear_from(picture, {}), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(grey_from(picture, {}), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(bytes_from(picture, {}), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(scale_below_white(picture), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(Capture().add(picture, camera, pose, 1.0, 0), names,
+                         std::invalid_argument);
+    EdgeTracker tracker(Board::default_board(), camera);
+    CHECK_THROWS_WITH_AS(tracker.track(picture, 0.0, blind), names, std::invalid_argument);
+    RigPictures pictures;
+    pictures.back = picture;
+    CHECK_THROWS_WITH_AS(RotationTracker(view.rig).start(pose, 0, pictures), names,
+                         std::invalid_argument);
+    Session session = view.session(tetrahedron(), nullptr);
+    Frame frame = view.frame;
+    frame.back = picture;
+    CHECK_THROWS_AS(session.process(frame), std::invalid_argument);
+  };
+  refused({begin, PixelType::uint8, 64, 48, 64}, "at least 192 bytes apart, got 64");
+  refused({begin, PixelType::uint8, 64, 48, -64}, "at least 192 bytes apart, got -64");
+  refused({begin, PixelType(9), 64, 48}, "got type 9");
+  refused({begin + 1, PixelType::uint16, 64, 48}, "multiples of 2 bytes");
+  refused({begin, PixelType::uint16, 64, 48, 2 * kRow + 1}, "multiples of 2 bytes");
+  refused({begin + 2, PixelType::float32, 64, 48}, "multiples of 4 bytes");
+  refused({begin, PixelType::float32, 64, 48, 4 * kRow + 2}, "multiples of 4 bytes");
+  // From the lowest row upwards, and at any address of a byte.
+  CHECK_NOTHROW(check_picture({begin + 47 * kRow + 1, PixelType::uint8, 64, 48, -kRow}));
+  CHECK_NOTHROW(check_picture({begin + 2, PixelType::uint16, 64, 48, 2 * kRow + 2}));
+
+  const std::vector<std::uint8_t> bytes(64 * 48, 255);
+  const ImageView<const std::uint8_t> narrow{bytes.data(), 64, 48, 1, 10};
+  CHECK_THROWS_WITH_AS(Capture().add(view.frame.back, camera, pose, 1.0, 0, narrow),
+                       doctest::Contains("rows of the mask"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(track(blind, narrow, Board::default_board(), camera),
+                       doctest::Contains("rows of a grey picture"), std::invalid_argument);
+}
+
 TEST_CASE("what is no light is cleaned, and counted, however it came") {
   std::vector<float> picture(16 * 8 * 3, 1.0f);
   picture[0] = kNaN, picture[50] = -2, picture[99] = std::numeric_limits<float>::infinity();

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <vector>
 
 #include "fastibl/core/check.h"
@@ -26,6 +27,14 @@ struct ImageView {
   bool empty() const { return data == nullptr || width <= 0 || height <= 0; }
   operator ImageView<const T>() const { return {data, width, height, channels, row_stride}; }
 };
+
+// Throws std::invalid_argument where rows lie closer than their pixels. which: as in "the mask".
+template <typename T>
+void check_rows(const ImageView<T>& image, const char* which) {
+  const std::ptrdiff_t packed = std::ptrdiff_t{image.width} * image.channels;
+  check(image.empty() || std::abs(image.stride()) >= packed, "rows of ", which, ", ", packed,
+        " values each, must be at least that far apart, got ", image.stride());
+}
 
 // Owned pixels, rows packed. Throws std::invalid_argument for a negative size.
 template <typename T>
