@@ -269,6 +269,21 @@ def test_optional_component(part, use, build_tree, package, tmp_path):
     run(tmp_path / "build" / "part")
 
 
+def test_variables_of_the_project_stay(build_tree, package, tmp_path):
+    """Those that it has from OpenCV, too, of which fastibl needs other parts."""
+    if not (build_tree / "fastibl_tracking_targets.cmake").is_file():
+        pytest.skip("needs the component tracking")
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.25)\nproject(part LANGUAGES CXX)\n"
+        "find_package(OpenCV REQUIRED COMPONENTS core)\nset(needs mine)\nset(component mine)\n"
+        'set(before "${needs} ${component} ${OpenCV_LIBS}")\n'
+        "find_package(fastibl CONFIG REQUIRED COMPONENTS core tracking)\n"
+        'set(after "${needs} ${component} ${OpenCV_LIBS}")\n'
+        'if(NOT before STREQUAL after)\n  message(FATAL_ERROR "${before} became ${after}")\nendif()\n'
+    )
+    run("cmake", "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja", package)
+
+
 @pytest.mark.parametrize(
     "asked, fits", [("0.1", True), ("0.1.0", True), ("0.0.9", False), ("0.2", False), ("1.0", False)]
 )
