@@ -284,6 +284,12 @@ def test_variables_of_the_project_stay(build_tree, package, tmp_path):
     run("cmake", "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja", package)
 
 
+def test_shared_libraries_are_not_promised(tmp_path):
+    said = configure(CONSUMER, tmp_path, f"-DFASTIBL_SOURCE={ROOT}", *CORE_ONLY, "-DBUILD_SHARED_LIBS=ON")
+    assert "static libraries all the same" in said
+    assert "static libraries" not in configure(CONSUMER, tmp_path, "-DBUILD_SHARED_LIBS=OFF")
+
+
 @pytest.mark.parametrize(
     "asked, fits", [("0.1", True), ("0.1.0", True), ("0.0.9", False), ("0.2", False), ("1.0", False)]
 )
