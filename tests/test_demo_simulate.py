@@ -164,7 +164,8 @@ def test_killed_while_recording(tmp_path):
     assert "is cut off; it is left out" in done.stderr
 
 
-def test_ctrl_c_ends_what_is_written(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_what_is_written(number, tmp_path):
     command = [
         str(part)
         for part in (
@@ -184,7 +185,7 @@ def test_ctrl_c_ends_what_is_written(tmp_path):
     while rows < 30 and time.monotonic() < end:
         time.sleep(0.02)
         rows = table.read_text().count("\n") if table.exists() else 0
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     said = process.communicate(timeout=60)[0]
     assert process.returncode == 0 and "frames/s of processing" in said
     written = int(re.search(r"recorded (\d+) frames", said)[1])

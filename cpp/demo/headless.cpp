@@ -20,14 +20,22 @@ void take_screenshot(Player& player) {
 
 volatile std::sig_atomic_t interrupted = 0;
 
+// Ctrl-C, kill, and a terminal that is closed end it as --frames does: what was written so far is
+// whole. A second one ends at once.
+void end_by_signals() {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    const auto before = std::signal(signal, [](int number) {
+      interrupted = 1;
+      std::signal(number, SIG_DFL);
+    });
+    if (signal == SIGHUP && before == SIG_IGN) std::signal(signal, SIG_IGN);  // nohup
+  }
+}
+
 }  // namespace
 
-// Ctrl-C ends it as --frames does: what was written so far is whole.
 void run_headless(const Args& args) {
-  std::signal(SIGINT, [](int) {
-    interrupted = 1;
-    std::signal(SIGINT, SIG_DFL);  // a second one ends at once
-  });
+  end_by_signals();
   Player player(args, false);
   Output output(args.out, player.source().fps());
   Script script(args);
