@@ -153,6 +153,7 @@ TEST_CASE("exponents, normals and views that are none") {
 
 TEST_CASE("maps and meshes that are empty or broken") {
   const CubeMap none;
+  CHECK_THROWS_AS(CubeMap().base(), std::invalid_argument);
   CHECK_THROWS_AS(none.sample({0, 0, 1}, 0), std::invalid_argument);
   CHECK_THROWS_AS(none.mean(), std::invalid_argument);
   CHECK_THROWS_AS(none.level_at_most(8), std::invalid_argument);
