@@ -34,7 +34,7 @@ void end_by_signals() {
 
 }  // namespace
 
-void run_headless(const Args& args) {
+bool run_headless(const Args& args) {
   end_by_signals();
   Player player(args, false);
   Output output(args.out, player.source().fps());
@@ -53,15 +53,18 @@ void run_headless(const Args& args) {
     if (shows) output.add(player.picture());
   }
   output.finish();
+  const bool ended = player.quit || interrupted;  // by whoever runs it
+  if (ended && player.count() == 0) return true;
   check(player.count() > 0, "no frame could be read");
   script.at_the_end(player);
-  script.tell_what_never_came(player);
+  const bool all_came = script.all_came(player);
   take_screenshot(player);
   player.set_recording(false);
   player.timings().print(std::cout);
   if (player.unseen() > 0)
     std::cout << "the board was not seen in " << player.unseen() << " of " << player.count()
               << " frames\n";
+  return all_came || ended;
 }
 
 }  // namespace fastibl::demo
