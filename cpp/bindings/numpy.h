@@ -172,7 +172,6 @@ inline Picture require_picture(const py::object& object, const char* name, py::a
     keep = py::array::ensure(array, py::array::c_style);
   picture.data = keep.data();
   picture.height = int(keep.shape(0)), picture.width = int(keep.shape(1));
-  picture.row_bytes = keep.strides(0);
   return picture;
 }
 
