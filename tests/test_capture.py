@@ -750,6 +750,24 @@ def test_any_float_and_stride():
         assert maps[0] == maps[1]
 
 
+def test_arrays_at_odd_addresses():
+    """As numpy.frombuffer makes them of the middle of a file; and one row, whose strides mean nothing."""
+    camera, pose = camera_of(64, 48), looking(UP)
+    codes = np.random.default_rng(2).integers(0, 256, (48, 64, 3))
+    for dtype in (np.uint16, np.float32):
+        packed = codes.astype(dtype)
+        odd = np.frombuffer(b"\0" + packed.tobytes(), dtype, offset=1).reshape(packed.shape)
+        assert not odd.flags.aligned
+        maps = []
+        for given in (odd, packed):
+            capture = fastibl.Capture(size=8)
+            capture.add(given, camera, pose)
+            maps.append(capture.environment().radiance)
+        assert maps[0] == maps[1]
+    flat = np.lib.stride_tricks.as_strided(codes.astype(np.uint8), (1, 64, 3), (5, 3, 1))
+    fastibl.Capture(size=8).add(flat, fastibl.Camera(64, 1, 50, 50, 32, 0.5), pose)
+
+
 def test_one_texel_and_one_pixel():
     camera = fastibl.Camera(1, 1, 0.5, 0.5, 0.5, 0.5)
     capture = fastibl.Capture(size=1)

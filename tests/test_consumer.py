@@ -204,6 +204,32 @@ def test_builds_that_are_not_optimized(tmp_path):
     assert seen == [platform.machine() == "x86_64", False, False]
 
 
+@pytest.mark.parametrize("clang", [False, True], ids=["default", "clang"])
+@pytest.mark.parametrize("fast", ["-O3 -ffast-math", "-Ofast"])
+def test_fast_math_of_the_project_around(fast, clang, tmp_path):
+    """Its flags come before ours, which keep the checks for NaN."""
+    if clang and CLANG is None:
+        pytest.skip("needs clang++")
+    compiler = CLANG if clang else shutil.which("c++")
+    configure(
+        CONSUMER,
+        tmp_path,
+        f"-DFASTIBL_SOURCE={ROOT}",
+        *CORE_ONLY,
+        f"-DCMAKE_CXX_COMPILER={compiler}",
+        f"-DCMAKE_CXX_FLAGS_RELEASE={fast}",
+    )
+    (tmp_path / "nothing.cpp").write_text("")
+
+    def macros(target):
+        rule = re.search(rf"CXX_COMPILER__{target}_.*?FLAGS = (.*?)\n", (tmp_path / "build.ninja").read_text(), re.S)
+        return run(compiler, *rule[1].split(), "-dM", "-E", tmp_path / "nothing.cpp")
+
+    assert "__FINITE_MATH_ONLY__ 1" in macros("light")  # as the project wants it
+    ours = macros("fastibl_core")
+    assert "__FINITE_MATH_ONLY__ 0" in ours and "__FAST_MATH__" not in ours
+
+
 def test_glm_of_the_project_around(tmp_path):
     """A project that has GLM and Threads already, and finds fastibl's targets in a folder beside."""
     (tmp_path / "app").mkdir()
@@ -241,6 +267,27 @@ def test_optional_component(part, use, build_tree, package, tmp_path):
         return
     run("cmake", "--build", tmp_path / "build")
     run(tmp_path / "build" / "part")
+
+
+def test_variables_of_the_project_stay(build_tree, package, tmp_path):
+    """Those that it has from OpenCV, too, of which fastibl needs other parts."""
+    if not (build_tree / "fastibl_tracking_targets.cmake").is_file():
+        pytest.skip("needs the component tracking")
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.25)\nproject(part LANGUAGES CXX)\n"
+        "find_package(OpenCV REQUIRED COMPONENTS core)\nset(needs mine)\nset(component mine)\n"
+        'set(before "${needs} ${component} ${OpenCV_LIBS}")\n'
+        "find_package(fastibl CONFIG REQUIRED COMPONENTS core tracking)\n"
+        'set(after "${needs} ${component} ${OpenCV_LIBS}")\n'
+        'if(NOT before STREQUAL after)\n  message(FATAL_ERROR "${before} became ${after}")\nendif()\n'
+    )
+    run("cmake", "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja", package)
+
+
+def test_shared_libraries_are_not_promised(tmp_path):
+    said = configure(CONSUMER, tmp_path, f"-DFASTIBL_SOURCE={ROOT}", *CORE_ONLY, "-DBUILD_SHARED_LIBS=ON")
+    assert "static libraries all the same" in said
+    assert "static libraries" not in configure(CONSUMER, tmp_path, "-DBUILD_SHARED_LIBS=OFF")
 
 
 @pytest.mark.parametrize(
@@ -289,13 +336,26 @@ def test_the_blocks_of_the_documentation(build_tree, tmp_path):
     (tmp_path / "CMakeLists.txt").write_text(head + listing)
     shutil.copy(CONSUMER / "light.cpp", tmp_path)
     configure(tmp_path, tmp_path / "build", f"-Dfastibl_DIR={build_tree}")
-    block = re.search(r"```cpp\n(.*?)```", text, re.S)[1]
-    includes = "#include <epoxy/gl.h>\n#include <fastibl/scene/cube_map.h>\n"
-    (tmp_path / "block.cpp").write_text(
-        includes + "void upload(const fastibl::CubeLevel& level, int mip) {\n" + block + "}\n"
-    )
     if Path("/usr/include/epoxy/gl.h").is_file():
-        run("c++", "-std=c++20", "-fsyntax-only", f"-I{ROOT / 'cpp'}", tmp_path / "block.cpp")
+        block = re.search(r"```cpp\n(.*?)```", text, re.S)[1]
+        head = "#include <epoxy/gl.h>\n#include <fastibl/scene/cube_map.h>\n"
+        compile_block(head + "void upload(const fastibl::CubeLevel& level, int mip) {\n" + block + "}\n", tmp_path)
+    calls = re.findall(r"`(\w+\([^`]+\)[\w.]*)`", text[text.index("## A renderer of one's own") :])
+    assert len(calls) >= 3
+    head = "".join(f"#include <fastibl/{header}>\n" for header in ("lighting/fit_lighting.h", PUBLIC["gl"]))
+    head += "#include <fastibl/lighting/prefilter.h>\nusing namespace fastibl;\n"
+    head += "void calls(std::shared_ptr<const CubeMap> map, const std::vector<PrefilterLevel>& levels) {\n"
+    compile_block(head + "".join(f"static_cast<void>({call});\n" for call in calls) + "}\n", tmp_path)
+    text = (ROOT / "docs" / "how-to" / "own-renderer.md").read_text()
+    includes, block = re.search(r"```cpp\n(.*?)\n\n(const.*?)```", text, re.S).groups()
+    compile_block(includes + "\nvoid block() {\n" + block + "}\n", tmp_path)
+
+
+def compile_block(text, folder):
+    (folder / "block.cpp").write_text(text)
+    flags = ["-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror"]
+    for compiler in filter(None, (shutil.which("c++"), CLANG)):
+        run(compiler, *flags, f"-I{ROOT / 'cpp'}", folder / "block.cpp")
 
 
 # Headers

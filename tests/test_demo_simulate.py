@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -40,6 +41,7 @@ def overlays(tmp_path_factory):
     orders = []
     for frame, name in enumerate(OVERLAYS, start=4):  # one after the other
         orders += ["--do", f"{frame}:{name}=on", "--do", f"{frame + 1}:{name}=off"]
+    del orders[-2:]  # that frame does not come
     frames = ("--frames", 3 + len(OVERLAYS), "--out")
     run(*SMALL, *frames, folder / "without")
     run(*SMALL, *frames, folder / "with", *orders)
@@ -104,6 +106,9 @@ def test_scripts_change_what_is_shown(tmp_path):
         (("--do", "1:step=2"), "step takes no value"),
         (("--overlay", "fog"), "fog not in"),
         (("--at", "3"), "--at 3 needs --screenshot"),
+        (("--screenshot", "no-folder/a.png"), "--screenshot: there is no folder no-folder"),
+        (("--do", "9:screenshot=no-folder/a.png"), "screenshot: there is no folder no-folder"),
+        (("--rig", "rig.yaml"), "--rig is of cameras: rig.yaml needs --back CAMERA"),
         (("--record", "."), "a recording is a new folder"),
     ],
 )
@@ -164,7 +169,8 @@ def test_killed_while_recording(tmp_path):
     assert "is cut off; it is left out" in done.stderr
 
 
-def test_ctrl_c_ends_what_is_written(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_what_is_written(number, tmp_path):
     command = [
         str(part)
         for part in (
@@ -184,7 +190,7 @@ def test_ctrl_c_ends_what_is_written(tmp_path):
     while rows < 30 and time.monotonic() < end:
         time.sleep(0.02)
         rows = table.read_text().count("\n") if table.exists() else 0
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     said = process.communicate(timeout=60)[0]
     assert process.returncode == 0 and "frames/s of processing" in said
     written = int(re.search(r"recorded (\d+) frames", said)[1])
@@ -192,6 +198,20 @@ def test_ctrl_c_ends_what_is_written(tmp_path):
     while video.read()[0]:
         shown += 1
     assert shown == written == len(fastibl.Recording.open(tmp_path / "rec"))
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="needs /proc")
+def test_a_signal_before_the_first_picture(tmp_path):
+    command = [PROGRAM, *SMALL[:-3], "--object", "knot", "--headless", "--frames", "9", "--out", tmp_path / "a.webm"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 60
+    caught = 0
+    while not caught & 1 << signal.SIGINT - 1 and time.monotonic() < end:
+        caught = int(re.search(r"SigCgt:\s*(\w+)", Path(f"/proc/{process.pid}/status").read_text())[1], 16)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)
+    assert process.returncode == 0 and said == ("", "")
+    assert not (tmp_path / "a.webm").exists()
 
 
 def test_the_simulated_board_shows_its_white(tmp_path):

@@ -148,6 +148,8 @@ inline Picture require_picture(const py::object& object, const char* name, py::a
   py::array array = py::reinterpret_borrow<py::array>(object);
   const char kind = array.dtype().kind();
   const auto size = array.dtype().itemsize();
+  constexpr int kPixels =
+      py::array::c_style | py::array::forcecast | py::detail::npy_api::NPY_ARRAY_ALIGNED_;
   Picture picture;
   if (kind == 'u' && size == 1)
     picture.type = PixelType::uint8;
@@ -163,14 +165,13 @@ inline Picture require_picture(const py::object& object, const char* name, py::a
     throw py::value_error(std::string(name) + " must have shape (height, width, 3), got " +
                           shape_of(array));
   if (picture.type == PixelType::float32)
-    keep = py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(array);
+    keep = py::array_t<float, kPixels>::ensure(array);
   else if (picture.type == PixelType::uint16)  // of either byte order
-    keep = py::array_t<std::uint16_t, py::array::c_style | py::array::forcecast>::ensure(array);
+    keep = py::array_t<std::uint16_t, kPixels>::ensure(array);
   else
     keep = py::array::ensure(array, py::array::c_style);
   picture.data = keep.data();
   picture.height = int(keep.shape(0)), picture.width = int(keep.shape(1));
-  picture.row_bytes = keep.strides(0);
   return picture;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "demo/commands.h"
+#include "demo/output.h"
 #include "fastibl/core/check.h"
 
 namespace fastibl::demo {
@@ -39,6 +40,9 @@ void check_together(const Args& args) {
           args.back);
   }
   check(args.front.empty() || !args.back.empty(), "--front ", args.front, " needs --back CAMERA");
+  check(args.rig.empty() || !args.back.empty(), "--rig is of cameras: ", args.rig.string(),
+        " needs --back CAMERA");
+  check_folder_of(args.screenshot, "--screenshot");
   check(args.headless || args.out.empty(), "--out is for --headless; use --screenshot in a window");
   check(args.recording.empty() == false || !args.headless || args.frames > 0,
         "live cameras and the simulator never end: expected --frames N with --headless");
@@ -56,7 +60,8 @@ Cue parse_cue(const std::string& text) {
   check(error == std::errc{} && stop != end && *stop == ':' && cue.frame >= 1,
         "--do: expected FRAME:COMMAND, as in 30:material=gold; got \"", text, '"');
   cue.order.assign(stop + 1, end);
-  parse_order(cue.order);
+  const Order order = parse_order(cue.order);
+  if (order.command->name == "screenshot") check_folder_of(order.value, "screenshot");
   return cue;
 }
 

@@ -20,14 +20,22 @@ void take_screenshot(Player& player) {
 
 volatile std::sig_atomic_t interrupted = 0;
 
+// Ctrl-C, kill, and a terminal that is closed end it as --frames does: what was written so far is
+// whole. A second one ends at once.
+void end_by_signals() {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    const auto before = std::signal(signal, [](int number) {
+      interrupted = 1;
+      std::signal(number, SIG_DFL);
+    });
+    if (signal == SIGHUP && before == SIG_IGN) std::signal(signal, SIG_IGN);  // nohup
+  }
+}
+
 }  // namespace
 
-// Ctrl-C ends it as --frames does: what was written so far is whole.
-void run_headless(const Args& args) {
-  std::signal(SIGINT, [](int) {
-    interrupted = 1;
-    std::signal(SIGINT, SIG_DFL);  // a second one ends at once
-  });
+bool run_headless(const Args& args) {
+  end_by_signals();
   Player player(args, false);
   Output output(args.out, player.source().fps());
   Script script(args);
@@ -45,15 +53,18 @@ void run_headless(const Args& args) {
     if (shows) output.add(player.picture());
   }
   output.finish();
+  const bool ended = player.quit || interrupted;  // by whoever runs it
+  if (ended && player.count() == 0) return true;
   check(player.count() > 0, "no frame could be read");
   script.at_the_end(player);
-  script.tell_what_never_came(player);
+  const bool all_came = script.all_came(player);
   take_screenshot(player);
   player.set_recording(false);
   player.timings().print(std::cout);
   if (player.unseen() > 0)
     std::cout << "the board was not seen in " << player.unseen() << " of " << player.count()
               << " frames\n";
+  return all_came || ended;
 }
 
 }  // namespace fastibl::demo

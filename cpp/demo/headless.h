@@ -6,7 +6,8 @@
 namespace fastibl::demo {
 
 // Processes all frames with the commands of args.cues; leaves pictures at args.out and
-// args.screenshot, and prints the timings.
-void run_headless(const Args& args);
+// args.screenshot, and prints the timings. False where the frames ended before a command or a
+// screenshot was due.
+bool run_headless(const Args& args);
 
 }  // namespace fastibl::demo

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kFailed = 1, kBadInput = 2;
 
-void run(const fastibl::demo::Args& args) {
+bool run(const fastibl::demo::Args& args) {
   using namespace fastibl::demo;
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors are told by us
   cv::setNumThreads(1);  // the passes share the cores themselves
@@ -20,6 +20,7 @@ void run(const fastibl::demo::Args& args) {
   if (args.headless) return run_headless(args);
 #ifdef FASTIBL_WITH_WINDOW
   show(args);
+  return true;
 #else
   throw std::invalid_argument(
       "this fastibl-demo was built without a window (GLFW 3.3, libepoxy); use --headless");
@@ -31,8 +32,7 @@ void run(const fastibl::demo::Args& args) {
 int main(int argc, char** argv) {
   try {
     const auto args = fastibl::demo::parse_args(argc, argv);
-    if (args) run(*args);
-    return 0;
+    return !args || run(*args) ? 0 : kFailed;
   } catch (const std::invalid_argument& error) {
     std::cerr << "fastibl-demo: " << error.what() << "\nRun fastibl-demo --help for all options.\n";
     return kBadInput;

@@ -13,11 +13,21 @@ namespace fs = std::filesystem;
 
 }  // namespace
 
+void check_folder_of(const fs::path& path, std::string_view option) {
+  const fs::path parent = path.parent_path();
+  check(parent.empty() || fs::is_directory(parent), option, ": there is no folder ",
+        parent.string());
+}
+
 void write_file(const fs::path& path, const char* data, std::size_t count) {
   std::ofstream file(path, std::ios::binary);
   file.write(data, std::streamsize(count));
   file.close();
-  if (!file) throw std::runtime_error("could not write " + path.string() + "; is the disk full?");
+  if (file) return;
+  const fs::path parent = path.parent_path();
+  const bool folder = parent.empty() || fs::is_directory(parent);
+  throw std::runtime_error("could not write " + path.string() +
+                           (folder ? "; is the disk full?" : ": its folder is not there"));
 }
 
 void write_png(const fs::path& path, const Image<std::uint8_t>& picture) {
@@ -29,9 +39,7 @@ void write_png(const fs::path& path, const Image<std::uint8_t>& picture) {
 
 Output::Output(fs::path path, double fps) : path_(std::move(path)), fps_(fps) {
   if (path_.empty() || path_.extension() == ".webm" || path_.extension() == ".png") {
-    const fs::path parent = path_.parent_path();
-    check(parent.empty() || fs::is_directory(parent), "--out: there is no folder ",
-          parent.string());
+    check_folder_of(path_, "--out");
     return;
   }
   check(!path_.has_extension() || fs::is_directory(path_),

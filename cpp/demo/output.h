@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <opencv2/videoio.hpp>
+#include <string_view>
 
 #include "fastibl/core/image.h"
 
@@ -25,6 +26,8 @@ class Output {
   Image<std::uint8_t> last_;
 };
 
+// Throws std::invalid_argument, naming the option, where a file's folder is not there.
+void check_folder_of(const std::filesystem::path& path, std::string_view option);
 // These throw std::runtime_error, for a full disk too.
 void write_file(const std::filesystem::path& path, const char* data, std::size_t count);
 void write_png(const std::filesystem::path& path, const Image<std::uint8_t>& picture);

@@ -20,14 +20,17 @@ void Script::after_frame(Player& player) {
   if (args_.at > 0 && player.count() == args_.at) player.screenshot = args_.screenshot;
 }
 
-void Script::tell_what_never_came(const Player& player) const {
+bool Script::all_came(const Player& player) const {
+  bool all = true;
   const auto tell = [&](const std::string& what) {
+    all = false;
     std::cerr << "fastibl-demo: " << what << " never came: there were " << player.count()
               << " frames\n";
   };
   for (const Cue& cue : args_.cues)
     if (cue.frame > player.count()) tell("frame " + std::to_string(cue.frame) + " of " + cue.order);
   if (args_.at > player.count()) tell("frame " + std::to_string(args_.at) + " of the screenshot");
+  return all;
 }
 
 void Script::at_the_end(Player& player) {

@@ -12,7 +12,8 @@ class Script {
   void before_frame(Player& player);  // the one that advance() takes next
   void after_frame(Player& player);
   void at_the_end(Player& player);
-  void tell_what_never_came(const Player& player) const;  // on stderr
+  // Tells on stderr of commands and a screenshot whose frame never came.
+  bool all_came(const Player& player) const;
 
  private:
   const Args& args_;

@@ -66,7 +66,7 @@ class Viewer {
     }
     check(player_.count() > 0 || !player_.ended(), "no frame could be read");
     script_.at_the_end(player_);
-    script_.tell_what_never_came(player_);
+    script_.all_came(player_);
     show(false);
     save_screenshot();
     player_.set_recording(false);

@@ -41,6 +41,8 @@ int main(int argc, char** argv) {
     Frame frame;
     frame.time = film ? frames / 30.0 : clock.seconds();
     frame.back = {rgb.data, PixelType::uint8, rgb.cols, rgb.rows, std::ptrdiff_t(rgb.step)};
+    // Most cameras expose by themselves and do not tell: without this it would be told as always 1.
+    frame.back_exposure.reset();
     result = session.process(frame);
     seen += result.back_from_marker.has_value();
     // Here a program shows result.image, or hands it on.

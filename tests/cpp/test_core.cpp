@@ -214,3 +214,12 @@ TEST_CASE("the number of threads can be asked for within a loop") {
   CHECK(asked == 16);
   set_threads(0);
 }
+
+TEST_CASE("loops of more indices than two of their blocks can count") {
+  for (const int grain : {1 << 30, std::numeric_limits<int>::max()}) {
+    std::atomic<std::int64_t> seen = 0;
+    parallel_for(std::numeric_limits<int>::max(), grain,
+                 [&](int begin, int end) { seen += std::int64_t{end} - begin; });
+    CHECK(seen == std::numeric_limits<int>::max());
+  }
+}

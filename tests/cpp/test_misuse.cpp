@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fastibl/capture/capture.h"
+#include "fastibl/capture/next_view.h"
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
@@ -17,6 +18,7 @@
 #include "fastibl/scene/ggx.h"
 #include "fastibl/scene/glossy.h"
 #include "fastibl/scene/tag_codes.h"
+#include "fastibl/scene/texture.h"
 #include "fastibl/shadow/sphere_shadow.h"
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/rotation_tracker.h"
@@ -151,6 +153,7 @@ TEST_CASE("exponents, normals and views that are none") {
 
 TEST_CASE("maps and meshes that are empty or broken") {
   const CubeMap none;
+  CHECK_THROWS_AS(CubeMap().base(), std::invalid_argument);
   CHECK_THROWS_AS(none.sample({0, 0, 1}, 0), std::invalid_argument);
   CHECK_THROWS_AS(none.mean(), std::invalid_argument);
   CHECK_THROWS_AS(none.level_at_most(8), std::invalid_argument);
@@ -177,6 +180,20 @@ TEST_CASE("maps and meshes that are empty or broken") {
     }
 }
 
+TEST_CASE("pictures whose size is none, or not that of their values") {
+  CHECK_THROWS_WITH_AS(Image<float>(-1, 5, 3), doctest::Contains("-1 × 5"), std::invalid_argument);
+  CHECK_THROWS_AS(Image<std::uint8_t>(-1, -1, 3), std::invalid_argument);
+  CHECK(Image<float>(0, 5, 3).empty());
+  Image<float> image;
+  image.width = image.height = 10, image.data.resize(5);
+  CHECK_THROWS_WITH_AS(SurfaceTexture{image}, doctest::Contains("needs 300 values, got 5"),
+                       std::invalid_argument);
+  image.width = -10;
+  CHECK_THROWS_AS(SurfaceTexture{image}, std::invalid_argument);
+  image.width = 10, image.data.resize(300);
+  CHECK(SurfaceTexture(image).level_count() > 1);
+}
+
 TEST_CASE("rows without a distance are packed") {
   std::vector<float> half(16 * 8 * 3);  // its lower half is white
   std::fill(half.begin() + 16 * 4 * 3, half.end(), 1.0f);
@@ -190,6 +207,54 @@ TEST_CASE("rows without a distance are packed") {
   CHECK(*session.process(view.frame).image.pixel(10, 47) == 50);
   view.frame.back.row_bytes = 64;
   CHECK_THROWS_AS(session.process(view.frame), std::invalid_argument);
+}
+
+TEST_CASE("pictures and masks whose rows or pixels lie where they cannot be read") {
+  const View view;
+  const Camera& camera = view.rig.back;
+  const Pose pose = *view.frame.back_from_marker;
+  const Detector blind = [](const auto&, const auto&, const auto&) { return Detection{}; };
+  std::vector<float> room(64 * 48 * 3 + 64, 0.5f);
+  char* const begin = reinterpret_cast<char*>(room.data());
+  constexpr std::ptrdiff_t kRow = 64 * 3;
+  const auto refused = [&](const Picture& picture, const char* message) {
+    CAPTURE(message);
+    const auto names = doctest::Contains(message);
+    CHECK_THROWS_WITH_AS(check_picture(picture), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(linear_from(picture, {}), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(grey_from(picture, {}), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(bytes_from(picture, {}), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(scale_below_white(picture), names, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(Capture().add(picture, camera, pose, 1.0, 0), names,
+                         std::invalid_argument);
+    EdgeTracker tracker(Board::default_board(), camera);
+    CHECK_THROWS_WITH_AS(tracker.track(picture, 0.0, blind), names, std::invalid_argument);
+    RigPictures pictures;
+    pictures.back = picture;
+    CHECK_THROWS_WITH_AS(RotationTracker(view.rig).start(pose, 0, pictures), names,
+                         std::invalid_argument);
+    Session session = view.session(tetrahedron(), nullptr);
+    Frame frame = view.frame;
+    frame.back = picture;
+    CHECK_THROWS_AS(session.process(frame), std::invalid_argument);
+  };
+  refused({begin, PixelType::uint8, 64, 48, 64}, "at least 192 bytes apart, got 64");
+  refused({begin, PixelType::uint8, 64, 48, -64}, "at least 192 bytes apart, got -64");
+  refused({begin, PixelType(9), 64, 48}, "got type 9");
+  refused({begin + 1, PixelType::uint16, 64, 48}, "multiples of 2 bytes");
+  refused({begin, PixelType::uint16, 64, 48, 2 * kRow + 1}, "multiples of 2 bytes");
+  refused({begin + 2, PixelType::float32, 64, 48}, "multiples of 4 bytes");
+  refused({begin, PixelType::float32, 64, 48, 4 * kRow + 2}, "multiples of 4 bytes");
+  // From the lowest row upwards, and at any address of a byte.
+  CHECK_NOTHROW(check_picture({begin + 47 * kRow + 1, PixelType::uint8, 64, 48, -kRow}));
+  CHECK_NOTHROW(check_picture({begin + 2, PixelType::uint16, 64, 48, 2 * kRow + 2}));
+
+  const std::vector<std::uint8_t> bytes(64 * 48, 255);
+  const ImageView<const std::uint8_t> narrow{bytes.data(), 64, 48, 1, 10};
+  CHECK_THROWS_WITH_AS(Capture().add(view.frame.back, camera, pose, 1.0, 0, narrow),
+                       doctest::Contains("rows of the mask"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(track(blind, narrow, Board::default_board(), camera),
+                       doctest::Contains("rows of a grey picture"), std::invalid_argument);
 }
 
 TEST_CASE("what is no light is cleaned, and counted, however it came") {
@@ -240,6 +305,34 @@ TEST_CASE("pictures, masks and poses that a capture cannot use") {
   EdgeTracker tracker(Board::default_board(), view.rig.back);
   CHECK_THROWS_WITH_AS(tracker.track(view.frame.back, 0.0, nullptr), doctest::Contains("detector"),
                        std::invalid_argument);
+}
+
+TEST_CASE("a captured environment whose map was replaced by one of another size") {
+  const View view;
+  for (const int size : {8, 16, 32}) {
+    CaptureOptions options;
+    options.size = size;
+    Capture capture(options);
+    capture.add(view.frame.back, view.rig.back, *view.frame.back_from_marker, 1.0, 0);
+    Environment environment = *capture.environment();
+    CHECK_NOTHROW(environment.validate());
+    CHECK(environment.confidence().size() == std::size_t(6 * size * size));
+    for (const int other : {4, 64, 256}) {
+      CAPTURE(other);
+      environment.radiance = *grey(other);
+      CHECK_THROWS_WITH_AS(environment.validate(), doctest::Contains("another map"),
+                           std::invalid_argument);
+      CHECK_THROWS_AS(environment.confidence(), std::invalid_argument);
+      CHECK_THROWS_AS(environment.age(), std::invalid_argument);
+      CHECK_THROWS_AS(next_view(environment), std::invalid_argument);
+    }
+    environment = *capture.environment();
+    environment.variance.pop_back();
+    CHECK_THROWS_WITH_AS(environment.confidence(), doctest::Contains("variances"),
+                         std::invalid_argument);
+    environment.radiance = {};
+    CHECK_THROWS_AS(environment.confidence(), std::invalid_argument);
+  }
 }
 
 TEST_CASE("cameras whose response is none") {

@@ -169,7 +169,8 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
-  check(!picture.empty(), "the picture has no pixels");
+  check_picture(picture);
+  check_rows(mask, "the mask");
   check(mask.empty() ||
             (mask.width == camera.width && mask.height == camera.height && mask.channels == 1),
         "the mask must be the camera's ", camera.width, " × ", camera.height,

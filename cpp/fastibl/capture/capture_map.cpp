@@ -1,12 +1,12 @@
 // The maps that a Capture hands out.
 #include <algorithm>
-#include <atomic>
 #include <numbers>
 
 #include "fastibl/capture/capture.h"
 #include "fastibl/capture/expected_error.h"
 #include "fastibl/core/prefetch.h"
 #include "fastibl/core/simd.h"
+#include "fastibl/core/sole_owner.h"
 
 namespace fastibl {
 namespace {
@@ -50,8 +50,7 @@ std::shared_ptr<const Environment> Capture::environment() {
   // A map that only this list still holds can be changed: nobody can get hold of it meanwhile.
   std::shared_ptr<Environment> snapshot;
   for (std::size_t i = 0; i < snapshots_.size() && !snapshot; ++i)
-    if (snapshots_[i].use_count() == 1) {
-      std::atomic_thread_fence(std::memory_order_acquire);
+    if (is_sole_owner(snapshots_[i])) {
       snapshot = std::move(snapshots_[i]);
       snapshots_.erase(snapshots_.begin() + std::ptrdiff_t(i));
     }

@@ -44,6 +44,7 @@ double seen_share(const std::vector<float>& confidence, int size, int coarse, co
 }  // namespace
 
 NextView next_view(const Environment& environment, const std::optional<glm::dvec3>& looking) {
+  environment.validate();
   const CubeMap& map = environment.radiance;
   const CubeLevel& level = map.level_at_most(kGrid);
   const std::vector<SkyTexel> sky = sky_of(level.size());

@@ -14,7 +14,8 @@ struct NextView {
   double share = 0;                     // of the sky's light that a picture there is thought to add
 };
 
-// looking: unit, marker frame; where the camera looks now: a short way is preferred.
+// looking: unit, marker frame; where the camera looks now: a short way is preferred. Validates the
+// environment.
 NextView next_view(const Environment& environment, const std::optional<glm::dvec3>& looking = {});
 
 }  // namespace fastibl

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <vector>
 
 #include "fastibl/core/check.h"
@@ -27,7 +28,15 @@ struct ImageView {
   operator ImageView<const T>() const { return {data, width, height, channels, row_stride}; }
 };
 
-// Owned pixels, rows packed.
+// Throws std::invalid_argument where rows lie closer than their pixels. which: as in "the mask".
+template <typename T>
+void check_rows(const ImageView<T>& image, const char* which) {
+  const std::ptrdiff_t packed = std::ptrdiff_t{image.width} * image.channels;
+  check(image.empty() || std::abs(image.stride()) >= packed, "rows of ", which, ", ", packed,
+        " values each, must be at least that far apart, got ", image.stride());
+}
+
+// Owned pixels, rows packed. Throws std::invalid_argument for a negative size.
 template <typename T>
 struct Image {
   int width = 0;
@@ -37,10 +46,15 @@ struct Image {
 
   Image() = default;
   Image(int w, int h, int c, T value = {})
-      : width(w),
-        height(h),
-        channels(c),
-        data(std::size_t(w) * std::size_t(h) * std::size_t(c), value) {}
+      : width(w), height(h), channels(c), data(count(w, h, c), value) {}
+
+  // Throws std::invalid_argument where the fields disagree, as they can where they are set one by
+  // one.
+  void validate() const {
+    check(data.size() == count(width, height, channels), "a picture of ", width, " × ", height,
+          " with ", channels, " channels needs ", count(width, height, channels), " values, got ",
+          data.size());
+  }
 
   T* row(int y) { return data.data() + offset(0, y); }
   const T* row(int y) const { return data.data() + offset(0, y); }
@@ -57,6 +71,11 @@ struct Image {
   bool operator==(const Image&) const = default;
 
  private:
+  static std::size_t count(int w, int h, int c) {
+    check(w >= 0 && h >= 0 && c >= 0, "the size of a picture must not be negative, got ", w, " × ",
+          h, " with ", c, " channels");
+    return std::size_t(w) * std::size_t(h) * std::size_t(c);
+  }
   std::ptrdiff_t offset(int x, int y) const { return (std::ptrdiff_t{y} * width + x) * channels; }
 };
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <cstdint>
 #include <exception>
 #include <mutex>
 #include <new>
@@ -41,15 +42,15 @@ struct Job {
 
   const std::function<void(int, int)>* body;
   int count, grain;
-  std::atomic<int> next{0};
+  std::atomic<std::int64_t> next{0};  // beyond count by a grain a thread
   std::mutex failure_mutex;
   std::exception_ptr failure;
 
   void work() {
     inside_loop = true;
-    for (int begin; (begin = next.fetch_add(grain)) < count;) {
+    for (std::int64_t begin; (begin = next.fetch_add(grain)) < count;) {
       try {
-        (*body)(begin, std::min(begin + grain, count));
+        (*body)(int(begin), int(std::min<std::int64_t>(begin + grain, count)));
       } catch (...) {
         const std::lock_guard lock(failure_mutex);
         if (!failure) failure = std::current_exception();

@@ -10,9 +10,9 @@ namespace fastibl {
 
 struct LightingOptions {
   DiffuseMethod diffuse = DiffuseMethod::automatic;
-  DiffuseSettings diffuse_settings;
+  DiffuseSettings diffuse_settings = {};
   GlossyMethod glossy = GlossyMethod::automatic;
-  GlossySettings glossy_settings;
+  GlossySettings glossy_settings = {};
   Normalization normalization = Normalization::energy;
   bool irradiance = true;     // false: only what glossy surfaces read
   bool chain = true;          // false: nothing glossy will be shaded

@@ -68,7 +68,7 @@ struct Plan {
 };
 
 struct PlanOptions {
-  Methods methods;
+  Methods methods = {};
   bool track = true;    // poses come from the back picture, not from outside
   bool capture = true;  // the map comes from pictures, not from outside
   bool cast_shadow = true;

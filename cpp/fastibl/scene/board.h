@@ -18,7 +18,7 @@ struct Tag {
 };
 
 struct Board {
-  std::vector<Tag> tags;
+  std::vector<Tag> tags = {};
   int border_bits = 1;           // width of the black border in modules
   double width = 0, height = 0;  // of the printed page in metres, centred on the origin
 

@@ -26,11 +26,11 @@ struct Camera {
   double fx = 0, fy = 0, cx = 0, cy = 0;  // pixels; (cx, cy) in the convention above, not OpenCV's
   // Perspective: k1 k2 p1 p2 [k3 [k4 k5 k6]] of OpenCV; 0, 4, 5 or 8 numbers. Fisheye: k1 k2 k3 k4,
   // or none. Equirectangular: none.
-  std::vector<double> distortion;
-  Response response;  // encoded = response(exposure × gain × vignetting × radiance)
-  double gain = 1;    // of this camera against the others
-  std::vector<double>
-      vignetting;  // 1 + v1 r² + v2 r⁴ + …, r = distance from (cx, cy) in units of f
+  std::vector<double> distortion = {};
+  Response response = {};  // encoded = response(exposure × gain × vignetting × radiance)
+  double gain = 1;         // of this camera against the others
+  // 1 + v1 r² + v2 r⁴ + …, r = distance from (cx, cy) in units of f.
+  std::vector<double> vignetting = {};
   // Seconds from a picture's first row to its last, where that is known: row r is exposed around
   // time + r / height · readout. 0 for a global shutter.
   double readout = 0;
@@ -92,9 +92,9 @@ class Lens {
 
 // Back camera, and the front camera fixed to it.
 struct Rig {
-  Camera back;
-  std::optional<Camera> front;
-  Pose front_from_back;
+  Camera back = {};
+  std::optional<Camera> front = {};
+  Pose front_from_back = {};
   // Throws as its cameras' and its pose's.
   void validate() const;
   bool operator==(const Rig&) const = default;

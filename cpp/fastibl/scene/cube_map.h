@@ -22,6 +22,7 @@
 #include <span>
 #include <vector>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/cube_reduction.h"
 #include "fastibl/scene/cube_tiles.h"
@@ -131,7 +132,10 @@ class CubeMap {
   // Level 0 for its maker to write: clean values only, in no border. update() then makes what
   // depends on it, the same bits as if all were made anew. Where NaN or infinity was written, it
   // cleans the map.
-  CubeLevel& base() { return levels_[0]; }
+  CubeLevel& base() {
+    check(!levels_.empty(), "a map without a size has no levels to write");
+    return levels_[0];
+  }
   void update();                              // everything changed
   void update(std::span<const int> changed);  // tiles
   // The same where their maker has written the first `written` levels of the tiles, as

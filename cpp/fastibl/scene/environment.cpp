@@ -3,6 +3,8 @@
 #include <bit>
 #include <limits>
 
+#include "fastibl/core/check.h"
+
 namespace fastibl {
 namespace {
 
@@ -23,7 +25,19 @@ std::vector<float> by_face(TileGrid grid, F&& f) {
 
 }  // namespace
 
+void Environment::validate() const {
+  if (last_seen.empty()) return;
+  const TileGrid grid = radiance.tiles();
+  check(last_seen.size() == grid.size, "an environment of a map of ", grid.size,
+        " texels an edge needs times of as many, got ", last_seen.size(),
+        "; for another map begin with environment_from()");
+  const std::size_t count = std::size_t(grid.count()) * std::size_t(grid.stride());
+  check(variance.size() == count, "an environment of a map of ", grid.size,
+        " texels an edge needs ", count, " variances, got ", variance.size());
+}
+
 std::vector<float> Environment::confidence() const {
+  validate();
   if (last_seen.empty())
     return std::vector<float>(6 * std::size_t(radiance.size()) * std::size_t(radiance.size()), 1);
   const TileGrid grid = radiance.tiles();
@@ -38,6 +52,7 @@ std::vector<float> Environment::confidence() const {
 }
 
 std::vector<float> Environment::age() const {
+  validate();
   if (last_seen.empty())
     return std::vector<float>(6 * std::size_t(radiance.size()) * std::size_t(radiance.size()), 0);
   return by_face(radiance.tiles(),

@@ -25,12 +25,14 @@ class TexelTimes {
  public:
   TexelTimes() = default;
   explicit TexelTimes(TileGrid grid)  // never
-      : stride_(std::size_t(grid.stride())),
+      : size_(grid.size),
+        stride_(std::size_t(grid.stride())),
         times_(std::size_t(grid.count()) * stride_, kNever),
         common_(std::size_t(grid.count()), kNever),
         same_(std::size_t(grid.count()), 1) {}
 
   bool empty() const { return times_.empty(); }
+  int size() const { return size_; }  // texels along an edge of a face
   bool same(int tile) const { return same_[std::size_t(tile)] != 0; }
   double at(int tile, int texel) const {
     return same(tile) ? common_[std::size_t(tile)]
@@ -57,6 +59,7 @@ class TexelTimes {
   }
 
  private:
+  int size_ = 0;
   std::size_t stride_ = 0;
   std::vector<double> times_, common_;
   std::vector<std::uint8_t> same_;  // 0: as in times_
@@ -82,25 +85,32 @@ struct ErrorInterval {
   double expected = 1, low = 0, high = 1;
 };
 
+// As a Capture or a Session hands it out it stays as it is while a shared_ptr holds it. One that
+// nobody holds is written anew: a pointer or weak_ptr to it then sees a later map. Whether a map
+// changed, CubeMap::tile_version tells, and not its address.
 struct Environment {
-  CubeMap radiance;            // every texel has a value; unseen ones that of what was seen nearest
+  CubeMap radiance = {};       // every texel has a value; unseen ones that of what was seen nearest
   double coverage = 0;         // share of the sphere's solid angle that was ever seen
   double clipped = 0;          // share of the seen solid angle whose value is only a lower bound
   double predicted_error = 1;  // expected relative error of the irradiance, a median over normals
   double predicted_low = 0, predicted_high = 1;  // ends of an interval that holds it 9 times in 10
-  MapKnowledge knowledge;                        // that these rest on
+  MapKnowledge knowledge = {};                   // that these rest on
   glm::dvec3 centre{0};             // metres, marker frame: where the radiance is seen from
   std::optional<RoomBox> box = {};  // whose walls the map shows, where they are known
-  std::optional<glm::dvec3> plane_irradiance;  // RGB, as the board's paper shows it
-  std::vector<LightPosition> light_positions;  // of those near enough to be triangulated
+  std::optional<glm::dvec3> plane_irradiance = {};  // RGB, as the board's paper shows it
+  std::vector<LightPosition> light_positions = {};  // of those near enough to be triangulated
 
   // Of each texel: when it was last seen (seconds; −∞ never) and its variance then, relative to its
   // value's square: the upper half of a float, at t · stride + k. Empty: known everywhere.
   double time = 0;
-  TexelTimes last_seen;
-  std::vector<std::uint16_t> variance;
+  TexelTimes last_seen = {};
+  std::vector<std::uint16_t> variance = {};
 
-  // 6 n², packed as the faces.
+  // Throws std::invalid_argument where times or variances are of a map of another size, as where a
+  // captured map was replaced.
+  void validate() const;
+
+  // 6 n², packed as the faces. These validate.
   std::vector<float> confidence() const;  // 0 (never seen) to 1
   std::vector<float> age() const;         // seconds since last seen; infinite if never
 };

@@ -81,8 +81,7 @@ ImageView<const float> cleaned(ImageView<const float> image, Image<float>& copy,
 CubeMap cubemap_from_equirect(ImageView<const float> image, int size, EquirectFilter filter) {
   check(!image.empty(), "an equirectangular picture must not be empty");
   check(image.channels == 3, "an equirectangular picture needs 3 channels, got ", image.channels);
-  check(std::abs(image.stride()) >= std::ptrdiff_t{3} * image.width, "rows of ", image.width,
-        " pixels of three values must be that far apart, got ", image.stride());
+  check_rows(image, "an equirectangular picture");
   check(size >= 1, "faces must be at least 1 texel wide, got ", size);
   Image<float> copy;
   CleaningStatistics statistics;

@@ -19,9 +19,10 @@ struct PbrMaterial {
   float anisotropy = 0;           // strength, 0 to 1
   float anisotropy_rotation = 0;  // of the rougher direction from the tangent, radians
   float normal_scale = 1;         // of the normal map's x and y
-  std::shared_ptr<const SurfaceTexture> base_color_map, metallic_map, roughness_map, emission_map;
-  std::shared_ptr<const SurfaceTexture>
-      normal_map;  // tangent space, (x, y, z) as they are, y up in uv
+  std::shared_ptr<const SurfaceTexture> base_color_map = {}, metallic_map = {}, roughness_map = {},
+                                        emission_map = {};
+  // Tangent space, (x, y, z) as they are, y up in uv.
+  std::shared_ptr<const SurfaceTexture> normal_map = {};
 
   bool textured() const {
     return base_color_map || metallic_map || roughness_map || emission_map || normal_map;
@@ -47,8 +48,8 @@ struct Material {
   glm::vec3 emission{0.0f};  // radiance
   // Where it is there, it takes the place of Eq. 3: the colour is emission + diffuse · P_V · E/π +
   // reflectance · (average of the radiance over the GGX lobe), see PbrMaterial.
-  std::shared_ptr<const PbrMaterial> pbr;
-  std::shared_ptr<const GgxAlbedo> albedo;  // of pbr's anisotropy
+  std::shared_ptr<const PbrMaterial> pbr = {};
+  std::shared_ptr<const GgxAlbedo> albedo = {};  // of pbr's anisotropy
 
   static Material make_pbr(const PbrMaterial& pbr);  // validates
 

@@ -9,10 +9,10 @@
 namespace fastibl {
 
 struct Mesh {
-  std::vector<glm::vec3> vertices;    // metres
-  std::vector<glm::ivec3> triangles;  // indices; counter-clockwise seen from outside
-  std::vector<glm::vec2> uvs;         // one a vertex, or none; v upwards in a texture
-  std::vector<glm::vec3> normals;     // one a vertex, or none: worked out from the triangles
+  std::vector<glm::vec3> vertices = {};    // metres
+  std::vector<glm::ivec3> triangles = {};  // indices; counter-clockwise seen from outside
+  std::vector<glm::vec2> uvs = {};         // one a vertex, or none; v upwards in a texture
+  std::vector<glm::vec3> normals = {};     // one a vertex, or none: worked out from the triangles
 
   // Throws std::invalid_argument for no vertices or triangles, an index out of range, a value that
   // is not finite, or another number of uvs or normals.

@@ -152,12 +152,12 @@ struct Methods {
   TrackingMethod tracking = TrackingMethod::automatic;
   CaptureMethod capture = CaptureMethod::continuous;
   DiffuseMethod diffuse = DiffuseMethod::automatic;
-  DiffuseSettings diffuse_settings;
+  DiffuseSettings diffuse_settings = {};
   GlossyMethod glossy = GlossyMethod::automatic;
-  GlossySettings glossy_settings;
+  GlossySettings glossy_settings = {};
   Normalization normalization = Normalization::energy;
   ShadowMethod shadow = ShadowMethod::automatic;
-  ShadowSettings shadow_settings;
+  ShadowSettings shadow_settings = {};
   SelfShadowMethod self_shadow = SelfShadowMethod::automatic;
   BounceMethod bounce = BounceMethod::automatic;
 

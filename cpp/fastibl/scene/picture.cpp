@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <vector>
 
 #include "fastibl/core/simd.h"
@@ -20,8 +21,25 @@ void luma(const std::uint8_t* rgb, int count, std::uint8_t* grey) {
 
 }  // namespace
 
+void check_picture(const Picture& picture) {
+  check(!picture.empty() && picture.width > 0 && picture.height > 0,
+        "the picture has no pixels: ", picture.width, " × ", picture.height,
+        picture.empty() ? " without data" : "");
+  const int bytes = picture.type == PixelType::uint8     ? 1
+                    : picture.type == PixelType::uint16  ? 2
+                    : picture.type == PixelType::float32 ? 4
+                                                         : 0;
+  check(bytes > 0, "pixels must be uint8, uint16 or float32, got type ", int(picture.type));
+  check(std::abs(picture.stride()) >= picture.packed(), "rows of a picture of ", picture.width,
+        " pixels must be at least ", picture.packed(), " bytes apart, got ", picture.stride());
+  const auto address = reinterpret_cast<std::uintptr_t>(picture.data);
+  check(address % std::uintptr_t(bytes) == 0 && picture.stride() % bytes == 0, "pixels of ",
+        8 * bytes, " bit must lie at multiples of ", bytes, " bytes, got data at ", picture.data,
+        " and rows ", picture.stride(), " bytes apart");
+}
+
 Image<float> linear_from(const Picture& picture, const Response& response) {
-  check(!picture.empty(), "the picture has no pixels");
+  check_picture(picture);
   Image<float> out(picture.width, picture.height, 3);
   const int count = 3 * picture.width;
   if (picture.type == PixelType::uint8) {
@@ -51,6 +69,7 @@ Image<float> linear_from(const Picture& picture, const Response& response) {
 }
 
 float scale_below_white(const Picture& picture) {
+  check_picture(picture);
   if (picture.type != PixelType::float32) return 1;
   constexpr int kSamples = 200;    // along an edge
   constexpr double kBelow = 0.99;  // of them
@@ -70,6 +89,7 @@ float scale_below_white(const Picture& picture) {
 }
 
 Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response, float scale) {
+  check_picture(picture);
   const int count = 3 * picture.width;
   if (picture.type == PixelType::uint8) {
     Image<std::uint8_t> out;
@@ -95,6 +115,7 @@ Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response,
 }
 
 Image<std::uint8_t> grey_from(const Picture& picture, const Response& response) {
+  check_picture(picture);
   const bool bytes = picture.type == PixelType::uint8;
   const Image<std::uint8_t> rgb =
       bytes ? Image<std::uint8_t>() : bytes_from(picture, response, scale_below_white(picture));

@@ -10,12 +10,13 @@ namespace fastibl {
 
 enum class PixelType { uint8, uint16, float32 };
 
-// Borrowed; three interleaved channels.
+// Borrowed; three interleaved channels. Pixels of 16 bit lie at even addresses, of float at
+// multiples of four: the data begin at one, and row_bytes is one.
 struct Picture {
   const void* data = nullptr;
   PixelType type = PixelType::uint8;
   int width = 0, height = 0;
-  std::ptrdiff_t row_bytes = 0;  // from row to row; 0: they are packed
+  std::ptrdiff_t row_bytes = 0;  // from row to row, below 0 upwards; 0: they are packed
 
   bool empty() const { return data == nullptr; }
   std::ptrdiff_t packed() const {  // bytes of a row
@@ -28,6 +29,11 @@ struct Picture {
     return static_cast<const std::uint8_t*>(data) + y * stride();
   }
 };
+
+// Throws std::invalid_argument for what cannot be read: no pixels, a type that is none of these,
+// rows that lie closer than their pixels, or pixels at other addresses. All that reads a picture
+// begins with it.
+void check_picture(const Picture& picture);
 
 // Linear values (exposure × gain × vignetting × radiance). Float pictures are cleaned as maps are:
 // NaN and negative values to 0, at most 1e9.

@@ -12,7 +12,7 @@ namespace fastibl {
 struct Response {
   // Linear values at evenly spaced encoded values, from 0 at 0 to 1 at 1. 0 up to the black level
   // and 1 from the white level on; strictly increasing between them.
-  std::vector<float> curve;
+  std::vector<float> curve = {};
 
   static Response srgb() { return {}; }
   static Response gamma(double exponent);                // linear = encoded^exponent

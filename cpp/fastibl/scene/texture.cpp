@@ -91,6 +91,7 @@ Wrap wrap_mode(std::string_view name) {
 }
 
 SurfaceTexture::SurfaceTexture(Image<float> image, Wraps wraps) : wraps_(wraps) {
+  image.validate();
   check(!image.empty(), "a texture needs at least one texel");
   check(image.channels == 1 || image.channels == 3, "a texture has 1 or 3 channels, got ",
         image.channels);

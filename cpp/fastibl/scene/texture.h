@@ -19,7 +19,8 @@ Wrap wrap_mode(std::string_view name);  // throws std::invalid_argument for no n
 class SurfaceTexture {
  public:
   using Wraps = std::array<Wrap, 2>;  // along u and v
-  // Of 1 or 3 channels; throws for an empty one, another number, or values that are not finite.
+  // Of 1 or 3 channels; throws for an empty one, another number, fields that disagree, or values
+  // that are not finite.
   explicit SurfaceTexture(Image<float> image, Wraps wraps = {Wrap::repeat, Wrap::repeat});
 
   int width() const { return levels_[0].width; }

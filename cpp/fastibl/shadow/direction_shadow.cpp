@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <bit>
 #include <cmath>
 #include <functional>
@@ -15,6 +14,7 @@
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
+#include "fastibl/core/sole_owner.h"
 #include "fastibl/shadow/map_border.h"
 #include "fastibl/shadow/near_spheres.h"
 #include "fastibl/shadow/plane_rows.h"
@@ -424,10 +424,7 @@ void DirectionShadow::make_ratio() {
 
 // A map that somebody still holds stays as it is.
 void DirectionShadow::own_map() {
-  if (map_.use_count() == 1) {
-    std::atomic_thread_fence(std::memory_order_acquire);
-    return;
-  }
+  if (is_sole_owner(map_)) return;
   auto fresh = std::make_shared<ShadowMap>();
   fresh->centre = map_->centre, fresh->extent = map_->extent;
   fresh->ignored_spheres = map_->ignored_spheres;

@@ -278,6 +278,7 @@ EdgeModel::EdgeModel(const Board& board, const Camera& camera)
 std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, const Pose& start,
                                         const PosePrior& given, const EdgeTrackingOptions& options,
                                         RowState* state) const {
+  check_rows(picture, "the picture");
   const LightReader light(picture, picture.channels == 1 ? grey_ : colour_);
   Pose pose = start;
   PosePrior prior = given;

@@ -117,7 +117,7 @@ std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<
   check(picture.width == camera_.width && picture.height == camera_.height, "the picture is ",
         picture.width, " x ", picture.height, ", but the camera is ", camera_.width, " x ",
         camera_.height);
-  check(!picture.empty(), "the picture has no pixels");
+  check_picture(picture);
   check(detector != nullptr, "an edge tracker needs a detector");
   const double time = given.value_or(clock_ + kFrame);
   check(std::isfinite(time) && (!last_ || time >= last_->time),

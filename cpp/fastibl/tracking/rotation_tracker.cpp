@@ -216,6 +216,7 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const S
     check(picture.width == camera.width && picture.height == camera.height,
           "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
           picture.width, " × ", picture.height);
+    check_picture(picture);
     check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
           exposure);
     if (!ready) light.make(picture, camera.response);

@@ -348,6 +348,7 @@ std::optional<Tracked> track(const Detector& detector, ImageView<const std::uint
   check(grey.channels == 1 && grey.width == camera.width && grey.height == camera.height,
         "track needs a grey picture of the camera's size ", camera.width, " × ", camera.height,
         ", got ", grey.width, " × ", grey.height, " with ", grey.channels, " channels");
+  check_rows(grey, "a grey picture");
   return track(detector(grey, board, camera), grey, board, camera, options);
 }
 
