@@ -12,8 +12,7 @@ void check_picture(const Picture& picture, const Camera& camera, const char* whi
   check(picture.width == camera.width && picture.height == camera.height, "the ", which,
         " picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
-  check(std::abs(picture.stride()) >= picture.packed(), "rows of the ", which,
-        " picture must be its ", picture.packed(), " bytes apart, got ", picture.stride());
+  fastibl::check_picture(picture);
 }
 
 }  // namespace

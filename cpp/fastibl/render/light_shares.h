@@ -3,13 +3,12 @@
 #pragma once
 
 #include <cstddef>
-#include <glm/vec3.hpp>
-#include <glm/vec4.hpp>
 #include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "fastibl/core/vector.h"
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/lighting.h"
 #include "fastibl/scene/methods.h"

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <array>
-#include <glm/vec3.hpp>
 
+#include "fastibl/core/vector.h"
 #include "fastibl/scene/cube_map.h"
 
 namespace fastibl {

@@ -45,6 +45,7 @@ Rig checked(Rig rig) {
 
 std::shared_ptr<const Environment> checked(std::shared_ptr<const Environment> environment) {
   check(!environment || environment->radiance.size() > 0, "the environment has no map");
+  if (environment) environment->validate();
   return environment;
 }
 

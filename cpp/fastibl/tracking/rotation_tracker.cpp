@@ -296,6 +296,7 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   check(std::isfinite(time) && (!state_ || time >= state_->time),
         "time must not run backwards: ", time, " s after ", state_ ? state_->time : 0, " s");
   check(environment.radiance.size() > 0, "the environment has no map");
+  environment.validate();
   if (!state_) return std::nullopt;
   state_ = predicted(time, turn, turn_variance);
   if (time - found_ > options_.longest_gap && !turn) {
