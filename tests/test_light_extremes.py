@@ -118,3 +118,19 @@ def test_normals_of_any_length_are_normalised(length):
         (lighting.ggx(length * normal, length * view), lighting.ggx(normal, view)),
     ):
         np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("length", [3.4028235677973366e38, 1e39, np.inf])
+def test_directions_that_are_no_floats_are_those_of_their_largest_parts(length):
+    """3.4028235677973366e38 is a number in 64 bits, and infinite in 32."""
+    faces = np.full((6, 8, 8, 3), 0.2, np.float32)
+    faces[4] = 2.0
+    lighting = fastibl.Lighting(fastibl.CubeMap(faces))
+    given, meant, view = np.array([length, 1.0, -length]), np.array([1.0, 0.0, -1.0]), np.array([0.0, 0.6, -0.8])
+    with np.errstate(over="ignore"):
+        for found, expected in (
+            (lighting.irradiance(given), lighting.irradiance(meant)),
+            (lighting.glossy(given, view), lighting.glossy(meant, view)),
+            (lighting.ggx(view, given), lighting.ggx(view, meant)),
+        ):
+            np.testing.assert_allclose(found, expected, rtol=1e-4)

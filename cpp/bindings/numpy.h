@@ -113,8 +113,11 @@ inline glm::vec3* vectors(Floats& array) {
 inline glm::vec3 unit(glm::vec3 v) {
   const glm::vec3 size = glm::abs(v);
   const float most = std::max({size.x, size.y, size.z});
-  // Squares of the others are no floats.
-  if (most > 0 && std::isfinite(most) && !(most > 1e-15f && most < 1e15f)) v /= most;
+  if (std::isinf(most)) {  // it was no float before: beside what is infinite all else is 0
+    for (int c = 0; c < 3; ++c) v[c] = std::isinf(v[c]) ? std::copysign(1.0f, v[c]) : 0.0f;
+  } else if (most > 0 && !(most > 1e-15f && most < 1e15f)) {  // squares of the others are no floats
+    v /= most;
+  }
   const float length = glm::length(v);
   return length > 0 ? v / length
                     : v;  // length 0 has no direction: the result is defined, not useful
