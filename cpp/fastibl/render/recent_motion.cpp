@@ -3,8 +3,7 @@
 namespace fastibl {
 namespace {
 
-constexpr double kLongestGap =
-    0.1 + 1e-6;  // seconds; a hand that was not seen longer may be anywhere
+constexpr double kLongestGap = 0.25;  // seconds; a hand that was not seen longer may be anywhere
 
 }  // namespace
 
