@@ -184,7 +184,10 @@ def test_signals_end_what_is_written(number, tmp_path):
             tmp_path / "a.webm",
         )
     ]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    # Under nohup the tests ignore SIGHUP, and what they start would, too.
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    )
     end = time.monotonic() + 60
     table, rows = tmp_path / "rec" / "frames.csv", 0
     while rows < 30 and time.monotonic() < end:
