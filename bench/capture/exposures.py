@@ -17,7 +17,7 @@ from fastibl.simulator import default_rig
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
 from .boost import on_plane
-from .recordings import ROOM, recorded
+from .recordings import ROOM, sweep_film
 
 _TUNED = ("adams_place_bridge", "empty_warehouse_01", "studio_small_03")  # the constants of next_exposure.cpp
 _SIZE, _FPS, _SECONDS = (320, 240), 10, 6
@@ -106,18 +106,7 @@ def adaptive_exposures() -> Iterator[Goal]:
 
 def _sweep(place: str, **options) -> fastibl.Recording:
     """Of both cameras, 60 frames in light that stays."""
-    return recorded(
-        place,
-        seconds=_SECONDS,
-        fps=_FPS,
-        seed=3,
-        size=_SIZE,
-        position=inputs.OBJECT,
-        path="sweep",
-        hand=False,
-        lamp=False,
-        **options,
-    )
+    return sweep_film(place, seconds=_SECONDS, fps=_FPS, seed=3, size=_SIZE, **options)
 
 
 @row("capture", "exposures that are not told")

@@ -18,7 +18,7 @@ from fastibl.recording import truth_of
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
-from .recordings import recorded
+from .recordings import sweep_film
 
 FRAMES, FPS, SECONDS = 10_000, 15, 20
 _MAP = "potsdamer_platz"
@@ -107,17 +107,7 @@ def fault_run() -> Iterator[Goal]:
     if _MAP not in inputs.MAPS:
         yield skipped(what, inputs.NO_MAPS)
         return
-    film = recorded(
-        _MAP,
-        seconds=SECONDS,
-        fps=FPS,
-        seed=0,
-        size=(320, 240),
-        position=inputs.OBJECT,
-        path="sweep",
-        hand=False,
-        lamp=False,
-    )
+    film = sweep_film(_MAP, seconds=SECONDS, fps=FPS, seed=0, size=(320, 240))
     session, sweep = session_for(film), SECONDS * FPS
     clean_laps = Laps(film, 2 * sweep)
     clean = run(session, clean_laps, clean_laps)

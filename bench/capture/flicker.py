@@ -14,7 +14,7 @@ from fastibl.recording import truth_of
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
-from .recordings import ROOM, recorded
+from .recordings import ROOM, sweep_film
 
 _FRAMES, _SIZE = 60, (320, 240)
 # What, pictures a second, goal of the irradiance's error, what simulate() is given.
@@ -36,18 +36,7 @@ class Run:
 
 
 def swept(place: str, fps: float, doubt: bool = True, **timing: float) -> Run:
-    film = recorded(
-        place,
-        seconds=_FRAMES / fps,
-        fps=fps,
-        seed=0,
-        size=_SIZE,
-        position=inputs.OBJECT,
-        path="sweep",
-        hand=False,
-        lamp=False,
-        **timing,
-    )
+    film = sweep_film(place, seconds=_FRAMES / fps, fps=fps, seed=0, size=_SIZE, **timing)
     true = truth_of(film).environment(0.0)
     capture = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT, doubt_exposures=doubt)
     errors, averaged = [], 0

@@ -45,6 +45,11 @@ def recorded(place: str, **options) -> fastibl.Recording:
     return fastibl.Recording.open(folder)
 
 
+def sweep_film(place: str, **options) -> fastibl.Recording:
+    """That of both cameras, all round, in light that stays."""
+    return recorded(place, position=inputs.OBJECT, path="sweep", hand=False, lamp=False, **options)
+
+
 @dataclass(frozen=True)
 class Moment:
     """A frame of a sweep. error: median over normals, of the irradiance of the map captured so far."""
@@ -75,7 +80,7 @@ class Sweep:
 @cache
 def sweep(place: str, distance: float = float("inf")) -> Sweep:
     """60 frames in 6 s by both cameras (63 and 78 degrees wide) with brackets, tracked."""
-    film = recorded(place, seconds=6, fps=10, seed=0, position=inputs.OBJECT, path="sweep", hand=False, lamp=False)
+    film = sweep_film(place, seconds=6, fps=10, seed=0)
     session = fastibl.Session(inputs.scene(), film.rig, film.board, distance=distance)
     true = truth_of(film).environment(0.0)
     tracked, result = 0, None
