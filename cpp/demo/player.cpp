@@ -2,7 +2,6 @@
 
 #include <cstdio>
 #include <iostream>
-#include <numbers>
 #include <utility>
 
 #include "demo/object.h"
@@ -193,7 +192,7 @@ void Player::set_material(const std::string& name) {
 void Player::turn(double degrees) {
   turned_ = std::remainder(turned_ + degrees, 360);
   Pose pose;
-  pose.rotation = rotation_from_vector({0, 0, turned_ * std::numbers::pi / 180});
+  pose.rotation = rotation_from_vector({0, 0, turned_ * kDegree});
   session_->move(pose);
   changed_ = true;
 }

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "demo/overlays/format.h"
 #include "demo/overlays/overlay.h"
@@ -11,7 +10,6 @@ namespace {
 
 constexpr std::size_t kMost = 5;  // lights that are told
 constexpr double kLength = 0.12;  // metres, of an arrow
-constexpr double kDegree = std::numbers::pi / 180;
 
 Colour colour_of(const glm::vec3& light) {
   const glm::vec3 c = light / std::max({light.x, light.y, light.z, 1e-9f});

@@ -1,5 +1,4 @@
 #include <cmath>
-#include <numbers>
 #include <string>
 
 #include "demo/overlays/equirect.h"
@@ -21,7 +20,6 @@ double table_light(const CubeMap& map) {
 
 // "turn 40 deg left, 20 deg up".
 std::string way(const glm::dvec3& direction, const Pose& camera_from_marker) {
-  constexpr double kDegree = std::numbers::pi / 180;
   const glm::dvec3 d = camera_from_marker.rotation * direction;
   const double right = std::atan2(d.x, d.z) / kDegree;
   const double up = std::atan2(-d.y, std::hypot(d.x, d.z)) / kDegree;

@@ -1,5 +1,4 @@
 #include <cmath>
-#include <numbers>
 
 #include "demo/overlays/format.h"
 #include "demo/overlays/overlay.h"
@@ -51,7 +50,7 @@ void draw_pose(Canvas& canvas, const View& view) {
   draw_page(canvas, view, lens, *pose);
   draw_axes(canvas, lens, *pose);
   const glm::dvec3 eye = pose->inverse().translation;
-  const double tilt = std::acos(eye.z / glm::length(eye)) * 180 / std::numbers::pi;
+  const double tilt = std::acos(eye.z / glm::length(eye)) / kDegree;
   std::vector<Line> lines = {
       {"camera " + fixed(glm::length(eye), 3) + " m away, tilted " + fixed(tilt, 0) + " deg"}};
   if (const std::optional<Tracked>& tracked = view.result.tracked) {

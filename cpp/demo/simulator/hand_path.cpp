@@ -20,10 +20,9 @@ double tremor(double time, double phase) {
 }  // namespace
 
 Pose hand_pose(double time) {
-  const double degree = std::numbers::pi / 180;
   const double azimuth =
       0.6 + 2 * std::numbers::pi * time / kRound + 0.06 * wave(time, 0.31, 0.53, 1);
-  const double tilt = (43 + 18 * wave(time, 0.27, 0.61, 2)) * degree;
+  const double tilt = (43 + 18 * wave(time, 0.27, 0.61, 2)) * kDegree;
   const double distance = 0.525 + 0.07 * wave(time, 0.19, 0.43, 3);
   const glm::dvec3 away(std::sin(tilt) * std::sin(azimuth), -std::sin(tilt) * std::cos(azimuth),
                         std::cos(tilt));

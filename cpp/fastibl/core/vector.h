@@ -13,6 +13,7 @@
 namespace fastibl {
 
 inline constexpr float kPi = std::numbers::pi_v<float>;
+inline constexpr double kDegree = std::numbers::pi / 180;  // radians
 
 // The library is compiled with GLM's defaults. Macros that change the size, the alignment or the
 // precision of vectors, or how functions take them, would make its users read memory in another

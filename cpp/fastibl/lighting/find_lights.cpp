@@ -105,7 +105,7 @@ glm::vec3 settled(const std::vector<Bright>& texels, glm::vec3 direction) {
 // is within half a degree of it, and follows beyond. Settling anew would let it drift along lights
 // that are larger than the window.
 glm::vec3 followed(const std::vector<Bright>& texels, glm::vec3 window_middle) {
-  constexpr double kSlack = 0.5 * std::numbers::pi / 180;
+  constexpr double kSlack = 0.5 * kDegree;
   glm::dvec3 sum(0);
   for (const Bright& t : texels)
     sum += glm::dvec3(t.direction) * double(t.flux * t.left * window(t.direction, window_middle));

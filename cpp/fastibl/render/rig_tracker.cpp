@@ -1,7 +1,6 @@
 #include "fastibl/render/rig_tracker.h"
 
 #include <algorithm>
-#include <numbers>
 #include <utility>
 
 #include "fastibl/core/check.h"
@@ -12,7 +11,6 @@ namespace {
 
 // Seconds that a front picture may use an earlier pose, and times' rounding.
 constexpr double kPoseLifetime = 0.1 + 1e-6;
-constexpr double kDegree = std::numbers::pi / 180;
 // A rotation by the surroundings that is less sure, drift of the map aside, is not captured with; a
 // fifth of a texel of 128: what was captured so is what later pictures are followed by.
 constexpr double kMostTurnDeviation = 0.3 * kDegree;

@@ -1,13 +1,11 @@
 #include "fastibl/tracking/board_motion.h"
 
 #include <algorithm>
-#include <numbers>
 #include <utility>
 
 namespace fastibl {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 
 }  // namespace
 

@@ -12,7 +12,6 @@
 namespace fastibl {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kCodeHidden = 0.25;  // below, a tag is hidden or another one
 constexpr double kReadable = 1.6;     // px of a module, to hold its colour
 constexpr double kClose = 0.55;       // mean match from which no tags are looked for

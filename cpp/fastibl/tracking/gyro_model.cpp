@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace fastibl {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kForget = 0.99;          // a frame
 constexpr double kLeastNoise = 2e-4;      // radians, of the difference of two turns
 constexpr double kOutlier = 4;            // deviations, from where differences count less

@@ -16,8 +16,7 @@ constexpr double kSmallestNoise = 0.02;  // px; corners closer than this are not
 constexpr double kUnmeasured = 8;        // noise of a detector's corner by that of a measured one
 constexpr double kRollingResidual = 4;   // px, at a degree or two in a readout
 constexpr double kAmbiguous = 0.5;       // ratio of costs, see tests/test_tracking.py
-constexpr double kSameMinimum =
-    0.5 * std::numbers::pi / 180;  // choosing wrong costs less than this
+constexpr double kSameMinimum = 0.5 * kDegree;  // choosing wrong costs less than this
 
 struct Seen {
   DetectedTag tag;
