@@ -96,7 +96,7 @@ def test_switched_off(film):
     assert result.back_from_marker is None and result.environment.coverage == coverage
 
 
-def follow(film, rig, options=None, turn=False, blank_after=None, gain=1.0):
+def follow(film, rig, options=None, turn=False, blank_after=None, gain=1.0, front_gain=1.0):
     """The tracker alone: poses known until 0.8 s. Returns [(time, Turned or None)]."""
     tracker = fastibl.RotationTracker(rig, **(options or {}))
     capture = fastibl.Capture(size=64, board=film.board)
@@ -106,8 +106,9 @@ def follow(film, rig, options=None, turn=False, blank_after=None, gain=1.0):
         back, front = frame.back, frame.front if rig.front is not None else None
         if blank_after is not None and frame.time > blank_after:
             back, front = np.full_like(back, 90), None
-        pictures = {"back": back, "front": front, "front_exposure": frame.front_exposure}
+        pictures = {"back": back, "front": front}
         pictures["back_exposure"] = frame.back_exposure * gain
+        pictures["front_exposure"] = frame.front_exposure * (1 if frame.time < 0.8 else front_gain)
         if frame.time < 0.8:
             tracker.start(true, frame.time, **pictures)
             pose = true
@@ -135,6 +136,19 @@ def test_tracker_alone_states_its_error(film):
     assert np.percentile(ratio, 95) < 3
     assert all(b.position_deviation >= a.position_deviation for (_, a), (_, b) in zip(found, found[1:], strict=False))
     assert pickle.loads(pickle.dumps(found[0][1])) == found[0][1]
+
+
+def test_each_camera_has_a_gain_of_its_own(film):
+    """A front camera that exposes 1.3 times as long as it says, once the board has left, must not move what the back
+    camera is compared with."""
+    errors, gains = {}, None
+    for told in (1.0, 1.3):
+        found = [(t, r) for t, r in follow(film, film.rig, front_gain=1 / told) if r is not None]
+        errors[told] = np.median([angle(r.back_from_marker, film.truth.pose(t)) for t, r in found])
+        gains = np.median([(r.back_gain, r.front_gain) for _, r in found[:8]], axis=0)
+    print(f"rotation: median {errors[1.0]:.3f} degrees, {errors[1.3]:.3f}; gains {gains}")
+    assert errors[1.3] < errors[1.0] + 0.05
+    assert abs(gains[0] - 1) < 0.05 and abs(gains[1] / 1.3 - 1) < 0.1
 
 
 def test_a_blank_wall_is_given_up(film):

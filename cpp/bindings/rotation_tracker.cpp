@@ -10,16 +10,23 @@ namespace {
 
 py::tuple turned_state(const Turned& t) {
   return py::make_tuple(t.back_from_marker, t.covariance, t.drift, t.position_deviation, t.residual,
-                        t.agreeing, t.features, t.gain, t.since, t.velocity.x, t.velocity.y,
-                        t.velocity.z);
+                        t.agreeing, t.features, t.back_gain, t.front_gain, t.since, t.velocity.x,
+                        t.velocity.y, t.velocity.z);
 }
 
 Turned turned_from(const py::tuple& t) {
-  return {t[0].cast<Pose>(),   t[1].cast<std::array<double, 9>>(),
-          t[2].cast<double>(), t[3].cast<double>(),
-          t[4].cast<double>(), t[5].cast<double>(),
-          t[6].cast<int>(),    t[7].cast<double>(),
-          t[8].cast<double>(), {t[9].cast<double>(), t[10].cast<double>(), t[11].cast<double>()}};
+  const auto number = [&](int k) { return t[std::size_t(k)].cast<double>(); };
+  return {t[0].cast<Pose>(),
+          t[1].cast<std::array<double, 9>>(),
+          number(2),
+          number(3),
+          number(4),
+          number(5),
+          t[6].cast<int>(),
+          number(7),
+          number(8),
+          number(9),
+          {number(10), number(11), number(12)}};
 }
 
 RigPictures rig_pictures(const py::object& back, const py::object& front, double back_exposure,
@@ -55,7 +62,9 @@ be seen of the map, it is a gyroscope's alone: features, residual and agreeing a
                     "Difference of the pictures from the map by what is expected.")
       .def_readonly("agreeing", &Turned::agreeing, "Share of what was compared that agrees.")
       .def_readonly("features", &Turned::features, "Texels of the map that were compared.")
-      .def_readonly("gain", &Turned::gain, "By which the pictures are brighter than the map says.")
+      .def_readonly("back_gain", &Turned::back_gain,
+                    "By which the back picture is brighter than the map says; 1 without one.")
+      .def_readonly("front_gain", &Turned::front_gain, "That of the front picture.")
       .def_readonly("since", &Turned::since, "Seconds since the pose was last known.")
       .def_property_readonly(
           "velocity",

@@ -1432,6 +1432,11 @@ class Turned:
         Pose.
         """
     @property
+    def back_gain(self) -> float:
+        """
+        By which the back picture is brighter than the map says; 1 without one.
+        """
+    @property
     def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
         """
         (3, 3) float64 of w where the true rotation is exp([w]x) R: rad^2, back camera's frame; against the marker, with the drift of the map.
@@ -1447,9 +1452,9 @@ class Turned:
         Texels of the map that were compared.
         """
     @property
-    def gain(self) -> float:
+    def front_gain(self) -> float:
         """
-        By which the pictures are brighter than the map says.
+        That of the front picture.
         """
     @property
     def position_deviation(self) -> float:

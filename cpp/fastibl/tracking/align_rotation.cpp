@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/solve.h"
 
 namespace fastibl {
@@ -196,14 +197,37 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
   }
 }
 
-// Of four parameters: w and the logarithm of the gain.
+// Normal equations of w.
 struct Normal {
-  std::array<double, 16> a{};  // row by row
-  std::array<double, 4> b{};
+  glm::dmat3 a{0.0};
+  glm::dvec3 b{0};
 
-  double& at(int row, int column) { return a[std::size_t(4 * row + column)]; }
-  double at(int row, int column) const { return a[std::size_t(4 * row + column)]; }
+  void add(const Normal& other) { a += other.a, b += other.b; }
+  // False where they tell nothing of a direction.
+  bool solve(glm::dvec3& w) const {
+    std::array<double, 9> matrix;
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) matrix[std::size_t(3 * r + c)] = a[c][r];
+    std::array<double, 3> step;
+    if (!solve_symmetric<3>(matrix, {b.x, b.y, b.z}, step)) return false;
+    w = {step[0], step[1], step[2]};
+    return true;
+  }
 };
+
+// Those of a picture with the logarithm of its gain, which has nothing to do with the other's.
+struct GainNormal {
+  Normal w;
+  glm::dvec3 by_gain{0};  // of w and the gain
+  double gain = 0, gain_b = 0;
+
+  // Of w, where the gain is what is best for it (Schur).
+  Normal without_gain() const {
+    return {w.a - glm::outerProduct(by_gain, by_gain) / gain, w.b - by_gain * (gain_b / gain)};
+  }
+  double gain_step(const glm::dvec3& dw) const { return (gain_b - glm::dot(by_gain, dw)) / gain; }
+};
+using LogGains = std::array<double, kMostViews>;
 
 class Level {
  public:
@@ -223,10 +247,11 @@ class Level {
 
   // At a rotation that w and a gain lead to from where features were projected. Returns how many
   // could be read.
-  std::size_t read(const glm::vec3& w, float log_gain) {
+  std::size_t read(const glm::vec3& w, const LogGains& log_gains) {
     sizes_.clear();
     for (std::size_t v = 0; v + 1 < begin_.size(); ++v) {
       const LightPyramid& light = *views_[v].light;
+      const float log_gain = float(log_gains[v]);
       for (std::size_t i = begin_[v]; i < begin_[v + 1]; ++i) {
         const Seen& s = seen_[i];
         const float value =
@@ -250,11 +275,10 @@ class Level {
     return std::max(kLeastScale, 1.4826 * double(*middle));
   }
 
-  Normal normal(float scale) const {
-    Normal n;
+  GainNormal normal(std::size_t view, float scale) const {
     const float cut = kTukey * scale, inverse = 1 / (cut * cut);
     float sums[14] = {};
-    for (std::size_t i = 0; i < seen_.size(); ++i) {
+    for (std::size_t i = begin_[view]; i < begin_[view + 1]; ++i) {
       const float r = residuals_[i];
       const float t = 1 - r * r * inverse;
       if (!(t > 0)) continue;
@@ -266,10 +290,14 @@ class Level {
         for (int b = 0; b <= a; ++b) sums[k++] += weight * j[a] * j[b];
       for (int a = 0; a < 4; ++a) sums[k++] += weight * j[a] * r;
     }
+    GainNormal n;
     int k = 0;
-    for (int a = 0; a < 4; ++a)
-      for (int b = 0; b <= a; ++b) n.at(a, b) = n.at(b, a) = double(sums[k++]);
-    for (double& b : n.b) b = double(sums[k++]);
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b <= a; ++b) n.w.a[a][b] = n.w.a[b][a] = double(sums[k++]);
+    for (int a = 0; a < 3; ++a) n.by_gain[a] = double(sums[k++]);
+    n.gain = double(sums[k++]);
+    for (int a = 0; a < 3; ++a) n.w.b[a] = double(sums[k++]);
+    n.gain_b = double(sums[k++]);
     return n;
   }
 
@@ -324,12 +352,13 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
                                         std::span<const MapView> views, const glm::dmat3& start,
                                         const RotationPrior& prior,
                                         const AlignmentOptions& options) {
+  check(views.size() <= kMostViews, "an alignment is of ", kMostViews, " pictures at most, got ",
+        views.size());
   Alignment out;
   out.rotation = start;
-  double log_gain = 0;
+  LogGains log_gains{};
   // Of rotation = prior.rotation · exp([from_prior]×), to first order.
   glm::dvec3 from_prior = rotation_vector(glm::transpose(prior.rotation) * start);
-  const double gain_information = 1 / (options.gain_deviation * options.gain_deviation);
   for (int k = options.coarsest; k >= 0; --k) {
     Level level(map, fine, views, k, options);
     level.project(out.rotation);
@@ -339,52 +368,51 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
       from_prior += w;
       w = glm::dvec3(0);
     };
-    std::size_t count = level.read(glm::vec3(0), float(log_gain));
+    std::size_t count = level.read(glm::vec3(0), log_gains);
     if (count < kFewest) {
       if (k == 0) return std::nullopt;
       continue;
     }
     double scale = level.scale();
-    const double alike = 1 / options.independent;
-    for (int round = 0; round < options.rounds; ++round) {
-      Normal n = level.normal(float(scale));
-      const double s2 = scale * scale * alike;
-      for (int a = 0; a < 3; ++a) {
-        for (int b = 0; b < 3; ++b) n.at(a, b) += s2 * prior.information[b][a];
-        const glm::dvec3 off = from_prior + w;
-        n.b[std::size_t(a)] -=
-            s2 * (prior.information[0][a] * off.x + prior.information[1][a] * off.y +
-                  prior.information[2][a] * off.z);
+    double s2 = 0;  // by which what features tell is divided
+    std::array<GainNormal, kMostViews> normals;
+    // What each picture tells, with what is known of its gain.
+    const auto add_up = [&] {
+      s2 = scale * scale / options.independent;
+      const double known = s2 / (options.gain_deviation * options.gain_deviation);
+      for (std::size_t v = 0; v < views.size(); ++v) {
+        normals[v] = level.normal(v, float(scale));
+        normals[v].gain += known, normals[v].gain_b -= known * log_gains[v];
       }
-      n.at(3, 3) += s2 * gain_information, n.b[3] -= s2 * gain_information * log_gain;
-      std::array<double, 4> step;
-      if (!solve_symmetric<4>(n.a, n.b, step)) return std::nullopt;
-      const glm::dvec3 dw(step[0], step[1], step[2]);
-      w += dw, log_gain += step[3];
+    };
+    for (int round = 0; round < options.rounds; ++round) {
+      add_up();
+      Normal n{s2 * prior.information, -s2 * (prior.information * (from_prior + w))};
+      for (std::size_t v = 0; v < views.size(); ++v) n.add(normals[v].without_gain());
+      glm::dvec3 dw;
+      if (!n.solve(dw)) return std::nullopt;
+      w += dw;
+      for (std::size_t v = 0; v < views.size(); ++v) log_gains[v] += normals[v].gain_step(dw);
       if (glm::length(w) > double(kRelinearise)) {
         move();
         level.project(out.rotation);
       }
-      count = level.read(glm::vec3(w), float(log_gain));
+      count = level.read(glm::vec3(w), log_gains);
       if (count < kFewest) return std::nullopt;
       scale = level.scale();
       if (glm::length(dw) < double(kDone)) break;
     }
     move();
     if (k > 0) continue;
-    const Normal n = level.normal(float(scale));
-    const double s2 = scale * scale / options.independent;
-    // The gain is fitted too: what is left of the rotation (Schur).
-    const double gain = n.at(3, 3) + gain_information * s2;
-    for (int a = 0; a < 3; ++a)
-      for (int b = 0; b < 3; ++b)
-        out.information[b][a] =
-            (n.at(a, b) - n.at(a, 3) * n.at(b, 3) / gain) / s2 + prior.information[b][a];
+    add_up();
+    out.information = prior.information;
+    for (std::size_t v = 0; v < views.size(); ++v)
+      out.information += normals[v].without_gain().a / s2;
     out.residual = scale, out.features = int(count), out.agreeing = level.agreeing(scale);
     out.drift = level.drift();
     if (options.note) level.note(scale);
   }
-  out.gain = std::exp(log_gain);
+  for (std::size_t v = 0; v < views.size(); ++v) out.gains[v] = std::exp(log_gains[v]);
   return out;
 }
 

@@ -1,6 +1,7 @@
 // The rotation under which pictures of distant light agree with a map of it.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 
@@ -8,6 +9,8 @@
 #include "fastibl/tracking/picture_features.h"
 
 namespace fastibl {
+
+inline constexpr std::size_t kMostViews = 2;  // pictures of one alignment
 
 struct AlignmentOptions {
   bool note = true;              // whether features keep in mind that they did not agree
@@ -17,7 +20,7 @@ struct AlignmentOptions {
   double model_noise = 0.05;     // relative: footprints, lens and gain fit no better
   double misfit = 0.1;           // widths by which footprints of features may be off
   double coarse_misfit = 0.4;    // the same where the finest level is still to come
-  double gain_deviation = 0.05;  // relative, by which an exposure may be wrong
+  double gain_deviation = 0.05;  // relative, by which each picture's exposure may be wrong
   double independent = 0.4;      // share of the features that have errors of their own
 };
 
@@ -35,7 +38,8 @@ struct Alignment {
   double agreeing = 0;  // share of the weight of features that agree within 3 of these
   int features = 0;     // that took part
   double drift = 0;     // variance of the rotation of the features themselves, rad²
-  double gain = 1;      // by which pictures are brighter than the map says
+  // By which each picture is brighter than the map says.
+  std::array<double, kMostViews> gains{1, 1};
 };
 
 // Gauss–Newton on SO(3), coarse to fine, from `start`, with Tukey's weights on the difference of

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "fastibl/core/check.h"
 
@@ -16,7 +15,7 @@ constexpr int kAttempts = 2;  // each goes on from what the one before made of i
 // Where a rotation is expected no better than to kWide radians, no other may agree as well: within
 // kReach deviations, from kSimilar of the features on, with a residual up to kAsGood times as
 // large.
-constexpr double kWide = std::numbers::pi / 180;
+constexpr double kWide = 1 * kDegree;
 constexpr double kReach = 2, kSimilar = 0.5, kAsGood = 1.5;
 constexpr double kWidest = 3 * kWide;  // radians, from where on so many features have to agree
 constexpr int kFew = 40;
@@ -238,7 +237,7 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const S
 std::optional<Turned> RotationTracker::turned(const glm::dmat3& rotation,
                                               const glm::dmat3& covariance, double drift,
                                               double time) const {
-  const double most = options_.largest_error * std::numbers::pi / 180;
+  const double most = options_.largest_error * kDegree;
   if (!(largest_eigenvalue(covariance) + drift <= most * most)) return std::nullopt;
   Turned out;
   out.back_from_marker = {rotation, -(rotation * eye_)};
@@ -285,7 +284,6 @@ std::optional<Turned> RotationTracker::judged(const Alignment& found, double tim
       turned(orthonormal(found.rotation), glm::inverse(found.information), found.drift, time);
   if (!out) return std::nullopt;
   out->residual = found.residual, out->agreeing = found.agreeing, out->features = found.features;
-  out->gain = found.gain;
   return out;
 }
 
@@ -325,6 +323,9 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   if (result) {
     correct(*state_, result->back_from_marker.rotation, glm::inverse(found->information));
     result->velocity = state_->velocity;
+    const bool back = !pictures.back.empty();
+    if (back) result->back_gain = found->gains[0];
+    if (!pictures.front.empty()) result->front_gain = found->gains[back];
     found_ = time, found_drift_ = found->drift, contradicted_ = false;
     fine_.forget_missed();
   } else if ((turn || time - found_ <= kSameMoment) && !contradicted_) {
@@ -332,7 +333,7 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   }
   if (!result) return std::nullopt;
   last_drift_ = mean_variance(state_->ww) + found_drift_;
-  const double sure = options_.sure * std::numbers::pi / 180;
+  const double sure = options_.sure * kDegree;
   if (3 * mean_variance(state_->ww) < sure * sure) add_features(seen);
   return result;
 }

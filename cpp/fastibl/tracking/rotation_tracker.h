@@ -47,7 +47,7 @@ struct RigPictures {
 
 // A pose that rests on the map and not on the board: the rotation is measured, the place of the
 // camera is where the board was last seen from. Where nothing is to be seen of the map, residual,
-// agreeing and gain are 0, 0 and 1.
+// agreeing and gains are 0, 0 and 1.
 struct Turned {
   Pose back_from_marker;
   // Of w where the true rotation is exp([w]×) R: rad², back camera's frame, row major; against the
@@ -58,7 +58,8 @@ struct Turned {
   double residual = 0;            // see Alignment; near 1 where all is as expected
   double agreeing = 0;
   int features = 0;  // 0: by a gyroscope alone, from the last rotation that rested on the map
-  double gain = 1;   // by which the pictures are brighter than the map says
+  // By which each picture is brighter than the map says; 1 where there is none.
+  double back_gain = 1, front_gain = 1;
   double since = 0;  // seconds since the pose was last known
   // Of the back camera, marker frame, rad/s: t seconds later its rotation is R exp([t velocity]×).
   glm::dvec3 velocity{0};
