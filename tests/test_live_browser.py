@@ -58,12 +58,24 @@ def test_every_control(page_of, tmp_path):
     assert len(page.viewers) == 0, "a page that was left still counts"
 
 
-@pytest.mark.parametrize("size, scheme", [((1280, 800), "dark"), ((400, 700), "light")])
+@pytest.mark.parametrize("size, scheme", [((1280, 800), "dark"), ((400, 700), "light"), ((320, 256), "light")])
 def test_sizes_and_schemes(page_of, size, scheme):
     page = page_of(size=size, color_scheme=scheme)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "the page is wider than the window"
     r, g, b = page.evaluate("getComputedStyle(document.body).backgroundColor.match(/\\d+/g).slice(0, 3).map(Number)")
     assert (max(r, g, b) < 60) == (scheme == "dark")
+    assert page.evaluate("$('screen').offsetHeight") >= 150  # at 400 % of a small screen, too
     if size[0] >= 1280:  # what is used all the time is seen without scrolling
         assert page.evaluate("$('freeze').getBoundingClientRect().bottom <= innerHeight")
     assert not page.errors and not page.outside
+
+
+def test_views_are_chosen_as_radio_buttons_are(page_of):
+    page = page_of()
+    checked = "[...$('views').children].filter((b) => b.ariaChecked === 'true').map((b) => b.dataset.view)"
+    names = page.evaluate("[...$('views').children].map((b) => b.dataset.view)")
+    page.focus("#views [aria-checked=true]")
+    for key, expected in (("ArrowRight", names[1]), ("ArrowRight", names[2 % len(names)]), ("ArrowLeft", names[1])):
+        page.keyboard.press(key)
+        assert page.evaluate(checked) == [expected] == [page.evaluate("document.activeElement.dataset.view")]
+    assert page.evaluate("[...$('views').children].filter((b) => b.tabIndex === 0).length") == 1

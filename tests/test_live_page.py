@@ -163,6 +163,19 @@ def test_nobody_is_let_in_without_the_token_or_by_another_name(run):
     assert page._server.server_address[0] == "127.0.0.1"
 
 
+def test_the_address_is_opened_as_people_do(run):
+    """Without its last slash, and by a link in another page; nothing else is let in so."""
+    client, page, _ = run()
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+    connection.request("GET", f"/{page.token}")
+    answer = connection.getresponse()
+    assert answer.status == 308 and answer.headers["Location"] == f"/{page.token}/"
+    followed = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+    assert client.ask("", **followed)[0].status == 200
+    assert client.ask("", **followed | {"Sec-Fetch-Dest": "iframe"})[0].status == 403
+    assert client.ask("state", **followed)[0].status == 403
+
+
 def test_the_page_loads_nothing_from_outside(run):
     client, page, _ = run(notices=("`x` is so",))
     answer, body = client.ask("")
@@ -538,11 +551,11 @@ def test_bad_requests(run):
             with contextlib.suppress(ConnectionError):
                 assert b" 200 " not in raw.recv(1000)
     assert Client(page).state()["state"] == "running"
-    before = len(page.served)
     for k in range(20):
         client = Client(page)
         assert client.ask(f"unknown{k}")[0].status == 404
-    assert len(page.served) == before, "what is asked for grows without end"
+    # Kinds of requests and views of pictures: a request is counted after its answer.
+    assert not [what for what in page.served if "unknown" in what], "what is asked for grows without end"
 
 
 def test_viewers_are_bounded_and_forgotten(run):
@@ -638,6 +651,20 @@ def test_a_source_that_fails_is_said(run):
     client, _, _ = run(Failing(count=2))
     state = client.until(lambda s: s["state"] == "ended")
     assert "the disk is gone" in state["reason"] and any("the disk is gone" in m["text"] for m in state["messages"])
+
+
+def test_says_why_the_board_is_not_seen(run):
+    class Dark(Source):
+        def __init__(self):
+            super().__init__()
+            self.board = fastibl.Board.default()
+
+        def __iter__(self):
+            for frame in super().__iter__():
+                yield fastibl.Frame(frame.time, np.zeros_like(frame.back))
+
+    client, _, _ = run(Dark(), {})
+    assert "too dark" in client.until(lambda s: s["board"].get("advice"))["board"]["advice"]
 
 
 def test_without_a_board_the_picture_is_the_cameras(run):

@@ -34,23 +34,30 @@ def detect(
     corners have pixel centres at + 0.5 and the order of Tag.corners. Ids that are not on the board are
     reported too. The start is by SQPnP, not IPPE, which fails on a board seen exactly fronto-parallel.
     """
+    tags = find_tags(grey, border_bits=board.border_bits, subpixel=subpixel)
+    return tags, _start(tags, board, camera) if tags else None
+
+
+def find_tags(
+    grey: NDArray[np.uint8], family: str = "APRILTAG_36h11", border_bits: int = 1, subpixel: bool = True
+) -> list[tuple[int, NDArray[np.float64]]]:
+    """Tags in a grey picture, as those of detect(). family: of OpenCV's dictionaries."""
     import cv2  # heavy, and not needed to import fastibl
 
     parameters = cv2.aruco.DetectorParameters()
-    parameters.markerBorderBits = board.border_bits
+    parameters.markerBorderBits = border_bits
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX if subpixel else cv2.aruco.CORNER_REFINE_NONE
     # Later versions shrink the refinement window to 0.3 of a module, which leaves the corners of small tags
     # at whole pixels; 3 px whatever the module did best of those tried, and is the same in all versions.
     parameters.cornerRefinementWinSize = 3
     if hasattr(parameters, "relativeCornerRefinmentWinSize"):  # (sic)
         parameters.relativeCornerRefinmentWinSize = 100.0
-    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    quads, ids, _ = cv2.aruco.ArucoDetector(family, parameters).detectMarkers(grey)
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{family}"))
+    quads, ids, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(grey)
     if ids is None:
-        return [], None
+        return []
     # OpenCV counts from the centre of the upper left pixel, fastibl from its corner.
-    tags = [(int(i), quad[0].astype(np.float64) + 0.5) for i, quad in zip(np.ravel(ids), quads, strict=True)]
-    return tags, _start(tags, board, camera)
+    return [(int(i), quad[0].astype(np.float64) + 0.5) for i, quad in zip(np.ravel(ids), quads, strict=True)]
 
 
 def _start(tags, board: Board, camera: Camera) -> Pose | None:
@@ -131,6 +138,18 @@ class Tracker:
         grey = _grey(image, self.camera)
         tags, start = detect(grey, self.board, self.camera)
         return _track(tags, start, self.board, self.camera, self.method, grey if self.refine else None)
+
+    def explain(self, image: ArrayLike) -> str:
+        """Why track() finds no pose in a picture, in a sentence or two for a person, with what to do about it.
+
+        image: as for track(). Tells too dark or too bright a picture, tags that are not the board's, of another family
+        or border, mirrored, printed white on black, too small, seen twice, not where the board has them, too few to
+        tell which way they are tilted; or what is seen, where there is a pose. The picture is searched by itself,
+        whatever came before. Takes some tenths of a second where no tag is seen. Raises as track() does.
+        """
+        from .explain_tracking import explain
+
+        return explain(image, self)
 
     def reset(self) -> None:
         """Forgets the last pose: the next picture is searched anew."""

@@ -103,7 +103,7 @@ class LiveLoop:
         self._session = self._make_session()
         self.frames = 0  # processed
         self._slow, self._hurried = 0, False  # frames; whether a time was asked for because of them
-        self.latest = Latest(Snapshot(source.rig, settings=settings, source=self._about()))
+        self.latest = Latest(Snapshot(source.rig, source.board, settings=settings, source=self._about()))
 
     # For other threads.
 

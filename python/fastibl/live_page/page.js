@@ -77,7 +77,10 @@ let taken = 0; // pictures drawn since the page was opened
 function show(name) {
   view = name, shown = 0;
   aborting.abort();
-  for (const button of $("views").children) button.setAttribute("aria-checked", button.dataset.view === name);
+  for (const button of $("views").children) {
+    const on = button.dataset.view === name;
+    button.setAttribute("aria-checked", on), button.tabIndex = on ? 0 : -1;
+  }
 }
 async function pictures() {
   for (;;) {
@@ -194,7 +197,7 @@ function renderHint(s) {
   else if (s.board.turned) title = "The board is out of view", text = "The surroundings tell how the cameras turn, so the light is still captured; turn back to see the object.";
   else if (!s.board.seen && s.picture) {
     title = "No board in view";
-    text = "Print it at 100 % with `fastibl board board.pdf`, lay it flat on the table and point the back camera at it, half a metre away.";
+    text = s.board.advice || "Print it at 100 % with `fastibl board board.pdf`, lay it flat on the table and point the back camera at it, half a metre away.";
   }
   $("hint").hidden = !title;
   const key = title + text;
@@ -203,6 +206,15 @@ function renderHint(s) {
   const body = make("span");
   fill(body, text);
   $("hint").replaceChildren(make("b", title), body);
+}
+// What is read out: where to look, once it has been elsewhere for some seconds.
+let saidWay = "", newWay = "", newSince = 0;
+function say(way) {
+  const where = way.replace(/\d+/g, (degrees) => 30 * Math.round(degrees / 30));
+  if (where !== newWay) newWay = where, newSince = performance.now();
+  if (where === saidWay || performance.now() - newSince < 3000) return;
+  saidWay = where;
+  setText($("guidance-said"), way);
 }
 function renderLight(light) {
   if (!light) return;
@@ -213,6 +225,7 @@ function renderLight(light) {
   const error = light.given ? `What the methods make of it is about ${percent(light.error)} off.` : `The light is about ${percent(light.captured)} off (${percent(low)} to ${percent(high)}).`;
   const way = light.given ? "" : light.guidance.replaceAll(" degrees", "°").replace(" and", ",").replace(/^turn/, "Look there: turn").replace(/^./, (c) => c.toUpperCase());
   const share = light.share >= 0.005 ? `That shows ${percent(light.share)} more of the sky's light. ` : "";
+  say(way);
   setText($("guidance"), way), setText($("worth"), share + error);
   $("lights").replaceChildren(...light.lights.map(lightLine));
   drawLamps(light.lights);
@@ -380,10 +393,19 @@ function views() {
   $("views").replaceChildren(...Object.entries(VIEWS).map(([name, label]) => {
     const button = make("button", label);
     button.setAttribute("role", "radio"), button.setAttribute("aria-checked", name === view);
+    button.tabIndex = name === view ? 0 : -1;
     button.dataset.view = name;
     button.addEventListener("click", () => show(name));
     return button;
   }));
+  // As radio buttons do: one stop of the tab key, arrows within.
+  $("views").addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+    if (!step) return;
+    const names = Object.keys(VIEWS), next = names[(names.indexOf(view) + step + names.length) % names.length];
+    show(next), event.preventDefault();
+    $("views").querySelector(`[data-view="${next}"]`).focus();
+  });
 }
 function notices(lines) {
   $("notices").replaceChildren(...lines.map((line) => {

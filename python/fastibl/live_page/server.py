@@ -21,6 +21,7 @@ from importlib import resources
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from .board_advice import BoardAdvice
 from .loop import LiveLoop, free_path
 from .pictures import Pictures, save_picture
 from .state import overlay_of, state_of
@@ -37,9 +38,9 @@ _ASSETS = ("page.css", "page.js")
 class _Refusal(Exception):
     """What a client is told instead of what it asked for."""
 
-    def __init__(self, status: HTTPStatus, text: str):
+    def __init__(self, status: HTTPStatus, text: str, headers: Mapping[str, str] | None = None):
         super().__init__(text)
-        self.status = status
+        self.status, self.headers = status, headers or {}
 
 
 def load_page() -> tuple[bytes, str]:
@@ -67,7 +68,7 @@ class PageServer:
     def __init__(self, loop: LiveLoop, port: int = 0, *, viewers: int = 4, notices: tuple[str, ...] = ()):
         self.loop, self.notices = loop, notices
         self.token = secrets.token_urlsafe(16)
-        self.pictures, self.viewers = Pictures(), Viewers(viewers)
+        self.pictures, self.advice, self.viewers = Pictures(), BoardAdvice(), Viewers(viewers)
         self.page, self.policy = load_page()
         self.seconds: dict[str, float] = {}  # of processor time, by what was asked for
         self.served: dict[str, int] = {}
@@ -174,7 +175,7 @@ class _Handler(BaseHTTPRequestHandler):
                 raise _Refusal(HTTPStatus.NOT_FOUND, "there is no such page")
             status, kind, answer, headers = kinds[what](body)
         except _Refusal as refusal:
-            status, kind, headers = refusal.status, "text/plain; charset=utf-8", {}
+            status, kind, headers = refusal.status, "text/plain; charset=utf-8", refusal.headers
             answer = f"{refusal}\n".encode()
         self._send(status, kind, answer, headers)
         view = f"/{self.rest}" if what == "picture" and status == HTTPStatus.OK else ""
@@ -210,16 +211,20 @@ class _Handler(BaseHTTPRequestHandler):
         if host not in (f"{ADDRESS}:{page.port}", f"localhost:{page.port}"):  # another name that leads here
             raise _Refusal(HTTPStatus.FORBIDDEN, f"this server is {ADDRESS}:{page.port} and goes by no other name")
         origin = self.headers.get("Origin")
-        foreign = self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
-        if foreign or (origin is not None and origin != f"http://{host}"):
-            raise _Refusal(HTTPStatus.FORBIDDEN, "other pages may not ask here")
         try:
             parts = urlsplit(self.path)
         except ValueError:
             raise _Refusal(HTTPStatus.BAD_REQUEST, "this is no address") from None
         token, slash, path = parts.path.lstrip("/").partition("/")
-        if not hmac.compare_digest(token.encode(), page.token.encode()) or not slash:
+        foreign = self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
+        # A link to the page that is followed from elsewhere: its address holds the token, and no frame may show it.
+        followed = self.command == "GET" and not path and self.headers.get("Sec-Fetch-Dest") == "document"
+        if (foreign and not followed) or (origin is not None and origin != f"http://{host}"):
+            raise _Refusal(HTTPStatus.FORBIDDEN, "other pages may not ask here")
+        if not hmac.compare_digest(token.encode(), page.token.encode()):
             raise _Refusal(HTTPStatus.FORBIDDEN, "open the address that `fastibl live` printed: it ends in a token")
+        if not slash:
+            raise _Refusal(HTTPStatus.PERMANENT_REDIRECT, "the address ends in /", {"Location": f"/{token}/"})
         return path, {name: values[-1] for name, values in parse_qs(parts.query).items()}
 
     def _viewer(self) -> None:
@@ -260,7 +265,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _state(self, _: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
         self._viewer()
         page = self.server.page
-        state = state_of(page.loop.latest.get(), page.pictures.light)
+        state = state_of(page.loop.latest.get(), page.pictures.light, page.advice)
         seconds, pictures = sum(page.seconds.values()), page.served.get("picture/composite", 0)
         return _json(state | {"viewers": len(page.viewers), "page": {"seconds": seconds, "pictures": pictures}})
 

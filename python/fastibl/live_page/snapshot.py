@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._fastibl import FrameResult, Rig
+from .._fastibl import Board, FrameResult, Rig
 from ..recording import Frame
 
 STATES = ("waiting", "running", "frozen", "ended")
@@ -21,14 +21,16 @@ STATES = ("waiting", "running", "frozen", "ended")
 class Snapshot:
     """A moment of the loop.
 
-    version: grows with everything that is shown; picture: grows with the composites. state: one of STATES, and why.
-    frame, result: the last with a back picture; front: the last front picture. newest: the last result of any frame,
-    with the newest map. timings: seconds by pass of the last frames. fps: processed pictures a second. messages:
-    (number, text), the last ones. preparing: an object that is being made ready. recording: path, frames written and
-    dropped. settings: what the controls stand at. made: time.monotonic() of the last picture.
+    board: that is looked for, if any. version: grows with everything that is shown; picture: grows with the composites.
+    state: one of STATES, and why. frame, result: the last with a back picture; front: the last front picture. newest:
+    the last result of any frame, with the newest map. timings: seconds by pass of the last frames. fps: processed
+    pictures a second. messages: (number, text), the last ones. preparing: an object that is being made ready.
+    recording: path, frames written and dropped. settings: what the controls stand at. made: time.monotonic() of the
+    last picture.
     """
 
     rig: Rig
+    board: Board | None = None
     version: int = 0
     picture: int = 0
     state: str = "waiting"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .._fastibl import Environment, FrameResult, MainLight, Plan
+from .board_advice import BoardAdvice
 from .pictures import Light
 from .snapshot import Snapshot
 
@@ -26,7 +27,7 @@ _STEP_OF = {
 }
 
 
-def state_of(snapshot: Snapshot, light: Light) -> dict[str, Any]:
+def state_of(snapshot: Snapshot, light: Light, advice: BoardAdvice) -> dict[str, Any]:
     """What the page shows beside the pictures; numbers that are not finite become None."""
     result, newest = snapshot.result, snapshot.newest
     milliseconds = _medians(snapshot)
@@ -48,7 +49,7 @@ def state_of(snapshot: Snapshot, light: Light) -> dict[str, Any]:
             "preparing": snapshot.preparing,
             "recording": recording and dict(zip(("path", "written", "dropped"), recording, strict=True)),
             "settings": dict(vars(snapshot.settings)) if snapshot.settings is not None else {},
-            "board": _board(result),
+            "board": _board(result) | {"advice": advice.of(snapshot)},
             "light": _light(snapshot, newest, light),
             "plan": None if newest is None else _plan(newest.plan, milliseconds),
         }

@@ -1,0 +1,37 @@
+"""Why the board is not seen in the newest picture."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+
+from ..tracking import Tracker
+from .snapshot import Snapshot
+
+_PERIOD = 1.5  # seconds: a search takes some tenths of one
+
+
+class BoardAdvice:
+    """Worked out at most every _PERIOD, and while nobody else does, of the pictures in which there is no pose."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._made, self._text = -np.inf, ""
+
+    def of(self, snapshot: Snapshot) -> str:
+        """Empty where the board is seen, or none is looked for."""
+        frame, result = snapshot.frame, snapshot.result
+        lost = result is not None and result.back_from_marker is None and result.turned is None
+        if not lost or frame is None or frame.back is None or snapshot.board is None:
+            self._text = ""
+            return ""
+        if self._lock.acquire(blocking=False):
+            try:
+                if time.monotonic() - self._made >= _PERIOD:
+                    text = Tracker(snapshot.board, snapshot.rig.back).explain(frame.back)
+                    self._made, self._text = time.monotonic(), "" if text.startswith("The board is seen") else text
+            finally:
+                self._lock.release()
+        return self._text
