@@ -77,6 +77,12 @@ def test_says_what_is_the_matter(name, picture, says):
     assert (tracker.track(image) is None) == (name != "seen")
 
 
+def test_tells_a_wrong_lens():
+    wrong = fastibl.Camera(640, 480, 620, 620, 335, 240)
+    text = fastibl.Tracker(BOARD, wrong).explain(view(page()))
+    assert "beside their places" in text and "beside" not in fastibl.Tracker(BOARD, CAMERA).explain(view(page()))
+
+
 def test_keeps_nothing():
     """What was tracked before does not count, and is not changed."""
     asked, other = fastibl.Tracker(BOARD, CAMERA), fastibl.Tracker(BOARD, CAMERA)

@@ -28,7 +28,7 @@ Doubles covariance_array(const std::array<double, 36>& covariance) {
 
 py::tuple tracked_state(const Tracked& t) {
   return py::make_tuple(t.camera_from_marker, t.residual_px, t.tags, t.covariance, t.ambiguous,
-                        t.ambiguity, t.edges, t.pixels, t.last_row);
+                        t.ambiguity, t.edges, t.pixels, t.last_row, t.misfit_px);
 }
 
 std::optional<glm::dvec3> optional_vector(const py::object& object, const char* name) {
@@ -110,6 +110,12 @@ void bind_tracking(py::module_& module) {
           "residual_px", &Tracked::residual_px,
           "RMS distance in pixels between seen and expected corners of `tags`; with `edges`, the "
           "median distance between seen and expected edges.")
+      .def_readonly(
+          "misfit_px", &Tracked::misfit_px,
+          "With `edges`, standard deviation in x and y of the places of the board's parts about "
+          "the "
+          "fitted ones beyond their scatter: 0 where the print is flat and as the board says, and "
+          "the lens as calibrated. The covariance holds what it does to the pose.")
       .def_readonly("edges", &Tracked::edges,
                     "Stretches of edge that the pose rests on; 0 where it rests on corners.")
       .def_readonly("pixels", &Tracked::pixels,
@@ -134,15 +140,11 @@ rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `
                     (t.ambiguous ? ", ambiguous>" : ">");
            })
       .def(py::pickle(&tracked_state, [](const py::tuple& t) {
-        return Tracked{t[0].cast<Pose>(),
-                       t[8].cast<std::optional<Pose>>(),
-                       t[1].cast<double>(),
-                       t[2].cast<std::vector<DetectedTag>>(),
-                       t[6].cast<int>(),
-                       t[7].cast<int>(),
-                       t[3].cast<std::array<double, 36>>(),
-                       t[4].cast<bool>(),
-                       t[5].cast<double>()};
+        return Tracked{
+            t[0].cast<Pose>(),   t[8].cast<std::optional<Pose>>(),      t[1].cast<double>(),
+            t[9].cast<double>(), t[2].cast<std::vector<DetectedTag>>(), t[6].cast<int>(),
+            t[7].cast<int>(),    t[3].cast<std::array<double, 36>>(),   t[4].cast<bool>(),
+            t[5].cast<double>()};
       }));
 
   bind_edge_tracker(module);

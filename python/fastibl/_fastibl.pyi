@@ -1372,6 +1372,11 @@ class Tracked:
         Pose when the last row was taken, `camera.readout` later, as Capture.add takes it; None for a global shutter.
         """
     @property
+    def misfit_px(self) -> float:
+        """
+        With `edges`, standard deviation in x and y of the places of the board's parts about the fitted ones beyond their scatter: 0 where the print is flat and as the board says, and the lens as calibrated. The covariance holds what it does to the pose.
+        """
+    @property
     def pixels(self) -> int:
         """
         Pixels along edges whose light refined that pose; 0 where they contradict the edges or tell nothing.

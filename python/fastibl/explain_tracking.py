@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _FAMILY = "APRILTAG_36h11"
 _DARK, _BRIGHT = 40, 250  # of 255: what a twentieth of the picture exceeds; the median
 _SMALL = 20.0  # pixels along a tag's side, from where on it is read reliably
+_MISFIT = 0.1  # pixels; of a flat board and the right lens 0.01
 _ENLARGED = 3  # times, in which tags are found that are too small otherwise
 # Families that a person may have printed, by OpenCV's names, and how many tags of them are no mistake: short codes are
 # read by chance.
@@ -42,7 +43,13 @@ def explain(image: ArrayLike, tracker: Tracker) -> str:
     pose = type(tracker)(board, camera, tracker.method, tracker.refine).track(image)
     if pose is not None:
         seen = [(tag.id, tag.corners) for tag in pose.tags]
-        return f"The board is seen: {_named(seen).lower()}, {_side(seen):.0f} pixels a side."
+        text = f"The board is seen: {_named(seen).lower()}, {_side(seen):.0f} pixels a side."
+        if pose.misfit_px > _MISFIT:
+            text += (
+                f" Its parts lie {pose.misfit_px:.1f} pixels beside their places: the print is bent or not to scale, or "
+                "the camera's calibration is another."
+            )
+        return text
     grey = _grey(image, camera)
     tags, _ = detect(grey, board, camera, subpixel=False)
     ids = {tag.id for tag in board.tags}

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "fastibl/core/solve.h"
+#include "fastibl/tracking/board_misfit.h"
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/find_tags.h"
 #include "fastibl/tracking/fit.h"
@@ -250,6 +251,19 @@ void refine(const LightReader& light, const BoardPattern& pattern, const Codes& 
     tracked.covariance[k] = fit->covariance[k] + kCommon * tracked.covariance[k];
 }
 
+// What the board's parts lie beside their places moves the pose: as much as if all edges erred
+// alike, for bent paper and lenses err smoothly.
+void add_misfit(const EdgeFit& fit, Tracked& tracked) {
+  if (tracked.misfit_px == 0) return;
+  double weights = 0;
+  for (std::size_t i = 0; i < fit.used.size(); ++i)
+    if (fit.used[i]) weights += 1 / (double(fit.deviation[i]) * double(fit.deviation[i]));
+  std::array<double, 36> by_misfit{};
+  const double variance = tracked.misfit_px * tracked.misfit_px * weights;
+  if (!invert<6>(fit.information, by_misfit, variance)) return;
+  for (std::size_t k = 0; k < 36; ++k) tracked.covariance[k] += by_misfit[k];
+}
+
 // Half the width of edges, px, from how steep they are.
 double spread_of(std::span<const EdgePoint> points) {
   std::vector<double> slopes;
@@ -362,17 +376,20 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   if (tracked.pixels == 0 && search.most < kEdgesAlone) {  // then by more edges
     search.most = kEdgesAlone;
     Codes again = read_codes(light, pattern_, project(pose));
-    near = find_edges(light, pattern_, again.shown, search);
-    const auto more = fit_to(near.points);
+    FoundEdges found = find_edges(light, pattern_, again.shown, search);
+    const auto more = fit_to(found.points);
     auto covariance = tracked.covariance;
-    const double by = more ? variance_of(*more, near.points, again.shown.size(), search.spread) : 0;
+    const double by =
+        more ? variance_of(*more, found.points, again.shown.size(), search.spread) : 0;
     if (more && more->motion < kNear && invert<6>(more->information, covariance, by)) {
-      fit = more, variance = by;
+      fit = more, variance = by, near = std::move(found);
       tracked.camera_from_marker = more->camera_from_marker, tracked.covariance = covariance;
       tracked.edges = int(std::count(more->used.begin(), more->used.end(), true));
       tracked.residual_px = more->residual;
     }
   }
+  tracked.misfit_px = board_misfit(near.points, *fit);
+  add_misfit(*fit, tracked);
   if (rolling) {
     const auto found = to_first_row(*rolling, *fit, variance, tracked);
     if (!found) return std::nullopt;

@@ -48,6 +48,16 @@ EdgeTracker::EdgeTracker(const Board& board, const Camera& camera, EdgeTrackingO
 
 namespace {
 
+// To the covariance, of a pose that stays behind the one that was measured.
+void add_lag(const Pose& measured, Tracked& tracked) {
+  const Pose& shown = tracked.camera_from_marker;
+  const glm::dvec3 turn = rotation_vector(measured.rotation * glm::transpose(shown.rotation)),
+                   shift = measured.translation - shown.translation;
+  const std::array<double, 6> lag{turn.x, turn.y, turn.z, shift.x, shift.y, shift.z};
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t k = 0; k < 6; ++k) tracked.covariance[6 * i + k] += lag[i] * lag[k];
+}
+
 // Another rotation about the camera's place.
 void turn_about_camera(Pose& pose, const glm::dmat3& rotation) {
   pose.translation = rotation * (glm::transpose(pose.rotation) * pose.translation);
@@ -104,11 +114,14 @@ std::optional<Tracked> EdgeTracker::detect(const Picture& picture,
 
 void EdgeTracker::smooth(Tracked& tracked, double time) {
   const Pose pose = tracked.camera_from_marker;
-  if (options_.smoothing > 0 && shown_ && time > shown_->time)
-    tracked.camera_from_marker = between(shown_->pose, tracked.camera_from_marker,
-                                         1 - std::exp((shown_->time - time) / options_.smoothing));
-  if (options_.smoothing > 0 && tracked.last_row)
-    tracked.last_row = *tracked.last_row * pose.inverse() * tracked.camera_from_marker;
+  if (options_.smoothing > 0 && shown_ && time > shown_->time) {
+    const double step = time - shown_->time;
+    // Lags behind a steady motion by the time constant, whatever the rate.
+    tracked.camera_from_marker = between(shown_->pose, pose, step / (options_.smoothing + step));
+    add_lag(pose, tracked);
+    if (tracked.last_row)
+      tracked.last_row = *tracked.last_row * pose.inverse() * tracked.camera_from_marker;
+  }
   shown_ = Moment{tracked.camera_from_marker, time};
 }
 

@@ -183,7 +183,7 @@ std::optional<EdgeFit> fit(std::span<const EdgePoint> points,
   for (const EdgePoint& p : points) noise += p.noise;
   const float floor = float(kLeastNoise * double(count) / noise);
   EdgeFit fit;
-  fit.deviation.resize(count), fit.used.resize(count);
+  fit.deviation.resize(count), fit.used.resize(count), fit.left.resize(count);
   x = {};
   bool grown = false;
   for (int round = 0; round < kWeightings; ++round) {
@@ -222,9 +222,9 @@ std::optional<EdgeFit> fit(std::span<const EdgePoint> points,
   for (std::size_t i = 0; i < count; ++i) {
     const double step = dot(rows[i], kept);
     squares += step * step;
-    if (i % few == 0)
-      sizes.push_back(float(
-          std::abs(points[i].offset - fit.growth - (N > kRowParameters ? dot(rows[i], x) : step))));
+    fit.left[i] =
+        float(points[i].offset - fit.growth - (N > kRowParameters ? dot(rows[i], x) : step));
+    if (i % few == 0) sizes.push_back(std::abs(fit.left[i]));
     weights[i] = fit.used[i] ? 1 / (fit.deviation[i] * fit.deviation[i]) : 0;
   }
   information.add_all(rows, weights, points);

@@ -19,6 +19,7 @@ struct EdgeFit {
   double motion = 0;  // px: by how much the fit moved the points, root mean square
   std::vector<float> deviation;  // px: of each point, from the scatter of its kind
   std::vector<bool> used;        // points that agree
+  std::vector<float> left;       // px: of each point from its fitted edge, along its normal
   // Of a rolling shutter: the rows' motion, and what is known of it and of the pose together;
   // `information` is then that of a known motion.
   RowMotion row_motion;

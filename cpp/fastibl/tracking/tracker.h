@@ -31,6 +31,10 @@ struct Tracked {
   // RMS distance between seen and expected corners of `tags`; with `edges`, the median distance
   // between seen and expected edges.
   double residual_px = 0;
+  // Of `edges`: standard deviation in x and y of the places of the board's parts about the fitted
+  // ones, beyond their scatter; 0 where the print is flat and as the board says and the lens is as
+  // calibrated. The covariance holds what it does to the pose.
+  double misfit_px = 0;
   std::vector<DetectedTag> tags;  // those used, with the corners that were used or fitted
   int edges = 0;                  // stretches of edge that the pose rests on, 0: on corners
   int pixels = 0;                 // whose light refined that, 0: they could not
