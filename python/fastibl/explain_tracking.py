@@ -46,8 +46,8 @@ def explain(image: ArrayLike, tracker: Tracker) -> str:
         text = f"The board is seen: {_named(seen).lower()}, {_side(seen):.0f} pixels a side."
         if pose.misfit_px > _MISFIT:
             text += (
-                f" Its parts lie {pose.misfit_px:.1f} pixels beside their places: the print is bent or not to scale, or "
-                "the camera's calibration is another."
+                f" Its parts lie {pose.misfit_px:.1f} pixels beside their places: the print is bent or not to scale, "
+                "or the camera's calibration is another."
             )
         return text
     grey = _grey(image, camera)
