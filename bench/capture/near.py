@@ -148,20 +148,10 @@ def bvh() -> fastibl.Bvh:
 
 
 @cache
-def vertex_normals() -> NDArray:
-    """Weighted by angle."""
-    v, t = np.asarray(mesh().vertices, np.float64), np.asarray(mesh().triangles)
-    out = np.zeros_like(v)
-    for k in range(3):
-        a, b, c = v[t[:, k]], v[t[:, (k + 1) % 3]], v[t[:, (k + 2) % 3]]
-        n = np.cross(b - a, c - a)
-        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-30)
-        u, w = (
-            (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True),
-            (c - a) / np.linalg.norm(c - a, axis=1, keepdims=True),
-        )
-        np.add.at(out, t[:, k], n * np.arccos(np.clip((u * w).sum(axis=1), -1, 1))[:, None])
-    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-30)
+def corner_normals() -> NDArray:
+    """(triangles, 3, 3): by which it is drawn, of a file's or of sharp edges as of smooth ones."""
+    drawn = fastibl.Scene(mesh()).mesh
+    return np.asarray(drawn.normals, np.float64)[np.asarray(drawn.triangles)]
 
 
 @cache
@@ -181,9 +171,8 @@ def seen() -> tuple[NDArray, Surface]:
     triangle, t, uv = bvh().nearest(np.broadcast_to(eye, d.shape).astype(np.float32), d.astype(np.float32))
     hit = np.flatnonzero(triangle >= 0)
     hit = hit[np.random.default_rng(0).permutation(len(hit))[:_PIXELS]]
-    corners = np.asarray(mesh().triangles)[triangle[hit]]
     weights = np.concatenate([1 - uv[hit].sum(axis=1, keepdims=True), uv[hit]], axis=1)
-    normals = (vertex_normals()[corners] * weights[..., None]).sum(axis=1)
+    normals = (corner_normals()[triangle[hit]] * weights[..., None]).sum(axis=1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     points = eye + t[hit, None] * d[hit]
     return pixels[hit], Surface(points, normals, bvh())
