@@ -73,6 +73,25 @@ def test_a_lamp_is_found_where_it_hangs():
     assert light.irradiance[0] == pytest.approx(flux, rel=0.1)
 
 
+def test_a_lamp_is_as_wide_from_wherever_it_is_seen():
+    """From aside, 60 degrees and more from where the centre looks at it, it was drawn out: up to 2.9 times its light."""
+    capture = fastibl.Capture(size=64, centre=CENTRE)
+    film(capture)
+    true = truth(128)
+    flux = float((true[..., 0] * (true[..., 0] > 5) * fastibl.texel_solid_angles(128)).sum())
+    out = (LAMP - CENTRE) / np.linalg.norm(LAMP - CENTRE)
+    aside = np.cross(out, [0, 0, 1]) / np.linalg.norm(np.cross(out, [0, 0, 1]))
+    for k, turn in enumerate(np.radians([60, -70, 80])):
+        eye = LAMP - 0.8 * (np.cos(turn) * out + np.sin(turn) * aside)
+        pose = looking(LAMP - eye, eye)
+        for exposure in (1.5, 1 / 90):
+            capture.add(picture(eye, pose, exposure), CAMERA, pose, exposure=exposure, time=3.0 + k)
+        faces = capture.environment().radiance.faces[..., 0]
+        got = float((faces * (faces > 5) * fastibl.texel_solid_angles(64)).sum())
+        print(f"seen {np.degrees(turn):.0f} degrees from aside: {got / flux:.2f} of the lamp's light")
+        assert got == pytest.approx(flux, rel=0.12)
+
+
 def test_without_it_the_lamp_is_beside_itself():
     capture = fastibl.Capture(size=64, centre=CENTRE, locate_lights=False)
     film(capture)

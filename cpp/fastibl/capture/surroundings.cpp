@@ -12,7 +12,14 @@ namespace {
 // Standard deviations of a light's distance: within, it is where everything is thought to be, which
 // was told by somebody who may know better.
 constexpr double kAgreed = 2;
-constexpr double kChange = 0.03;  // of an inverse distance: what is moved for less is the same
+constexpr float kChange =
+    0.03f;  // of a distance, and as an angle: what is moved by less is the same
+
+bool is_about(const Depth& a, const Depth& b) {
+  const float most = std::max(a.inverse_distance, b.inverse_distance);
+  return std::abs(a.inverse_distance - b.inverse_distance) <= kChange * most &&
+         glm::length(a.light - b.light) * most <= kChange;
+}
 
 }  // namespace
 
@@ -64,7 +71,8 @@ std::vector<int> Surroundings::place(const TileOutlines& outlines,
     const double deviation = std::sqrt(glm::dot(towards, light.covariance * towards));
     if (gap(light) * distance * distance < kAgreed * deviation) continue;
     lights_.push_back(light);
-    placed.push_back({towards, angular_radius(light, centre_), {float(1 / distance), false}});
+    placed.push_back(
+        {towards, angular_radius(light, centre_), {float(1 / distance), false, glm::vec3(offset)}});
   }
   if (placed.empty() && !had_lights) return {};
   std::vector<int> changed;
@@ -82,15 +90,26 @@ std::vector<int> Surroundings::place(const TileOutlines& outlines,
     }
     const Depth& old = depths_[i];
     if (depth == old) continue;
-    const double most = std::max(depth.inverse_distance, old.inverse_distance);
-    if (depth.box == old.box &&
-        std::abs(depth.inverse_distance - old.inverse_distance) <= kChange * most)
-      continue;
+    if (depth.box == old.box && is_about(depth, old)) continue;
     set(outlines, tile, depth);
     changed.push_back(tile);
   }
   near_ = usual_.box || usual_.inverse_distance > 0 || !placed.empty();
+  find_lit();
   return changed;
+}
+
+void Surroundings::find_lit() {
+  lit_.clear();
+  for (std::size_t i = 0; i < depths_.size(); ++i) {
+    const glm::vec3& light = depths_[i].light;
+    if (light == glm::vec3(0)) continue;
+    auto known = std::find_if(lit_.begin(), lit_.end(),
+                              [&](const LitTiles& lit) { return lit.light == light; });
+    if (known == lit_.end())
+      known = lit_.insert(lit_.end(), {light, std::vector<float>(depths_.size(), 0.0f)});
+    known->tiles[i] = 1;
+  }
 }
 
 double Surroundings::gap(const LightPosition& light) const {

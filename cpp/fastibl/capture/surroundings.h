@@ -16,6 +16,7 @@ struct TileOutlines;
 struct Depth {
   float inverse_distance = 0;  // 0: infinitely far
   bool box = false;
+  glm::vec3 light{0};  // metres from the centre, of a light that the part shows; 0: of none
   bool operator==(const Depth&) const = default;
 };
 
@@ -36,6 +37,12 @@ class Surroundings {
 
   Depth depth(int tile) const { return depths_[std::size_t(tile)]; }
   bool is_usual(const Depth& depth) const { return depth == usual_; }  // no light's
+  // Lights that some tiles show, and which: 1 of those, as long as fills vectors.
+  struct LitTiles {
+    glm::vec3 light;  // as in Depth
+    std::vector<float> tiles;
+  };
+  const std::vector<LitTiles>& lit_tiles() const { return lit_; }
   // Lights that some tiles are as far as.
   const std::vector<LightPosition>& lights() const { return lights_; }
   // Difference of a light's inverse distance to what it would be thought to be, 1 / m.
@@ -50,11 +57,13 @@ class Surroundings {
  private:
   void set(const TileOutlines& outlines, int tile, const Depth& depth);
   float weight(const glm::vec3& direction, const Depth& depth) const;
+  void find_lit();
 
   glm::dvec3 centre_;
   Depth usual_;
   glm::vec3 walls_[2] = {glm::vec3(0), glm::vec3(0)};
   std::vector<LightPosition> lights_;
+  std::vector<LitTiles> lit_;
   std::vector<Depth> depths_;
   std::vector<float> corners_[4];
   bool near_ = false;

@@ -10,7 +10,8 @@ namespace fastibl {
 namespace {
 
 constexpr float kSmallestDepth = 1e-9f;  // as a lens has it
-constexpr double kMargin = 0.02;         // of the picture's bounds, for a border that is curved
+constexpr double kBehind = -0.9;  // cosine: a light is seen from behind, whichever way turned
+constexpr double kMargin = 0.02;  // of the picture's bounds, for a border that is curved
 
 struct FaceAxes {
   glm::vec3 centre, s, t;  // direction: centre + (2 s − 1) s + (2 t − 1) t
@@ -182,6 +183,13 @@ FASTIBL_BY_WIDTH(void find_tiles_of(const TexelView::Projection& p, const Pictur
                                     const float* on_side, int count, float* most_pixels),
                  find_tiles_by<V>(p, bounds, corners, near, bulges, on_side, count, most_pixels))
 
+// The least rotation that takes one direction to another.
+glm::dmat3 rotation_between(const glm::dvec3& from, const glm::dvec3& to) {
+  const glm::dvec3 sum = from + to;
+  return glm::dmat3(1.0) - glm::outerProduct(sum, sum) / (1 + glm::dot(from, to)) +
+         2.0 * glm::outerProduct(to, from);
+}
+
 }  // namespace
 
 TileOutlines::TileOutlines(TileGrid tiles) : grid(tiles) {
@@ -248,7 +256,8 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
   // multiple of (R − c e_zᵀ / c_z) d: linear in d, as for light from far away. The plane hides what
   // is under it, and its underside is not the table.
   sees_plane_ = height > 0;
-  const glm::dmat3 turn_above = camera_from_marker.rotation;
+  turn_ = camera_from_marker.rotation, centre_ = centre;
+  const glm::dmat3 turn_above = turn_;
   glm::dmat3 turn_below = turn_above;
   turn_below[2] -= centre / viewpoint.centre.z;
 
@@ -283,6 +292,23 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
   below_.centre_x = float(viewpoint.centre.x), below_.centre_y = float(viewpoint.centre.y);
 }
 
+// Above the horizon, for what is as far as a light: it lies about the light, on a sphere around the
+// centre that is turned to face the camera. So a lamp is as wide from wherever it is seen; a sphere
+// that faced the centre alone would be seen aslant, and the lamp drawn out on it.
+TexelView::Projection TexelView::facing(const glm::vec3& light) const {
+  const glm::dvec3 eye = -(glm::transpose(turn_) * centre_), at(light);
+  const glm::dvec3 from = glm::normalize(at), to = at - eye;
+  const double distance = glm::length(to);
+  Projection p = above_;
+  if (!(distance > 0) || !(glm::dot(from, to) > kBehind * distance)) return p;
+  const glm::dmat3 turn = turn_ * rotation_between(from, to / distance);
+  const glm::dvec3 shift = centre_ + turn_ * at - turn * at;
+  for (int c = 0; c < 3; ++c)
+    for (int r = 0; r < 3; ++r) p.turn[c][r] = float(turn[c][r]);
+  for (int r = 0; r < 3; ++r) p.shift[r] = float(shift[r]);
+  return p;
+}
+
 void TexelView::find_tiles(const TileOutlines& outlines, std::vector<float>& most_pixels) const {
   const int count = int(outlines.bulge.size());
   most_pixels.assign(outlines.bulge.size(), 0.0f);
@@ -290,6 +316,9 @@ void TexelView::find_tiles(const TileOutlines& outlines, std::vector<float>& mos
   for (int c = 0; c < 4; ++c) near[c] = surroundings_.corner(c).data();
   find_tiles_of(above_, bounds_, outlines.corners, above_.shifted ? near : nullptr,
                 outlines.bulge.data(), outlines.above.data(), count, most_pixels.data());
+  for (const Surroundings::LitTiles& lit : surroundings_.lit_tiles())
+    find_tiles_of(facing(lit.light), bounds_, outlines.corners, near, outlines.bulge.data(),
+                  lit.tiles.data(), count, most_pixels.data());
   if (sees_plane_)
     find_tiles_of(below_, bounds_, outlines.corners, nullptr, outlines.bulge.data(),
                   outlines.below.data(), count, most_pixels.data());
@@ -299,7 +328,8 @@ bool TexelView::see(const TexelGroup& group, bool above, Sightings& s) const {
   if (!above && !sees_plane_) return false;
   alignas(64) float tx[kTexelLanes], ty[kTexelLanes], tz[kTexelLanes];
   const int lanes = lanes_of(group.count);
-  const Projection& p = above ? above_ : below_;
+  const bool lit = above && group.depth.light != glm::vec3(0);
+  const Projection p = lit ? facing(group.depth.light) : above ? above_ : below_;
   turn_texels(p, on_face(p, group.face), group, tx, ty, tz, s.pixels, s.seen);
   project_texels(p, tx, ty, tz, lanes, s.x, s.y, s.pixels, s.seen);
   return count_seen(s.seen, lanes) > 0;

@@ -97,6 +97,9 @@ class TexelView {
   };
 
  private:
+  Projection facing(const glm::vec3& light) const;
+  glm::dmat3 turn_;    // camera_from_marker
+  glm::dvec3 centre_;  // of the map, camera frame
   Projection above_, below_;
   bool sees_plane_;
   const Surroundings& surroundings_;
