@@ -1,8 +1,8 @@
 """glTF 2.0 files (.glb, .gltf): one mesh with its material.
 
 All nodes of the file's scene are merged; skins show their rest pose; without normals triangles are flat, as glTF has
-it. Several materials become one: their textures are laid side by side in an atlas, each in a cell with a margin of
-1/16, so that textures that repeat need a file of one material, and cells mix where they are seen smaller than 1/16.
+it. Several materials become one: their textures are laid side by side in an atlas (fastibl.atlas), so that those that
+repeat need a file of one material. What has to be shrunk there is told in a warning.
 Left out, with a warning that names them: transparency, vertex colours, morphs, and extensions that add to a material
 (clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place), points and lines. Refused by name:
 specular-glossiness materials, compressed meshes, and a material whose textures lie in different ways on its mesh.
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh, Response
+from .atlas import packed
 from .file_limits import MOST_PIXELS, MOST_TRIANGLES, MOST_VERTICES
 from .gltf_container import DAMAGES, WIDTHS, Container
 from .picture_headers import jpeg_size, png_size
@@ -31,7 +32,6 @@ _KNOWN = {
 _OTHER_MODEL = "KHR_materials_pbrSpecularGlossiness"
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-_ATLAS = 4096  # texels along an edge, at most
 
 
 @dataclass(frozen=True)
@@ -78,11 +78,21 @@ class _Surface:
         every = (self.base_color, self.metallic, self.roughness, self.emission, self.normal)
         return [m for m in every if m is not None and np.ndim(m) >= 2]
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows of its largest textures; 1 without."""
+        shapes = [m.shape for m in self.maps()]
+        return max((s[1] for s in shapes), default=1), max((s[0] for s in shapes), default=1)
+
+    @property
+    def wrap(self) -> tuple[str, str]:
+        return min(self.wraps, default=("repeat", "repeat"))
+
     def material(self) -> Material:
         return Material.pbr(
             self.base_color, self.metallic, self.roughness, self.normal, self.emission, anisotropy=self.anisotropy,
             anisotropy_rotation=self.anisotropy_rotation, normal_scale=self.normal_scale,
-            wrap=next(iter(self.wraps), "repeat"),
+            wrap=self.wrap,
         )  # fmt: skip
 
 
@@ -304,36 +314,30 @@ def _linear(picture: NDArray) -> NDArray[np.float32]:
     return Response.srgb().decode(unit(picture))
 
 
-def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> _Surface:
-    """One surface for all; the uvs of the parts are moved into the cells of its textures."""
-    import cv2
-
+def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> tuple[_Surface, set[str]]:
+    """One surface for all, and which sizes of textures were shrunk; the uvs of the parts are moved to its textures."""
     if len({(s.anisotropy, s.anisotropy_rotation) for s in surfaces.values()}) > 1:
         raise ValueError("its materials differ in anisotropy")
-    columns = int(np.ceil(np.sqrt(len(surfaces))))
-    largest = max((max(m.shape[:2]) for s in surfaces.values() for m in s.maps()), default=16)
-    cell = int(min(2 ** np.ceil(np.log2(largest * 8 / 7)), _ATLAS // columns))
-    margin = cell // 16
-    inner, rows = cell - 2 * margin, -(-len(surfaces) // columns)
-    width, height = columns * cell, rows * cell
-    where = {m: divmod(k, columns) for k, m in enumerate(surfaces)}
+    atlas = packed([s.size for s in surfaces.values()])
+    where = dict(zip(surfaces, atlas.cells, strict=True))
     for part in parts:
-        if surfaces[part.material].maps():
+        surface = surfaces[part.material]
+        uvs = np.full((len(part.vertices), 2), 0.5)
+        if surface.maps():
             if part.uvs is None:
                 raise ValueError("a mesh with a texture has no uvs")
-            uv = part.uvs - np.floor(part.uvs.min(axis=0) + 1e-4)
-            if uv.max() > 1 + 1e-3:
+            uvs = part.uvs - np.floor(part.uvs.min(axis=0) + 1e-4)
+            if uvs.max() > 1 + 1e-3:
                 raise ValueError("a texture repeats, which is read from files of one material only")
-        else:
-            uv = np.full((len(part.vertices), 2), 0.5)
-        row, column = where[part.material]
-        part.uvs = np.stack(
-            [(column * cell + margin + uv[:, 0] * inner) / width,
-             1 - (row * cell + margin + (1 - uv[:, 1]) * inner) / height], axis=1,
-        )  # fmt: skip
+        part.uvs = atlas.moved(where[part.material], uvs)
+    shrunk = {
+        f"{w} x {h} to {where[m].columns} x {where[m].rows}"
+        for m, (w, h) in ((m, s.size) for m, s in surfaces.items())
+        if (w, h) != (where[m].columns, where[m].rows)
+    }
 
     def laid(name: str, channels: int, missing: Any) -> NDArray:
-        sheet = np.zeros((height, width, channels), np.float32)
+        sheet = np.zeros((atlas.height, atlas.width, channels), np.float32)
         for m, surface in surfaces.items():
             value = getattr(surface, name)
             value = np.asarray(missing if value is None else value, np.float32)
@@ -344,14 +348,8 @@ def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> _Surface:
                 value = (value * 2 - 1) * [surface.normal_scale, surface.normal_scale, 1]
                 value /= np.maximum(np.linalg.norm(value, axis=-1, keepdims=True), 1e-6)
                 value = (value * 0.5 + 0.5).astype(np.float32)
-            shrinks = max(value.shape[:2]) > inner
-            value = cv2.resize(
-                value, (inner, inner), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-            ).reshape(inner, inner, channels)  # fmt: skip
-            row, column = where[m]
-            sheet[row * cell : (row + 1) * cell, column * cell : (column + 1) * cell] = np.pad(
-                value, ((margin, margin), (margin, margin), (0, 0)), mode="edge"
-            )
+            cell = where[m]
+            sheet[cell.y : cell.y + cell.height, cell.x : cell.x + cell.width] = cell.filled(value, surface.wrap)
         return sheet if channels > 1 else sheet[..., 0]
 
     def joined(name: str, channels: int) -> Any:
@@ -361,11 +359,12 @@ def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> _Surface:
         return np.clip(laid(name, channels, None), 0, None)
 
     first = next(iter(surfaces.values()))
-    return _Surface(
+    merged = _Surface(
         joined("base_color", 3), joined("metallic", 1), joined("roughness", 1), joined("emission", 3),
         laid("normal", 3, (0.5, 0.5, 1)) if any(s.normal is not None for s in surfaces.values()) else None,
         1.0, first.anisotropy, first.anisotropy_rotation,
     )  # fmt: skip
+    return merged, shrunk
 
 
 def _mesh(parts: list[_Part]) -> Mesh:
@@ -402,9 +401,13 @@ def read(path: Path) -> tuple[Mesh, Material]:
         part.lay(surfaces[part.material])
     if file.left_out:
         warnings.warn(f"{path}: left out are {', '.join(sorted(file.left_out))}", stacklevel=3)
-    surface = next(iter(surfaces.values())) if len(surfaces) == 1 else _atlas(parts, surfaces)
-    if surface.maps() and any(p.uvs is None for p in parts):
-        raise ValueError("a mesh with a texture has no uvs")
-    if len(surface.wraps) > 1 and any(p.reaches_beyond for p in parts):
+    if any(len(surfaces[p.material].wraps) > 1 and p.reaches_beyond for p in parts):
         raise ValueError("its textures go on beyond their borders in different ways")
+    surface = next(iter(surfaces.values()))
+    if len(surfaces) > 1:
+        surface, shrunk = _atlas(parts, surfaces)
+        if shrunk:
+            warnings.warn(f"{path}: textures are shrunk beside each other: {', '.join(sorted(shrunk))}", stacklevel=3)
+    elif surface.maps() and any(p.uvs is None for p in parts):
+        raise ValueError("a mesh with a texture has no uvs")
     return _mesh(parts), surface.material()
