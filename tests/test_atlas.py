@@ -82,6 +82,26 @@ def test_textures_of_a_material_may_have_several_sizes(tmp_path):
     np.testing.assert_allclose(seen(path), alone, atol=1e-4)
 
 
+# --- uvs beyond the picture
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize("offset", [(1, 0), (-1, 2), (3, -2), (0, 1)])
+def test_uvs_beyond_the_picture_are_folded(offset, wrap, tmp_path):
+    uvs = 0.1 + 0.8 * CORNERS + offset
+    alone = seen(write(tmp_path / "a.gltf", picture_of(8, 8), uvs, wrap, materials=1))
+    beside = seen(write(tmp_path / "b.gltf", picture_of(8, 8), uvs, wrap))
+    np.testing.assert_allclose(beside, alone, atol=1e-4)
+
+
+@pytest.mark.parametrize("wrap, words", [("repeat", "repeats"), ("clamp", "crosses"), ("mirror", "crosses")])
+def test_triangles_across_a_border_are_refused(wrap, words, tmp_path):
+    for uvs in (CORNERS - [0.5, 0], CORNERS + [0, 0.5], CORNERS * 3 - 1):
+        path = write(tmp_path / "a.gltf", picture_of(8, 8), uvs, wrap)
+        same_error(lambda p=path: fastibl.read_object(p), ValueError, "a.gltf", words, "one material only")
+        fastibl.read_object(write(tmp_path / "b.gltf", picture_of(8, 8), uvs, wrap, materials=1))
+
+
 # --- where they lie
 
 

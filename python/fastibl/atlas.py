@@ -92,6 +92,24 @@ def packed(sizes: Sequence[tuple[int, int]]) -> Atlas:
         longest = longest * 15 // 16
 
 
+def folded(u: NDArray, triangles: NDArray, wrap: str) -> NDArray:
+    """Coordinates within 0 to 1 that show the same of a texture. Raises ValueError for a triangle across its border."""
+    corners = u[triangles]
+    if wrap == "repeat":
+        u = u - np.floor(corners.min() + 1e-4)
+        if u[triangles].max() > 1 + 1e-3:
+            raise ValueError("a texture repeats, which is read from files of one material only")
+        return u
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    if wrap == "clamp":
+        across = ((low < -1e-3) & (high > 1e-3)) | ((low < 1 - 1e-3) & (high > 1 + 1e-3))
+    else:
+        across = np.ceil(high - 1e-3) - np.floor(low + 1e-3) > 1
+    if across.any():
+        raise ValueError("a triangle crosses a texture's border, which is read from files of one material only")
+    return np.clip(u, 0, 1) if wrap == "clamp" else 1 - np.abs(1 - u % 2)
+
+
 def _wrapped(i: NDArray[np.int64], n: int, wrap: str) -> NDArray[np.int64]:
     if wrap == "clamp":
         return np.clip(i, 0, n - 1)

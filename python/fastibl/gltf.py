@@ -2,7 +2,7 @@
 
 All nodes of the file's scene are merged; skins show their rest pose; without normals triangles are flat, as glTF has
 it. Several materials become one: their textures are laid side by side in an atlas (fastibl.atlas), so that those that
-repeat need a file of one material. What has to be shrunk there is told in a warning.
+repeat, or whose borders triangles cross, need a file of one material. What has to be shrunk there is told in a warning.
 Left out, with a warning that names them: transparency, vertex colours, morphs, and extensions that add to a material
 (clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place), points and lines. Refused by name:
 specular-glossiness materials, compressed meshes, and a material whose textures lie in different ways on its mesh.
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh, Response
-from .atlas import packed
+from .atlas import folded, packed
 from .file_limits import MOST_PIXELS, MOST_TRIANGLES, MOST_VERTICES
 from .gltf_container import DAMAGES, WIDTHS, Container
 from .picture_headers import jpeg_size, png_size
@@ -326,9 +326,7 @@ def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> tuple[_Surface,
         if surface.maps():
             if part.uvs is None:
                 raise ValueError("a mesh with a texture has no uvs")
-            uvs = part.uvs - np.floor(part.uvs.min(axis=0) + 1e-4)
-            if uvs.max() > 1 + 1e-3:
-                raise ValueError("a texture repeats, which is read from files of one material only")
+            uvs = np.stack([folded(part.uvs[:, k], part.triangles, surface.wrap[k]) for k in (0, 1)], axis=1)
         part.uvs = atlas.moved(where[part.material], uvs)
     shrunk = {
         f"{w} x {h} to {where[m].columns} x {where[m].rows}"
