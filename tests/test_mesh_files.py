@@ -281,6 +281,65 @@ def test_gltf_skins_rest(tmp_path):
     assert {tuple(np.round(p, 5)) for p in mesh.vertices.tolist()} == {tuple(map(float, p)) for p in expected}
 
 
+def test_gltf_skins_of_more_than_four_joints(tmp_path):
+    file, ones = Gltf(), np.ones((6, 1))
+    attributes = {"POSITION": file.add(POINTS)}
+    for k in range(3):  # half of the first, a quarter each of the others
+        attributes[f"JOINTS_{k}"] = file.add(np.uint8(ones * [k, 0, 0, 0]))
+        attributes[f"WEIGHTS_{k}"] = file.add(np.float32(ones * [0.25 + 0.25 * (k == 0), 0, 0, 0]))
+    file.json["nodes"] = [{"mesh": 0, "skin": 0}, {}, {"translation": [0, 0, 4]}, {"translation": [0, 8, 0]}]
+    index = file.add(np.uint16([0, 1, 2]))
+    path = file.write(
+        tmp_path / "a.gltf", [{"attributes": attributes, "indices": index}], skins=[{"joints": [1, 2, 3]}]
+    )
+    np.testing.assert_allclose(fastibl.read_mesh(path, up="z").vertices, POINTS[:3] + [0, 2, 1], atol=1e-6)
+
+
+def test_gltf_instances(tmp_path):
+    """Each by its translation, rotation and scale, in its node; mirrored ones the right way round."""
+    file = Gltf()
+    half = np.float32(0.5**0.5)
+    attributes = {
+        "TRANSLATION": file.add(np.float32([(0, 0, 0), (5, 0, 0), (0, 0, 7)])),
+        "ROTATION": file.add(np.int16(np.array([(0, 0, 0, 1), (0, 0, half, half), (0, 0, 0, 1)]) * 32767),
+                             normalized=True),
+        "SCALE": file.add(np.float32([(1, 1, 1), (2, 2, 2), (-1, 1, 1)])),
+    }  # fmt: skip
+    extension = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    file.json["nodes"] = [{"mesh": 0, "translation": [0, 0, 1], "extensions": extension}]
+    part = {"attributes": {"POSITION": file.add(POINTS), "NORMAL": file.add(np.tile(np.float32([0, 0, 1]), (6, 1)))},
+            "indices": file.add(np.uint16([0, 1, 2]))}  # fmt: skip
+    path = file.write(tmp_path / "a.gltf", [part], extensionsRequired=["EXT_mesh_gpu_instancing"])
+    expected = [[(0, 0, 1), (1, 0, 1), (0, 1, 1)], [(5, 0, 1), (5, 2, 1), (3, 0, 1)],
+                [(0, 1, 8), (-1, 0, 8), (0, 0, 8)]]  # fmt: skip
+    for mesh in (fastibl.read_object(path, up="z")[0], fastibl.read_mesh(path, up="z")):
+        np.testing.assert_allclose(mesh.vertices[mesh.triangles], expected, atol=1e-3)
+        np.testing.assert_allclose(mesh.normals[mesh.triangles], np.tile([0, 0, 1], (3, 3, 1)), atol=1e-6)
+    content = json.loads(path.read_text())
+    for change, words in (({"count": 2}, "not as many"), ({"count": 2**20 + 1}, "1048576 instances")):
+        for name in attributes if "1048576" in words else ["SCALE"]:
+            content["accessors"][attributes[name]] |= change
+        path.write_text(json.dumps(content))
+        same_error(lambda: fastibl.read_mesh(path), ValueError, "a.gltf", words)
+
+
+def test_what_is_left_out_of_geometry_is_said(tmp_path):
+    file = Gltf()
+    points = file.add(POINTS[:3])
+    part = {"attributes": {"POSITION": points}, "targets": [{"POSITION": points}]}
+    path = file.write(tmp_path / "a.gltf", [part])
+    for reader in (fastibl.read_mesh, fastibl.read_object):
+        with pytest.warns(UserWarning, match="a.gltf: left out are morphs") as told:
+            reader(path)
+        assert told[0].filename == __file__
+    joints = {"JOINTS_0": file.add(np.zeros((3, 4), np.uint8)), "WEIGHTS_0": file.add(np.ones((3, 4), np.float32))}
+    extension = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": points}}}
+    file.json["nodes"] = [{"mesh": 0, "skin": 0, "extensions": extension}]
+    path = file.write(tmp_path / "b.gltf", [{"attributes": {"POSITION": points} | joints}], skins=[{"joints": [0]}])
+    with pytest.warns(UserWarning, match="b.gltf: left out are instances of a skin"):
+        assert len(fastibl.read_mesh(path).triangles) == 1
+
+
 def textured(tmp_path, uvs, samplers=None, picture=None, **material):
     """A square of 2 x 2 whose texture is red on the left, green on the right."""
     file = Gltf()

@@ -21,16 +21,19 @@ from numpy.typing import NDArray
 from ._fastibl import Material, Mesh, Response
 from .atlas import folded, packed
 from .file_limits import MOST_PIXELS, MOST_TRIANGLES, MOST_VERTICES
-from .gltf_container import DAMAGES, WIDTHS, Container
+from .gltf_container import DAMAGES, WIDTHS, Container, transform
 from .picture_headers import jpeg_size, png_size
 from .pictures import decode_picture, unit
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _KNOWN = {
-    "KHR_materials_anisotropy", "KHR_materials_emissive_strength", "KHR_mesh_quantization", "KHR_texture_transform",
+    "EXT_mesh_gpu_instancing", "KHR_materials_anisotropy", "KHR_materials_emissive_strength", "KHR_mesh_quantization",
+    "KHR_texture_transform",
 }  # fmt: skip
 _OTHER_MODEL = "KHR_materials_pbrSpecularGlossiness"
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
+_OF_MESHES = {"morphs", "instances of a skin"}  # what is left out of them
+_MOST_INSTANCES = 2**20
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
 
@@ -129,7 +132,7 @@ class _File(Container):
         if unknown:
             raise ValueError(f"it requires the extension {sorted(unknown)[0]}")
         self.buffers = [self.bytes(b.get("uri")) for b in self.json.get("buffers", ())]
-        self.pixels = self.vertices = self.triangles = 0
+        self.pixels = self.vertices = self.triangles = self.instances = 0
         self.pictures: dict[int, NDArray] = {}
         self.left_out: set[str] = set()
 
@@ -236,8 +239,9 @@ class _File(Container):
                 joints = (
                     self._joints(node["skin"], {index: there for index, _, there in places}) if "skin" in node else None
                 )
+                instances = here @ self._instances(node)
                 for primitive in self.json["meshes"][node["mesh"]]["primitives"]:
-                    out += self._part(primitive, here, joints)
+                    out += self._part(primitive, instances, joints)
         if not out:
             raise ValueError("it holds no triangles")
         return out
@@ -251,18 +255,39 @@ class _File(Container):
         inverse = self.array(skin["inverseBindMatrices"])[: len(joints)].astype(np.float64)
         return joints @ inverse.reshape(-1, 4, 4).transpose(0, 2, 1)
 
-    def _part(self, primitive: dict[str, Any], transform: NDArray, joints: NDArray | None) -> list[_Part]:
+    def _instances(self, node: dict[str, Any]) -> NDArray:
+        """Matrices (n, 4, 4) that take a node's mesh to the node: one, but for EXT_mesh_gpu_instancing."""
+        extension = node.get("extensions", {}).get("EXT_mesh_gpu_instancing", {})
+        names = {"TRANSLATION", "ROTATION", "SCALE"}.intersection(extension.get("attributes", ()))
+        if not names:
+            return np.eye(4)[None]
+        if "skin" in node:
+            self.left_out.add("instances of a skin")
+            return np.eye(4)[None]
+        accessors = {name: extension["attributes"][name] for name in names}
+        counts = {self.json["accessors"][a]["count"] for a in accessors.values()}
+        if len(counts) > 1:
+            raise ValueError("the values of its instances are not as many as each other")
+        self.instances += counts.pop()
+        if self.instances > _MOST_INSTANCES:
+            raise ValueError(f"it has more than {_MOST_INSTANCES} instances of meshes")
+        return transform(**{name.lower(): self.array(a) for name, a in accessors.items()})
+
+    def _part(self, primitive: dict[str, Any], instances: NDArray, joints: NDArray | None) -> list[_Part]:
         if primitive.get("mode", 4) not in (4, 5, 6):
             return []  # points, lines
         _refuse_compressed(primitive)
         attributes = primitive["attributes"]
         vertices = self.array(attributes["POSITION"]).astype(np.float64)
-        self.vertices += len(vertices)
+        if not {"JOINTS_0", "WEIGHTS_0"} <= attributes.keys():
+            joints = None
+        count = len(instances) if joints is None else 1
+        self.vertices += count * len(vertices)
         if self.vertices > MOST_VERTICES:
             raise ValueError(f"it has more than {MOST_VERTICES} vertices")
         index = self.array(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(vertices))
         triangles = _triangles(index.astype(np.int64), primitive.get("mode", 4))
-        self.triangles += len(triangles)
+        self.triangles += count * len(triangles)
         if self.triangles > MOST_TRIANGLES:
             raise ValueError(f"it has more than {MOST_TRIANGLES} triangles")
         if len(triangles) == 0:
@@ -276,22 +301,34 @@ class _File(Container):
         normals = self.array(attributes["NORMAL"]).astype(np.float64) if "NORMAL" in attributes else None
         names = {k: f"TEXCOORD_{k}" for k in range(4)}
         sets = {k: self.array(attributes[n]).astype(np.float64) for k, n in names.items() if n in attributes}
-        placing = transform
-        if joints is not None and "JOINTS_0" in attributes and "WEIGHTS_0" in attributes:
-            weights = self.array(attributes["WEIGHTS_0"]).astype(np.float64)
-            weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)
-            placing = np.einsum("nk,nkij->nij", weights, joints[self.array(attributes["JOINTS_0"])])
+        placing = instances[:, None] if joints is None else self._blended(attributes, joints)[None]
         linear = placing[..., :3, :3]
-        placed = np.einsum("...ij,...j->...i", linear, vertices) + placing[..., :3, 3]
-        if normals is not None:
-            normals = np.einsum("...ji,...j->...i", np.linalg.pinv(linear), normals)
-        if np.linalg.det(linear).mean() < 0:
-            triangles = triangles[:, ::-1]
+        mirrors = np.linalg.det(linear).mean(axis=1) < 0
+        placed = (np.einsum("...ij,...j->...i", linear, vertices) + placing[..., :3, 3]).reshape(-1, 3)
+        sets = {k: np.tile(uvs, (count, 1)) for k, uvs in sets.items()}
+        triangles = np.concatenate(
+            [(triangles[:, ::-1] if mirror else triangles) + k * len(vertices) for k, mirror in enumerate(mirrors)]
+        )
         if normals is None:
             placed, sets = placed[triangles.reshape(-1)], {k: uvs[triangles.reshape(-1)] for k, uvs in sets.items()}
             triangles = np.arange(len(placed)).reshape(-1, 3)
             normals = np.cross(placed[1::3] - placed[::3], placed[2::3] - placed[::3]).repeat(3, axis=0)
+        else:
+            normals = np.einsum("...ji,...j->...i", np.linalg.pinv(linear), normals).reshape(-1, 3)
         return [_Part(placed, triangles, normals, sets, primitive.get("material", -1))]
+
+    def _blended(self, attributes: dict[str, int], joints: NDArray) -> NDArray:
+        """Matrices (n, 4, 4) of a skin's vertices: means of joints, of which each set names four."""
+        matrices: Any = 0.0
+        whole: Any = 0.0
+        for k in range(len(attributes)):
+            if f"JOINTS_{k}" not in attributes or f"WEIGHTS_{k}" not in attributes:
+                break
+            weights = self.array(attributes[f"WEIGHTS_{k}"]).astype(np.float64)
+            named = joints[self.array(attributes[f"JOINTS_{k}"])]
+            matrices = matrices + np.einsum("nk,nkij->nij", weights, named)
+            whole = whole + weights.sum(axis=1)
+        return matrices / np.maximum(whole, 1e-9)[:, None, None]
 
 
 def _refuse_compressed(part: dict[str, Any]) -> None:
@@ -379,12 +416,20 @@ def _mesh(parts: list[_Part]) -> Mesh:
     )
 
 
+def _warn_of(path: Path, left_out: set[str], stacklevel: int) -> None:
+    if left_out:
+        warnings.warn(f"{path}: left out are {', '.join(sorted(left_out))}", stacklevel=stacklevel)
+
+
 def read_geometry(path: Path) -> Mesh:
     """The mesh alone, in the file's frame (y up). Raises ValueError for what cannot be read, and says why."""
     try:
-        return _mesh(_File(path).parts())
+        file = _File(path)
+        mesh = _mesh(file.parts())
     except DAMAGES as error:
         raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
+    _warn_of(path, file.left_out & _OF_MESHES, stacklevel=5)
+    return mesh
 
 
 def read(path: Path) -> tuple[Mesh, Material]:
@@ -397,8 +442,7 @@ def read(path: Path) -> tuple[Mesh, Material]:
         raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
     for part in parts:
         part.lay(surfaces[part.material])
-    if file.left_out:
-        warnings.warn(f"{path}: left out are {', '.join(sorted(file.left_out))}", stacklevel=3)
+    _warn_of(path, file.left_out, stacklevel=4)
     if any(len(surfaces[p.material].wraps) > 1 and p.reaches_beyond for p in parts):
         raise ValueError("its textures go on beyond their borders in different ways")
     surface = next(iter(surfaces.values()))

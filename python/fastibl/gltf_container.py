@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .file_limits import MOST_BYTES, file_bytes
 
@@ -96,13 +96,21 @@ def _chunks(data: bytes) -> tuple[bytes, bytes]:
 def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
     if "matrix" in node:
         return np.asarray(node["matrix"], np.float64).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0, 0, 0, 1))
-    out = np.eye(4)
-    out[:3, :3] = [
+    return transform(**{k: node[k] for k in ("translation", "rotation", "scale") if k in node})
+
+
+def transform(
+    translation: ArrayLike = (0, 0, 0), rotation: ArrayLike = (0, 0, 0, 1), scale: ArrayLike = (1, 1, 1)
+) -> NDArray[np.float64]:
+    """Matrices (..., 4, 4) of T R S. rotation: (..., 4), unit quaternions x y z w; the others (..., 3)."""
+    t, s = np.asarray(translation, np.float64), np.asarray(scale, np.float64)
+    x, y, z, w = np.moveaxis(np.asarray(rotation, np.float64), -1, 0)
+    turn = np.array([
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    out[:3, :3] *= np.asarray(node.get("scale", (1, 1, 1)), np.float64)
-    out[:3, 3] = node.get("translation", (0, 0, 0))
+    ])  # fmt: skip
+    out = np.zeros((*np.broadcast_shapes(t.shape[:-1], s.shape[:-1], x.shape), 4, 4))
+    out[..., :3, :3] = np.moveaxis(turn, (0, 1), (-2, -1)) * s[..., None, :]
+    out[..., :3, 3], out[..., 3, 3] = t, 1
     return out
