@@ -3,6 +3,7 @@
 import base64
 import json
 import struct
+import warnings
 
 import cv2
 import numpy as np
@@ -429,6 +430,45 @@ def test_one_picture_of_many_materials_counts_once(tmp_path, monkeypatch):
     monkeypatch.setattr("fastibl.gltf.MOST_PIXELS", 8)
     path = textured(tmp_path, TWICE, emissiveTexture={"index": 0}, emissiveFactor=[1, 1, 1])
     assert fastibl.read_object(path)[1].emission.shape == (2, 4, 3)
+
+
+TANGENTS = {
+    "of its uvs": ((1, 0, 0, 1), {}, 0),
+    "of a mirrored node": ((1, 0, 0, 1), {"scale": [-1, 1, 1]}, 0),
+    "of a turned node": ((1, 0, 0, 1), {"rotation": [0, 0, 1, 0]}, 0),
+    "a little off": ((1, 0.2, 0.3, 1), {}, 0),
+    "none": ((0, 0, 0, 1), {}, 0),
+    "turned": ((0, 1, 0, 1), {}, 100),
+    "of the other side": ((1, 0, 0, -1), {}, 100),
+}
+
+
+@pytest.mark.parametrize("name", TANGENTS)
+def test_tangents_that_differ_are_said(name, tmp_path):
+    tangent, node, share = TANGENTS[name]
+    path = textured(tmp_path, [(0, 1), (1, 1), (1, 0), (0, 0)], normalTexture={"index": 0})
+    content = json.loads(path.read_text())
+    data = np.float32([[*tangent, 0, 0, 1]] * 4).tobytes()
+    content["buffers"].append({"byteLength": len(data), "uri": "data:;base64," + base64.b64encode(data).decode()})
+    content["bufferViews"].append({"buffer": 1, "byteLength": len(data), "byteStride": 28})
+    view = len(content["bufferViews"]) - 1
+    attributes = content["meshes"][0]["primitives"][0]["attributes"]
+    for attribute, kind, offset in (("TANGENT", "VEC4", 0), ("NORMAL", "VEC3", 16)):
+        attributes[attribute] = len(content["accessors"])
+        content["accessors"].append(
+            {"bufferView": view, "byteOffset": offset, "componentType": 5126, "count": 4, "type": kind}
+        )
+    content["nodes"][0] |= node
+    path.write_text(json.dumps(content))
+    if share:
+        with pytest.warns(UserWarning, match=f"a.gltf: its tangents are left out, .* turned against {share} %"):
+            fastibl.read_object(path)
+        del content["materials"][0]["normalTexture"]  # and nothing needs them
+        path.write_text(json.dumps(content))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fastibl.read_object(path)
+        fastibl.read_mesh(path)
 
 
 def test_what_is_left_out_is_said(tmp_path):

@@ -4,7 +4,8 @@ All nodes of the file's scene are merged; skins show their rest pose; without no
 it. Several materials become one: their textures are laid side by side in an atlas (fastibl.atlas), so that those that
 repeat, or whose borders triangles cross, need a file of one material. What has to be shrunk there is told in a warning.
 Left out, with a warning that names them: transparency, vertex colours, morphs, and extensions that add to a material
-(clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place), points and lines. Refused by name:
+(clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place), points and lines, doubleSided (all
+is seen from both sides). Tangents are those of the uvs; a warning tells where a file's own differ. Refused by name:
 specular-glossiness materials, compressed meshes, and a material whose textures lie in different ways on its mesh.
 """
 
@@ -110,6 +111,7 @@ class _Part:
     sets: dict[int, NDArray]
     material: int
     uvs: NDArray | None = None
+    tangents: NDArray | None = None  # (n, 4) of the file's own
 
     @property
     def reaches_beyond(self) -> bool:
@@ -126,8 +128,9 @@ class _Part:
 
 
 class _File(Container):
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, with_tangents: bool = False):
         super().__init__(path)
+        self.with_tangents = with_tangents
         unknown = set(self.json.get("extensionsRequired", ())) - _KNOWN
         if unknown:
             raise ValueError(f"it requires the extension {sorted(unknown)[0]}")
@@ -303,6 +306,12 @@ class _File(Container):
         sets = {k: self.array(attributes[n]).astype(np.float64) for k, n in names.items() if n in attributes}
         placing = instances[:, None] if joints is None else self._blended(attributes, joints)[None]
         linear = placing[..., :3, :3]
+        tangents = None
+        if self.with_tangents and normals is not None and "TANGENT" in attributes:  # without normals they are void
+            given = self.array(attributes["TANGENT"]).astype(np.float64)
+            sides = np.broadcast_to(given[:, 3] * np.sign(np.linalg.det(linear)), (count, len(given)))
+            along = np.einsum("...ij,...j->...i", linear, given[:, :3])
+            tangents = np.concatenate([along, sides[..., None]], axis=-1).reshape(-1, 4)
         mirrors = np.linalg.det(linear).mean(axis=1) < 0
         placed = (np.einsum("...ij,...j->...i", linear, vertices) + placing[..., :3, 3]).reshape(-1, 3)
         sets = {k: np.tile(uvs, (count, 1)) for k, uvs in sets.items()}
@@ -315,7 +324,7 @@ class _File(Container):
             normals = np.cross(placed[1::3] - placed[::3], placed[2::3] - placed[::3]).repeat(3, axis=0)
         else:
             normals = np.einsum("...ji,...j->...i", np.linalg.pinv(linear), normals).reshape(-1, 3)
-        return [_Part(placed, triangles, normals, sets, primitive.get("material", -1))]
+        return [_Part(placed, triangles, normals, sets, primitive.get("material", -1), tangents=tangents)]
 
     def _blended(self, attributes: dict[str, int], joints: NDArray) -> NDArray:
         """Matrices (n, 4, 4) of a skin's vertices: means of joints, of which each set names four."""
@@ -416,6 +425,24 @@ def _mesh(parts: list[_Part]) -> Mesh:
     )
 
 
+def _turned_tangents(parts: list[_Part], surfaces: dict[int, _Surface], mesh: Mesh) -> float:
+    """Which part of the tangents that a file gives, where materials need them, are more than 15 degrees or half a turn
+    around the normal from those of its uvs."""
+    off = []
+    starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
+    for part, start in zip(parts, starts, strict=False):
+        surface = surfaces[part.material]
+        if part.tangents is None or (surface.normal is None and not surface.anisotropy):
+            continue
+        used = np.unique(part.triangles)
+        ours, n, t = mesh.tangents[start + used], mesh.normals[start + used], part.tangents[used]
+        along = t[:, :3] - (t[:, :3] * n).sum(axis=1, keepdims=True) * n
+        length = np.linalg.norm(along, axis=1)
+        near = (along * ours[:, :3]).sum(axis=1) > np.cos(np.radians(15)) * length
+        off.append((~near | (t[:, 3] * ours[:, 3] < 0))[length > 0])
+    return float(np.concatenate(off).mean()) if sum(map(len, off)) else 0.0
+
+
 def _warn_of(path: Path, left_out: set[str], stacklevel: int) -> None:
     if left_out:
         warnings.warn(f"{path}: left out are {', '.join(sorted(left_out))}", stacklevel=stacklevel)
@@ -435,7 +462,7 @@ def read_geometry(path: Path) -> Mesh:
 def read(path: Path) -> tuple[Mesh, Material]:
     """Mesh in the file's frame (y up) and material. Raises ValueError for what cannot be read, and says why."""
     try:
-        file = _File(path)
+        file = _File(path, with_tangents=True)
         parts = file.parts()
         surfaces = {m: file.surface(m) for m in sorted({p.material for p in parts})}
     except DAMAGES as error:
@@ -452,4 +479,12 @@ def read(path: Path) -> tuple[Mesh, Material]:
             warnings.warn(f"{path}: textures are shrunk beside each other: {', '.join(sorted(shrunk))}", stacklevel=3)
     elif surface.maps() and any(p.uvs is None for p in parts):
         raise ValueError("a mesh with a texture has no uvs")
-    return _mesh(parts), surface.material()
+    mesh = _mesh(parts)
+    share = _turned_tangents(parts, surfaces, mesh)
+    if share > 0.1:
+        warnings.warn(
+            f"{path}: its tangents are left out, and those of its uvs are turned against {100 * share:.0f} % of them: "
+            "bumps look lit from elsewhere",
+            stacklevel=3,
+        )
+    return mesh, surface.material()
