@@ -52,6 +52,70 @@ def test_obj_corners(corner, tmp_path):
     assert np.abs(mesh.normals).max() == pytest.approx(1 if sharp else 3**-0.5, abs=1e-6)
 
 
+def test_obj_keeps_the_normals_that_some_faces_have(tmp_path):
+    """The others get what they have without any."""
+    own = np.array([0.6, 0, 0.8])
+    text = cube_obj("{0}".format).rsplit("f ", 1)[0] + f"vn {own[0]} {own[1]} {own[2]}\n"
+    last = " ".join(f"{v + 1}//-1" for v in SIDES[-1])
+    mesh = read(tmp_path, "a.obj", text + "f " + last)
+    np.testing.assert_allclose(mesh.normals[mesh.triangles[-2:]], np.tile(own, (2, 3, 1)), atol=1e-6)
+    for k, normal in enumerate(NORMALS[:-1]):  # a cube's edges are sharp
+        np.testing.assert_allclose(mesh.normals[mesh.triangles[2 * k : 2 * k + 2]], np.tile(normal, (2, 3, 1)))
+    assert len(mesh.vertices) == 24 and volume_of(mesh) == pytest.approx(1)
+    # Of one face, each corner by itself.
+    mesh = read(tmp_path, "b.obj", LINES + "vn 0.6 0 0.8\nf 1//1 2//1 3\n")
+    np.testing.assert_allclose(mesh.normals, [own, own, (0, 0, 1)], atol=1e-6)
+
+
+def with_uvs(tmp_path, name, content):
+    (tmp_path / name).write_text(content)
+    return fastibl.read_mesh(tmp_path / name, up="z", uvs=True)
+
+
+def test_obj_uvs(tmp_path):
+    """v upwards, as Mesh has them; -1, one number and three, and corners without."""
+    uvs = "vt 0 0\nvt 1 0 0\nvt 0.25\nvt +0.5 1.5\n"
+    square = LINES + "v 1 1 0\n" + uvs
+    mesh = with_uvs(tmp_path, "a.obj", square + "f 1/1 2/2 4/-1 3/3\n")
+    np.testing.assert_array_equal(mesh.uvs, [(0, 0), (1, 0), (0.25, 0), (0.5, 1.5)])
+    np.testing.assert_array_equal(mesh.vertices[:, :2], [(0, 0), (1, 0), (0, 1), (1, 1)])
+    seam = with_uvs(tmp_path, "b.obj", square + "f 1/1 2/2 3/3\nf 3/4 2/2 4\n")
+    np.testing.assert_array_equal(seam.uvs[seam.triangles], [[(0, 0), (1, 0), (0.25, 0)], [(0.5, 1.5), (1, 0), (0, 0)]])
+    assert len(seam.vertices) == 5
+    assert with_uvs(tmp_path, "c.obj", square + "f 1 2 3\n").uvs is None
+    assert read(tmp_path, "a.obj", square + "f 1/9 2/x 3/\n").uvs is None  # not looked at
+    for text, words in (
+        ("f 1/1 2/2 3/5\n", ["line 9", "uv from 1 to 4", '"5"']),
+        ("f 1/0 2/2 3/1\n", ["line 9", "a uv from 1 on", '"1/0"']),
+        ("vt 0 0,5\nf 1 2 3\n", ["line 9", "one to three numbers", "0,5"]),
+        ("vt\nf 1 2 3\n", ["line 9", "one to three numbers"]),
+        ("vt 0 nan\nf 1/1 2/2 3/-1\n", ["not finite"]),
+    ):
+        same_error(lambda t=text: with_uvs(tmp_path, "d.obj", square + t), ValueError, "d.obj", *words)
+    (tmp_path / "a.ply").write_bytes(ply(b"ascii", SIDES))
+    same_error(lambda: fastibl.read_mesh(tmp_path / "a.ply", uvs=True), ValueError, "a.ply", ".obj", "read_object")
+
+
+@pytest.mark.parametrize("sharp", [True, False])
+def test_obj_with_uvs_is_lit_as_without(sharp, tmp_path):
+    """Seams of textures do not show: normals are those of a scene of the mesh without, smooth or at creases."""
+    if sharp:
+        text = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n" + cube_obj("{0}/{1}".format).replace("vt 0 0", "vt 2 2\nvt 2 3")
+    else:
+        n = 24
+        around = [f"v {np.cos(a)} {np.sin(a)} {z}" for z in (0, 1) for a in np.arange(n) / n * 2 * np.pi]
+        text = "\n".join(around + [f"vt {k / n} {z}" for z in (0, 1) for k in range(n + 1)]) + "\n"
+        for k in range(n):
+            corners = [(k, k), ((k + 1) % n, k + 1), ((k + 1) % n + n, k + 2 + n), (k + n, k + 1 + n)]
+            text += "f " + " ".join(f"{v + 1}/{t + 1}" for v, t in corners) + "\n"
+    (tmp_path / "a.obj").write_text(text)
+    plain, mesh = (fastibl.read_mesh(tmp_path / "a.obj", up="z", uvs=uvs) for uvs in (False, True))
+    lit, given = (fastibl.Scene(m, spheres=0, visibility_rays=0).mesh for m in (plain, mesh))
+    np.testing.assert_array_equal(lit.vertices[lit.triangles], given.vertices[given.triangles])
+    np.testing.assert_allclose(lit.normals[lit.triangles], given.normals[given.triangles], atol=1e-6)
+    assert mesh.uvs is not None and len(mesh.vertices) == (24 if sharp else 50)
+
+
 LINES = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 TRIANGLES = {
     "a mark at its start": "\ufeff" + LINES + "f 1 2 3\n",

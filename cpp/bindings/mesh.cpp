@@ -18,12 +18,12 @@ namespace fastibl::bindings {
 void bind_mesh(py::module_& module) {
   module.def(
       "_read_obj",
-      [](const py::bytes& content) {
+      [](const py::bytes& content, bool with_uvs) {
         const std::string_view text = content;
         const py::gil_scoped_release release;
-        return read_obj(text);
+        return read_obj(text, with_uvs);
       },
-      py::arg("content"));
+      py::arg("content"), py::arg("with_uvs"));
   module.def(
       "_polygon_triangles",
       [](const py::array_t<double, py::array::c_style | py::array::forcecast>& corners) {

@@ -18,20 +18,24 @@ from .expected import expect
 from .file_limits import check_file_size, file_bytes
 
 
-def read_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:
+def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False) -> Mesh:
     """Triangle mesh of a file (.obj, .ply, .glb, .gltf, .stl, .off), turned so that +z is up.
 
     up: the file's upward axis, "y" (most files) or "z". Vertices at one place with one normal become one. Normals are
     the file's own; without them they are smooth, across texture seams as well, but flat in glTF, as that format has it.
-    Polygons are cut into triangles. Raises FileNotFoundError; ValueError for a file that is no such mesh, damaged, or
-    larger than fastibl.file_limits allows.
+    uvs: keep those of an .obj, for textures of Material.pbr; vertices are divided at their seams, corners without have
+    (0, 0), and a file without gives Mesh.uvs None. Polygons are cut into triangles. Raises FileNotFoundError;
+    ValueError for a file that is no such mesh, damaged, or larger than fastibl.file_limits allows, and for the uvs of
+    other files.
     """
     path = _existing(path, up, "mesh")
     if path.suffix.lower() not in _READERS:  # others of trimesh's are archives, or fetch what they name
         raise ValueError(f"{path} is no mesh that is read; those end in {', '.join(_READERS)}")
+    if uvs and path.suffix.lower() != ".obj":
+        raise ValueError(f"uvs are read of .obj files, got {path}; read_object keeps those of .glb and .gltf")
     check_file_size(path)
     try:
-        mesh = _READERS[path.suffix.lower()](path)
+        mesh = _read_obj(file_bytes(path), uvs) if uvs else _READERS[path.suffix.lower()](path)
     except Exception as error:  # trimesh and plyfile raise what they like
         raise ValueError(f"{path} is not a mesh that can be read: {error}") from error
     if mesh is None or len(mesh.triangles) == 0:
@@ -143,7 +147,7 @@ def _read_by_trimesh(path: Path) -> Mesh | None:
 
 
 _READERS: dict[str, Callable[[Path], Mesh | None]] = {
-    ".obj": lambda path: _read_obj(file_bytes(path)), ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf,
+    ".obj": lambda path: _read_obj(file_bytes(path), False), ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf,
     ".stl": _read_by_trimesh, ".off": _read_by_trimesh,
 }  # fmt: skip
 

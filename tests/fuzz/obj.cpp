@@ -9,9 +9,9 @@
 namespace fastibl {
 
 void fuzz(Input& in) {
-  constexpr const char* kPieces[] = {"v ",    "vn ",  "f ",   "1 ",    "-1 ",       "2//1 ",
-                                     "3/1/2", "0.5 ", "1e9 ", "nan",   "\n",        "\\\n",
-                                     "#",     "\r\n", "\t",   "9999 ", "f 1 2 3\n", "v 1 2 3\n"};
+  constexpr const char* kPieces[] = {
+      "v ",  "vn ", "f ",   "1 ", "-1 ",  "2//1 ", "vt ",   "3/1/2",     "0.5 ",     "1e9 ",
+      "nan", "\n",  "\\\n", "#",  "\r\n", "\t",    "9999 ", "f 1 2 3\n", "v 1 2 3\n"};
   constexpr int kCount = sizeof(kPieces) / sizeof(*kPieces);
   std::string text;
   for (int left = in.below(400); left > 0; --left)
@@ -19,10 +19,10 @@ void fuzz(Input& in) {
       text.push_back(char(in.byte()));
     else
       text.append(kPieces[in.below(kCount)]);
-  try {
-    read_obj(text).validate();
-  } catch (const std::invalid_argument&) {  // and says why
-  }
+  for (const bool with_uvs : {false, true}) try {
+      read_obj(text, with_uvs).validate();
+    } catch (const std::invalid_argument&) {  // and says why
+    }
 }
 
 }  // namespace fastibl

@@ -1,11 +1,14 @@
 #include "fastibl/scene/obj_file.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <string>
 #include <unordered_map>
+#include <utility>
 
 #include "fastibl/core/check.h"
 
@@ -61,41 +64,48 @@ class Lines {
   int number_ = 0;
 };
 
+double number_of(std::string_view word, const char* expected, int line) {
+  double value = 0;
+  if (word.starts_with('+')) word.remove_prefix(1);
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  check((error == std::errc() || error == std::errc::result_out_of_range) &&
+            end == word.data() + word.size(),
+        "line ", line, ": expected ", expected, ", got \"", word, "\"");
+  return error == std::errc() ? value : std::numeric_limits<double>::infinity();
+}
+
 glm::dvec3 three_numbers(Lines& lines) {
   glm::dvec3 p;
-  for (int k = 0; k < 3; ++k) {
-    std::string_view word = lines.word();
-    if (word.starts_with('+')) word.remove_prefix(1);
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), p[k]);
-    check((error == std::errc() || error == std::errc::result_out_of_range) &&
-              end == word.data() + word.size(),
-          "line ", lines.number(), ": expected three numbers, got \"", word, "\"");
-    if (error != std::errc()) p[k] = std::numeric_limits<double>::infinity();
-  }
+  for (int k = 0; k < 3; ++k) p[k] = number_of(lines.word(), "three numbers", lines.number());
   return p;
 }
 
-struct Corner {
-  long place, normal;  // from 0; -1: none
-};
+// One number is a u.
+glm::vec2 uv_of(Lines& lines) {
+  const double u = number_of(lines.word(), "one to three numbers", lines.number());
+  const std::string_view v = lines.word();
+  return glm::vec2(u, v.empty() ? 0.0 : number_of(v, "one to three numbers", lines.number()));
+}
 
-// "7", "7/1", "7//3" or "7/1/3"; what is negative counts back from the last one so far.
-Corner corner_of(std::string_view word, std::size_t places, std::size_t normals, int line) {
-  Corner corner{-1, -1};
+constexpr const char* kParts[] = {"vertex", "uv", "normal"};  // of a corner, as written
+using Corner = std::array<long, 3>;                           // from 0; -1: none
+
+// "7", "7/1", "7//3" or "7/1/3"; what is negative counts back from the last one so far, of which
+// there are `counts`. Uvs that are not wanted are not looked at.
+Corner corner_of(std::string_view word, const std::array<std::size_t, 3>& counts, bool with_uvs,
+                 int line) {
+  Corner corner{-1, -1, -1};
   std::string_view rest = word;
-  for (int part = 0; part < 3; ++part) {
+  for (std::size_t part = 0; part < 3; ++part) {
     const std::string_view text = rest.substr(0, rest.find('/'));
     rest.remove_prefix(std::min(text.size() + 1, rest.size()));
-    if (text.empty() && part > 0) continue;
+    if ((text.empty() && part > 0) || (part == 1 && !with_uvs)) continue;
     long index = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), index);
-    if (part == 1) continue;
-    const std::size_t count = part == 0 ? places : normals;
-    if (index < 0) index += long(count) + 1;
+    if (index < 0) index += long(counts[part]) + 1;
     check(error == std::errc() && end == text.data() + text.size() && index >= 1, "line ", line,
-          ": expected a ", part == 0 ? "vertex" : "normal", " from 1 on, or back from -1, got \"",
-          word, "\"");
-    (part == 0 ? corner.place : corner.normal) = index - 1;
+          ": expected a ", kParts[part], " from 1 on, or back from -1, got \"", word, "\"");
+    corner[part] = index - 1;
   }
   return corner;
 }
@@ -105,18 +115,27 @@ double area(glm::dvec2 a, glm::dvec2 b, glm::dvec2 c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
-// Vertices of a mesh, each place and normal once.
+struct Vertex {
+  glm::vec3 place, normal = glm::vec3(0);
+  glm::vec2 uv = glm::vec2(0);
+};
+
+// Vertices of a mesh, each place, normal and uv once.
 class Vertices {
  public:
-  int add(glm::vec3 place, glm::vec3 normal, long index) {
-    const glm::vec3 both[] = {place + 0.0f, normal + 0.0f};  // -0 is 0
+  // index: in the file
+  int add(const Vertex& v, long index) {
+    const float every[] = {v.place.x,  v.place.y,  v.place.z, v.normal.x,
+                           v.normal.y, v.normal.z, v.uv.x,    v.uv.y};
+    float key[std::size(every)];
+    for (std::size_t k = 0; k < std::size(every); ++k) key[k] = every[k] + 0.0f;  // -0 is 0
     const auto [entry, fresh] = numbers_.try_emplace(
-        std::string(reinterpret_cast<const char*>(both), sizeof(both)), int(all_.size()));
-    if (fresh) all_.push_back({place, normal, index});
+        std::string(reinterpret_cast<const char*>(key), sizeof(key)), int(all_.size()));
+    if (fresh) all_.push_back({v, index});
     return entry->second;
   }
   // In the file's order.
-  void give_to(Mesh& mesh, bool with_normals) const {
+  void give_to(Mesh& mesh, bool with_normals, bool with_uvs) const {
     std::vector<int> order(all_.size()), number(all_.size());
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
@@ -124,21 +143,52 @@ class Vertices {
     });
     for (const int i : order) {
       number[std::size_t(i)] = int(mesh.vertices.size());
-      mesh.vertices.push_back(all_[std::size_t(i)].place);
-      if (with_normals) mesh.normals.push_back(all_[std::size_t(i)].normal);
+      const Vertex& v = all_[std::size_t(i)].vertex;
+      mesh.vertices.push_back(v.place);
+      if (with_normals) mesh.normals.push_back(v.normal);
+      if (with_uvs) mesh.uvs.push_back(v.uv);
     }
     for (glm::ivec3& t : mesh.triangles)
       for (int k = 0; k < 3; ++k) t[k] = number[std::size_t(t[k])];
   }
 
  private:
-  struct Vertex {
-    glm::vec3 place, normal;
-    long index;  // in the file
+  struct Numbered {
+    Vertex vertex;
+    long index;
   };
-  std::vector<Vertex> all_;
+  std::vector<Numbered> all_;
   std::unordered_map<std::string, int> numbers_;
 };
+
+// corners: of the file's faces, one each of `vertices`. triangles: of them.
+Mesh merged(const std::vector<Vertex>& vertices, const std::vector<Corner>& corners,
+            std::vector<glm::ivec3> triangles, bool with_normals, bool with_uvs) {
+  Vertices once;
+  std::vector<int> number;
+  for (std::size_t i = 0; i < vertices.size(); ++i)
+    number.push_back(once.add(vertices[i], corners[i][0]));
+  for (glm::ivec3& t : triangles)
+    for (int k = 0; k < 3; ++k) t[k] = number[std::size_t(t[k])];
+  Mesh mesh;
+  mesh.triangles = std::move(triangles);
+  once.give_to(mesh, with_normals, with_uvs);
+  return mesh;
+}
+
+// Of the corners, as a scene works them out for a mesh of these places alone.
+std::vector<glm::vec3> smooth_normals(std::vector<Vertex> vertices,
+                                      const std::vector<Corner>& corners,
+                                      const std::vector<glm::ivec3>& triangles) {
+  for (Vertex& v : vertices) v = {v.place};
+  const Mesh mesh = with_creases(merged(vertices, corners, triangles, false, false));
+  const std::vector<glm::vec3> normals = vertex_normals(mesh);
+  std::vector<glm::vec3> found(vertices.size());
+  for (std::size_t i = 0; i < triangles.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      found[std::size_t(triangles[i][k])] = normals[std::size_t(mesh.triangles[i][k])];
+  return found;
+}
 
 }  // namespace
 
@@ -185,26 +235,26 @@ std::vector<glm::ivec3> polygon_triangles(const std::vector<glm::dvec3>& polygon
   return result;
 }
 
-Mesh read_obj(std::string_view text) {
+Mesh read_obj(std::string_view text, bool with_uvs) {
   std::vector<glm::dvec3> places, normals;
+  std::vector<glm::vec2> uvs;
   struct Face {
     int line;
     std::size_t first, count;  // of its corners
   };
   std::vector<Corner> corners;
   std::vector<Face> faces;
-  bool all_normals = true;
   Lines lines(text);
   while (lines.next()) {
     const std::string_view kind = lines.word();
     if (kind == "v") places.push_back(three_numbers(lines));
     if (kind == "vn") normals.push_back(three_numbers(lines));
+    if (kind == "vt" && with_uvs) uvs.push_back(uv_of(lines));
     if (kind != "f") continue;
     const std::size_t first = corners.size();
-    for (std::string_view word = lines.word(); !word.empty(); word = lines.word()) {
-      corners.push_back(corner_of(word, places.size(), normals.size(), lines.number()));
-      all_normals = all_normals && corners.back().normal >= 0;
-    }
+    const std::array<std::size_t, 3> counts{places.size(), uvs.size(), normals.size()};
+    for (std::string_view word = lines.word(); !word.empty(); word = lines.word())
+      corners.push_back(corner_of(word, counts, with_uvs, lines.number()));
     const std::size_t count = corners.size() - first;
     check(count >= 3, "line ", lines.number(), ": a face needs at least 3 corners, got ", count);
     check(count <= kMostCorners, "line ", lines.number(), ": a face may have ", kMostCorners,
@@ -212,37 +262,43 @@ Mesh read_obj(std::string_view text) {
     faces.push_back({lines.number(), first, count});
   }
   check(!faces.empty(), "it holds no triangles");
-  Mesh mesh;
-  Vertices vertices;
-  const auto within = [](long index, std::size_t count, const char* what, int line) {
-    check(std::size_t(index) < count, "line ", line, ": expected a ", what, " from 1 to ", count,
-          ", got \"", index + 1, "\"");
-    return std::size_t(index);
+  const auto has = [](std::size_t part) {
+    return [part](const Corner& corner) { return corner[part] >= 0; };
   };
+  with_uvs = with_uvs && std::any_of(corners.begin(), corners.end(), has(1));
+  const bool with_normals = with_uvs || std::any_of(corners.begin(), corners.end(), has(2));
+
+  std::vector<Vertex> vertices;  // of the corners
+  std::vector<glm::ivec3> triangles;
+  const std::array<std::size_t, 3> counts{places.size(), uvs.size(), normals.size()};
   std::vector<glm::dvec3> polygon;
-  std::vector<int> used;
   for (const Face& face : faces) {
-    polygon.clear(), used.clear();
+    polygon.clear();
     for (std::size_t i = face.first; i < face.first + face.count; ++i) {
-      const glm::dvec3& p = places[within(corners[i].place, places.size(), "vertex", face.line)];
-      glm::vec3 normal(0);
-      if (all_normals) {
-        const glm::dvec3& n =
-            normals[within(corners[i].normal, normals.size(), "normal", face.line)];
-        const double length = glm::length(n);
-        if (length > 0) normal = glm::vec3(n / length);
-      }
-      polygon.push_back(p);
-      used.push_back(vertices.add(glm::vec3(p), normal, corners[i].place));
+      for (std::size_t part = 0; part < 3; ++part)
+        check(corners[i][part] < long(counts[part]), "line ", face.line, ": expected a ",
+              kParts[part], " from 1 to ", counts[part], ", got \"", corners[i][part] + 1, "\"");
+      const auto at = [&](std::size_t part) { return std::size_t(corners[i][part]); };
+      polygon.push_back(places[at(0)]);
+      Vertex vertex{glm::vec3(polygon.back())};
+      if (corners[i][1] >= 0) vertex.uv = uvs[at(1)];
+      if (corners[i][2] >= 0)
+        if (const double length = glm::length(normals[at(2)]); length > 0)
+          vertex.normal = glm::vec3(normals[at(2)] / length);
+      vertices.push_back(vertex);
     }
+    const int first = int(face.first);
     if (face.count == 3)
-      mesh.triangles.emplace_back(used[0], used[1], used[2]);
+      triangles.emplace_back(first, first + 1, first + 2);
     else
-      for (const glm::ivec3& t : polygon_triangles(polygon))
-        mesh.triangles.emplace_back(used[std::size_t(t.x)], used[std::size_t(t.y)],
-                                    used[std::size_t(t.z)]);
+      for (const glm::ivec3& t : polygon_triangles(polygon)) triangles.push_back(first + t);
   }
-  vertices.give_to(mesh, all_normals);
+  if (with_normals && !std::all_of(corners.begin(), corners.end(), has(2))) {
+    const std::vector<glm::vec3> smooth = smooth_normals(vertices, corners, triangles);
+    for (std::size_t i = 0; i < corners.size(); ++i)
+      if (corners[i][2] < 0) vertices[i].normal = smooth[i];
+  }
+  Mesh mesh = merged(vertices, corners, triangles, with_normals, with_uvs);
   mesh.validate();
   return mesh;
 }
