@@ -139,11 +139,15 @@ def test_plain_materials_keep_their_colour_in_the_level_that_light_is_read_from(
 
 
 def test_what_is_shrunk_is_said(tmp_path, monkeypatch):
-    path = write(tmp_path / "a.gltf", picture_of(256, 128))
+    y, x = np.mgrid[:128, :256]
+    ramps = np.stack([x, 255 - x, y * 2], axis=-1)
+    path, alone = write(tmp_path / "a.gltf", ramps), seen(write(tmp_path / "b.gltf", ramps, materials=1))
     assert max(fastibl.read_object(path)[1].emission.shape) < 400  # 256, and little besides
     monkeypatch.setattr("fastibl.atlas._MOST_TEXELS", 200 * 200)
     with pytest.warns(UserWarning, match=r"a.gltf: textures are shrunk beside each other: 256 x 128 to \d+ x \d+"):
         material = fastibl.read_object(path)[1]
     assert np.prod(material.emission.shape[:2]) <= 200 * 200
+    with pytest.warns(UserWarning, match="shrunk"):
+        np.testing.assert_allclose(seen(path)[3:-3, 3:-3], alone[3:-3, 3:-3], atol=1e-3)
     monkeypatch.setattr("fastibl.atlas._MOST_TEXELS", 20 * 20)
     same_error(lambda: fastibl.read_object(path), ValueError, "a.gltf", "2 materials are more than fit")
