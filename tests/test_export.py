@@ -191,6 +191,77 @@ def test_export_against_brute_force(marked, tmp_path):
         fastibl.write_environment(tmp_path / "s.hdr", marked, "strip", "gltf")[0]).faces, atol=0)  # fmt: skip
 
 
+def lamp_and_room(size=128):
+    """An environment seen from 7 cm above the board, with a globe of 3 cm that hangs 0.5 m away."""
+    centre, lamp, radius = np.array([0, 0, 0.07]), np.array([0.3, -0.2, 0.45]), 0.03
+    away = np.linalg.norm(lamp - centre)
+    faces = np.full((6, size, size, 3), (0.2, 0.3, 0.4))
+    faces[fastibl.texel_directions(size) @ (lamp - centre) / away > np.sqrt(1 - (radius / away) ** 2)] = 200, 150, 100
+    return fastibl.Environment(fastibl.CubeMap(faces), centre=centre, lights=[[*lamp, radius]]), centre, lamp
+
+
+def irradiance_of_picture(path, normals):
+    """Of an equirectangular picture as three.js reads it, summed over its pixels."""
+    picture = read_picture(path).astype(np.float64)
+    height, width = picture.shape[:2]
+    v, u = (np.arange(height) + 0.5) / height * np.pi, ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
+    y, x, z = np.broadcast_arrays(np.cos(v)[:, None], np.sin(v)[:, None] * np.cos(u), np.sin(v)[:, None] * np.sin(u))
+    edges = np.cos(np.linspace(0, np.pi, height + 1))
+    light = picture * ((edges[:-1] - edges[1:]) * 2 * np.pi / width)[:, None, None]
+    return np.maximum(normals @ np.stack([x, y, z]).reshape(3, -1), 0) @ light.reshape(-1, 3)
+
+
+def test_lights_apart_and_what_is_left_are_all_of_the_light(tmp_path):
+    exr()
+    environment, centre, lamp = lamp_and_room()
+    n = units(200)
+    given = dict(size=32, levels=3, format="exr")
+    whole = fastibl.export_light(environment, tmp_path / "whole", **given)
+    apart = fastibl.export_light(environment, tmp_path / "apart", **given, lights_apart=True)
+    assert whole["lights_in_maps"] and whole["environment_without_lights"] is None
+    assert not apart["lights_in_maps"] and apart["lights"] == whole["lights"]
+    (light,) = apart["lights"]
+    np.testing.assert_allclose(light["direction"], gltf(lamp - centre) / np.linalg.norm(lamp - centre), atol=2e-3)
+    np.testing.assert_allclose(light["position"], gltf(lamp), atol=2e-3)
+    np.testing.assert_allclose(apart["centre"], gltf(centre), atol=1e-7)
+
+    lamps = np.maximum(n @ light["direction"], 0)[:, None] * light["irradiance"]
+    true = irradiance_of_picture(tmp_path / "whole" / "environment.exr", n)
+    seen = [read_picture(tmp_path / name / "environment.exr") for name in ("whole", "apart")]
+    np.testing.assert_array_equal(*seen)
+    rest = irradiance_of_picture(tmp_path / "apart" / apart["environment_without_lights"], n)
+    off = np.abs(rest + lamps - true) / true.mean()
+    twice = 100 * lamps.mean() / true.mean()
+    print(f"{100 * off.mean():.3f} % off, at most {100 * off.max():.2f} %; with the lights twice {twice:.0f} %")
+    assert off.mean() < 0.0015 and off.max() < 0.04 and lamps.mean() > 0.2 * true.mean()
+    # The other maps are those of what is left, too.
+    x, y, z = n.T
+    sh = np.stack([0.282095 + 0 * x, *(0.488603 * v for v in (y, z, x))]) * [[np.pi], *3 * [[2 * np.pi / 3]]]
+    np.testing.assert_allclose(sh.T @ np.array(apart["sh9"]["radiance"])[:4], rest, rtol=0.02)
+    even = light_of(tmp_path / "apart", apart, "irradiance")
+    np.testing.assert_allclose([opengl_lookup(even, d) for d in n], rest, rtol=0.02)
+    rough = light_of(tmp_path / "apart", apart, 2)
+    assert rough.max() < 0.5 < light_of(tmp_path / "whole", whole, 2).max()
+
+
+def test_a_map_alone_does_not_know_where_its_lights_are(tmp_path):
+    environment, *_ = lamp_and_room(64)
+    manifest = fastibl.export_light(environment.radiance, tmp_path, axes="marker", size=16, levels=2)
+    assert manifest["centre"] is None and [light["position"] for light in manifest["lights"]] == [None]
+
+
+def test_the_command_writes_lights_apart(tmp_path, capsys):
+    environment, *_ = lamp_and_room(64)
+    fastibl.write_environment(tmp_path / "room.hdr", environment)
+    command = ["export", str(tmp_path / "room.hdr"), "--out", str(tmp_path / "light"), "--size", "16", "--levels", "2"]
+    assert __main__.main(command) == 0 and "also in the maps" in capsys.readouterr().out
+    assert __main__.main([*command, "--lights-apart", "--format", "ktx2"]) == 0
+    assert "not in the maps" in capsys.readouterr().out
+    manifest = json.loads((tmp_path / "light" / "light.json").read_text())
+    rest = fastibl.read_environment(tmp_path / "light" / manifest["environment_without_lights"], axes="gltf")
+    assert rest.faces.max() < 10 and manifest["lights"]
+
+
 def test_command(marked, tmp_path, capsys):
     fastibl.write_environment(tmp_path / "room.hdr", marked)
     out = tmp_path / "light"

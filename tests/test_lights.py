@@ -88,6 +88,52 @@ def test_real_maps(real_maps):
         print(name, len(lighting.lights), "lights hold", 1 - flux(left).sum() / flux(cube).sum())
 
 
+def irradiance_of(normals, cube, lights=()):
+    """Of a map, summed over its texels, and of lights as points."""
+    directions, angles, radiance = reference.samples(cube)
+    sums = np.maximum(normals @ directions.T, 0) @ (angles[:, None] * radiance)
+    return sum((np.maximum(normals @ light.direction, 0)[:, None] * light.irradiance for light in lights), sums)
+
+
+@pytest.mark.parametrize("size", [16, 64, 100, 128, 256])
+def test_what_is_left_and_the_lights_give_what_the_map_gives(size):
+    places = [((0.3, 0.5, 0.9), (300.0, 200, 100)), ((-0.8, 0.1, 0.4), (50.0, 80, 90))]
+    faces = discs(places, np.radians(2), size=size).faces.copy()
+    faces *= np.random.default_rng(0).uniform(0.5, 1.5, faces.shape)  # no two texels of one colour
+    cube = fastibl.CubeMap(faces)
+    rest, lights = fastibl.without_lights(cube)
+    assert rest.size == (size if size >= 64 and size != 100 else 64)
+    assert lights == fastibl.Lighting(cube).lights and lights
+    both = flux(rest) + sum(np.array(light.flux) for light in lights)
+    np.testing.assert_allclose(both, flux(cube), rtol=1e-3 if size == 100 else 1e-6)
+    assert rest.faces.max() < 0.06 * faces.max(), "the lamps are still in it"
+    same = np.mean(rest.faces == faces) if rest.size == size else 1
+    assert same > 0.98, f"{same:.3f} of the map was left as it was"
+    normals = units(300)
+    off = np.abs(irradiance_of(normals, rest, lights) - irradiance_of(normals, cube))
+    off /= irradiance_of(normals, cube).mean()
+    print(f"irradiance off by {100 * off.mean():.3f} %, at most {100 * off.max():.2f} % of the mean")
+    assert off.mean() < 0.0015 and off.max() < 0.04
+
+
+def test_what_is_left_of_real_maps(real_maps):
+    normals = units(300)
+    for name, cube in real_maps.items():
+        rest, lights = fastibl.without_lights(cube)
+        true = irradiance_of(normals, cube)
+        off = np.abs(irradiance_of(normals, rest, lights) - true) / true.mean()
+        print(f"{name}: {100 * off.mean():.3f} %, at most {100 * off.max():.2f} % of the mean")
+        assert rest.size == cube.size and off.mean() < 0.0015 and off.max() < 0.04
+
+
+def test_an_even_map_has_nothing_to_take_out():
+    cube = fastibl.CubeMap(np.random.default_rng(0).uniform(0.5, 1, (6, 128, 128, 3)))
+    rest, lights = fastibl.without_lights(cube)
+    assert lights == [] and rest == cube
+    with pytest.raises(TypeError, match="CubeMap"):
+        fastibl.without_lights(cube.faces)
+
+
 def test_a_sun_in_the_sky():
     path = SHARED / "hdri-sun" / "immenstadter_horn_1k.hdr"
     if not path.exists():

@@ -58,7 +58,7 @@ from .export import export_light
 from .files import read_mesh, read_object, stand
 from .gltf_light import write_gltf_light
 from .guidance import Guidance, guide
-from .lighting import Lighting, Method, methods
+from .lighting import Lighting, Method, methods, without_lights
 from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
 from .session import Session, make_plan
@@ -135,6 +135,7 @@ __all__ = [
     "texel_directions",
     "texel_solid_angles",
     "threads",
+    "without_lights",
     "write_environment",
     "write_gltf_light",
     "write_sh",

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ._fastibl import CubeMap, Environment, _level_parameters
-from .axes import handed, matrix, radiance_of, to_axes
+from ._fastibl import CubeMap, Environment, Light, _level_parameters
+from .axes import from_axes, handed, matrix, radiance_of, to_axes
 from .environment_files import FACES, write_environment, write_faces
 from .gltf_light import write_gltf_light
 from .ktx2 import write_ktx2
-from .lighting import Lighting
+from .lighting import Lighting, without_lights
 from .sh_files import CONVENTIONS, write_sh
 from .usd import write_usd
 
@@ -47,6 +47,7 @@ def export_light(
     sh: Sequence[str] = (),
     gltf: bool = False,
     usd: bool = False,
+    lights_apart: bool = False,
 ) -> dict[str, Any]:
     """Writes what a renderer needs to be lit by a map, and light.json, which says what is in the files; returns it.
 
@@ -58,6 +59,10 @@ def export_light(
     `handedness` as in write_environment.
     sh: conventions of `write_sh` to write, as sh.txt and sh.json ("filament"), probe.txt and probe.json ("three.js").
     gltf: whether to write light.glb, see `write_gltf_light`; usd: light.usda, see `write_usd`.
+    lights_apart: the lights of light.json are also in all maps, for renderers that take no lights beside them; adding
+    them would count their light twice. True takes them out of all files but environment.<format>, the map as it is
+    seen, and writes environment_without_lights.<format>: with `without_lights` what is left and the lights are all of
+    the light. light.json says which ("lights_in_maps").
     Raises ValueError for what is none of these, ImportError for "exr" without OpenEXR.
     """
     if format not in FORMATS:
@@ -69,8 +74,12 @@ def export_light(
             raise ValueError(f"sh must be of {', '.join(CONVENTIONS)}, got {convention!r}")
     radiance = radiance_of(cube)
     alphas = _level_parameters(mapping, levels)
-    turned = to_axes(radiance, axes)
-    lighting = Lighting(turned)
+    placed = _placed(cube, radiance, axes)
+    rest, lights = without_lights(placed)
+    if lights_apart:
+        lit, lighting = from_axes(rest, axes), Lighting(rest)
+    else:
+        lit, lighting = radiance, Lighting(placed)
     made = [level for level in lighting.prefiltered(size, levels, mapping=mapping, error=error) if level is not None]
     diffuse = lighting.irradiance_cube(irradiance)
     manifest = {
@@ -81,10 +90,16 @@ def export_light(
         "handedness": handedness if format == "ktx2" else "right",
         "environment": f"environment.{format}",
         "sh9": {"basis": SH_BASIS, "radiance": np.round(lighting.sh9.astype(np.float64), 8).tolist()},
-        "lights": [_light(light) for light in getattr(lighting, "lights", ())],
+        "lights": [_light(light) for light in lights],
+        "lights_in_maps": not lights_apart,
+        "environment_without_lights": f"environment_without_lights.{format}" if lights_apart else None,
+        "centre": list(placed.centre) if isinstance(placed, Environment) else None,
     }
     with _written_whole(Path(folder)) as part:
         write_environment(part / f"environment.{format}", radiance, axes=axes, handedness=handedness)
+        if lights_apart:
+            name, height = f"environment_without_lights.{format}", None if format == "ktx2" else 2 * radiance.size
+            write_environment(part / name, lit, axes=axes, height=height, handedness=handedness)
         if format == "ktx2":
             cubes = _write_ktx2(part, diffuse, made, handedness)
         else:
@@ -98,7 +113,7 @@ def export_light(
                 for level, alpha, files in zip(made, alphas, cubes[1:], strict=True)
             ],
         }
-        manifest["also"] = _write_others(part, radiance, axes, size, error, format, sh, gltf, usd)
+        manifest["also"] = _write_others(part, lit, axes, size, error, format, sh, gltf, usd)
         (part / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
     return manifest
 
@@ -148,9 +163,20 @@ def _write_others(
     return also
 
 
-def _light(light: Any) -> dict[str, Any]:
+def _placed(cube: CubeMap | Environment, radiance: CubeMap, axes: str) -> CubeMap | Environment:
+    """The map in the named axes; with where it was seen from and where its near lights are, if that is known."""
+    turned = to_axes(radiance, axes)
+    if not isinstance(cube, Environment):
+        return turned
+    turn, lights = matrix(axes), cube.light_positions
+    placed = np.concatenate([lights[:, :3] @ turn.T, lights[:, 3:]], axis=1)
+    return Environment(turned, centre=turn @ np.array(cube.centre), lights=placed)
+
+
+def _light(light: Light) -> dict[str, Any]:
     return {
         "direction": [float(v) for v in light.direction],
         "angular_radius": float(light.angular_radius),
         "irradiance": [float(v) for v in light.irradiance],
+        "position": None if light.position is None else [float(v) for v in light.position],
     }

@@ -6,15 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ._fastibl import (
     CubeMap,
     Environment,
+    Light,
     _level_parameters,
     _Lighting,
     _method_names,
     _method_settings,
     _Methods,
     _prefilter,
+    texel_solid_angles,
 )
 from .axes import radiance_of
 from .expected import expect
@@ -226,3 +231,57 @@ class Lighting(_Lighting):
 
     def __repr__(self) -> str:
         return f"<fastibl.Lighting diffuse {self.methods['diffuse']}, glossy {self.methods['glossy']}>"
+
+
+def without_lights(cube: CubeMap | Environment) -> tuple[CubeMap, list[Light]]:
+    """The map without its dominant lights, and those: what each gives a surface adds up to what the map gives it.
+
+    The lights are those of Lighting(cube).lights; the map and the lights hold every photon once. For renderers that
+    light with lamps, for their shadows, beside a map. Where a light was, the map keeps up to about four times its mean
+    radiance. The map is of the same size where that is 64, 128, 256, ... texels along a face, else of 64. Raises
+    TypeError for what is no map.
+    """
+    radiance = radiance_of(cube)
+    lighting = Lighting(cube)
+    left = lighting._without_lights
+    pieces = radiance.size // left.size
+    if pieces < 2 or pieces * left.size != radiance.size or pieces & (pieces - 1):
+        return left, lighting.lights
+    return CubeMap(_cut(radiance.faces, left.faces)), lighting.lights
+
+
+def _cut(faces: NDArray[np.float32], left: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Faces cut to the light that is left in each texel of a coarser map: the brightest of its pieces first."""
+    n, pieces = left.shape[1], faces.shape[1] // left.shape[1]
+    blocks = _blocks(faces.astype(np.float64), pieces)  # (6, n, n, pieces^2, 3)
+    angles = _blocks(np.broadcast_to(texel_solid_angles(n * pieces), faces.shape[:3])[..., None], pieces)
+    light = (blocks * angles).sum(axis=3)
+    kept = left * angles.sum(axis=3)
+    touched = (kept < (1 - 1e-6) * light).any(axis=-1)  # beyond what sums in float32 are off
+    inside, angles = blocks[touched], angles[touched][..., 0]
+    value = inside.mean(axis=-1)
+    ceiling = _ceiling(value, angles, kept[touched].mean(axis=-1))[:, None]
+    inside *= np.minimum(1, ceiling / np.maximum(value, 1e-30))[..., None]
+    # Pieces are of several colours: each channel keeps its own light.
+    held = (inside * angles[..., None]).sum(axis=1)
+    inside *= (kept[touched] / np.maximum(held, 1e-30))[:, None]
+    blocks[touched] = inside
+    whole = blocks.reshape(6, n, n, pieces, pieces, 3).swapaxes(2, 3)
+    return whole.reshape(faces.shape).astype(np.float32)
+
+
+def _blocks(values: NDArray[Any], pieces: int) -> NDArray[Any]:
+    """(6, n, n, pieces^2, c) of (6, n pieces, n pieces, c)."""
+    n, channels = values.shape[1] // pieces, values.shape[3]
+    return values.reshape(6, n, pieces, n, pieces, channels).swapaxes(2, 3).reshape(6, n, n, pieces**2, channels)
+
+
+def _ceiling(values: NDArray[np.float64], weights: NDArray[np.float64], sums: NDArray[np.float64]) -> NDArray[Any]:
+    """Per row of values (m, k): the c at which the weighted sum of min(value, c) is the row's sum."""
+    order = np.argsort(values, axis=1)
+    v, w = np.take_along_axis(values, order, 1), np.take_along_axis(weights, order, 1)
+    below = np.cumsum(v * w, axis=1) - v * w
+    above = np.cumsum(w[:, ::-1], axis=1)[:, ::-1]
+    reached = (below + v * above >= sums[:, None]).argmax(axis=1)  # the first value that is cut
+    row = np.arange(len(v))
+    return (sums - below[row, reached]) / above[row, reached]

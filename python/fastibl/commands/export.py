@@ -49,6 +49,10 @@ def add(commands: argparse._SubParsersAction) -> None:
     files.add_argument(
         "--sh", nargs="+", choices=CONVENTIONS, default=(), help="also nine spherical harmonics as these take them"
     )
+    files.add_argument(
+        "--lights-apart", action="store_true",
+        help="take the lights of light.json out of all maps but environment, for renderers that add them as lamps",
+    )  # fmt: skip
     files.add_argument("--gltf", action="store_true", help="also light.glb, a glTF scene with EXT_lights_image_based")
     files.add_argument("--usd", action="store_true", help="also light.usda, an OpenUSD dome light")
 
@@ -77,11 +81,13 @@ def run(arguments: argparse.Namespace) -> int:
         sh=arguments.sh,
         gltf=arguments.gltf,
         usd=arguments.usd,
+        lights_apart=arguments.lights_apart,
     )
     levels = manifest["prefiltered"]["levels"]
     print(
         f"wrote {arguments.out / 'light.json'}: 9 spherical harmonics, irradiance at {arguments.irradiance}^2, "
-        f"{len(levels)} GGX levels from {levels[0]['size']}^2, {len(manifest['lights'])} lights"
+        f"{len(levels)} GGX levels from {levels[0]['size']}^2, {len(manifest['lights'])} lights "
+        + ("(also in the maps)" if manifest["lights_in_maps"] else "(not in the maps)")
         + "".join(f", {name}" for name in manifest["also"])
     )
     return 0
