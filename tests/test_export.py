@@ -244,6 +244,16 @@ def test_lights_apart_and_what_is_left_are_all_of_the_light(tmp_path):
     assert rough.max() < 0.5 < light_of(tmp_path / "whole", whole, 2).max()
 
 
+@pytest.mark.parametrize("radiance", [1e-9, 1e-4, 1.0, 1e6])
+def test_harmonics_of_dim_and_bright_maps(tmp_path, radiance):
+    manifest = fastibl.export_light(
+        fastibl.CubeMap(np.full((6, 16, 16, 3), radiance)), tmp_path, size=16, levels=2, sh=["three.js"]
+    )
+    np.testing.assert_allclose(manifest["sh9"]["radiance"][0], 2 * np.sqrt(np.pi) * radiance, rtol=1e-5)
+    probe = json.loads((tmp_path / "probe.json").read_text())["object"]["sh"]
+    assert np.ravel(manifest["sh9"]["radiance"]).tolist() == probe
+
+
 def test_a_map_alone_does_not_know_where_its_lights_are(tmp_path):
     environment, *_ = lamp_and_room(64)
     manifest = fastibl.export_light(environment.radiance, tmp_path, axes="marker", size=16, levels=2)

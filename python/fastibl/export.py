@@ -18,7 +18,7 @@ from .environment_files import FACES, write_environment, write_faces
 from .gltf_light import write_gltf_light
 from .ktx2 import write_ktx2
 from .lighting import Lighting, without_lights
-from .sh_files import CONVENTIONS, write_sh
+from .sh_files import CONVENTIONS, rounded, write_sh
 from .usd import write_usd
 
 FORMATS = ("hdr", "exr", "ktx2")
@@ -89,7 +89,7 @@ def export_light(
         "layout": layout if format != "ktx2" else "ktx2",
         "handedness": handedness if format == "ktx2" else "right",
         "environment": f"environment.{format}",
-        "sh9": {"basis": SH_BASIS, "radiance": np.round(lighting.sh9.astype(np.float64), 8).tolist()},
+        "sh9": {"basis": SH_BASIS, "radiance": rounded(lighting.sh9)},
         "lights": [_light(light) for light in lights],
         "lights_in_maps": not lights_apart,
         "environment_without_lights": f"environment_without_lights.{format}" if lights_apart else None,

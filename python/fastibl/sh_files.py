@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,14 +70,15 @@ def _text(rows: NDArray[np.float64], convention: str) -> str:
 
 
 def _named(rows: NDArray[np.float64], convention: str, axes: str) -> dict[str, object]:
-    return {"convention": convention, "axes": axes, "order": NAMES, "sh": _rounded(rows)}
+    return {"convention": convention, "axes": axes, "order": NAMES, "sh": rounded(rows)}
 
 
 def _light_probe(rows: NDArray[np.float64]) -> dict[str, object]:
     # three.js' JSON Object format 4, as LightProbe.toJSON writes and ObjectLoader parses it.
-    light = {"type": "LightProbe", "name": "fastibl", "color": 0xFFFFFF, "intensity": 1, "sh": sum(_rounded(rows), [])}
+    light = {"type": "LightProbe", "name": "fastibl", "color": 0xFFFFFF, "intensity": 1, "sh": sum(rounded(rows), [])}
     return {"metadata": {"version": 4.6, "type": "Object", "generator": "fastibl"}, "object": light}
 
 
-def _rounded(rows: NDArray[np.float64]) -> list[list[float]]:
+def rounded(rows: NDArray[Any]) -> list[list[float]]:
+    """Rows to nine significant digits, which float32 has at most: dim maps keep theirs."""
     return [[float(f"{v:.9g}") for v in row] for row in rows]
