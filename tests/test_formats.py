@@ -531,13 +531,7 @@ def test_gltf_light(marked, tmp_path):
     light = content["extensions"]["EXT_lights_image_based"]["lights"][0]
     assert content["scenes"][0]["extensions"]["EXT_lights_image_based"]["light"] == 0
     assert light["specularImageSize"] == 32 and len(light["specularImages"]) == 2
-    faces = []
-    for index in light["specularImages"][0]:
-        view = content["bufferViews"][content["images"][index]["bufferView"]]
-        png = body[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
-        bgra = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED) / 255
-        faces.append(bgra[..., 2::-1] ** 2.2 / bgra[..., 3:])
-    faces = np.array(faces)[:, ::-1]  # the reader puts each face upright
+    faces = decoded(content, body, light, 0)[:, ::-1]  # the reader puts each face upright
     for d in away_from_edges():
         x, y, z = gltf(d)
         np.testing.assert_allclose(opengl_lookup(faces, (-x, y, z)), opengl_lookup(marked.faces, d), rtol=0.02)
@@ -559,6 +553,56 @@ def test_gltf_light(marked, tmp_path):
     )
     same_error(lambda: fastibl.write_gltf_light(tmp_path / "a.glb", marked, size=48), ValueError, "48", "power of two")
     same_error(lambda: fastibl.write_gltf_light(tmp_path / "a.obj", marked), ValueError, "a.obj", ".glb")
+
+
+def decoded(content, body, light, level):
+    """Faces of a level of an image-based light as Babylon.js decodes them."""
+    faces = []
+    for index in light["specularImages"][level]:
+        view = content["bufferViews"][content["images"][index]["bufferView"]]
+        png = body[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+        bgra = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED) / 255
+        faces.append(bgra[..., 2::-1] ** 2.2 / bgra[..., 3:])
+    return np.array(faces)
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e-5, 1e-3, 0.1, 1, 5, 100, 1000, 1e7])
+def test_gltf_light_of_any_unit(tmp_path, scale):
+    """Images and harmonics times the intensity are the map's light, whatever its unit."""
+    faces = np.random.default_rng(0).uniform(0.2, 1, (6, 32, 32, 3))
+    faces[2] *= 4
+    cube = fastibl.CubeMap(faces * scale)
+    fastibl.write_gltf_light(tmp_path / "light.glb", cube, size=64)
+    content, body = glb(tmp_path / "light.glb")
+    light = content["extensions"]["EXT_lights_image_based"]["lights"][0]
+    assert (light["intensity"] == 1) == (0.1 <= scale <= 5)  # as Babylon.js reads them best
+    levels = fastibl.Lighting(to_axes(cube, "gltf")).prefiltered(64, 3)
+    for k, level in enumerate(levels):
+        off = light["intensity"] * decoded(content, body, light, k).mean() / level.faces.mean(dtype=np.float64) - 1
+        print(f"level {k}: {100 * off:.2f} % off")
+        assert abs(off) < 0.005
+    constant = np.array(light["irradianceCoefficients"])[0] * light["intensity"]
+    np.testing.assert_allclose(constant, np.array(cube.mean()) * 2 * np.pi**1.5, rtol=1e-4)
+
+
+def test_a_sun_is_cut_in_the_sharpest_level_of_a_gltf_light_alone(tmp_path):
+    faces = np.full((6, 64, 64, 3), 0.1)
+    faces[2, 30:34, 30:34] = 20000
+    cube = fastibl.CubeMap(faces)
+    fastibl.write_gltf_light(tmp_path / "light.glb", cube, size=128)
+    content, body = glb(tmp_path / "light.glb")
+    light = content["extensions"]["EXT_lights_image_based"]["lights"][0]
+    levels = fastibl.Lighting(to_axes(cube, "gltf")).prefiltered(128, 4)
+    assert levels[1].faces.max() > 255 and light["intensity"] > 1
+    for k in (1, 2, 3):
+        found = light["intensity"] * decoded(content, body, light, k)
+        assert found.max() == pytest.approx(levels[k].faces.max(), rel=0.01)
+        assert found.mean() == pytest.approx(levels[k].faces.mean(), rel=0.005)
+    black = fastibl.CubeMap(np.zeros((6, 4, 4, 3)))
+    fastibl.write_gltf_light(tmp_path / "black.glb", black, size=32)
+    content, body = glb(tmp_path / "black.glb")
+    light = content["extensions"]["EXT_lights_image_based"]["lights"][0]
+    assert light["intensity"] == 1 and decoded(content, body, light, 0).max() == 0
 
 
 def test_rgbd_keeps_the_range():

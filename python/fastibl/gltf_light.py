@@ -2,7 +2,8 @@
 
 https://github.com/KhronosGroup/glTF/tree/main/extensions/2.0/Vendor/EXT_lights_image_based. Its text leaves open how
 RGBD is encoded, how faces are flipped, the sign of the harmonics and the handedness of the cube; here they are as
-Babylon.js reads them, which Microsoft and Adobe wrote the extension with.
+Babylon.js reads them, which Microsoft and Adobe wrote the extension with. The light's intensity is, by the text, a
+"brightness multiplier for environment": both images and harmonics are of the map divided by it.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ from numpy.typing import NDArray
 from ._fastibl import CubeMap, Environment, __version__
 from .axes import handed, radiance_of, to_axes
 from .lighting import Lighting
-from .sh_files import COSINE
+from .sh_files import COSINE, rounded
 from .whole_file import write_whole
 
 NAME = "EXT_lights_image_based"
 _RANGE = 255.0  # of RGBD: one over the smallest alpha
 _GAMMA = 2.2
+_USUAL = (1 / 32, 8)  # mean radiance of maps that are written as they are
 _SMALLEST = 16  # face edge of the roughest level, as the extension proposes
 # The harmonics have the Condon-Shortley phase, which Babylon.js evaluates.
 _PHASE = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])
@@ -37,8 +39,10 @@ def write_gltf_light(
     """Writes a map as the light of a glTF scene without objects: EXT_lights_image_based, in a .glb or .gltf.
 
     size: face edge of the sharpest level, a power of two of 32 or more; levels follow down to 16 texels, for roughness
-    0 to 1 in even steps, as PNG in RGBD: 8 bits a channel, radiance up to 255; what is brighter is cut there, in the
-    levels but not in the harmonics. error: of the levels, see Lighting.prefiltered. The map is in glTF's axes (y up).
+    0 to 1 in even steps, as PNG in RGBD: 8 bits a channel, up to 255 times the light's intensity; what is brighter is
+    cut there in the sharpest level, not in the others and the harmonics. The intensity is 1 for maps of a mean radiance
+    of 1/32 to 8, else a power of two near that mean; more where a rough level needs it. error: of the levels, see
+    Lighting.prefiltered. The map is in glTF's axes (y up).
     Raises ValueError for another size or ending.
     """
     path = Path(path)
@@ -51,8 +55,17 @@ def write_gltf_light(
     # Cube coordinates of the extension's readers are left-handed, for the harmonics as for the faces.
     mirrored = [handed(level, "left").faces for level in levels if level is not None]
     harmonics = Lighting(handed(turned, "left")).sh9.astype(np.float64) * (COSINE * _PHASE)[:, None]
-    pictures = [[_png(rgbd(face[::-1])) for face in faces] for faces in mirrored]  # "flipped", as they are put upright
-    _write(path, _light(size, harmonics, len(pictures)), sum(pictures, []))
+    intensity = _intensity(float(np.mean(turned.mean())), max(float(faces.max()) for faces in mirrored[1:]))
+    # "Flipped", as readers put them upright.
+    pictures = [[_png(rgbd(face[::-1] / np.float32(intensity))) for face in faces] for faces in mirrored]
+    _write(path, _light(size, harmonics / intensity, len(pictures), intensity), sum(pictures, []))
+
+
+def _intensity(mean: float, brightest: float) -> float:
+    """What images are divided by, a power of two; of the map's mean radiance and the brightest of all rough levels."""
+    if _USUAL[0] <= mean <= _USUAL[1] and brightest <= _RANGE or mean == 0:
+        return 1.0
+    return float(2.0 ** np.ceil(np.log2(max(mean, brightest / _RANGE))))
 
 
 def rgbd(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -69,12 +82,12 @@ def _png(rgba: NDArray[np.uint8]) -> bytes:
     return cv2.imencode(".png", np.ascontiguousarray(rgba[..., [2, 1, 0, 3]]))[1].tobytes()
 
 
-def _light(size: int, harmonics: NDArray[np.float64], levels: int) -> dict[str, Any]:
+def _light(size: int, harmonics: NDArray[np.float64], levels: int, intensity: float) -> dict[str, Any]:
     return {
         "name": "fastibl",
-        "intensity": 1,  # Babylon.js applies another one twice to the harmonics
+        "intensity": intensity,
         "rotation": [0, 0, 0, 1],
-        "irradianceCoefficients": [[float(f"{v:.9g}") for v in row] for row in harmonics],
+        "irradianceCoefficients": rounded(harmonics),
         "specularImageSize": size,
         "specularImages": [[6 * k + face for face in range(6)] for k in range(levels)],
     }
