@@ -76,6 +76,65 @@ def test_faces_lie_where_opengl_looks(marked, tmp_path, ending, layout, axes):
         np.testing.assert_array_equal(back.faces, marked.faces)
 
 
+@pytest.mark.parametrize("layout", ["faces", "strip", "cross"])
+@pytest.mark.parametrize("handedness", [None, "left", "right"])
+def test_faces_of_either_handedness(marked, tmp_path, layout, handedness):
+    """Left-handed ones are looked up at (-x, y, z), as three.js does with what its CubeTextureLoaders read."""
+    path = tmp_path / "m.hdr"
+    names = fastibl.write_environment(path, marked, layout, "gltf", handedness=handedness)
+    faces = faces_in_file(path, layout, 32)
+    for d in units(200):
+        x, y, z = gltf(d)
+        at = (-x, y, z) if handedness == "left" else (x, y, z)
+        if np.sort(np.abs(d))[-2] < 0.97 * np.abs(d).max():
+            expected = opengl_lookup(marked.faces, d)
+            np.testing.assert_allclose(opengl_lookup(faces, at), expected, atol=expected.max() / 255)
+    back = fastibl.read_environment(names[0], axes="gltf", handedness=handedness)
+    np.testing.assert_allclose(back.faces, marked.faces, atol=6 / 255)
+
+
+def test_an_equirectangular_picture_has_no_handedness(marked, tmp_path):
+    path = tmp_path / "room.hdr"
+    write, read = fastibl.write_environment, fastibl.read_environment
+    same_error(lambda: write(path, marked, handedness="left"), ValueError, "handedness", "room.hdr", "equirectangular")
+    assert not path.exists()
+    write(path, marked)
+    same_error(lambda: read(path, handedness="right"), ValueError, "handedness", "room.hdr", "equirectangular")
+    same_error(lambda: write(path, marked, "strip", handedness="up"), ValueError, "up", "left")
+    same_error(lambda: write(path, marked, "strip", handedness=""), ValueError, "''", "left")
+
+
+def test_faces_are_read_by_the_names_that_three_js_gives_them(marked, tmp_path):
+    for made in fastibl.write_environment(tmp_path / "m.hdr", marked, "faces", "gltf", handedness="left"):
+        made.rename(made.with_stem(made.stem[2:]))
+    back = fastibl.read_environment(tmp_path / "px.hdr", axes="gltf", handedness="left")
+    np.testing.assert_allclose(back.faces, marked.faces, atol=6 / 255)
+    (tmp_path / "pz.hdr").rename(tmp_path / "posz.hdr")
+    same_error(lambda: fastibl.read_environment(tmp_path / "px.hdr"), FileNotFoundError, "pz.hdr")
+    same_error(lambda: fastibl.read_environment(tmp_path / "posz.hdr"), ValueError, "posz.hdr", "_px", "px, nx")
+
+
+@pytest.mark.parametrize("format", ["hdr", "ktx2"])
+def test_exported_cubes_are_of_the_handedness_that_was_asked_for(marked, tmp_path, format):
+    if format == "hdr":
+        read = read_picture
+    else:
+        from fastibl.ktx2 import read_ktx2
+
+        read = lambda path: read_ktx2(path)[0]  # noqa: E731
+    faces = {}
+    for handedness in (None, "left", "right"):
+        manifest = fastibl.export_light(marked, tmp_path, size=16, levels=2, format=format, handedness=handedness)
+        name = manifest["irradiance"]["files"][0]
+        faces[handedness] = read(tmp_path / name).reshape(6, 16, 16, 3)
+        assert manifest["handedness"] == (handedness or {"hdr": "right", "ktx2": "left"}[format])
+    usual, other = ("right", "left") if format == "hdr" else ("left", "right")
+    np.testing.assert_array_equal(faces[None], faces[usual])
+    # x is mirrored: faces +x and -x change places, and each is seen from the other side.
+    np.testing.assert_allclose(faces[other], faces[usual][[1, 0, 2, 3, 4, 5], :, ::-1], rtol=0.01)
+    same_error(lambda: fastibl.export_light(marked, tmp_path, handedness="up"), ValueError, "up", "left")
+
+
 @pytest.mark.parametrize("axes", ["marker", "gltf"])
 def test_equirect_orientation(marked, tmp_path, ending, axes):
     path = tmp_path / f"m.{ending}"

@@ -26,19 +26,20 @@ def read_environment(
     axes: str = "marker",
     *,
     response: Response | None = None,
-    handedness: str = "left",
+    handedness: str | None = None,
 ) -> CubeMap:
     """Environment map of a picture (.hdr, .exr, with a response .png, .jpg) or of a cube map (.ktx2, .dds).
 
     path: a picture may be equirectangular, twice as wide as high, or a cube map laid out as by `write_environment`: a
-    strip, a cross, or the first of six faces (..._px.hdr).
+    strip, a cross, or the first of six faces (..._px.hdr, or px.hdr, as three.js' examples name them).
     axes: in which it was made, "marker" (z up, image centre along +y) or "gltf" (y up, image centre along +x).
     size: face edge in texels for an equirectangular picture; faces keep theirs.
     response: of the camera, or other encoding, of .png and .jpg, as Response.srgb(); its white becomes radiance 1, and
     what was brighter is lost.
-    handedness: of .ktx2 and .dds, see `write_environment`.
+    handedness: of cube maps, see `write_environment`; by default "left" of .ktx2 and .dds, "right" of pictures.
     Raises FileNotFoundError; ValueError for a file that is no such map, damaged, or larger than fastibl.file_limits
-    allows; ImportError for .exr without OpenEXR, and for a .ktx2 packed by Zstandard without zstandard.
+    allows, and for a handedness of an equirectangular picture; ImportError for .exr without OpenEXR, and for a .ktx2
+    packed by Zstandard without zstandard.
     """
     path = Path(path)
     expect(response, (Response, type(None)), "response", "Response.srgb() is that of most pictures")
@@ -47,10 +48,11 @@ def read_environment(
         if response is not None:
             raise ValueError(f"{path} holds linear radiance; a response goes with .png and .jpg")
         faces = _CUBE_READERS[path.suffix.lower()](path)[0]
-        return from_axes(handed(CubeMap(faces), handedness), axes)
+        return from_axes(handed(CubeMap(faces), "left" if handedness is None else handedness), axes)
     image = read_picture(path, response)
     height, width = image.shape[:2]
     if width == 2 * height:
+        _check_no_handedness(handedness, path)
         return turned(cubemap_from_equirect(image, size=size), turn.T)
     if height == 6 * width:
         faces = image.reshape(6, width, width, 3)
@@ -58,14 +60,19 @@ def read_environment(
         n = height // 3
         _check_cross(path, image, n)
         faces = np.stack([image[r * n : (r + 1) * n, c * n : (c + 1) * n] for r, c in _CROSS])
-    elif width == height and path.stem.endswith("_px"):
+    elif width == height and (path.stem == FACES[0] or path.stem.endswith(f"_{FACES[0]}")):
         faces = _read_faces(path, image, response)
     else:
         raise ValueError(
             f"{path} is {width} x {height}; an equirectangular picture is twice as wide as high, a strip of cube faces "
-            "1 x 6, a cross 4 x 3"
+            "1 x 6, a cross 4 x 3; of six square faces give the first, of _px, _nx, _py, _ny, _pz, _nz, or px, nx, ..."
         )
-    return from_axes(CubeMap(faces), axes)
+    return from_axes(handed(CubeMap(faces), "right" if handedness is None else handedness), axes)
+
+
+def _check_no_handedness(handedness: str | None, path: Path) -> None:
+    if handedness is not None:
+        raise ValueError(f"handedness goes with cube maps: {path.name} is an equirectangular picture, which has none")
 
 
 def _check_cross(path: Path, image: NDArray[np.float32], n: int) -> None:
@@ -87,7 +94,7 @@ def write_environment(
     axes: str = "marker",
     height: int | None = None,
     *,
-    handedness: str = "left",
+    handedness: str | None = None,
 ) -> list[Path]:
     """Writes an environment map; returns the files. The ending says how.
 
@@ -101,11 +108,11 @@ def write_environment(
     +x -x +y -y +z -z with OpenGL's orientation (row 0 of the side faces is y = +1, of +y z = -1, of -y z = +1):
     "faces", six files ..._px, _nx, _py, _ny, _pz, _nz; "strip", one below the other; "cross", -x +z +x -z in the middle
     row, +y above and -y below +z, the rest black.
-    handedness: of .ktx2. "left", as the format says and as three.js and Babylon.js look it up: a direction (x, y, z) of
-    the axes is the cube coordinate (-x, y, z), and faces look as seen from inside. "right": it is (x, y, z), as in the
-    layouts above.
-    Raises TypeError for what is no map, ValueError for another layout, axes, handedness or ending, ImportError for .exr
-    without OpenEXR.
+    handedness: of cube maps. "left", the default of .ktx2, as that format says and as three.js and Babylon.js look up
+    cube textures: a direction (x, y, z) of the axes is the cube coordinate (-x, y, z), and faces look as seen from
+    inside. "right", the default of pictures: it is (x, y, z), as said above.
+    Raises TypeError for what is no map, ValueError for another layout, axes, handedness or ending, and for a handedness
+    of an equirectangular picture, ImportError for .exr without OpenEXR.
     """
     path = Path(path)
     radiance = radiance_of(cube)
@@ -116,12 +123,15 @@ def write_environment(
     if path.suffix.lower() == ".ktx2":
         if height is not None or layout != "equirect":
             raise ValueError(f"layout and height go with pictures, not {path.name}: .ktx2 is a cube map as it is")
-        ktx2.write_ktx2(path, [handed(to_axes(radiance, axes), handedness).faces])
+        ktx2.write_ktx2(path, [handed(to_axes(radiance, axes), "left" if handedness is None else handedness).faces])
         return [path]
     if layout == "equirect":
+        _check_no_handedness(handedness, path)
         write_equirect(path, turned(radiance, matrix(axes, picture=True)), height)
         return [path]
-    return _write_faces(path, to_axes(radiance, axes).faces, layout)
+    return _write_faces(
+        path, handed(to_axes(radiance, axes), "right" if handedness is None else handedness).faces, layout
+    )
 
 
 def write_equirect(path: Path, cube: CubeMap, height: int | None) -> None:
@@ -156,7 +166,7 @@ def _write_faces(path: Path, faces: NDArray[np.float32], layout: str) -> list[Pa
 def _read_faces(path: Path, first: NDArray[np.float32], response: Response | None) -> NDArray[np.float32]:
     faces = [first]
     for name in FACES[1:]:
-        other = _face_path(path.with_stem(path.stem[:-3]), name)
+        other = path.with_stem(path.stem[: -len(name)] + name)
         faces.append(read_picture(other, response))
         if faces[-1].shape != first.shape:
             (height, width), n = faces[-1].shape[:2], len(first)

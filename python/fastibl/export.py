@@ -7,13 +7,14 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ._fastibl import CubeMap, Environment, Light, _level_parameters
-from .axes import from_axes, handed, matrix, radiance_of, to_axes
+from .axes import HANDEDNESS, from_axes, handed, matrix, radiance_of, to_axes
 from .environment_files import FACES, write_environment, write_faces
 from .gltf_light import write_gltf_light
 from .ktx2 import write_ktx2
@@ -43,7 +44,7 @@ def export_light(
     format: str = "hdr",
     layout: str = "strip",
     error: float = 0.002,
-    handedness: str = "left",
+    handedness: str | None = None,
     sh: Sequence[str] = (),
     gltf: bool = False,
     usd: bool = False,
@@ -55,8 +56,8 @@ def export_light(
     mapping, error: of the GGX set, see Lighting.prefiltered. irradiance: face edge of the irradiance cube, which holds
     E(n) (pi for radiance 1).
     format: "hdr" or "exr": the map as an equirectangular picture environment.<format>, cubes laid out as `layout` says,
-    see write_environment. "ktx2": environment.ktx2, irradiance.ktx2, and all levels in one prefiltered.ktx2, with
-    `handedness` as in write_environment.
+    see write_environment. "ktx2": environment.ktx2, irradiance.ktx2, and all levels in one prefiltered.ktx2.
+    handedness: of all cubes, as in write_environment.
     sh: conventions of `write_sh` to write, as sh.txt and sh.json ("filament"), probe.txt and probe.json ("three.js").
     gltf: whether to write light.glb, see `write_gltf_light`; usd: light.usda, see `write_usd`.
     lights_apart: the lights of light.json are also in all maps, for renderers that take no lights beside them; adding
@@ -72,6 +73,10 @@ def export_light(
     for convention in (sh := (sh,) if isinstance(sh, str) else tuple(sh)):
         if convention not in CONVENTIONS:
             raise ValueError(f"sh must be of {', '.join(CONVENTIONS)}, got {convention!r}")
+    if handedness is None:
+        handedness = "left" if format == "ktx2" else "right"
+    if handedness not in HANDEDNESS:
+        raise ValueError(f"handedness must be one of {', '.join(HANDEDNESS)}, got {handedness!r}")
     radiance = radiance_of(cube)
     alphas = _level_parameters(mapping, levels)
     placed = _placed(cube, radiance, axes)
@@ -87,7 +92,7 @@ def export_light(
         "axes_from_marker": matrix(axes).tolist(),
         "faces": list(FACES),
         "layout": layout if format != "ktx2" else "ktx2",
-        "handedness": handedness if format == "ktx2" else "right",
+        "handedness": handedness,
         "environment": f"environment.{format}",
         "sh9": {"basis": SH_BASIS, "radiance": rounded(lighting.sh9)},
         "lights": [_light(light) for light in lights],
@@ -95,15 +100,14 @@ def export_light(
         "environment_without_lights": f"environment_without_lights.{format}" if lights_apart else None,
         "centre": list(placed.centre) if isinstance(placed, Environment) else None,
     }
+    written: dict[str, Any] = {"handedness": handedness} if format == "ktx2" else {"height": 2 * radiance.size}
+    diffuse, *made = (handed(level, handedness) for level in (diffuse, *made))
     with _written_whole(Path(folder)) as part:
-        write_environment(part / f"environment.{format}", radiance, axes=axes, handedness=handedness)
+        write_environment(part / f"environment.{format}", radiance, axes=axes, **written)
         if lights_apart:
-            name, height = f"environment_without_lights.{format}", None if format == "ktx2" else 2 * radiance.size
-            write_environment(part / name, lit, axes=axes, height=height, handedness=handedness)
-        if format == "ktx2":
-            cubes = _write_ktx2(part, diffuse, made, handedness)
-        else:
-            cubes = _write_pictures(part, diffuse, made, format, layout)
+            write_environment(part / f"environment_without_lights.{format}", lit, axes=axes, **written)
+        write_cubes = _write_ktx2 if format == "ktx2" else partial(_write_pictures, format=format, layout=layout)
+        cubes = write_cubes(part, diffuse, made)
         manifest["irradiance"] = {"size": irradiance, "files": cubes[0]}
         manifest["prefiltered"] = {
             "model": "D(theta/2) cos(theta) of GGX, normalised, view along the normal",
@@ -138,9 +142,9 @@ def _write_pictures(folder: Path, diffuse: CubeMap, made: list[CubeMap], format:
     ]
 
 
-def _write_ktx2(folder: Path, diffuse: CubeMap, made: list[CubeMap], handedness: str) -> list[list[str]]:
-    write_ktx2(folder / "irradiance.ktx2", [handed(diffuse, handedness).faces])
-    write_ktx2(folder / "prefiltered.ktx2", [handed(level, handedness).faces for level in made])
+def _write_ktx2(folder: Path, diffuse: CubeMap, made: list[CubeMap]) -> list[list[str]]:
+    write_ktx2(folder / "irradiance.ktx2", [diffuse.faces])
+    write_ktx2(folder / "prefiltered.ktx2", [level.faces for level in made])
     return [["irradiance.ktx2"]] + [["prefiltered.ktx2"]] * len(made)
 
 

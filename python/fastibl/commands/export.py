@@ -43,8 +43,9 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     files.add_argument("--layout", choices=LAYOUTS[1:], default="strip", help="of cubes in pictures (default: strip)")
     files.add_argument(
-        "--handedness", choices=HANDEDNESS, default="left",
-        help="of KTX 2 cubes: left, as three.js and Babylon.js look them up, or right, by (x, y, z) (default: left)",
+        "--handedness", choices=HANDEDNESS,
+        help="of cubes: left, as three.js and Babylon.js look them up, or right, by (x, y, z) "
+        "(default: left of KTX 2, right of pictures)",
     )  # fmt: skip
     files.add_argument(
         "--sh", nargs="+", choices=CONVENTIONS, default=(), help="also nine spherical harmonics as these take them"
