@@ -303,6 +303,61 @@ def test_lights_apart_and_what_is_left_are_all_of_the_light(tmp_path):
     assert rough.max() < 0.5 < light_of(tmp_path / "whole", whole, 2).max()
 
 
+@pytest.mark.parametrize("axes", ["marker", "gltf"])
+@pytest.mark.parametrize("map_axes", ["marker", "gltf"])
+def test_the_command_keeps_the_picture(tmp_path, axes, map_axes):
+    """Turned by whole pixels: its sun stays as small and bright as it was."""
+    picture = np.random.default_rng(0).uniform(0.2, 1, (128, 256, 3)).astype(np.float32)
+    picture[30, 200] = 5000
+    write_picture(tmp_path / "room.hdr", picture)
+    out = tmp_path / "light"
+    command = ["export", str(tmp_path / "room.hdr"), "--out", str(out), "--size", "16", "--levels", "2"]
+    assert __main__.main([*command, "--axes", axes, "--map-axes", map_axes]) == 0
+    made = read_picture(out / "environment.hdr")
+    assert np.sort(made, axis=None).tolist() == np.sort(read_picture(tmp_path / "room.hdr"), axis=None).tolist()
+    cube = fastibl.read_environment(tmp_path / "room.hdr", size=64, axes=map_axes)
+    back = fastibl.read_environment(out / "environment.hdr", size=64, axes=axes)
+    np.testing.assert_allclose(back.faces, cube.faces, rtol=1e-3, atol=1e-3 * cube.faces.max())
+
+
+def test_the_command_keeps_the_resolution_where_pixels_cannot(tmp_path):
+    """A quarter of this width is no whole number of pixels; KTX 2 holds a cube of as many texels around."""
+    write_picture(tmp_path / "room.hdr", np.ones((301, 602, 3), np.float32))
+    out = tmp_path / "light"
+    command = ["export", str(tmp_path / "room.hdr"), "--out", str(out), "--size", "16", "--levels", "2"]
+    assert __main__.main(command) == 0
+    assert read_picture(out / "environment.hdr").shape == (512, 1024, 3)
+    assert __main__.main([*command, "--format", "ktx2"]) == 0
+    assert fastibl.read_environment(out / "environment.ktx2").size == 256
+
+
+def test_a_given_picture_is_written(tmp_path):
+    cube = fastibl.CubeMap(np.ones((6, 16, 16, 3)))
+    picture = np.full((8, 16, 3), 2.0)
+    picture[0, :3, 0] = np.nan, -1, np.inf
+    fastibl.export_light(cube, tmp_path, size=16, levels=2, picture=picture)
+    made = read_picture(tmp_path / "environment.hdr")
+    assert made.shape == (8, 16, 3) and (made[1:] == 2).all()
+    np.testing.assert_allclose(made[0, :3, 0], [0, 0, 1e9], rtol=0.01)
+    for wrong, format in ((picture[:7], "hdr"), (picture[..., 0], "hdr"), (picture, "ktx2")):
+        same_error(
+            lambda p=wrong, f=format: fastibl.export_light(cube, tmp_path, format=f, picture=p),
+            ValueError,
+            "(h, 2 h, 3)",
+        )
+
+
+@pytest.mark.parametrize("axes", ["marker", "gltf"])
+def test_light_json_says_the_axes_of_each_file(marked, tmp_path, axes):
+    manifest = fastibl.export_light(
+        marked, tmp_path, axes=axes, size=32, levels=2, sh=["filament"], gltf=True, usd=True
+    )
+    said = manifest["axes_of_files"]
+    assert set(said) == {p.name for p in tmp_path.iterdir()} - {"light.json"}
+    assert said.pop("light.glb") == "gltf" and said.pop("light_dome.hdr") == "dome of light.usda"
+    assert set(said.values()) == {axes}
+
+
 @pytest.mark.parametrize("radiance", [1e-9, 1e-4, 1.0, 1e6])
 def test_harmonics_of_dim_and_bright_maps(tmp_path, radiance):
     manifest = fastibl.export_light(

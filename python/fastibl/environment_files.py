@@ -43,7 +43,7 @@ def read_environment(
     """
     path = Path(path)
     expect(response, (Response, type(None)), "response", "Response.srgb() is that of most pictures")
-    turn = matrix(axes, picture=True)
+    matrix(axes)  # which knows their names
     if path.suffix.lower() in _CUBE_READERS:
         if response is not None:
             raise ValueError(f"{path} holds linear radiance; a response goes with .png and .jpg")
@@ -53,7 +53,7 @@ def read_environment(
     height, width = image.shape[:2]
     if width == 2 * height:
         _check_no_handedness(handedness, path)
-        return turned(cubemap_from_equirect(image, size=size), turn.T)
+        return from_equirect(image, size, axes)
     if height == 6 * width:
         faces = image.reshape(6, width, width, 3)
     elif 3 * width == 4 * height and height % 3 == 0:
@@ -68,6 +68,27 @@ def read_environment(
             "1 x 6, a cross 4 x 3; of six square faces give the first, of _px, _nx, _py, _ny, _pz, _nz, or px, nx, ..."
         )
     return from_axes(handed(CubeMap(faces), "right" if handedness is None else handedness), axes)
+
+
+def from_equirect(image: NDArray[np.float32], size: int, axes: str) -> CubeMap:
+    """The map of an equirectangular picture in the named axes."""
+    return turned(cubemap_from_equirect(image, size=size), matrix(axes, picture=True).T)
+
+
+def read_equirect(path: Path, response: Response | None) -> NDArray[np.float32] | None:
+    """An equirectangular picture as it is; None of what is a cube map. Raises as `read_environment`."""
+    if path.suffix.lower() in _CUBE_READERS:
+        return None
+    image = read_picture(path, response)
+    return image if image.shape[1] == 2 * image.shape[0] else None
+
+
+def turn_equirect(image: NDArray[np.float32], axes: str, to: str) -> NDArray[np.float32] | None:
+    """The picture in other axes, by whole pixels; None where a quarter turn is no whole number of them."""
+    if axes == to:
+        return image
+    quarter, rest = divmod(image.shape[1], 4)
+    return None if rest else np.roll(image, quarter if to == "marker" else -quarter, axis=1)
 
 
 def _check_no_handedness(handedness: str | None, path: Path) -> None:

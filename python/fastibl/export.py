@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._fastibl import CubeMap, Environment, Light, _level_parameters
 from .axes import HANDEDNESS, from_axes, handed, matrix, radiance_of, to_axes
@@ -19,6 +20,7 @@ from .environment_files import FACES, write_environment, write_faces
 from .gltf_light import write_gltf_light
 from .ktx2 import write_ktx2
 from .lighting import Lighting, without_lights
+from .pictures import write_picture
 from .sh_files import CONVENTIONS, rounded, write_sh
 from .usd import write_usd
 
@@ -30,6 +32,8 @@ SH_BASIS = (
     "0.315392 (3 z^2 - 1), 1.092548 xz, 0.546274 (x^2 - y^2); irradiance is the sum times pi, 2 pi/3, pi/4 by order"
 )
 _MANIFEST = "light.json"
+# Of files that are not in the axes that were asked for.
+_AXES_OF = {"light.glb": "gltf", "light_dome.hdr": "dome of light.usda", "light_dome.exr": "dome of light.usda"}
 
 
 def export_light(
@@ -49,12 +53,14 @@ def export_light(
     gltf: bool = False,
     usd: bool = False,
     lights_apart: bool = False,
+    picture: NDArray[np.float32] | None = None,
 ) -> dict[str, Any]:
     """Writes what a renderer needs to be lit by a map, and light.json, which says what is in the files; returns it.
 
-    axes: "gltf" (y up, as three.js and Filament) or "marker" (z up); everything is turned to them. size, levels,
-    mapping, error: of the GGX set, see Lighting.prefiltered. irradiance: face edge of the irradiance cube, which holds
-    E(n) (pi for radiance 1).
+    axes: "gltf" (y up, as three.js and Filament) or "marker" (z up); all is turned to them but light.glb, which is y up
+    as glTF asks, and light.usda's picture, which is in the frame of its dome: light.json says each file's axes.
+    size, levels, mapping, error: of the GGX set, see Lighting.prefiltered. irradiance: face edge of the irradiance
+    cube, which holds E(n) (pi for radiance 1).
     format: "hdr" or "exr": the map as an equirectangular picture environment.<format>, cubes laid out as `layout` says,
     see write_environment. "ktx2": environment.ktx2, irradiance.ktx2, and all levels in one prefiltered.ktx2.
     handedness: of all cubes, as in write_environment.
@@ -64,6 +70,8 @@ def export_light(
     them would count their light twice. True takes them out of all files but environment.<format>, the map as it is
     seen, and writes environment_without_lights.<format>: with `without_lights` what is left and the lights are all of
     the light. light.json says which ("lights_in_maps").
+    picture: equirectangular picture (h, 2 h, 3) of the same light in those axes, to be written as environment.<format>
+    as it is: one made of the map is 2 face edges high, and its small lights are blurred.
     Raises ValueError for what is none of these, ImportError for "exr" without OpenEXR.
     """
     if format not in FORMATS:
@@ -77,6 +85,8 @@ def export_light(
         handedness = "left" if format == "ktx2" else "right"
     if handedness not in HANDEDNESS:
         raise ValueError(f"handedness must be one of {', '.join(HANDEDNESS)}, got {handedness!r}")
+    if picture is not None and (format == "ktx2" or np.shape(picture)[1:] != (2 * len(picture), 3)):
+        raise ValueError(f"picture must be (h, 2 h, 3), of format hdr or exr, got {np.shape(picture)}, {format}")
     radiance = radiance_of(cube)
     alphas = _level_parameters(mapping, levels)
     placed = _placed(cube, radiance, axes)
@@ -103,7 +113,11 @@ def export_light(
     written: dict[str, Any] = {"handedness": handedness} if format == "ktx2" else {"height": 2 * radiance.size}
     diffuse, *made = (handed(level, handedness) for level in (diffuse, *made))
     with _written_whole(Path(folder)) as part:
-        write_environment(part / f"environment.{format}", radiance, axes=axes, **written)
+        if picture is None:
+            write_environment(part / f"environment.{format}", radiance, axes=axes, **written)
+        else:  # cleaned as a CubeMap is
+            clean = np.clip(np.nan_to_num(np.asarray(picture, np.float32), nan=0, posinf=1e9), 0, 1e9)
+            write_picture(part / f"environment.{format}", clean)
         if lights_apart:
             write_environment(part / f"environment_without_lights.{format}", lit, axes=axes, **written)
         write_cubes = _write_ktx2 if format == "ktx2" else partial(_write_pictures, format=format, layout=layout)
@@ -118,6 +132,7 @@ def export_light(
             ],
         }
         manifest["also"] = _write_others(part, lit, axes, size, error, format, sh, gltf, usd)
+        manifest["axes_of_files"] = {path.name: _AXES_OF.get(path.name, axes) for path in sorted(part.iterdir())}
         (part / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
     return manifest
 

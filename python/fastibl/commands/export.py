@@ -58,15 +58,24 @@ def add(commands: argparse._SubParsersAction) -> None:
     files.add_argument("--usd", action="store_true", help="also light.usda, an OpenUSD dome light")
 
 
+def _face_edge(size: int, width: int) -> int:
+    """Of the map that a picture becomes: four of them around keep its resolution; a power of two, of which a map has
+    whole MIP levels. More than 2048 would take seconds and gigabytes."""
+    return max(size, 128, min(1 << (width // 4 - 1).bit_length(), 2048))
+
+
 def run(arguments: argparse.Namespace) -> int:
-    from ..environment_files import read_environment
+    from ..environment_files import from_equirect, read_environment, read_equirect, turn_equirect
     from ..export import export_light
 
     if arguments.size < 1:
         raise ValueError(f"size must be at least 1, got {arguments.size}")
-    cube = read_environment(
-        arguments.environment, size=max(arguments.size, 128), axes=arguments.map_axes, response=arguments.response
-    )
+    picture = read_equirect(arguments.environment, arguments.response)
+    if picture is None:
+        cube = read_environment(arguments.environment, axes=arguments.map_axes, response=arguments.response)
+    else:
+        cube = from_equirect(picture, _face_edge(arguments.size, picture.shape[1]), arguments.map_axes)
+        picture = None if arguments.format == "ktx2" else turn_equirect(picture, arguments.map_axes, arguments.axes)
     manifest = export_light(
         cube,
         arguments.out,
@@ -83,6 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
         gltf=arguments.gltf,
         usd=arguments.usd,
         lights_apart=arguments.lights_apart,
+        picture=picture,
     )
     levels = manifest["prefiltered"]["levels"]
     print(
