@@ -2,6 +2,7 @@
 
 import builtins
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import fastibl
+from bench.product import readers
 from conftest import same_error, units
 from fastibl import __main__, reference
 from fastibl.environment_files import LAYOUTS
@@ -507,6 +509,106 @@ def test_three_js_modules_read_what_is_written(three_js_scene, marked, tmp_path)
         assert off < allowed
     expected = fastibl.Lighting(map_read).prefiltered(32)[1].sample(n)
     assert np.abs(level - expected).mean() / expected.mean() < 0.1  # nearest texels
+
+
+# A page that draws the example's own shader under white light, one pixel for each case, without three.js.
+FURNACE = """
+<!doctype html><body><script type="module">
+const THREE = { ShaderMaterial: class { constructor(given) { Object.assign(this, given); } }, Color: class {} };
+MATERIAL
+const { table, cases } = GIVEN;
+const shading = litMaterial({}).fragmentShader;
+const gl = document.createElement("canvas").getContext("webgl2");
+gl.getExtension("EXT_color_buffer_float");
+const program = gl.createProgram();
+for (const [kind, text] of [[gl.VERTEX_SHADER, `#version 300 es
+  uniform vec3 view; out vec3 v_normal, v_position;
+  void main() { v_normal = vec3(0, 0, 1); v_position = -view; gl_Position = vec4(0, 0, 0, 1); gl_PointSize = 1.0; }`],
+  [gl.FRAGMENT_SHADER, `#version 300 es
+  precision highp float; precision highp samplerCube;
+  #define varying in
+  #define texture2D texture
+  #define gl_FragColor colour
+  uniform vec3 cameraPosition; out vec4 colour;` + shading.replaceAll(/#include.*/g, "")]]) {
+  const shader = gl.createShader(kind);
+  gl.shaderSource(shader, text);
+  gl.compileShader(shader);
+  if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) document.title = gl.getShaderInfoLog(shader);
+  gl.attachShader(program, shader);
+}
+gl.linkProgram(program);
+gl.useProgram(program);
+const at = (name) => gl.getUniformLocation(program, name);
+gl.activeTexture(gl.TEXTURE0);
+gl.bindTexture(gl.TEXTURE_CUBE_MAP, gl.createTexture());
+for (let f = 0; f < 6; ++f) {
+  gl.texImage2D(gl.TEXTURE_CUBE_MAP_POSITIVE_X + f, 0, gl.RGBA, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE,
+    new Uint8Array([255, 255, 255, 255]));
+}
+gl.activeTexture(gl.TEXTURE1);
+gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+gl.texImage2D(gl.TEXTURE_2D, 0, gl.RG16F, table[0].length, table.length, 0, gl.RG, gl.FLOAT,
+  new Float32Array(table.flat(2)));
+gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+gl.uniform1i(at("prefiltered"), 0);
+gl.uniform1i(at("ggx_albedo"), 1);
+const sh = new Float32Array(27).fill(Math.sqrt(4 * Math.PI), 0, 3);
+gl.uniform3fv(at("sh"), sh);
+const target = gl.createRenderbuffer();
+gl.bindRenderbuffer(gl.RENDERBUFFER, target);
+gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA32F, 1, 1);
+gl.bindFramebuffer(gl.FRAMEBUFFER, gl.createFramebuffer());
+gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, target);
+gl.viewport(0, 0, 1, 1);
+const out = cases.map(({ cosine, roughness, metallic, color }) => {
+  gl.uniform3f(at("view"), Math.sqrt(1 - cosine * cosine), 0, cosine);
+  gl.uniform1f(at("roughness"), roughness);
+  gl.uniform1f(at("metallic"), metallic);
+  gl.uniform3fv(at("base_color"), color);
+  gl.drawArrays(gl.POINTS, 0, 1);
+  const pixel = new Float32Array(4);
+  gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.FLOAT, pixel);
+  return [...pixel.slice(0, 3)];
+});
+document.body.textContent = `RESULT${JSON.stringify(out)}END ${document.title}`;
+</script></body>
+"""
+
+
+def test_the_example_keeps_white_white(three_js_scene, tmp_path):
+    """Its material in a white furnace, against the library's albedo with light that is scattered more than once."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("needs chromium")
+    table = three_js_scene / "ggx_albedo.json"
+    cases = [
+        dict(cosine=cosine, roughness=roughness, metallic=metallic, color=color)
+        for cosine in (0.1, 0.5, 1.0)
+        for roughness in (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
+        for metallic, color in ((1, (1, 1, 1)), (1, (1, 0.7, 0.3)), (0, (1, 1, 1)), (0, (0.2, 0.5, 0.8)))
+    ]
+    given = {"table": json.loads(table.read_text()) if table.exists() else [[[0, 0]]], "cases": cases}
+    material = (three_js_scene / "material.js").read_text().replace('import * as THREE from "three";', "")
+    page = FURNACE.replace("MATERIAL", material.replace("export function", "function"))
+    (tmp_path / "page.html").write_text(page.replace("GIVEN", json.dumps(given)))
+    command = [chromium, *readers._CHROMIUM, f"--user-data-dir={tmp_path}/profile", f"file://{tmp_path}/page.html"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    found = re.search(r"RESULT(\[.*\])END", done.stdout)
+    assert found, done.stdout + done.stderr[-2000:]
+
+    def reflectance(f0, a, b):
+        return (f0 * a + b) * (1 + f0 * (1 / (a + b) - 1))
+
+    worst = 0.0
+    for case, colour in zip(cases, json.loads(found[1]), strict=True):
+        view = np.array([np.sqrt(1 - case["cosine"] ** 2), 0, case["cosine"]])
+        a, b = fastibl.ggx_albedo(view, case["roughness"])
+        plain, base = reflectance(0.04, a, b), np.array(case["color"])
+        true = reflectance(base, a, b) if case["metallic"] else plain + (1 - plain) * base
+        off = np.abs(colour - true).max()
+        assert off < (1e-5 if case["color"] == (1, 1, 1) else 0.004), (case, colour, true)
+        worst = max(worst, off)
+    print(f"at most {worst:.4f} off")
 
 
 @pytest.mark.parametrize("axis", range(6))

@@ -41,7 +41,17 @@ function cubeTexture(pictures) {
   return cube;
 }
 
-// {probe, prefiltered, levels, sh, background} of a folder with light.json, exported with layout "strip", format "hdr".
+// Rows of pairs, as make_scene.py writes them.
+function albedoTexture(table) {
+  const halves = new Uint16Array(table.flat(2).map(THREE.DataUtils.toHalfFloat));
+  const texture = new THREE.DataTexture(halves, table[0].length, table.length, THREE.RGFormat, THREE.HalfFloatType);
+  texture.minFilter = texture.magFilter = THREE.LinearFilter;
+  texture.needsUpdate = true;
+  return texture;
+}
+
+// {probe, prefiltered, levels, sh, albedo, background} of a folder of make_scene.py's: light.json, exported with layout
+// "strip" and format "hdr", and the table of the albedo.
 export async function loadLight(folder) {
   const light = await (await fetch(`${folder}/light.json`)).json();
   if (light.axes !== "gltf" || light.layout !== "strip") throw new Error("expected axes gltf and layout strip");
@@ -58,5 +68,6 @@ export async function loadLight(folder) {
   const sh = light.sh9.radiance.map((v) => new THREE.Vector3(...v));
   // The order and the basis are those of three.js: its LightProbe takes the coefficients as they are.
   const probe = new THREE.LightProbe(new THREE.SphericalHarmonics3().set(sh));
-  return { probe, sh, prefiltered: cubeTexture(pictures), levels: levels.length, background };
+  const albedo = albedoTexture(await (await fetch(`${folder}/ggx_albedo.json`)).json());
+  return { probe, sh, albedo, prefiltered: cubeTexture(pictures), levels: levels.length, background };
 }

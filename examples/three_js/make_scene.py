@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 from pathlib import Path
 
@@ -14,9 +15,17 @@ import fastibl
 PAGE = ("index.html", "scene.js", "light.js", "material.js", "decode.js")
 
 
+def albedo_table(size: int = 24) -> np.ndarray:
+    """(size, size, 2): directional albedo of GGX by roughness, sqrt(0.02) to 1, and by the cosine's square root."""
+    cosine = np.linspace(0, 1, size) ** 2
+    views = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], axis=-1)
+    return fastibl.ggx_albedo(np.tile(views, (size, 1, 1)), np.linspace(np.sqrt(0.02), 1, size)[:, None])
+
+
 def make_scene(environment: fastibl.CubeMap, folder: Path, size: int = 128) -> None:
     """Light in glTF's axes, the figurine with y up, and the page."""
     fastibl.export_light(environment, folder, axes="gltf", size=size, layout="strip", format="hdr")
+    (folder / "ggx_albedo.json").write_text(json.dumps(np.round(albedo_table().astype(float), 5).tolist()))
     mesh = fastibl.shapes.figurine(0.9)
     y_up = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
     figurine = trimesh.Trimesh(

@@ -13,6 +13,7 @@ const fragmentShader = `
 uniform vec3 base_color, sh[9];
 uniform float metallic, roughness, top_level;
 uniform samplerCube prefiltered;
+uniform sampler2D ggx_albedo;
 varying vec3 v_normal, v_position;
 
 vec3 irradiance(vec3 n) {
@@ -22,19 +23,26 @@ vec3 irradiance(vec3 n) {
   return max(sum, 0.0);
 }
 
-// Karis 2014, Physically Based Shading on Mobile: scale and offset of F0 in the directional albedo.
+// Directional albedo of single scattering: scale of F0, and the rest. Rows of the table are roughness from sqrt(0.02)
+// to 1, columns the square root of the cosine.
 vec2 albedo(float cos_view) {
-  vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
-  float a = min(r.x * r.x, exp2(-9.28 * cos_view)) * r.x + r.y;
-  return vec2(-1.04, 1.04) * a + r.zw;
+  vec2 at = vec2(sqrt(cos_view), clamp((roughness - 0.141421) / 0.858579, 0.0, 1.0));
+  vec2 size = vec2(textureSize(ggx_albedo, 0));
+  return texture2D(ggx_albedo, (at * (size - 1.0) + 0.5) / size).rg;
+}
+
+// Turquin 2019: light that is scattered more than once has the shape of the lobe; a white metal loses none.
+vec3 reflectance(vec3 f0, vec2 ab) {
+  return (f0 * ab.x + ab.y) * (1.0 + f0 * (1.0 / (ab.x + ab.y) - 1.0));
 }
 
 void main() {
   vec3 n = normalize(v_normal), v = normalize(cameraPosition - v_position);
-  vec3 f0 = mix(vec3(0.04), base_color, metallic);
   vec2 ab = albedo(max(dot(n, v), 0.0));
-  vec3 specular = textureLod(prefiltered, reflect(-v, n), roughness * top_level).rgb * (f0 * ab.x + ab.y);
-  vec3 diffuse = (1.0 - metallic) * base_color * irradiance(n) / 3.141593;
+  vec3 plain = reflectance(vec3(0.04), ab);
+  vec3 specular = textureLod(prefiltered, reflect(-v, n), roughness * top_level).rgb
+    * mix(plain, reflectance(base_color, ab), metallic);
+  vec3 diffuse = (1.0 - metallic) * base_color * (1.0 - plain) * irradiance(n) / 3.141593;
   gl_FragColor = vec4(diffuse + specular, 1.0);
   #include <tonemapping_fragment>
   #include <colorspace_fragment>
@@ -51,6 +59,7 @@ export function litMaterial(light, { color = 0xffffff, metallic = 0, roughness =
       top_level: { value: light.levels - 1 },
       sh: { value: light.sh },
       prefiltered: { value: light.prefiltered },
+      ggx_albedo: { value: light.albedo },
     },
   });
 }
