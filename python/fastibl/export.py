@@ -115,9 +115,8 @@ def export_light(
     with _written_whole(Path(folder)) as part:
         if picture is None:
             write_environment(part / f"environment.{format}", radiance, axes=axes, **written)
-        else:  # cleaned as a CubeMap is
-            clean = np.clip(np.nan_to_num(np.asarray(picture, np.float32), nan=0, posinf=1e9), 0, 1e9)
-            write_picture(part / f"environment.{format}", clean)
+        else:
+            write_picture(part / f"environment.{format}", _clean(picture))
         if lights_apart:
             write_environment(part / f"environment_without_lights.{format}", lit, axes=axes, **written)
         write_cubes = _write_ktx2 if format == "ktx2" else partial(_write_pictures, format=format, layout=layout)
@@ -180,6 +179,11 @@ def _write_others(
         picture = "exr" if format == "exr" else "hdr"
         also += [path.name for path in write_usd(folder / "light.usda", radiance, axes, picture)]
     return also
+
+
+def _clean(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """As a CubeMap is on entry."""
+    return np.clip(np.nan_to_num(np.asarray(picture, np.float32), nan=0, posinf=1e9), 0, 1e9)
 
 
 def _placed(cube: CubeMap | Environment, radiance: CubeMap, axes: str) -> CubeMap | Environment:
