@@ -92,6 +92,23 @@ def test_a_lamp_is_as_wide_from_wherever_it_is_seen():
         assert got == pytest.approx(flux, rel=0.12)
 
 
+@pytest.mark.parametrize("order", [("near", "far"), ("far", "near")])
+def test_a_360_camera_beside_the_object_counts_more_than_one_across_the_room(order):
+    """Walls and lamp are seen elsewhere from 2.2 m away: the last picture made that 11 % off, stated 0.3 %."""
+    camera = fastibl.Camera.equirectangular(256, 128)
+    eyes = {"near": CENTRE + [0, 0, 0.1], "far": CENTRE + [1.6, -1.4, 0.6]}
+    capture = fastibl.Capture(size=32, centre=CENTRE, locate_lights=False)
+    for k, place in enumerate(order):
+        pose = looking(np.array([0.0, 1.0, 0.0]), eyes[place])
+        light = picture_of(lambda d, eye=eyes[place]: seen_from(eye, d), camera, pose, split=2)
+        for exposure in (1.5, 1 / 90):
+            capture.add(exposed(light, camera, exposure), camera, pose, exposure=exposure, time=float(k))
+    environment = capture.environment()
+    error = irradiance_error(environment.radiance, fastibl.CubeMap(truth(64).astype(np.float32)))
+    print(f"{order}: irradiance {100 * error:.1f} % off, stated up to {100 * environment.predicted_interval[1]:.1f} %")
+    assert error < min(0.05, environment.predicted_interval[1])
+
+
 def test_without_it_the_lamp_is_beside_itself():
     capture = fastibl.Capture(size=64, centre=CENTRE, locate_lights=False)
     film(capture)

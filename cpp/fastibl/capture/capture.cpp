@@ -20,11 +20,12 @@ constexpr std::size_t kCameras = 4;    // that are remembered, those used last
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 12;
-constexpr double kMeterPause = 0.1;     // seconds between readings of the board's white
-constexpr int kPicturesPerFill = 2;     // between looks at what such values should be
-constexpr float kOtherScale = 0.5f;     // share by which a prior map's brightness moves at once
-constexpr double kRimOfLight = 0.25;    // of the radiance of a light: at the rim of one
-constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
+constexpr double kMeterPause = 0.1;  // seconds between readings of the board's white
+constexpr int kPicturesPerFill = 2;  // between looks at what such values should be
+constexpr float kOtherScale = 0.5f;  // share by which a prior map's brightness moves at once
+constexpr float kFarther = 2, kFartherBy = 0.3f;  // metres: from there a wide picture tells less
+constexpr double kRimOfLight = 0.25;              // of the radiance of a light: at the rim of one
+constexpr double kLargestScale = 1e30;            // of linear values: no exposure is so short
 // Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
 // differ by 0.1 degrees.
 constexpr int kBands = 16;
@@ -81,7 +82,8 @@ Capture::KnownWide& Capture::known_wide(const Camera& camera, int number) {
   KnownWide& wide = wide_cameras_.emplace_back();
   wide.camera = camera, wide.number = number, wide.used = used_, wide.first = ++known_;
   wide.sides = sides_of(camera, grid_.size);
-  for (const WideSide& side : wide.sides) wide.known.emplace_back(side.camera, side.vignette);
+  for (const WideSide& side : wide.sides)
+    wide.known.emplace_back(side.camera, side.vignette).side = true;
   return wide;
 }
 
@@ -149,7 +151,7 @@ Capture::Capture(CaptureOptions options)
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   scales_.assign(tiles, kNoScale);
-  at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0);
+  at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0), vantage_.assign(tiles, 0.0f);
   if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
   if (options_.prior) {
     prior_.emplace(*options_.prior, grid_);
@@ -240,7 +242,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   const Camera& camera = k.camera;
   const double exposure = taken.exposure;
   const double tint = (taken.tint.x + taken.tint.y + taken.tint.z) / 3;  // of what is grey
-  if (options_.locate_lights && plane) locate_lights(picture, k, poses, exposure * tint);
+  if (plane) locate_lights(picture, k, poses, exposure * tint);
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
   if (options_.board)
@@ -270,6 +272,8 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
   if (!plane) std::erase_if(tiles_, [&](int tile) { return plane_seen_[std::size_t(tile)] != 0; });
+  const auto far = float(glm::length(poses.at(0.5).inverse().translation - options_.centre));
+  if (k.side) leave_out_far_tiles(far);
   if (tiles_.empty()) return false;
   find_bands(texels, float(camera.height));
   // Probes are four times as large as texels.
@@ -295,6 +299,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) {
       changed.push_back(tiles_[i]);
+      vantage_[std::size_t(tiles_[i])] = far;
       if (plane && !unseen_.above(tiles_[i])) plane_seen_[std::size_t(tiles_[i])] = 1;
     }
   return true;
@@ -506,6 +511,17 @@ TileSighting Capture::sighting(const View& view, int tile, const Sightings& sigh
         s.most_scale = std::max(s.most_scale, samples.radiance_per_linear[i]);
       }
   return s;
+}
+
+// What stands near is seen elsewhere from there: pictures of a 360° camera that is carried through
+// a room fill in what those beside the object did not see. A light whose place is known is not.
+void Capture::leave_out_far_tiles(float far) {
+  std::erase_if(tiles_, [&](int tile) {
+    const std::size_t i = std::size_t(tile);
+    return unseen_.above(tile) && sums_[i].count == tile_rect(grid_, tile).texels() &&
+           surroundings_.is_usual(surroundings_.depth(tile)) &&
+           far > kFarther * vantage_[i] + kFartherBy;
+  });
 }
 
 void Capture::leave_out_quiet_tiles(const View& view) {

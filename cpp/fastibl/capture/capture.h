@@ -126,6 +126,7 @@ class Capture {
     int number = 0;
     std::int64_t used = 0;              // when, in pictures
     int first = 0;                      // the how-many-th camera, from 1
+    bool side = false;                  // of a wide picture
     std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
     PictureBounds bounds;
@@ -210,6 +211,8 @@ class Capture {
   bool forget_bright(int tile);
   // Removes from tiles_ what the picture need not give.
   void leave_out_quiet_tiles(const View& view);
+  // Those of the sky that were seen whole from much nearer to the centre than `far`, metres.
+  void leave_out_far_tiles(float far);
   void compare_probes(const View& view, const int* tiles, int count);
   // How a rolling shutter shows a tile.
   struct Roll {
@@ -288,6 +291,7 @@ class Capture {
   std::vector<Roll> roll_;  // by tile
   std::vector<std::uint8_t> changed_, left_out_;
   std::vector<std::uint8_t> plane_seen_;  // tiles of the plane that were seen from a known place
+  std::vector<float> vantage_;            // by tile: from how far away it was seen last, metres
   std::vector<std::uint8_t> at_rim_;      // tiles that show the rim of a light: read more finely
   std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, latest first
 };

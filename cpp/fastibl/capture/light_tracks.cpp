@@ -160,11 +160,12 @@ std::vector<LightPosition> LightTracks::positions() const {
 }
 
 // Each counts by how well it is known: what was seen once says no more than what was likely before.
-LightTracks::Nearness LightTracks::nearness() const {
-  double sum = kLikely, weight = 1;
+LightTracks::Nearness LightTracks::nearness(const Surroundings& usual) const {
+  // Who gives a box knows that lights hang on its walls, as far as it is not seen otherwise.
+  double sum = usual.has_box() ? 0 : kLikely - usual.usual({0, 0, 1}), weight = 1;
   for (const Track& track : tracks_) {
     const double own = kSpread * kSpread / track.covariance[2][2];
-    sum += own * track.inverse_distance, weight += own;
+    sum += own * (track.inverse_distance - usual.usual(track.v)), weight += own;
   }
   return {sum / weight, 1 - 1 / weight};
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "fastibl/capture/bright_spots.h"
+#include "fastibl/capture/surroundings.h"
 #include "fastibl/scene/light_position.h"
 
 namespace fastibl {
@@ -29,12 +30,13 @@ class LightTracks {
 
   // Those whose distance is known to a fifth or better.
   std::vector<LightPosition> positions() const;
-  // 1 / m: how near the lights are likely to be, of those whose places are not known, too; and how
-  // much of that is seen, 0 where it is only what was likely before, 1 where it is certain.
+  // 1 / m: by how much the lights are likely to be nearer than where everything is thought to be,
+  // `usual`, of those whose places are not known, too; and how much of that is seen, 0 where it is
+  // only what was likely before, 1 where it is certain.
   struct Nearness {
-    double likely, seen;
+    double gap, seen;
   };
-  Nearness nearness() const;
+  Nearness nearness(const Surroundings& usual) const;
   // Lines of sight along which a light was seen, of those that the last picture shows.
   struct Sight {
     glm::dvec3 eye, direction;

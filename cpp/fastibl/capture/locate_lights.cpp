@@ -38,11 +38,15 @@ void Capture::locate_lights(const Picture& picture, KnownCamera& known,
   const glm::dvec3 eye = half.inverse().translation;
   if (glm::length(eye - known.looked_from) < kStep && time_ - known.looked_at < kPause) return;
   const Camera& camera = known.camera;
-  const std::optional<std::vector<BrightSpot>> spots = find_bright_spots(
-      known.pixels(picture), camera, known.lens, camera_from_marker, exposure, bright_);
-  if (!spots) return;
+  std::optional<std::vector<BrightSpot>> spots;
+  if (options_.locate_lights) {
+    spots = find_bright_spots(known.pixels(picture), camera, known.lens, camera_from_marker,
+                              exposure, bright_);
+    if (!spots) return;
+  }
   known.looked_from = eye, known.looked_at = time_;
   far_ += glm::length(eye - options_.centre), ++looks_;
+  if (!spots) return;  // near things are in doubt all the same
   tracks_.add(eye, *spots, [&](const glm::dvec3& direction) {
     const auto pixel = known.lens.project(half.rotation * direction);
     return pixel && std::abs(2 * pixel->x / camera.width - 1) < kInside &&
@@ -61,9 +65,8 @@ Capture::Parallax Capture::parallax() const {
   const double by_gap = kParallax * far_ / looks_;  // gap: 1 / m
   const std::vector<LightPosition>& lights = surroundings_.lights();
   if (lights.empty()) {
-    if (options_.box) return {};
-    const LightTracks::Nearness near = tracks_.nearness();
-    const double all = at_most_all(by_gap * std::abs(near.likely - 1 / options_.distance));
+    const LightTracks::Nearness near = tracks_.nearness(surroundings_);
+    const double all = at_most_all(by_gap * std::abs(near.gap));
     const double seen = at_most_all(near.seen);
     return {seen * all, (1 - seen) * all};
   }

@@ -112,9 +112,12 @@ void Surroundings::find_lit() {
   }
 }
 
+double Surroundings::usual(const glm::dvec3& direction) const {
+  return double(weight(glm::vec3(direction), usual_));
+}
+
 double Surroundings::gap(const LightPosition& light) const {
-  const double usual = double(weight(glm::vec3(light.direction), usual_));
-  return std::abs(1 / glm::length(light.position - centre_) - usual);
+  return std::abs(1 / glm::length(light.position - centre_) - usual(light.direction));
 }
 
 glm::dvec3 Surroundings::recorded(const glm::dvec3& eye, const glm::dvec3& direction) const {

@@ -45,6 +45,9 @@ class Surroundings {
   const std::vector<LitTiles>& lit_tiles() const { return lit_; }
   // Lights that some tiles are as far as.
   const std::vector<LightPosition>& lights() const { return lights_; }
+  // How near all is thought to be but for these, 1 / m, in a direction.
+  double usual(const glm::dvec3& direction) const;
+  bool has_box() const { return usual_.box; }
   // Difference of a light's inverse distance to what it would be thought to be, 1 / m.
   double gap(const LightPosition& light) const;
   // Whether anything is nearer than infinity.

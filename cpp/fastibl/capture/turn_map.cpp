@@ -1,6 +1,7 @@
 // A captured map when the marker was turned under it.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "fastibl/capture/capture.h"
 
@@ -56,6 +57,7 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   quiet_ = QuietTiles(grid_);
   prior_.reset(), sky_.clear();  // it was given for the marker as it lay
   plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);
+  vantage_.assign(vantage_.size(), std::numeric_limits<float>::max());  // tiles mix: seen from afar
   scales_.assign(scales_.size(), kOwnScale);  // tiles mix
   renew_all();
 }
