@@ -9,6 +9,13 @@ from fastibl.extremes.board_pictures import *  # noqa: F403
 from fastibl.extremes.board_pictures import look_at, project_tag, render
 
 
+def held(jpeg, orientation):
+    """A JPEG file's bytes with EXIF that says how the telephone was held (1 and 3: lying, 6: upright)."""
+    entry = b"\x01\x12\x00\x03" + (1).to_bytes(4, "big") + orientation.to_bytes(2, "big") + bytes(2)
+    exif = b"Exif\0\0MM\0*" + (8).to_bytes(4, "big") + b"\0\1" + entry + bytes(4)
+    return jpeg[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + jpeg[2:]
+
+
 def vectors():
     """Name, board, camera, pose of the stored pictures in tests/data."""
     camera = fastibl.Camera(320, 240, 400.0, 402.0, 161.0, 118.5)

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from board_pictures import look_at, render
+from board_pictures import held, look_at, render
 from test_calibration import BOARD, CAMERA, VIEWS, board_pictures, off_by
 
 import fastibl
@@ -45,6 +45,23 @@ def test_lens_board_and_response(tmp_path, capsys):
     x = np.linspace(0.1, 0.9, 9).astype(np.float32)
     np.testing.assert_allclose(read_rig(rig).back.response.decode(x), x**1.8, atol=0.015)
     assert read_rig(rig).back.fx == pytest.approx(CAMERA.fx, rel=2e-3)  # the lens stayed
+
+
+@pytest.mark.parametrize("other", [3, 6])
+def test_a_telephone_held_both_ways_is_one_camera(tmp_path, other):
+    """Its sensor's pixels are the same, whatever EXIF says of how they are to be shown."""
+    board = str(tmp_path / "board.yaml")
+    write_board(board, BOARD)
+    rigs = []
+    for name, orientations in (("as it lies", (1, 1)), ("both ways", (1, other))):
+        (tmp_path / name).mkdir()
+        for k, picture in enumerate(board_pictures(views=VIEWS[:8])):
+            jpeg = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+            (tmp_path / name / f"{k}.jpg").write_bytes(held(jpeg, orientations[k % 2]))
+        shots, rig = [str(p) for p in sorted((tmp_path / name).iterdir())], str(tmp_path / f"{name}.yaml")
+        assert main(["calibrate", "camera", *shots, "--board", board, "--terms", "4", "--rig", rig]) == 0
+        rigs.append(read_rig(rig).back)
+    assert rigs[0] == rigs[1] and rigs[0].fx == pytest.approx(CAMERA.fx, rel=3e-3)
 
 
 def test_rig_from_a_recording(tmp_path, capsys):

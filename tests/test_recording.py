@@ -5,8 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from board_pictures import held
 from standin import Page
 
 import fastibl
@@ -303,6 +305,16 @@ def read_until_it_breaks(path, message):
         for frame in recording:
             read.append(frame)
     return read
+
+
+def test_pictures_are_the_sensors_however_the_telephone_was_held(tmp_path):
+    path = write(tmp_path / "r", frames(1))
+    jpeg = cv2.imencode(".jpg", cv2.imread(str(path / "back" / "00000.png")))[1].tobytes()
+    expected = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    (path / "back" / "00000.jpg").write_bytes(held(jpeg, 6))
+    listed = path / "frames.csv"
+    listed.write_text(listed.read_text().replace("back/00000.png", "back/00000.jpg"))
+    assert np.array_equal(Recording.open(path)[0].back, expected)
 
 
 def test_a_missing_or_cut_picture_ends_the_recording(tmp_path):

@@ -6,6 +6,7 @@ import time
 import cv2
 import numpy as np
 import pytest
+from board_pictures import held
 
 import fastibl
 from fastibl import sources
@@ -295,6 +296,38 @@ def test_folders(tmp_path):
     (tmp_path / "none").mkdir()
     with pytest.raises(ValueError, match="no pictures"):
         sources.FolderSource(RIG, tmp_path / "none")
+
+
+def test_a_folders_pictures_are_the_sensors(tmp_path):
+    picture = np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8)
+    jpeg = cv2.imencode(".jpg", picture)[1]
+    for k in (1, 3, 6):
+        (tmp_path / f"{k}.jpg").write_bytes(held(jpeg.tobytes(), k))
+    expected = cv2.imdecode(jpeg, cv2.IMREAD_COLOR)[..., ::-1]
+    assert all(np.array_equal(f.back, expected) for f in sources.FolderSource(RIG, tmp_path))
+
+
+def turned(path):
+    """An MP4 file's film, said to be turned by a quarter."""
+    data = bytearray(path.read_bytes())
+    at = data.index(b"tkhd") + 44  # of its matrix, 16.16 and 2.30
+    quarter = [0, 1 << 16, 0, -(1 << 16), 0, 0, 48 << 16, 0, 1 << 30]
+    data[at : at + 36] = b"".join(x.to_bytes(4, "big", signed=True) for x in quarter)
+    path.write_bytes(data)
+    return path
+
+
+def test_a_films_pictures_are_the_sensors(tmp_path):
+    path = tmp_path / "film.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 20, (64, 48))
+    for k in range(5):
+        writer.write(np.full((48, 64, 3), 40 * k, np.uint8))
+    writer.release()
+    turned(path)
+    assert cv2.VideoCapture(str(path)).read()[1].shape == (64, 48, 3)  # as players show it
+    assert all(f.back.shape == (48, 64, 3) for f in sources.VideoSource(RIG, path))
+    with sources.CameraSource(fastibl.Rig(CAMERA), str(path)) as source:
+        assert {f.back.shape for f in source} == {(48, 64, 3)} and source.refused == 0
 
 
 def test_pace():

@@ -6,8 +6,8 @@ A recording is a folder:
   seconds where it is known, model where it is no perspective camera
 - board.yaml: the printed board: tags, border_bits, page size
 - frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
-  `file` is a lossless picture, or a frame of a lossless video: back.mkv#12. `exposure` is empty where the
-  camera did not tell it
+  `file` is a lossless picture, or a frame of a lossless video: back.mkv#12; both as the sensor took them, however
+  they say that they are to be held. `exposure` is empty where the camera did not tell it
 - attitudes.csv: time, m00 to m22; where a gyroscope was there, Frame.attitude of the frames that have one
 - truth/: where known, environment maps by time, camera poses by time, and what happened
 
@@ -36,6 +36,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Board, Camera, CubeMap, Pose, Response, Rig
+from .camera_files import decode_pixels, open_film
 from .expected import expect
 from .file_limits import check_file_size, check_pixels, file_bytes
 from .picture_headers import jpeg_size, png_size
@@ -441,7 +442,7 @@ class _StoredFrames(Sequence[Frame]):
         try:
             data = file_bytes(path)
             check_pixels(path, *_PICTURES[path.suffix.lower()](data))
-            picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+            picture = decode_pixels(np.frombuffer(data, np.uint8))
         except (ValueError, cv2.error) as error:
             raise OSError(f"the picture {path} cannot be read: {error}") from None
         if picture is None:
@@ -474,7 +475,7 @@ def _open_video(path: Path) -> cv2.VideoCapture:
     # By content: a playlist of that name would have FFmpeg read what it names, of this disk or of the network.
     if not (head.startswith((b"\x1a\x45\xdf\xa3", b"RIFF")) or head[4:8] == b"ftyp"):
         raise OSError(f"the video {path} cannot be read: it is no Matroska, AVI or MP4 file")
-    video = cv2.VideoCapture(str(path))
+    video = open_film(path)
     if not video.isOpened():
         raise OSError(f"the video {path} cannot be read")
     try:

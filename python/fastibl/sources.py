@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Rig
+from .camera_files import open_film, read_pixels
 from .live_camera import LiveCamera, Shot
 from .recording import CAMERAS, Frame, RecordingWarning
 
@@ -191,9 +192,10 @@ def _frame(moment: float, shots: Mapping[str, Shot]) -> Frame:
 class VideoSource(_Closing):
     """Video files of one or two cameras, read from the start, frame by frame; iterate as often as you like.
 
-    back, front: files. fps: pictures a second; None is what the file says. exposures: (back, front), constant;
-    None where a camera chose its own. A video that ends early or breaks off ends the frames of that camera, with a
-    RecordingWarning where it gave none.
+    back, front: files. Pictures are as the sensor took them: a rotation that a file notes is not followed.
+    fps: pictures a second; None is what the file says. exposures: (back, front), constant; None where a camera chose
+    its own. A video
+    that ends early or breaks off ends the frames of that camera, with a RecordingWarning where it gave none.
     """
 
     def __init__(
@@ -223,7 +225,7 @@ class VideoSource(_Closing):
     def __iter__(self) -> Iterator[Frame]:
         import cv2
 
-        videos = {name: cv2.VideoCapture(str(file)) for name, file in self._files.items()}
+        videos = {name: open_film(file) for name, file in self._files.items()}
         try:
             rates = {n: self._fps or v.get(cv2.CAP_PROP_FPS) or 30.0 for n, v in videos.items()}
             upcoming = {name: (0.0, _next_picture(video)) for name, video in videos.items()}
@@ -260,8 +262,8 @@ def _next_picture(video: Any) -> NDArray[np.uint8] | None:
 class FolderSource(_Closing):
     """Pictures in folders, in the order of their names: those of the same place in the order make one Frame.
 
-    back, front: folders with .png, .jpg, … fps: of the times. exposures: as VideoSource has them. A picture that cannot
-    be read is passed over with a RecordingWarning.
+    back, front: folders with .png, .jpg, … Pictures are as the sensor took them: EXIF turns none. fps: of the times.
+    exposures: as VideoSource has them. A picture that cannot be read is passed over with a RecordingWarning.
     """
 
     def __init__(
@@ -288,18 +290,16 @@ class FolderSource(_Closing):
         return max(len(files) for files in self._files.values())
 
     def __iter__(self) -> Iterator[Frame]:
-        import cv2
-
         for k in range(len(self)):
             frame = Frame(k / self._fps)
             for name, files in self._files.items():
                 if k >= len(files):
                     continue
-                picture = cv2.imread(str(files[k]), cv2.IMREAD_COLOR)
+                picture = read_pixels(files[k])
                 if picture is None:
                     warnings.warn(f"the picture {files[k]} cannot be read", RecordingWarning, stacklevel=2)
                     continue
-                setattr(frame, name, np.ascontiguousarray(picture[..., ::-1]))
+                setattr(frame, name, picture)
                 setattr(frame, f"{name}_exposure", self._exposures[name])
             if frame.back is not None or frame.front is not None:
                 yield frame

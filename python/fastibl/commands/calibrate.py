@@ -128,13 +128,12 @@ def _read_pictures(arguments: argparse.Namespace) -> list[NDArray[Any]]:
 
 
 def _read_picture(path: Path) -> NDArray[Any]:
-    import cv2
-    import numpy as np
+    from ..camera_files import read_pixels
 
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    picture = read_pixels(path)
     if picture is None:
         raise ValueError(f"{path} is not a picture that can be read")
-    return np.ascontiguousarray(picture[..., ::-1])
+    return picture
 
 
 def _of_recording(path: Path, camera: str, most: int) -> Iterator[NDArray[Any]]:

@@ -1,0 +1,46 @@
+"""Pictures and films of a camera in files: the pixels of its sensor, as they lie in the file.
+
+A telephone turns nothing in its pictures; it notes beside them how they are to be held (EXIF's orientation, a film's
+rotation). A lens belongs to the sensor's pixels, however the telephone was held: the note is not followed.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArray[Any] | None:
+    """RGB (height, width, 3) uint8 of a picture file; None for what cannot be read.
+
+    any_depth: uint16 and float32 for files that hold more than 8 bits, which are cut to 8 otherwise.
+    """
+    import cv2
+
+    try:
+        bgr = decode_pixels(np.fromfile(path, np.uint8), any_depth)
+    except (OSError, cv2.error):
+        return None
+    return None if bgr is None else np.ascontiguousarray(bgr[..., ::-1])
+
+
+def decode_pixels(data: NDArray[np.uint8], any_depth: bool = False) -> NDArray[Any] | None:
+    """BGR (height, width, 3) of an encoded picture, as read_pixels() has them. cv2.error for a size beyond belief."""
+    import cv2
+
+    if not data.size:
+        return None
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION | (cv2.IMREAD_ANYDEPTH if any_depth else 0)
+    return cv2.imdecode(data, flags)
+
+
+def open_film(path: str | os.PathLike[str]) -> Any:
+    """A cv2.VideoCapture of a film."""
+    import cv2
+
+    film = cv2.VideoCapture(os.fspath(path))
+    film.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+    return film
