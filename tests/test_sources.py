@@ -2,6 +2,7 @@
 
 import threading
 import time
+from fractions import Fraction
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ from board_pictures import held
 
 import fastibl
 from fastibl import sources
+from fastibl.camera_files import FilmTimes
 from fastibl.exposure import Bracket
 from fastibl.live_camera import LiveCamera
 
@@ -268,6 +270,54 @@ def test_videos(tmp_path):
     (tmp_path / "empty.avi").write_bytes(b"")
     with pytest.warns(fastibl.recording.RecordingWarning, match="no picture"):
         assert list(sources.VideoSource(RIG, tmp_path / "empty.avi")) == []
+
+
+def changing_film(path, steps):
+    """A film whose pictures, which count, lie these many milliseconds apart."""
+    av = pytest.importorskip("av")
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("ffv1", rate=30)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "bgr0"
+        stream.time_base = stream.codec_context.time_base = Fraction(1, 1000)
+        for k, time in enumerate(np.cumsum([0, *steps])):
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 10 * k, np.uint8), format="rgb24")
+            frame.pts, frame.time_base = int(time), Fraction(1, 1000)
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode())
+    return path
+
+
+def test_a_film_whose_rate_changes_keeps_its_times(tmp_path):
+    """Telephones take fewer pictures a second in dim light."""
+    steps = [33, 33, 67, 67, 100, 33]
+    film, expected = changing_film(tmp_path / "film.mkv", steps), np.cumsum([0, *steps]) / 1000
+    assert [f.time for f in sources.VideoSource(RIG, film)] == pytest.approx(expected, abs=1e-6)
+    assert [f.time for f in sources.VideoSource(RIG, film, fps=20)] == pytest.approx(np.arange(7) / 20)
+    with LiveCamera(str(film)) as camera:
+        shots = [camera.newest(5.0) for _ in expected]
+    assert [s.image[0, 0, 0] for s in shots] == [10 * k for k in range(7)]
+    assert np.array([s.time for s in shots]) - shots[0].time == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "told, times",
+    [
+        ([0, 0, 0, 0], [0, 0.1, 0.2, 0.3]),  # OpenCV's back ends without times
+        ([np.nan, np.nan, np.nan, np.nan], [0, 0.1, 0.2, 0.3]),
+        ([500, 560, 540, 900], [0, 0.06, 0.16, 0.4]),
+        ([0, 50, np.inf, 400], [0, 0.05, 0.15, 0.4]),
+    ],
+)
+def test_times_that_a_film_does_not_tell(told, times):
+    class Film:
+        def __init__(self):
+            self.told = iter(told)
+
+        def get(self, which):
+            return 10.0 if which == cv2.CAP_PROP_FPS else next(self.told)
+
+    film = FilmTimes(Film())
+    assert [film.next() for _ in told] == pytest.approx(times)
 
 
 def test_a_truncated_video_gives_what_it_holds(tmp_path):

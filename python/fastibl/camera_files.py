@@ -1,4 +1,4 @@
-"""Pictures and films of a camera in files: the pixels of its sensor, as they lie in the file.
+"""Pictures and films of a camera in files: the pixels of its sensor, as they lie in the file, and a film's own times.
 
 A telephone turns nothing in its pictures; it notes beside them how they are to be held (EXIF's orientation, a film's
 rotation). A lens belongs to the sensor's pixels, however the telephone was held: the note is not followed.
@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+_PERIOD = 1 / 30  # seconds, where a film tells no rate
 
 
 def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArray[Any] | None:
@@ -44,3 +46,34 @@ def open_film(path: str | os.PathLike[str]) -> Any:
     film = cv2.VideoCapture(os.fspath(path))
     film.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return film
+
+
+class FilmTimes:
+    """Seconds since a film's first picture, by what the file says of each: telephones change their rate with the light.
+
+    A picture of which it says nothing new is a period after the one before. fps: used instead of the file's times.
+    """
+
+    def __init__(self, film: Any, fps: float | None = None):
+        import cv2
+
+        rate = fps or film.get(cv2.CAP_PROP_FPS)
+        self.period = 1 / rate if 0 < rate < np.inf else _PERIOD
+        self._film, self._told = film, fps is None
+        self._first: float | None = None
+        self._last, self._count = 0.0, 0
+
+    def next(self) -> float:
+        """Time of the picture that was just grabbed; each is to be asked for, once."""
+        import cv2
+
+        count, self._count = self._count, self._count + 1
+        if not self._told:
+            return count * self.period
+        said = self._film.get(cv2.CAP_PROP_POS_MSEC) / 1000
+        if self._first is None:
+            self._first = said
+            return 0.0
+        time = said - self._first
+        self._last = time if self._last < time < np.inf else self._last + self.period
+        return self._last

@@ -4,7 +4,6 @@ for one: it plays once, at its own speed."""
 from __future__ import annotations
 
 import contextlib
-import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera_files import open_film
+from .camera_files import FilmTimes, open_film
 
 SECONDS_AT_ONE = 0.01  # exposure time of a live camera whose exposure is called 1
 _SETTLING = 15  # pictures in which a camera's own automatic finds its exposure, before it is held
@@ -86,14 +85,16 @@ def _backend(capture: Any) -> str:
         return ""
 
 
-def _at_own_speed(capture: Any) -> Callable[[], float]:
-    """Gives the seconds to wait for the next picture of a video file."""
-    import cv2
+class _Film:
+    """A video file that plays at its own speed: its pictures are grabbed at the times that it says."""
 
-    rate = capture.get(cv2.CAP_PROP_FPS)
-    period = 1 / rate if 0 < rate < np.inf else 1 / 30
-    begin, numbers = time.monotonic(), itertools.count()
-    return lambda: max(0.0, begin + period * next(numbers) - time.monotonic())
+    def __init__(self, capture: Any, begin: float):
+        self._times, self._begin, self._started = FilmTimes(capture), begin, time.monotonic()
+
+    def next(self) -> tuple[float, float]:
+        """Time of the picture that was just grabbed, by the camera's clock, and the seconds until it is due."""
+        at = self._times.next()
+        return self._begin + at, max(0.0, self._started + at - time.monotonic())
 
 
 def open_camera(device: int | str) -> Any:
@@ -273,10 +274,14 @@ class LiveCamera:
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # no old pictures
         failed = 0
-        wait = _at_own_speed(capture) if self._file else lambda: 0.0
-        while failed < _FAILURES and count != 0 and not self._stop.wait(wait()):
+        film = _Film(capture, self._clock()) if self._file else None
+        while failed < _FAILURES and count != 0 and not self._stop.is_set():
             grabbed = capture.grab()
             now = self._clock()
+            if film is not None and grabbed:
+                now, wait = film.next()
+                if self._stop.wait(wait):
+                    return
             read, picture = capture.retrieve() if grabbed else (False, None)
             if not read or picture is None or picture.ndim != 3:
                 failed += 1

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Rig
-from .camera_files import open_film, read_pixels
+from .camera_files import FilmTimes, open_film, read_pixels
 from .live_camera import LiveCamera, Shot
 from .recording import CAMERAS, Frame, RecordingWarning
 
@@ -192,10 +192,10 @@ def _frame(moment: float, shots: Mapping[str, Shot]) -> Frame:
 class VideoSource(_Closing):
     """Video files of one or two cameras, read from the start, frame by frame; iterate as often as you like.
 
-    back, front: files. Pictures are as the sensor took them: a rotation that a file notes is not followed.
-    fps: pictures a second; None is what the file says. exposures: (back, front), constant; None where a camera chose
-    its own. A video
-    that ends early or breaks off ends the frames of that camera, with a RecordingWarning where it gave none.
+    back, front: files. Times are the files' own, from 0 at each one's first picture; fps: pictures a second instead.
+    Pictures are as the sensor took them: how a file says that they are to be turned is not followed. exposures:
+    (back, front), constant; None where a camera chose its own. A video that ends early or breaks off ends the frames of
+    that camera, with a RecordingWarning where it gave none.
     """
 
     def __init__(
@@ -223,26 +223,22 @@ class VideoSource(_Closing):
         self._exposures = dict(zip(CAMERAS, exposures, strict=True))
 
     def __iter__(self) -> Iterator[Frame]:
-        import cv2
-
         videos = {name: open_film(file) for name, file in self._files.items()}
         try:
-            rates = {n: self._fps or v.get(cv2.CAP_PROP_FPS) or 30.0 for n, v in videos.items()}
-            upcoming = {name: (0.0, _next_picture(video)) for name, video in videos.items()}
+            times = {name: FilmTimes(video, self._fps) for name, video in videos.items()}
+            upcoming = {name: _next_picture(video, times[name]) for name, video in videos.items()}
             for name, (_, picture) in upcoming.items():
                 if picture is None:
                     warnings.warn(f"the video {self._files[name]} holds no picture", RecordingWarning, stacklevel=2)
-            counts = dict.fromkeys(videos, 0)
             while any(picture is not None for _, picture in upcoming.values()):
                 moment = min(t for t, picture in upcoming.values() if picture is not None)
                 frame = Frame(moment)
                 for name, (t, picture) in list(upcoming.items()):
-                    if picture is None or t > moment + 0.25 / rates[name]:
+                    if picture is None or t > moment + 0.25 * times[name].period:
                         continue
                     setattr(frame, name, picture)
                     setattr(frame, f"{name}_exposure", self._exposures[name])
-                    counts[name] += 1
-                    upcoming[name] = counts[name] / rates[name], _next_picture(videos[name])
+                    upcoming[name] = _next_picture(videos[name], times[name])
                 yield frame
         finally:
             for video in videos.values():
@@ -254,9 +250,11 @@ def _check_rate(fps: float) -> None:
         raise ValueError(f"fps must be positive and finite, got {fps}")
 
 
-def _next_picture(video: Any) -> NDArray[np.uint8] | None:
+def _next_picture(video: Any, times: FilmTimes) -> tuple[float, NDArray[np.uint8] | None]:
     read, picture = video.read()
-    return np.ascontiguousarray(picture[..., ::-1]) if read and picture is not None else None
+    if not read or picture is None:
+        return np.inf, None
+    return times.next(), np.ascontiguousarray(picture[..., ::-1])
 
 
 class FolderSource(_Closing):
