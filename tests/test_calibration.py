@@ -1,5 +1,7 @@
 """Calibration against pictures and poses whose truth is known."""
 
+import importlib
+
 import cv2
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from board_pictures import look_at, project_tag, render, srgb
 
 import fastibl
 from fastibl.calibration import calibrate_board, calibrate_camera, calibrate_response, calibrate_rig
+from fastibl.calibration.corners import Seen
 
 BOARD = fastibl.Board.grid(3, 4, 0.040, 0.012)
 CAMERA = fastibl.Camera(480, 360, 396.0, 399.0, 243.5, 176.0, distortion=[0.08, -0.12, 0.0008, -0.0005])
@@ -105,7 +108,6 @@ def test_a_fisheye_is_found():
     camera = fastibl.Camera(480, 480, 170.0, 171.0, 242.0, 238.0, distortion=[0.02, -0.01, 0.001, 0.0], model="fisheye")
     rng = np.random.default_rng(0)
     on_board = np.array([tag.corners for tag in BOARD.tags])
-    from fastibl.calibration.corners import Seen
     from fastibl.calibration.intrinsics import _solve_fisheye
 
     seen = []
@@ -296,6 +298,100 @@ def test_what_cannot_tell_a_rig_is_refused():
         calibrate_rig(*moments(3))
     with pytest.raises(ValueError, match="only: more moments"):
         calibrate_rig(*moments(5, 3.0, 0.02))
+
+
+def bent_pictures(bend, views=VIEWS, aims=AIMS, stretch=1.0, noise=0.05, seed=0):
+    """What find_corners would find of a print that is bent to a cylinder by that many metres, and stretched."""
+    rng = np.random.default_rng(seed)
+    on_board = np.array([tag.corners for tag in BOARD.tags])
+    x = on_board.reshape(-1, 2)
+    points = np.column_stack([x * [1, stretch], bend * (x[:, 0] / np.abs(x[:, 0]).max()) ** 2])
+    for (tilt, distance, azimuth, roll), aim in zip(views, aims, strict=False):
+        pose = look_at(tilt, distance, azimuth, roll, aim)
+        pixels = CAMERA.project(points @ pose[:3, :3].T + pose[:3, 3]) + noise * rng.standard_normal((len(x), 2))
+        inside = ((pixels > 4) & (pixels < [CAMERA.width - 4, CAMERA.height - 4])).reshape(-1, 8).all(axis=1)
+        ids = tuple(int(i) for i in np.flatnonzero(inside))
+        yield Seen(ids, on_board[inside], pixels.reshape(-1, 4, 2)[inside])
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """calibrate_camera and calibrate_board of corners that are given as pictures."""
+
+    def give(corners):
+        found = list(corners)
+        for module in ("intrinsics", "board"):
+            module = importlib.import_module(f"fastibl.calibration.{module}")
+            monkeypatch.setattr(module, "find_corners", lambda picture, *_, **__: found[int(picture[0, 0, 0])])
+        return [np.full((CAMERA.height, CAMERA.width, 3), k, np.uint8) for k in range(len(found))]
+
+    return give
+
+
+def off(found):
+    """fx, fy, cx, cy in stated deviations."""
+    return {n: (getattr(found.camera, n) - getattr(CAMERA, n)) / found.deviations[n] for n in ("fx", "fy", "cx", "cy")}
+
+
+@pytest.mark.parametrize("bend", [0.0003, 0.0005, 0.001])
+def test_a_bent_print_is_told(shown, bend):
+    """A millimetre makes the focal length 0.7 % wrong, and corners only 0.2 pixels."""
+    with pytest.warns(UserWarning, match=rf"bent by about {1000 * bend:.1f} mm.*something flat"):
+        found = calibrate_camera(shown(bent_pictures(bend)), BOARD, terms=4)
+    print(f"{found}\nin deviations: {off(found)}")
+    assert found.bend == pytest.approx(bend, rel=0.1)
+    assert max(map(abs, off(found).values())) < 2
+
+
+def test_a_print_so_bent_that_it_tells_no_focal_length_is_refused(shown):
+    with pytest.raises(ValueError, match=r"only within [12]\.\d%: the print is bent by about 2.0 mm.*something flat"):
+        calibrate_camera(shown(bent_pictures(0.002)), BOARD, terms=4)
+
+
+def test_a_stretched_print_is_told(shown):
+    with pytest.warns(UserWarning, match=r"0\.[45]\d% too high: measure it"):
+        found = calibrate_camera(shown(bent_pictures(0.0, stretch=1.005)), BOARD, terms=4)
+    print(f"{found}\nin deviations: {off(found)}")
+    assert found.stretch == pytest.approx(1.005, abs=2e-4) and max(map(abs, off(found).values())) < 2
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_flat_print_is_not_warned_of(shown):
+    for seed in range(6):
+        found = calibrate_camera(shown(bent_pictures(0.0, seed=seed)), BOARD, terms=4)
+        assert found.bend < 0.0002 and abs(found.stretch - 1) < 3e-4
+        assert found.deviations["fx"] / CAMERA.fx < 2e-3
+
+
+def test_a_bent_print_is_told_of_a_fisheye():
+    camera = fastibl.Camera(480, 480, 170.0, 171.0, 242.0, 238.0, distortion=[0.02, -0.01, 0.001, 0.0], model="fisheye")
+    from fastibl.calibration.intrinsics import _solve_fisheye
+    from fastibl.calibration.print_shape import print_shape
+
+    shapes = []
+    for bend in (0.0, 0.001):
+        rng, seen = np.random.default_rng(0), []
+        on_board = np.array([tag.corners for tag in BOARD.tags])
+        x = on_board.reshape(-1, 2)
+        points = np.column_stack([x, bend * (x[:, 0] / np.abs(x[:, 0]).max()) ** 2])
+        for k in range(14):
+            aim = (0.06 * np.cos(2.0 * k), 0.06 * np.sin(k))
+            pose = look_at(20 + 2 * k % 25, 0.16 + 0.01 * (k % 3), 51 * k, 30 * k, aim)
+            pixels = camera.project(points @ pose[:3, :3].T + pose[:3, 3]) + 0.05 * rng.standard_normal((len(x), 2))
+            seen.append(Seen(tuple(range(len(on_board))), on_board, pixels.reshape(-1, 4, 2)))
+        found = _solve_fisheye(seen, list(range(14)), (480, 480), 4, None)
+        shapes.append(print_shape(seen, found.poses, found.camera, BOARD, 8))
+        corrected = found.camera.fx + shapes[-1].shifts[0]
+        print(f"{bend}: {shapes[-1]}, fx {found.camera.fx:.2f}, with a print that bends {corrected:.2f}")
+        assert abs(corrected / camera.fx - 1) < 2e-3
+    assert not shapes[0].told and shapes[1].told and shapes[1].bend == pytest.approx(0.001, rel=0.15)
+
+
+def test_a_measured_board_that_is_bent_is_told(shown):
+    views = [(20 + 5 * (k % 4), 0.3, 60 * k, 45 * k) for k in range(10)]
+    pictures = shown(bent_pictures(0.0008, views=views, aims=[(0.0, 0.0)] * 10))
+    with pytest.warns(UserWarning, match=r"bent by about 0\.[78] mm, and is kept as flat"):
+        calibrate_board(pictures, BOARD, CAMERA)
 
 
 def test_a_board_is_measured_by_a_camera_without_distortion():

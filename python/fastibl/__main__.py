@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from . import __version__, commands
 
@@ -22,11 +24,23 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+@contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """What a command warns of is for a person: a line like that of an error, without the place in the code."""
+    before = warnings.formatwarning
+    warnings.formatwarning = lambda message, *_, **__: f"fastibl: warning: {message}\n"
+    try:
+        yield
+    finally:
+        warnings.formatwarning = before
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command; the exit code is 0, 2 for bad input, 130 when interrupted."""
     arguments = build_parser().parse_args(argv)
     try:
-        return arguments.run(arguments) or 0
+        with _plain_warnings():
+            return arguments.run(arguments) or 0
     except (OSError, ValueError, TypeError, LookupError, ImportError, RuntimeError, MemoryError) as error:
         print(f"fastibl: error: {error or type(error).__name__}", file=sys.stderr)
         return 2

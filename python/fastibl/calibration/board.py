@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera
 from .corners import Seen, find_corners, size_of
+from .print_shape import FLATTEN, most_bend, smooth_bend
 
 _LEAST_PICTURES = 5
 _MOST_SCALE = 2  # of a printed board against what it was said to be
@@ -66,8 +68,9 @@ def calibrate_board(
     pictures: (h, w, 3) uint8 RGB of the camera's size, each showing the whole board, from different sides. camera: what
     calibrate_camera() found; its lens is fitted again together with the board. measured: two tags' ids and the distance
     of their centres in metres, by a ruler: pictures alone cannot tell a scale, and the board keeps that of its width
-    without. Raises ValueError for fewer than five pictures of the whole board, unknown ids, or a board known worse than
-    within 0.1 % of its size.
+    without. Warns of a print that is not flat (0.3 mm of the default board): a Board is, and poses by it are off.
+    Raises ValueError for fewer than five pictures of the whole board, unknown ids, or a board known worse than within
+    0.1 % of its size.
     """
     size = size_of(pictures)
     if size != (camera.width, camera.height):
@@ -96,6 +99,9 @@ def calibrate_board(
             f"corners are known within {1000 * deviation:.2f} mm only; expected "
             f"{1000 * _MOST_DEVIATION * largest:.2f}: more pictures, nearer, from all sides"
         )
+    bend = scale * smooth_bend(nominal.reshape(-1, 2), found[..., 2].reshape(-1))
+    if bend > most_bend(board):
+        warnings.warn(f"the print is bent by about {1000 * bend:.1f} mm, and is kept as flat: {FLATTEN}", stacklevel=2)
     tags = [(i, scale * found[k, :, :2]) for k, i in enumerate(ids)]
     return BoardCalibration(
         Board(tags, scale * across * board.width, scale * up * board.height, board.border_bits),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._fastibl import Board, Camera, Pose, Response
 from ..expected import expect
 from .corners import Seen, find_corners, size_of
+from .print_shape import FLATTEN, print_shape
 
 _LEAST_TAGS = 3  # in a picture that counts
 _LEAST_PICTURES = 5
@@ -29,8 +31,10 @@ class CameraCalibration:
     """A camera, and how well it is known.
 
     deviations: standard deviation of fx, fy, cx, cy (pixels) and of each distortion coefficient, for corners whose
-    errors are independent; infinite for k4, k5 and k6, which are then 0, where the pictures do not tell them.
-    residual: RMS of corners, pixels. pictures: indices of those used. poses: camera_from_marker of each.
+    errors are independent, and what a print that is not flat may mean beyond that; infinite for k4, k5 and k6, which
+    are then 0, where the pictures do not tell them. residual: RMS of corners, pixels. pictures: indices of those used.
+    poses: camera_from_marker of each. bend: metres by which the print's corners lie above each other, by a trial in
+    which it is free to bend; stretch: of its height against its width (1.002: 0.2 % too high).
     """
 
     camera: Camera
@@ -38,12 +42,15 @@ class CameraCalibration:
     residual: float
     pictures: tuple[int, ...]
     poses: tuple[Pose, ...]
+    bend: float = 0.0
+    stretch: float = 1.0
 
     def __str__(self) -> str:
         c, d = self.camera, self.deviations
         lines = [f"{n} {getattr(c, n):9.3f} +- {d[n]:.3f} px" for n in ("fx", "fy", "cx", "cy")]
         lines += [f"{n} {v:9.5f} +- {d[n]:.5f}" for n, v in zip(list(d)[4:], c.distortion, strict=True)]
-        return "\n".join([*lines, f"residual {self.residual:.3f} px of {len(self.pictures)} pictures"])
+        lines.append(f"residual {self.residual:.3f} px of {len(self.pictures)} pictures")
+        return "\n".join([*lines, f"print flat within {1000 * self.bend:.2f} mm, stretch {self.stretch:.5f}"])
 
 
 def calibrate_camera(
@@ -59,7 +66,8 @@ def calibrate_camera(
     pictures: (h, w, 3) uint8 RGB, of one size: of the board at different places and tilts. model: "perspective", with
     terms = 4 (k1 k2 p1 p2), 5 (and k3) or 8 coefficients; or "fisheye", always with four. response: of the camera, for
     corners in linear light; sRGB by default. Raises ValueError where pictures show too little of the board or of the
-    lens, or do not tell the focal length within 1 %.
+    lens, or do not tell the focal length within 1 %. Warns of a print that is bent or stretched, and states deviations
+    that are as much wider.
     """
     if model not in ("perspective", "fisheye") or terms not in (4, 5, 8):
         raise ValueError(f"expected a perspective model of 4, 5 or 8 terms or a fisheye, got {model} of {terms}")
@@ -80,7 +88,25 @@ def calibrate_camera(
             "flat and the right one, are pictures sharp?"
         )
     _check_tilts(found)
-    return found
+    return _with_print(found, [seen[k] for k in found.pictures], board)
+
+
+def _with_print(found: CameraCalibration, seen: Sequence[Seen], board: Board) -> CameraCalibration:
+    """With what a print that is not flat may mean for the lens."""
+    names = [name for name, deviation in found.deviations.items() if np.isfinite(deviation)]
+    shape = print_shape(seen, found.poses, found.camera, board, len(names))
+    deviations = dict(found.deviations)
+    if shape.told:
+        for name, shift in zip(names, shape.shifts, strict=True):
+            deviations[name] = float(np.hypot(deviations[name], shift))
+    fault = shape.fault(board)
+    for name in ("fx", "fy"):
+        deviation = deviations[name] / getattr(found.camera, name)
+        if not deviation <= _MOST_DEVIATION:
+            raise ValueError(f"the pictures tell {name} only within {deviation:.1%}: {fault or FLATTEN}")
+    if fault:
+        warnings.warn(f"{fault} (the deviations are widened by what it may mean)", stacklevel=3)
+    return replace(found, deviations=deviations, bend=shape.bend, stretch=shape.stretch)
 
 
 def _check_views(seen: Sequence[Seen], size: tuple[int, int], given: int) -> None:
