@@ -1,5 +1,8 @@
 """The command that measures a rig, from pictures to rig.yaml and board.yaml."""
 
+import re
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ import fastibl
 from fastibl.__main__ import main
 from fastibl.recording import RecordingWriter, read_board, read_rig, write_board, write_rig
 
+ROOT = Path(__file__).parents[1]
 FRONT = fastibl.Camera(400, 300, 330.0, 330.0, 200.0, 150.0)
 FRONT_FROM_BACK = fastibl.Pose.from_rotation_vector([0.02, np.pi - 0.04, 0.01], [0.01, -0.003, -0.008])
 BASE = fastibl.Pose.from_rotation_vector([np.pi, 0.0, 0.0], [0.0, 0.0, 0.3])  # above the middle of a board
@@ -108,6 +112,16 @@ def test_bad_options_of_a_camera(tmp_path, capsys, more, message):
         writer.add(fastibl.Frame(0.0, board_pictures(views=VIEWS[:1])[0]))
     assert main(["calibrate", "camera", str(film), "--rig", str(tmp_path / "rig.yaml"), *more]) != 0
     assert message in capsys.readouterr().err
+
+
+def test_the_documented_distance_is_that_of_the_default_board():
+    centres = {tag.id: np.mean(tag.corners, axis=0) for tag in fastibl.Board.default().tags}
+    told = 0
+    for path in ("docs/how-to/own-cameras.md", "python/fastibl/commands/calibrate.py"):
+        for a, b, metres in re.findall(r"--measured (\d+) (\d+) ([\d.]+)", (ROOT / path).read_text()):
+            told += 1
+            assert float(metres) == pytest.approx(np.linalg.norm(centres[int(a)] - centres[int(b)]), rel=0.005)
+    assert told == 2
 
 
 def test_warnings_are_for_a_person(monkeypatch, tmp_path, capfd):

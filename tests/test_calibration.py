@@ -167,10 +167,10 @@ def test_a_board_that_was_printed_wrong_is_found(calibrated):
     assert abs(found.stretch - 1.01) < 0.0012 and off.max() < 0.0003
     assert np.ptp(found.flatness) < 0.001
     a, b = BOARD.tags[0].id, BOARD.tags[3].id
-    ruled = calibrate_board(shots, BOARD, CAMERA, measured=(a, b, 0.3))
+    ruled = calibrate_board(shots, BOARD, CAMERA, measured=(a, b, 0.165))
     centres = {t.id: np.mean(t.corners, axis=0) for t in ruled.board.tags}
-    assert np.linalg.norm(centres[a] - centres[b]) == pytest.approx(0.3, rel=1e-3)
-    assert ruled.scale == pytest.approx(0.3 / 0.156, rel=0.01)
+    assert np.linalg.norm(centres[a] - centres[b]) == pytest.approx(0.165, rel=1e-3)
+    assert ruled.scale == pytest.approx(0.165 / 0.156, rel=0.01)
     with pytest.raises(ValueError, match="not both on the board"):
         calibrate_board(shots, BOARD, CAMERA, measured=(a, 999, 0.3))
     with pytest.raises(ValueError, match="expected at least 5"):
@@ -407,7 +407,9 @@ def test_a_board_is_measured_by_a_camera_without_distortion():
         ((1, 26, 0.2), "not both on the board"),
         ((1, 1, 0.2), "1 twice"),
         ((0, 3), "ids and metres"),
-        ((0, 3, np.nan), "nan m between tags 0 and 3, but the board 0.156 m"),
+        ((0, 3, np.nan), "nan m between the centres of tags 0 and 3, but on the board they are 0.1560 m"),
+        ((0, 3, 0.208), r"0.208 m .* they are 0.1560 m apart; expected 0.1418 to 0.1716 m"),
+        ((0, 3, 0.140), r"0.14 m .* expected 0.1418"),
         ((0, 3, 156.0), "is it in metres"),
         ((0, 3, -0.156), "is it in metres"),
     ],

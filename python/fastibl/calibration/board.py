@@ -14,7 +14,7 @@ from .corners import Seen, find_corners, size_of
 from .print_shape import FLATTEN, most_bend, smooth_bend
 
 _LEAST_PICTURES = 5
-_MOST_SCALE = 2  # of a printed board against what it was said to be
+_MOST_SCALE = 1.1  # of a printed board against what it was said to be; "fit to page" is 3 to 6 % off
 _MOST_DEVIATION = 0.001  # of the board's size: of a corner's place
 
 
@@ -55,8 +55,9 @@ def _check_measured(measured: tuple[int, int, float], ids: Sequence[int], middle
     said = float(np.linalg.norm(middles[ids.index(a)] - middles[ids.index(b)]))
     if not said / _MOST_SCALE <= metres <= said * _MOST_SCALE:
         raise ValueError(
-            f"measured says {metres} m between tags {a} and {b}, but the board {said:.3f} m; is it in metres, and from "
-            "centre to centre?"
+            f"measured says {metres} m between the centres of tags {a} and {b}, but on the board they are {said:.4f} m "
+            f"apart; expected {said / _MOST_SCALE:.4f} to {said * _MOST_SCALE:.4f} m: is it in metres, from centre to "
+            "centre, of these tags? A print of another size is a board of its own: give its board.yaml"
         )
 
 
@@ -67,10 +68,10 @@ def calibrate_board(
 
     pictures: (h, w, 3) uint8 RGB of the camera's size, each showing the whole board, from different sides. camera: what
     calibrate_camera() found; its lens is fitted again together with the board. measured: two tags' ids and the distance
-    of their centres in metres, by a ruler: pictures alone cannot tell a scale, and the board keeps that of its width
-    without. Warns of a print that is not flat (0.3 mm of the default board): a Board is, and poses by it are off.
-    Raises ValueError for fewer than five pictures of the whole board, unknown ids, or a board known worse than within
-    0.1 % of its size.
+    of their centres in metres, by a ruler, within 10 % of the board's: pictures alone cannot tell a scale, and without
+    it the board keeps that of its width. Warns of a print that is not flat (0.3 mm of the default board): a Board is,
+    and poses by it are off. Raises ValueError for fewer than five pictures of the whole board, unknown ids, another
+    distance, or a board known worse than within 0.1 % of its size.
     """
     size = size_of(pictures)
     if size != (camera.width, camera.height):

@@ -61,13 +61,14 @@ def add(commands: argparse._SubParsersAction) -> None:
         "board",
         run_board,
         "where the printed tags are, from pictures of the whole board",
-        "fastibl calibrate board shots/*.png --rig rig.yaml --measured 0 11 0.208 --out board.yaml",
+        "fastibl calibrate board shots/*.png --rig rig.yaml --measured 12 15 0.2395 --out board.yaml",
     )
     _pictures(board)
     _board(board)
     board.add_argument(
-        "--measured", nargs=3, metavar=("TAG", "TAG", "METRES"), help="distance of two tags' centres by a ruler"
-    )
+        "--measured", nargs=3, metavar=("TAG", "TAG", "METRES"),
+        help="distance of two tags' centres by a ruler, the farther apart the better",
+    )  # fmt: skip
     board.add_argument("--out", type=Path, default=Path("board.yaml"), help="default: %(default)s")
 
     rig = parser(
