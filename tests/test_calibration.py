@@ -300,6 +300,25 @@ def test_what_cannot_tell_a_rig_is_refused():
         calibrate_rig(*moments(5, 3.0, 0.02))
 
 
+@pytest.mark.parametrize(
+    "change, board, says",
+    [
+        (lambda p: np.ascontiguousarray(p[:, ::-1]), BOARD, r"5\. In picture 0 \(and alike in 1, 2\): .* in a mirror"),
+        (lambda p: p // 16, BOARD, "too dark"),
+        (lambda p: p, fastibl.Board.kalibr(3, 4, 0.04, 0.3), "with a border of 1 modules are seen"),
+        (lambda p: p, fastibl.Board([(t.id + 100, t.corners) for t in BOARD.tags], 0.2, 0.2), "board has 100 to 111"),
+        (lambda p: np.where(np.arange(480)[:, None] < 90, p, 200).astype(np.uint8), BOARD, "In picture"),
+    ],
+)
+def test_pictures_that_show_no_board_are_explained(pictures, change, board, says):
+    shots = [change(p) for p in pictures[:6]]
+    with pytest.raises(ValueError, match=says) as error:
+        calibrate_camera(shots, board)
+    print(error.value)
+    with pytest.raises(ValueError, match="show all 12 tags.* In picture"):
+        calibrate_board(shots, board, CAMERA)
+
+
 def bent_pictures(bend, views=VIEWS, aims=AIMS, stretch=1.0, noise=0.05, seed=0):
     """What find_corners would find of a print that is bent to a cylinder by that many metres, and stretched."""
     rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""Why a picture gives no pose of the board, in words for a person."""
+"""Why a picture gives no pose of the board, or no corners of it, in words for a person."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Board, _grey
-from .tracking import detect, find_tags
+from .tracking import find_tags
 
 if TYPE_CHECKING:
     from .tracking import Tracker
@@ -51,11 +51,22 @@ def explain(image: ArrayLike, tracker: Tracker) -> str:
             )
         return text
     grey = _grey(image, camera)
-    tags, _ = detect(grey, board, camera, subpixel=False)
+    return explain_tags(grey, board) or (
+        f"{seen_tags(grey, board)} are seen, but not where the board has them: is it the board that was printed, flat, "
+        "and the camera calibrated for pictures of this size?"
+    )
+
+
+def explain_tags(grey: NDArray[np.uint8], board: Board) -> str | None:
+    """What is the matter with the tags in a picture, whatever its camera; None where several of the board's are seen.
+
+    grey: (height, width) uint8, encoded values.
+    """
+    tags = find_tags(grey, border_bits=board.border_bits, subpixel=False)
     ids = {tag.id for tag in board.tags}
     mine = [tag for tag in tags if tag[0] in ids]
     if mine:
-        return _no_pose(mine, board)
+        return _of_the_board(mine, board)
     if tags:
         return (
             f"{_named(tags)} of the family 36h11 {_are(tags)} seen, but the board has {_runs(ids)}: the print and the "
@@ -64,8 +75,14 @@ def explain(image: ArrayLike, tracker: Tracker) -> str:
     return next(_no_tags(grey, board))
 
 
-def _no_pose(mine: _Tags, board: Board) -> str:
-    """Of tags of the board, from which no pose follows."""
+def seen_tags(grey: NDArray[np.uint8], board: Board) -> str:
+    """ "Tags 0 to 3, 7": those of the board in a picture in which there are some."""
+    ids = {tag.id for tag in board.tags}
+    return _named([tag for tag in find_tags(grey, border_bits=board.border_bits, subpixel=False) if tag[0] in ids])
+
+
+def _of_the_board(mine: _Tags, board: Board) -> str | None:
+    """What is the matter with tags that are seen of the board."""
     twice = [id for id, count in Counter(id for id, _ in mine).items() if count > 1]
     if twice:
         return f"{_named(mine)} {_are(mine)} seen, {_runs(twice)} more than once: one print alone may be in view."
@@ -77,10 +94,7 @@ def _no_pose(mine: _Tags, board: Board) -> str:
             f"{_named(mine)} alone is seen of {len(board.tags)}, and one does not tell which way it is tilted, or its "
             "edges are blurred: let more of the board be in view."
         )
-    return (
-        f"{_named(mine)} are seen, but not where the board has them: is it the board that was printed, flat, and the "
-        "camera calibrated for pictures of this size?"
-    )
+    return None
 
 
 def _no_tags(grey: NDArray[np.uint8], board: Board) -> Iterator[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera
-from .corners import Seen, find_corners, size_of
+from .corners import Seen, find_corners, size_of, what_is_seen
 from .print_shape import FLATTEN, most_bend, smooth_bend
 
 _LEAST_PICTURES = 5
@@ -82,10 +82,13 @@ def calibrate_board(
     nominal = np.array([tag.corners for tag in board.tags], np.float64)
     if measured is not None:
         _check_measured(measured, ids, nominal.mean(axis=1))
-    whole = [s for s in (find_corners(p, board, camera) for p in pictures) if len(s.ids) == len(ids)]
+    seen = [find_corners(p, board, camera) for p in pictures]
+    whole = [s for s in seen if len(s.ids) == len(ids)]
     if len(whole) < _LEAST_PICTURES:
+        partly = [k for k, s in enumerate(seen) if len(s.ids) != len(ids)]
         raise ValueError(
             f"{len(whole)} of {len(pictures)} pictures show all {len(ids)} tags; expected at least {_LEAST_PICTURES}"
+            f"{what_is_seen(pictures, partly, board, camera)}"
         )
     found, residual, deviation = _release(whole, ids, camera)
     found = _aligned(found.reshape(-1, 3), nominal.reshape(-1, 2)).reshape(nominal.shape[0], 4, 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera, _grey, _refine_corners
+from ..explain_tracking import explain_tags, seen_tags
 from ..tracking import detect
+
+_TOLD = 3  # pictures of which an error says what they show: each takes some tenths of a second
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,20 @@ def find_corners(picture: ArrayLike, board: Board, camera: Camera, refine: bool 
         np.array([known[tag] for tag, _ in found]).reshape(-1, 4, 2),
         np.array([corners for _, corners in found], np.float64).reshape(-1, 4, 2),
     )
+
+
+def what_is_seen(pictures: Sequence[ArrayLike], left_out: Sequence[int], board: Board, camera: Camera) -> str:
+    """What the first pictures show that show too little, for the end of an error: ". In picture 2: ..." or nothing."""
+    said: dict[str, tuple[str, list[int]]] = {}
+    for k in left_out[:_TOLD]:
+        grey = _grey(pictures[k], camera)
+        why = explain_tags(grey, board)
+        if why is None:
+            why = f"{seen_tags(grey, board)} are seen; others are out of view, too small or too blurred."
+        said.setdefault(re.sub(r"[\d ,]+", " ", why.replace("to", "")), (why, []))[1].append(k)  # whichever tags
+    alike = {k[0]: f" (and alike in {', '.join(map(str, k[1:]))})" if k[1:] else "" for _, k in said.values()}
+    told = " ".join(f"In picture {k[0]}{alike[k[0]]}: {why}" for why, k in said.values())
+    return f". {told}" if told else ""
 
 
 def size_of(pictures: Sequence[ArrayLike]) -> tuple[int, int]:

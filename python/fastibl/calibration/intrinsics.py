@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera, Pose, Response
 from ..expected import expect
-from .corners import Seen, find_corners, size_of
+from .corners import Seen, find_corners, size_of, what_is_seen
 from .print_shape import FLATTEN, print_shape
 
 _LEAST_TAGS = 3  # in a picture that counts
@@ -79,7 +79,12 @@ def calibrate_camera(
     for round_ in range(3 if bends else 2):  # corners are found again with the lens of the round before
         seen = [find_corners(p, board, lens, refine=round_ > 0 or not bends) for p in pictures]
         used = [k for k, s in enumerate(seen) if len(s.ids) >= min(_LEAST_TAGS, len(board.tags))]
-        _check_views([seen[k] for k in used], (width, height), len(pictures))
+        if len(used) < _LEAST_PICTURES:
+            raise ValueError(
+                f"{len(used)} of {len(pictures)} pictures show {_LEAST_TAGS} tags or more; expected at least "
+                f"{_LEAST_PICTURES}{what_is_seen(pictures, sorted({*range(len(seen))} - {*used}), board, lens)}"
+            )
+        _check_views([seen[k] for k in used], (width, height))
         found = solve([seen[k] for k in used], used, (width, height), terms, response)
         lens = found.camera
     if not found.residual <= _MOST_RESIDUAL:
@@ -109,11 +114,7 @@ def _with_print(found: CameraCalibration, seen: Sequence[Seen], board: Board) ->
     return replace(found, deviations=deviations, bend=shape.bend, stretch=shape.stretch)
 
 
-def _check_views(seen: Sequence[Seen], size: tuple[int, int], given: int) -> None:
-    if len(seen) < _LEAST_PICTURES:
-        raise ValueError(
-            f"{len(seen)} of {given} pictures show {_LEAST_TAGS} tags or more; expected at least {_LEAST_PICTURES}"
-        )
+def _check_views(seen: Sequence[Seen], size: tuple[int, int]) -> None:
     cells = set()
     for s in seen:
         at = s.pixels.reshape(-1, 2) / size * _CELLS
