@@ -51,6 +51,18 @@ def test_lens_board_and_response(tmp_path, capsys):
     assert read_rig(rig).back.fx == pytest.approx(CAMERA.fx, rel=2e-3)  # the lens stayed
 
 
+def test_linear_pictures_of_16_bits(tmp_path):
+    """Dark ones, as raw converters write them: their 8 upper bits hold nothing."""
+    board, rig = str(tmp_path / "board.yaml"), str(tmp_path / "rig.yaml")
+    write_board(board, BOARD)
+    light = [fastibl.Response.srgb().decode(p / np.float32(255)) / 60 for p in board_pictures(views=VIEWS[:8])]
+    shots = write(tmp_path / "shots", [np.rint(65535 * x).astype(np.uint16) for x in light])
+    arguments = ["calibrate", "camera", *shots, "--board", board, "--terms", "4", "--rig", rig, "--response", "1"]
+    assert main(arguments) == 0
+    assert read_rig(rig).back.fx == pytest.approx(CAMERA.fx, rel=2e-3)
+    assert read_rig(rig).back.response == fastibl.Response.gamma(1.0)
+
+
 @pytest.mark.parametrize("other", [3, 6])
 def test_a_telephone_held_both_ways_is_one_camera(tmp_path, other):
     """Its sensor's pixels are the same, whatever EXIF says of how they are to be shown."""

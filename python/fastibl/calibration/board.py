@@ -66,12 +66,12 @@ def calibrate_board(
 ) -> BoardCalibration:
     """Where a printed board's tags are (Strobl and Hirzinger 2011, by OpenCV).
 
-    pictures: (h, w, 3) uint8 RGB of the camera's size, each showing the whole board, from different sides. camera: what
-    calibrate_camera() found; its lens is fitted again together with the board. measured: two tags' ids and the distance
-    of their centres in metres, by a ruler, within 10 % of the board's: pictures alone cannot tell a scale, and without
-    it the board keeps that of its width. Warns of a print that is not flat (0.3 mm of the default board): a Board is,
-    and poses by it are off. Raises ValueError for fewer than five pictures of the whole board, unknown ids, another
-    distance, or a board known worse than within 0.1 % of its size.
+    pictures: (h, w, 3) uint8 or uint16 RGB of the camera's size, each showing all of the board, from different sides.
+    camera: what calibrate_camera() found; its lens is fitted again together with the board. measured: two tags' ids and
+    the distance of their centres in metres, by a ruler, within 10 % of the board's: pictures alone cannot tell a scale,
+    and without it the board keeps that of its width. Warns of a print that is not flat (0.3 mm of the default board): a
+    Board is, and poses by it are off. Raises ValueError for fewer than five pictures of the whole board, unknown ids,
+    another distance, or a board known worse than within 0.1 % of its size.
     """
     size = size_of(pictures)
     if size != (camera.width, camera.height):

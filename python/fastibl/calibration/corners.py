@@ -9,10 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._fastibl import Board, Camera, _grey, _refine_corners
+from .._fastibl import Board, Camera, Response, _grey, _refine_corners
 from ..explain_tracking import explain_tags, seen_tags
+from ..pictures import unit
 from ..tracking import detect
 
+_WHITE = 0.99  # share of a picture's values that are below its white
 _TOLD = 3  # pictures of which an error says what they show: each takes some tenths of a second
 
 
@@ -33,6 +35,20 @@ class Seen:
         return (self.pixels.reshape(-1, 2) - 0.5).astype(np.float32)
 
 
+def grey_of(picture: ArrayLike, camera: Camera) -> tuple[NDArray[np.uint8], Camera]:
+    """(height, width) uint8, and the camera by whose response it is encoded.
+
+    uint16 pictures are brightened to white and encoded anew: 8 bits of dark ones, or of linear ones, show no tags.
+    """
+    pixels = np.asarray(picture)
+    if pixels.dtype != np.uint16:
+        return _grey(picture, camera), camera
+    light = camera.response.decode(unit(pixels))
+    white = float(np.quantile(light[::4, ::4], _WHITE))
+    encoded = camera.replace(response=Response.srgb())
+    return _grey(light / np.float32(white if white > 0 else 1), encoded), encoded
+
+
 def find_corners(picture: ArrayLike, board: Board, camera: Camera, refine: bool = True) -> Seen:
     """Tags of the board, their corners refined in linear light.
 
@@ -40,7 +56,7 @@ def find_corners(picture: ArrayLike, board: Board, camera: Camera, refine: bool 
     corners. refine: False for corners as they are detected, some 0.7 pixels off, where nothing is known of a lens that
     bends lines. Tags that are too small to be refined are left out: one of them is as much off as a hundred others.
     """
-    grey = _grey(picture, camera)
+    grey, camera = grey_of(picture, camera)
     known = {tag.id: np.asarray(tag.corners) for tag in board.tags}
     found = [(tag, np.asarray(corners)) for tag, corners in detect(grey, board, camera)[0] if tag in known]
     if refine:
@@ -61,7 +77,7 @@ def what_is_seen(pictures: Sequence[ArrayLike], left_out: Sequence[int], board: 
     """What the first pictures show that show too little, for the end of an error: ". In picture 2: ..." or nothing."""
     said: dict[str, tuple[str, list[int]]] = {}
     for k in left_out[:_TOLD]:
-        grey = _grey(pictures[k], camera)
+        grey, _ = grey_of(pictures[k], camera)
         why = explain_tags(grey, board)
         if why is None:
             why = f"{seen_tags(grey, board)} are seen; others are out of view, too small or too blurred."

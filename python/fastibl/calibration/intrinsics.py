@@ -63,11 +63,11 @@ def calibrate_camera(
 ) -> CameraCalibration:
     """Focal lengths, principal point and distortion from pictures of a flat board (Zhang 2000, by OpenCV).
 
-    pictures: (h, w, 3) uint8 RGB, of one size: of the board at different places and tilts. model: "perspective", with
-    terms = 4 (k1 k2 p1 p2), 5 (and k3) or 8 coefficients; or "fisheye", always with four. response: of the camera, for
-    corners in linear light; sRGB by default. Raises ValueError where pictures show too little of the board or of the
-    lens, or do not tell the focal length within 1 %. Warns of a print that is bent or stretched, and states deviations
-    that are as much wider.
+    pictures: (h, w, 3) uint8 or uint16 RGB, of one size: of the board at different places and tilts. model:
+    "perspective", with terms = 4 (k1 k2 p1 p2), 5 (and k3) or 8 coefficients; or "fisheye", always with four. response:
+    of the camera, for corners in linear light; sRGB by default. Raises ValueError where pictures show too little of the
+    board or of the lens, or do not tell the focal length within 1 %. Warns of a print that is bent or stretched, and
+    states deviations that are as much wider.
     """
     if model not in ("perspective", "fisheye") or terms not in (4, 5, 8):
         raise ValueError(f"expected a perspective model of 4, 5 or 8 terms or a fisheye, got {model} of {terms}")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ._arguments import board_of, parser
+from ._arguments import response as response_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,6 +44,10 @@ def add(commands: argparse._SubParsersAction) -> None:
     camera.add_argument(
         "--terms", type=int, choices=(4, 5, 8), default=5, help="of the distortion (default: %(default)s)"
     )
+    camera.add_argument(
+        "--response", type=response_of, metavar="CURVE",
+        help='from light to code: "srgb" or an exponent, 1 for linear pictures (default: that of rig.yaml, or srgb)',
+    )  # fmt: skip
     _board(camera)
 
     response = parser(
@@ -121,17 +126,18 @@ def _board(to: argparse.ArgumentParser) -> None:
     to.add_argument("--board", type=Path, help="board.yaml (default: the default board)")
 
 
-def _read_pictures(arguments: argparse.Namespace) -> list[NDArray[Any]]:
+def _read_pictures(arguments: argparse.Namespace, any_depth: bool = True) -> list[NDArray[Any]]:
     paths: list[Path] = arguments.pictures
     if len(paths) == 1 and paths[0].is_dir():
         return list(_of_recording(paths[0], arguments.camera, arguments.most))
-    return [_read_picture(path) for path in paths]
+    return [_read_picture(path, any_depth) for path in paths]
 
 
-def _read_picture(path: Path) -> NDArray[Any]:
+def _read_picture(path: Path, any_depth: bool = True) -> NDArray[Any]:
+    """As the sensor took it: uint8, and uint16 with any_depth."""
     from ..camera_files import read_pixels
 
-    picture = read_pixels(path)
+    picture = read_pixels(path, any_depth)
     if picture is None:
         raise ValueError(f"{path} is not a picture that can be read")
     return picture
@@ -191,7 +197,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
         board_of(arguments.board),
         model="fisheye" if arguments.fisheye else "perspective",
         terms=arguments.terms,
-        response=None if known is None else known.response,
+        response=arguments.response or (None if known is None else known.response),
     )
     print(found)
     camera = found.camera
@@ -209,8 +215,8 @@ def run_response(arguments: argparse.Namespace) -> int:
     from ..calibration import calibrate_response
 
     camera = _known_camera(arguments)
-    dark = None if arguments.dark is None else _read_picture(arguments.dark)
-    found = calibrate_response(_read_pictures(arguments), arguments.exposures, dark)
+    dark = None if arguments.dark is None else _read_picture(arguments.dark, any_depth=False)
+    found = calibrate_response(_read_pictures(arguments, any_depth=False), arguments.exposures, dark)
     print(found)
     _keep(arguments, camera.replace(response=found.response))
     return 0
