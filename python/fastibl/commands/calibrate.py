@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from ._arguments import response as response_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from .._fastibl import Camera, Rig
+    from .._fastibl import Board, Camera, Pose, Rig
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -245,22 +245,36 @@ def run_board(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _finder(board: Board, camera: Camera) -> Callable[[NDArray[Any], float], Pose | None]:
+    """Gives camera_from_marker of a picture and its time: tracked in perspective pictures, found anew in others."""
+    from ..calibration.board_pose import board_pose
+    from ..tracking import Tracker
+
+    if camera.model != "perspective":
+        return lambda picture, time: board_pose(picture, board, camera)
+    tracker = Tracker(board, camera)
+
+    def track(picture: NDArray[Any], time: float) -> Pose | None:
+        tracked = tracker.track(picture, time)
+        return None if tracked is None else tracked.camera_from_marker
+
+    return track
+
+
 def run_rig(arguments: argparse.Namespace) -> int:
     from .._fastibl import Rig
     from ..calibration import calibrate_rig
     from ..recording import Recording, read_rig, write_rig
-    from ..tracking import Tracker
 
     rig = read_rig(arguments.rig)
     if rig.front is None:
         raise ValueError(f"{arguments.rig} has no front camera: calibrate it first")
-    back = Tracker(board_of(arguments.board), rig.back)
-    front = Tracker(board_of(arguments.front_board), rig.front)
-    poses: tuple[list[Any], list[Any]] = [], []
+    find_back = _finder(board_of(arguments.board), rig.back)
+    find_front = _finder(board_of(arguments.front_board), rig.front)
+    poses: tuple[list[Pose | None], list[Pose | None]] = [], []
     for frame in Recording.open(arguments.recording):
-        for list_, tracker, picture in zip(poses, (back, front), (frame.back, frame.front), strict=True):
-            tracked = None if picture is None else tracker.track(picture, frame.time)
-            list_.append(None if tracked is None else tracked.camera_from_marker)
+        for list_, find, picture in zip(poses, (find_back, find_front), (frame.back, frame.front), strict=True):
+            list_.append(None if picture is None else find(picture, frame.time))
     found = calibrate_rig(*poses)
     print(found)
     write_rig(arguments.rig, Rig(rig.back, rig.front, found.front_from_back))
