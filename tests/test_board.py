@@ -12,7 +12,9 @@ import pytest
 from board_pictures import look_at, project_tag, render, rotation_error_degrees, vga
 
 import fastibl
+from fastibl.__main__ import main
 from fastibl.board import tag_modules
+from fastibl.recording import read_board, write_board
 from fastibl.tracking import detect
 
 BOARDS = {
@@ -207,6 +209,59 @@ def test_the_caption_states_a_true_line(tmp_path):
     lines = re.findall(r"([\d.]+) ([\d.]+) m ([\d.]+) ([\d.]+) l S", content)
     longest = max(abs(float(x1) - float(x0)) for x0, _, x1, _ in lines)
     assert longest / 72 * 25.4 == pytest.approx(100, abs=0.01)
+
+
+def test_the_check_line_is_printed():
+    """Printers leave some 4 to 6 mm at the edges white; the tags need one module of white around them."""
+    for board, least in ((fastibl.Board.default(), 7.95), (fastibl.Board.grid(3, 4, 0.04, 0.012), 6.5)):
+        dpi = 600
+        page = board.image(dpi)
+        scale = dpi / 25.4  # pixels a mm
+        lowest = max(board.height / 2 - tag.corners[:, 1].min() for tag in board.tags) * 1000
+        module = min(np.ptp(tag.corners[:, 0]) for tag in board.tags) * 1000 / 8
+        row = int(lowest * scale) + 2
+        below = page[row:, : round((0.05 * board.width + 0.048) * 1000 * scale)] < 128  # the line, beside the text
+        longest = row + int(np.argmax(below.sum(axis=1)))
+        first = row + int(np.argmax(below.any(axis=1)))
+        print(f"line {1000 * board.height - longest / scale:.2f} mm above the edge")
+        assert 1000 * board.height - longest / scale >= least
+        assert first / scale - lowest >= module - 0.05
+
+
+def test_a_board_that_other_commands_can_use(tmp_path, capsys):
+    page, listed = tmp_path / "board.png", tmp_path / "board.yaml"
+    assert main(["board", str(page)]) == 0 and not listed.exists()
+    assert "100 %" in capsys.readouterr().out
+    assert main(["board", "--grid", "3x4", "--tag-size", "0.03", "--spacing", "0.01", str(page)]) == 0
+    assert read_board(listed) == BOARDS["grid"] and f"--board {listed}" in capsys.readouterr().out
+    assert main(["board", "--kalibr", "4x3", str(tmp_path / "april.png")]) == 0
+    assert read_board(tmp_path / "april.yaml") == BOARDS["kalibr"]
+    assert main(["board", "--paper", "letter", str(tmp_path / "letter.png")]) == 0
+    letter = read_board(tmp_path / "letter.yaml")
+    assert letter.tags == fastibl.Board.default().tags and (letter.width, letter.height) == (0.2794, 0.2159)
+    assert main(["board", "--paper", "a4", str(tmp_path / "a4.png")]) == 0 and not (tmp_path / "a4.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (["--grid", "4x6", "--tag-size", "40", "--spacing", "12"], "sizes are in metres, 40 mm are 0.04"),
+        (["--kalibr", "6x6", "--tag-size", "88"], "sizes are in metres"),
+        (["--grid", "3"], "--grid must be ROWSxCOLUMNS, as 3x5, got '3'"),
+        (["--kalibr", "axb"], "--kalibr must be ROWSxCOLUMNS"),
+        (["--spacing", "0.01"], "go with --grid"),
+        (["--kalibr", "3x4", "--border-bits", "1"], "go with --grid"),
+        (["--grid", "3x4", "--spacing-ratio", "0.3"], "goes with --kalibr"),
+        (["--grid", "3x4", "--paper", "letter"], "--paper goes with the default board"),
+        (["--grid", "3x5"], "holds another board"),
+    ],
+)
+def test_boards_that_are_not_written(tmp_path, capsys, arguments, message):
+    page = tmp_path / "board.png"
+    write_board(tmp_path / "board.yaml", BOARDS["grid"])
+    assert main(["board", *arguments, str(page)]) == 2
+    assert message in capsys.readouterr().err and not page.exists()
+    assert read_board(tmp_path / "board.yaml") == BOARDS["grid"]
 
 
 def test_pdf_without_reportlab_says_what_to_install(monkeypatch, tmp_path):

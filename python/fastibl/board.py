@@ -16,6 +16,8 @@ from .whole_file import write_whole
 
 DATA_MODULES = 6  # of family 36h11 along one side, without its border
 METRES_PER_INCH = 0.0254
+_UNPRINTED = 0.008  # metres at a page's edge that printers may leave white
+_STROKE = 0.0002  # metres, at least half a drawn line
 
 
 def tag_modules(id: int, border_bits: int = 1) -> NDArray[np.bool_]:
@@ -67,7 +69,8 @@ def _ink(corners: NDArray[np.float64], modules: NDArray[np.bool_], shape) -> NDA
 def _caption(board: Board) -> tuple[float, float, float, str] | None:
     """Baseline y and text height (page, metres), length of the check line, text; None without room for it.
 
-    It stands in the margin below the lowest tag, one module clear of it: the detector needs the white.
+    It stands in the margin below the lowest tag, one module clear of it: the detector needs the white. The line is on
+    top, as far from the page's edge as printers leave white, or as there is room.
     """
     lowest = max(_in_page(board, tag.corners)[:, 1].max() for tag in board.tags)
     sides = [np.linalg.norm(tag.corners[1] - tag.corners[0]) for tag in board.tags]
@@ -75,7 +78,7 @@ def _caption(board: Board) -> tuple[float, float, float, str] | None:
     room = board.height - lowest - clear
     if room < 0.002:
         return None
-    height = min(0.003, room / 2)
+    height = min(0.0025, room / 2)
     line = next((m for m in (0.1, 0.05, 0.02) if m < 0.4 * board.width), None)
     if line is None:
         return None
@@ -83,7 +86,8 @@ def _caption(board: Board) -> tuple[float, float, float, str] | None:
     run = ids == list(range(ids[0], ids[-1] + 1))
     which = f"{ids[0]}-{ids[-1]}" if run else ", ".join(map(str, ids))
     text = f"this line is {1000 * line:.0f} mm. fastibl board, AprilTag 36h11, ids {which}: print at 100 %"
-    return lowest + clear + (room + height) / 2, height, line, text
+    top = max(lowest + clear + _STROKE, min(lowest + clear + (room - height) / 2, board.height - _UNPRINTED))
+    return top + height, height, line, text
 
 
 def draw_board(board: Board, dpi: float = 300.0) -> NDArray[np.uint8]:
@@ -122,7 +126,7 @@ def draw_board(board: Board, dpi: float = 300.0) -> NDArray[np.uint8]:
 
 def _check_line(left: float, y: float, height: float, line: float):
     """The line and its end marks, as (x0, y0, x1, y1) on the page."""
-    yield left, y - height / 2, left + line, y - height / 2
+    yield left, y - height, left + line, y - height
     yield left, y - height, left, y
     yield left + line, y - height, left + line, y
 
