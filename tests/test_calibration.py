@@ -218,6 +218,29 @@ def test_a_response_is_found_within_one_percent(curve, name, black, white):
     assert error.max() < 0.01 or name == "s" and error.max() < (0.015 if black == 0 else 0.025)
 
 
+def flat_at_its_end(linear):
+    e = srgb(linear)
+    return 3 * e**2 - 2 * e**3
+
+
+@pytest.mark.parametrize(("black", "white"), [(0, 255), (16, 235)])
+def test_a_response_that_is_flat_at_white(black, white):
+    """Its last codes tell nothing by themselves: from darker pictures, and white is stated less sure."""
+    shots = exposed(EXPOSURES, flat_at_its_end, black, white)
+    dark = np.full((120, 160, 3), black, np.uint8) if black else None
+    found = calibrate_response(shots, EXPOSURES, dark)
+    steep = calibrate_response(exposed(EXPOSURES, srgb), EXPOSURES)
+    x = np.linspace(0.001, 0.999, 5000)
+    code = flat_at_its_end(x)
+    middle = (code > 0.05) & (code < 0.95)
+    got = found.response.decode(((black + (white - black) * code) / 255).astype(np.float32))[middle]
+    scale = np.median(got / x[middle])
+    error, shape = np.abs(got - x[middle]).max(), np.abs(got / scale - x[middle]).max()
+    print(f"{found}; within {error:.2%} of white, {shape:.2%} but for white's light, which is off by {scale - 1:.2%}")
+    assert error < 0.03 and shape < 0.012 and abs(scale - 1) < 2.5 * found.white_deviation
+    assert found.white_deviation > 2 * steep.white_deviation
+
+
 def test_what_cannot_tell_a_response_is_refused():
     grey = [np.full((20, 20, 3), v, np.uint8) for v in (40, 90, 200)]
     with pytest.raises(ValueError, match="of the codes"):

@@ -18,24 +18,36 @@ _FITS = 9  # of different pixels: their median is the curve, their scatter the d
 _SMOOTHNESS = 100.0  # Debevec and Malik's lambda
 _MOST_DEVIATION = 0.05
 _TRUSTED = slice(13, 243)  # codes from 5 to 95 % of white
+_KNOWN = 230  # code at which curves are compared; those beyond are known by other pictures
+_LEAST_KNOWN = 25  # code from which on a darker picture tells light well
+_FIRST_OF_TOP = 205  # code from which on the curve's end is fitted
+_LEAST_SHOWN, _MOST_SHOWN = 20, 200_000  # values of a code; pixels that are looked at
+_AGREES = 0.03  # of white: within it the end by smoothness is kept, which is less noisy
+_LEAST_TOP = 8  # codes of the end that must be shown
 _CLIPPED = 0.005  # share of the brightest picture that is at least at its white
 _DARK = 64  # codes up to which a picture may have been taken with the lens covered
 
 
 @dataclass(frozen=True)
 class ResponseCalibration:
-    """response, and deviations (256,): standard deviation of the linear value at 256 even steps from its black to its
-    white level, relative to it."""
+    """response, and how well it is known.
+
+    deviations: (256,) standard deviation of the linear value at 256 even steps from its black to its white level,
+    relative to it, as values compare with that at 90 % of white. white_deviation: of the light of white itself,
+    relative to it, by which all values may be off together: a curve that is flat at its end hardly tells where it ends.
+    """
 
     response: Response
     deviations: NDArray[np.float64]
+    white_deviation: float = 0.0
 
     def __str__(self) -> str:
         middle = self.deviations[_TRUSTED]
         black, white = 255 * self.response.black, 255 * self.response.white
         levels = "" if (black, white) == (0, 255) else f"; black is {black:.1f} and white {white:.0f} of 255"
         return (
-            f"response known within {np.median(middle):.2%} (worst {middle.max():.2%}) from 5 to 95 % of white{levels}"
+            f"response known within {np.median(middle):.2%} (worst {middle.max():.2%}) from 5 to 95 % of white, white "
+            f"itself within {self.white_deviation:.1%}{levels}"
         )
 
 
@@ -73,16 +85,20 @@ def calibrate_response(
     order = np.argsort(pixels.mean(axis=(0, 2)), kind="stable")
     rng = np.random.default_rng(0)
     curves = np.concatenate([_fit(pixels[:, _spread(order, pixels, rng)], times) for _ in range(_FITS)])
-    curve = np.median(curves, axis=0)  # channels are samples of the one curve
-    scatter = 1.4826 * np.median(np.abs(curves - curve), axis=0) / np.sqrt(_FITS)
-    deviations = scatter / np.maximum(curve, 1e-4)
+    curve = np.maximum.accumulate(np.median(curves, axis=0))  # channels are samples of the one curve
+    curve, white_deviation = _with_top(curve, pixels, times)
+    # Compared where they are known: what is said of the last code is smoothness alone.
+    compared = curves / curves[:, _KNOWN : _KNOWN + 1] * np.median(curves[:, _KNOWN])
+    middle = np.median(compared, axis=0)
+    scatter = 1.4826 * np.median(np.abs(compared - middle), axis=0) / np.sqrt(_FITS)
+    deviations = scatter / np.maximum(middle, 1e-4)
     worst = float(deviations[_TRUSTED].max())
     if not worst <= _MOST_DEVIATION:
         raise ValueError(f"pixels disagree on the curve by up to {worst:.0%}: did camera or place move, or the light?")
     curve[0] = 0
-    curve = np.maximum.accumulate(curve) + 1e-7 * np.arange(256)  # strictly increasing
+    curve = np.maximum.accumulate(curve / curve[-1]) + 2e-7 * np.arange(256)  # strictly increasing, in float32 too
     response = Response.from_curve((curve / curve[-1]).astype(np.float32))
-    return ResponseCalibration(response.between(black / 255, white / 255), deviations)
+    return ResponseCalibration(response.between(black / 255, white / 255), deviations, white_deviation)
 
 
 def _black(dark: ArrayLike) -> float:
@@ -122,3 +138,43 @@ def _fit(pixels: NDArray[np.uint8], times: NDArray[np.float32]) -> NDArray[np.fl
     solve = cv2.createCalibrateDebevec(samples=pixels.shape[1], lambda_=_SMOOTHNESS, random=True)
     curve = np.asarray(solve.process(tiles, times), np.float64).reshape(256, 3).T
     return curve / curve[:, -1:]
+
+
+def _with_top(
+    curve: NDArray[np.float64], pixels: NDArray[np.uint8], times: NDArray[np.float32]
+) -> tuple[NDArray[np.float64], float]:
+    """The curve with its last codes by what the same pixels show in darker pictures, where that is something else, and
+    the relative deviation of its last value.
+
+    Debevec and Malik give the last codes no weight: they follow from smoothness alone, 12 % off where a curve is flat
+    at its end. What darker pictures tell is noisier, and complete by a cubic of the square root of what is missing to
+    white, which holds for curves that end steeply and for those that end flat.
+    """
+    pixels = pixels[:, :: max(1, pixels.shape[1] // _MOST_SHOWN)]
+    order = np.argsort(times, kind="stable")
+    light, codes = [], []
+    for dark, bright in zip(order[:-1], order[1:], strict=True):
+        told = (pixels[dark] >= _LEAST_KNOWN) & (pixels[dark] <= _KNOWN) & (pixels[bright] > _KNOWN)
+        light.append(curve[pixels[dark][told]] * (times[bright] / times[dark]))
+        codes.append(pixels[bright][told])
+    values, shown = np.concatenate(light), np.concatenate(codes)
+    known = [(c, curve[c]) for c in range(_FIRST_OF_TOP, _KNOWN + 1)]
+    more = [(c, np.median(values[shown == c])) for c in range(_KNOWN + 1, 255) if (shown == c).sum() >= _LEAST_SHOWN]
+    if len(more) < _LEAST_TOP:  # white is then as uncertain as what is left to it
+        return curve, float(1 - curve[254 - _LEAST_TOP] / curve[255])
+    at, to = np.array(known + more, np.float64).T
+    terms = _of_missing(at)
+    solved = np.linalg.lstsq(terms, to, rcond=None)[0]
+    variance = ((to - terms @ solved)[len(known) :] ** 2).mean()
+    fitted = np.maximum.accumulate(_of_missing(np.arange(_KNOWN + 1, 256)) @ solved)
+    # Where within the last step codes clip is not seen: evenly spread, 0.29 of it.
+    step = 0.29 * (fitted[-1] - fitted[-2])
+    deviation = float(np.sqrt(variance * np.linalg.inv(terms.T @ terms)[0, 0] + step**2) / fitted[-1])
+    if abs(fitted[-1] / curve[255] - 1) <= _AGREES:
+        return curve, deviation
+    return np.concatenate([curve[: _KNOWN + 1], np.maximum(fitted, curve[_KNOWN])]), deviation
+
+
+def _of_missing(codes: NDArray) -> NDArray[np.float64]:
+    missing = np.sqrt((255 - codes) / (255 - _FIRST_OF_TOP))
+    return np.stack([np.ones_like(missing), missing, missing**2, missing**3], axis=1)
