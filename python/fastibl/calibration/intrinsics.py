@@ -23,6 +23,7 @@ _MOST_DEVIATION = 0.01  # of the focal lengths
 _MOST_RESIDUAL = 2.0  # pixels
 _WORTH = 0.98  # of the residual that three terms more must leave to be told apart from none
 _LEAST_TILT = 25  # degrees between the boards of two pictures
+_NO_FISHEYE = "no fisheye lens fits these pictures: is it one, and do they show the board at all tilts, near and far?"
 _OUTLIER = 6  # times the median residual of pictures: shaken or bent
 
 
@@ -195,10 +196,9 @@ def _solve_fisheye(
             points, pixels, size, start, np.zeros((4, 1)), flags=flags
         )
     except cv2.error as error:
-        raise ValueError(
-            "no fisheye lens fits these pictures: is it one, and do they show the board at all tilts, near and far? "
-            f"({str(error).strip().splitlines()[-1]})"
-        ) from None
+        raise ValueError(f"{_NO_FISHEYE} ({str(error).strip().splitlines()[-1]})") from None
+    if not (K[0, 0] > 0 and K[1, 1] > 0 and np.isfinite(K).all() and np.isfinite(lens).all()):
+        raise ValueError(f"{_NO_FISHEYE} (the focal lengths come out as {K[0, 0]:.0f} and {K[1, 1]:.0f})")
     # OpenCV states no deviations of a fisheye: from the derivative of all corners by all parameters.
     blocks = []
     for p, r, t in zip(points, rotations, translations, strict=True):
