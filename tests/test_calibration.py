@@ -375,19 +375,15 @@ def off(found):
     return {n: (getattr(found.camera, n) - getattr(CAMERA, n)) / found.deviations[n] for n in ("fx", "fy", "cx", "cy")}
 
 
-@pytest.mark.parametrize("bend", [0.0003, 0.0005, 0.001])
-def test_a_bent_print_is_told(shown, bend):
-    """A millimetre makes the focal length 0.7 % wrong, and corners only 0.2 pixels."""
+@pytest.mark.parametrize("bend", [0.0003, 0.0005, 0.001, 0.002, 0.005])
+def test_a_bent_print_is_told_and_allowed_for(shown, bend):
+    """A millimetre made the focal length 0.7 % wrong, and corners only 0.2 pixels."""
     with pytest.warns(UserWarning, match=rf"bent by about {1000 * bend:.1f} mm.*something flat"):
         found = calibrate_camera(shown(bent_pictures(bend)), BOARD, terms=4)
     print(f"{found}\nin deviations: {off(found)}")
     assert found.bend == pytest.approx(bend, rel=0.1)
-    assert max(map(abs, off(found).values())) < 2
-
-
-def test_a_print_so_bent_that_it_tells_no_focal_length_is_refused(shown):
-    with pytest.raises(ValueError, match=r"only within [12]\.\d%: the print is bent by about 2.0 mm.*something flat"):
-        calibrate_camera(shown(bent_pictures(0.002)), BOARD, terms=4)
+    assert max(map(abs, off(found).values())) < 3 and abs(found.camera.fx / CAMERA.fx - 1) < 2e-3
+    assert found.residual == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
 
 
 def test_a_stretched_print_is_told(shown):
@@ -423,7 +419,7 @@ def test_a_bent_print_is_told_of_a_fisheye():
             seen.append(Seen(tuple(range(len(on_board))), on_board, pixels.reshape(-1, 4, 2)))
         found = _solve_fisheye(seen, list(range(14)), (480, 480), 4, None)
         shapes.append(print_shape(seen, found.poses, found.camera, BOARD, 8))
-        corrected = found.camera.fx + shapes[-1].shifts[0]
+        corrected = shapes[-1].lens[0]
         print(f"{bend}: {shapes[-1]}, fx {found.camera.fx:.2f}, with a print that bends {corrected:.2f}")
         assert abs(corrected / camera.fx - 1) < 2e-3
     assert not shapes[0].told and shapes[1].told and shapes[1].bend == pytest.approx(0.001, rel=0.15)

@@ -32,10 +32,10 @@ class CameraCalibration:
     """A camera, and how well it is known.
 
     deviations: standard deviation of fx, fy, cx, cy (pixels) and of each distortion coefficient, for corners whose
-    errors are independent, and what a print that is not flat may mean beyond that; infinite for k4, k5 and k6, which
-    are then 0, where the pictures do not tell them. residual: RMS of corners, pixels. pictures: indices of those used.
-    poses: camera_from_marker of each. bend: metres by which the print's corners lie above each other, by a trial in
-    which it is free to bend; stretch: of its height against its width (1.002: 0.2 % too high).
+    errors are independent; infinite for k4, k5 and k6, which are then 0, where the pictures do not tell them. residual:
+    RMS of corners, pixels. pictures: indices of those used. poses: camera_from_marker of each. bend: metres by which
+    the print's corners lie above each other, by a fit in which it is free to bend; stretch: of its height against its
+    width (1.002: 0.2 % too high). Where pictures tell these from a flat print, all the rest is of that fit.
     """
 
     camera: Camera
@@ -98,21 +98,30 @@ def calibrate_camera(
 
 
 def _with_print(found: CameraCalibration, seen: Sequence[Seen], board: Board) -> CameraCalibration:
-    """With what a print that is not flat may mean for the lens."""
+    """With the lens that goes with the print's shape, where pictures tell it from a flat one as it was said to be."""
     names = [name for name, deviation in found.deviations.items() if np.isfinite(deviation)]
     shape = print_shape(seen, found.poses, found.camera, board, len(names))
-    deviations = dict(found.deviations)
-    if shape.told:
-        for name, shift in zip(names, shape.shifts, strict=True):
-            deviations[name] = float(np.hypot(deviations[name], shift))
+    found = replace(found, bend=shape.bend, stretch=shape.stretch)
+    if not shape.told:
+        return found
+    K = np.array([[shape.lens[0], 0, shape.lens[2]], [0, shape.lens[1], shape.lens[3]], [0, 0, 1]])
+    old = found.camera
+    camera = Camera.from_opencv(
+        K,
+        shape.lens[4 : 4 + len(old.distortion)].tolist(),
+        (old.width, old.height),
+        response=old.response,
+        model=old.model,
+    )
+    deviations = found.deviations | dict(zip(names, shape.deviations.tolist(), strict=True))
     fault = shape.fault(board)
     for name in ("fx", "fy"):
-        deviation = deviations[name] / getattr(found.camera, name)
+        deviation = deviations[name] / getattr(camera, name)
         if not deviation <= _MOST_DEVIATION:
             raise ValueError(f"the pictures tell {name} only within {deviation:.1%}: {fault or FLATTEN}")
     if fault:
-        warnings.warn(f"{fault} (the deviations are widened by what it may mean)", stacklevel=3)
-    return replace(found, deviations=deviations, bend=shape.bend, stretch=shape.stretch)
+        warnings.warn(f"{fault} (the lens allows for it as far as the pictures tell)", stacklevel=3)
+    return replace(found, camera=camera, deviations=deviations, residual=shape.residual, poses=shape.poses)
 
 
 def _check_views(seen: Sequence[Seen], size: tuple[int, int]) -> None:

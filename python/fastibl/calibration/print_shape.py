@@ -23,14 +23,18 @@ class PrintShape:
     """A print as the pictures show it, where it is taken as free to bend and to stretch.
 
     bend: metres between the highest and the lowest corner above the mean plane; stretch: of its height against its
-    width (1.002: 0.2 % too high). told: whether pictures tell it from a flat print as it was said to be. shifts: by how
-    much the lens that goes with it differs from that of a flat one, in the order of CameraCalibration.deviations.
+    width (1.002: 0.2 % too high). told: whether pictures tell it from a flat print as it was said to be. With it, and in
+    the order of CameraCalibration.deviations: lens, as OpenCV has it, its standard deviations, camera_from_marker of
+    each picture, and the residual, RMS of corners in pixels.
     """
 
     bend: float
     stretch: float
     told: bool
-    shifts: NDArray[np.float64]
+    lens: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+    poses: tuple[Pose, ...]
+    residual: float
 
     def fault(self, board: Board) -> str | None:
         """What to do about a print that is too far from flat; None for one that is not."""
@@ -75,7 +79,7 @@ def print_shape(seen: Sequence[Seen], poses: Sequence[Pose], camera: Camera, boa
     middle, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max()) / 2
     lens = np.array([camera.fx, camera.fy, *_opencv_centre(camera), *camera.distortion], np.float64)
     lens = np.concatenate([lens, np.zeros(max(0, count - len(lens)))])
-    start, shape = lens.copy(), np.zeros(len(_POWERS) + 2)
+    shape = np.zeros(len(_POWERS) + 2)
     places = [np.concatenate([np.ravel(cv2.Rodrigues(p.rotation.copy())[0]), p.translation]) for p in poses]
     flat = [(s.on_board.reshape(-1, 2) - middle) / size for s in seen]
     pixels = [s.opencv_pixels().astype(np.float64) for s in seen]
@@ -108,7 +112,10 @@ def print_shape(seen: Sequence[Seen], poses: Sequence[Pose], camera: Camera, boa
             _ratio(shape[:-2], covariance[count:-2, count:-2]) > _SURE
             or _ratio(shape[-2:], covariance[-2:, -2:]) > _SURE
         ),
-        lens[:count] - start[:count],
+        lens,
+        np.sqrt(np.diag(covariance)[:count]),
+        tuple(Pose.from_rotation_vector(place[:3], place[3:]) for place in places),
+        float(np.sqrt(2 * squares / sum(p.size for p in pixels))),
     )
 
 
