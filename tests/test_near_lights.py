@@ -74,7 +74,7 @@ def test_a_lamp_is_found_where_it_hangs():
 
 
 def test_a_lamp_is_as_wide_from_wherever_it_is_seen():
-    """From aside, 60 degrees and more from where the centre looks at it, it was drawn out: up to 2.9 times its light."""
+    """From aside, 60 degrees and more from where the centre looks at it, it was drawn out: up to 2.9 of its light."""
     capture = fastibl.Capture(size=64, centre=CENTRE)
     film(capture)
     true = truth(128)

@@ -235,7 +235,9 @@ Image<std::uint8_t> RecordingReader::read(const std::string& file) {
   const std::string_view content(data.data(), data.size());
   // The decoder fills what a JPEG that was cut off lacks.
   const bool cut = content.starts_with("\xff\xd8") && content.rfind("\xff\xd9") == content.npos;
-  const cv::Mat picture = cut || data.empty() ? cv::Mat() : cv::imdecode(data, cv::IMREAD_COLOR);
+  // As the sensor took it, however the camera was held.
+  constexpr int kAsTaken = cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION;
+  const cv::Mat picture = cut || data.empty() ? cv::Mat() : cv::imdecode(data, kAsTaken);
   if (picture.empty())
     throw std::runtime_error("the picture " + path.string() + " cannot be read; it may be cut off");
   return rgb_from(picture);
@@ -254,6 +256,7 @@ cv::Mat RecordingReader::read_video(const std::string& name, int number) {
       throw std::runtime_error("the video " + path.string() +
                                " cannot be read: it is no Matroska, AVI or MP4 file");
     video = {cv::VideoCapture(path.string()), 0};
+    video.capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
     if (!video.capture.isOpened())
       throw std::runtime_error("the video " + path.string() + " cannot be read");
   }

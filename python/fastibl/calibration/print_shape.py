@@ -23,9 +23,9 @@ class PrintShape:
     """A print as the pictures show it, where it is taken as free to bend and to stretch.
 
     bend: metres between the highest and the lowest corner above the mean plane; stretch: of its height against its
-    width (1.002: 0.2 % too high). told: whether pictures tell it from a flat print as it was said to be. With it, and in
-    the order of CameraCalibration.deviations: lens, as OpenCV has it, its standard deviations, camera_from_marker of
-    each picture, and the residual, RMS of corners in pixels.
+    width (1.002: 0.2 % too high). told: whether pictures tell it from a flat print as it was said to be. Of the same
+    fit, in the order of CameraCalibration.deviations: lens, as OpenCV has it, its standard deviations,
+    camera_from_marker of each picture, and the residual, RMS of corners in pixels.
     """
 
     bend: float
