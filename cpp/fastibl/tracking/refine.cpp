@@ -3,14 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
+#include "fastibl/scene/tag_codes.h"
 #include "fastibl/scene/wide_lens.h"
 
 namespace fastibl {
 namespace {
 
-constexpr int kDataModules = 6;          // of 36h11 along one side, without its border
 constexpr double kSideStart = 0.08;      // part of a side left out at either corner: blurred round
+constexpr double kSharp = 0.55;          // 1 / px: steepness, of edges in sharp pictures
+constexpr double kBeside = 0.25;         // modules left out beside a white one
+constexpr double kLeastBacked = 0.2;     // of a side, to be measured there alone
 constexpr double kSmallestBorder = 1.7;  // px; narrower ones hold no black level
 constexpr double kClear = 1.5;  // px kept from data modules, whose blur lifts the black level
 constexpr double kStep = 0.5;   // px between samples of a profile
@@ -28,6 +32,11 @@ struct Line {
 
 struct SidePoint {
   double along, offset;  // in units of the plane
+};
+
+struct Edge {
+  double offset;     // px from the middle of the profile
+  double steepness;  // 1 / px: largest slope by the step from black to white
 };
 
 // The unit square on a tag's four corners; Heckbert 1989, Fundamentals of Texture Mapping, 2.2.3.
@@ -61,6 +70,60 @@ glm::dvec2 on_side(std::size_t side, double along, double in) {
       return {in, 1 - along};
   }
 }
+
+// Parts of a side that are measured. Of blurred pictures, those behind whose border there is more
+// black: elsewhere white modules lift the black level, and the edge would be found too far out.
+class Measured {
+  struct Part {
+    double from, to;
+  };
+
+ public:
+  Measured() = default;  // all of it
+  // All of it, too, where there is too little black, or the id is none of the family.
+  Measured(int id, int border_bits, std::size_t side) {
+    const int n = kTagModules + 2 * border_bits;
+    const auto black = [&](int module) {
+      const int k = module - border_bits, last = kTagModules - 1;
+      if (k < 0 || k > last) return true;  // the border of the next side
+      switch (side) {
+        case 0:
+          return tag_module_black(id, 0, k);
+        case 1:
+          return tag_module_black(id, k, last);
+        case 2:
+          return tag_module_black(id, last, last - k);
+        default:
+          return tag_module_black(id, last - k, 0);
+      }
+    };
+    const auto clipped = [](double along) { return std::clamp(along, kSideStart, 1 - kSideStart); };
+    std::vector<Part> parts;
+    double length = 0;
+    if (id >= 0 && id < kTagCount)
+      for (int first = 0, end; first < n; first = end) {
+        for (end = first; end < n && black(end);) ++end;
+        const double from = clipped((first == 0 ? first : first + kBeside) / n),
+                     to = clipped((end == n ? end : end - kBeside) / n);
+        if (to > from) parts.push_back({from, to}), length += to - from;
+        if (end == first) ++end;
+      }
+    if (length >= kLeastBacked) parts_ = std::move(parts), length_ = length;
+  }
+  // Along the side, 0 to 1, of a share of what is measured.
+  double at(double share) const {
+    double rest = share * length_;
+    for (const Part& part : parts_) {
+      if (rest <= part.to - part.from) return part.from + rest;
+      rest -= part.to - part.from;
+    }
+    return parts_.back().to;
+  }
+
+ private:
+  std::vector<Part> parts_{{kSideStart, 1 - kSideStart}};
+  double length_ = 1 - 2 * kSideStart;
+};
 
 // The plane z = 1 before a perspective camera.
 class ImagePlane {
@@ -140,16 +203,20 @@ class Refiner {
       if (!at) return std::nullopt;
       ideal[i] = *at;
     }
+    bool sharp = true;
+    std::vector<double> steepness;
     for (int round = 0; round < options_.rounds; ++round) {
       const SquareMap map(ideal);
+      steepness.clear();
       std::array<Line, 4> sides;
       for (std::size_t i = 0; i < 4; ++i) {
-        const double border = border_px(map, i, border_bits / (kDataModules + 2.0 * border_bits));
+        const double border = border_px(map, i, border_bits / (kTagModules + 2.0 * border_bits));
         // The first round has to reach the edge, the others must not reach the data behind it.
         const double reach = std::min(round == 0 ? border - 0.5 : std::max(1.25, border - kClear),
                                       options_.reach_px);
         if (!(border > kSmallestBorder)) return std::nullopt;
-        const auto line = fit_side(ideal[i], ideal[(i + 1) % 4], reach);
+        const Measured measured = sharp ? Measured() : Measured(tag.id, border_bits, i);
+        const auto line = fit_side(map, i, measured, reach, steepness);
         if (!line) return std::nullopt;
         sides[i] = *line;
       }
@@ -158,6 +225,9 @@ class Refiner {
         if (!corner || !plane_.valid(*corner)) return std::nullopt;
         ideal[i] = *corner;
       }
+      const auto middle = steepness.begin() + std::ptrdiff_t(steepness.size() / 2);
+      std::nth_element(steepness.begin(), middle, steepness.end());
+      sharp = *middle > kSharp;
     }
     DetectedTag out{tag.id, {}};
     for (std::size_t i = 0; i < 4; ++i) {
@@ -202,8 +272,7 @@ class Refiner {
 
   // Pixels from the middle of the profile to the edge; `out` points from black to white. With I
   // rising from I_b at −h to I_w at +h, ∫ (I − I_b)/(I_w − I_b) ds = h − s for an edge at s.
-  std::optional<double> edge_offset(const glm::dvec2& middle, const glm::dvec2& out,
-                                    double reach) const {
+  std::optional<Edge> edge_of(const glm::dvec2& middle, const glm::dvec2& out, double reach) const {
     if (!reachable(middle - reach * out) || !reachable(middle + reach * out)) return std::nullopt;
     const int steps = std::min(kMostSteps, 2 * std::max(2, int(std::lround(reach / kStep))));
     std::array<double, kMostSteps + 1> value;
@@ -221,13 +290,17 @@ class Refiner {
       area += (k == 0 || k == steps ? 0.5 : 1.0) * value[std::size_t(k)];
     const double offset = reach - step * (area - steps * black) / (white - black);
     if (std::abs(offset) > 0.75 * reach) return std::nullopt;
-    return offset;
+    double steepest = 0;
+    for (int k = 1; k <= steps; ++k)
+      steepest = std::max(steepest, value[std::size_t(k)] - value[std::size_t(k - 1)]);
+    return Edge{offset, steepest / (step * (white - black))};
   }
 
   // Line through the edge points between two corners; black is on the right of a → b, as corners
   // run clockwise in the picture.
-  std::optional<Line> fit_side(const glm::dvec2& a, const glm::dvec2& b, double reach) const {
-    const glm::dvec2 side = b - a;
+  std::optional<Line> fit_side(const SquareMap& tag, std::size_t index, const Measured& measured,
+                               double reach, std::vector<double>& steepness) const {
+    const glm::dvec2 a = tag(on_side(index, 0, 0)), side = tag(on_side(index, 1, 0)) - a;
     const double length = glm::length(side);
     if (!(length > 0 && length < 1e6)) return std::nullopt;  // nor NaN
     const glm::dvec2 t = side / length, n(t.y, -t.x);
@@ -236,16 +309,16 @@ class Refiner {
     std::vector<SidePoint> points;
     points.reserve(std::size_t(count));
     for (int i = 0; i < count; ++i) {
-      const double along = kSideStart + (1 - 2 * kSideStart) * (i + 0.5) / count;
-      const glm::dvec2 ideal = a + along * side;
+      const glm::dvec2 ideal = tag(on_side(index, measured.at((i + 0.5) / count), 0));
       if (!plane_.valid(ideal)) continue;
       const Local at = plane_.local(ideal);
       const glm::dvec2 tangent = glm::normalize(at.pixel_from_ideal * t);
       const glm::dvec2 out(tangent.y, -tangent.x);
-      const auto offset = edge_offset(at.pixel, out, reach);
-      if (!offset) continue;
-      const glm::dvec2 delta = glm::inverse(at.pixel_from_ideal) * (*offset * out);
-      points.push_back({along * length + glm::dot(delta, t), glm::dot(delta, n)});
+      const auto edge = edge_of(at.pixel, out, reach);
+      if (!edge) continue;
+      steepness.push_back(edge->steepness);
+      const glm::dvec2 delta = glm::inverse(at.pixel_from_ideal) * (edge->offset * out);
+      points.push_back({glm::dot(ideal - a + delta, t), glm::dot(delta, n)});
     }
     if (int(points.size()) < std::max(5, count / 2)) return std::nullopt;
     return robust_line(points, a, t, n);
