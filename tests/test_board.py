@@ -213,7 +213,7 @@ def test_the_caption_states_a_true_line(tmp_path):
 
 def test_the_check_line_is_printed():
     """Printers leave some 4 to 6 mm at the edges white; the tags need one module of white around them."""
-    for board, least in ((fastibl.Board.default(), 7.95), (fastibl.Board.grid(3, 4, 0.04, 0.012), 6.5)):
+    for board, least in ((fastibl.Board.default(), 5.95), (fastibl.Board.grid(3, 4, 0.04, 0.012), 5.95)):
         dpi = 600
         page = board.image(dpi)
         scale = dpi / 25.4  # pixels a mm

@@ -16,7 +16,7 @@ from .whole_file import write_whole
 
 DATA_MODULES = 6  # of family 36h11 along one side, without its border
 METRES_PER_INCH = 0.0254
-_UNPRINTED = 0.008  # metres at a page's edge that printers may leave white
+_UNPRINTED = 0.006  # metres at a page's edge that printers may leave white
 _STROKE = 0.0002  # metres, at least half a drawn line
 
 

@@ -133,7 +133,8 @@ void turn(Input& in) {
     if (!turned) continue;
     check_pose(turned->back_from_marker);
     for (const double v : turned->covariance) require(std::isfinite(v), "covariance of a turn");
-    require(turned->gain > 0 && std::isfinite(turned->gain), "gain");
+    for (const double gain : {turned->back_gain, turned->front_gain})
+      require(gain > 0 && std::isfinite(gain), "gain");
   }
 }
 

@@ -265,6 +265,9 @@ Mesh read_obj(std::string_view text, bool with_uvs) {
   const auto has = [](std::size_t part) {
     return [part](const Corner& corner) { return corner[part] >= 0; };
   };
+  // Normals that some faces name and none is given of are as none.
+  if (normals.empty() && !std::all_of(corners.begin(), corners.end(), has(2)))
+    for (Corner& corner : corners) corner[2] = -1;
   with_uvs = with_uvs && std::any_of(corners.begin(), corners.end(), has(1));
   const bool with_normals = with_uvs || std::any_of(corners.begin(), corners.end(), has(2));
 
