@@ -52,7 +52,9 @@ void CameraReader::open() {
   check(capture_.isOpened(), "the ", name_, " camera ", place_, " does not open");
   cv::Mat picture;
   const bool file = std::filesystem::is_regular_file(place_);
-  if (!file) {
+  if (file) {
+    capture_.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);  // as the sensor took it
+  } else {
     capture_.set(cv::CAP_PROP_FRAME_WIDTH, camera_.width);
     capture_.set(cv::CAP_PROP_FRAME_HEIGHT, camera_.height);
     capture_.set(cv::CAP_PROP_BUFFERSIZE, 1);  // no old pictures

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Board, _grey
+from ._fastibl import Board, Camera, _grey
 from .tracking import find_tags
 
 if TYPE_CHECKING:
@@ -50,6 +50,11 @@ def explain(image: ArrayLike, tracker: Tracker) -> str:
                 "or the camera's calibration is another."
             )
         return text
+    return why_no_pose(image, board, camera)
+
+
+def why_no_pose(image: ArrayLike, board: Board, camera: Camera) -> str:
+    """The same of a picture in which no pose was found."""
     grey = _grey(image, camera)
     return explain_tags(grey, board) or (
         f"{seen_tags(grey, board)} are seen, but not where the board has them: is it the board that was printed, flat, "

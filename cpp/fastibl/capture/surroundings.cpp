@@ -12,8 +12,8 @@ namespace {
 // Standard deviations of a light's distance: within, it is where everything is thought to be, which
 // was told by somebody who may know better.
 constexpr double kAgreed = 2;
-constexpr float kChange =
-    0.03f;  // of a distance, and as an angle: what is moved by less is the same
+// Of a distance, and as an angle: what is moved by less is the same.
+constexpr float kChange = 0.03f;
 
 bool is_about(const Depth& a, const Depth& b) {
   const float most = std::max(a.inverse_distance, b.inverse_distance);

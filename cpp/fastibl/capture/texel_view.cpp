@@ -183,6 +183,11 @@ FASTIBL_BY_WIDTH(void find_tiles_of(const TexelView::Projection& p, const Pictur
                                     const float* on_side, int count, float* most_pixels),
                  find_tiles_by<V>(p, bounds, corners, near, bulges, on_side, count, most_pixels))
 
+void set_turn(TexelView::Projection& to, const glm::dmat3& turn) {
+  for (int c = 0; c < 3; ++c)
+    for (int r = 0; r < 3; ++r) to.turn[c][r] = float(turn[c][r]);
+}
+
 // The least rotation that takes one direction to another.
 glm::dmat3 rotation_between(const glm::dvec3& from, const glm::dvec3& to) {
   const glm::dvec3 sum = from + to;
@@ -271,12 +276,8 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
   p.width = float(camera.width), p.height = float(camera.height);
   // A texel of solid angle 4/n² / |d|³ at the depth z of its direction d covers f_x f_y 4/n² / z³.
   const double texel = 4.0 / size / size * camera.fx * camera.fy;
-  const auto set = [](Projection& to, const glm::dmat3& turn) {
-    for (int c = 0; c < 3; ++c)
-      for (int r = 0; r < 3; ++r) to.turn[c][r] = float(turn[c][r]);
-  };
   above_ = below_ = p;
-  set(above_, turn_above);
+  set_turn(above_, turn_above);
   above_.above = true;
   above_.shifted = surroundings_.are_near();
   for (int r = 0; r < 3; ++r) {
@@ -284,7 +285,7 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
     for (int k = 0; k < 2; ++k) above_.walls[k][r] = surroundings_.walls()[k][r];
   }
   above_.pixels = float(texel);
-  set(below_, turn_below);
+  set_turn(below_, turn_below);
   below_.pixels = float(texel * std::max(0.0, height) / viewpoint.centre.z);
   below_.masked = viewpoint.masked.x > 0;
   below_.masked_x = float(viewpoint.masked.x), below_.masked_y = float(viewpoint.masked.y);
@@ -303,8 +304,7 @@ TexelView::Projection TexelView::facing(const glm::vec3& light) const {
   if (!(distance > 0) || !(glm::dot(from, to) > kBehind * distance)) return p;
   const glm::dmat3 turn = turn_ * rotation_between(from, to / distance);
   const glm::dvec3 shift = centre_ + turn_ * at - turn * at;
-  for (int c = 0; c < 3; ++c)
-    for (int r = 0; r < 3; ++r) p.turn[c][r] = float(turn[c][r]);
+  set_turn(p, turn);
   for (int r = 0; r < 3; ++r) p.shift[r] = float(shift[r]);
   return p;
 }
@@ -328,8 +328,10 @@ bool TexelView::see(const TexelGroup& group, bool above, Sightings& s) const {
   if (!above && !sees_plane_) return false;
   alignas(64) float tx[kTexelLanes], ty[kTexelLanes], tz[kTexelLanes];
   const int lanes = lanes_of(group.count);
-  const bool lit = above && group.depth.light != glm::vec3(0);
-  const Projection p = lit ? facing(group.depth.light) : above ? above_ : below_;
+  Projection lit;
+  const bool at_light = above && group.depth.light != glm::vec3(0);
+  if (at_light) lit = facing(group.depth.light);
+  const Projection& p = at_light ? lit : above ? above_ : below_;
   turn_texels(p, on_face(p, group.face), group, tx, ty, tz, s.pixels, s.seen);
   project_texels(p, tx, ty, tz, lanes, s.x, s.y, s.pixels, s.seen);
   return count_seen(s.seen, lanes) > 0;

@@ -29,9 +29,7 @@ struct Part {
 }  // namespace
 
 double board_misfit(std::span<const EdgePoint> points, const EdgeFit& fit) {
-  glm::dvec2 low(1e9), high(-1e9);
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (fit.used[i]) low = glm::min(low, points[i].point), high = glm::max(high, points[i].point);
+  const auto [low, high] = UsedRange(points, fit);
   std::array<Part, kAcross * kAcross> parts{};
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!fit.used[i]) continue;

@@ -128,9 +128,7 @@ struct Choice {
 Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
               const PosePrior& prior, const Rows* rows) {
   Choice choice{fit.camera_from_marker, 0, false};
-  glm::dvec2 low(1e9), high(-1e9);
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (fit.used[i]) low = glm::min(low, points[i].point), high = glm::max(high, points[i].point);
+  const auto [low, high] = UsedRange(points, fit);
   const glm::dvec2 centre = 0.5 * (low + high);
   // The four corners of what is seen tell cheaply where the other minimum is, and how bad.
   std::vector<Match> corners;

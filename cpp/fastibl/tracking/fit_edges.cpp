@@ -290,6 +290,11 @@ Normal<kRowUnknowns> expectation(const Pose& pose, const Rows& rows, const RowPr
 
 }  // namespace
 
+UsedRange::UsedRange(std::span<const EdgePoint> points, const EdgeFit& fit) {
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (fit.used[i]) low = glm::min(low, points[i].point), high = glm::max(high, points[i].point);
+}
+
 std::optional<EdgeFit> fit_edges(std::span<const EdgePoint> points, const Lens& lens,
                                  const Pose& pose) {
   if (points.size() < kLeastPoints) return std::nullopt;

@@ -26,6 +26,12 @@ struct EdgeFit {
   UnknownMatrix row_information{};
 };
 
+// Where on the board the points lie that a fit used: least and largest x and y, marker frame.
+struct UsedRange {
+  glm::dvec2 low{1e9}, high{-1e9};
+  UsedRange(std::span<const EdgePoint> points, const EdgeFit& fit);
+};
+
 // By a turn w and a shift d in the camera frame.
 Pose moved(const Pose& pose, const std::array<double, 6>& x);
 

@@ -15,7 +15,7 @@ constexpr int kAttempts = 2;  // each goes on from what the one before made of i
 // Where a rotation is expected no better than to kWide radians, no other may agree as well: within
 // kReach deviations, from kSimilar of the features on, with a residual up to kAsGood times as
 // large.
-constexpr double kWide = 1 * kDegree;
+constexpr double kWide = kDegree;
 constexpr double kReach = 2, kSimilar = 0.5, kAsGood = 1.5;
 constexpr double kWidest = 3 * kWide;  // radians, from where on so many features have to agree
 constexpr int kFew = 40;

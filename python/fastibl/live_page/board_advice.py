@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 
+from ..explain_tracking import why_no_pose
 from ..tracking import Tracker
 from .snapshot import Snapshot
 
@@ -30,8 +31,10 @@ class BoardAdvice:
         if self._lock.acquire(blocking=False):
             try:
                 if time.monotonic() - self._made >= _PERIOD:
-                    text = Tracker(snapshot.board, snapshot.rig.back).explain(frame.back)
-                    self._made, self._text = time.monotonic(), "" if text.startswith("The board is seen") else text
+                    board, camera = snapshot.board, snapshot.rig.back
+                    found = Tracker(board, camera).track(frame.back)  # by itself it may be seen
+                    self._text = why_no_pose(frame.back, board, camera) if found is None else ""
+                    self._made = time.monotonic()
             finally:
                 self._lock.release()
         return self._text
