@@ -1,5 +1,7 @@
 #include "bindings/argument_errors.h"
 
+#include <string>
+
 namespace py = pybind11;
 
 namespace fastibl::bindings {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 
 #include "bindings/numpy.h"
 #include "fastibl/tracking/detector.h"

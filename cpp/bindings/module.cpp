@@ -1,5 +1,7 @@
 #include "bindings/module.h"
 
+#include <exception>
+
 #include "bindings/argument_errors.h"
 
 PYBIND11_MODULE(_fastibl, module) {

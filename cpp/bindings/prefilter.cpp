@@ -2,6 +2,8 @@
 
 #include <pybind11/stl.h>
 
+#include <tuple>
+
 #include "bindings/numpy.h"
 #include "fastibl/scene/lighting.h"
 

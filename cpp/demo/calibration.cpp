@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <string>
 
 #include "demo/output.h"
 #include "fastibl/core/check.h"

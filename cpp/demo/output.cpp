@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
+#include <utility>
 
 #include "demo/pixels.h"
 

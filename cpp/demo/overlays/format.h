@@ -1,6 +1,7 @@
 // Numbers as text, whatever the locale.
 #pragma once
 
+#include <algorithm>
 #include <iomanip>
 #include <locale>
 #include <sstream>

@@ -1,5 +1,6 @@
 #include "demo/simulator/patterns.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 

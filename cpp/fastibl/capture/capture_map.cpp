@@ -1,6 +1,7 @@
 // The maps that a Capture hands out.
 #include <algorithm>
 #include <numbers>
+#include <utility>
 
 #include "fastibl/capture/capture.h"
 #include "fastibl/capture/expected_error.h"

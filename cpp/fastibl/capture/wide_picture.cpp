@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/wide_lens.h"

@@ -1,6 +1,7 @@
 // Images and views of them. Row 0 is on top; the centre of pixel (x, y) is at (x + 0.5, y + 0.5).
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/lighting/lobe_filter.h"

@@ -1,6 +1,7 @@
 #include "fastibl/lighting/fit_prefiltered_chain.h"
 
 #include <cmath>
+#include <utility>
 
 #include "fastibl/lighting/fit_glossy_chain.h"
 #include "fastibl/lighting/prefilter.h"

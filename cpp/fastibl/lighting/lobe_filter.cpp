@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"

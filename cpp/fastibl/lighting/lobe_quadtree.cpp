@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/cube_symmetry.h"

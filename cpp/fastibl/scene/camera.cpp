@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/scene/shared_formulas.h"

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 #include <mutex>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/simd.h"

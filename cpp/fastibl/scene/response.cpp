@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/simd.h"

@@ -1,6 +1,7 @@
 #include "fastibl/scene/tag_codes.h"
 
 #include <array>
+#include <cstdint>
 
 #include "fastibl/core/check.h"
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/scene/shared_formulas.h"

@@ -1,7 +1,9 @@
 #include "fastibl/shading/sample_cells.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstring>
+#include <utility>
 
 #include "fastibl/core/simd.h"
 

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <span>
+#include <utility>
 
 #include "fastibl/scene/near_light.h"
 #include "fastibl/shadow/triangle_bits.h"

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"

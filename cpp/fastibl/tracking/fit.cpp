@@ -1,7 +1,9 @@
 #include "fastibl/tracking/fit.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace fastibl {
 namespace {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "fastibl/core/simd.h"
 #include "fastibl/tracking/fit.h"

@@ -1,5 +1,6 @@
 #include "fastibl/tracking/opencv/opencv_detector.h"
 
+#include <cmath>
 #include <opencv2/core.hpp>
 
 // The detector moved from the contrib module aruco to objdetect in 4.7, solvePnP from calib3d to
