@@ -52,6 +52,20 @@ void bind_render(py::module_& module) {
           "rgba", [](const ObjectLayer& l) { return image_array(l.rgba); },
           "(h, w, 4) float32: linear radiance times coverage, and coverage, from pixel (x, y) on.");
 
+  py::class_<PictureLayers>(module, "PictureLayers",
+                            R"(What a picture is put together from, for a compositing program.
+
+Linear light, where 1 is the white of the camera's response: back picture * ratio * (1 - object's alpha) + object is the
+picture, before it is encoded and clipped.)")
+      .def_property_readonly(
+          "object", [](const PictureLayers& l) { return image_array(l.object); },
+          "(h, w, 4) float32: the object as the camera takes it (exposure, gain, vignetting) times "
+          "coverage, and coverage: premultiplied alpha.")
+      .def_property_readonly(
+          "ratio", [](const PictureLayers& l) { return image_array(l.ratio); },
+          "(h, w, 3) float32: what the back picture is multiplied by, 1 where nothing changes it; "
+          "above 1 where the object sends light to the plane.");
+
   py::class_<Result>(module, "FrameResult", "What a Session made of a frame.")
       .def_property_readonly(
           "image", [](const Result& r) { return image_array(r.frame.image); },
@@ -206,6 +220,11 @@ plane gets without the object: it may exceed 1.)")
           "holdout", [](Session& s) { return alone(s, [&] { return s.holdout(); }); },
           "ObjectLayer of the real objects before the virtual one in the last frame: what is left "
           "of their light times coverage, and coverage.")
+      .def_property_readonly(
+          "layers", [](Session& s) { return alone(s, [&] { return s.layers(); }); },
+          R"(PictureLayers of the last frame: what its picture was put together from, as floats.
+
+Without a board in view nothing covers the picture, and the ratio is 1.)")
       .def_property_readonly("capture", &Session::capture,
                              py::return_value_policy::reference_internal,
                              "Capture that the pictures go into.")

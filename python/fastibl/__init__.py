@@ -18,6 +18,7 @@ from ._fastibl import (
     Material,
     Mesh,
     ObjectLayer,
+    PictureLayers,
     Plan,
     PlaneExchange,
     PlannedPass,
@@ -58,6 +59,7 @@ from .export import export_light
 from .files import read_mesh, read_object, stand
 from .gltf_light import write_gltf_light
 from .guidance import Guidance, guide
+from .layer_files import write_layers
 from .lighting import Lighting, Method, methods, without_lights
 from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
@@ -86,6 +88,7 @@ __all__ = [
     "MeshShadow",
     "Method",
     "ObjectLayer",
+    "PictureLayers",
     "Plan",
     "PlaneExchange",
     "PlannedPass",
@@ -138,6 +141,7 @@ __all__ = [
     "without_lights",
     "write_environment",
     "write_gltf_light",
+    "write_layers",
     "write_sh",
     "write_shadow",
     "write_usd",

@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Taken', 'Tracked', 'Turned', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'PictureLayers', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Taken', 'Tracked', 'Turned', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -1708,6 +1708,23 @@ class ObjectLayer:
         """
         Row of the picture that the layer begins at.
         """
+class PictureLayers:
+    """
+    What a picture is put together from, for a compositing program.
+
+    Linear light, where 1 is the white of the camera's response: back picture * ratio * (1 - object's alpha) + object is the
+    picture, before it is encoded and clipped.
+    """
+    @property
+    def object(self) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        (h, w, 4) float32: the object as the camera takes it (exposure, gain, vignetting) times coverage, and coverage: premultiplied alpha.
+        """
+    @property
+    def ratio(self) -> numpy.typing.NDArray[numpy.float32]:
+        """
+        (h, w, 3) float32: what the back picture is multiplied by, 1 where nothing changes it; above 1 where the object sends light to the plane.
+        """
 class FrameResult:
     """
     What a Session made of a frame.
@@ -1847,6 +1864,13 @@ class _Session:
     def holdout(self) -> ObjectLayer:
         """
         ObjectLayer of the real objects before the virtual one in the last frame: what is left of their light times coverage, and coverage.
+        """
+    @property
+    def layers(self) -> PictureLayers:
+        """
+        PictureLayers of the last frame: what its picture was put together from, as floats.
+
+        Without a board in view nothing covers the picture, and the ratio is 1.
         """
     @property
     def object(self) -> ObjectLayer:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ._fastibl import Response
 from .file_limits import check_file_size, check_pixels, file_bytes
 from .picture_headers import jpeg_size, png_size, radiance_size, radiance_upright
-from .whole_file import write_whole
+from .whole_file import whole_file, write_whole
 
 LINEAR = (".hdr", ".exr")
 ENCODED = (".png", ".jpg", ".jpeg")
@@ -97,24 +97,23 @@ def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> N
     if suffix not in LINEAR:
         raise ValueError(f"{path} must end in {' or '.join(LINEAR)}")
     if suffix == ".exr":
-        write_exr(path, {"RGB": image})
+        write_exr(path, {"RGB": np.asarray(image, np.float32)})
         return
     height, width = image.shape[:2]
     head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n"
     write_whole(path, head.encode() + _rgbe(image).tobytes())
 
 
-def write_exr(path: Path, channels: dict[str, NDArray[np.float32]], attributes: dict[str, Any] | None = None) -> None:
-    """Writes float32 channels, (height, width) or (height, width, 3 or 4), and header attributes.
+def write_exr(path: Path, channels: dict[str, NDArray[Any]], attributes: dict[str, Any] | None = None) -> None:
+    """Writes channels of float32 or float16, (height, width) or (height, width, 3 or 4), and header attributes.
 
     Raises ImportError without OpenEXR.
     """
     exr = _openexr()
     header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage, **(attributes or {})}
-    with exr.File(
-        header, {name: np.ascontiguousarray(pixels, np.float32) for name, pixels in channels.items()}
-    ) as file:
-        file.write(str(path))
+    stored = {name: np.ascontiguousarray(pixels) for name, pixels in channels.items()}
+    with whole_file(path) as part, exr.File(header, stored) as file:
+        file.write(str(part))
 
 
 def _read_exr(path: Path) -> NDArray[np.float32]:

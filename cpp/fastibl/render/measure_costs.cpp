@@ -11,6 +11,7 @@
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/shading/bounce.h"
+#include "fastibl/shading/composite.h"
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/self_shadow.h"

@@ -410,6 +410,7 @@ void Session::run_passes(const std::vector<PassId>& due, const Frame& frame, Fra
 void Session::run_due(const Frame& frame, FrameResult& result) {
   const std::optional<Pose>& pose = result.back_from_marker;
   const Pose drawn_from = pose ? tracker_.pose_of_row(result, capture_.map().centre()) : Pose{};
+  drawn_from_ = pose ? std::optional(drawn_from) : std::nullopt;
   if (in_turns_ && (stale_ & product::light_pictures)) {
     Products after = stale_;
     const std::vector<PassId> due = due_passes(plan_, product::texels, after);
@@ -427,6 +428,13 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
   run_passes(due_passes(plan_, wanted, stale_), frame, result, drawn_from);
   if (lights)
     light_lag_ = difference(summary_of(environment_->radiance), summary_of(before->radiance));
+}
+
+PictureLayers Session::layers() {
+  if (!pixels_ || pixels_->camera != rig_.back) pixels_.emplace(rig_.back);
+  if (!drawn_from_) return picture_layers(back_exposure_, *pixels_, {}, {}, ShadowLookUp({}));
+  return picture_layers(back_exposure_, *pixels_, *drawn_from_, object(),
+                        ShadowLookUp(plane_gain()), holdout());
 }
 
 FrameResult Session::process(const Frame& frame) {

@@ -22,6 +22,7 @@
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/scene.h"
+#include "fastibl/shading/composite.h"
 #include "fastibl/tracking/detector.h"
 
 namespace fastibl {
@@ -73,6 +74,9 @@ class Session {
   }
   ObjectLayer object() { return renderer_->object(); }
   ObjectLayer holdout() { return renderer_->holdout(); }  // see holdout_layer()
+  // What the last picture was put together from; nothing covers or shades it where the board was
+  // not seen.
+  PictureLayers layers();
   const Capture& capture() const { return capture_.map(); }
   Renderer& renderer() { return *renderer_; }
 
@@ -136,7 +140,9 @@ class Session {
   float light_lag_ = 0;    // by which the light changed from one of its turns to the next, relative
   Products held_ = 0;      // what pictures made stale, until the light's turn
   std::optional<double> last_time_;
-  double back_exposure_ = 1;  // of the last back picture, as far as it is known
+  double back_exposure_ = 1;          // of the last back picture, as far as it is known
+  std::optional<Pose> drawn_from_;    // the last picture
+  std::optional<PixelTable> pixels_;  // of layers()
 };
 
 }  // namespace fastibl

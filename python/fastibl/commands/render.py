@@ -26,6 +26,12 @@ def add(commands: argparse._SubParsersAction) -> None:
     made.add_argument("--glossy", type=float, default=0.1, help="k_G (default: %(default)s)")
     made.add_argument("--exponent", type=float, default=64.0, help="of the glossy lobe (default: %(default)s)")
     made.add_argument("--out", type=Path, default=Path("out.webm"), help="video to write (default: %(default)s)")
+    made.add_argument(
+        "--layers",
+        type=Path,
+        metavar="FOLDER",
+        help="also write what each picture is made from: object, shadow ratio and plate, as linear .exr",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -34,6 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from .._fastibl import Material, Scene
     from ..environment_files import read_environment
+    from ..layer_files import write_layers
     from ..recording import Recording
     from ..session import Session
     from ..video import VideoWriter
@@ -55,7 +62,10 @@ def run(arguments: argparse.Namespace) -> int:
     )
     times = recording.back_times
     fps = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 15.0
-    seconds, seen, result = [], 0, None
+    seconds: list[float] = []
+    seen, result = 0, None
+    if arguments.layers is not None:
+        arguments.layers.mkdir(parents=True, exist_ok=True)
     with VideoWriter(arguments.out, fps) as video:
         for frame in tqdm(recording, total=len(recording), unit="frame"):
             if frame.back is None:
@@ -63,6 +73,9 @@ def run(arguments: argparse.Namespace) -> int:
                 continue
             result = session.process(frame)
             video.add(result.image)
+            if arguments.layers is not None:
+                path = arguments.layers / f"{len(seconds):05d}.exr"
+                write_layers(path, session.layers, frame.back, recording.rig.back.response)
             seconds.append(result.timings["total"])
             seen += result.back_from_marker is not None
     if result is None:
@@ -72,5 +85,6 @@ def run(arguments: argparse.Namespace) -> int:
         f"board seen in {seen} of {len(seconds)} frames; {1000 * np.median(seconds):.1f} ms a frame (median); "
         f"predicted error of the irradiance {100 * result.predicted_error:.1f} %"
     )
-    print(f"wrote {arguments.out}")
+    layers = "" if arguments.layers is None else f", and {len(seconds)} .exr in {arguments.layers}"
+    print(f"wrote {arguments.out}{layers}")
     return 0

@@ -1,6 +1,7 @@
 #include <optional>
 
 #include "fastibl/render/renderer.h"
+#include "fastibl/shading/composite.h"
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/shade.h"
 #include "fastibl/shading/traced_shares.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "fastibl/shading/shade.h"
+#include "fastibl/shading/composite.h"
 
 namespace fastibl {
 namespace {

@@ -1,0 +1,47 @@
+"""What a frame's picture was put together from, as a file for a compositing program."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import PictureLayers, Response
+from .expected import expect
+from .pictures import unit, write_exr
+
+_MOST = np.float32(np.finfo(np.float16).max)
+
+
+def write_layers(
+    path: str | os.PathLike[str],
+    layers: PictureLayers,
+    plate: NDArray[Any] | None = None,
+    response: Response | None = None,
+) -> None:
+    """Writes the layers of a frame, `Session.layers`, as a linear .exr of half floats.
+
+    R, G, B, A is the object, premultiplied, and ratio.R, ratio.G, ratio.B what the plate is multiplied by before the
+    object is laid over it: plate * ratio * (1 - A) + RGB is the frame's picture in linear light, where 1 is the white
+    of the camera's response. plate: the back picture, (h, w, 3) RGB of 8 or 16 bits or floats in [0, 1], as the session
+    was given it; plate.R, plate.G, plate.B is that in linear light. response: of the back camera (default: sRGB).
+    Raises ValueError for another ending or a plate of another size, ImportError without OpenEXR.
+    """
+    path = Path(path)
+    expect(layers, PictureLayers, "layers")
+    if path.suffix != ".exr":
+        raise ValueError(f"{path} must end in .exr")
+    parts = {"": layers.object, "ratio.": layers.ratio}
+    if plate is not None:
+        if plate.shape != layers.ratio.shape:
+            raise ValueError(f"the plate must be {layers.ratio.shape}, as the layers are, got {plate.shape}")
+        encoded = plate if plate.dtype.kind == "f" else unit(plate)
+        parts["plate."] = (response or Response.srgb()).decode(encoded)
+    channels = {}
+    for name, part in parts.items():
+        for k, c in enumerate("RGBA"[: part.shape[2]]):
+            channels[name + c] = np.minimum(part[..., k], _MOST).astype(np.float16)
+    write_exr(path, channels)
