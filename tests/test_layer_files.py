@@ -86,7 +86,7 @@ def test_a_file_of_layers(marked, tmp_path):
     print(f"at most {off.max():.2f} codes, of half floats")
     assert off.max() <= 0.8
     # 16 bits and floats are the same plate.
-    for other in (plate.astype(np.uint16) * 257, plate / np.float32(255)):
+    for other in (plate.astype(np.uint16) * 257, CURVE.decode(plate / np.float32(255))):
         fastibl.write_layers(tmp_path / "b.exr", layers, other, CURVE)
         with exr.File(str(tmp_path / "b.exr"), separate_channels=True) as file:
             assert np.array_equal(np.array(file.channels()["plate.G"].pixels), channels["plate.G"])

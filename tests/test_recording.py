@@ -223,6 +223,20 @@ def test_an_older_recording_is_replaced_but_nothing_else(tmp_path):
         RecordingWriter(tmp_path / "r" / "notes.txt", Rig(cameras()[0]))
 
 
+def test_pictures_of_16_bits_stay(tmp_path):
+    deep = RNG.integers(0, 65536, (32, 48, 3), dtype=np.uint16)
+    given = [Frame(0.0, deep), Frame(0.1, (deep >> 8).astype(np.uint8))]
+    write(tmp_path / "r", given, rig=Rig(cameras()[0]))
+    read = [f.back for f in Recording.open(tmp_path / "r")]
+    assert [p.dtype for p in read] == [np.uint16, np.uint8]
+    assert all(np.array_equal(p, f.back) for p, f in zip(read, given, strict=True))
+    with (
+        RecordingWriter(tmp_path / "v", Rig(cameras()[0]), video=True) as writer,
+        pytest.raises(ValueError, match=r"\(h, w, 3\) uint8, got \(32, 48, 3\) uint16"),
+    ):
+        writer.add(given[0])
+
+
 def test_writer_refuses_what_is_no_picture(tmp_path):
     with RecordingWriter(tmp_path / "r", Rig(cameras()[0])) as writer:
         with pytest.raises(ValueError, match="uint8"):

@@ -357,6 +357,14 @@ def test_a_folders_pictures_are_the_sensors(tmp_path):
     assert all(np.array_equal(f.back, expected) for f in sources.FolderSource(RIG, tmp_path))
 
 
+def test_a_folders_pictures_keep_their_bits(tmp_path):
+    deep = np.random.default_rng(0).integers(0, 65536, (48, 64, 3), np.uint16)
+    for k, suffix in enumerate(("png", "tif")):
+        (tmp_path / f"{k}.{suffix}").write_bytes(cv2.imencode(f".{suffix}", deep)[1].tobytes())
+    pictures = [f.back for f in sources.FolderSource(RIG, tmp_path)]
+    assert len(pictures) == 2 and all(np.array_equal(p, deep[..., ::-1]) for p in pictures)
+
+
 def turned(path):
     """An MP4 file's film, said to be turned by a quarter."""
     data = bytearray(path.read_bytes())

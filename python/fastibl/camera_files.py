@@ -39,6 +39,11 @@ def decode_pixels(data: NDArray[np.uint8], any_depth: bool = False) -> NDArray[A
     return cv2.imdecode(data, flags)
 
 
+def as_bytes(picture: NDArray[Any]) -> NDArray[np.uint8]:
+    """A picture of 8 or 16 bits in 8, to be looked at."""
+    return picture if picture.dtype == np.uint8 else np.rint(picture / 257).astype(np.uint8)
+
+
 def open_film(path: str | os.PathLike[str]) -> Any:
     """A cv2.VideoCapture of a film."""
     import cv2

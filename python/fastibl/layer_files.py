@@ -26,7 +26,7 @@ def write_layers(
 
     R, G, B, A is the object, premultiplied, and ratio.R, ratio.G, ratio.B what the plate is multiplied by before the
     object is laid over it: plate * ratio * (1 - A) + RGB is the frame's picture in linear light, where 1 is the white
-    of the camera's response. plate: the back picture, (h, w, 3) RGB of 8 or 16 bits or floats in [0, 1], as the session
+    of the camera's response. plate: the back picture, (h, w, 3) RGB of 8 or 16 bits, or linear floats, as the session
     was given it; plate.R, plate.G, plate.B is that in linear light. response: of the back camera (default: sRGB).
     Raises ValueError for another ending or a plate of another size, ImportError without OpenEXR.
     """
@@ -38,8 +38,8 @@ def write_layers(
     if plate is not None:
         if plate.shape != layers.ratio.shape:
             raise ValueError(f"the plate must be {layers.ratio.shape}, as the layers are, got {plate.shape}")
-        encoded = plate if plate.dtype.kind == "f" else unit(plate)
-        parts["plate."] = (response or Response.srgb()).decode(encoded)
+        encoded = plate.dtype.kind != "f"
+        parts["plate."] = (response or Response.srgb()).decode(unit(plate)) if encoded else plate
     channels = {}
     for name, part in parts.items():
         for k, c in enumerate("RGBA"[: part.shape[2]]):

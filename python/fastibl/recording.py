@@ -6,8 +6,8 @@ A recording is a folder:
   seconds where it is known, model where it is no perspective camera
 - board.yaml: the printed board: tags, border_bits, page size
 - frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
-  `file` is a lossless picture, or a frame of a lossless video: back.mkv#12; both as the sensor took them, however
-  they say that they are to be held. `exposure` is empty where the camera did not tell it
+  `file` is a lossless picture of 8 or 16 bits, or a frame of a lossless video: back.mkv#12; both as the sensor took
+  them, however they say that they are to be held. `exposure` is empty where the camera did not tell it
 - attitudes.csv: time, m00 to m22; where a gyroscope was there, Frame.attitude of the frames that have one
 - truth/: where known, environment maps by time, camera poses by time, and what happened
 
@@ -61,11 +61,11 @@ _FOLDERS["truth"] = re.compile(r"map-\d+\.npy|maps\.csv|poses\.csv|events\.json"
 class Frame:
     """Pictures of one moment.
 
-    time: seconds. back, front: (h, w, 3) uint8 RGB or None. back_exposure, front_exposure: multipliers of
-    radiance, None where they are not known. back_from_marker: Pose where it is known, which skips tracking.
-    back_last_row: with it, the pose when the last row of a rolling shutter was taken, `readout` later; None: as the
-    poses before tell. attitude: (3, 3) rotation of the back camera as a gyroscope tells: from a frame at rest,
-    whichever, that is the same for all pictures, to the camera's; None where nothing tells.
+    time: seconds. back, front: (h, w, 3) RGB or None: uint8 or uint16, encoded, or float32, linear. back_exposure,
+    front_exposure: multipliers of radiance, None where they are not known. back_from_marker: Pose where it is known,
+    which skips tracking. back_last_row: with it, the pose when the last row of a rolling shutter was taken, `readout`
+    later; None: as the poses before tell. attitude: (3, 3) rotation of the back camera as a gyroscope tells: from a
+    frame at rest, whichever, that is the same for all pictures, to the camera's; None where nothing tells.
     """
 
     time: float
@@ -281,8 +281,9 @@ class RecordingWriter:
     def add(self, frame: Frame) -> None:
         """Stores the pictures of a frame, and its attitude; poses are not kept, of which a warning tells once.
 
-        ValueError, before anything of the frame is stored, for what is no (h, w, 3) uint8 picture of the rig's camera,
-        an attitude that is no rotation, a time that is not finite, or an exposure that is not positive.
+        ValueError, before anything of the frame is stored, for what is no (h, w, 3) uint8 or uint16 picture of the
+        rig's camera (uint8 in a recording of videos), an attitude that is no rotation, a time that is not finite, or
+        an exposure that is not positive.
         """
         if not np.isfinite(frame.time):
             raise ValueError(f"a frame's time must be finite seconds, got {frame.time}")
@@ -305,13 +306,15 @@ class RecordingWriter:
         if attitude is not None:
             self._add_attitude(frame.time, attitude)
 
-    def _checked(self, frame: Frame, camera: str) -> NDArray[np.uint8] | None:
+    def _checked(self, frame: Frame, camera: str) -> NDArray[Any] | None:
         picture = getattr(frame, camera)
         if picture is None:
             return None
         picture, of = np.asarray(picture), getattr(self._rig, camera)
-        if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
-            raise ValueError(f"the {camera} picture must be (h, w, 3) uint8, got {picture.shape} {picture.dtype}")
+        kinds = ("uint8", "uint16") if self._videos is None else ("uint8",)
+        if picture.dtype not in kinds or picture.ndim != 3 or picture.shape[2] != 3:
+            wanted = " or ".join(kinds)
+            raise ValueError(f"the {camera} picture must be (h, w, 3) {wanted}, got {picture.shape} {picture.dtype}")
         if of is None:
             raise ValueError(f"the rig has no {camera} camera, but a frame has a {camera} picture")
         if picture.shape[:2] != (of.height, of.width):
@@ -428,12 +431,12 @@ class _StoredFrames(Sequence[Frame]):
                 return
             yield frame
 
-    def _read(self, file: str) -> NDArray[np.uint8]:
+    def _read(self, file: str) -> NDArray[Any]:
         name, mark, number = file.rpartition("#")
         picture = self._read_video(name, int(number)) if mark else self._read_picture(file)
         return np.ascontiguousarray(picture[..., ::-1])
 
-    def _read_picture(self, file: str) -> NDArray[np.uint8]:
+    def _read_picture(self, file: str) -> NDArray[Any]:
         import cv2
 
         path = _inside(self.path, file)
@@ -442,7 +445,7 @@ class _StoredFrames(Sequence[Frame]):
         try:
             data = file_bytes(path)
             check_pixels(path, *_PICTURES[path.suffix.lower()](data))
-            picture = decode_pixels(np.frombuffer(data, np.uint8))
+            picture = decode_pixels(np.frombuffer(data, np.uint8), any_depth=True)
         except (ValueError, cv2.error) as error:
             raise OSError(f"the picture {path} cannot be read: {error}") from None
         if picture is None:

@@ -260,8 +260,8 @@ def _next_picture(video: Any, times: FilmTimes) -> tuple[float, NDArray[np.uint8
 class FolderSource(_Closing):
     """Pictures in folders, in the order of their names: those of the same place in the order make one Frame.
 
-    back, front: folders with .png, .jpg, … Pictures are as the sensor took them: EXIF turns none. fps: of the times.
-    exposures: as VideoSource has them. A picture that cannot be read is passed over with a RecordingWarning.
+    back, front: folders with .png, .jpg, … Pictures are as the sensor took them: EXIF turns none, 16 bits stay. fps: of
+    the times. exposures: as VideoSource has them. A picture that cannot be read is passed over with a RecordingWarning.
     """
 
     def __init__(
@@ -293,7 +293,7 @@ class FolderSource(_Closing):
             for name, files in self._files.items():
                 if k >= len(files):
                     continue
-                picture = read_pixels(files[k])
+                picture = read_pixels(files[k], any_depth=True)
                 if picture is None:
                     warnings.warn(f"the picture {files[k]} cannot be read", RecordingWarning, stacklevel=2)
                     continue

@@ -7,12 +7,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from .._fastibl import FrameResult, MainLight, main_lights
+from ..camera_files import as_bytes
 from ..guidance import Guidance, guide
 from .snapshot import Snapshot
 
@@ -23,8 +25,9 @@ _SHADOW_HEIGHT = 192
 _LIGHTS = 6  # that are listed
 
 
-def jpeg(picture: NDArray[np.uint8]) -> bytes:
-    """Of (h, w, 3) RGB, or (h, w, 4) with straight alpha, which is put over grey."""
+def jpeg(picture: NDArray[Any]) -> bytes:
+    """Of (h, w, 3) RGB of 8 or 16 bits, or (h, w, 4) with straight alpha, which is put over grey."""
+    picture = as_bytes(picture)
     if picture.shape[2] == 4:
         alpha = picture[..., 3:].astype(np.uint16)
         picture = ((picture[..., :3] * alpha + 128 * (255 - alpha)) // 255).astype(np.uint8)

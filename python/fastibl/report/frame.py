@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import CubeMap, Frame, Pose, Response, Session, Tracker
+from ..camera_files import as_bytes
 from ..comparison import level_at_most
 from ..expected import present
 from ..gl_device import gl_device
@@ -73,7 +74,7 @@ def _view(inputs: Inputs, places: Mapping[str, CubeMap]) -> _View:
     with all_cores():
         renderer = TrueRenderer(inputs.scene, extent=0.25, grid=96 if effort.name != "full" else 128)
         frame, pose = present(_posed(recording))
-        back = present(frame.back)
+        back = as_bytes(present(frame.back))
         exposure = 1.0 if frame.back_exposure is None else frame.back_exposure
         given = Frame(frame.time, back, back_exposure=exposure, back_from_marker=pose)
         truths = {
