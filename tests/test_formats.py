@@ -343,6 +343,8 @@ def test_radiance_headers(tmp_path):
     """Radiance's own definition of EXPOSURE; pictures that run from another corner."""
     plain, path = hdr_with(tmp_path, b"EXPOSURE=2", b"VIEW=-vta", b"EXPOSURE= 4.0e+00")
     np.testing.assert_allclose(fastibl.read_environment(path, 16).faces, plain / 8, rtol=1e-6)
+    _, path = hdr_with(tmp_path, b"COLORCORR=2 1 0.5", b"EXPOSURE=2", b"COLORCORR= 1 4.0 1", b"COLORCORR=3 3")
+    np.testing.assert_allclose(fastibl.read_environment(path, 16).faces, plain / np.float32([4, 8, 1]), rtol=1e-6)
     from fastibl.pictures import read_picture
 
     upright = read_picture(tmp_path / "plain.hdr")
@@ -355,6 +357,15 @@ def test_radiance_headers(tmp_path):
         path.read_bytes().replace(b"+X 32 -Y 16", b"-Y 16 +X 32").replace(b"rgbe", b"xyze")
     )
     same_error(lambda: fastibl.read_environment(tmp_path / "xyz.hdr"), ValueError, "xyz.hdr", "32-bit_rle_xyze")
+
+
+@pytest.mark.parametrize("share", [0.02, 0.2, 0.5, 0.9, 0.99])
+def test_an_exr_that_is_cut_off(marked, tmp_path, share):
+    pytest.importorskip("OpenEXR")
+    fastibl.write_environment(tmp_path / "whole.exr", marked)
+    data = (tmp_path / "whole.exr").read_bytes()
+    (tmp_path / "cut.exr").write_bytes(data[: int(share * len(data))])
+    same_error(lambda: fastibl.read_environment(tmp_path / "cut.exr"), ValueError, "cut.exr")
 
 
 def test_photographs_are_no_crosses(marked, tmp_path):

@@ -6,7 +6,6 @@ import trimesh
 
 import fastibl
 from conftest import same_error
-from fastibl.__main__ import main
 from fastibl.gl_device import gl_device
 
 NO_GL = gl_device()[1]
@@ -70,6 +69,7 @@ def test_without_a_board_nothing_is_laid_over(marked):
     assert session.layers.object.any()
     session.process(fastibl.Frame(time=9.0, back=np.full((120, 160, 3), 90, np.uint8)))
     assert not session.layers.object.any() and (session.layers.ratio == 1).all()
+    assert session.object.rgba.size == 0 and session.holdout.rgba.size == 0
 
 
 def test_a_file_of_layers(marked, tmp_path):
@@ -103,14 +103,17 @@ def test_files_that_cannot_be(marked, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_render_writes_layers(tmp_path, capsys):
-    pytest.importorskip("OpenEXR")
-    pytest.importorskip("av")
-    recording = tmp_path / "recording"
-    fastibl.simulate(seconds=0.5, fps=6, size=(160, 120), out=recording)
-    assert (
-        main(["render", str(recording), "--out", str(tmp_path / "a.webm"), "--layers", str(tmp_path / "layers")]) == 0
-    )
-    files = sorted(p.name for p in (tmp_path / "layers").iterdir())
-    assert files == ["00000.exr", "00001.exr", "00002.exr"]
-    assert "3 .exr" in capsys.readouterr().out
+def test_a_plate_beyond_white_stays_white_in_the_shade(marked):
+    """Linear plates are multiplied before they are clipped."""
+    camera = fastibl.Camera(160, 120, 150, 150, 80, 60)
+    session = fastibl.Session(fastibl.Scene(ball()), fastibl.Rig(camera), environment=marked, backend="cpu")
+    pose = fastibl.Pose.look_at((0.25, -0.3, 0.3), (0, 0, 0.04))
+    for time, level in enumerate((0.5, 2.0, 4.0)):
+        plate = np.full((120, 160, 3), level, np.float32)
+        image = session.process(fastibl.Frame(time=float(time), back=plate, back_from_marker=pose)).image
+        ratio = np.asarray(session.layers.ratio, np.float64)
+        beside = session.layers.object[..., 3] == 0
+        true = 255 * fastibl.Response.srgb().encode(np.minimum(level * ratio, 1).astype(np.float32))
+        off = np.abs(true - image)[beside]
+        print(f"a plate of {level}: at most {off.max():.2f} codes; darkest {level * ratio[beside].min():.2f}")
+        assert off.max() <= 1 and ratio[beside].min() < 0.8

@@ -499,3 +499,31 @@ def test_poses_that_are_the_camera_s_are_told_of():
         other = fastibl.Session(ball(), RIG, environment=WHITE)
         other.process(fastibl.Frame(0.0, back_from_marker=POSE))
         other.process(fastibl.Frame(0.1, back_from_marker=POSE.inverse()))  # after one that was right
+
+
+def test_an_untold_exposure_is_read_off_the_boards_white_where_the_light_is_given():
+    """A telephone that exposes as it likes, and a map from a file."""
+    recording = fastibl.simulate(seconds=1.2, fps=5, size=(320, 240), seed=1, lamp=False, hand=False)
+    response, cube = fastibl.Response.srgb(), recording.truth.environment(0.0)
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.1), fastibl.Material([0.5] * 3))
+
+    def darkened(picture, factor):
+        linear = response.decode(picture.astype(np.float32) / 255) * np.float32(factor)
+        return np.rint(255 * response.encode(linear)).astype(np.uint8)
+
+    def levels(told):
+        session = fastibl.Session(scene, recording.rig, recording.board, cube)
+        out = []
+        for k, frame in enumerate(recording):
+            factor = (1, 1, 0.25, 0.25, 0.5, 0.5)[k]
+            exposure = frame.back_exposure * factor if told else None
+            back = darkened(frame.back, factor)
+            session.process(fastibl.Frame(frame.time, back, back_exposure=exposure))
+            layer = session.layers.object
+            out.append(layer[layer[..., 3] > 0.99][:, :3].mean())
+        return np.array(out)
+
+    ratio = levels(False) / levels(True)
+    print("object, untold by told exposure:", ratio.round(3))
+    assert np.abs(ratio - 1).max() < 0.12  # the paper's albedo is taken for 0.85
+    assert np.ptp(ratio) < 0.03

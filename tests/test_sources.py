@@ -365,6 +365,12 @@ def test_a_folders_pictures_keep_their_bits(tmp_path):
     assert len(pictures) == 2 and all(np.array_equal(p, deep[..., ::-1]) for p in pictures)
 
 
+def test_a_folders_pictures_come_by_their_numbers(tmp_path):
+    for k in (1, 2, 3, 9, 10, 11, 100):
+        cv2.imwrite(str(tmp_path / f"shot.{k}.png"), np.full((48, 64, 3), k, np.uint8))
+    assert [f.back[0, 0, 0] for f in sources.FolderSource(RIG, tmp_path)] == [1, 2, 3, 9, 10, 11, 100]
+
+
 def turned(path):
     """An MP4 file's film, said to be turned by a quarter."""
     data = bytearray(path.read_bytes())

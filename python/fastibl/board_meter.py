@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ._fastibl import Capture, CubeMap, Environment, Pose, Rig
 from .lighting import Lighting
 from .recording import Frame
+from .tracking import Tracker
 
 
 def brightness_of(cube: CubeMap, rig: Rig, board: Any, frame: Frame, back_from_marker: Pose) -> float | None:
@@ -24,6 +26,17 @@ def brightness_of(cube: CubeMap, rig: Rig, board: Any, frame: Frame, back_from_m
     if shown is None or not falls > 0 or not np.mean(shown) > 0:
         return None
     return float(np.mean(shown)) / falls
+
+
+def first_brightness(cube: CubeMap, rig: Rig, board: Any, frames: Iterable[Frame]) -> float | None:
+    """brightness_of in the first of the frames that tells it; None where none does."""
+    tracker = Tracker(board, rig.back)
+    for frame in frames:
+        pose = None if frame.back is None else tracker.track(frame.back)
+        factor = None if pose is None else brightness_of(cube, rig, board, frame, pose.camera_from_marker)
+        if factor is not None:
+            return factor
+    return None
 
 
 def scaled(cube: CubeMap, factor: float) -> Environment:

@@ -61,6 +61,13 @@ def read_object(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Mate
     return _turned(mesh, up), material
 
 
+def mesh_and_material(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Material]:
+    """read_object for .glb and .gltf; of other files read_mesh, and Material()."""
+    if Path(path).suffix.lower() in (".glb", ".gltf"):
+        return read_object(path, up)
+    return read_mesh(path, up), Material()
+
+
 def _existing(path: str | os.PathLike[str], up: str, what: str) -> Path:
     if up not in ("y", "z"):
         raise ValueError(f'up must be "y" or "z", got {up!r}')

@@ -44,28 +44,31 @@ def radiance_size(data: bytes) -> tuple[int, int]:
     return int(found[4]), int(found[2])
 
 
-def radiance_upright(data: bytes) -> tuple[bytes, tuple[int, ...], float]:
-    """A Radiance .hdr file said to run from the upper left; the axes along which it does not; its exposure.
+def radiance_upright(data: bytes) -> tuple[bytes, tuple[int, ...], tuple[float, ...]]:
+    """A Radiance .hdr file said to run from the upper left; the axes along which it does not; its exposures.
 
-    The exposure is the product of its EXPOSURE lines: values in the file are radiance times it (Ward, Radiance picture
-    files). Raises ValueError for what is no such file, or one that runs by columns, or of XYZ.
+    Of red, green and blue: the products of its EXPOSURE and COLORCORR lines. Values in the file are radiance times
+    them (Ward, Radiance picture files). Raises ValueError for what is no such file, or one that runs by columns, or of
+    XYZ.
     """
     found = _radiance_head(data)
     head = data[: found.start()]
     form = re.search(rb"^FORMAT=(.*?)\s*$", head, re.MULTILINE)
     if form and form[1].strip() != b"32-bit_rle_rgbe":
         raise ValueError(f"its FORMAT is {form[1].decode(errors='replace').strip()}; expected 32-bit_rle_rgbe")
-    exposure = 1.0
-    for line in re.findall(rb"^EXPOSURE=\s*([-+.\deE]+)\s*$", head, re.MULTILINE):
+    exposures = [1.0, 1.0, 1.0]
+    for name, line in re.findall(rb"^(EXPOSURE|COLORCORR)=([-+.\deE\s]+)$", head, re.MULTILINE):
         try:
-            exposure *= float(line)
+            factors = [float(value) for value in line.split()]
         except ValueError:
             continue
+        if len(factors) == (1 if name == b"EXPOSURE" else 3):
+            exposures = [e * f for e, f in zip(exposures, factors * 3, strict=False)]
     flips = tuple(axis for axis, sign in ((0, b"+"), (1, b"-")) if found[1 if axis == 0 else 3] == sign)
     upright = b"-Y %d +X %d\n" % (int(found[2]), int(found[4]))
     if flips:
         data = head + upright + data[found.end() :]
-    return data, flips, exposure if 1e-30 < exposure < 1e30 else 1.0
+    return data, flips, tuple(e if 1e-30 < e < 1e30 else 1.0 for e in exposures)
 
 
 def _radiance_head(data: bytes) -> re.Match[bytes]:

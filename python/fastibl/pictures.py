@@ -67,10 +67,10 @@ def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
     import cv2
 
     flips: tuple[int, ...] = ()
-    exposure = 1.0
+    exposures: tuple[float, ...] = (1.0, 1.0, 1.0)
     try:
         if size_of is radiance_size:
-            data, flips, exposure = radiance_upright(data)
+            data, flips, exposures = radiance_upright(data)
         width, height = size_of(data)
     except ValueError as error:
         raise ValueError(f"{name} is not a picture that can be read: {error}") from error
@@ -84,7 +84,7 @@ def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
     if image is None or image.shape != (height, width, 3):
         raise ValueError(f"{name} is not a picture that can be read: it is damaged or cut off")
     image = np.flip(image[..., ::-1], flips)
-    return np.ascontiguousarray(image if exposure == 1 else image * np.float32(1 / exposure))
+    return np.ascontiguousarray(image if exposures == (1, 1, 1) else image / np.asarray(exposures, np.float32))
 
 
 def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> None:
@@ -107,13 +107,16 @@ def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> N
 def write_exr(path: Path, channels: dict[str, NDArray[Any]], attributes: dict[str, Any] | None = None) -> None:
     """Writes channels of float32 or float16, (height, width) or (height, width, 3 or 4), and header attributes.
 
-    Raises ImportError without OpenEXR.
+    Raises ImportError without OpenEXR, OSError where the file cannot be written, and leaves an older one then.
     """
     exr = _openexr()
     header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage, **(attributes or {})}
     stored = {name: np.ascontiguousarray(pixels) for name, pixels in channels.items()}
     with whole_file(path) as part, exr.File(header, stored) as file:
-        file.write(str(part))
+        try:
+            file.write(str(part))
+        except RuntimeError as error:
+            raise OSError(f"{path} cannot be written: {error}") from error
 
 
 def _read_exr(path: Path) -> NDArray[np.float32]:
@@ -131,6 +134,8 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
             parts = [{name: np.array(c.pixels, np.float32) for name, c in p.channels.items()} for p in file.parts]
     except Exception as error:
         raise ValueError(f"{path} is not an OpenEXR picture that can be read: {error}") from error
+    if len(parts) != len(headers):
+        raise ValueError(f"{path} is not an OpenEXR picture that can be read: it is damaged or cut off")
     for header, channels in zip(headers, parts, strict=True):
         if {"R", "G", "B"} <= set(channels):
             return _as_rec709(_displayed(np.stack([channels[c] for c in "RGB"], axis=-1), path, header), header)

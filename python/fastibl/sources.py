@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 import threading
 import time
 import warnings
@@ -258,7 +259,7 @@ def _next_picture(video: Any, times: FilmTimes) -> tuple[float, NDArray[np.uint8
 
 
 class FolderSource(_Closing):
-    """Pictures in folders, in the order of their names: those of the same place in the order make one Frame.
+    """Pictures in folders, by the numbers in their names: those of the same place in the order make one Frame.
 
     back, front: folders with .png, .jpg, … Pictures are as the sensor took them: EXIF turns none, 16 bits stay. fps: of
     the times. exposures: as VideoSource has them. A picture that cannot be read is passed over with a RecordingWarning.
@@ -303,10 +304,15 @@ class FolderSource(_Closing):
                 yield frame
 
 
+def _by_number(path: Path) -> list[tuple[str, int]]:
+    """For sorting: shot2.png comes before shot10.png."""
+    return [(text, int(number or -1)) for text, number in re.findall(r"(\D*)(\d*)", path.name)]
+
+
 def _pictures_in(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise FileNotFoundError(f"no folder of pictures at {folder}")
-    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in PICTURES)
+    files = sorted((p for p in folder.iterdir() if p.suffix.lower() in PICTURES), key=_by_number)
     if not files:
         raise ValueError(f"{folder} holds no pictures ({', '.join(PICTURES)})")
     return files

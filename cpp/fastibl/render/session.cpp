@@ -8,6 +8,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/workload.h"
+#include "fastibl/scene/pixel_reader.h"
 
 namespace fastibl {
 namespace {
@@ -92,6 +93,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
       options_(std::move(options)),
       tracker_(rig_, board, std::move(detector), options_.follow_surroundings),
       capture_(rig_, capture_options(options_, board, scene_), options_.front_ratio) {
+  if (board) meter_.emplace(*board, options_.paper_albedo);
   replan();
 }
 
@@ -334,6 +336,16 @@ void Session::ensure_lighting() {
 }
 
 // False where it had nothing to do.
+void Session::read_exposure(const Frame& frame, const Pose& drawn_from) {
+  if (!fixed_environment_ || !meter_ || frame.back.empty() || frame.back_exposure) return;
+  const ByteResponse codes(rig_.back.response);
+  const auto shown = meter_->read(PixelReader(frame.back, rig_.back.response, codes), rig_.back,
+                                  Lens(rig_.back), drawn_from, 1);
+  const glm::dvec3 one(1), falls(lighting_->plane_irradiance);
+  if (shown && glm::dot(falls, one) > 0)
+    back_exposure_ = glm::dot(*shown, one) / glm::dot(falls, one);
+}
+
 bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from) {
   switch (id) {
     case PassId::track:
@@ -373,6 +385,7 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
       break;
   }
   ensure_lighting();
+  if (id == PassId::composite) read_exposure(frame, drawn_from);
   renderer_->run(id, {scene_, plan_.methods, *lighting_, rig_.back, drawn_from, frame.back,
                       back_exposure_, shares_.all(), shares_.plane_gain(), shares_.holdouts(),
                       shares_.own(), &shares_.cell_light(), plan_.shades_alike_as_one});

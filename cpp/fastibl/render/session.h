@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "fastibl/capture/light_meter.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/plan.h"
 #include "fastibl/render/frame.h"
@@ -72,8 +73,9 @@ class Session {
   ShadowMap plane_gain() {
     return shares_.plane_gain() ? *shares_.plane_gain() : renderer_->shadow_map();
   }
-  ObjectLayer object() { return renderer_->object(); }
-  ObjectLayer holdout() { return renderer_->holdout(); }  // see holdout_layer()
+  // Of the last picture; empty where the board was not seen.
+  ObjectLayer object() { return drawn_from_ ? renderer_->object() : ObjectLayer{}; }
+  ObjectLayer holdout() { return drawn_from_ ? renderer_->holdout() : ObjectLayer{}; }
   // What the last picture was put together from; nothing covers or shades it where the board was
   // not seen.
   PictureLayers layers();
@@ -113,6 +115,9 @@ class Session {
   std::shared_ptr<const CubeMap> radiance() const;  // null before there is a map
   LightingOptions lighting_options() const;
   void ensure_lighting();  // of this map, and with the chain that glossy light is read from
+  // Of a back picture that tells none, where the light is given: by the board's white. Stays as it
+  // was where that is not seen.
+  void read_exposure(const Frame& frame, const Pose& drawn_from);
   // drawn_from: the pose that the object is drawn with, of the row that shows its middle.
   bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
   void run_passes(const std::vector<PassId>& due, const Frame& frame, FrameResult& result,
@@ -140,7 +145,8 @@ class Session {
   float light_lag_ = 0;    // by which the light changed from one of its turns to the next, relative
   Products held_ = 0;      // what pictures made stale, until the light's turn
   std::optional<double> last_time_;
-  double back_exposure_ = 1;          // of the last back picture, as far as it is known
+  double back_exposure_ = 1;  // of the last back picture, as far as it is known
+  std::optional<LightMeter> meter_;
   std::optional<Pose> drawn_from_;    // the last picture
   std::optional<PixelTable> pixels_;  // of layers()
 };

@@ -8,6 +8,7 @@
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
+#include "fastibl/scene/pixel_reader.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -195,7 +196,8 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
                               const Pose& camera_from_marker, const ObjectLayer& object,
                               const ShadowLookUp& shadow, const ObjectLayer& holdout) {
   const Camera& camera = table.camera;
-  // 16-bit and float pictures are darkened in their rounded codes too: their output has 8 bits.
+  const bool bytes = back.empty() || back.type == PixelType::uint8;
+  const PixelReader pixels(back, camera.response, table.response);
   Image<std::uint8_t> out = back.empty() ? Image<std::uint8_t>(camera.width, camera.height, 3)
                                          : bytes_from(back, camera.response);
   const PlaneShadow plane(table, camera_from_marker, shadow);
@@ -214,7 +216,11 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
       const auto blend = [&](int first, int last) {
         std::uint8_t* p = out.pixel(area.x0 + first, y);
         const int count = last - first, values = 3 * count;
-        table.response.decode(p, &before[0].x, std::size_t(values));
+        if (bytes)
+          table.response.decode(p, &before[0].x, std::size_t(values));
+        else  // what lies beyond white stays so in the shade
+          for (int i = 0; i < count; ++i)
+            before[std::size_t(i)] = pixels.linear(area.x0 + first + i, y);
         multiply(&ratios[std::size_t(first)].x, &before[0].x, values, &after[0].x);
         const int from = std::max(first, drawn.begin), to = std::min(last, drawn.end);
         if (from < to)

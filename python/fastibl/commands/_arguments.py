@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .._fastibl import Board, Mesh, Response
+    from .._fastibl import Board, Material, Mesh, Response
 
 
 def picture_size(text: str) -> tuple[int, int]:
@@ -73,13 +73,15 @@ def add_object(p: argparse.ArgumentParser, several: bool = False) -> None:
     p.add_argument("--distance", type=positive, default=float("inf"), help="rough distance of the walls in metres")
 
 
-def object_of(arguments: argparse.Namespace) -> Mesh:
-    """The mesh of add_object's options, standing on the board."""
-    from .. import shapes
-    from ..files import read_mesh, stand
+def object_of(arguments: argparse.Namespace) -> tuple[Mesh, Material]:
+    """The object of add_object's options, standing on the board, and its own material."""
+    from .. import Material, shapes
+    from ..files import mesh_and_material, stand
 
-    mesh = shapes.figurine() if arguments.object is None else read_mesh(arguments.object, arguments.up)
-    return stand(mesh, arguments.height)
+    mesh, material = shapes.figurine(), Material()
+    if arguments.object is not None:
+        mesh, material = mesh_and_material(arguments.object, arguments.up)
+    return stand(mesh, arguments.height), material
 
 
 def board_of(path: Path | None) -> Board:

@@ -220,7 +220,7 @@ class _Watch:
             self._light(session, played)
         if result is not None and played.frame.back is not None:
             if self._video is not None:
-                self._video.add(result.image)
+                self._video.add(result.image, played.frame.time)
             pose, self._error = result.back_from_marker, result.predicted_error
             self._frames, self._posed = self._frames + 1, self._posed + (pose is not None)
             if self._opened.adaptive and pose is not None:

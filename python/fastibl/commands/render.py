@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ._arguments import add_object, add_response, object_of, parser
+
+if TYPE_CHECKING:
+    from .._fastibl import CubeMap, Environment
+    from ..recording import Recording
+
+_DIFFUSE, _GLOSSY, _EXPONENT = 0.7, 0.1, 64.0
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -22,9 +29,10 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--environment", type=Path, help="light by this map (.hdr, .exr, .ktx2, .dds, .png, .jpg) instead of capturing"
     )
     add_response(made)
-    made.add_argument("--diffuse", type=float, default=0.7, help="k_L (default: %(default)s)")
-    made.add_argument("--glossy", type=float, default=0.1, help="k_G (default: %(default)s)")
-    made.add_argument("--exponent", type=float, default=64.0, help="of the glossy lobe (default: %(default)s)")
+    of_glb = "of a .glb its own material"
+    made.add_argument("--diffuse", type=float, help=f"k_L (default: {_DIFFUSE}; {of_glb})")
+    made.add_argument("--glossy", type=float, help=f"k_G (default: {_GLOSSY}; {of_glb})")
+    made.add_argument("--exponent", type=float, help=f"of the glossy lobe (default: {_EXPONENT:g}; {of_glb})")
     made.add_argument("--out", type=Path, default=Path("out.webm"), help="video to write (default: %(default)s)")
     made.add_argument(
         "--layers",
@@ -32,6 +40,18 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="FOLDER",
         help="also write what each picture is made from: object, shadow ratio and plate, as linear .exr",
     )
+
+
+def _as_bright_as_here(cube: CubeMap, recording: Recording) -> CubeMap | Environment:
+    """A given map with the light that the board's white shows: a file's radiance has units of its own."""
+    from ..board_meter import first_brightness, scaled
+
+    board = recording.board
+    factor = None if board is None else first_brightness(cube, recording.rig, board, recording)
+    if factor is None:
+        return cube
+    print(f"the map's light is taken {factor:.3g} times, as the board's white shows it")
+    return scaled(cube, factor)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -46,11 +66,20 @@ def run(arguments: argparse.Namespace) -> int:
     from ..video import VideoWriter
 
     recording = Recording.open(arguments.recording)
-    material = Material([arguments.diffuse] * 3, [arguments.glossy] * 3, arguments.exponent)
-    scene = Scene(object_of(arguments), material)
+    mesh, material = object_of(arguments)
+    given = (arguments.diffuse, arguments.glossy, arguments.exponent)
+    if material.pbr is None or given != (None, None, None):
+        diffuse, glossy, exponent = (
+            default if value is None else value
+            for value, default in zip(given, (_DIFFUSE, _GLOSSY, _EXPONENT), strict=True)
+        )
+        material = Material([diffuse] * 3, [glossy] * 3, exponent)
+    scene = Scene(mesh, material)
     environment = None
     if arguments.environment is not None:
-        environment = read_environment(arguments.environment, response=arguments.response)
+        environment = _as_bright_as_here(
+            read_environment(arguments.environment, response=arguments.response), recording
+        )
     session = Session(
         scene,
         recording.rig,
@@ -72,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
                 session.process(frame)
                 continue
             result = session.process(frame)
-            video.add(result.image)
+            video.add(result.image, frame.time)
             if arguments.layers is not None:
                 path = arguments.layers / f"{len(seconds):05d}.exr"
                 write_layers(path, session.layers, frame.back, recording.rig.back.response)

@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import shapes
 from .._fastibl import Material, Mesh, with_gl
-from ..files import read_mesh, read_object, stand
+from ..files import mesh_and_material, stand
 from ..lighting import STEPS, method_name, methods
 
 OWN = "its own"  # the material of the object's file, or of the command line
@@ -77,10 +77,7 @@ class Choices:
         path = self._files.get(name)
         if path is None:
             return stand(_BUILT_IN[name](), self._height), Material()
-        if path.suffix.lower() in (".glb", ".gltf"):
-            mesh, material = read_object(path, self._up)
-        else:
-            mesh, material = read_mesh(path, self._up), Material()
+        mesh, material = mesh_and_material(path, self._up)
         return stand(mesh, self._height), material
 
     def describe(self) -> dict[str, Any]:

@@ -1,0 +1,65 @@
+"""fastibl render: the object's own material, light by the board's white, and the layers of each picture."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import fastibl
+from fastibl.__main__ import main
+
+av = pytest.importorskip("av")
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("render") / "recording"
+    return fastibl.simulate(seconds=0.5, fps=6, size=(320, 240), out=path, lamp=False, hand=False)
+
+
+def rendered(path, recording, *options):
+    """RGB of the last picture, (h, w, 3), and where it is not the back picture's."""
+    assert main(["render", str(recording.path), "--out", str(path / "a.webm"), *map(str, options)]) == 0
+    with av.open(str(path / "a.webm")) as film:
+        last = list(film.decode(video=0))[-1].to_ndarray(format="rgb24").astype(int)
+    back = list(recording)[-1].back.astype(int)
+    return last, np.abs(last - back).max(-1) > 40
+
+
+def red_box(path):
+    red = trimesh.visual.material.PBRMaterial(
+        baseColorFactor=[0.8, 0.02, 0.02, 1.0], metallicFactor=0.0, roughnessFactor=0.8
+    )
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    box.visual = trimesh.visual.TextureVisuals(material=red)
+    box.export(path)
+
+
+def test_a_glb_keeps_its_material_unless_another_is_asked_for(tmp_path, recording):
+    red_box(tmp_path / "red.glb")
+    ratios = []
+    for options in ((), ("--diffuse", 0.6)):
+        picture, drawn = rendered(tmp_path, recording, "--object", tmp_path / "red.glb", *options)
+        red, green, _ = picture[drawn].mean(0)
+        ratios.append(red / green)
+    print("red / green: its own, grey", ratios)
+    assert ratios[0] > 2.5 and ratios[1] < 1.3
+
+
+def test_a_given_map_is_as_bright_as_the_boards_white_says(tmp_path, recording, capsys):
+    cube = recording.truth.environment(0.0)
+    means = []
+    for factor in (1, 100):
+        fastibl.write_environment(tmp_path / "map.hdr", fastibl.CubeMap(cube.faces * np.float32(factor)))
+        picture, drawn = rendered(tmp_path, recording, "--environment", tmp_path / "map.hdr")
+        means.append(picture[drawn].mean())
+        assert "as the board's white shows it" in capsys.readouterr().out
+    print("mean of the object", means)
+    assert abs(means[0] - means[1]) <= 2
+
+
+def test_layers_of_each_picture(tmp_path, recording, capsys):
+    pytest.importorskip("OpenEXR")
+    rendered(tmp_path, recording, "--layers", tmp_path / "layers")
+    files = sorted(p.name for p in (tmp_path / "layers").iterdir())
+    assert files == ["00000.exr", "00001.exr", "00002.exr"]
+    assert "3 .exr" in capsys.readouterr().out

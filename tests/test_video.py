@@ -1,0 +1,82 @@
+"""Videos: shown when they were taken, in the colours that they are said to be in, whole or not at all."""
+
+import numpy as np
+import pytest
+
+from fastibl.video import VideoWriter
+
+av = pytest.importorskip("av")
+COLOURS = np.array([(230, 60, 60), (60, 200, 60), (60, 60, 220), (200, 140, 100), (128, 128, 128)])
+
+
+def stripes(height=144, width=320):
+    return np.ascontiguousarray(np.repeat(COLOURS, width // len(COLOURS), 0)[None].repeat(height, 0).astype(np.uint8))
+
+
+def times(path):
+    with av.open(str(path)) as video:
+        return [float(frame.pts * frame.time_base) for frame in video.decode(video=0)]
+
+
+def test_pictures_are_shown_when_they_were_taken(tmp_path):
+    given = [7.0, 7.1, 7.25, 10.2, 10.2, 10.31]  # a pause, and two at once
+    with VideoWriter(tmp_path / "a.webm", 30) as video:
+        for time in given:
+            video.add(stripes(), time)
+    shown = times(tmp_path / "a.webm")
+    assert len(shown) == len(given)
+    assert np.abs(np.array(shown) - (np.array(given) - given[0])).max() <= 0.0011
+
+
+@pytest.mark.parametrize("fps", [30, 30000 / 1001, 12.5])
+def test_pictures_without_times_come_at_the_rate(tmp_path, fps):
+    with VideoWriter(tmp_path / "a.webm", fps) as video:
+        for _ in range(40):
+            video.add(stripes(32, 40))
+    assert np.abs(np.array(times(tmp_path / "a.webm")) - np.arange(40) / fps).max() <= 0.0006
+
+
+def test_colours_are_those_of_bt709_as_the_file_says(tmp_path):
+    with VideoWriter(tmp_path / "a.webm", 30) as video:
+        for _ in range(3):
+            video.add(stripes())
+    with av.open(str(tmp_path / "a.webm")) as film:
+        about = film.streams.video[0].codec_context
+        planes = next(film.decode(video=0)).to_ndarray(format="yuv420p").astype(float)
+    assert (about.colorspace, about.color_primaries, about.color_trc, about.color_range) == (1, 1, 1, 1)
+    y, u, v = planes[:144], planes[144:180].reshape(72, 160), planes[180:].reshape(72, 160)
+    worst = 0
+    for k, colour in enumerate(COLOURS):
+        x = 64 * k + 32
+        # ITU-R BT.709, limited range.
+        luma, cb, cr = (y[70, x] - 16) / 219, (u[35, x // 2] - 128) / 224, (v[35, x // 2] - 128) / 224
+        red, blue = luma + 1.5748 * cr, luma + 1.8556 * cb
+        green = (luma - 0.2126 * red - 0.0722 * blue) / 0.7152
+        worst = max(worst, np.abs(255 * np.array([red, green, blue]) - colour).max())
+    print(f"at most {worst:.1f} codes")
+    assert worst <= 4
+
+
+def test_an_older_video_stays_where_a_new_one_cannot_be_written(tmp_path, monkeypatch):
+    path = tmp_path / "a.webm"
+    path.write_bytes(b"older")
+    video = VideoWriter(path, 30)
+    video.add(stripes())
+    assert path.read_bytes() == b"older"
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(video, "_container", type("Full", (), {"mux": full})())
+    with pytest.raises(OSError, match="No space"):
+        video.close()
+    assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]
+
+
+def test_what_was_added_before_an_error_is_a_video(tmp_path):
+    path = tmp_path / "a.webm"
+    with pytest.raises(ValueError, match="shape"), VideoWriter(path, 30) as video:
+        for _ in range(4):
+            video.add(stripes())
+        video.add(stripes(8, 8))
+    assert len(times(path)) == 4
