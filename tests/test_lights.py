@@ -291,3 +291,24 @@ def test_the_same_map_gives_the_same_lights(real_maps):
     cube = real_maps["adams_place_bridge"]
     first, second = fastibl.Lighting(cube), fastibl.Lighting(cube)
     assert first.lights == second.lights
+
+
+@pytest.mark.parametrize("degrees, off", [(0.5, 0.2), (1, 0.06), (2, 0.03)])
+def test_a_disc_is_as_wide_as_it_is(degrees, off):
+    """Discs that fall into the map as a camera would have them: texels at their rims hold a part of them."""
+    size, radius, pieces = 256, np.radians(degrees), 8
+    n = size * pieces
+    widths = []
+    for place in np.random.default_rng(3).normal(size=(4, 3)):
+        centre = place / np.linalg.norm(place)
+        inside = np.zeros((6, size, size))
+        for face in range(6):
+            if (fastibl.texel_directions(8)[face] @ centre).max() < np.cos(radius + 0.3):
+                continue
+            fine = fastibl.texel_directions(n)[face] @ centre > np.cos(radius)
+            inside[face] = fine.reshape(size, pieces, size, pieces).mean((1, 3))
+        faces = 0.3 + inside[..., None] * np.full(3, 3 / (np.pi * np.sin(radius) ** 2))
+        (light,) = fastibl.Lighting(fastibl.CubeMap(faces.astype(np.float32))).lights
+        widths.append(light.angular_radius / radius)
+    print(f"{degrees} degrees: found by true {np.round(widths, 3)}")
+    assert np.abs(np.array(widths) - 1).max() < off
