@@ -12,7 +12,7 @@ import pytest
 import fastibl
 from fastibl import measuring, reference, report
 from fastibl.__main__ import main
-from fastibl.measuring import Point, Row, read_rows
+from fastibl.measuring import Point, Row, read_rows, write_rows
 from fastibl.measuring.samples import pairs
 from fastibl.report import compare, inputs, plots, section
 from fastibl.report.visibility import Sky
@@ -129,6 +129,15 @@ def test_a_method_that_ceases_to_give_nan_is_better():
     assert not compare.compare([row_of(error=np.nan)], [row_of(error=np.nan)]).worse
 
 
+def test_an_error_that_is_gone_and_a_step_that_is_gone_are_regressions():
+    gone = compare.compare([row_of()], [row_of(error=None)])
+    assert gone.regressed and gone.worse[0].of == "error" and "0.01 -> none" in compare.as_text(gone)
+    assert compare.compare([row_of(error=None)], [row_of()]).better
+    lost = compare.compare([row_of(), row_of(step="glossy")], [row_of()])
+    assert lost.regressed and not lost.worse and "gone: all of glossy" in compare.summary(lost)
+    assert not compare.compare([row_of(), row_of(case="another")], [row_of()]).regressed
+
+
 def test_times_of_another_machine_do_not_count():
     new = row_of(seconds=5e-3, cpu="another")
     found = compare.compare([row_of()], [new])
@@ -156,9 +165,43 @@ def test_the_command_compares_and_its_exit_code_tells(written, tmp_path, capsys)
     assert "worse   diffuse" in capsys.readouterr().out
 
 
+def test_reports_of_other_things_do_not_compare(written, tmp_path, capsys):
+    old, new = written / "report.json", tmp_path / "new.json"
+    for change, word in (
+        (lambda head: head.update(effort="full"), "effort"),
+        (lambda head: head["contents"].update({"the mesh": "another"}), "the mesh"),
+        (lambda head: head["contents"].update({"the map one": "another"}), "the map one"),
+    ):
+        report_of = json.loads(old.read_text())
+        change(report_of)
+        new.write_text(json.dumps(report_of))
+        assert main(["report", "--against", str(old), "--measured", str(new)]) == 2
+        assert word in capsys.readouterr().err
+
+
+def test_values_that_no_measurement_has_are_named(written, tmp_path, capsys):
+    wrong = tmp_path / "wrong.json"
+    for name, value in (("error", "0.1"), ("spread", 3), ("spread", [1]), ("seconds", 0), ("method", [])):
+        report_of = json.loads((written / "report.json").read_text())
+        report_of["rows"][5][name] = value
+        wrong.write_text(json.dumps(report_of))
+        assert main(["report", "--against", str(wrong), "--measured", str(written / "report.json")]) == 2
+        error = capsys.readouterr().err
+        assert "wrong.json" in error and "row 5" in error
+
+
+def test_what_was_measured_is_written_where_the_old_report_does_not_compare(made, tmp_path, monkeypatch, capsys):
+    old = tmp_path / "old.json"
+    write_rows(old, [row_of(case="another")], {})
+    monkeypatch.setattr(report, "make_report", lambda *_: made)
+    monkeypatch.setattr(report, "gathered", lambda *_: None)
+    assert main(["report", "--quick", "--against", str(old), "--out", str(tmp_path / "out")]) == 2
+    assert (tmp_path / "out" / "report.json").is_file() and "no row in common" in capsys.readouterr().err
+
+
 def test_bad_input_is_exit_code_2(tmp_path, capsys):
     wrong = tmp_path / "wrong.json"
-    for content in ("", "[]", '{"rows": [{"method": "x"}]}', '{"rows": 3}'):
+    for content in ("", "[]", '{"rows": [{"method": "x"}]}', '{"rows": 3}', '{"rows": []}'):
         wrong.write_text(content)
         assert main(["report", "--against", str(wrong), "--measured", str(wrong)]) == 2
         assert "wrong.json" in capsys.readouterr().err
@@ -216,6 +259,16 @@ def test_recordings_are_cut_to_what_is_needed():
     spread = inputs.thinned(long, inputs.QUICK).times
     assert len(spread) == 16 and (spread[0], spread[-1]) == (long.times[0], long.times[-1])
     assert len(inputs.thinned(fastibl.Recording(rig, frames[:3]), inputs.QUICK)) == 3
+
+
+def test_a_sky_without_a_bright_texel():
+    """An overcast one: nothing is to be cut finer."""
+    from fastibl.report import self_shadow, shadow
+
+    sky = fastibl.CubeMap(np.full((6, 32, 32, 3), 0.5, np.float32))
+    ball = fastibl.stand(fastibl.shapes.figurine(0.06), 0.06)
+    given = report.gathered({"overcast": sky}, ("figurine", ball), None, TINY)
+    assert shadow.measure(given).rows and self_shadow.measure(given).rows
 
 
 def test_visibility_against_the_reference():

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import math
 from pathlib import Path
 
 from ._fastibl import __version__, _default_costs, _measure_costs
 from .machine import cpu
 from .mesh_shadow import cache_folder
 from .whole_file import write_whole
+
+_APART = 1000.0  # times that a machine may be faster or slower than the built-in table's
 
 
 def default_costs() -> dict[str, float]:
@@ -50,11 +51,12 @@ def machine_costs(measure: bool = True) -> dict[str, float]:
 
 
 def _read(path: Path) -> dict[str, float] | None:
-    """The table of a file, or None where there is none, or none that can be used."""
+    """The table of a file, or None where there is none, or none that a machine can have."""
     try:
         given = json.loads(path.read_text(encoding="utf-8"))["nanoseconds"]
-        costs = {str(name): float(value) for name, value in given.items()}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        costs = {str(name): float("nan" if isinstance(v, bool) else v) for name, v in given.items()}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         return None
-    good = set(costs) == set(default_costs()) and all(math.isfinite(v) and v >= 0 for v in costs.values())
+    usual = default_costs()
+    good = set(costs) == set(usual) and all(1 / _APART <= v / usual[name] <= _APART for name, v in costs.items())
     return costs if good else None

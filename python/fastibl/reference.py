@@ -172,8 +172,8 @@ def _refined(shape: tuple[int, ...], chosen: NDArray, angles: NDArray, split: in
         z = np.broadcast_to(np.cos(polar), (len(chosen), split, split))
         directions = np.stack([across * np.sin(azimuth), across * np.cos(azimuth), z], axis=-1)
         area = np.broadcast_to(across, z.shape)
-    area = area.reshape(len(chosen), -1)
-    return directions.reshape(len(chosen), -1, 3), area * (angles[chosen] / area.sum(axis=1))[:, None]
+    area = area.reshape(len(chosen), split * split)  # of none, too
+    return directions.reshape(len(chosen), split * split, 3), area * (angles[chosen] / area.sum(axis=1))[:, None]
 
 
 def ggx_alpha(roughness: float, anisotropy: float = 0.0) -> tuple[float, float]:

@@ -5,9 +5,16 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ._arguments import parser
+
+if TYPE_CHECKING:
+    from ..measuring import Row
+    from ..report.compare import Comparison
 
 _HEIGHT = 0.12
 
@@ -40,13 +47,12 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from .. import measuring
-
     if arguments.measured is not None and arguments.against is None:
         raise ValueError("--measured needs --against")
-    old = None if arguments.against is None else measuring.read_rows(arguments.against)
+    old = None if arguments.against is None else _Old.read(arguments.against)
     if old is not None and arguments.measured is not None:
-        return _compared(old, measuring.read_rows(arguments.measured), arguments.against)[0]
+        new = _Old.read(arguments.measured)
+        return int(_compared(old, new.rows, new.head).regressed)
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
@@ -54,15 +60,33 @@ def run(arguments: argparse.Namespace) -> int:
     return _measured(arguments, old)
 
 
-def _compared(old: list, new: list, name: Path):
-    from ..report.compare import as_text, compare
+@dataclass(frozen=True)
+class _Old:
+    """A report that was written before."""
 
-    found = compare(old, new, str(name))
+    path: Path
+    rows: list[Row]
+    head: dict[str, Any]
+
+    @staticmethod
+    def read(path: Path) -> _Old:
+        from ..measuring import read_head, read_rows
+
+        return _Old(path, read_rows(path), read_head(path))
+
+
+def _compared(old: _Old, rows: list[Row], head: Mapping[str, Any]) -> Comparison:
+    """Raises ValueError where the two do not compare."""
+    from ..report.compare import as_text, compare, of_other_inputs
+
+    if others := of_other_inputs(old.head, head):
+        raise ValueError(f"{old.path} is a report of something else: {others} is another; their rows do not compare")
+    found = compare(old.rows, rows, str(old.path))
     print(as_text(found))
-    return (1 if found.worse else 0), found
+    return found
 
 
-def _measured(arguments: argparse.Namespace, old: list | None) -> int:
+def _measured(arguments: argparse.Namespace, old: _Old | None) -> int:
     from tqdm import tqdm
 
     from .. import report
@@ -79,14 +103,20 @@ def _measured(arguments: argparse.Namespace, old: list | None) -> int:
 
         made = report.make_report(inputs, _command(arguments), progress)
         progress(parts[-1])
-        code, against = (0, None) if old is None else _compared(old, made.rows, arguments.against)
+        against, refused = None, None
+        try:
+            against = None if old is None else _compared(old, made.rows, made.head)
+        except ValueError as error:  # what was measured is written all the same
+            refused = error
         path = report.write_report(made, arguments.out, against)
         bar.update(1)
     for section in made.sections:
         if section.name in ("overview", "frame"):
             print("\n".join(section.seen))
     print(f"wrote {path}, {arguments.out / 'report.json'} ({len(made.rows)} rows), {arguments.out / 'plots'}")
-    return code
+    if refused is not None:
+        raise refused
+    return int(against is not None and against.regressed)
 
 
 def _given(arguments: argparse.Namespace):

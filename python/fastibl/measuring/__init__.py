@@ -2,7 +2,7 @@
 
 from ..machine import cpu
 from .frontier import Point, frontier, label, points
-from .rows import Row, commit, read_rows, row, seconds_text, table, write_rows
+from .rows import Row, commit, read_head, read_rows, row, seconds_text, table, write_rows
 from .timing import Timing, all_cores, measure, one_core, side_by_side, timing, yardstick, yardstick_seconds
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "measure",
     "one_core",
     "points",
+    "read_head",
     "read_rows",
     "row",
     "seconds_text",

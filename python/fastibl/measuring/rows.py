@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields
@@ -115,8 +116,13 @@ def _columns(r: Row) -> dict[str, Any]:
     return {key: value for key, value in asdict(r).items() if key != "step" or value}
 
 
+def read_head(path: Path) -> dict[str, Any]:
+    """What a file of rows says beside them, of one that read_rows() reads."""
+    return {name: value for name, value in json.loads(path.read_text(encoding="utf-8")).items() if name != "rows"}
+
+
 def read_rows(path: Path) -> list[Row]:
-    """Rows of a file. Raises ValueError for a file of another schema, FileNotFoundError for none."""
+    """Rows of a file. Raises ValueError for a file of another schema or without rows, FileNotFoundError for none."""
     if not path.is_file():
         raise FileNotFoundError(f"the measurements {path} are missing")
     needed = {f.name for f in fields(Row) if f.default is MISSING}
@@ -128,9 +134,32 @@ def read_rows(path: Path) -> list[Row]:
         raise ValueError(f"{path} is no file of measurements: {error}") from error
     if wrong:
         raise ValueError(f"{path} does not have the columns {', '.join(sorted(needed))}")
+    if not given_rows:
+        raise ValueError(f"{path} holds no measurements")
+    for number, given in enumerate(given_rows):
+        if not _is_row(given):
+            raise ValueError(f"{path}: row {number} has values that no measurement has: {given}")
     return [
         Row(**{**given, "spread": None if given["spread"] is None else tuple(given["spread"])}) for given in given_rows
     ]
+
+
+_WORDS = ("method", "setting", "case", "metric", "backend", "cpu", "commit", "step")
+
+
+def _is_row(given: Mapping[str, Any]) -> bool:
+    def number(value: Any, least: float = -math.inf) -> bool:
+        return isinstance(value, (int, float)) and not isinstance(value, bool) and not value <= least
+
+    spread = given["spread"]
+    return (
+        all(isinstance(given.get(name, ""), str) for name in _WORDS)
+        and isinstance(given["threads"], int)
+        and (given["error"] is None or number(given["error"]))
+        and all(given[name] is None or number(given[name], 0) for name in ("seconds", "yardsticks"))
+        and (given["seconds"] is None) == (given["yardsticks"] is None)
+        and (spread is None or (isinstance(spread, list) and len(spread) == 2 and all(number(v) for v in spread)))
+    )
 
 
 def table(rows: Sequence[Row]) -> str:

@@ -88,6 +88,13 @@ def gathered(
     return Inputs(places or built_in_places(), shape, title, follow, sweep, name, effort, built_in=places is None)
 
 
+def _contents(inputs: Inputs) -> dict[str, str]:
+    """What tells one mesh or map from another of its name, alike on every machine."""
+    mesh = inputs.mesh
+    maps = {f"the map {n}": f"{c.size} texels, mean {float(c.faces.mean()):.3g}" for n, c in inputs.places.items()}
+    return {"the mesh": f"{inputs.mesh_name}, {len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles", **maps}
+
+
 def make_report(
     inputs: Inputs, command: str = "fastibl report", progress: Callable[[str], None] | None = None
 ) -> Report:
@@ -116,6 +123,7 @@ def make_report(
         "places": list(inputs.places),
         "mesh": inputs.mesh_name,
         "recording": inputs.recording_name,
+        "contents": _contents(inputs),
         "seconds": round(time.perf_counter() - begin, 1),
     }
     return Report(head, sections, seconds)

@@ -15,6 +15,7 @@ from ..demo import DISTANCE, picture_of_map
 from ..expected import present
 from ..lighting import PAPER
 from ..measuring import Timing, one_core, timing
+from ..measuring.timing import yardstick_seconds
 from ..recording import Recording, truth_of
 from .inputs import Inputs
 from .plots import COLOURS, Lines
@@ -100,7 +101,15 @@ def measure(inputs: Inputs) -> Section:
         results.append(Result(method, f"size={size}{walls}", {place: error}, {place: bias}, found.time, mark, extra))
     note = "Predicted: what fastibl says of its own error, without knowing the truth. Size: texels along a cube face. "
     note += "Walls: a guess of how far the room reaches; without one all light is taken to come from far away."
-    step_section(section, "capture", "mean error of the irradiance", "time of a frame's pictures", results, 0.004, note)
+    step_section(
+        section,
+        "capture",
+        "mean error of the irradiance",
+        "time of a frame's pictures",
+        results,
+        yardstick_seconds(),
+        note,
+    )
     ours, theirs = kept["continuous", 128], kept[PAPER.capture, 128]
     lines = {
         "default": (ours.times, ours.true),

@@ -7,13 +7,16 @@ The rule, for rows that both have (same step, method, setting, case, metric, thr
 - A time is worse where its 10th percentile is more than 1.25 times the old 90th percentile, both in yardsticks of
   their own run, and longer than a microsecond; better likewise. Times from another machine are shown, but do not count.
 
-What is worse is a regression.
+- An error that is not there any more, where the row is, was NaN: that is worse.
+
+What is worse is a regression, and so is a step of which no row is left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -42,18 +45,23 @@ class Change:
             seconds = present(r.seconds)
             low, high = r.spread or (seconds, seconds)
             return f"{seconds_text(seconds)} ({seconds_text(low)} to {seconds_text(high)})"
-        return f"{r.error:.3g}"
+        return "none" if r.error is None else f"{r.error:.3g}"
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """only_old, only_new: rows without a partner. same_machine: whether times count."""
+    """only_old, only_new: rows without a partner. same_machine: whether times count. lost: steps without any row."""
 
     changes: list[Change]
     only_old: int
     only_new: int
     same_machine: bool
     name: str = "the old report"
+    lost: tuple[str, ...] = ()
+
+    @property
+    def regressed(self) -> bool:
+        return bool(self.worse or self.lost)
 
     @property
     def worse(self) -> list[Change]:
@@ -83,16 +91,27 @@ def compare(old: Sequence[Row], new: Sequence[Row], name: str = "the old report"
     changes = []
     for key in both:
         a, b = before[key], after[key]
-        if a.error is not None and b.error is not None and a.metric not in _NO_ERRORS:
+        if (a.error, b.error) != (None, None) and a.metric not in _NO_ERRORS:
             changes.append(_error_change(a, b))
         if a.yardsticks and b.yardsticks and a.spread and b.spread:
             changes.append(_time_change(a, b))
     machines = {r.cpu for r in (*old, *new)}
-    return Comparison(changes, len(before) - len(both), len(after) - len(both), len(machines) == 1, name)
+    lost = tuple(sorted({r.step for r in old} - {r.step for r in new}))
+    return Comparison(changes, len(before) - len(both), len(after) - len(both), len(machines) == 1, name, lost)
+
+
+def of_other_inputs(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """What two reports' heads say that was not the same: rows of other things do not compare. Empty where nothing is."""
+    out = []
+    if (was := old.get("effort")) and was != new.get("effort"):
+        out.append(f"the effort ({was}, now {new.get('effort')})")
+    before, now = old.get("contents", {}), new.get("contents", {})
+    out += [name for name in before if name in now and before[name] != now[name]]
+    return ", ".join(out)
 
 
 def _error_change(a: Row, b: Row) -> Change:
-    old, new = abs(present(a.error)), abs(present(b.error))
+    old, new = (np.nan if r.error is None else abs(r.error) for r in (a, b))
     of = "bias" if "bias" in a.metric else "error"
     if not (np.isfinite(old) and np.isfinite(new)):  # a method that begins, or ceases, to give NaN
         worse = None if np.isfinite(old) == np.isfinite(new) else bool(np.isfinite(old))
@@ -119,9 +138,10 @@ def _time_change(a: Row, b: Row) -> Change:
 def summary(c: Comparison) -> str:
     """One line."""
     machine = "" if c.same_machine else f"; another machine, so {c.not_counted} longer times do not count"
+    lost = f"; gone: all of {', '.join(c.lost)}" if c.lost else ""
     return (
         f"{len(c.worse)} worse, {len(c.better)} better, of {len(c.changes)} values in both{machine}; "
-        f"{c.only_new} rows are new, {c.only_old} are gone"
+        f"{c.only_new} rows are new, {c.only_old} are gone{lost}"
     )
 
 

@@ -14,6 +14,11 @@ _LEADER = 14.0  # from here on a thin line leads from the label to its point
 _AROUND = 16  # directions that are tried
 
 
+def readable(colour: str) -> str:
+    """#rrggbb of words in a colour of lines: dark enough on white (WCAG 2.2, 1.4.3)."""
+    return "#" + "".join(f"{round(0.72 * int(colour[k : k + 2], 16)):02x}" for k in (1, 3, 5))
+
+
 @dataclass(frozen=True)
 class Label:
     """text beside the point (x, y) of the axes' data; what has the smaller rank is placed first."""
@@ -64,7 +69,7 @@ def place(axes: Any, labels: list[Label], avoid: NDArray, size: float = 8.5) -> 
     placed = np.empty((0, 4))
     for k in sorted(range(len(labels)), key=lambda k: (labels[k].rank, -points[k][1])):
         label = labels[k]
-        style = {"fontsize": size, "color": label.colour, "fontweight": "bold" if label.bold else "normal"}
+        style = {"fontsize": size, "color": readable(label.colour), "fontweight": "bold" if label.bold else "normal"}
         text = axes.text(0, 0, label.text, **style)
         extent = text.get_window_extent(renderer)
         text.remove()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import pages
+from ..measuring import frontier, seconds_text
 from ..whole_file import write_whole
 from .plots import Dumbbells, Frontier, Lines, write
 from .section import Section, Strip, Table
@@ -56,7 +57,8 @@ footer { border-top: 1px solid var(--line); margin-top: 3rem; padding-top: 1rem;
   nav ol { display: flex; flex-wrap: wrap; gap: 0 .3rem; } main { padding-top: 1rem; } .side { grid-template-columns: minmax(0, 1fr); } }
 @media (max-width: 560px) { .page { padding: 0 .9rem; } h1 { font-size: 1.75rem; } table { font-size: .82rem; } th, td { padding: .3rem .4rem; }
   .strip, .strip.large { grid-template-columns: repeat(2, minmax(0, 1fr)); } .strip.hero { grid-template-columns: repeat(3, minmax(0, 1fr)); } .charts { grid-template-columns: minmax(0, 1fr); } }
-@media print { nav { display: none; } .page { display: block; } section { break-inside: avoid-page; } }
+@media print { .scroll, pre { overflow: visible; } th, td { white-space: normal; padding: .1rem .3rem; } table { font-size: .7rem; }
+nav { display: none; } .page { display: block; } section { break-inside: avoid-page; } }
 """
 )
 
@@ -79,8 +81,9 @@ def _table(t: Table) -> str:
     )
     title = f"<h3>{html.escape(t.title)}</h3>" if t.title else ""
     note = f'<p class="note">{html.escape(t.note)}</p>' if t.note else ""
+    name = html.escape(t.title or f"Table of {', '.join(t.head[:3])}")
     return (
-        f'{title}<div class="scroll"><table{" class=compact" if t.compact else ""}><thead><tr>{cells(t.head, "th")}</tr></thead><tbody>{body}</tbody></table>'
+        f'{title}<div class="scroll" tabindex="0" role="region" aria-label="{name}"><table{" class=compact" if t.compact else ""}><thead><tr>{cells(t.head, "th")}</tr></thead><tbody>{body}</tbody></table>'
         f"</div>{note}"
     )
 
@@ -98,6 +101,12 @@ def _image(name: str, title: str, svg: bytes, wide: bool = False) -> str:
     return f'<img class="plot{" wide" if wide else ""}" id="plot-{name}" alt="{text}" src="{pages.svg_data(svg)}">'
 
 
+def _in_words(c: Frontier) -> str:
+    """A plot for those who do not see it."""
+    ahead = "; ".join(f"{p.label}: {p.error:.3g} in {seconds_text(p.seconds)}" for p in frontier(c.points))
+    return f"{c.title}: {c.error} against {c.time}. On the frontier: {ahead}."
+
+
 def section_html(s: Section, drawn: dict[str, bytes]) -> str:
     """drawn: SVG by name of a chart."""
     what = f'<p class="what">{html.escape(" ".join(s.what.split()))}</p>' if s.what else ""
@@ -111,7 +120,7 @@ def section_html(s: Section, drawn: dict[str, bytes]) -> str:
     lines = [c for c in s.charts if isinstance(c, Lines)]
     for c in fronts:
         table = tables.pop(0) if tables else Table((), ())
-        plot, beside = _image(c.name, c.title, drawn[c.name]), _table(table)
+        plot, beside = _image(c.name, _in_words(c), drawn[c.name]), _table(table)
         if len(table.head) > _BESIDE:
             out.append(f'<div class="over">{plot}</div>{beside}')
         else:

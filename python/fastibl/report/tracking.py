@@ -77,7 +77,7 @@ def _compare(section: Section, recording: Recording, frames: list[Frame], known:
             if mark:
                 marked[len(table)], names[mark] = mark, point
             shift = f"{1e3 * np.median(shifts):.2g} mm" if shifts else "–"
-            table.append([point.label, f"{value:.2g}", f"{worst:.2g}", shift, f"{100 * lost:.0f} %",
+            table.append([point.label, *(f"{v:.2g}" if errors else "–" for v in (value, worst)), shift, f"{100 * lost:.0f} %",
                           seconds_text(time.median)])  # fmt: skip
     head = ["method", f"{unit}, median", f"{unit}, worst", "shift, median", "not found", "time"]
     legend = "★ chosen by default, ◇ the paper's: the four corners of one tag as the detector gives them."
@@ -90,7 +90,9 @@ def _compare(section: Section, recording: Recording, frames: list[Frame], known:
                 "°" if known else " px",
             )
         )  # fmt: skip
-    if {"chosen", "paper"} <= set(names):
+    if not points:
+        section.missing = "No method found the board in any picture of the recording."
+    if points and {"chosen", "paper"} <= set(names):
         chosen, paper = names["chosen"], names["paper"]
         section.seen.append(
             f"The default ({chosen.label}) is off by {chosen.error:.2g} {unit} in {seconds_text(chosen.seconds)}; the "
