@@ -23,6 +23,11 @@ OVERSHOOT = 1.5  # a lobe is a mean of the map, to what fits and their lobes go 
 # directions. The paper's methods have 25 to 50 % on real maps already.
 LIMITS = {"nearest-face": 3.0, "six-face": 1.5, "six-face-exact": 1.5, "sh9": 0.5, "sh9-lobes": 0.1}
 
+# The same of glossy light and GGX of two lamps: the mean error by the mean of that light.
+GLOSSY_LIMITS = {"mip": 1.0, "centroid": 0.1, "stretched": 0.1, "sampled": 0.2, "prefiltered": 0.15}
+GGX_LIMITS = {"taps": 0.4, "gradient": 0.8}
+_LAMPS = "blue and red lamps"
+
 
 def cases() -> Iterator[Case]:
     yield from _diffuse()
@@ -132,6 +137,12 @@ def _glossy() -> Iterator[Case]:
                 "finite and never negative, also at grazing views and below the surface",
                 partial(each, EXPONENTS, partial(_normalized, method, normalization)),
             )
+        yield Case(
+            "glossy",
+            f"two lamps, {method}, against float64",
+            f"within {100 * GLOSSY_LIMITS[method]:g} %",
+            partial(_lamps_glossy, method),
+        )
     for bad in (-1.0, -1e-30, np.nan):
         yield Case(
             "glossy",
@@ -146,6 +157,30 @@ def _lobe(name: str, method: str, exponent: float) -> Outcome:
     n, v = grazing()
     lighting, cube = _lighting(name, glossy=method), map_named(name)
     return _of_map(lighting.glossy(n[::5], v[::5], exponent), name, cube)
+
+
+@cache
+def _lamp_views() -> tuple[NDArray, NDArray]:
+    """Normals, and views at up to 50 degrees from them."""
+    normals = units(24, 5)
+    views = normals + 0.9 * units(24, 6)
+    return normals, views / np.linalg.norm(views, axis=1, keepdims=True)
+
+
+def _lamps_glossy(method: str) -> Outcome:
+    n, v = _lamp_views()
+    true = reference.glossy(map_named(_LAMPS), n, v, 16.0)
+    return _near(_lighting(_LAMPS, glossy=method).glossy(n, v, 16.0), true, GLOSSY_LIMITS[method])
+
+
+def _lamps_ggx(method: str) -> Outcome:
+    n, v = _lamp_views()
+    true = reference.ggx(map_named(_LAMPS), n, v, 0.3)
+    return _near(_lighting(_LAMPS).ggx(n, v, 0.3, method=method), true, GGX_LIMITS[method])
+
+
+def _near(light: NDArray, true: NDArray, limit: float) -> Outcome:
+    return at_most(float(np.abs(light - true).mean() / true.mean()), limit, "mean error", percent=True)
 
 
 def _refused_glossy(exponent: float) -> Outcome:
@@ -194,6 +229,12 @@ def _ggx() -> Iterator[Case]:
                 "finite, never negative, no brighter than the map; an even map as it is",
                 partial(each, MAPS, _ggx_lobe, method, alphas),
             )
+        yield Case(
+            "ggx",
+            f"two lamps, {method}, against float64",
+            f"within {100 * GGX_LIMITS[method]:g} %",
+            partial(_lamps_ggx, method),
+        )
     for taps in (1, 16):
         yield Case("ggx", f"{taps} taps", "an even map as it is", partial(_ggx_taps, taps))
     for what, tangents in (("along the normal", 1.0), ("of length 0", 0.0), ("of NaN", np.nan)):

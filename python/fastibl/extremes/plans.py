@@ -52,6 +52,12 @@ def cases() -> Iterator[Case]:
             "finite, never negative",
             partial(_of_map, scenes["all of it"], name),
         )
+    yield Case(
+        "plan",
+        "errors of 0.002 to 0.5, a map and an object that hides a part of itself",
+        "what is chosen keeps to them or says that it does not; the less is allowed, the nearer and the longer",
+        _budgets_choose,
+    )
     for name in scenes:
         yield Case(
             "plan",
@@ -100,6 +106,20 @@ def _complete(scene: Scene, environment: CubeMap | None = None, **budget: Any) -
 
 def _of_map(scene: Scene, name: str) -> Outcome:
     return _complete(scene, map_named(name), error=0.02)
+
+
+def _budgets_choose() -> Outcome:
+    scene, cube = Scene(ball_mesh(steps=8), spheres=4, visibility_rays=16), map_named("blue and red lamps")
+    budgets = (0.002, 0.02, 0.1, 0.5)
+    plans = [make_plan(scene, cube, error=budget) for budget in budgets]
+    kept = all(p.meets_error == (p.assured_error <= b) for p, b in zip(plans, budgets, strict=True))
+    errors, times = [p.expected_error for p in plans], [p.milliseconds for p in plans]
+    ordered = errors == sorted(errors) and times == sorted(times, reverse=True)
+    return Outcome(
+        kept and ordered and errors[-1] > 2 * errors[0],
+        ", ".join(f"{100 * e:.2g} % in {t:.2g} ms" for e, t in zip(errors, times, strict=True))
+        + ("" if kept else "; says what does not hold"),
+    )
 
 
 def _due(scene: Scene) -> Outcome:
