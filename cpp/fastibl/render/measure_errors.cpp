@@ -26,7 +26,9 @@ namespace {
 
 using Colours = std::vector<glm::vec3>;
 
-constexpr float kPlaneLevel = 0.35f;   // of the plane in the picture, by white
+constexpr float kPlaneLevel = 0.35f;  // of the plane in the picture, by white
+// Of the object's middle pixel at most: on a dark floor a picture is exposed for the object.
+constexpr float kObjectLevel = 0.7f;
 constexpr float kBounceError = 0.06f;  // of the bounce's own size
 // What rays at a triangle's part of a pixel miss of the edges within it, by the object's mean
 // colour: here each sample has rays of its own. By vertex, what is hidden is even over a pixel.
@@ -525,7 +527,14 @@ struct ErrorMeasurement::Work {
     j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
     if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))
       j.plane_radiance = kFallbackAlbedo / kPi * flux->plane;
+    j.white = std::numeric_limits<float>::infinity();
+    std::vector<float> seen;
+    for (const glm::vec3& c : j.true_pixels()) seen.push_back((c.x + c.y + c.z) / 3);
+    const auto middle = seen.begin() + std::ptrdiff_t(seen.size() / 2);
+    if (!seen.empty()) std::nth_element(seen.begin(), middle, seen.end());
     j.white = (j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z) / 3 / kPlaneLevel;
+    if (!seen.empty() && std::isfinite(*middle))
+      j.white = std::max(j.white, *middle / kObjectLevel);
     if (j.white > 0) weigh(j);
     if (!(j.object_weight > 0)) steps.clear();  // nothing to compare
   }
