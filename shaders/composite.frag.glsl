@@ -6,6 +6,7 @@
 //   DISTORTION  1: rays come from a table
 //   VIGNETTING  number of coefficients
 //   HOLDOUT     1: real objects are seen beside the object
+//   DEEP        1: the back picture has more than 8 bits, and its linear light is given
 //   STEEP       1: several codes may end within one of 4096 equal steps of linear values
 #include "shared/precision.glsl"
 #include "shared/plane.glsl"
@@ -20,6 +21,9 @@ layout(location = 0) out vec4 picture;
 
 #if !MATTE
 uniform sampler2D back;
+#if DEEP
+uniform sampler2D linear_back;
+#endif
 #endif
 #if OBJECT
 uniform sampler2D object;
@@ -146,7 +150,11 @@ void main() {
   vec3 seen = texelFetch(back, local, 0).rgb;
   picture = vec4(seen, 1.0);
   if (o.a > 0.0 || ratio != vec3(1.0)) {
+#if DEEP
+    vec3 behind = texelFetch(linear_back, local, 0).rgb;
+#else
     vec3 behind = vec3(decode(seen.r), decode(seen.g), decode(seen.b));
+#endif
     vec3 lit = encode(exposure_at(pixel) * o.rgb + (1.0 - o.a) * ratio * behind);
     // What is beyond the response's levels stays there unless it becomes another code.
     picture.rgb = mix(lit, seen, lessThan(abs(lit - clamp(seen, levels.x, levels.y)), vec3(0.5 / 255.0)));

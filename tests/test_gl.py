@@ -587,6 +587,7 @@ VARIANTS = {
         "VIGNETTING": (0, 1, 3),
         "STEEP": (0, 1),
         "HOLDOUT": (0, 1),
+        "DEEP": (0, 1),
     },
 }
 

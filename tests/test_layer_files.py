@@ -103,10 +103,11 @@ def test_files_that_cannot_be(marked, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_plate_beyond_white_stays_white_in_the_shade(marked):
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_plate_beyond_white_stays_white_in_the_shade(marked, backend):
     """Linear plates are multiplied before they are clipped."""
     camera = fastibl.Camera(160, 120, 150, 150, 80, 60)
-    session = fastibl.Session(fastibl.Scene(ball()), fastibl.Rig(camera), environment=marked, backend="cpu")
+    session = fastibl.Session(fastibl.Scene(ball()), fastibl.Rig(camera), environment=marked, backend=backend)
     pose = fastibl.Pose.look_at((0.25, -0.3, 0.3), (0, 0, 0.04))
     for time, level in enumerate((0.5, 2.0, 4.0)):
         plate = np.full((120, 160, 3), level, np.float32)

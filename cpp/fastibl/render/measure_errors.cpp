@@ -295,6 +295,16 @@ void weigh(Judged& j) {
   j.plane_weight = 1 / all / (mean * mean);
 }
 
+// The mean of the channels of the middle pixel; 0 of none.
+float middle_level(const Colours& pixels) {
+  std::vector<float> levels;
+  for (const glm::vec3& c : pixels) levels.push_back((c.x + c.y + c.z) / 3);
+  if (levels.empty()) return 0;
+  const auto middle = levels.begin() + std::ptrdiff_t(levels.size() / 2);
+  std::nth_element(levels.begin(), middle, levels.end());
+  return *middle;
+}
+
 // Of the light on the plane that a shadow leaves, at the places of the samples.
 struct PlaneRatios {
   Colours known, close;
@@ -527,14 +537,10 @@ struct ErrorMeasurement::Work {
     j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
     if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))
       j.plane_radiance = kFallbackAlbedo / kPi * flux->plane;
-    j.white = std::numeric_limits<float>::infinity();
-    std::vector<float> seen;
-    for (const glm::vec3& c : j.true_pixels()) seen.push_back((c.x + c.y + c.z) / 3);
-    const auto middle = seen.begin() + std::ptrdiff_t(seen.size() / 2);
-    if (!seen.empty()) std::nth_element(seen.begin(), middle, seen.end());
+    j.white = std::numeric_limits<float>::infinity();  // as yet nothing is cut
+    const float object = middle_level(j.true_pixels());
     j.white = (j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z) / 3 / kPlaneLevel;
-    if (!seen.empty() && std::isfinite(*middle))
-      j.white = std::max(j.white, *middle / kObjectLevel);
+    if (std::isfinite(object)) j.white = std::max(j.white, object / kObjectLevel);
     if (j.white > 0) weigh(j);
     if (!(j.object_weight > 0)) steps.clear();  // nothing to compare
   }

@@ -6,13 +6,27 @@
 #include <string>
 #include <vector>
 
+#include "fastibl/scene/pixel_reader.h"
+
 namespace fastibl {
 namespace {
 
 // A texture that is at least so large: it does not shrink with the area from frame to frame.
-void make_room(Gpu& gpu, Texture& t, GLenum internal, GLenum format, int width, int height) {
-  gpu.allocate(t, internal, std::max(width, t.width), std::max(height, t.height), format,
-               GL_UNSIGNED_BYTE);
+void make_room(Gpu& gpu, Texture& t, GLenum internal, GLenum format, int width, int height,
+               GLenum type = GL_UNSIGNED_BYTE) {
+  gpu.allocate(t, internal, std::max(width, t.width), std::max(height, t.height), format, type);
+}
+
+// Linear light of a part of a picture, RGB.
+std::vector<glm::vec3> linear_area(const Picture& picture, const Response& response,
+                                   const Area& area) {
+  const ByteResponse codes(response);
+  const PixelReader pixels(picture, response, codes);
+  std::vector<glm::vec3> out;
+  out.reserve(std::size_t(area.width()) * std::size_t(area.height()));
+  for (int y = area.y0; y < area.y1; ++y)
+    for (int x = area.x0; x < area.x1; ++x) out.push_back(pixels.linear(x, y));
+  return out;
 }
 
 }  // namespace
@@ -54,6 +68,13 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
                     bytes_.pixel(area_.x0, area_.y0));
     glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
   }
+  // 16 bits and floats are multiplied as they are: what lies beyond white stays so in the shade.
+  const bool deep = !matte && in.back.type != PixelType::uint8;
+  if (deep) {
+    make_room(gpu, linear_back_, GL_RGB32F, GL_RGB, width, height, GL_FLOAT);
+    const std::vector<glm::vec3> linear = linear_area(in.back, camera.response, area_);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGB, GL_FLOAT, linear.data());
+  }
   make_room(gpu, picture_, GL_RGBA8, GL_RGBA, width, height);
   const bool holdout = shade.has_holdout() && !object_area.empty();
   const Program& p =
@@ -61,7 +82,8 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
               {matte ? "MATTE 1" : "MATTE 0", object_area.empty() ? "OBJECT 0" : "OBJECT 1",
                shadowed.empty() ? "SHADOW 0" : "SHADOW 1", rays ? "DISTORTION 1" : "DISTORTION 0",
                "VIGNETTING " + std::to_string(camera.vignetting.size()),
-               camera_.steep() ? "STEEP 1" : "STEEP 0", holdout ? "HOLDOUT 1" : "HOLDOUT 0"});
+               camera_.steep() ? "STEEP 1" : "STEEP 0", holdout ? "HOLDOUT 1" : "HOLDOUT 0",
+               deep ? "DEEP 1" : "DEEP 0"});
   set_camera(p, camera);
   glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   glUniform1f(p.uniform("exposure"), float(in.exposure * camera.gain));
@@ -79,6 +101,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   }
   camera_.bind_response(gpu);
   if (!matte) gpu.bind("back", back_);
+  if (deep) gpu.bind("linear_back", linear_back_);
   if (!object_area.empty()) gpu.bind("object", shade.object());
   if (holdout) gpu.bind("holdout", shade.holdout());
   if (!shadowed.empty()) {

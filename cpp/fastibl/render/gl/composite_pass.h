@@ -26,7 +26,7 @@ class CompositePass {
   void upload_gain(Gpu& gpu, const std::shared_ptr<const ShadowMap>& gain);
 
   CameraTextures camera_;
-  Texture back_, picture_, screen_;
+  Texture back_, linear_back_, picture_, screen_;
   Texture gain_, outer_gain_, fine_gain_;
   std::shared_ptr<const ShadowMap> gain_map_;  // that is in them
   Area area_;                                  // drawn

@@ -19,7 +19,8 @@ constexpr std::pair<const char*, int> kUnits[] = {
     {"outer_map", 6},     {"fine_map", 7},       {"rays", 5},          {"baked", 6},
     {"chain", 7},         {"first_lobe", 8},     {"holdout", 8},       {"lobe_table", 9},
     {"normal_map", 9},    {"uvs", 10},           {"tangents", 11},     {"base_color_map", 12},
-    {"metallic_map", 13}, {"roughness_map", 14}, {"emission_map", 15}, {"ggx_albedo", 5}};
+    {"metallic_map", 13}, {"roughness_map", 14}, {"emission_map", 15}, {"ggx_albedo", 5},
+    {"linear_back", 9}};
 static_assert(std::ranges::all_of(kUnits, [](const auto& u) { return u.second < kTextureUnits; }),
               "a unit whose state is not given back");
 
@@ -149,11 +150,11 @@ const Program& Gpu::use(const std::string& pass, const std::vector<std::string>&
 }
 
 void Gpu::bind(const char* sampler, const Texture& t, GLenum kind) {
-  for (const auto& [text, unit] : kUnits)
-    if (!std::strcmp(text, sampler)) {
-      glActiveTexture(GLenum(GL_TEXTURE0 + unit));
-      glBindTexture(kind, t.id);
-    }
+  const auto* found =
+      std::ranges::find_if(kUnits, [&](const auto& u) { return !std::strcmp(u.first, sampler); });
+  check(found != std::end(kUnits), "no texture unit is set aside for ", sampler);
+  glActiveTexture(GLenum(GL_TEXTURE0 + found->second));
+  glBindTexture(kind, t.id);
 }
 
 void Gpu::draw_full_screen(int width, int height) {
