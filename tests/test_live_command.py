@@ -109,6 +109,11 @@ def test_pictures_that_are_not_larger_stay_as_they_are():
     assert found_camera.picture_size(0, (640, 480), lambda device: FakeCapture((1920, 1080))) == (640, 360)
 
 
+def frames_in(video):
+    """Those that there are: CAP_PROP_FRAME_COUNT takes the length times a rate, and these have times of their own."""
+    return sum(1 for _ in iter(lambda: video.read()[0], False))
+
+
 class _Phone(BaseHTTPRequestHandler):
     """What telephones' camera programs serve: JPEG after JPEG."""
 
@@ -164,7 +169,7 @@ def test_a_recording_as_a_video_without_a_page(recording, tmp_path, capsys):
     assert main(["live", "--no-page", "--recording", str(recording), "--out", str(out), "--error", "0"]) == 0
     assert "4 frames" in capsys.readouterr().out
     video = cv2.VideoCapture(str(out))
-    assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 4
+    assert frames_in(video) == 4
 
 
 def test_seconds_end_it_when_the_pictures_did_before(recording, tmp_path):
@@ -194,7 +199,7 @@ def test_control_c_ends_it_and_keeps_what_was_written(recording, tmp_path):
     finally:
         process.kill()
     assert process.returncode == 0 and "4 frames" in out and "Traceback" not in said, said
-    assert int(cv2.VideoCapture(str(tmp_path / "live.webm")).get(cv2.CAP_PROP_FRAME_COUNT)) == 4
+    assert frames_in(cv2.VideoCapture(str(tmp_path / "live.webm"))) == 4
 
 
 # Sources.
