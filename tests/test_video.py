@@ -73,6 +73,15 @@ def test_an_older_video_stays_where_a_new_one_cannot_be_written(tmp_path, monkey
     assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]
 
 
+def test_no_picture_is_no_video(tmp_path):
+    path = tmp_path / "a.webm"
+    with VideoWriter(path, 30):
+        pass
+    with pytest.raises(KeyError), VideoWriter(path, 30):
+        raise KeyError  # not what the video lacks
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_was_added_before_an_error_is_a_video(tmp_path):
     path = tmp_path / "a.webm"
     with pytest.raises(ValueError, match="shape"), VideoWriter(path, 30) as video:

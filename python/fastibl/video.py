@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from fractions import Fraction
 from pathlib import Path
 
@@ -75,9 +75,12 @@ class VideoWriter:
         return self._last
 
     def close(self) -> None:
+        if not self._shape:  # nothing was written, and no file is made of it
+            with suppress(FileNotFoundError):
+                self._whole.close()
+            return
         with self._whole:
-            if self._shape:
-                self._container.mux(self._stream.encode())
+            self._container.mux(self._stream.encode())
 
     def __enter__(self) -> VideoWriter:
         return self
