@@ -222,7 +222,8 @@ FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vecto
     const Bright& t = texels[taken.part[k].first];
     irradiance += glm::dvec3(found.parts[k].radiance) * double(t.solid_angle) *
                   glm::dot(glm::dvec3(t.direction), direction);
-    spread += double(taken.part[k].second) * t.flux * (1 - std::min(glm::dot(middles[k], direction), 1.0));
+    spread += double(taken.part[k].second) * t.flux *
+              (1 - std::min(glm::dot(middles[k], direction), 1.0));
   }
   // 2 (1 − cos δ) ≈ δ², which is the variance along both axes.
   found.light.angular_radius = std::min(float(2 * std::sqrt(spread / total)), kOuter);

@@ -445,9 +445,9 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
 
 PictureLayers Session::layers() {
   if (!pixels_ || pixels_->camera != rig_.back) pixels_.emplace(rig_.back);
-  if (!drawn_from_) return picture_layers(back_exposure_, *pixels_, {}, {}, ShadowLookUp({}));
-  return picture_layers(back_exposure_, *pixels_, *drawn_from_, object(),
-                        ShadowLookUp(plane_gain()), holdout());
+  const ShadowLookUp plane(drawn_from_ ? plane_gain() : ShadowMap{});
+  return picture_layers(back_exposure_, *pixels_, drawn_from_.value_or(Pose{}), object(), plane,
+                        holdout());
 }
 
 FrameResult Session::process(const Frame& frame) {

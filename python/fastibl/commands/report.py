@@ -49,9 +49,9 @@ def add(commands: argparse._SubParsersAction) -> None:
 def run(arguments: argparse.Namespace) -> int:
     if arguments.measured is not None and arguments.against is None:
         raise ValueError("--measured needs --against")
-    old = None if arguments.against is None else _Old.read(arguments.against)
+    old = None if arguments.against is None else _Written.read(arguments.against)
     if old is not None and arguments.measured is not None:
-        new = _Old.read(arguments.measured)
+        new = _Written.read(arguments.measured)
         return int(_compared(old, new.rows, new.head).regressed)
     try:
         import matplotlib  # noqa: F401
@@ -61,21 +61,21 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @dataclass(frozen=True)
-class _Old:
-    """A report that was written before."""
+class _Written:
+    """A report in a file."""
 
     path: Path
     rows: list[Row]
     head: dict[str, Any]
 
     @staticmethod
-    def read(path: Path) -> _Old:
+    def read(path: Path) -> _Written:
         from ..measuring import read_head, read_rows
 
-        return _Old(path, read_rows(path), read_head(path))
+        return _Written(path, read_rows(path), read_head(path))
 
 
-def _compared(old: _Old, rows: list[Row], head: Mapping[str, Any]) -> Comparison:
+def _compared(old: _Written, rows: list[Row], head: Mapping[str, Any]) -> Comparison:
     """Raises ValueError where the two do not compare."""
     from ..report.compare import as_text, compare, of_other_inputs
 
@@ -86,7 +86,7 @@ def _compared(old: _Old, rows: list[Row], head: Mapping[str, Any]) -> Comparison
     return found
 
 
-def _measured(arguments: argparse.Namespace, old: _Old | None) -> int:
+def _measured(arguments: argparse.Namespace, old: _Written | None) -> int:
     from tqdm import tqdm
 
     from .. import report
