@@ -47,8 +47,8 @@ PAGES = {
     "session": (
         "Session and plan",
         "The whole, frame by frame.",
-        "Session Frame FrameResult Plan PlannedPass make_plan due_passes machine_costs default_costs set_threads "
-        "threads live",
+        "Session Frame FrameResult PictureLayers write_layers Plan PlannedPass make_plan due_passes machine_costs "
+        "default_costs set_threads threads live",
     ),
     "recordings": (
         "Recordings and sources",
