@@ -7,7 +7,7 @@ it. The back picture shows that table; it is exposed so that the table has 0.35 
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ MESHES = ("spot", "stanford-bunny", "teapot", "suzanne")
 ALBEDO, TABLE = 0.5, 0.35
 WIDTH, HEIGHT, FOCAL = 160, 120, 190.0
 EYE, TARGET = np.array([0.25, -0.5, 0.42]), np.array([0.0, 0.0, 0.07])
+Eye: TypeAlias = tuple[float, float, float]  # of another view than EYE's
 BUDGETS = (0.005, 0.01, 0.02, 0.05, 0.1)
 
 MATERIALS = {
@@ -81,22 +82,24 @@ def camera() -> fastibl.Camera:
 
 
 @cache
-def pose() -> fastibl.Pose:
-    return looking(TARGET - EYE, EYE)
+def pose(eye: Eye | None = None) -> fastibl.Pose:
+    at = EYE if eye is None else np.array(eye)
+    return looking(TARGET - at, at)
 
 
-def rays(dx: float = 0.5, dy: float = 0.5) -> NDArray[np.float64]:
+def rays(dx: float = 0.5, dy: float = 0.5, eye: Eye | None = None) -> NDArray[np.float64]:
     """Unit directions (h, w, 3) through a place of each pixel, marker frame; its centre by default."""
     x, y = np.meshgrid(np.arange(WIDTH) + dx, np.arange(HEIGHT) + dy)
-    d = camera().unproject(np.stack([x, y], axis=-1)) @ pose().rotation
+    d = camera().unproject(np.stack([x, y], axis=-1)) @ pose(eye).rotation
     return d / np.linalg.norm(d, axis=-1, keepdims=True)
 
 
 @cache
-def plane_points() -> NDArray[np.float64]:
+def plane_points(eye: Eye | None = None) -> NDArray[np.float64]:
     """Where the pixels see the plane (h, w, 2)."""
-    d = rays()
-    return EYE[:2] - EYE[2] / d[..., 2:] * d[..., :2]
+    d = rays(eye=eye)
+    at = EYE if eye is None else np.array(eye)
+    return at[:2] - at[2] / d[..., 2:] * d[..., :2]
 
 
 @cache

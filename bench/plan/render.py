@@ -28,18 +28,18 @@ def scene(case: cases.Case) -> fastibl.Scene:
     return session(case).scene
 
 
-def render(case: cases.Case, methods: Methods = "auto") -> Picture:
+def render(case: cases.Case, methods: Methods = "auto", eye: cases.Eye | None = None) -> Picture:
     """By these methods, on a session that has seen other light before: it keeps nothing of it."""
     kept = session(case)
     kept.set_methods(methods)
     kept.set_environment(fastibl.Environment(cases.environment(case.map)))
-    kept.process(fastibl.Frame(0.0, back_from_marker=cases.pose(), back_exposure=cases.exposure(case.map)))
-    return picture(kept)
+    kept.process(fastibl.Frame(0.0, back_from_marker=cases.pose(eye), back_exposure=cases.exposure(case.map)))
+    return picture(kept, eye)
 
 
-def picture(kept: fastibl.Session) -> Picture:
+def picture(kept: fastibl.Session, eye: cases.Eye | None = None) -> Picture:
     """Of a session's last frame."""
     layer, rgba = kept.object, np.zeros((cases.HEIGHT, cases.WIDTH, 4))
     part = layer.rgba
     rgba[layer.y : layer.y + part.shape[0], layer.x : layer.x + part.shape[1]] = part
-    return Picture(rgba, kept.plane_gain.sample(cases.plane_points()).astype(np.float64))
+    return Picture(rgba, kept.plane_gain.sample(cases.plane_points(eye)).astype(np.float64))

@@ -68,7 +68,8 @@ void bind_lines(py::module_& module) {
       .def_readonly("reason", &PlannedPass::reason,
                     "Why the pass was left out; empty if it was not.")
       .def_readonly("bound", &PlannedPass::bound,
-                    "Largest relative error that leaving it out makes.")
+                    "Largest relative error that leaving it out makes of what was asked for; None "
+                    "where it is not known.")
       .def_readonly("error", &PlannedPass::error,
                     "Expected error that its method alone makes, or None where unknown: of the "
                     "picture where errors were measured, else of the irradiance.")
@@ -122,7 +123,8 @@ void bind_lines(py::module_& module) {
                              "Whether the expected time is within the budget; True without one.")
       .def_property_readonly("meets_budget", &Plan::meets_budget, "Both of them.")
       .def_property_readonly("omission_bound", &Plan::omission_bound,
-                             "Largest relative error that leaving passes out makes.")
+                             "Largest relative error that leaving passes out makes, the sum of "
+                             "those of the passes; None where one is not known.")
       .def("__str__", &bill)
       .def("__repr__", &bill);
 }
@@ -240,6 +242,11 @@ void bind_errors(py::module_& module) {
                                   {environment, &environment->radiance}, methods,
                                   candidates(methods, from), cast_shadow);
         }
+        const auto means = [](const std::vector<ErrorAlone>& alone) {
+          std::vector<double> result;
+          for (const ErrorAlone& one : alone) result.push_back(one.mean);
+          return result;
+        };
         const Candidates& c = errors.candidates;
         py::list diffuse, glossy, self_shadow, shadow, bounce;
         for (const auto& d : c.diffuse) diffuse.append(described(d.method, d.settings));
@@ -248,11 +255,11 @@ void bind_errors(py::module_& module) {
         for (const auto& s : c.shadow) shadow.append(described(s.method, s.settings));
         for (const auto b : c.bounce) bounce.append(std::string(name(b)));
         py::dict result;
-        result["diffuse"] = py::make_tuple(diffuse, errors.diffuse);
-        result["glossy"] = py::make_tuple(glossy, errors.glossy);
-        result["self_shadow"] = py::make_tuple(self_shadow, errors.self_shadow);
-        result["shadow"] = py::make_tuple(shadow, errors.shadow);
-        result["bounce"] = py::make_tuple(bounce, errors.bounce);
+        result["diffuse"] = py::make_tuple(diffuse, means(errors.diffuse));
+        result["glossy"] = py::make_tuple(glossy, means(errors.glossy));
+        result["self_shadow"] = py::make_tuple(self_shadow, means(errors.self_shadow));
+        result["shadow"] = py::make_tuple(shadow, means(errors.shadow));
+        result["bounce"] = py::make_tuple(bounce, means(errors.bounce));
         result["object"] = errors.object, result["object_worst"] = errors.object_worst;
         result["plane"] = errors.plane;
         return result;

@@ -1555,9 +1555,9 @@ class PlannedPass:
     def __repr__(self) -> str:
         ...
     @property
-    def bound(self) -> float:
+    def bound(self) -> float | None:
         """
-        Largest relative error that leaving it out makes.
+        Largest relative error that leaving it out makes of what was asked for; None where it is not known.
         """
     @property
     def error(self) -> float | None:
@@ -1678,9 +1678,9 @@ class Plan:
         0: none was asked for.
         """
     @property
-    def omission_bound(self) -> float:
+    def omission_bound(self) -> float | None:
         """
-        Largest relative error that leaving passes out makes.
+        Largest relative error that leaving passes out makes, the sum of those of the passes; None where one is not known.
         """
     @property
     def passes(self) -> list[PlannedPass]:

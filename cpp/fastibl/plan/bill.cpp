@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <optional>
 #include <sstream>
 
 namespace fastibl {
@@ -30,7 +31,9 @@ std::string bill(const Plan& plan) {
       column(p.error ? percent(*p.error) : "-", 16);
       text << (p.milliseconds ? milliseconds(*p.milliseconds) : "-") << (p.once ? " once\n" : "\n");
     } else {
-      column("left out", 40), text << "at most " << percent(p.bound) << ": " << p.reason << "\n";
+      column("left out", 40);
+      text << (p.bound ? "at most " + percent(*p.bound) : "not known by how much") << ": "
+           << p.reason << "\n";
     }
   }
   column("in all", 52);
@@ -39,8 +42,10 @@ std::string bill(const Plan& plan) {
     text << milliseconds(plan.milliseconds) << " a frame\nthe picture is within "
          << percent(plan.assured_error());
   } else {
-    text << percent(plan.expected_error()) << " known, " << percent(plan.omission_bound())
-         << " at most from what is left out";
+    const std::optional<double> bound = plan.omission_bound();
+    text << percent(plan.expected_error()) << " known, "
+         << (bound ? percent(*bound) + " at most" : "not known how much")
+         << " from what is left out";
   }
   if (plan.error_budget > 0 && !plan.picture_error && plan.expected_error() <= plan.error_budget) {
     text << "\nnot judged yet, nor whether it is within the error budget of "

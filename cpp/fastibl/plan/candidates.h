@@ -55,6 +55,12 @@ struct Combination {
   std::size_t diffuse = 0, glossy = 0, self_shadow = 0, shadow = 0, bounce = 0;
 };
 
+// Square of the picture's error by one step alone: what its method leaves wrong, the others as they
+// truly are; mean over all views and in the worst of them.
+struct ErrorAlone {
+  double mean = 0, worst = 0;
+};
+
 // Squares of errors of the picture, linear light: RMS over RGB and over the pixels that the object
 // covers or its shadow changes by more than 1/255, by the truth's mean there. They were measured
 // on samples of the scene, see render/measure_errors.h.
@@ -63,8 +69,7 @@ struct MeasuredErrors {
   // Of the object's pixels, [diffuse][glossy][self_shadow][bounce], mean over all views and in the
   // worst of them, and of the plane's, [shadow][bounce]; the picture's is the sum of one of each.
   std::vector<double> object, object_worst, plane;
-  // Of each step by itself: what its method alone leaves wrong.
-  std::vector<double> diffuse, glossy, self_shadow, shadow, bounce;
+  std::vector<ErrorAlone> diffuse, glossy, self_shadow, shadow, bounce;
   bool empty() const { return object.empty(); }
 
   std::size_t index(const Combination& at) const {

@@ -9,6 +9,7 @@ namespace {
 
 constexpr const char* kUnread = "k_L = 0: nothing reads it";
 constexpr const char* kNoShadowAsked = "no shadow was asked for";
+constexpr const char* kNotWorkedOut = "what the object hides was not worked out";
 
 glm::dvec3 mean_of(const CubeMap& map) {
   constexpr int kEnough = 16;  // for a bound: levels have the same mean
@@ -46,12 +47,12 @@ Omission of_bounce(const Scene& scene, const PlanOptions& options, const Methods
                    const char* dispensable) {
   if (options.methods.bounce == BounceMethod::none) return {"no bounce was asked for"};
   if (!options.cast_shadow || !scene.casts_shadow()) return {"there is no shadow to go with it"};
-  if (!scene.directions) return {"what the object hides was not worked out"};
   const std::optional<double> bound = bounce_bound(scene, options.lighting);
   if (bound && *bound <= kBounceBudget * options.error)
     return {
         *bound == 0 ? "the object sends out no diffuse light" : "the object is too dark to matter",
         *bound};
+  if (!scene.directions) return {kNotWorkedOut, std::nullopt};
   if (methods.bounce == BounceMethod::none) return {dispensable};
   return {};
 }
@@ -96,7 +97,13 @@ Omission of_irradiance(const Scene& scene, const PlanOptions& options) {
 
 Omission of_self_shadow(const Scene& scene, const PlanOptions& options, const Methods& methods,
                         const char* dispensable) {
-  if (std::string reason = no_transfer(scene); !reason.empty()) return {std::move(reason)};
+  if (std::string reason = no_transfer(scene); !reason.empty()) {
+    const bool asked = options.methods.self_shadow == SelfShadowMethod::none ||
+                       options.methods.self_shadow == SelfShadowMethod::ambient;
+    const bool lit = scene.material.reads_irradiance() || scene.material.reads_radiance();
+    const bool known = scene.directions || asked || !lit;
+    return {std::move(reason), known ? std::optional(0.0) : std::nullopt};
+  }
   if (methods.self_shadow == SelfShadowMethod::ambient)
     return {"P_V of the mesh stands for it, whatever the light"};
   if (methods.self_shadow != SelfShadowMethod::none) return {};
@@ -107,7 +114,7 @@ Omission of_self_shadow(const Scene& scene, const PlanOptions& options, const Me
 }  // namespace
 
 std::string no_transfer(const Scene& scene) {
-  if (!scene.directions) return "what the object hides was not worked out";
+  if (!scene.directions) return kNotWorkedOut;
   if (scene.directions->blocks_nothing()) return "the object hides nothing of itself";
   if (!scene.material.reads_irradiance()) return kUnread;
   return "";

@@ -1,6 +1,7 @@
 // Why a scene does without a pass, and what that may do to its picture. Private to the room.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "fastibl/plan/plan.h"
@@ -8,8 +9,8 @@
 namespace fastibl {
 
 struct Omission {
-  std::string reason;  // empty: the pass is needed
-  double bound = 0;    // see PlannedPass
+  std::string reason;                 // empty: the pass is needed
+  std::optional<double> bound = 0.0;  // see PlannedPass
 };
 
 // plan: its methods are chosen, and its passes before this one decided. dispensable: why a method

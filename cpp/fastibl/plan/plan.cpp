@@ -87,10 +87,13 @@ bool Plan::meets_error() const {
   return error_budget == 0 || (picture_error && picture_assured <= error_budget);
 }
 
-double Plan::omission_bound() const {
+std::optional<double> Plan::omission_bound() const {
   double sum = 0;
-  for (const PlannedPass& p : passes)
-    if (!p.included) sum += p.bound;
+  for (const PlannedPass& p : passes) {
+    if (p.included) continue;
+    if (!p.bound) return std::nullopt;
+    sum += *p.bound;
+  }
   return sum;
 }
 
@@ -125,11 +128,14 @@ const char* why_dispensable(const PlanOptions& options, const std::optional<Choi
   return "the picture is within the error budget without it";
 }
 
-// What a pass's method alone leaves wrong, or what leaving the pass out does.
+// What a pass's method alone leaves wrong, or what leaving the pass out does in the worst view.
 void set_measured_error(const Choice& choice, const MeasuredErrors& measured, const Methods& asked,
                         PlannedPass& line) {
-  const auto set = [&](double squared) {
-    (line.included ? line.error.emplace() : line.bound) = std::sqrt(squared);
+  const auto set = [&](const ErrorAlone& squared) {
+    if (line.included)
+      line.error = std::sqrt(squared.mean);
+    else
+      line.bound = Plan::kOmitted * std::sqrt(squared.worst);
   };
   switch (line.pass.id) {
     case PassId::irradiance:
@@ -145,7 +151,7 @@ void set_measured_error(const Choice& choice, const MeasuredErrors& measured, co
         set(measured.self_shadow[choice.at.self_shadow]);
       return;
     case PassId::bounce:
-      if (line.included || (asked.bounce == BounceMethod::automatic && line.bound == 0 &&
+      if (line.included || (asked.bounce == BounceMethod::automatic && line.bound == 0.0 &&
                             choice.methods.bounce == BounceMethod::none))
         set(measured.bounce[choice.at.bounce]);
       return;

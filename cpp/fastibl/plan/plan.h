@@ -21,7 +21,8 @@ struct PlannedPass {
   bool included = true;
   std::string method = {};  // where there is a choice
   std::string reason = {};  // why a pass was left out
-  double bound = 0;         // of a pass left out: largest relative error that this makes
+  // Of a pass left out: largest relative error that this makes of what was asked for, where known.
+  std::optional<double> bound = 0.0;
   // Of an included pass, where known: what its method alone leaves wrong of the picture (of capture
   // and, where nothing was measured, of irradiance: of the irradiance).
   std::optional<double> error = {};
@@ -55,7 +56,8 @@ struct Plan {
   double expected_error() const;
   // That of a captured map's irradiance, which is no part of the budget: no method makes it less.
   std::optional<double> light_error() const;
-  double omission_bound() const;  // sum over the passes left out
+  // Sum over the passes left out; nothing where that of one of them is not known.
+  std::optional<double> omission_bound() const;
   // What the picture's error is not expected to exceed, whatever the view.
   double assured_error() const;
   // Whether the budgets that were asked for hold; true without any.
@@ -65,6 +67,9 @@ struct Plan {
   }
   bool meets_budget() const { return meets_error() && meets_milliseconds(); }
   static constexpr double kAssurance = 1.25;  // times what the worst of the samples' views has
+  // The same of what one step does that is left out: views between those have up to twice as much,
+  // where one lamp makes most of it.
+  static constexpr double kOmitted = 2;
 };
 
 struct PlanOptions {

@@ -333,6 +333,20 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
   };
   std::array<double, SceneSamples::kViews> seen{};
   for (std::size_t p = 0; p < count; ++p) seen[view_of(p)] += 1;
+  // Of the picture's error squared, of all views and of the worst.
+  const auto off = [&](auto&& colour, double within_pixel) {
+    const Colours made = j.pixels(colour);
+    std::array<double, SceneSamples::kViews> sums{};
+    for (std::size_t p = 0; p < count; ++p) sums[view_of(p)] += square(made[p] - truth[p]);
+    ErrorAlone result;
+    for (std::size_t v = 0; v < sums.size(); ++v) {
+      if (!(seen[v] > 0)) continue;
+      sums[v] += within_pixel * seen[v];
+      result.mean += sums[v] * j.object_weight;
+      result.worst = std::max(result.worst, sums[v] / seen[v] * double(count) * j.object_weight);
+    }
+    return result;
+  };
   for (const Colours& d : diffuse)
     for (const Colours& g : glossy)
       for (std::size_t m = 0; m < shares.size(); ++m)
@@ -340,29 +354,18 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
           const std::vector<glm::vec4>& s = shares[m];
           const double within_pixel = within_pixels(c.self_shadow[m]);
           const float kept = b == BounceMethod::none ? 0.0f : 1 - kBounceError;
-          const Colours made = j.pixels([&](std::size_t i) {
-            const glm::vec3 lost = j.diffuse_factor[i] * j.truth.lost[i] * (kept / kPi);
-            return j.emission[i] + glm::max(d[i] * glm::vec3(s[i]) - lost, glm::vec3(0)) +
-                   g[i] * glossy_share(s[i], j.material);
-          });
-          std::array<double, SceneSamples::kViews> sums{};
-          for (std::size_t p = 0; p < count; ++p) sums[view_of(p)] += square(made[p] - truth[p]);
-          double sum = 0, worst = 0;
-          for (std::size_t v = 0; v < sums.size(); ++v) {
-            sums[v] += within_pixel * seen[v];
-            sum += sums[v];
-            if (seen[v] > 0) worst = std::max(worst, sums[v] / seen[v] * double(count));
-          }
-          errors.object.push_back(sum * j.object_weight);
-          errors.object_worst.push_back(worst * j.object_weight);
+          const ErrorAlone all = off(
+              [&](std::size_t i) {
+                const glm::vec3 lost = j.diffuse_factor[i] * j.truth.lost[i] * (kept / kPi);
+                return j.emission[i] + glm::max(d[i] * glm::vec3(s[i]) - lost, glm::vec3(0)) +
+                       g[i] * glossy_share(s[i], j.material);
+              },
+              within_pixel);
+          errors.object.push_back(all.mean);
+          errors.object_worst.push_back(all.worst);
         }
   // Of each step alone, the others as they truly are.
-  const auto alone = [&](auto&& colour) {
-    const Colours made = j.pixels(colour);
-    double sum = 0;
-    for (std::size_t p = 0; p < count; ++p) sum += square(made[p] - truth[p]);
-    return sum * j.object_weight;
-  };
+  const auto alone = [&](auto&& colour) { return off(colour, 0); };
   const auto share = [](glm::vec3 part, glm::vec3 whole) {
     glm::vec3 result(1);
     for (int k = 0; k < 3; ++k)
@@ -382,20 +385,20 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
     }));
   for (std::size_t m = 0; m < shares.size(); ++m) {
     const std::vector<glm::vec4>& s = shares[m];
-    errors.self_shadow.push_back(
-        within_pixels(c.self_shadow[m]) * double(count) * j.object_weight +
-        alone([&](std::size_t i) {
+    errors.self_shadow.push_back(off(
+        [&](std::size_t i) {
           return j.true_colour(i) +
                  j.diffuse_factor[i] / kPi *
                      (j.truth.open_irradiance[i] * glm::vec3(s[i]) - j.truth.irradiance[i]) +
                  j.glossy_factor[i] *
                      (j.truth.open_lobe[i] * glossy_share(s[i], j.material) - j.truth.lobe[i]);
-        }));
+        },
+        within_pixels(c.self_shadow[m])));
   }
   for (const BounceMethod b : c.bounce)
     errors.bounce.push_back(alone([&](std::size_t i) {
-      const float off = b == BounceMethod::none ? 1.0f : kBounceError;
-      return j.true_colour(i) + j.diffuse_factor[i] * j.truth.lost[i] * (off / kPi);
+      const float missing = b == BounceMethod::none ? 1.0f : kBounceError;
+      return j.true_colour(i) + j.diffuse_factor[i] * j.truth.lost[i] * (missing / kPi);
     }));
 }
 
@@ -434,10 +437,13 @@ void judge_plane(const Judged& j, const std::vector<PlaneRatios>& ratios, Measur
                           from_finest(j.plane.counted, j.samples.plane_areas, &PlaneRatios::known);
     const auto with = [&](double known) { return std::max(known + closer, 0.0); };
     for (const BounceMethod b : c.bounce) errors.plane.push_back(with(error(r.known, missing(b))));
-    errors.shadow.push_back(with(error(r.known, 0)));
+    const double alone = with(error(r.known, 0));
+    errors.shadow.push_back({alone, alone});
   }
-  for (std::size_t b = 0; b < c.bounce.size(); ++b)
-    errors.bounce[b] += error(j.plane.ratio, missing(c.bounce[b]));
+  for (std::size_t b = 0; b < c.bounce.size(); ++b) {
+    const double plane = error(j.plane.ratio, missing(c.bounce[b]));
+    errors.bounce[b].mean += plane, errors.bounce[b].worst += plane;
+  }
 }
 
 }  // namespace

@@ -92,8 +92,8 @@ def _refused(call: Callable[[], object]) -> Outcome:
 def _complete(scene: Scene, environment: CubeMap | None = None, **budget: Any) -> Outcome:
     plan = make_plan(scene, environment, **budget)
     silent = [p.name for p in plan.passes if not p.included and not p.reason]
-    numbers = [plan.expected_error, plan.omission_bound, *(p.bound for p in plan.passes)]
-    numbers += [p.error for p in plan.passes if p.error is not None]
+    some = [plan.omission_bound, *(n for p in plan.passes for n in (p.bound, p.error))]
+    numbers = [plan.expected_error, *(n for n in some if n is not None)]
     bad = [n for n in numbers if not (n >= 0 and np.isfinite(n))]
     included = sum(p.included for p in plan.passes)
     return Outcome(

@@ -69,8 +69,9 @@ def measure(inputs: Inputs) -> Section:
         saved = f"{percents} %" if percents >= 0 else f"none, takes {-percents} % more"
         if name == "everything":
             saved = "–"
-        bound = max((p.bound for p in left.values()), default=0.0)
-        table.append([name, ", ".join(left) or "–", percent(bound) if bound else "0", ", ".join(passes[name]),
+        bound = plan.omission_bound
+        stated = "not known" if bound is None else percent(bound) if bound else "0"
+        table.append([name, ", ".join(left) or "–", stated, ", ".join(passes[name]),
                       seconds_text(spent.median), saved])  # fmt: skip
     head = ["scene", "struck out by the plan", "error of it, at most", "ran in the last frame", "time", "saved"]
     section.tables.append(Table(head, table))
