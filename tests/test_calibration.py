@@ -239,6 +239,17 @@ def test_a_response_that_is_flat_at_white(black, white):
     assert found.white_deviation > 2 * steep.white_deviation
 
 
+def test_a_response_whose_fit_is_flat_has_values_that_increase(monkeypatch):
+    """Noise can leave the fit without a rise over many codes; a response has to be turned round."""
+    linear = fastibl.Response.srgb().decode(np.arange(256, dtype=np.float32) / 255).astype(float)
+    level = np.clip(linear / linear[230], 0.001, 1)
+    monkeypatch.setattr("fastibl.calibration.response._fit", lambda pixels, times: np.stack([level] * 3))
+    monkeypatch.setattr("fastibl.calibration.response._with_top", lambda curve, pixels, times: (curve, 0.01))
+    found = calibrate_response(exposed(EXPOSURES, srgb, 16, 235), EXPOSURES, np.full((120, 160, 3), 16, np.uint8))
+    light = found.response.decode(np.linspace(17, 234, 4000, dtype=np.float32) / 255)
+    assert (np.diff(light) > 0).all() and (np.diff(found.response.encode(light)) >= 0).all()
+
+
 def test_what_cannot_tell_a_response_is_refused():
     grey = [np.full((20, 20, 3), v, np.uint8) for v in (40, 90, 200)]
     with pytest.raises(ValueError, match="of the codes"):

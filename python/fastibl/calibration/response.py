@@ -22,6 +22,7 @@ _KNOWN = 230  # code at which curves are compared; those beyond are known by oth
 _LEAST_KNOWN = 25  # code from which on a darker picture tells light well
 _FIRST_OF_TOP = 205  # code from which on the curve's end is fitted
 _LEAST_SHOWN, _MOST_SHOWN = 20, 200_000  # values of a code; pixels that are looked at
+_LEAST_STEP = 2e-6  # of a code: strictly increasing, in float32 and in a response's finer steps too
 _AGREES = 0.03  # of white: within it the end by smoothness is kept, which is less noisy
 _LEAST_TOP = 8  # codes of the end that must be shown
 _CLIPPED = 0.005  # share of the brightest picture that is at least at its white
@@ -96,7 +97,8 @@ def calibrate_response(
     if not worst <= _MOST_DEVIATION:
         raise ValueError(f"pixels disagree on the curve by up to {worst:.0%}: did camera or place move, or the light?")
     curve[0] = 0
-    curve = np.maximum.accumulate(curve / curve[-1]) + 2e-7 * np.arange(256)  # strictly increasing, in float32 too
+    least = _LEAST_STEP * np.arange(256)
+    curve = np.maximum.accumulate(curve / curve[-1] - least) + least
     response = Response.from_curve((curve / curve[-1]).astype(np.float32))
     return ResponseCalibration(response.between(black / 255, white / 255), deviations, white_deviation)
 
