@@ -99,6 +99,22 @@ def test_lobes_find_coloured_suns():
     assert error.mean() < 0.03 and error.mean() < 0.3 * nine.mean()
 
 
+@pytest.mark.parametrize("mean", [1e-12, 1e-20, 1e-25, 1e-30, 1e4])
+def test_lobes_are_found_whatever_the_unit_of_light(mean):
+    """Squares of the residual of such maps are no float32."""
+    faces = suns((0, 3, 9, (2000, 500, 100)), (3, 6, 2, (100, 900, 400)), size=16).faces.astype(np.float64)
+    n = units(500)
+
+    def lit(scale):
+        light = fastibl.Lighting(fastibl.CubeMap((faces * scale).astype(np.float32)), diffuse="sh9-lobes")
+        return light.irradiance(n).astype(np.float64) / scale, light.methods["diffuse"]
+
+    usual, method = lit(1.0)
+    other, its = lit(mean / faces.mean())
+    assert its == method and method.settings["lobes"] >= 2
+    np.testing.assert_allclose(other, usual, rtol=2e-5, atol=2e-5 * usual.mean())
+
+
 def test_as_many_lobes_as_the_map_needs(real_maps):
     counts = {}
     for name, cube in real_maps.items():

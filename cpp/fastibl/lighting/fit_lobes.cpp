@@ -418,11 +418,12 @@ Lobes coloured(const AxisFit& fit, const Rows& rows, glm::vec3 colour, bool keep
   return lobes;
 }
 
-std::vector<glm::vec3> previous_axes(const Lobes& lobes, glm::vec3 colour) {
+// Of light over `scale`.
+std::vector<glm::vec3> previous_axes(const Lobes& lobes, glm::vec3 colour, float scale) {
   std::vector<glm::vec3> axes;
   for (int k = 0; k < lobes.count(); ++k) {
     const float part = glm::dot(lobes.colours[k < lobes.counts[0] ? 0 : 1], colour);
-    if (part > 0) axes.push_back(part * lobes.axes[std::size_t(k)]);
+    if (part > 0) axes.push_back(part / scale * lobes.axes[std::size_t(k)]);
   }
   return axes;
 }
@@ -431,8 +432,14 @@ std::vector<glm::vec3> previous_axes(const Lobes& lobes, glm::vec3 colour) {
 
 Lobes fit_lobes(const FoldedMap& map, const std::array<glm::vec3, 9>& polynomial,
                 const LobesOptions& options) {
-  const Rows rows = rows_left(map, polynomial);
-  const double mean = (polynomial[0].x + polynomial[0].y + polynomial[0].z) / 3.0;
+  Rows rows = rows_left(map, polynomial);
+  double mean = (polynomial[0].x + polynomial[0].y + polynomial[0].z) / 3.0;
+  // Of light with a mean of about 1: squares of the dimmest maps' are no floats. A power of two
+  // rounds nothing.
+  const float scale = mean > 0 ? std::ldexp(1.0f, std::ilogb(mean)) : 1.0f;
+  mean /= scale;
+  for (auto& row : rows)
+    for (float& value : row) value /= scale;
   double norm = 0;
   for (const auto& row : rows) norm += product(row, row);
   const int most = options.count < 0 ? kUsual : std::min(options.count, kMostLobes);
@@ -450,7 +457,9 @@ Lobes fit_lobes(const FoldedMap& map, const std::array<glm::vec3, 9>& polynomial
     Rows weighed = rows;
     for (int k = 0; k < kWeighings; ++k) fit.weigh_by_error(weighed), fit.refine(kWarmSteps);
     fit.drop_dark();
-    return coloured(fit, weighed, colour, keep_two);
+    Lobes lobes = coloured(fit, weighed, colour, keep_two);
+    for (glm::vec3& c : lobes.colours) c *= scale;
+    return lobes;
   };
   const auto search = [&](int steps) {
     while (int(fit.axes().size()) < most && rms(fit.cost()) > enough && fit.add())
@@ -459,7 +468,7 @@ Lobes fit_lobes(const FoldedMap& map, const std::array<glm::vec3, 9>& polynomial
 
   const Lobes* previous = options.previous;
   if (previous && previous->count() > 0 && previous->count() <= most) {
-    fit.start(previous_axes(*previous, colour));
+    fit.start(previous_axes(*previous, colour, scale));
     fit.refine(kWarmSteps);
     fit.drop_dark();
     if (options.count >= 0 || rms(fit.cost()) > 1.25 * enough) search(kWarmSteps);
