@@ -113,6 +113,31 @@ def test_the_light_of_a_lamp_follows_its_distance(distance):
         assert errors["near"] < errors["distant"] / 10
 
 
+def test_a_box_of_twelve_triangles_is_lit_between_its_corners():
+    """Within a face half as wide as the lamp is far."""
+    mesh, position, radius, facing = (
+        box((-0.05, -0.05, 0), (0.05, 0.05, 0.1)),
+        np.array([0.016, -0.028, 0.2]),
+        0.01,
+        3.0,
+    )
+    middle = np.array([0, 0, 0.1])
+    distance = np.linalg.norm(position - middle)
+    cube = lamp_map(radius, distance, facing, centre=middle, ambient=0.0, towards=(position - middle) / distance)
+    s, _ = processed(mesh, placed(cube, [*position, radius], middle), self_shadow="none")
+    light, places = whole_pixels(s.object)
+    points = hits(mesh, places)
+    top = (points[:, 2] > 0.1 - 1e-5) & (np.abs(points[:, :2]).max(axis=1) < 0.047)  # no side shows there
+    up = np.broadcast_to([0.0, 0.0, 1.0], (top.sum(), 3))
+    radiance = facing / (np.pi * (radius / distance) ** 2)
+    true = sphere_irradiance(points[top], up, position, radius, radiance, 400) / np.pi
+    off = np.sqrt(((light[top, 0] - true) ** 2).mean()) / true.mean()
+    print(
+        f"the top of a box under a lamp: {true.max() / true.min():.2f} times brighter below it, {100 * off:.2f} % off"
+    )
+    assert off < 0.02
+
+
 def test_a_light_knows_its_place(mesh):
     position = CENTRE + 0.5 * TOWARDS
     cube = lamp_map(0.03, 0.5)

@@ -159,10 +159,24 @@ def test_a_refined_mesh_is_lit_as_the_given_one():
     assert count > 2 * len(bowl(4).vertices) and error < 0.01
 
 
-def test_what_hides_nothing_is_not_split():
+def test_what_hides_nothing_is_split_where_it_is_long_alone():
+    """An eighth of the mesh: what a near lamp does within longer edges no ends tell."""
+    x, y = np.meshgrid(np.linspace(-0.1, 0.1, 13), np.linspace(-0.1, 0.1, 13))
+    at = np.arange(169).reshape(13, 13)
+    corners = [at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]]
+    triangles = np.concatenate(
+        [np.stack([corners[k] for k in t], axis=-1).reshape(-1, 3) for t in ((0, 1, 2), (0, 2, 3))]
+    )
+    plate = fastibl.Mesh(np.stack([x, y, 0.05 + 0 * x], axis=-1).reshape(-1, 3), triangles)
+    assert fastibl.Scene(plate, spheres=0).refined_mesh.triangles.shape == plate.triangles.shape
     vertices, triangles = box_mesh()
     box = with_edges(fastibl.Mesh(vertices, triangles))
-    assert fastibl.Scene(box, spheres=0).refined_mesh == box
+    refined = fastibl.Scene(box, spheres=0).refined_mesh
+    corners = refined.vertices[refined.triangles]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1)
+    longest = edges.max() / np.ptp(box.vertices, axis=0).max()
+    print(f"a box: {len(box.vertices)} vertices become {len(refined.vertices)}, the longest edge {longest:.3f} of it")
+    assert longest <= 1 / 8 + 1e-6 and len(refined.vertices) < 2000
     assert fastibl.Scene(soup(20), spheres=0, visibility_rays=0).refined_mesh == soup(20)
     assert fastibl.Scene(wall_and_floor(), spheres=0, refine=False).refined_mesh == with_edges(wall_and_floor())
 

@@ -16,7 +16,7 @@ constexpr int kRays = 16, kSky = 8;  // cells along an edge: of rays, and of wha
 constexpr int kSkyCells = kSky * kSky;
 constexpr float kShortest = 1 / 300.0f;  // edge that is split, by the mesh's size
 constexpr float kShort = 1 / 60.0f;      // edge of which nothing is missed where its ends agree
-constexpr float kLongest = 1 / 8.0f;     // edge that is kept without a look at what is between
+constexpr float kLongest = 1 / 8.0f;     // edge that is kept whatever its ends see
 constexpr int kRounds = 7;
 
 using Sky = std::array<float, kSkyCells>;  // share of each cell that is free
@@ -211,8 +211,6 @@ class Refiner {
       const std::vector<glm::vec3>& n = refined_.mesh.normals;
       m.error +=
           m.area * missed(middles[i], side * m.normal, ends[a], side * n[a], ends[b], side * n[b]);
-      blocks_ = blocks_ || std::any_of(middles[i].begin(), middles[i].end(),
-                                       [](float free) { return free < 1; });
     }
   }
 
@@ -225,7 +223,7 @@ class Refiner {
     std::map<Edge, Wanted> by_place;
     for (const Middle& m : candidates_) {
       Wanted& wanted = by_place[m.places];
-      const bool is_long = blocks_ && m.length > kLongest * size_;
+      const bool is_long = m.length > kLongest * size_;
       wanted.error = std::max(wanted.error, is_long ? m.error + 2 * least_ : m.error);
       ++wanted.vertices;
     }
@@ -317,7 +315,6 @@ class Refiner {
   float size_ = 0, offset_ = 0;
   double area_ = 0;
   float least_ = 0;      // error times area for which an edge is split
-  bool blocks_ = false;  // anything of anywhere that was looked from
   RefinedMesh refined_;
   std::vector<Sky> front_, back_;               // of the vertices
   std::vector<int> base_triangle_;              // of each triangle
