@@ -118,11 +118,16 @@ def test_what_nobody_worked_out_is_not_stated_as_nothing(scenes, marked):
     found, plan = bounds(blind)
     assert found["self_shadow"] is None and found["bounce"] is None and plan.omission_bound is None
     assert "not known by how much: what the object hides was not worked out" in str(plan)
-    # What was asked for lacks nothing; nor does what reflects no light.
-    assert bounds(blind, methods="paper")[1].omission_bound == 0
     assert bounds(scenes["hollow"])[1].omission_bound == 0
     glowing = fastibl.Material(diffuse=(0, 0, 0), glossy=(0, 0, 0), emission=(1, 1, 1))
     assert bounds(fastibl.Scene(hollow_mesh(), glowing, spheres=8, visibility_rays=0))[0]["self_shadow"] == 0
+    # Nor by how much the paper's picture lacks them, until it is judged for a budget: by the truth that has them.
+    found, plan = bounds(scenes["hollow"], methods="paper")
+    assert found["self_shadow"] is None and found["bounce"] is None and plan.omission_bound is None
+    found, plan = bounds(scenes["hollow"], methods="paper", error=0.02)
+    assert found["self_shadow"] > 0.01 and found["bounce"] > 0.01
+    full = bounds(scenes["hollow"], methods={"self_shadow": "transfer", "bounce": "one-bounce"}, error=0.02)[1]
+    assert plan.expected_error > full.expected_error + 0.01 and full.omission_bound == 0
 
 
 def test_a_bounce_that_cannot_matter_is_left_out(scenes, marked):

@@ -68,8 +68,7 @@ void bind_lines(py::module_& module) {
       .def_readonly("reason", &PlannedPass::reason,
                     "Why the pass was left out; empty if it was not.")
       .def_readonly("bound", &PlannedPass::bound,
-                    "Largest relative error that leaving it out makes of what was asked for; None "
-                    "where it is not known.")
+                    "Largest relative error that leaving it out makes; None where it is not known.")
       .def_readonly("error", &PlannedPass::error,
                     "Expected error that its method alone makes, or None where unknown: of the "
                     "picture where errors were measured, else of the irradiance.")

@@ -1557,7 +1557,7 @@ class PlannedPass:
     @property
     def bound(self) -> float | None:
         """
-        Largest relative error that leaving it out makes of what was asked for; None where it is not known.
+        Largest relative error that leaving it out makes; None where it is not known.
         """
     @property
     def error(self) -> float | None:

@@ -45,7 +45,6 @@ constexpr double kBounceBudget = 0.1;
 
 Omission of_bounce(const Scene& scene, const PlanOptions& options, const Methods& methods,
                    const char* dispensable) {
-  if (options.methods.bounce == BounceMethod::none) return {"no bounce was asked for"};
   if (!options.cast_shadow || !scene.casts_shadow()) return {"there is no shadow to go with it"};
   const std::optional<double> bound = bounce_bound(scene, options.lighting);
   if (bound && *bound <= kBounceBudget * options.error)
@@ -53,8 +52,9 @@ Omission of_bounce(const Scene& scene, const PlanOptions& options, const Methods
         *bound == 0 ? "the object sends out no diffuse light" : "the object is too dark to matter",
         *bound};
   if (!scene.directions) return {kNotWorkedOut, std::nullopt};
-  if (methods.bounce == BounceMethod::none) return {dispensable};
-  return {};
+  if (methods.bounce != BounceMethod::none) return {};
+  const bool asked = options.methods.bounce == BounceMethod::none;
+  return {asked ? "no bounce was asked for" : dispensable, std::nullopt};
 }
 
 // A share of the error budget that leaving the places of near lights out may take.
@@ -97,18 +97,16 @@ Omission of_irradiance(const Scene& scene, const PlanOptions& options) {
 
 Omission of_self_shadow(const Scene& scene, const PlanOptions& options, const Methods& methods,
                         const char* dispensable) {
-  if (std::string reason = no_transfer(scene); !reason.empty()) {
-    const bool asked = options.methods.self_shadow == SelfShadowMethod::none ||
-                       options.methods.self_shadow == SelfShadowMethod::ambient;
-    const bool lit = scene.material.reads_irradiance() || scene.material.reads_radiance();
-    const bool known = scene.directions || asked || !lit;
-    return {std::move(reason), known ? std::optional(0.0) : std::nullopt};
-  }
+  const bool lit = scene.material.reads_irradiance() || scene.material.reads_radiance();
+  const bool hides = !scene.directions || !scene.directions->blocks_nothing();
+  const bool missing = lit && hides && !(scene.directions && knows_directions(methods.self_shadow));
+  const std::optional<double> bound = missing ? std::nullopt : std::optional(0.0);
+  if (std::string reason = no_transfer(scene); !reason.empty()) return {std::move(reason), bound};
   if (methods.self_shadow == SelfShadowMethod::ambient)
-    return {"P_V of the mesh stands for it, whatever the light"};
+    return {"P_V of the mesh stands for it, whatever the light", bound};
   if (methods.self_shadow != SelfShadowMethod::none) return {};
   const bool asked = options.methods.self_shadow == SelfShadowMethod::none;
-  return {asked ? "no self-shadow was asked for" : dispensable};
+  return {asked ? "no self-shadow was asked for" : dispensable, bound};
 }
 
 }  // namespace

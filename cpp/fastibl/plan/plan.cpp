@@ -129,8 +129,7 @@ const char* why_dispensable(const PlanOptions& options, const std::optional<Choi
 }
 
 // What a pass's method alone leaves wrong, or what leaving the pass out does in the worst view.
-void set_measured_error(const Choice& choice, const MeasuredErrors& measured, const Methods& asked,
-                        PlannedPass& line) {
+void set_measured_error(const Choice& choice, const MeasuredErrors& measured, PlannedPass& line) {
   const auto set = [&](const ErrorAlone& squared) {
     if (line.included)
       line.error = std::sqrt(squared.mean);
@@ -145,15 +144,10 @@ void set_measured_error(const Choice& choice, const MeasuredErrors& measured, co
       if (line.included) set(measured.shadow[choice.at.shadow]);
       return;
     case PassId::self_shadow:
-      // What was asked for is no error.
-      if (line.included || (asked.self_shadow == SelfShadowMethod::automatic &&
-                            !knows_directions(choice.methods.self_shadow)))
-        set(measured.self_shadow[choice.at.self_shadow]);
+      if (line.included || !line.bound) set(measured.self_shadow[choice.at.self_shadow]);
       return;
     case PassId::bounce:
-      if (line.included || (asked.bounce == BounceMethod::automatic && line.bound == 0.0 &&
-                            choice.methods.bounce == BounceMethod::none))
-        set(measured.bounce[choice.at.bounce]);
+      if (line.included || !line.bound) set(measured.bounce[choice.at.bounce]);
       return;
     case PassId::shade:
       if (line.included) set(measured.glossy[choice.at.glossy]);
@@ -291,7 +285,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     if (id == PassId::capture && environment && options.capture)
       line.error = std::hypot(environment->predicted_error, options.light_lag);
     if (id == PassId::irradiance && fitted) line.error = fitted->irradiance_error;
-    if (choice) set_measured_error(*choice, *options.measured, options.methods, line);
+    if (choice) set_measured_error(*choice, *options.measured, line);
     line.milliseconds = pass_milliseconds(options.costs, id, methods, work) * options.slowdown;
     if (*line.milliseconds == 0 || !line.included) line.milliseconds.reset();
     line.once = runs_per_frame(id, work) < 1;

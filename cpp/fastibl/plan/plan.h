@@ -21,7 +21,7 @@ struct PlannedPass {
   bool included = true;
   std::string method = {};  // where there is a choice
   std::string reason = {};  // why a pass was left out
-  // Of a pass left out: largest relative error that this makes of what was asked for, where known.
+  // Of a pass left out: largest relative error that this makes, where known.
   std::optional<double> bound = 0.0;
   // Of an included pass, where known: what its method alone leaves wrong of the picture (of capture
   // and, where nothing was measured, of irradiance: of the irradiance).
