@@ -1,6 +1,5 @@
 """Generated objects: closed, smooth, the same every time."""
 
-
 import numpy as np
 import pytest
 

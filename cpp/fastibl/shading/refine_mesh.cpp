@@ -314,7 +314,7 @@ class Refiner {
   const Bvh& bvh_;
   float size_ = 0, offset_ = 0;
   double area_ = 0;
-  float least_ = 0;      // error times area for which an edge is split
+  float least_ = 0;  // error times area for which an edge is split
   RefinedMesh refined_;
   std::vector<Sky> front_, back_;               // of the vertices
   std::vector<int> base_triangle_;              // of each triangle
