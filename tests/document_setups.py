@@ -82,6 +82,7 @@ def _report(names, folder, monkeypatch):
 def _own_cameras(names, folder, monkeypatch):
     shown = []
     names.update(dict.fromkeys(("k1", "k2", "k3", "k4"), 0.0))
+    names.update(columns=np.eye(4).ravel())
     fastibl.recording.write_rig(folder / "rig.yaml", names["rig"])
     names["my_camera"] = lambda: [(f.time, f.back) for f in names["recording"]]
     names["show"] = shown.append

@@ -501,6 +501,38 @@ def test_poses_that_are_the_camera_s_are_told_of():
         other.process(fastibl.Frame(0.1, back_from_marker=POSE.inverse()))  # after one that was right
 
 
+def test_poses_with_the_axes_of_other_systems_are_told_of():
+    flip = fastibl.Pose(np.diag([1.0, -1, -1, 1]))
+    given = {"FLIP @ pose would": flip @ POSE, r"FLIP @ pose\.inverse\(\) would": (flip @ POSE).inverse()}
+    for message, pose in given.items():
+        session = fastibl.Session(ball(), RIG, environment=WHITE)
+        with pytest.warns(UserWarning, match=message):
+            for k in range(10):
+                session.process(fastibl.Frame(0.1 * k, back_from_marker=pose))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        session = fastibl.Session(ball(), RIG, environment=WHITE)
+        for k in range(20):  # looks away, and turns
+            away = fastibl.Pose.look_at((0, -0.4, 0.3), (0.2 * k, -2, 0.5))
+            session.process(fastibl.Frame(0.1 * k, back_from_marker=away))
+    with pytest.raises(ValueError, match=r"last row of a pose must be 0 0 0 1.*its last column is"):
+        fastibl.Pose(POSE.matrix.T)
+
+
+def test_the_documented_conversion_of_a_phones_pose():
+    """As docs/how-to/own-cameras.md has it: y up, the camera's place, column by column."""
+    marker_from_world = fastibl.Pose([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    eye, target = np.array([0.2, 0.5, 0.6]), np.array([0.0, 0.1, 0.0])  # of a world whose y is up
+    z = (eye - target) / np.linalg.norm(eye - target)
+    x = np.cross([0, 1, 0], z) / np.linalg.norm(np.cross([0, 1, 0], z))
+    columns = np.concatenate([np.append(x, 0), np.append(np.cross(z, x), 0), np.append(z, 0), np.append(eye, 1)])
+    flip = fastibl.Pose(np.diag([1.0, -1, -1, 1]))
+    world_from_camera = fastibl.Pose(columns.reshape(4, 4).T)
+    back_from_marker = flip @ world_from_camera.inverse() @ marker_from_world.inverse()
+    expected = fastibl.Pose.look_at((0.2, -0.6, 0.5), (0, 0, 0.1))
+    np.testing.assert_allclose(back_from_marker.matrix, expected.matrix, atol=1e-12)
+
+
 def test_an_untold_exposure_is_read_off_the_boards_white_where_the_light_is_given():
     """A telephone that exposes as it likes, and a map from a file."""
     recording = fastibl.simulate(seconds=1.2, fps=5, size=(320, 240), seed=1, lamp=False, hand=False)

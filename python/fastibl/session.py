@@ -93,6 +93,8 @@ def make_plan(
 
 
 # Of each scene the last picture, and the places that it shows.
+_FLIP = Pose(np.diag([1.0, -1, -1, 1]))  # between OpenGL's axes of a camera and OpenCV's
+_UNSEEN = 10  # poses that show nothing until other axes are thought of
 _SHOWN: WeakKeyDictionary[Scene, tuple[tuple[Camera, Pose], _SceneSamples | None]] = WeakKeyDictionary()
 
 
@@ -181,7 +183,8 @@ class Session(_Session):
         environment = _known(environment)
         resolved = resolve_methods(methods)
         self._drawn, self._shadow, self._casts = scene, resolved.shadow, bool(cast_shadow)
-        self._camera, self._poses_asked = rig.back, False
+        self._camera = rig.back
+        self._poses_asked, self._unseen, self._turned_shows = False, 0, ["pose", "pose.inverse()"]
         if cast_shadow:
             bake_shadow(scene, resolved.shadow)
         super().__init__(
@@ -243,12 +246,25 @@ class Session(_Session):
 
         if shows(pose):
             return True
-        if not shows(pose.inverse()):
+        if shows(pose.inverse()):
+            return self._warn_of_pose("its inverse would: Pose.inverse() makes it of the camera's place")
+        # A camera that looks away shows them with other axes, too; not while it moves.
+        turned = {"pose": _FLIP @ pose, "pose.inverse()": _FLIP @ pose.inverse()}
+        self._turned_shows = [name for name in self._turned_shows if shows(turned[name])]
+        self._unseen += 1
+        if not self._turned_shows or self._unseen < _UNSEEN:
             return False
+        return self._warn_of_pose(
+            f"FLIP @ {self._turned_shows[0]} would, with FLIP = Pose(numpy.diag([1.0, -1, -1, 1])): cameras of OpenGL, "
+            "ARKit, ARCore and Blender look along -z, with y up"
+        )
+
+    @staticmethod
+    def _warn_of_pose(what: str) -> bool:
         warnings.warn(
-            "back_from_marker shows neither the marker nor the object, and its inverse would: it takes points of the "
-            "marker to the camera, as OpenCV's solvePnP gives it; Pose.inverse() makes it of the camera's place",
-            stacklevel=3,
+            f"back_from_marker shows neither the marker nor the object, and {what}. It takes points of the marker to "
+            "the camera (x right, y down, z forward), as OpenCV's solvePnP gives it",
+            stacklevel=4,
         )
         return True
 

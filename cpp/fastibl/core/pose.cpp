@@ -36,9 +36,11 @@ void Pose::validate() const {
 Pose Pose::from_matrix(const glm::dmat4& m) {
   const Pose pose{glm::dmat3(m), glm::dvec3(m[3])};
   pose.validate();
-  check(m[0][3] == 0 && m[1][3] == 0 && m[2][3] == 0 && m[3][3] == 1,
-        "the last row of a pose must be 0 0 0 1, got ", m[0][3], " ", m[1][3], " ", m[2][3], " ",
-        m[3][3]);
+  const glm::dvec4 last_row(m[0][3], m[1][3], m[2][3], m[3][3]), of_pose(0, 0, 0, 1);
+  check(last_row == of_pose, "the last row of a pose must be 0 0 0 1, got ", last_row.x, " ",
+        last_row.y, " ", last_row.z, " ", last_row.w,
+        m[3] == of_pose ? "; its last column is: was a matrix that lists columns read as rows?"
+                        : "");
   return pose;
 }
 
