@@ -262,6 +262,14 @@ def test_videos(tmp_path):
         assert [None if f.front is None else f.front[0, 0, 0] for f in frames] == [100, 101, 102, None, None]
         assert frames[0].back_exposure == 0.5 and frames[0].front_exposure is None
     assert [f.time for f in sources.VideoSource(RIG, back, fps=10)] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
+    for after, of_back in ((0.1, [0, 1, 2, 3, 4]), (-0.1, [None, None, 0, 1, 2, 3, 4])):  # films that began apart
+        frames = list(sources.VideoSource(RIG, back, front, front_after=after))
+        codes = [(f.back, f.front) for f in frames]
+        assert [f.time for f in frames] == pytest.approx(0.05 * np.arange(len(of_back)))
+        assert [None if b is None else b[0, 0, 0] for b, _ in codes] == of_back
+        assert [None if f is None else f[0, 0, 0] for _, f in codes][2 * (after > 0) :][:3] == [100, 101, 102]
+    with pytest.raises(ValueError, match="front_after must be finite"):
+        sources.VideoSource(RIG, back, front, front_after=np.nan)
     with pytest.raises(FileNotFoundError, match="nowhere"):
         sources.VideoSource(RIG, tmp_path / "nowhere.avi")
     for fps in (0, -5.0, np.nan, np.inf):

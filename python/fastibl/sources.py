@@ -195,8 +195,9 @@ class VideoSource(_Closing):
 
     back, front: files. Times are the files' own, from 0 at each one's first picture; fps: pictures a second instead.
     Pictures are as the sensor took them: how a file says that they are to be turned is not followed. exposures:
-    (back, front), constant; None where a camera chose its own. A video that ends early or breaks off ends the frames of
-    that camera, with a RecordingWarning where it gave none.
+    (back, front), constant; None where a camera chose its own. front_after: seconds by which the front film began after
+    the back film, or before it where negative; a light that is switched in both tells it. A video that ends early or
+    breaks off ends the frames of that camera, with a RecordingWarning where it gave none.
     """
 
     def __init__(
@@ -208,6 +209,7 @@ class VideoSource(_Closing):
         *,
         fps: float | None = None,
         exposures: tuple[float | None, float | None] = (1.0, 1.0),
+        front_after: float = 0.0,
     ):
         files = {"back": back, "front": front}
         self._files = {name: Path(file) for name, file in files.items() if file is not None}
@@ -220,14 +222,17 @@ class VideoSource(_Closing):
                 raise FileNotFoundError(f"no video at {file}")
         if fps is not None:
             _check_rate(fps)
+        if not np.isfinite(front_after):
+            raise ValueError(f"front_after must be finite seconds, got {front_after}")
         self.rig, self.board, self._fps = rig, board, fps
         self._exposures = dict(zip(CAMERAS, exposures, strict=True))
+        self._starts = {"back": max(-front_after, 0.0), "front": max(front_after, 0.0)}
 
     def __iter__(self) -> Iterator[Frame]:
         videos = {name: open_film(file) for name, file in self._files.items()}
         try:
             times = {name: FilmTimes(video, self._fps) for name, video in videos.items()}
-            upcoming = {name: _next_picture(video, times[name]) for name, video in videos.items()}
+            upcoming = {name: _next_picture(video, times[name], self._starts[name]) for name, video in videos.items()}
             for name, (_, picture) in upcoming.items():
                 if picture is None:
                     warnings.warn(f"the video {self._files[name]} holds no picture", RecordingWarning, stacklevel=2)
@@ -239,7 +244,7 @@ class VideoSource(_Closing):
                         continue
                     setattr(frame, name, picture)
                     setattr(frame, f"{name}_exposure", self._exposures[name])
-                    upcoming[name] = _next_picture(videos[name], times[name])
+                    upcoming[name] = _next_picture(videos[name], times[name], self._starts[name])
                 yield frame
         finally:
             for video in videos.values():
@@ -251,11 +256,11 @@ def _check_rate(fps: float) -> None:
         raise ValueError(f"fps must be positive and finite, got {fps}")
 
 
-def _next_picture(video: Any, times: FilmTimes) -> tuple[float, NDArray[np.uint8] | None]:
+def _next_picture(video: Any, times: FilmTimes, start: float) -> tuple[float, NDArray[np.uint8] | None]:
     read, picture = video.read()
     if not read or picture is None:
         return np.inf, None
-    return times.next(), np.ascontiguousarray(picture[..., ::-1])
+    return start + times.next(), np.ascontiguousarray(picture[..., ::-1])
 
 
 class FolderSource(_Closing):
