@@ -379,6 +379,28 @@ def test_a_folders_pictures_come_by_their_numbers(tmp_path):
     assert [f.back[0, 0, 0] for f in sources.FolderSource(RIG, tmp_path)] == [1, 2, 3, 9, 10, 11, 100]
 
 
+def test_a_lost_picture_shifts_no_others(tmp_path):
+    """By order, all that follow would be paired with the other camera's next picture, and come too soon."""
+    lost = {"back": {7}, "front": {12, 13}}
+    for name, gone in lost.items():
+        (tmp_path / name).mkdir()
+        for k in set(range(5, 35)) - gone:
+            cv2.imwrite(str(tmp_path / name / f"{name}2_{2 * k}.png"), np.full((48, 64, 3), k, np.uint8))
+    source = sources.FolderSource(RIG, tmp_path / "back", tmp_path / "front", fps=10)
+    frames = list(source)
+    assert len(frames) == len(source) == 30 and [f.time for f in frames] == pytest.approx(np.arange(30) / 10)
+    for name, gone in lost.items():
+        seen = [getattr(f, name) for f in frames]
+        assert [None if p is None else p[0, 0, 0] for p in seen] == [None if k in gone else k for k in range(5, 35)]
+    alone = list(sources.FolderSource(RIG, tmp_path / "back", fps=10))
+    assert [f.time for f in alone] == pytest.approx([k / 10 for k in range(30) if k != 2])
+    # Two counters that have nothing in common: in order.
+    for path in (tmp_path / "front").iterdir():
+        path.rename(path.with_name(f"x{int(path.stem.split('_')[1]) + 9000}.png"))
+    frames = list(sources.FolderSource(RIG, tmp_path / "back", tmp_path / "front", fps=10))
+    assert len(frames) == 29 and all(f.back is not None for f in frames) and frames[28].front is None
+
+
 def turned(path):
     """An MP4 file's film, said to be turned by a quarter."""
     data = bytearray(path.read_bytes())

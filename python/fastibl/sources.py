@@ -27,6 +27,7 @@ from .recording import CAMERAS, Frame, RecordingWarning
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 _WAIT = 0.1  # seconds between looks at whether the source was closed
+_EVEN = 0.9  # share of the steps between pictures' numbers that are the same where numbers tell times
 _ENDED = 3600.0  # seconds without any picture after which nobody waits any more
 
 
@@ -264,10 +265,13 @@ def _next_picture(video: Any, times: FilmTimes, start: float) -> tuple[float, ND
 
 
 class FolderSource(_Closing):
-    """Pictures in folders, by the numbers in their names: those of the same place in the order make one Frame.
+    """Pictures in folders, by the last numbers in their names: those of one number make one Frame.
 
     back, front: folders with .png, .jpg, … Pictures are as the sensor took them: EXIF turns none, 16 bits stay. fps: of
-    the times. exposures: as VideoSource has them. A picture that cannot be read is passed over with a RecordingWarning.
+    the times. exposures: as VideoSource has them. A number that is missing among pictures that are numbered evenly is a
+    picture that was lost: those after it keep their times. Where numbers tell no order, or those of two cameras are not
+    the same, pictures follow each other in the order of their names. A picture that cannot be read is passed over with
+    a RecordingWarning.
     """
 
     def __init__(
@@ -287,21 +291,23 @@ class FolderSource(_Closing):
         self._files = {name: _pictures_in(Path(folder)) for name, folder in folders.items() if folder is not None}
         if not self._files:
             raise ValueError("a folder is needed: back, front or both")
+        self._places = _places(self._files)
         self.rig, self.board, self._fps = rig, board, fps
         self._exposures = dict(zip(CAMERAS, exposures, strict=True))
 
     def __len__(self) -> int:
-        return max(len(files) for files in self._files.values())
+        return len(set().union(*self._places.values()))
 
     def __iter__(self) -> Iterator[Frame]:
-        for k in range(len(self)):
-            frame = Frame(k / self._fps)
-            for name, files in self._files.items():
-                if k >= len(files):
+        at = {name: dict(zip(self._places[name], files, strict=True)) for name, files in self._files.items()}
+        for place in sorted(set().union(*self._places.values())):
+            frame = Frame(place / self._fps)
+            for name, files in at.items():
+                if place not in files:
                     continue
-                picture = read_pixels(files[k], any_depth=True)
+                picture = read_pixels(files[place], any_depth=True)
                 if picture is None:
-                    warnings.warn(f"the picture {files[k]} cannot be read", RecordingWarning, stacklevel=2)
+                    warnings.warn(f"the picture {files[place]} cannot be read", RecordingWarning, stacklevel=2)
                     continue
                 setattr(frame, name, picture)
                 setattr(frame, f"{name}_exposure", self._exposures[name])
@@ -312,6 +318,28 @@ class FolderSource(_Closing):
 def _by_number(path: Path) -> list[tuple[str, int]]:
     """For sorting: shot2.png comes before shot10.png."""
     return [(text, int(number or -1)) for text, number in re.findall(r"(\D*)(\d*)", path.name)]
+
+
+def _last_number(path: Path) -> int:
+    """-1 where there is none."""
+    return int((re.findall(r"\d+", path.stem) or ["-1"])[-1])
+
+
+def _places(files: dict[str, list[Path]]) -> dict[str, list[int]]:
+    """Of each picture, counted in pictures from the first one on: see FolderSource."""
+    numbers = {name: [_last_number(path) for path in paths] for name, paths in files.items()}
+    several = list(numbers.values())
+    shared = set(several[0]).intersection(*several)
+    told = all(min(n) >= 0 and all(a < b for a, b in itertools.pairwise(n)) for n in several)
+    if not told or 2 * len(shared) < min(map(len, several)):
+        return {name: list(range(len(paths))) for name, paths in files.items()}
+    every = sorted(set().union(*several))
+    steps = np.diff(every)
+    step = int(np.median(steps)) if len(steps) else 1
+    even = len(steps) > 0 and (steps == step).mean() >= _EVEN and not (steps % step).any()
+    even = even and every[-1] - every[0] < 2 * step * len(every)  # what was lost is less than what is there
+    place = {n: (n - every[0]) // step if even else k for k, n in enumerate(every)}
+    return {name: [place[n] for n in of_camera] for name, of_camera in numbers.items()}
 
 
 def _pictures_in(folder: Path) -> list[Path]:
