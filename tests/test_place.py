@@ -545,7 +545,12 @@ def test_few_vertices_on_the_plane_make_no_bright_spots(mesh):
         with_, without = (pictures[k].astype(int) for k in ("one-bounce", "none"))
         print(f"plane at most {with_[plane].max()} of 150, object at most {np.abs(with_ - without)[faces].max()} off")
         assert faces.sum() > 500 and with_[plane].max() <= 153
-        assert np.abs(with_ - without)[faces].max() < 12
+        # Where a wall meets the plane it sees half plane, whose light the wall halves there: a quarter is lost; 6 % of
+        # that is what the bounce is taken to be wrong by, and a code is 1.7 %.
+        linear = [camera.response.decode((k[faces] / 255).astype(np.float32)) for k in (with_, without)]
+        lost = 1 - linear[0] / linear[1]
+        print(f"from {lost.min():.3f} to {lost.max():.3f} of the object's light lost")
+        assert lost.min() > -0.02 and lost.max() < 0.25 * 1.06 + 0.017
 
 
 def wall_and_floor(half=0.0):
