@@ -523,9 +523,11 @@ def pyramid():
 
 
 @pytest.mark.parametrize(
-    "mesh", [standing_cube(True), standing_cube(False), pyramid()], ids=["8 corners", "24 corners", "pyramid"]
+    "mesh, steep",
+    [(standing_cube(True), True), (standing_cube(False), True), (pyramid(), False)],
+    ids=["8 corners", "24 corners", "pyramid"],
 )
-def test_few_vertices_on_the_plane_make_no_bright_spots(mesh):
+def test_few_vertices_on_the_plane_make_no_bright_spots(mesh, steep):
     """In light that is the same from everywhere, an object that absorbs some of it can only darken the plane."""
     scene = fastibl.Scene(mesh, fastibl.Material(diffuse=(0.8, 0.8, 0.8)))
     camera = fastibl.Camera(160, 120, 220, 220, 80, 60)
@@ -545,6 +547,7 @@ def test_few_vertices_on_the_plane_make_no_bright_spots(mesh):
         with_, without = (pictures[k].astype(int) for k in ("one-bounce", "none"))
         print(f"plane at most {with_[plane].max()} of 150, object at most {np.abs(with_ - without)[faces].max()} off")
         assert faces.sum() > 500 and with_[plane].max() <= 153
+        assert steep or np.abs(with_ - without)[faces].max() < 12
         # Where a wall meets the plane it sees half plane, whose light the wall halves there: a quarter is lost; 6 % of
         # that is what the bounce is taken to be wrong by, and a code is 1.7 %.
         linear = [camera.response.decode((k[faces] / 255).astype(np.float32)) for k in (with_, without)]

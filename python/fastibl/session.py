@@ -92,9 +92,9 @@ def make_plan(
     )
 
 
-# Of each scene the last picture, and the places that it shows.
 _FLIP = Pose(np.diag([1.0, -1, -1, 1]))  # between OpenGL's axes of a camera and OpenCV's
 _UNSEEN = 10  # poses that show nothing until other axes are thought of
+# Of each scene the last picture, and the places that it shows.
 _SHOWN: WeakKeyDictionary[Scene, tuple[tuple[Camera, Pose], _SceneSamples | None]] = WeakKeyDictionary()
 
 

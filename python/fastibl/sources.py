@@ -288,21 +288,21 @@ class FolderSource(_Closing):
         if front is not None and rig.front is None:
             raise ValueError("a front folder was given, but the rig has no front camera")
         folders = {"back": back, "front": front}
-        self._files = {name: _pictures_in(Path(folder)) for name, folder in folders.items() if folder is not None}
-        if not self._files:
+        files = {name: _pictures_in(Path(folder)) for name, folder in folders.items() if folder is not None}
+        if not files:
             raise ValueError("a folder is needed: back, front or both")
-        self._places = _places(self._files)
+        self._files = _by_place(files)
+        self._places = sorted(set().union(*self._files.values()))
         self.rig, self.board, self._fps = rig, board, fps
         self._exposures = dict(zip(CAMERAS, exposures, strict=True))
 
     def __len__(self) -> int:
-        return len(set().union(*self._places.values()))
+        return len(self._places)
 
     def __iter__(self) -> Iterator[Frame]:
-        at = {name: dict(zip(self._places[name], files, strict=True)) for name, files in self._files.items()}
-        for place in sorted(set().union(*self._places.values())):
+        for place in self._places:
             frame = Frame(place / self._fps)
-            for name, files in at.items():
+            for name, files in self._files.items():
                 if place not in files:
                     continue
                 picture = read_pixels(files[place], any_depth=True)
@@ -325,21 +325,21 @@ def _last_number(path: Path) -> int:
     return int((re.findall(r"\d+", path.stem) or ["-1"])[-1])
 
 
-def _places(files: dict[str, list[Path]]) -> dict[str, list[int]]:
-    """Of each picture, counted in pictures from the first one on: see FolderSource."""
+def _by_place(files: dict[str, list[Path]]) -> dict[str, dict[int, Path]]:
+    """Pictures by their place in time, counted in pictures from the first one on: see FolderSource."""
     numbers = {name: [_last_number(path) for path in paths] for name, paths in files.items()}
     several = list(numbers.values())
     shared = set(several[0]).intersection(*several)
     told = all(min(n) >= 0 and all(a < b for a, b in itertools.pairwise(n)) for n in several)
     if not told or 2 * len(shared) < min(map(len, several)):
-        return {name: list(range(len(paths))) for name, paths in files.items()}
+        return {name: dict(enumerate(paths)) for name, paths in files.items()}
     every = sorted(set().union(*several))
     steps = np.diff(every)
     step = int(np.median(steps)) if len(steps) else 1
     even = len(steps) > 0 and (steps == step).mean() >= _EVEN and not (steps % step).any()
     even = even and every[-1] - every[0] < 2 * step * len(every)  # what was lost is less than what is there
     place = {n: (n - every[0]) // step if even else k for k, n in enumerate(every)}
-    return {name: [place[n] for n in of_camera] for name, of_camera in numbers.items()}
+    return {name: {place[n]: path for n, path in zip(numbers[name], files[name], strict=True)} for name in files}
 
 
 def _pictures_in(folder: Path) -> list[Path]:

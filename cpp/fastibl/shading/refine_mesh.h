@@ -27,7 +27,8 @@ struct RefinedMesh {
 };
 
 // An edge is split where the share of the sky that is free at its middle differs from the mean of
-// its ends, or where it is longer than an eighth of the mesh, for the light of near lamps. bvh: of the mesh. 130 rays an edge that is longer than 1/60 of the mesh.
+// its ends, or where it is longer than an eighth of the mesh, for the light of near lamps. bvh: of
+// the mesh. 130 rays an edge that is longer than 1/60 of the mesh.
 RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options = {});
 
 // A value of the new vertices from those of the old: the means along edges.
