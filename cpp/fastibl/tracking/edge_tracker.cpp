@@ -79,13 +79,12 @@ Pose EdgeTracker::predicted(double time, const MotionHint& hint) const {
 Pose EdgeTracker::predicted_rows(double time, const MotionHint& hint, PosePrior& prior) const {
   const double readout = camera_.readout;
   const double step = time - last_->time;
-  RowState state = after(rows_, step / readout, hand_jerk(readout));
-  if (hint.turn) {
-    turn_about_camera(state.pose, *hint.turn * last_->pose.rotation);
-    if (step > 0) state.motion.turn = rotation_vector(*hint.turn) * (readout / step);
-  }
+  const RowState state = after(rows_, step / readout, hand_jerk(readout));
   prior.rows = prior_of(state, hand_jerk(readout));
-  return state.pose;
+  if (!hint.turn) return state.pose;
+  Pose start = state.pose;
+  turn_about_camera(start, *hint.turn * last_->pose.rotation);
+  return start;
 }
 
 std::optional<Tracked> EdgeTracker::detect(const Picture& picture,

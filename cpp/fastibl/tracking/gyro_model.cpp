@@ -10,6 +10,7 @@ constexpr double kForget = 0.99;          // a frame
 constexpr double kLeastNoise = 2e-4;      // radians, of the difference of two turns
 constexpr double kOutlier = 4;            // deviations, from where differences count less
 constexpr double kTurns = 0.5 * kDegree;  // from one frame to the next
+constexpr double kClear = 4;              // of the variance of a turn, from where on it tells
 constexpr double kLeastTurned = 12;       // frames
 constexpr double kMostOtherwise = 0.3;    // of these
 constexpr double kRateError = 0.3;        // of the change of a rate: of its value at the last frame
@@ -72,10 +73,11 @@ void GyroModel::compare() {
   const glm::dvec3 left = difference - delay_ * change;
   const double turn =
       std::max(glm::length(r2) * step, glm::length(rotation_vector(orthonormal(seen))));
-  if (turn > kTurns) {
+  if (turn > kTurns && turn * turn > kClear * 3 * noise) {
     turned_ = kForget * turned_ + 1;
-    const double off = glm::length(left) - kOutlier * std::sqrt(3 * noise);
-    otherwise_ = kForget * otherwise_ + std::min(1.0, std::pow(std::max(off, 0.0) / turn, 2));
+    // Less what noise makes of it, which averages out.
+    const double share = (glm::dot(left, left) - 3 * noise) / (turn * turn);
+    otherwise_ = kForget * otherwise_ + std::clamp(share, -1.0, 1.0);
   }
   const double expected = noise + variance_ * glm::dot(change, change) / 3;
   const double off = std::sqrt(glm::dot(left, left) / (3 * expected));
