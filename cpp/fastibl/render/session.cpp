@@ -437,8 +437,10 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
   // and so do pictures whose rotation the surroundings tell.
   Products wanted = product::texels;
   if (pose) wanted |= product::image;
-  if (tracker_.turned()) wanted |= product::radiance;  // it is told what is seen by now
+  const bool told = tracker_.turned();  // it is told what is seen by now, and so is who asks
+  if (told) wanted |= product::radiance | product::irradiance;
   run_passes(due_passes(plan_, wanted, stale_), frame, result, drawn_from);
+  if (told && !in_turns_) ensure_lighting();
   if (lights)
     light_lag_ = difference(summary_of(environment_->radiance), summary_of(before->radiance));
 }
