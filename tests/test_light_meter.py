@@ -85,6 +85,39 @@ def test_unseen_parts_are_as_bright_as_the_board_says():
     assert with_board < 0.7 * without
 
 
+@pytest.mark.parametrize("low", [0.0, 0.002, 0.2])
+def test_a_dark_sliver_says_nothing_of_the_sky_above(low):
+    """What was seen of the sky is dark, and what was not lights the board: its light was 0.03 of what that says."""
+    d = fastibl.texel_directions(64)
+    sky = np.where(d[..., 2:] > 0.35, 2.0, low) * np.ones(3)
+    up = [[0.0, 0, 1]]
+
+    def rising(time):  # to where it sees a little of the sky
+        heading, elevation = 0.1 * np.sin(3 * time), np.radians(-40 + 14 * min(time, 2))
+        across = np.cos(elevation)
+        forward = np.array([np.sin(heading) * across, np.cos(heading) * across, np.sin(elevation)])
+        right, look = np.array([np.cos(heading), -np.sin(heading), 0.0]), np.eye(4)
+        look[:3, :3] = right, np.cross(forward, right), forward
+        look[:3, 3] = -look[:3, :3] @ [0.0, -0.35, 0.3]
+        return fastibl.Pose(look)
+
+    place = fastibl.CubeMap(sky.astype(np.float32))
+    film = fastibl.simulate(place, seconds=3, fps=5, size=(320, 240), path=rising, hand=False, lamp=False)
+    true = film.truth.environment(0.0)
+    capture, found, seen = fastibl.Capture(size=64, board=film.board, paper_albedo=PAPER), [], 0.0
+    for frame in film:
+        capture.add(frame.back, film.rig.back, film.truth.pose(frame.time), frame.back_exposure, frame.time)
+        environment = capture.environment()
+        found.append(fastibl.Lighting(environment).irradiance(up)[0, 1] / fastibl.Lighting(true).irradiance(up)[0, 1])
+        seen = max(seen, 1 - environment.knowledge["unseen_sky"])
+    low_end, high_end = environment.predicted_interval
+    error = irradiance_error(environment, true)
+    print(f"light of the board by what is true: {min(found):.2f} to {max(found):.2f}, {seen:.0%} of the sky seen")
+    print(f"irradiance {error:.1%} off, stated {low_end:.1%} to {high_end:.1%}")
+    assert seen > 0.03 and min(found) > 0.9 and max(found) < 1.1
+    assert error <= high_end
+
+
 def test_a_tinted_camera_reads_the_same_light():
     """What a camera makes of each channel is told as its tint: the board's white is read with it."""
     film = fastibl.simulate(seconds=1, fps=4, size=(320, 240), lamp=False, hand=False)

@@ -21,6 +21,8 @@ constexpr float kClippedTrust = 1e-3f;  // of what is only a lower bound
 // swept in part, the irradiance is wrong by 0.31 instead of 0.39, a mean.
 constexpr float kMostOfMean = 8.0f;
 constexpr float kDarkest = 0.05f, kBrightest = 20;  // of brightness_
+// Of the plane's light, what an unseen sky may give beside what was seen of it: standard deviation.
+constexpr double kBesides = 0.3;
 constexpr float kNear2 = 0.01f;  // squared chord: closer than this, sources count alike
 constexpr int kPartial = 16;     // sums side by side, in the same order on every processor
 
@@ -177,16 +179,22 @@ void UnseenTiles::find_brightness(const std::vector<TileSums>& sums,
   for (std::size_t i = 0; i < sums.size(); ++i)
     if (above_[i]) seen += sums[i].irradiance;
   const glm::dvec3 unseen = sky_irradiance(sums, tile_projected);
-  glm::vec3 brightness(1);
-  for (int c = 0; c < 3; ++c) {
-    const double unsure = plane_deviation_[c], square = unseen[c] * unseen[c];
+  double projected = 0;
+  for (std::size_t i = 0; i < sums.size(); ++i)
+    if (above_[i]) projected += unseen_part(tile_projected[i], sums[i]);
+  glm::vec3 brightness(1), besides(0);
+  for (int c = 0; c < 3 && projected > 0; ++c) {
+    const double unsure = plane_deviation_[c],
+                 other = kBesides * projected / std::numbers::pi * (*plane_)[c],
+                 variance = unseen[c] * unseen[c] + other * other;
     const double missing = (*plane_)[c] - seen[c] - unseen[c];
-    if (square > 0)
-      brightness[c] = float(std::clamp(1 + unseen[c] * missing / (square + unsure * unsure),
-                                       double(kDarkest), double(kBrightest)));
+    const double is = unseen[c] + missing * variance / (variance + unsure * unsure);
+    const double least = kDarkest * unseen[c], most = kBrightest * unseen[c];
+    if (unseen[c] > 0) brightness[c] = float(std::clamp(is, least, most) / unseen[c]);
+    besides[c] = float(std::max(0.0, is - most) / projected);
   }
-  if (!moved(brightness_, brightness, kMoved)) return;
-  brightness_ = brightness;
+  if (!moved(brightness_, brightness, kMoved) && !moved(besides_, besides, kMoved)) return;
+  brightness_ = brightness, besides_ = besides;
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t i = std::size_t(tile);
     if (above_[i] && sums[i].count < tile_rect(grid_, tile).texels()) refilled.push_back(tile);

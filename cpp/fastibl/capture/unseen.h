@@ -24,8 +24,8 @@ class UnseenTiles {
 
   // What falls on the plane, as its paper shows it, RGB, and the standard deviation of that. What
   // no picture has seen of the sky is made so much brighter or darker that the sum agrees, as far
-  // as both are to be believed: by f of a standard deviation of 1 around 1. Holds until it is given
-  // again.
+  // as both are to be believed: by a factor of a standard deviation of 1 around 1, and by what may
+  // be there without a sign of it in what was seen. Holds until it is given again.
   void measure_plane(const glm::dvec3& irradiance, const glm::dvec3& deviation) {
     plane_ = irradiance, plane_deviation_ = deviation;
   }
@@ -43,7 +43,7 @@ class UnseenTiles {
   // In the middle of a tile,
   glm::vec3 middle(int tile) const {
     const std::size_t i = std::size_t(tile);
-    return above_[i] ? glm::min(brightness_ * fill_[i], kRadianceCap) : fill_[i];
+    return above_[i] ? glm::min(brightness_ * fill_[i] + besides_, kRadianceCap) : fill_[i];
   }
   // and all over it: at each edge and corner the mean of the unseen tiles that meet there, on the
   // same side.
@@ -78,6 +78,7 @@ class UnseenTiles {
   std::vector<double> first_seen_;  // seconds; −∞ until then
   std::vector<glm::vec3> fill_;     // of the sky, without
   glm::vec3 brightness_{1};         // by which what the plane shows corrects it
+  glm::vec3 besides_{0};            // and what it shows beyond that, radiance: of a dark sliver
   std::optional<glm::dvec3> plane_;
   glm::dvec3 plane_deviation_{0};
   bool seen_[2] = {false, false};  // below, above
