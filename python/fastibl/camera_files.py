@@ -7,12 +7,17 @@ rotation). A lens belongs to the sensor's pixels, however the telephone was held
 from __future__ import annotations
 
 import os
-from typing import Any
+from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 _PERIOD = 1 / 30  # seconds, where a film tells no rate
+_MOST_DESCRIBED = 64 * 2**20  # bytes
+_FILMS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".3gp", ".mts")
+HDR_ADVICE = "it is read in 8 bits, white from two stops below its brightest on; film without HDR, or convert it first"
+_HDR = {16: "PQ", 18: "HLG"}  # transfer characteristics of ITU-T H.273
 
 
 def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArray[Any] | None:
@@ -51,6 +56,50 @@ def open_film(path: str | os.PathLike[str]) -> Any:
     film = cv2.VideoCapture(os.fspath(path))
     film.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return film
+
+
+def is_film(device: object) -> bool:
+    """Whether a camera is a film in a file: of a number, a URL or a device in /dev it is not."""
+    return isinstance(device, str | os.PathLike) and Path(device).is_file()
+
+
+def film_size(path: str | os.PathLike[str]) -> tuple[int, int]:
+    """Size (width, height) of a film's first picture. Raises ValueError where it has none."""
+    film = open_film(path)
+    read, picture = film.read()
+    film.release()
+    if not read or picture is None:
+        raise ValueError(f"the video {path} holds no picture")
+    return picture.shape[1], picture.shape[0]
+
+
+def is_film_name(path: str | os.PathLike[str]) -> bool:
+    """Whether a file's name ends as films' names do."""
+    return Path(path).suffix.lower() in _FILMS
+
+
+def hdr_curve(path: str | os.PathLike[str]) -> str | None:
+    """ "HLG" or "PQ" of an .mp4 or .mov file that says that its codes follow such a curve (ISO/IEC 14496-12, colr)."""
+    with open(path, "rb") as file:
+        described = _film_description(file)
+    at = described.find(b"colrnclx")
+    return None if at < 0 else _HDR.get(int.from_bytes(described[at + 10 : at + 12], "big"))
+
+
+def _film_description(file: BinaryIO) -> bytes:
+    """The "moov" box of such a file, which may follow all of its pictures; nothing of other files."""
+    end = os.fstat(file.fileno()).st_size
+    while len(head := file.read(16)) >= 8:
+        size, kind, extended = int.from_bytes(head[:4], "big"), head[4:8], head[8:]
+        begin = file.tell() - len(head)
+        size = int.from_bytes(extended, "big") if size == 1 else size
+        if kind == b"moov":
+            file.seek(begin)
+            return file.read(min(size or _MOST_DESCRIBED, _MOST_DESCRIBED))
+        if size < 8 or begin + size > end:  # the last one, or none of such a file
+            break
+        file.seek(begin + size)
+    return b""
 
 
 class FilmTimes:

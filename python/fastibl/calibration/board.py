@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera
+from .bundle import FLATTEN, most_bend, smooth_bend
 from .corners import Seen, find_corners, size_of, what_is_seen
-from .print_shape import FLATTEN, most_bend, smooth_bend
 
 _LEAST_PICTURES = 5
 _MOST_SCALE = 1.1  # of a printed board against what it was said to be; "fit to page" is 3 to 6 % off

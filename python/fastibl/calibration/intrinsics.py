@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera, Pose, Response
 from ..expected import expect
+from .bundle import adjust, neighbours
 from .corners import Seen, find_corners, size_of, what_is_seen
-from .print_shape import FLATTEN, print_shape
 
 _LEAST_TAGS = 3  # in a picture that counts
 _LEAST_PICTURES = 5
@@ -22,6 +22,8 @@ _LEAST_CELLS = 0.5  # share of them with corners
 _MOST_DEVIATION = 0.01  # of the focal lengths
 _MOST_RESIDUAL = 2.0  # pixels
 _WORTH = 0.98  # of the residual that three terms more must leave to be told apart from none
+_TILT = "tilt the board by 30 to 45 degrees to the camera, in different directions"
+_HOLD = "the camera moved while its rows were taken: hold it still, or calibrate by a film"
 _LEAST_TILT = 25  # degrees between the boards of two pictures
 _NO_FISHEYE = "no fisheye lens fits these pictures: is it one, and do they show the board at all tilts, near and far?"
 _OUTLIER = 6  # times the median residual of pictures: shaken or bent
@@ -35,7 +37,10 @@ class CameraCalibration:
     errors are independent; infinite for k4, k5 and k6, which are then 0, where the pictures do not tell them. residual:
     RMS of corners, pixels. pictures: indices of those used. poses: camera_from_marker of each. bend: metres by which
     the print's corners lie above each other, by a fit in which it is free to bend; stretch: of its height against its
-    width (1.002: 0.2 % too high). Where pictures tell these from a flat print, all the rest is of that fit.
+    width (1.002: 0.2 % too high). moved: pixels by which corners move from the first row of a picture to its last, as a
+    rolling shutter takes them, the median of the pictures; 0 where none is to be seen. readout: seconds in which it
+    takes them, and the standard deviation of that, where times tell it; camera has it, too. Where pictures tell these
+    from a flat print and from a camera at rest, all the rest is of that fit, and poses are those of the middle row.
     """
 
     camera: Camera
@@ -45,13 +50,20 @@ class CameraCalibration:
     poses: tuple[Pose, ...]
     bend: float = 0.0
     stretch: float = 1.0
+    moved: float = 0.0
+    readout: tuple[float, float] | None = None
 
     def __str__(self) -> str:
         c, d = self.camera, self.deviations
         lines = [f"{n} {getattr(c, n):9.3f} +- {d[n]:.3f} px" for n in ("fx", "fy", "cx", "cy")]
         lines += [f"{n} {v:9.5f} +- {d[n]:.5f}" for n, v in zip(list(d)[4:], c.distortion, strict=True)]
         lines.append(f"residual {self.residual:.3f} px of {len(self.pictures)} pictures")
-        return "\n".join([*lines, f"print flat within {1000 * self.bend:.2f} mm, stretch {self.stretch:.5f}"])
+        lines.append(f"print flat within {1000 * self.bend:.2f} mm, stretch {self.stretch:.5f}")
+        if self.moved:
+            lines.append(f"corners moved by {self.moved:.1f} px while the rows were taken, which the lens allows for")
+        if self.readout:
+            lines.append("rows taken in {:.2f} +- {:.2f} ms".format(*(1000 * t for t in self.readout)))
+        return "\n".join(lines)
 
 
 def calibrate_camera(
@@ -61,18 +73,26 @@ def calibrate_camera(
     model: str = "perspective",
     terms: int = 5,
     response: Response | None = None,
+    times: Sequence[float] | None = None,
 ) -> CameraCalibration:
     """Focal lengths, principal point and distortion from pictures of a flat board (Zhang 2000, by OpenCV).
 
     pictures: (h, w, 3) uint8 or uint16 RGB, of one size: of the board at different places and tilts. model:
     "perspective", with terms = 4 (k1 k2 p1 p2), 5 (and k3) or 8 coefficients; or "fisheye", always with four. response:
-    of the camera, for corners in linear light; sRGB by default. Raises ValueError where pictures show too little of the
-    board or of the lens, or do not tell the focal length within 1 %. Warns of a print that is bent or stretched, and
-    states deviations that are as much wider.
+    of the camera, for corners in linear light; sRGB by default. times: seconds of pictures that are of a film, at
+    least three in a row of each place: those tell how the camera moved while a rolling shutter took its rows. Raises
+    ValueError where pictures show too little of the board or of the lens, or do not tell the focal length within 1 %.
+    Warns of a print that is bent or stretched, and states deviations that are as much wider. Where a rolling shutter
+    moved, its motion is fitted with the lens: by times, or else as one of each picture, which leaves the lens less sure
+    by far.
     """
     if model not in ("perspective", "fisheye") or terms not in (4, 5, 8):
         raise ValueError(f"expected a perspective model of 4, 5 or 8 terms or a fisheye, got {model} of {terms}")
     expect(board, Board, "board")
+    if times is not None:
+        times = [float(t) for t in times]
+        if len(times) != len(pictures) or not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
+            raise ValueError(f"times must be one of each picture, increasing, got {len(times)} of {len(pictures)}")
     width, height = size_of(pictures)
     guess = Camera(width, height, 0.9 * width, 0.9 * width, width / 2, height / 2, response=response)
     solve = _solve_fisheye if model == "fisheye" else _solve
@@ -88,40 +108,54 @@ def calibrate_camera(
         _check_views([seen[k] for k in used], (width, height))
         found = solve([seen[k] for k in used], used, (width, height), terms, response)
         lens = found.camera
-    if not found.residual <= _MOST_RESIDUAL:
-        raise ValueError(
-            f"corners are {found.residual:.1f} px off a {model} lens, expected at most {_MOST_RESIDUAL}: is the board "
-            "flat and the right one, are pictures sharp?"
-        )
-    _check_tilts(found)
-    return _with_print(found, [seen[k] for k in found.pictures], board)
+    _check_tilts(found.poses)
+    found, fault = _adjusted(found, seen, board, times)
+    _check_fit(found, fault or (_HOLD if found.moved else _TILT))
+    if fault:
+        warnings.warn(f"{fault} (the lens allows for it as far as the pictures tell)", stacklevel=2)
+    return found
 
 
-def _with_print(found: CameraCalibration, seen: Sequence[Seen], board: Board) -> CameraCalibration:
-    """With the lens that goes with the print's shape, where pictures tell it from a flat one as it was said to be."""
+def _adjusted(
+    found: CameraCalibration, seen: Sequence[Seen], board: Board, times: Sequence[float] | None
+) -> tuple[CameraCalibration, str | None]:
+    """With the lens that goes with the print's shape and with the rows' motion, where pictures tell them from a flat
+    print as it was said to be and from a camera at rest; and what to do about the print. seen, times: of all pictures.
+    """
+    if times is not None:
+        told = [k for k, three in enumerate(neighbours([times[k] for k in found.pictures])) if three]
+        if len(told) < _LEAST_PICTURES:
+            times = None
+        else:
+            used = tuple(found.pictures[k] for k in told)
+            found = replace(found, pictures=used, poses=tuple(found.poses[k] for k in told))
+            times = [times[k] for k in used]
+    seen = [seen[k] for k in found.pictures]
     names = [name for name, deviation in found.deviations.items() if np.isfinite(deviation)]
-    shape = print_shape(seen, found.poses, found.camera, board, len(names))
-    found = replace(found, bend=shape.bend, stretch=shape.stretch)
-    if not shape.told:
-        return found
-    K = np.array([[shape.lens[0], 0, shape.lens[2]], [0, shape.lens[1], shape.lens[3]], [0, 0, 1]])
-    old = found.camera
+    known = (seen, found.poses, found.camera, board, len(names))
+    still, moving = adjust(*known), adjust(*known, moves=True, times=times)
+    moves = moving.tells_motion(still)
+    if not moves:
+        _check_fit(found, _TILT)  # nothing explains it
+    best = moving if moves else still
+    found = replace(found, bend=best.bend, stretch=best.stretch, moved=best.moved)
+    fault = best.fault(board)
+    if moves and not best.bent:
+        best = adjust(*known, bends=False, moves=True, times=times)
+    elif not best.bent:
+        return found, None
+    lens, old = best.lens, found.camera
     camera = Camera.from_opencv(
-        K,
-        shape.lens[4 : 4 + len(old.distortion)].tolist(),
+        np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]]),
+        lens[4 : 4 + len(old.distortion)].tolist(),
         (old.width, old.height),
         response=old.response,
         model=old.model,
+        readout=max(0.0, best.readout[0]) if best.readout else 0.0,
     )
-    deviations = found.deviations | dict(zip(names, shape.deviations.tolist(), strict=True))
-    fault = shape.fault(board)
-    for name in ("fx", "fy"):
-        deviation = deviations[name] / getattr(camera, name)
-        if not deviation <= _MOST_DEVIATION:
-            raise ValueError(f"the pictures tell {name} only within {deviation:.1%}: {fault or FLATTEN}")
-    if fault:
-        warnings.warn(f"{fault} (the lens allows for it as far as the pictures tell)", stacklevel=3)
-    return replace(found, camera=camera, deviations=deviations, residual=shape.residual, poses=shape.poses)
+    deviations = found.deviations | dict(zip(names, best.deviations.tolist(), strict=True))
+    found = replace(found, camera=camera, deviations=deviations, residual=best.residual, poses=best.poses)
+    return replace(found, readout=best.readout), fault
 
 
 def _check_views(seen: Sequence[Seen], size: tuple[int, int]) -> None:
@@ -137,15 +171,22 @@ def _check_views(seen: Sequence[Seen], size: tuple[int, int]) -> None:
         )
 
 
-def _check_tilts(found: CameraCalibration) -> None:
-    advice = "tilt the board by 30 to 45 degrees to the camera, in different directions"
+def _check_tilts(poses: Sequence[Pose]) -> None:
     # Of boards that all face the camera, a wrong focal length agrees with a wrong distance.
-    normals = np.array([pose.rotation[:, 2] for pose in found.poses])
+    normals = np.array([pose.rotation[:, 2] for pose in poses])
     widest = float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
     if widest < _LEAST_TILT:
-        raise ValueError(f"the board was turned by {widest:.0f} degrees only, expected {_LEAST_TILT}: {advice}")
-    for name, value in (("fx", found.camera.fx), ("fy", found.camera.fy)):
-        deviation = found.deviations[name] / value
+        raise ValueError(f"the board was turned by {widest:.0f} degrees only, expected {_LEAST_TILT}: {_TILT}")
+
+
+def _check_fit(found: CameraCalibration, advice: str) -> None:
+    if not found.residual <= _MOST_RESIDUAL:
+        raise ValueError(
+            f"corners are {found.residual:.1f} px off a {found.camera.model} lens, expected at most {_MOST_RESIDUAL}: "
+            "is the board flat and the right one, are pictures sharp?"
+        )
+    for name in ("fx", "fy"):
+        deviation = found.deviations[name] / getattr(found.camera, name)
         if not deviation <= _MOST_DEVIATION:
             raise ValueError(f"the pictures tell {name} only within {deviation:.1%}: {advice}")
 

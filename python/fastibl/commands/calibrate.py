@@ -31,7 +31,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "camera",
         run_camera,
         "focal lengths, centre and distortion, from pictures of the board",
-        "fastibl calibrate camera shots/*.png --rig rig.yaml",
+        "fastibl calibrate camera shots/*.png --rig rig.yaml\n  fastibl calibrate camera film.mp4",
     )
     _pictures(camera)
     camera.add_argument(
@@ -114,11 +114,11 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _pictures(to: argparse.ArgumentParser) -> None:
-    to.add_argument("pictures", type=Path, nargs="+", help="picture files, or one recording's folder")
+    to.add_argument("pictures", type=Path, nargs="+", help="picture files, or one film or recording's folder")
     to.add_argument("--camera", choices=("back", "front"), default="back", help="which one (default: %(default)s)")
     to.add_argument("--rig", type=Path, default=Path("rig.yaml"), help="to read and to write (default: %(default)s)")
     to.add_argument(
-        "--most", type=int, default=60, help="pictures of a recording, evenly chosen (default: %(default)s)"
+        "--most", type=int, default=60, help="pictures of a film or recording, evenly chosen (default: %(default)s)"
     )
 
 
@@ -127,10 +127,30 @@ def _board(to: argparse.ArgumentParser) -> None:
 
 
 def _read_pictures(arguments: argparse.Namespace, any_depth: bool = True) -> list[NDArray[Any]]:
+    return _read_shots(arguments, any_depth)[0]
+
+
+def _read_shots(
+    arguments: argparse.Namespace, any_depth: bool = True, in_a_row: int = 1
+) -> tuple[list[NDArray[Any]], list[float] | None]:
+    """Pictures, and their times where they are of a recording or a film, of which so many in a row are taken."""
+    from ..camera_files import HDR_ADVICE, hdr_curve, is_film_name
+
     paths: list[Path] = arguments.pictures
-    if len(paths) == 1 and paths[0].is_dir():
-        return list(_of_recording(paths[0], arguments.camera, arguments.most))
-    return [_read_picture(path, any_depth) for path in paths]
+    if arguments.most < 1:
+        raise ValueError(f"--most must be at least 1, got {arguments.most}")
+    films = [path for path in paths if is_film_name(path)]
+    if len(paths) > 1 and films:
+        raise ValueError(f"{films[0]} is a film: expected pictures, or one film or recording alone")
+    if films:
+        if curve := hdr_curve(films[0]):
+            raise ValueError(f"{films[0]} is HDR ({curve}): {HDR_ADVICE}")
+        shots = list(_of_film(films[0], arguments.most, in_a_row))
+    elif len(paths) == 1 and paths[0].is_dir():
+        shots = list(_of_recording(paths[0], arguments.camera, arguments.most, in_a_row))
+    else:
+        return [_read_picture(path, any_depth) for path in paths], None
+    return [picture for _, picture in shots], [time for time, _ in shots]
 
 
 def _read_picture(path: Path, any_depth: bool = True) -> NDArray[Any]:
@@ -143,17 +163,49 @@ def _read_picture(path: Path, any_depth: bool = True) -> NDArray[Any]:
     return picture
 
 
-def _of_recording(path: Path, camera: str, most: int) -> Iterator[NDArray[Any]]:
+def _chosen(count: int, most: int, in_a_row: int) -> list[int]:
+    """At most so many of `count`, evenly in groups of so many in a row."""
     import numpy as np
 
+    if count <= most:
+        return list(range(count))
+    in_a_row = min(in_a_row, most)
+    firsts = np.linspace(0, count - in_a_row, most // in_a_row).astype(int)
+    return sorted({int(first) + k for first in firsts for k in range(in_a_row)})
+
+
+def _of_recording(path: Path, camera: str, most: int, in_a_row: int) -> Iterator[tuple[float, NDArray[Any]]]:
     from ..recording import Recording
 
     recording = Recording.open(path)
-    if most < 1:
-        raise ValueError(f"--most must be at least 1, got {most}")
     with_picture = recording.pictured(camera)
-    for k in np.unique(np.linspace(0, len(with_picture) - 1, min(most, len(with_picture))).astype(int)):
-        yield getattr(recording[with_picture[k]], camera)
+    for k in _chosen(len(with_picture), most, in_a_row):
+        frame = recording[with_picture[k]]
+        yield frame.time, getattr(frame, camera)
+
+
+def _of_film(path: Path, most: int, in_a_row: int) -> Iterator[tuple[float, NDArray[Any]]]:
+    import numpy as np
+
+    from ..camera_files import FilmTimes, open_film
+
+    film = open_film(path)
+    count = 0
+    while film.grab():
+        count += 1
+    film.release()
+    if count == 0:
+        raise ValueError(f"the video {path} holds no picture")
+    chosen, film = set(_chosen(count, most, in_a_row)), open_film(path)
+    times = FilmTimes(film)
+    for k in range(count):
+        if not film.grab():
+            break
+        time = times.next()
+        _, picture = film.retrieve() if k in chosen else (False, None)
+        if picture is not None:
+            yield time, np.ascontiguousarray(picture[..., ::-1])
+    film.release()
 
 
 def _known_camera(arguments: argparse.Namespace) -> Camera:
@@ -192,17 +244,19 @@ def run_camera(arguments: argparse.Namespace) -> int:
     if arguments.field_of_view is not None and not arguments.fisheye:
         raise ValueError("--field-of-view goes with --fisheye")
     known = getattr(read_rig(arguments.rig), arguments.camera) if arguments.rig.is_file() else None
+    pictures, times = _read_shots(arguments, in_a_row=3)  # of which the camera's motion is known
     found = calibrate_camera(
-        _read_pictures(arguments),
+        pictures,
         board_of(arguments.board),
         model="fisheye" if arguments.fisheye else "perspective",
         terms=arguments.terms,
         response=arguments.response or (None if known is None else known.response),
+        times=times,
     )
     print(found)
     camera = found.camera
     if known is not None:  # what pictures of a board do not tell
-        camera = camera.replace(gain=known.gain, readout=known.readout, vignetting=known.vignetting)
+        camera = camera.replace(gain=known.gain, readout=camera.readout or known.readout, vignetting=known.vignetting)
         if known.model == camera.model:
             camera = camera.replace(field_of_view=known.field_of_view)
     if arguments.field_of_view is not None:

@@ -1,0 +1,286 @@
+"""Bundle adjustment of a lens and of boards' poses with what else pictures may tell: how the print departs from the
+board that it was said to be, and how the camera moved while a rolling shutter took its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._fastibl import Board, Camera, Pose
+from .corners import Seen
+
+_POWERS = tuple((i, n - i) for n in (2, 3, 4) for i in range(n + 1))  # of x and y in the height: none is a plane's
+_ROUNDS, _ROUNDS_OF_MOTION = 4, 6
+# What motion leaves is alike in all corners of a picture: errors are up to so many deviations by independent ones.
+_ALIKE = 4.0
+_GAP = 0.15  # seconds: pictures further apart tell no motion
+_SURE = 20.0  # mean square of what is found in its deviations, 1 for independent noise; flat prints give up to 5
+# Of a hand, about and along each axis while all rows are taken: radians and metres, 0.7 rad/s and 0.25 m/s for 30 ms.
+_HAND = np.repeat([0.021, 0.0075], 3)
+FLATTEN = "fix it to something flat, as glass or a board, and take the pictures again"
+_MOST = 0.001  # of the board's size: what a print may bend, or its sides differ, without a warning
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """One adjustment.
+
+    lens: as OpenCV has it, in the order of CameraCalibration.deviations, and its standard deviations; poses:
+    camera_from_marker of each picture, of its middle row; residual: RMS of corners, pixels. bend: metres between the
+    print's highest and lowest corner above the mean plane; stretch: of its height against its width (1.002: 0.2 % too
+    high); bent: whether pictures tell these from a flat print as it was said to be. moved: pixels by which corners
+    move from the first to the last row, the median of the pictures; 0 where rows were taken to be taken at once.
+    readout: seconds from the first to the last row, and its standard deviation, where times tell them.
+    squares, freedom: of the residuals, pixels squared; motions: parameters of the motion.
+    """
+
+    lens: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+    poses: tuple[Pose, ...]
+    residual: float
+    bend: float
+    stretch: float
+    bent: bool
+    moved: float
+    readout: tuple[float, float] | None
+    squares: float
+    freedom: int
+    motions: int
+
+    def tells_motion(self, still: Bundle) -> bool:
+        """Whether pictures tell their motion from none, as in `still`."""
+        if not (np.isfinite(self.lens).all() and (self.lens[:2] > 0).all()):
+            return False
+        return (still.squares - self.squares) * self.freedom > _SURE * self.squares * self.motions
+
+    def fault(self, board: Board) -> str | None:
+        """What to do about a print that is too far from flat; None for one that is not."""
+        if not self.bent:
+            return None
+        if self.bend > most_bend(board):
+            return f"the print is bent by about {1000 * self.bend:.1f} mm: {FLATTEN}"
+        if abs(self.stretch - 1) > _MOST:
+            return (
+                f"the print is about {abs(self.stretch - 1):.2%} too {'high' if self.stretch > 1 else 'wide'}: measure "
+                "it with `fastibl calibrate board`, or print it again"
+            )
+        return None
+
+
+def most_bend(board: Board) -> float:
+    """Metres that a print may bend without a warning: 0.3 mm of the default board."""
+    corners = np.concatenate([np.asarray(tag.corners) for tag in board.tags])
+    return _MOST * float(np.ptp(corners, axis=0).max())
+
+
+def smooth_bend(corners: NDArray[np.float64], heights: NDArray[np.float64]) -> float:
+    """Metres between the highest and the lowest corner above the mean plane, of a smooth surface through noisy heights.
+
+    corners: (n, 2), heights: (n,) metres.
+    """
+    at = (corners - corners.mean(axis=0)) / np.ptp(corners)
+    plane, bends = np.column_stack([at, np.ones(len(at))]), _heights(at)
+    terms = np.hstack([plane, bends])
+    smooth = terms @ np.linalg.lstsq(terms, heights, rcond=None)[0]
+    return float(np.ptp(smooth - plane @ np.linalg.lstsq(plane, smooth, rcond=None)[0]))
+
+
+@dataclass
+class _View:
+    """One picture. at: (n, 2) corners on the board, from its middle, by its half size; pixels: (n, 2) where they are
+    seen, as OpenCV counts; later: (n,) when, -0.5 to 0.5 of the rows' time. motion: (6,) turn and shift of the board in
+    that time at the middle row; more: what comes to it with the square of `later`.
+    """
+
+    at: NDArray[np.float64]
+    pixels: NDArray[np.float64]
+    later: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+    motion: NDArray[np.float64]
+    more: NDArray[np.float64]
+
+
+def neighbours(times: Sequence[float]) -> list[tuple[int, int, int] | None]:
+    """Of each picture of a film, itself in the middle or at an end of three in a row; None where there are none."""
+    close = np.diff(times) < _GAP
+    runs = [k for k in range(len(close) - 1) if close[k] and close[k + 1]]  # first of three
+    out: list[tuple[int, int, int] | None] = []
+    for k in range(len(times)):
+        first = next((f for f in (k - 1, k, k - 2) if f in runs), None)
+        out.append(None if first is None else (first, first + 1, first + 2))
+    return out
+
+
+def adjust(
+    seen: Sequence[Seen],
+    poses: Sequence[Pose],
+    camera: Camera,
+    board: Board,
+    count: int,
+    *,
+    bends: bool = True,
+    moves: bool = False,
+    times: Sequence[float] | None = None,
+) -> Bundle:
+    """Fits lens and poses by Gauss and Newton from a fit of a flat print and of cameras at rest.
+
+    poses: camera_from_marker of each of `seen`. count: of the lens's parameters that were fitted. bends: whether the
+    print may be bent and stretched; moves: whether each picture's rows may be taken one after the other. times: seconds
+    of the pictures of a film, each of which has neighbours(): poses tell the motion then, and what is fitted is the
+    time from the first to the last row; else each picture has a motion of its own, as of a hand.
+    """
+    corners = np.concatenate([np.asarray(tag.corners) for tag in board.tags])
+    middle, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max()) / 2
+    lens = np.array([camera.fx, camera.fy, *_opencv_centre(camera), *camera.distortion], np.float64)
+    lens = np.concatenate([lens, np.zeros(max(0, count - len(lens)))])
+    shape = np.zeros(len(_POWERS) + 2)
+    views = [
+        _View(
+            (s.on_board.reshape(-1, 2) - middle) / size,
+            s.opencv_pixels().astype(np.float64),
+            s.pixels.reshape(-1, 2)[:, 1] / camera.height - 0.5,
+            np.array(p.rotation),
+            np.array(p.translation),
+            np.zeros(6),
+            np.zeros(6),
+        )
+        for s, p in zip(seen, poses, strict=True)
+    ]
+    columns = np.arange(count + (len(shape) if bends else 0))
+    free = moves and times is None
+    readout = 0.0  # seconds
+    values = sum(v.pixels.size for v in views)
+    freedom = max(1, values - len(columns) - 6 * len(views))
+    noise = 0.0  # pixels
+    for round_ in range(_ROUNDS_OF_MOTION if moves else _ROUNDS):
+        rates = _rates(views, times) if moves and times is not None else None
+        normal, gradient, squares, blocks = 0.0, 0.0, 0.0, []
+        for k, view in enumerate(views):
+            shared, own, residual = _derivatives(view, size, middle, lens, shape, camera.model, count)
+            shared, by_rows = shared[:, columns], np.repeat(view.later, 2)[:, None] * own
+            if rates is not None:
+                shared = np.column_stack([shared, by_rows @ rates[k][0]])
+            if free and round_ > 0:  # then noise is known
+                known = np.diag(noise / _HAND)
+                own = np.block([[own, by_rows], [np.zeros((6, 6)), known]])
+                shared = np.vstack([shared, np.zeros((6, shared.shape[1]))])
+                residual = np.concatenate([residual, -known @ view.motion])
+            solve = np.linalg.pinv(own)
+            within, rest = shared - own @ (solve @ shared), residual - own @ (solve @ residual)
+            normal, gradient = normal + within.T @ within, gradient + within.T @ residual
+            squares += float(rest @ rest)
+            blocks.append((solve, shared, residual))
+        step = np.linalg.lstsq(normal, gradient, rcond=None)[0]
+        squares -= float(step @ gradient)
+        lens[:count] += step[:count]
+        if bends:
+            shape += step[count : len(columns)]
+        for view, (solve, shared, residual) in zip(views, blocks, strict=True):
+            _move(view, solve @ (residual - shared @ step))
+        if rates is not None:
+            readout += float(step[-1])
+            for view, rate in zip(views, rates, strict=True):
+                view.motion, view.more = readout * rate[0], readout**2 * rate[1]
+        noise = np.sqrt(max(squares, 0.0) / freedom)
+    covariance = np.linalg.pinv(normal) * squares / freedom
+    heights, sides = slice(count, len(columns) - 2), slice(len(columns) - 2, len(columns))
+    flows = [_flow(v, size, middle, lens, shape, camera.model, count) for v in views] if moves else [0.0]
+    return Bundle(
+        lens,
+        (_ALIKE if moves else 1) * np.sqrt(np.maximum(np.diag(covariance)[:count], 0)),
+        tuple(Pose(np.vstack([np.column_stack([v.rotation, v.translation]), [0, 0, 0, 1]])) for v in views),
+        float(np.sqrt(2 * squares / values)),
+        smooth_bend(corners, _heights((corners - middle) / size) @ shape[:-2]),
+        1 + float(shape[-2]),
+        bends
+        and bool(
+            _ratio(shape[:-2], covariance[heights, heights]) > _SURE
+            or _ratio(shape[-2:], covariance[sides, sides]) > _SURE
+        ),
+        float(np.median(flows)),
+        (readout, float(_ALIKE * np.sqrt(covariance[-1, -1]))) if moves and times is not None else None,
+        squares,
+        freedom,
+        6 * len(views) if free else 1,
+    )
+
+
+def _rates(views: Sequence[_View], times: Sequence[float]) -> list[NDArray]:
+    """Turns and shifts a second, (6,), of each picture: of the parabola through three neighbours' poses."""
+    import cv2
+
+    rates = []
+    for k, three in enumerate(neighbours(times)):
+        if three is None:
+            raise ValueError(f"picture {k} at {times[k]:g} s has no two others beside it")
+        steps = []
+        for j in three:
+            turn = views[j].rotation @ views[k].rotation.T
+            shift = views[j].translation - turn @ views[k].translation
+            steps.append(np.concatenate([np.ravel(cv2.Rodrigues(turn)[0]), shift]))
+        since = np.array([times[j] - times[k] for j in three])
+        rates.append(np.polynomial.polynomial.polyfit(since, np.array(steps), 2)[1:])
+    return rates
+
+
+def _ratio(values: NDArray, covariance: NDArray) -> float:
+    """Mean square of values in their deviations: 1 where they are noise."""
+    return float(values @ np.linalg.pinv(covariance) @ values) / len(values)
+
+
+def _opencv_centre(camera: Camera) -> tuple[float, float]:
+    matrix = camera.opencv_matrix
+    return float(matrix[0, 2]), float(matrix[1, 2])
+
+
+def _heights(at: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([at[:, 0] ** i * at[:, 1] ** j for i, j in _POWERS], axis=1)
+
+
+def _move(view: _View, step: NDArray) -> None:
+    """step: turn and shift in the camera frame; and, of rows, by how much more they turn and shift."""
+    turn = Pose.from_rotation_vector(step[:3], step[3:6])
+    view.rotation, view.translation = turn.rotation @ view.rotation, turn.rotation @ view.translation + step[3:6]
+    if len(step) > 6:
+        view.motion = view.motion + step[6:]
+
+
+def _flow(view: _View, *fit) -> float:
+    """Pixels by which its corners move from the first to the last row."""
+    _, by_pose, _ = _derivatives(view, *fit)
+    return float(np.sqrt(2 * np.mean((by_pose @ view.motion) ** 2)))
+
+
+def _derivatives(
+    view: _View, size: float, middle: NDArray, lens: NDArray, shape: NDArray, model: str, count: int
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Of one picture's corners by lens and shape, and by its pose; and what they are off."""
+    import cv2
+
+    heights, (x, y) = _heights(view.at), view.at.T
+    stretch, shear = shape[-2:]
+    moved = np.stack([x * (1 - stretch / 2) + shear * y, y * (1 + stretch / 2), heights @ shape[:-2] / size], axis=1)
+    board = size * moved + [*middle, 0]
+    points = board @ view.rotation.T + view.translation
+    if view.motion.any():
+        moved = view.later[:, None] * view.motion + view.later[:, None] ** 2 * view.more
+        turn, shift = moved[:, :3], moved[:, 3:]
+        points = points + np.cross(turn, points + np.cross(turn, points) / 2) + shift  # to second order: 1e-3 px
+    matrix, still = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]]), np.zeros(3)
+    if model == "fisheye":
+        found, j = cv2.fisheye.projectPoints(points[None], still, still, matrix, lens[4:8])
+        by_lens, by_pose = j[:, :8], j[:, 8:14]
+    else:
+        found, j = cv2.projectPoints(points, still, still, matrix, lens[4:])
+        by_lens, by_pose = j[:, 6 : 6 + count], j[:, :6]
+    by_point = by_pose[:, 3:].reshape(-1, 2, 3) @ view.rotation
+    zero = np.zeros_like(x)
+    by_shape = [by_point[..., 2] * h[:, None] for h in heights.T]
+    for dx, dy in ((-x / 2, y / 2), (y, zero)):
+        by_shape.append(size * (by_point[..., 0] * dx[:, None] + by_point[..., 1] * dy[:, None]))
+    shared = np.hstack([by_lens[:, :count], np.stack([b.reshape(-1) for b in by_shape], axis=1)])
+    return shared, by_pose, (view.pixels - found.reshape(-1, 2)).reshape(-1)
