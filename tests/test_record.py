@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ import fastibl
 from fastibl import Frame, Recording, recorder
 from fastibl.__main__ import main
 from fastibl.recorder import Recorder
-from fastibl.recording import RecordingWarning, RecordingWriter
+from fastibl.recording import RecordingWarning, RecordingWriter, write_rig
 from fastibl.sources import CameraSource
 
 CAMERA = fastibl.Camera(64, 48, 50, 50, 32, 24)
@@ -106,15 +107,53 @@ def film(path, pictures=3000):
     return str(path)
 
 
+def test_a_film_is_recorded_whole(tmp_path, capsys, monkeypatch):
+    """It played as a camera does: 37 of 90 pictures of 1920 x 1080 were lost, and times moved."""
+    monkeypatch.setitem(Recorder.__init__.__kwdefaults__, "buffer", 3 * 64 * 48 * 3)  # reads faster than it writes
+    out, video = tmp_path / "out", film(tmp_path / "camera.avi", 100)
+    assert main(["record", str(out), "--back", video]) == 0
+    assert "all 100 frames" in capsys.readouterr().out
+    recording = Recording.open(out)
+    frames = list(recording)
+    assert [int(f.back[0, 0, 0]) for f in frames] == pytest.approx(range(100), abs=2)
+    np.testing.assert_allclose([f.time for f in frames], np.arange(100) / 30, atol=1e-3)
+    assert recording.board is not None and recording.rig.back.width == 64 and frames[0].back_exposure is None
+
+    assert main(["record", str(out), "--back", video, "--front", video, "--seconds", "0.5"]) == 0
+    both = list(Recording.open(out))
+    assert len(both) == 16 and all(f.front is not None for f in both)
+    assert main(["record", str(out), "--front", video, "--seconds", "0.2"]) == 0
+    assert all(f.back is None and f.front is not None for f in Recording.open(out))
+
+
+def test_what_a_film_cannot_do_is_said(tmp_path, capsys):
+    out, video = tmp_path / "out", film(tmp_path / "camera.avi", 3)
+    broken, rig = tmp_path / "broken.avi", tmp_path / "rig.yaml"
+    broken.write_bytes(Path(video).read_bytes()[:2000])
+    write_rig(rig, fastibl.Rig(fastibl.Camera(80, 60, 50, 50, 40, 30)))
+    for options, told in (
+        (["--back", video, "--bracket"], "--bracket is of cameras"),
+        (["--back", video, "--size", "80x60"], "--size is of cameras"),
+        (["--back", str(broken)], "holds no picture"),
+        (["--back", video, "--rig", str(rig)], "64"),
+    ):
+        assert main(["record", str(out), *options]) == 2
+        error = capsys.readouterr().err
+        print(error.splitlines()[-1])
+        assert told in error and "Traceback" not in error
+
+
 def test_the_command(tmp_path, capsys):
-    out, video = tmp_path / "out", film(tmp_path / "camera.avi")
-    assert main(["record", str(out), "--back", video, "--size", "64x48", "--seconds", "0.3"]) == 0
+    """A film beside a camera that is not there plays as a camera does."""
+    out, video, none = tmp_path / "out", film(tmp_path / "camera.avi"), str(tmp_path / "none")
+    live = ["record", str(out), "--back", video, "--front", none, "--size", "64x48"]
+    assert main([*live, "--seconds", "0.3"]) == 0
     assert "frames" in capsys.readouterr().out
     recording = Recording.open(out)
     assert len(recording) >= 3 and recording.board is not None and recording.rig.back.width == 64
     times = [f.time for f in recording]
     assert times == sorted(times)
-    assert main(["record", str(out), "--back", str(tmp_path / "none"), "--patience", "0.2"]) == 2
+    assert main(["record", str(out), "--back", none, "--patience", "0.2"]) == 2
     assert "no camera gave a picture" in capsys.readouterr().err
     assert [f.time for f in Recording.open(out)] == times, "what was there is gone, and nothing came"
     (tmp_path / "other").mkdir()
@@ -123,10 +162,9 @@ def test_the_command(tmp_path, capsys):
     assert "thesis.txt" in capsys.readouterr().err
 
 
-def test_a_video_file_plays_once_at_its_own_speed(tmp_path, capsys):
-    out, video = tmp_path / "out", film(tmp_path / "camera.avi", 20)
-    assert main(["record", str(out), "--back", video, "--size", "64x48"]) == 0, "it has an end without --seconds"
-    times = np.array([f.time for f in Recording.open(out)])
+def test_a_video_file_plays_once_at_its_own_speed(tmp_path):
+    with CameraSource(RIG, film(tmp_path / "camera.avi", 20)) as source:
+        times = np.array([f.time for f in source])
     print(f"{len(times)} frames of 20, {np.median(np.diff(times)):.4f} s apart")
     assert 3 <= len(times) <= 20
     assert times[-1] - times[0] >= 0.6, "20 pictures at 30 a second"
@@ -142,6 +180,7 @@ def test_a_video_file_is_played_again(tmp_path):
 def test_a_killed_program_leaves_a_recording(tmp_path):
     out, video = tmp_path / "out", film(tmp_path / "camera.avi")
     command = [sys.executable, "-m", "fastibl", "record", str(out), "--back", video, "--size", "64x48"]
+    command += ["--front", str(tmp_path / "none")]  # films alone are copied
     path = os.pathsep.join([os.path.dirname(os.path.dirname(fastibl.__file__)), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, stderr=subprocess.DEVNULL)
     try:

@@ -2,6 +2,7 @@
 
 import threading
 import time
+import warnings
 from fractions import Fraction
 
 import cv2
@@ -11,7 +12,7 @@ from board_pictures import held
 
 import fastibl
 from fastibl import sources
-from fastibl.camera_files import FilmTimes
+from fastibl.camera_files import FilmTimes, hdr_curve
 from fastibl.exposure import Bracket
 from fastibl.live_camera import LiveCamera
 
@@ -250,6 +251,37 @@ def write_video(path, count, first=0, size=(64, 48)):
         writer.write(picture)
     writer.release()
     return path
+
+
+def hdr_video(path, transfer):
+    """A film whose description says another curve."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 20, (64, 48))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no mp4v")
+    for k in range(3):
+        writer.write(np.full((48, 64, 3), 80 * k, np.uint8))
+    writer.release()
+    data, colour = path.read_bytes(), b"colrnclx" + bytes([0, 9, 0, transfer, 0, 9, 0])
+    added = (len(colour) + 12).to_bytes(4, "big") + b"free" + (len(colour) + 4).to_bytes(4, "big") + colour
+    at = data.rindex(b"moov") - 4  # pictures come before it
+    size = int.from_bytes(data[at : at + 4], "big")
+    assert at + size == len(data)
+    path.write_bytes(data[:at] + (size + len(added)).to_bytes(4, "big") + data[at + 4 :] + added)
+    return path
+
+
+def test_a_film_of_a_wide_range_is_told(tmp_path):
+    """HLG of a telephone: OpenCV gives 8 bits, and 255 from 0.27 of the light of the brightest on."""
+    for transfer, curve in ((18, "HLG"), (16, "PQ"), (1, None)):
+        film = hdr_video(tmp_path / f"{transfer}.mp4", transfer)
+        assert hdr_curve(film) == curve
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            assert len(list(sources.VideoSource(RIG, film))) == 3
+        assert [curve in str(w.message) for w in told] == ([True] if curve else [])
+    for data in (b"", b"moov", bytes(64), b"\0\0\0\1free" + b"\xff" * 40, b"\0\0\0\0moov", b"RIFF" + bytes(100)):
+        (tmp_path / "other").write_bytes(data)
+        assert hdr_curve(tmp_path / "other") is None
 
 
 def test_videos(tmp_path):

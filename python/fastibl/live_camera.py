@@ -8,13 +8,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera_files import FilmTimes, open_film
+from .camera_files import FilmTimes, is_film, open_film
 
 SECONDS_AT_ONE = 0.01  # exposure time of a live camera whose exposure is called 1
 _SETTLING = 15  # pictures in which a camera's own automatic finds its exposure, before it is held
@@ -104,11 +103,7 @@ def open_camera(device: int | str) -> Any:
     if isinstance(device, str) and "://" in device:
         limit = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _NETWORK, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _NETWORK]
         return cv2.VideoCapture(device, cv2.CAP_FFMPEG, limit)
-    return open_film(str(device)) if _is_file(device) else cv2.VideoCapture(device)
-
-
-def _is_file(device: int | str) -> bool:
-    return isinstance(device, str) and Path(device).is_file()  # a device is none
+    return open_film(str(device)) if is_film(device) else cv2.VideoCapture(device)
 
 
 class LiveCamera:
@@ -138,7 +133,7 @@ class LiveCamera:
         self._size, self._open, self._retry, self._clock, self._log = size, open_capture, retry, clock, log
         self._changed = news or threading.Condition()
         self._stop = threading.Event()
-        self._file = _is_file(device)
+        self._file = is_film(device)
         self._ended = False
         self._shot: Shot | None = None
         self._number = 0

@@ -49,20 +49,27 @@ class Recorder:
         self._thread = threading.Thread(target=self._run, name="fastibl recorder", daemon=True)
         self._thread.start()
 
-    def add(self, frame: Frame) -> bool:
-        """Takes a frame to be written; False where it was dropped. Raises what ended the recording, if anything did."""
+    def add(self, frame: Frame, wait: bool = False) -> bool:
+        """Takes a frame to be written; False where it was dropped. wait: for room, of a source that can wait. Raises
+        what ended the recording, if anything did.
+        """
         size = _bytes(frame)
         with self._changed:
+            if wait:
+                self._changed.wait_for(lambda: self.error is not None or self._has_room(size))
             if self.error is not None:
                 self._told = True
                 raise self.error
-            if self._queue and self._waiting + size > self._buffer:
+            if not self._has_room(size):
                 self.dropped += 1
                 return False
             self._queue.append(frame)
             self._waiting += size
             self._changed.notify_all()
         return True
+
+    def _has_room(self, size: int) -> bool:
+        return not self._queue or self._waiting + size <= self._buffer
 
     def close(self) -> None:
         """Writes what waits. Raises what ended the recording if add() did not; what waited then counts as dropped."""
@@ -110,6 +117,7 @@ class Recorder:
                 with self._changed:
                     self._queue.popleft()
                     self._waiting -= _bytes(frame)
+                    self._changed.notify_all()
                 self.written += 1
                 if time.monotonic() - synced > _SYNC:
                     synced = time.monotonic()
@@ -121,6 +129,7 @@ class Recorder:
                 self.dropped += len(self._queue)
                 self._queue.clear()
                 self._waiting = 0
+                self._changed.notify_all()
 
 
 def _bytes(frame: Frame) -> int:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Rig
-from .camera_files import FilmTimes, open_film, read_pixels
+from .camera_files import HDR_ADVICE, FilmTimes, hdr_curve, open_film, read_pixels
 from .live_camera import LiveCamera, Shot
 from .recording import CAMERAS, Frame, RecordingWarning
 
@@ -198,7 +198,8 @@ class VideoSource(_Closing):
     Pictures are as the sensor took them: how a file says that they are to be turned is not followed. exposures:
     (back, front), constant; None where a camera chose its own. front_after: seconds by which the front film began after
     the back film, or before it where negative; a light that is switched in both tells it. A video that ends early or
-    breaks off ends the frames of that camera, with a RecordingWarning where it gave none.
+    breaks off ends the frames of that camera, with a RecordingWarning where it gave none; and where one is HDR, whose
+    bright parts are cut.
     """
 
     def __init__(
@@ -231,6 +232,9 @@ class VideoSource(_Closing):
 
     def __iter__(self) -> Iterator[Frame]:
         videos = {name: open_film(file) for name, file in self._files.items()}
+        for file in self._files.values():
+            if curve := hdr_curve(file):
+                warnings.warn(f"the video {file} is HDR ({curve}): {HDR_ADVICE}", RecordingWarning, stacklevel=2)
         try:
             times = {name: FilmTimes(video, self._fps) for name, video in videos.items()}
             upcoming = {name: _next_picture(video, times[name], self._starts[name]) for name, video in videos.items()}

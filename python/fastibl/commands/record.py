@@ -7,10 +7,16 @@ import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..camera_files import film_size, is_film
+from ..expected import present
 from ._arguments import add_cameras, board_of, parser, picture_size
+
+if TYPE_CHECKING:
+    from .._fastibl import Rig
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -24,31 +30,66 @@ def add(commands: argparse._SubParsersAction) -> None:
     p.add_argument("out", metavar="OUT", type=Path, help="folder to write; a recording that is there is replaced")
     add_cameras(p)
     p.add_argument("--rig", type=Path, metavar="YAML", help="calibration (default: none; angles are then guessed)")
-    p.add_argument("--size", type=picture_size, default=(640, 480), metavar="WxH", help="without --rig")
+    p.add_argument("--size", type=picture_size, metavar="WxH", help="without --rig (default: 640x480)")
     p.add_argument("--bracket", action="store_true", help="the front camera takes darker pictures in turn")
 
 
 def run(arguments: argparse.Namespace) -> int:
+    from ..recording import RecordingWriter
+
+    RecordingWriter.check_path(arguments.out)
+    devices = [device for device in (arguments.back, arguments.front) if device is not None]
+    return _copy_films(arguments) if devices and all(map(is_film, devices)) else _record_cameras(arguments)
+
+
+def _rig(arguments: argparse.Namespace, back: tuple[int, int] | None, front: tuple[int, int] | None) -> Rig:
+    """The rig of --rig, or one that is guessed for pictures of these sizes."""
+    from ..guessed_rig import DEGREES, guessed_rig
+    from ..recording import read_rig
+
+    if arguments.rig is not None:
+        return read_rig(arguments.rig)
+    print(
+        f"no --rig: the recording says cameras of {DEGREES:g} degrees; calibrate before light is measured",
+        file=sys.stderr,
+    )
+    # Of a front camera alone, the back one is only said.
+    return guessed_rig(present(back or front), front)
+
+
+def _copy_films(arguments: argparse.Namespace) -> int:
+    """Every picture of films that were taken before, at the times that they say."""
+    from tqdm import tqdm
+
+    from ..recorder import Recorder
+    from ..sources import VideoSource
+
+    if arguments.bracket:
+        raise ValueError("--bracket is of cameras; a film's exposures are what they were")
+    if arguments.size is not None:
+        raise ValueError("--size is of cameras; a film's pictures are as large as they are")
+    back, front = (None if film is None else film_size(film) for film in (arguments.back, arguments.front))
+    rig, board = _rig(arguments, back, front), board_of(arguments.board)
+    source = VideoSource(rig, arguments.back, arguments.front, board, exposures=(None, None))
+    with Recorder(arguments.out, rig, board) as recorder, tqdm(source, desc="record", unit="frame") as bar:
+        for frame in bar:
+            if arguments.seconds is not None and frame.time > arguments.seconds:
+                break
+            recorder.add(frame, wait=True)
+    print(f"{arguments.out}: all {recorder.written} frames of the film, none told its exposure")
+    return 0
+
+
+def _record_cameras(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from ..exposure import Bracket
-    from ..guessed_rig import DEGREES, guessed_rig
     from ..recorder import Recorder
-    from ..recording import RecordingWriter, read_rig
     from ..sources import CameraSource
 
-    RecordingWriter.check_path(arguments.out)
     back = 0 if arguments.back is None and arguments.front is None else arguments.back
-    rig = (
-        guessed_rig(arguments.size, None if arguments.front is None else arguments.size)
-        if arguments.rig is None
-        else read_rig(arguments.rig)
-    )
-    if arguments.rig is None:
-        print(
-            f"no --rig: the recording says cameras of {DEGREES:g} degrees; calibrate before light is measured",
-            file=sys.stderr,
-        )
+    size = arguments.size or (640, 480)
+    rig = _rig(arguments, size, None if arguments.front is None else size)
     board = board_of(arguments.board)
     schedules = {"front": Bracket()} if arguments.bracket else None
     source = CameraSource(
