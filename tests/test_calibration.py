@@ -572,7 +572,7 @@ def test_what_is_no_picture_board_or_pose_is_named(pictures):
 
 
 def test_half_a_turn_has_a_vector():
-    from fastibl.calibration.rotations import rotation_vectors, rotations_from
+    from fastibl.rotations import rotation_vectors, rotations_from
 
     axes = np.random.default_rng(0).normal(size=(100, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)

@@ -190,15 +190,78 @@ def test_readout_and_offset_are_found(offset):
     assert timing.frames > 30 and len(timing.times) == len(timing.poses) == 40
 
 
+MOUNT = np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]])  # camera axes from those of a telephone held upright
+
+
+def gyro_log(path, offset, began=0.0):
+    """Times and rates about a telephone's axes, with a bias of a degree a second."""
+    times = np.arange(-0.3, 1.7, 0.005)
+    bodies = [path(t + 0.0) for t in times]
+    steps = [small_turn(b[:3, :3] @ a[:3, :3].T) / 0.005 for a, b in itertools.pairwise(bodies)]
+    return times[:-1] + 0.0025 + offset + began, -np.array(steps) @ MOUNT + np.radians(1.0)
+
+
 def test_a_gyroscope_tells_the_offset_too():
-    """Rates about its own axes, with a bias of a degree a second."""
-    times, poses = rotations("sideways", 0.02)
-    bodies = poses[:, :3, :3]
-    steps = [small_turn(b @ a.T) / 0.005 for a, b in zip(bodies[:-1], bodies[1:], strict=True)]
-    rates = -np.array(steps) + np.radians(1.0)
-    timing = calibrate_timing(shots("sideways", 0, 40), CAMERA, BOARD, gyro=(times[:-1] + 0.0025, rates))
+    """Rates about its own axes. Turns about one axis do not tell how it lies in the camera."""
+    timing = calibrate_timing(shots("sideways", 0, 40), CAMERA, BOARD, gyro=gyro_log(PATHS["sideways"](0), 0.02))
     print(f"\n{1e3 * timing.clock_offset:.2f} +- {1e3 * timing.clock_offset_deviation:.2f} ms")
-    assert abs(timing.clock_offset - 0.02) < 1e-3
+    assert abs(timing.clock_offset - 0.02) < 1e-3 and timing.gyroscope.clock_offset == timing.clock_offset
+    with pytest.raises(ValueError, match="about more than one axis"):
+        timing.gyroscope.attitudes([0.0])
+
+
+def about_three_axes(time):
+    """A hand that turns 40 degrees a second."""
+    turn = np.eye(4)
+    w = np.array([0.12, 0.15, 0.2]) * np.sin(np.array([5.0, 4.0, 3.0]) * time + [0.0, 1.0, 2.0])
+    turn[:3, :3] = fastibl.Pose.from_rotation_vector(w, np.zeros(3)).rotation
+    return turn @ look_at(30, 0.5, 40)
+
+
+@cache
+def turned_all_ways():
+    return list(film(BOARD, about_three_axes, ROLLING, 40, 3))
+
+
+def test_a_telephone_clock_counts_from_its_start():
+    """A log of hours after it, found by how fast both turn; and how the camera turned by it."""
+    began, shown = 81234.5678, turned_all_ways()
+    times, rates = gyro_log(about_three_axes, 0.02, began)
+    with pytest.raises(ValueError, match="cover"):
+        calibrate_timing(shown, CAMERA, BOARD, gyro=(times, rates))
+    found = calibrate_timing(shown, CAMERA, BOARD, gyro=(times, rates), longest_offset=None)
+    attitudes = found.gyroscope.attitudes([now for now, _ in shown])
+    rest = [a.T @ about_three_axes(now)[:3, :3] for a, (now, _) in zip(attitudes, shown, strict=True)]
+    off = [np.degrees(np.linalg.norm(small_turn(r @ rest[0].T))) for r in rest]
+    mount = np.degrees(np.linalg.norm(small_turn(found.gyroscope.camera_from_gyro @ MOUNT.T)))
+    stated = np.degrees(found.gyroscope.deviation)
+    print(f"\n{found.gyroscope}: axes {mount:.2f} degrees off, {stated:.2f} stated, attitudes up to {max(off):.3f}")
+    assert abs(found.clock_offset - began - 0.02) < 2e-3 and max(off) < 0.2 and mount < 1 and stated < 1
+    assert found.gyroscope.attitudes([-5.0, 1e9]) == [None, None]
+    other = rates[np.random.default_rng(0).permutation(len(rates))]
+    for wrong in (other, rates[:40]):
+        with pytest.raises(ValueError, match="nowhere .* does the gyroscope turn as the camera does"):
+            calibrate_timing(shown, CAMERA, BOARD, gyro=(times[: len(wrong)], wrong), longest_offset=None)
+    with pytest.raises(ValueError, match="give gyro or longest_offset"):
+        calibrate_timing(shown, CAMERA, BOARD, longest_offset=None)
+
+
+def test_the_command_writes_attitudes(tmp_path, capsys):
+    rig, log, folder = str(tmp_path / "rig.yaml"), tmp_path / "log.csv", str(tmp_path / "film")
+    write_rig(rig, fastibl.Rig(CAMERA))
+    with RecordingWriter(folder, fastibl.Rig(CAMERA), BOARD) as writer:
+        for now, back in turned_all_ways():
+            writer.add(fastibl.Frame(now, back))
+    with open(log, "w") as file:
+        file.write("timestamp,gx,gy,gz\n")
+        np.savetxt(file, np.column_stack(gyro_log(about_three_axes, 0.02, 4321.0)), delimiter=",", fmt="%.6f")
+    timing = ["calibrate", "timing", folder, "--rig", rig]
+    assert main([*timing, "--gyro", str(log), "--attitudes"]) == 0
+    assert "attitudes of 40 of 40 frames" in capsys.readouterr().out
+    frames = list(fastibl.Recording.open(folder))
+    rest = [f.attitude.T @ about_three_axes(f.time)[:3, :3] for f in frames]
+    assert max(np.linalg.norm(small_turn(r @ rest[0].T)) for r in rest) < np.radians(0.3)
+    assert main([*timing, "--attitudes"]) == 2 and "--gyro LOG" in capsys.readouterr().err
 
 
 def test_a_global_shutter_is_found_to_be_one():
@@ -422,5 +485,5 @@ def test_command(tmp_path, capsys):
     assert read_rig(rig).front.readout == 0
     bad = tmp_path / "gyro.csv"
     bad.write_text("0,1\n1,2\n")
-    assert main([*front, "--gyro", str(bad)]) == 2 and "four columns" in capsys.readouterr().err
+    assert main([*front, "--gyro", str(bad)]) == 2 and "holds 2 lines" in capsys.readouterr().err
     assert main([*front[:-2], "--against-back"]) == 2 and "--camera front" in capsys.readouterr().err

@@ -152,8 +152,8 @@ _attach()
 
 # Brought along only when asked for: they import OpenCV, or much else.
 _MODULES = (
-    "batch", "calibration", "display", "exposure", "faults", "guidance", "live", "measuring", "recorder", "recording",
-    "report", "sources", "truth", "white",
+    "batch", "calibration", "display", "exposure", "faults", "guidance", "gyroscope", "live", "measuring", "recorder",
+    "recording", "report", "sources", "truth", "white",
 )  # fmt: skip
 
 

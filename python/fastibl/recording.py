@@ -396,6 +396,28 @@ class RecordingWriter:
         self.close()
 
 
+def write_attitudes(path: str | os.PathLike[str], attitudes: Sequence[ArrayLike | None]) -> int:
+    """Puts attitudes into a recording, in the place of those that are there; gives how many there are now.
+
+    path: its folder. attitudes: Frame.attitude of each of its frames, or None. Raises ValueError for another number of
+    them or for what is no rotation, OSError where it cannot be written.
+    """
+    path = Path(path)
+    times = [time for time, _ in _read_moments(path / "frames.csv")]
+    if len(attitudes) != len(times):
+        raise ValueError(f"expected attitudes of {len(times)} frames, got {len(attitudes)}")
+    rows = [
+        (time, *_attitude_of(attitude, f"the attitude at {time} s").ravel().tolist())
+        for time, attitude in zip(times, attitudes, strict=True)
+        if attitude is not None
+    ]
+    made = path / "attitudes.csv.part"
+    with open(made, "w", newline="", encoding="utf-8") as file:
+        csv.writer(file, lineterminator="\n").writerows([_ATTITUDE_COLUMNS, *rows])
+    made.replace(path / "attitudes.csv")
+    return len(rows)
+
+
 class _StoredFrames(Sequence[Frame]):
     """Frames that are read when they are asked for."""
 

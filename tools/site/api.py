@@ -37,7 +37,7 @@ PAGES = {
     "cameras": (
         "Cameras and tracking",
         "Lenses, boards, poses.",
-        "Camera Response Rig Pose Board Tag Tracker Tracked RotationTracker Turned DetectedTag calibration",
+        "Camera Response Rig Pose Board Tag Tracker Tracked RotationTracker Turned DetectedTag calibration gyroscope",
     ),
     "capture": (
         "Capture",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .._fastibl import Pose
 from ..expected import expect
-from .rotations import rotation_vectors
+from ..rotations import rotation_vectors
 
 _LEAST_MOMENTS = 4
 _LEAST_TURN = np.radians(5)  # RMS about a second axis

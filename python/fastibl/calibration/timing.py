@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera, Pose, _row_evidence
+from ..expected import present
+from ..gyroscope import Gyroscope
+from ..rotations import rotation_vectors, rotations_from
 from ..tracking import Tracker
-from .rotations import rotation_vectors, rotations_from
 
 _FIRST_READOUT = 0.02  # seconds, to start from
 _LEAST_READOUT = 1e-3  # that a camera is tracked with
@@ -22,6 +24,9 @@ _BLOCKS = 10  # of the jackknife
 _WORST_READOUT, _WORST_OFFSET = 2e-3, 5e-3  # seconds; standard deviations beyond which nothing is told
 _ACCELERATION = (8.0, 4.0)  # radians, metres a squared second: what a hand is trusted with
 _JERK = (100.0, 50.0)  # and a cubed one
+_STEP = 0.01  # seconds
+_AROUND = 0.25  # to both sides of where a gyroscope turns as fast as the camera
+_LEAST_AGREEMENT = 0.7  # correlation of the two speeds
 _RIVAL = 1.5  # times the least mean square, within which another offset is as good
 
 
@@ -31,7 +36,8 @@ class TimingCalibration:
 
     readout: from a picture's first row to its last. clock_offset: a picture stamped `time` begins at `time` +
     clock_offset of the other clock; None where no other clock was given. frames: pictures that were used.
-    times, poses: of the tracked pictures, camera_from_marker of the first row: a clock for other cameras.
+    times, poses: of the tracked pictures, camera_from_marker of the first row: a clock for other cameras. gyroscope:
+    how the one whose rates were given is mounted, and what it says of the camera; None where there was none.
     """
 
     readout: float
@@ -41,6 +47,7 @@ class TimingCalibration:
     frames: int
     times: NDArray[np.float64]
     poses: tuple[Pose, ...]
+    gyroscope: Gyroscope | None = None
 
     def __str__(self) -> str:
         told = [f"readout {1e3 * self.readout:.2f} +- {1e3 * self.readout_deviation:.2f} ms"]
@@ -85,7 +92,7 @@ def calibrate_timing(
     *,
     poses: tuple[ArrayLike, Iterable[Pose | ArrayLike]] | None = None,
     gyro: tuple[ArrayLike, ArrayLike] | None = None,
-    longest_offset: float = 0.25,
+    longest_offset: float | None = 0.25,
 ) -> TimingCalibration:
     """Readout of a camera, and its clock against another one, from pictures of a board while the camera moves.
 
@@ -95,7 +102,8 @@ def calibrate_timing(
     motion capture system's, an arm's, or another camera's (`.times`, `.poses` of its calibration). gyro: (times,
     (n, 3) radians a second) of a gyroscope fixed to the camera, about its own axes. How either is mounted need not
     be known.
-    longest_offset: seconds to both sides in which the clock's offset is looked for.
+    longest_offset: seconds to both sides in which the clock's offset is looked for. None: anywhere in a gyroscope's
+    log, whose clock counts from another moment (a telephone's start), by how fast both turn.
 
     Each picture's edges say how far the board moved while its rows were read; the poses of the pictures before and
     after say how fast it moved. The readout is the ratio. The offset is where the turns between pictures agree
@@ -106,7 +114,10 @@ def calibrate_timing(
     """
     if poses is not None and gyro is not None:
         raise ValueError("give poses or gyro, not both")
-    if not (np.isfinite(longest_offset) and longest_offset > 0):
+    if longest_offset is None:
+        if gyro is None:
+            raise ValueError("a clock is looked for anywhere by a gyroscope's log alone: give gyro or longest_offset")
+    elif not (np.isfinite(longest_offset) and longest_offset > 0):
         raise ValueError(f"longest_offset must be positive seconds, got {longest_offset}")
     shots = [(float(time), np.asarray(image)) for time, image in frames]
     if len(shots) < _LEAST_FRAMES:
@@ -125,14 +136,25 @@ def calibrate_timing(
         )
     if readout < -max(4 * deviation, _LEAST_READOUT):  # what the tracking of motion errs by is no readout
         raise ValueError(f"the readout came out as {1e3 * readout:.2f} ms: are the pictures upside down?")
-    offset = offset_deviation = None
+    agreed = gyroscope = None
     if poses is not None:
-        offset, offset_deviation = _offset(track, *_rotations(*poses), longest_offset, False)
+        agreed = _offset(track, *_rotations(*poses), (0.0, present(longest_offset)), False)
     elif gyro is not None:
-        offset, offset_deviation = _offset(track, *_integrated(*gyro), longest_offset, True)
+        times, rotations = _integrated(*gyro)
+        where = (_where(track, *gyro), _AROUND) if longest_offset is None else (0.0, longest_offset)
+        agreed = _offset(track, times, rotations, where, True)
+        rates = np.asarray(gyro[1], np.float64)
+        gyroscope = Gyroscope(times, rates, agreed.mount, agreed.mount_deviation, agreed.drift, agreed.offset)
     return TimingCalibration(
-        max(readout, 0.0), deviation, offset, offset_deviation, used, track.times.copy(), tuple(track.poses)
-    )  # fmt: skip
+        max(readout, 0.0),
+        deviation,
+        agreed.offset if agreed else None,
+        agreed.deviation if agreed else None,
+        used,
+        track.times.copy(),
+        tuple(track.poses),
+        gyroscope,
+    )
 
 
 class _Track:
@@ -259,13 +281,53 @@ def _checked(times: NDArray, rotations: NDArray) -> tuple[NDArray, NDArray]:
     return times, rotations
 
 
-def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, bias: bool) -> tuple[float, float]:
-    """Seconds and standard deviation. bias: of a gyroscope, found along."""
+def _where(track: _Track, times: ArrayLike, rates: ArrayLike) -> float:
+    """Seconds by which a gyroscope's clock is ahead, roughly: where both turn as fast, whatever its axes."""
+    times, speeds = np.asarray(times, np.float64), np.linalg.norm(np.asarray(rates, np.float64), axis=1)
+    seen = np.array([p.rotation for p in track.poses])
+    turns = np.linalg.norm(rotation_vectors(seen[1:] @ seen[:-1].transpose(0, 2, 1)), axis=1) / np.diff(track.times)
+    middles = 0.5 * (track.times[1:] + track.times[:-1])
+    here = np.interp(np.arange(middles[0], middles[-1], _STEP), middles, turns)
+    there = np.interp(np.arange(times[0], times[-1], _STEP), times, speeds)
+    beyond = len(here) // 2  # of a log that begins late or ends early
+    there = np.pad(there - there.mean(), beyond)
+    here = here - here.mean()
+    count = len(there) - len(here) + 1
+    size = 1 << (len(there) + len(here)).bit_length()
+    products = np.fft.irfft(np.fft.rfft(there, size) * np.conj(np.fft.rfft(here, size)), size)[:count]
+    sums, squares = (np.concatenate([[0.0], np.cumsum(there**power)]) for power in (1, 2))
+    n = len(here)
+    spread = squares[n:] - squares[:-n] - (sums[n:] - sums[:-n]) ** 2 / n
+    agreement = products / np.sqrt(np.maximum(spread, 1e-3 * squares[-1] * n / len(there)) * (here @ here))
+    best = int(np.argmax(agreement))
+    if not agreement[best] > _LEAST_AGREEMENT:
+        raise ValueError(
+            f"nowhere in its {times[-1] - times[0]:.1f} s does the gyroscope turn as the camera does "
+            f"(correlation {agreement[best]:.2f} at most): are log and film of the same time?"
+        )
+    return float(times[0] + _STEP * (best - beyond) - middles[0])
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    """Of two clocks: seconds and their standard deviation; camera_from_body and its largest standard deviation about
+    any axis, radians; a gyroscope's drift."""
+
+    offset: float
+    deviation: float
+    mount: NDArray[np.float64]
+    mount_deviation: float
+    drift: NDArray[np.float64]
+
+
+def _offset(track: _Track, times: NDArray, rotations: NDArray, where: tuple[float, float], bias: bool) -> _Agreement:
+    """where: middle and half width of what is looked at, seconds. bias: of a gyroscope, found along."""
     pairs = np.flatnonzero(np.diff(track.times) <= _LONGEST_GAP)
     begin, end = track.times[pairs], track.times[pairs + 1]
     seen = np.array([p.rotation for p in track.poses])
     turns = rotation_vectors(seen[pairs + 1] @ seen[pairs].transpose(0, 2, 1))
-    low, high = max(-longest, times[0] - begin.max(initial=-np.inf)), min(longest, times[-1] - end.min(initial=np.inf))
+    low = max(where[0] - where[1], times[0] - begin.max(initial=-np.inf))
+    high = min(where[0] + where[1], times[-1] - end.min(initial=np.inf))
     inner = rotation_vectors(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
 
     def at(t: NDArray) -> NDArray:
@@ -273,8 +335,9 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, b
         share = (t - times[k]) / (times[k + 1] - times[k])
         return rotations_from(share[:, None] * inner[k]) @ rotations[k]
 
-    def compared(offset: float, within: tuple[float, float] | None = None) -> NDArray:
-        """What is left of the turns between pictures without those of the other clock. within: offsets that count."""
+    def fitted(offset: float, within: tuple[float, float] | None = None) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """What is left of the turns between pictures without those of the other clock; of these, what is no steady
+        drift; mount and drift. within: offsets that count."""
         least, most = within or (offset, offset)
         known = (begin + least >= times[0]) & (end + most <= times[-1])
         there = rotation_vectors(at(end[known] + offset) @ at(begin[known] + offset).transpose(0, 2, 1))
@@ -286,10 +349,12 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, b
             left = here - there @ mount.T
             if bias:
                 drift = (steps * left).sum(0) / (steps**2).sum()
-        return here - there @ mount.T - steps * drift
+        told = there @ mount.T
+        changing = told - steps * (steps * told).sum(0) / (steps**2).sum() if bias else told
+        return here - told - steps * drift, changing, mount, drift
 
     def cost(offset: float) -> float:
-        left = compared(offset)
+        left, *_ = fitted(offset)
         return float((left**2).sum(1).mean()) if len(left) >= _LEAST_FRAMES else np.inf
 
     step = 0.2 * float(np.median(end - begin))
@@ -305,11 +370,11 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, b
         c, d = b - 0.618 * (b - a), a + 0.618 * (b - a)
         a, b = (a, d) if cost(c) < cost(d) else (c, b)
     offset = 0.5 * (a + b)
-    left = compared(offset)
+    left, told, mount, drift = fitted(offset)
     # What an offset and the mount change: the mount must not be free to hide the offset.
     h = 0.25 * step
     both = offset - h, offset + h
-    slope = (compared(both[1], both) - compared(both[0], both)) / (2 * h)
+    slope = (fitted(both[1], both)[0] - fitted(both[0], both)[0]) / (2 * h)
     variance = (left**2).sum() / max(left.size - 7, 1)
     steepness = float((slope**2).sum())
     deviation = float(np.sqrt(variance / steepness)) if steepness > 0 else np.inf
@@ -322,4 +387,7 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, longest: float, b
     rivals = [grid[i] for i in minima if abs(grid[i] - offset) > 3 * step and costs[i] < _RIVAL * least]
     if rivals:
         raise ValueError(f"the motion repeats itself: offsets of {offset:.3f} and {rivals[0]:.3f} s fit alike")
-    return float(offset), deviation
+    # About the axis of all turns nothing tells the mount.
+    across = (told**2).sum() * np.eye(3) - told.T @ told
+    loose = np.sqrt(variance / max(np.linalg.eigvalsh(across)[0], 1e-300))
+    return _Agreement(float(offset), deviation, mount, float(min(loose, np.pi)), drift)

@@ -108,7 +108,13 @@ def add(commands: argparse._SubParsersAction) -> None:
     timing.add_argument(
         "--gyro",
         type=Path,
-        help="CSV of time and three rates in radians a second, without a header: also the offset to its clock",
+        metavar="LOG",
+        help="a gyroscope's log (time and three rates, as telephones write it): also its clock and its axes",
+    )
+    timing.add_argument(
+        "--attitudes",
+        action="store_true",
+        help="with --gyro: writes into the recording how the camera turned by it, for where the board is out of view",
     )
     _board(timing)
 
@@ -337,30 +343,37 @@ def run_rig(arguments: argparse.Namespace) -> int:
 
 
 def run_timing(arguments: argparse.Namespace) -> int:
-    import numpy as np
-
     from ..calibration import calibrate_timing
-    from ..recording import Recording, read_rig
+    from ..gyroscope import read_gyroscope
+    from ..recording import Recording, read_rig, write_attitudes
 
     if arguments.against_back and (arguments.camera != "front" or arguments.gyro):
         raise ValueError("--against-back needs --camera front, and no --gyro")
+    if arguments.attitudes and (arguments.camera != "back" or not arguments.gyro):
+        raise ValueError("--attitudes are the back camera's, by --gyro LOG")
     board, recording = board_of(arguments.board), Recording.open(arguments.recording)
 
     def film(name: str) -> Iterator[tuple[float, NDArray[Any]]]:
         return ((f.time, getattr(f, name)) for f in recording if getattr(f, name) is not None)
 
     camera = _known_camera(arguments)
-    gyro = poses = None
-    if arguments.gyro:
-        table = np.loadtxt(arguments.gyro, delimiter=",", ndmin=2)
-        if table.shape[1] != 4:
-            raise ValueError(f"{arguments.gyro} must have four columns, got {table.shape[1]}")
-        gyro = table[:, 0], table[:, 1:]
+    gyro = read_gyroscope(arguments.gyro) if arguments.gyro else None
+    poses = None
     if arguments.against_back:
         back = calibrate_timing(film("back"), read_rig(arguments.rig).back, board)
         poses = back.times, back.poses
-    found = calibrate_timing(film(arguments.camera), camera, board, poses=poses, gyro=gyro)
+    found = calibrate_timing(
+        film(arguments.camera),
+        camera,
+        board,
+        poses=poses,
+        gyro=gyro,
+        longest_offset=None if gyro else 0.25,  # a log's clock counts from anywhere
+    )
     print(found)
+    if arguments.attitudes and found.gyroscope is not None:
+        count = write_attitudes(arguments.recording, found.gyroscope.attitudes([f.time for f in recording]))
+        print(f"wrote {arguments.recording}: attitudes of {count} of {len(recording)} frames")
     # What cannot be told from 0 is a global shutter's.
     readout = found.readout if found.readout > 3 * found.readout_deviation else 0.0
     _keep(arguments, camera.replace(readout=readout))

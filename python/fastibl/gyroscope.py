@@ -1,0 +1,143 @@
+"""Gyroscopes beside a camera: logs as telephones write them, and the attitudes of the camera that they tell."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .rotations import rotations_from
+
+_SEPARATORS = (",", ";", "\t")  # else spaces
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_MOST_DEVIATION = np.radians(2.0)  # of the axes
+_MOST_A_SECOND, _LEAST_A_SECOND = 5000.0, 5.0  # readings
+# Of columns' names, those that rather are the time, and of several sensors' those that are a gyroscope's.
+_TIMES = ("elapsed", "seconds", "timestamp", "time", "t")
+_RATES = re.compile(r"gyr|rot|omega|^w")
+_UNIT = re.compile(r"[(\[]([^)\]]*)[)\]]")
+
+
+def read_gyroscope(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(times (n,) in seconds, rates (n, 3) in radians a second about the gyroscope's own axes) of a log.
+
+    path: text in columns that commas, semicolons, tabs or spaces separate. With a header, the time and the columns
+    whose names end in x, y and z are read (of several sensors, a gyroscope's), in the units that stand in parentheses;
+    without one, time and three rates. A time without a unit is in whichever of s, ms, us and ns makes 5 to 5000
+    readings a second. Readings are sorted, and of those at the same time one is kept. Raises ValueError that names what
+    was found for anything else.
+    """
+    with open(path, encoding="utf-8-sig", errors="replace") as file:
+        lines = [line.strip() for line in file if line.strip() and not line.startswith("#")]
+    if len(lines) < 3:
+        raise ValueError(f"{path} holds {len(lines)} lines; expected readings of a gyroscope")
+    separator = max(_SEPARATORS, key=lines[0].count)
+    rows = [_fields(line, separator if separator in lines[0] else None) for line in lines]
+    header = None if _numbers(rows[0]) is not None else rows.pop(0)
+    if header is None and len(rows[0]) != 4:
+        raise ValueError(f"{path} must have four columns, time and three rates, or a header; got {len(rows[0])}")
+    columns = [0, 1, 2, 3] if header is None else _columns(header, rows[0], path)
+    table = np.empty((len(rows), 4))
+    for k, row in enumerate(rows):
+        values = _numbers([row[c] for c in columns]) if len(row) > max(columns) else None
+        if values is None:
+            line = k + (header is not None)
+            raise ValueError(f"{path} line {line + 1}: expected numbers, got {lines[line][:60]!r}")
+        table[k] = values
+    units = [_unit(header[c]) if header else "" for c in columns]
+    table = table[np.isfinite(table).all(axis=1)]
+    _, kept = np.unique(table[:, 0], return_index=True)
+    times, rates = table[kept, 0], table[kept, 1:]
+    if any("deg" in unit or "°" in unit or "dps" in unit for unit in units[1:]):
+        rates = np.radians(rates)
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    told = [_SECONDS[units[0]]] if units[0] in _SECONDS else list(dict.fromkeys(_SECONDS.values()))
+    fitting = [s for s in told if step > 0 and _LEAST_A_SECOND <= 1 / (step * s) <= _MOST_A_SECOND]
+    if not fitting:
+        raise ValueError(f"{path}: times {step:g} apart are no gyroscope's, in seconds or in any other unit")
+    return fitting[0] * times, rates
+
+
+def _fields(line: str, separator: str | None) -> list[str]:
+    fields = [field.strip().strip('"') for field in line.split(separator)]
+    return [field.replace(",", ".") for field in fields] if separator != "," else fields
+
+
+def _numbers(fields: Sequence[str]) -> list[float] | None:
+    try:
+        return [float(field) for field in fields]
+    except ValueError:
+        return None
+
+
+def _unit(name: str) -> str:
+    found = _UNIT.search(name)
+    return found[1].strip().lower() if found else ""
+
+
+def _columns(header: Sequence[str], first: Sequence[str], path: str | os.PathLike[str]) -> list[int]:
+    """Of the time and of the rates about x, y and z."""
+    names = [_UNIT.sub("", name).strip().lower() for name in header]
+    there = [k for k in range(min(len(names), len(first))) if _numbers([first[k]]) is not None]
+    time = next((k for word in _TIMES for k in there if (names[k] == word if word == "t" else word in names[k])), None)
+    rates = []
+    for axis in "xyz":
+        named = [k for k in there if k != time and names[k].endswith(axis)]
+        rates.append(named if len(named) < 2 else [k for k in named if _RATES.search(names[k])])
+    if time is None or any(len(found) != 1 for found in rates):
+        raise ValueError(
+            f"{path}: expected a column of the time and one each of the rates about x, y and z, got {', '.join(header)}"
+        )
+    return [time, *(found[0] for found in rates)]
+
+
+@dataclass(frozen=True, eq=False)
+class Gyroscope:
+    """A gyroscope that is fixed to a camera, as calibrate_timing finds it.
+
+    times: (n,) seconds of its own clock; rates: (n, 3) radians a second about its own axes. camera_from_gyro: (3, 3)
+    from its axes to the camera's; deviation: the largest standard deviation of that about any axis, radians. drift:
+    (3,) radians a second by which the camera's turns (as rotation vectors of now_from_before) are more than its rates
+    tell. clock_offset: seconds that its clock is ahead of the camera's.
+    """
+
+    times: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    camera_from_gyro: NDArray[np.float64]
+    deviation: float
+    drift: NDArray[np.float64]
+    clock_offset: float
+
+    def attitudes(self, times: ArrayLike) -> list[NDArray[np.float64] | None]:
+        """Of the camera at its own times, seconds: Frame.attitude (3, 3), None where nothing was read.
+
+        Raises ValueError where the turns that it was found by do not tell how it lies in the camera within 2 degrees.
+        """
+        if not self.deviation < _MOST_DEVIATION:
+            raise ValueError(
+                f"how the gyroscope lies in the camera is known within {np.degrees(self.deviation):.0f} degrees only: "
+                "turn the camera before the board about more than one axis"
+            )
+        steps = np.diff(self.times)[:, None]
+        turns = -0.5 * (self.rates[1:] + self.rates[:-1]) @ self.camera_from_gyro.T + self.drift
+        rotations = [np.eye(3)]
+        for step in rotations_from(steps * turns):
+            rotations.append(step @ rotations[-1])
+        out: list[NDArray[np.float64] | None] = []
+        for time in np.atleast_1d(np.asarray(times, np.float64)) + self.clock_offset:
+            if not self.times[0] <= time <= self.times[-1]:
+                out.append(None)
+                continue
+            k = min(int(np.searchsorted(self.times, time, side="right")) - 1, len(turns) - 1)
+            out.append(rotations_from((time - self.times[k]) * turns[k]) @ rotations[k])
+        return out
+
+    def __repr__(self) -> str:
+        return (
+            f"Gyroscope({len(self.times)} readings of {self.times[-1] - self.times[0]:.1f} s, "
+            f"clock_offset={self.clock_offset:.4f})"
+        )
