@@ -1,5 +1,6 @@
 """Sessions: what comes out of frames with and without board, pictures, poses and light; replay to the same bits."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -517,6 +518,29 @@ def test_poses_with_the_axes_of_other_systems_are_told_of():
             session.process(fastibl.Frame(0.1 * k, back_from_marker=away))
     with pytest.raises(ValueError, match=r"last row of a pose must be 0 0 0 1.*its last column is"):
         fastibl.Pose(POSE.matrix.T)
+
+
+def test_poses_that_do_not_go_with_the_board_are_told_of():
+    """Of an anchor elsewhere on the table: the board's white was read beside the board, and nothing said."""
+    film = fastibl.simulate(seconds=0.5, fps=8, size=(320, 240), lamp=False, hand=False)
+    frames = list(film)
+    moved = fastibl.Pose([[0, -1, 0, 0.12], [1, 0, 0, 0.05], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+    def run(turn, board):
+        session = fastibl.Session(ball(), film.rig, board, size=32)
+        for frame in frames:
+            session.process(dataclasses.replace(frame, back_from_marker=film.truth.pose(frame.time) @ turn))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run(fastibl.Pose(np.eye(4)), film.board)
+        run(moved, None)
+        frames = [dataclasses.replace(frame, back=np.full_like(frame.back, 90)) for frame in frames]
+        run(moved, film.board)
+    frames = list(film)
+    with pytest.warns(UserWarning, match=r"shows the board \d+ px beside where back_from_marker has it") as told:
+        run(moved, film.board)
+    assert len(told) == 1 and told[0].filename == __file__
 
 
 def test_the_documented_conversion_of_a_phones_pose():

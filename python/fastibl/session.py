@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any
@@ -28,6 +27,7 @@ from ._fastibl import (
     with_gl,
 )
 from .expected import expect, present
+from .given_poses import GivenPoses
 from .lighting import Lighting, Method, resolve_methods
 from .mesh_shadow import MeshShadow
 from .recording import Frame
@@ -92,8 +92,6 @@ def make_plan(
     )
 
 
-_FLIP = Pose(np.diag([1.0, -1, -1, 1]))  # between OpenGL's axes of a camera and OpenCV's
-_UNSEEN = 10  # poses that show nothing until other axes are thought of
 # Of each scene the last picture, and the places that it shows.
 _SHOWN: WeakKeyDictionary[Scene, tuple[tuple[Camera, Pose], _SceneSamples | None]] = WeakKeyDictionary()
 
@@ -183,8 +181,7 @@ class Session(_Session):
         environment = _known(environment)
         resolved = resolve_methods(methods)
         self._drawn, self._shadow, self._casts = scene, resolved.shadow, bool(cast_shadow)
-        self._camera = rig.back
-        self._poses_asked, self._unseen, self._turned_shows = False, 0, ["pose", "pose.inverse()"]
+        self._given_poses = GivenPoses(rig.back, board)
         if cast_shadow:
             bake_shadow(scene, resolved.shadow)
         super().__init__(
@@ -229,44 +226,12 @@ class Session(_Session):
             frame.back_last_row,
             frame.attitude,
         )
-        if frame.back_from_marker is not None and not self._poses_asked:
-            self._poses_asked = self._ask_pose(present(result.back_from_marker))
+        if frame.back_from_marker is not None and self._given_poses.due:
+            vertices = self._drawn.mesh.vertices
+            middle = 0.5 * (vertices.min(axis=0).astype(float) + vertices.max(axis=0))
+            places = np.array([(0.0, 0.0, 0.0), self.scene.marker_from_object @ middle])
+            self._given_poses.ask(present(result.back_from_marker), frame.back, places)
         return result
-
-    def _ask_pose(self, pose: Pose) -> bool:
-        """Whether it need not be asked again if poses are the camera's in the marker's frame by mistake: one shows the
-        marker or the object, or it was warned of."""
-        vertices = self._drawn.mesh.vertices
-        middle = 0.5 * (vertices.min(axis=0).astype(float) + vertices.max(axis=0))
-        places = np.array([(0.0, 0.0, 0.0), self.scene.marker_from_object @ middle])
-
-        def shows(camera_from_marker: Pose) -> bool:
-            pixels = self._camera.project(camera_from_marker @ places)
-            return bool(((pixels >= 0) & (pixels < (self._camera.width, self._camera.height))).all(axis=1).any())
-
-        if shows(pose):
-            return True
-        if shows(pose.inverse()):
-            return self._warn_of_pose("its inverse would: Pose.inverse() makes it of the camera's place")
-        # A camera that looks away shows them with other axes, too; not while it moves.
-        turned = {"pose": _FLIP @ pose, "pose.inverse()": _FLIP @ pose.inverse()}
-        self._turned_shows = [name for name in self._turned_shows if shows(turned[name])]
-        self._unseen += 1
-        if not self._turned_shows or self._unseen < _UNSEEN:
-            return False
-        return self._warn_of_pose(
-            f"FLIP @ {self._turned_shows[0]} would, with FLIP = Pose(numpy.diag([1.0, -1, -1, 1])): cameras of OpenGL, "
-            "ARKit, ARCore and Blender look along -z, with y up"
-        )
-
-    @staticmethod
-    def _warn_of_pose(what: str) -> bool:
-        warnings.warn(
-            f"back_from_marker shows neither the marker nor the object, and {what}. It takes points of the marker to "
-            "the camera (x right, y down, z forward), as OpenCV's solvePnP gives it",
-            stacklevel=4,
-        )
-        return True
 
     def set_scene(self, scene: Scene) -> None:
         """Draw another object from the next frame on, in the light that was captured; the map's centre stays.
