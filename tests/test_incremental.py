@@ -161,6 +161,7 @@ def test_the_same_picture_again_changes_only_its_tiles():
     assert 0 < changed.mean() < 2 * coverage + 0.05
 
 
+@pytest.mark.filterwarnings("ignore:back_from_marker shows neither")
 def test_sessions_follow_what_a_new_session_would_have():
     """After many pictures levels and irradiance are those of the map made anew, and replay gives the same bits."""
     rig = fastibl.Rig(camera_of(160, 120, 70.0))
@@ -274,6 +275,7 @@ def test_large_maps():
     assert np.isfinite(env.radiance.faces).all() and 0.05 < env.coverage < 0.15
 
 
+@pytest.mark.filterwarnings("ignore:back_from_marker shows neither")
 @pytest.mark.parametrize("half", ["0", "1"])
 def test_textures_follow_the_map(half, monkeypatch):
     """A GL session that uploads what changed draws what a new one draws that uploads all."""

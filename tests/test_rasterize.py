@@ -142,6 +142,7 @@ def test_silhouette_is_that_of_rays(distortion):
     assert worst >= 0.995
 
 
+@pytest.mark.filterwarnings("ignore:back_from_marker shows neither")
 @pytest.mark.parametrize("distortion", [(), (-0.3, 0.0, 0.0, 0.0)])
 def test_objects_partly_outside(distortion):
     """Half behind the camera, half out of the picture, around the camera, far outside: no crash, defined values."""

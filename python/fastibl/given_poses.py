@@ -31,10 +31,10 @@ class GivenPoses:
         """Whether there is anything left to ask."""
         return not self._asked or self._looks > 0
 
-    def ask(self, pose: Pose, picture: Any, places: NDArray[np.float64]) -> None:
-        """Of one frame. places: (n, 3) of the marker and of what is drawn, metres."""
+    def ask(self, pose: Pose, picture: Any, places: NDArray[np.float64], drawn: bool) -> None:
+        """Of one frame. places: (n, 3) of the marker and of the object, metres; drawn: whether any of that shows."""
         if not self._asked:
-            self._asked = self._ask_axes(pose, places)
+            self._asked = drawn or self._ask_axes(pose, places)
         if self._looks and picture is not None and self._shows(pose, np.zeros((1, 3))):
             self._looks -= 1
             self._ask_board(pose, picture)

@@ -230,7 +230,8 @@ class Session(_Session):
             vertices = self._drawn.mesh.vertices
             middle = 0.5 * (vertices.min(axis=0).astype(float) + vertices.max(axis=0))
             places = np.array([(0.0, 0.0, 0.0), self.scene.marker_from_object @ middle])
-            self._given_poses.ask(present(result.back_from_marker), frame.back, places)
+            drawn = bool(self.object.rgba[..., 3].any())
+            self._given_poses.ask(present(result.back_from_marker), frame.back, places, drawn)
         return result
 
     def set_scene(self, scene: Scene) -> None:
