@@ -293,6 +293,7 @@ def test_videos(tmp_path):
         assert [f.back[0, 0, 0] for f in frames] == [0, 1, 2, 3, 4]
         assert [None if f.front is None else f.front[0, 0, 0] for f in frames] == [100, 101, 102, None, None]
         assert frames[0].back_exposure == 0.5 and frames[0].front_exposure is None
+    assert next(iter(sources.VideoSource(RIG, back))).back_exposure is None, "who took the film chose it"
     assert [f.time for f in sources.VideoSource(RIG, back, fps=10)] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
     for after, of_back in ((0.1, [0, 1, 2, 3, 4]), (-0.1, [None, None, 0, 1, 2, 3, 4])):  # films that began apart
         frames = list(sources.VideoSource(RIG, back, front, front_after=after))
@@ -425,6 +426,7 @@ def test_a_lost_picture_shifts_no_others(tmp_path):
         seen = [getattr(f, name) for f in frames]
         assert [None if p is None else p[0, 0, 0] for p in seen] == [None if k in gone else k for k in range(5, 35)]
     alone = list(sources.FolderSource(RIG, tmp_path / "back", fps=10))
+    assert all(f.back_exposure is None for f in alone)
     assert [f.time for f in alone] == pytest.approx([k / 10 for k in range(30) if k != 2])
     # Two counters that have nothing in common: in order.
     for path in (tmp_path / "front").iterdir():

@@ -196,10 +196,10 @@ class VideoSource(_Closing):
 
     back, front: files. Times are the files' own, from 0 at each one's first picture; fps: pictures a second instead.
     Pictures are as the sensor took them: how a file says that they are to be turned is not followed. exposures:
-    (back, front), constant; None where a camera chose its own. front_after: seconds by which the front film began after
-    the back film, or before it where negative; a light that is switched in both tells it. A video that ends early or
-    breaks off ends the frames of that camera, with a RecordingWarning where it gave none; and where one is HDR, whose
-    bright parts are cut.
+    (back, front), in one unit, of cameras whose exposure was held; None, the default, where a camera chose its own.
+    front_after: seconds by which the front film began after the back film, or before it where negative; a light that is
+    switched in both tells it. A video that ends early or breaks off ends the frames of that camera, with a
+    RecordingWarning where it gave none; and where one is HDR, whose bright parts are cut.
     """
 
     def __init__(
@@ -210,7 +210,7 @@ class VideoSource(_Closing):
         board: Any = None,
         *,
         fps: float | None = None,
-        exposures: tuple[float | None, float | None] = (1.0, 1.0),
+        exposures: tuple[float | None, float | None] = (None, None),
         front_after: float = 0.0,
     ):
         files = {"back": back, "front": front}
@@ -286,7 +286,7 @@ class FolderSource(_Closing):
         board: Any = None,
         *,
         fps: float = 30.0,
-        exposures: tuple[float | None, float | None] = (1.0, 1.0),
+        exposures: tuple[float | None, float | None] = (None, None),
     ):
         _check_rate(fps)
         if front is not None and rig.front is None:
