@@ -89,6 +89,27 @@ def smooth_bend(corners: NDArray[np.float64], heights: NDArray[np.float64]) -> f
 
 
 @dataclass
+class _Print:
+    """corners: (n, 2) metres of all of them; middle, size: metres, of these and half of their extent. shape: what the
+    print departs by: factors of the heights' powers, and of its sides (stretch, shear)."""
+
+    corners: NDArray[np.float64]
+    middle: NDArray[np.float64]
+    size: float
+    shape: NDArray[np.float64]
+
+    @staticmethod
+    def of(board: Board) -> _Print:
+        corners = np.concatenate([np.asarray(tag.corners) for tag in board.tags])
+        size = float(np.ptp(corners, axis=0).max()) / 2
+        return _Print(corners, corners.mean(axis=0), size, np.zeros(len(_POWERS) + 2))
+
+    def heights(self) -> NDArray[np.float64]:
+        """Metres of all corners."""
+        return _heights((self.corners - self.middle) / self.size) @ self.shape[:-2]
+
+
+@dataclass
 class _View:
     """One picture. at: (n, 2) corners on the board, from its middle, by its half size; pixels: (n, 2) where they are
     seen, as OpenCV counts; later: (n,) when, -0.5 to 0.5 of the rows' time. motion: (6,) turn and shift of the board in
@@ -102,6 +123,25 @@ class _View:
     translation: NDArray[np.float64]
     motion: NDArray[np.float64]
     more: NDArray[np.float64]
+
+    @staticmethod
+    def of(seen: Seen, pose: Pose, print_: _Print, height: int) -> _View:
+        return _View(
+            (seen.on_board.reshape(-1, 2) - print_.middle) / print_.size,
+            seen.opencv_pixels().astype(np.float64),
+            seen.pixels.reshape(-1, 2)[:, 1] / height - 0.5,
+            np.array(pose.rotation),
+            np.array(pose.translation),
+            np.zeros(6),
+            np.zeros(6),
+        )
+
+    def move(self, step: NDArray) -> None:
+        """step: turn and shift in the camera frame; and, of rows, by how much more they turn and shift."""
+        turn = Pose.from_rotation_vector(step[:3], step[3:6])
+        self.rotation, self.translation = turn.rotation @ self.rotation, turn @ self.translation
+        if len(step) > 6:
+            self.motion = self.motion + step[6:]
 
 
 def neighbours(times: Sequence[float]) -> list[tuple[int, int, int] | None]:
@@ -133,35 +173,21 @@ def adjust(
     of the pictures of a film, each of which has neighbours(): poses tell the motion then, and what is fitted is the
     time from the first to the last row; else each picture has a motion of its own, as of a hand.
     """
-    corners = np.concatenate([np.asarray(tag.corners) for tag in board.tags])
-    middle, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max()) / 2
+    print_ = _Print.of(board)
     lens = np.array([camera.fx, camera.fy, *_opencv_centre(camera), *camera.distortion], np.float64)
     lens = np.concatenate([lens, np.zeros(max(0, count - len(lens)))])
-    shape = np.zeros(len(_POWERS) + 2)
-    views = [
-        _View(
-            (s.on_board.reshape(-1, 2) - middle) / size,
-            s.opencv_pixels().astype(np.float64),
-            s.pixels.reshape(-1, 2)[:, 1] / camera.height - 0.5,
-            np.array(p.rotation),
-            np.array(p.translation),
-            np.zeros(6),
-            np.zeros(6),
-        )
-        for s, p in zip(seen, poses, strict=True)
-    ]
-    columns = np.arange(count + (len(shape) if bends else 0))
+    views = [_View.of(s, p, print_, camera.height) for s, p in zip(seen, poses, strict=True)]
+    columns = count + (len(print_.shape) if bends else 0)
     free = moves and times is None
-    readout = 0.0  # seconds
+    readout, noise = 0.0, 0.0  # seconds, pixels
     values = sum(v.pixels.size for v in views)
-    freedom = max(1, values - len(columns) - 6 * len(views))
-    noise = 0.0  # pixels
+    freedom = max(1, values - columns - 6 * len(views))
     for round_ in range(_ROUNDS_OF_MOTION if moves else _ROUNDS):
         rates = _rates(views, times) if moves and times is not None else None
         normal, gradient, squares, blocks = 0.0, 0.0, 0.0, []
         for k, view in enumerate(views):
-            shared, own, residual = _derivatives(view, size, middle, lens, shape, camera.model, count)
-            shared, by_rows = shared[:, columns], np.repeat(view.later, 2)[:, None] * own
+            shared, own, residual = _derivatives(view, print_, lens, camera.model, count)
+            shared, by_rows = shared[:, :columns], np.repeat(view.later, 2)[:, None] * own
             if rates is not None:
                 shared = np.column_stack([shared, by_rows @ rates[k][0]])
             if free and round_ > 0:  # then noise is known
@@ -175,34 +201,34 @@ def adjust(
             squares += float(rest @ rest)
             blocks.append((solve, shared, residual))
         step = np.linalg.lstsq(normal, gradient, rcond=None)[0]
-        squares -= float(step @ gradient)
+        squares = max(squares - float(step @ gradient), 0.0)  # as large as rounding where nothing fits
         lens[:count] += step[:count]
         if bends:
-            shape += step[count : len(columns)]
+            print_.shape += step[count:columns]
         for view, (solve, shared, residual) in zip(views, blocks, strict=True):
-            _move(view, solve @ (residual - shared @ step))
+            view.move(solve @ (residual - shared @ step))
         if rates is not None:
             readout += float(step[-1])
             for view, rate in zip(views, rates, strict=True):
                 view.motion, view.more = readout * rate[0], readout**2 * rate[1]
-        noise = np.sqrt(max(squares, 0.0) / freedom)
+        noise = np.sqrt(squares / freedom)
     covariance = np.linalg.pinv(normal) * squares / freedom
-    heights, sides = slice(count, len(columns) - 2), slice(len(columns) - 2, len(columns))
-    flows = [_flow(v, size, middle, lens, shape, camera.model, count) for v in views] if moves else [0.0]
+    deviations = (_ALIKE if moves else 1) * np.sqrt(np.maximum(np.diag(covariance), 0))
+    bent = False
+    if bends:
+        parts = slice(count, columns - 2), slice(columns - 2, columns)  # heights, and the sides
+        found = print_.shape[:-2], print_.shape[-2:]
+        bent = any(_ratio(f, covariance[p, p]) > _SURE for f, p in zip(found, parts, strict=True))
     return Bundle(
         lens,
-        (_ALIKE if moves else 1) * np.sqrt(np.maximum(np.diag(covariance)[:count], 0)),
+        deviations[:count],
         tuple(Pose(np.vstack([np.column_stack([v.rotation, v.translation]), [0, 0, 0, 1]])) for v in views),
         float(np.sqrt(2 * squares / values)),
-        smooth_bend(corners, _heights((corners - middle) / size) @ shape[:-2]),
-        1 + float(shape[-2]),
-        bends
-        and bool(
-            _ratio(shape[:-2], covariance[heights, heights]) > _SURE
-            or _ratio(shape[-2:], covariance[sides, sides]) > _SURE
-        ),
-        float(np.median(flows)),
-        (readout, float(_ALIKE * np.sqrt(covariance[-1, -1]))) if moves and times is not None else None,
+        smooth_bend(print_.corners, print_.heights()),
+        1 + float(print_.shape[-2]),
+        bent,
+        float(np.median([_flow(v, print_, lens, camera.model, count) for v in views])) if moves else 0.0,
+        (readout, float(deviations[-1])) if moves and times is not None else None,
         squares,
         freedom,
         6 * len(views) if free else 1,
@@ -241,14 +267,6 @@ def _heights(at: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([at[:, 0] ** i * at[:, 1] ** j for i, j in _POWERS], axis=1)
 
 
-def _move(view: _View, step: NDArray) -> None:
-    """step: turn and shift in the camera frame; and, of rows, by how much more they turn and shift."""
-    turn = Pose.from_rotation_vector(step[:3], step[3:6])
-    view.rotation, view.translation = turn.rotation @ view.rotation, turn.rotation @ view.translation + step[3:6]
-    if len(step) > 6:
-        view.motion = view.motion + step[6:]
-
-
 def _flow(view: _View, *fit) -> float:
     """Pixels by which its corners move from the first to the last row."""
     _, by_pose, _ = _derivatives(view, *fit)
@@ -256,15 +274,16 @@ def _flow(view: _View, *fit) -> float:
 
 
 def _derivatives(
-    view: _View, size: float, middle: NDArray, lens: NDArray, shape: NDArray, model: str, count: int
+    view: _View, print_: _Print, lens: NDArray, model: str, count: int
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Of one picture's corners by lens and shape, and by its pose; and what they are off."""
     import cv2
 
     heights, (x, y) = _heights(view.at), view.at.T
+    size, shape = print_.size, print_.shape
     stretch, shear = shape[-2:]
     moved = np.stack([x * (1 - stretch / 2) + shear * y, y * (1 + stretch / 2), heights @ shape[:-2] / size], axis=1)
-    board = size * moved + [*middle, 0]
+    board = size * moved + [*print_.middle, 0]
     points = board @ view.rotation.T + view.translation
     if view.motion.any():
         moved = view.later[:, None] * view.motion + view.later[:, None] ** 2 * view.more
