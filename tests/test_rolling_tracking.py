@@ -14,6 +14,7 @@ from bench.capture.rolling_film import FPS, PATHS, READOUT, ROLLING, board_light
 from fastibl.__main__ import main
 from fastibl._fastibl import _EdgeTracker
 from fastibl.calibration import PosePath, calibrate_timing
+from fastibl.calibration.timing import _where
 from fastibl.extremes.board_pictures import look_at, rotation_error_degrees
 from fastibl.recording import RecordingWriter, read_rig, write_rig
 from fastibl.tracking import detect
@@ -229,7 +230,9 @@ def test_a_telephone_clock_counts_from_its_start():
     times, rates = gyro_log(about_three_axes, 0.02, began)
     with pytest.raises(ValueError, match="cover"):
         calibrate_timing(shown, CAMERA, BOARD, gyro=(times, rates))
-    found = calibrate_timing(shown, CAMERA, BOARD, gyro=(times, rates), longest_offset=None)
+    away = [(now, np.full_like(back, 90) if 14 <= k < 26 else back) for k, (now, back) in enumerate(shown)]
+    found = calibrate_timing(away, CAMERA, BOARD, gyro=(times, rates), longest_offset=None)
+    assert 15 < found.frames < 30, "the board was out of view"
     attitudes = found.gyroscope.attitudes([now for now, _ in shown])
     rest = [a.T @ about_three_axes(now)[:3, :3] for a, (now, _) in zip(attitudes, shown, strict=True)]
     off = [np.degrees(np.linalg.norm(small_turn(r @ rest[0].T))) for r in rest]
@@ -239,9 +242,9 @@ def test_a_telephone_clock_counts_from_its_start():
     assert abs(found.clock_offset - began - 0.02) < 2e-3 and max(off) < 0.2 and mount < 1 and stated < 1
     assert found.gyroscope.attitudes([-5.0, 1e9]) == [None, None]
     other = rates[np.random.default_rng(0).permutation(len(rates))]
-    for wrong in (other, rates[:40]):
+    for wrong in (other, rates[:40], 0 * rates):
         with pytest.raises(ValueError, match="nowhere .* does the gyroscope turn as the camera does"):
-            calibrate_timing(shown, CAMERA, BOARD, gyro=(times[: len(wrong)], wrong), longest_offset=None)
+            _where(found, times[: len(wrong)], wrong)
     with pytest.raises(ValueError, match="give gyro or longest_offset"):
         calibrate_timing(shown, CAMERA, BOARD, longest_offset=None)
 

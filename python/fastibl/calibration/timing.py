@@ -281,24 +281,30 @@ def _checked(times: NDArray, rotations: NDArray) -> tuple[NDArray, NDArray]:
     return times, rotations
 
 
-def _where(track: _Track, times: ArrayLike, rates: ArrayLike) -> float:
+def _where(track: _Track | TimingCalibration, times: ArrayLike, rates: ArrayLike) -> float:
     """Seconds by which a gyroscope's clock is ahead, roughly: where both turn as fast, whatever its axes."""
     times, speeds = np.asarray(times, np.float64), np.linalg.norm(np.asarray(rates, np.float64), axis=1)
     seen = np.array([p.rotation for p in track.poses])
-    turns = np.linalg.norm(rotation_vectors(seen[1:] @ seen[:-1].transpose(0, 2, 1)), axis=1) / np.diff(track.times)
+    steps = np.diff(track.times)
+    turns = np.linalg.norm(rotation_vectors(seen[1:] @ seen[:-1].transpose(0, 2, 1)), axis=1) / steps
     middles = 0.5 * (track.times[1:] + track.times[:-1])
-    here = np.interp(np.arange(middles[0], middles[-1], _STEP), middles, turns)
+    at = np.arange(middles[0], middles[-1], _STEP)
+    counts = (steps <= _LONGEST_GAP)[np.clip(np.searchsorted(track.times, at) - 1, 0, len(steps) - 1)].astype(float)
+    here = np.interp(at, middles, turns)
+    here = counts * (here - (counts @ here) / counts.sum())  # not where the board was out of view
     there = np.interp(np.arange(times[0], times[-1], _STEP), times, speeds)
     beyond = len(here) // 2  # of a log that begins late or ends early
     there = np.pad(there - there.mean(), beyond)
-    here = here - here.mean()
-    count = len(there) - len(here) + 1
     size = 1 << (len(there) + len(here)).bit_length()
-    products = np.fft.irfft(np.fft.rfft(there, size) * np.conj(np.fft.rfft(here, size)), size)[:count]
-    sums, squares = (np.concatenate([[0.0], np.cumsum(there**power)]) for power in (1, 2))
-    n = len(here)
-    spread = squares[n:] - squares[:-n] - (sums[n:] - sums[:-n]) ** 2 / n
-    agreement = products / np.sqrt(np.maximum(spread, 1e-3 * squares[-1] * n / len(there)) * (here @ here))
+
+    def sums(values: NDArray, weights: NDArray) -> NDArray:
+        """Of all places in the log: the sum of its values, weighted."""
+        products = np.fft.rfft(values, size) * np.conj(np.fft.rfft(weights, size))
+        return np.fft.irfft(products, size)[: len(there) - len(here) + 1]
+
+    spread = sums(there**2, counts) - sums(there, counts) ** 2 / counts.sum()
+    least = 1e-3 * (there @ there) * counts.sum() / len(there)  # of a log that rests
+    agreement = sums(there, here) / np.sqrt(np.maximum(np.maximum(spread, least) * (here @ here), 1e-300))
     best = int(np.argmax(agreement))
     if not agreement[best] > _LEAST_AGREEMENT:
         raise ValueError(
