@@ -20,7 +20,7 @@ constexpr float kClippedTrust = 1e-3f;  // of what is only a lower bound
 // No tile stands for more than this times the mean of what was seen on its side. On seven maps,
 // swept in part, the irradiance is wrong by 0.31 instead of 0.39, a mean.
 constexpr float kMostOfMean = 8.0f;
-constexpr float kDarkest = 0.05f, kBrightest = 20;  // of brightness_
+constexpr float kDarkest = 0.05f, kBrightest = 4;  // of brightness_
 // Of the plane's light, what an unseen sky may give beside what was seen of it: standard deviation.
 constexpr double kBesides = 0.3;
 constexpr float kNear2 = 0.01f;  // squared chord: closer than this, sources count alike
