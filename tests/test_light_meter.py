@@ -7,7 +7,7 @@ from board_pictures import look_at, render
 import fastibl
 from fastibl.comparison import irradiance_error
 from fastibl.simulator import PAPER
-from views import place_light, place_map
+from views import looking, place_light, place_map
 
 BOARD = fastibl.Board.default()
 CAMERA = fastibl.Camera(480, 360, 396.0, 396.0, 240.0, 180.0)
@@ -96,10 +96,7 @@ def test_a_dark_sliver_says_nothing_of_the_sky_above(low):
         heading, elevation = 0.1 * np.sin(3 * time), np.radians(-40 + 14 * min(time, 2))
         across = np.cos(elevation)
         forward = np.array([np.sin(heading) * across, np.cos(heading) * across, np.sin(elevation)])
-        right, look = np.array([np.cos(heading), -np.sin(heading), 0.0]), np.eye(4)
-        look[:3, :3] = right, np.cross(forward, right), forward
-        look[:3, 3] = -look[:3, :3] @ [0.0, -0.35, 0.3]
-        return fastibl.Pose(look)
+        return looking(forward, (0.0, -0.35, 0.3))
 
     place = fastibl.CubeMap(sky.astype(np.float32))
     film = fastibl.simulate(place, seconds=3, fps=5, size=(320, 240), path=rising, hand=False, lamp=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .rotations import rotations_from
+from .rotations import RotationPath, accumulated
 
 _SEPARATORS = (",", ";", "\t")  # else spaces
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
@@ -122,19 +122,11 @@ class Gyroscope:
                 f"how the gyroscope lies in the camera is known within {np.degrees(self.deviation):.0f} degrees only: "
                 "turn the camera before the board about more than one axis"
             )
-        steps = np.diff(self.times)[:, None]
         turns = -0.5 * (self.rates[1:] + self.rates[:-1]) @ self.camera_from_gyro.T + self.drift
-        rotations = [np.eye(3)]
-        for step in rotations_from(steps * turns):
-            rotations.append(step @ rotations[-1])
-        out: list[NDArray[np.float64] | None] = []
-        for time in np.atleast_1d(np.asarray(times, np.float64)) + self.clock_offset:
-            if not self.times[0] <= time <= self.times[-1]:
-                out.append(None)
-                continue
-            k = min(int(np.searchsorted(self.times, time, side="right")) - 1, len(turns) - 1)
-            out.append(rotations_from((time - self.times[k]) * turns[k]) @ rotations[k])
-        return out
+        path = RotationPath(self.times, accumulated(np.diff(self.times)[:, None] * turns))
+        at = np.atleast_1d(np.asarray(times, np.float64)) + self.clock_offset
+        known = (at >= self.times[0]) & (at <= self.times[-1])
+        return [rotation if there else None for rotation, there in zip(path(at), known, strict=True)]
 
     def __repr__(self) -> str:
         return (

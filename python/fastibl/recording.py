@@ -328,7 +328,7 @@ class RecordingWriter:
         if self._attitudes is None:
             self._attitudes = open(self.path / "attitudes.csv", "w", newline="", encoding="utf-8")
             csv.writer(self._attitudes, lineterminator="\n").writerow(_ATTITUDE_COLUMNS)
-        csv.writer(self._attitudes, lineterminator="\n").writerow((float(time), *attitude.ravel().tolist()))
+        csv.writer(self._attitudes, lineterminator="\n").writerow(_attitude_row(time, attitude))
         self._attitudes.flush()
 
     def sync(self) -> None:
@@ -407,7 +407,7 @@ def write_attitudes(path: str | os.PathLike[str], attitudes: Sequence[ArrayLike 
     if len(attitudes) != len(times):
         raise ValueError(f"expected attitudes of {len(times)} frames, got {len(attitudes)}")
     rows = [
-        (time, *_attitude_of(attitude, f"the attitude at {time} s").ravel().tolist())
+        _attitude_row(time, _attitude_of(attitude, f"the attitude at {time} s"))
         for time, attitude in zip(times, attitudes, strict=True)
         if attitude is not None
     ]
@@ -588,6 +588,10 @@ def _attitude_of(attitude: ArrayLike, what: str) -> NDArray[np.float64]:
     if not square:
         raise ValueError(f"{what} must be a rotation, (3, 3), got {attitude!r}")
     return m
+
+
+def _attitude_row(time: float, attitude: NDArray) -> tuple[float, ...]:
+    return float(time), *attitude.ravel().tolist()
 
 
 def _read_attitudes(path: Path) -> dict[float, list[NDArray[np.float64]]]:

@@ -30,3 +30,25 @@ def rotation_vectors(r: NDArray) -> NDArray[np.float64]:
         along *= np.where((along * axis[half]).sum(axis=-1, keepdims=True) < 0, -1, 1)
         vectors[half] = angle[half] * along
     return vectors
+
+
+def accumulated(w: NDArray) -> NDArray[np.float64]:
+    """(n + 1, 3, 3) from the identity on: each rotation the one before, turned by the next of (n, 3) vectors."""
+    rotations = [np.eye(3)]
+    for step in rotations_from(w):
+        rotations.append(step @ rotations[-1])
+    return np.array(rotations)
+
+
+class RotationPath:
+    """Rotations (n, 3, 3) at increasing times (n,), read in between: evenly turning from each to the next."""
+
+    def __init__(self, times: NDArray, rotations: NDArray):
+        self.times, self._rotations = times, rotations
+        self._turns = rotation_vectors(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
+
+    def __call__(self, at: NDArray) -> NDArray[np.float64]:
+        """(m, 3, 3) at times (m,) from the first to the last."""
+        k = np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 2)
+        share = (at - self.times[k]) / (self.times[k + 1] - self.times[k])
+        return rotations_from(share[:, None] * self._turns[k]) @ self._rotations[k]

@@ -175,13 +175,13 @@ void UnseenTiles::find_brightness(const std::vector<TileSums>& sums,
                                   const std::vector<double>& tile_projected,
                                   std::vector<int>& refilled) {
   if (!plane_ || given_sky_) return;
-  glm::dvec3 seen(0);  // irradiance of the plane
-  for (std::size_t i = 0; i < sums.size(); ++i)
-    if (above_[i]) seen += sums[i].irradiance;
+  glm::dvec3 seen(0);    // irradiance of the plane
+  double projected = 0;  // projected solid angle of what was not
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    if (!above_[i]) continue;
+    seen += sums[i].irradiance, projected += unseen_part(tile_projected[i], sums[i]);
+  }
   const glm::dvec3 unseen = sky_irradiance(sums, tile_projected);
-  double projected = 0;
-  for (std::size_t i = 0; i < sums.size(); ++i)
-    if (above_[i]) projected += unseen_part(tile_projected[i], sums[i]);
   glm::vec3 brightness(1), besides(0);
   for (int c = 0; c < 3 && projected > 0; ++c) {
     const double unsure = plane_deviation_[c],

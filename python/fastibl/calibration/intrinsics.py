@@ -154,8 +154,10 @@ def _adjusted(
         readout=max(0.0, best.readout[0]) if best.readout else 0.0,
     )
     deviations = found.deviations | dict(zip(names, best.deviations.tolist(), strict=True))
-    found = replace(found, camera=camera, deviations=deviations, residual=best.residual, poses=best.poses)
-    return replace(found, readout=best.readout), fault
+    found = replace(
+        found, camera=camera, deviations=deviations, residual=best.residual, poses=best.poses, readout=best.readout
+    )
+    return found, fault
 
 
 def _check_views(seen: Sequence[Seen], size: tuple[int, int]) -> None:

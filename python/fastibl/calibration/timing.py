@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._fastibl import Board, Camera, Pose, _row_evidence
 from ..expected import present
 from ..gyroscope import Gyroscope
-from ..rotations import rotation_vectors, rotations_from
+from ..rotations import RotationPath, accumulated, rotation_vectors, rotations_from
 from ..tracking import Tracker
 
 _FIRST_READOUT = 0.02  # seconds, to start from
@@ -268,11 +268,8 @@ def _integrated(times: ArrayLike, rates: ArrayLike) -> tuple[NDArray, NDArray]:
     times, rates = np.asarray(times, np.float64), np.asarray(rates, np.float64)
     if times.ndim != 1 or rates.shape != (*times.shape, 3):
         raise ValueError(f"gyro must be (n,) times and (n, 3) rates, got {times.shape} and {rates.shape}")
-    steps = rotations_from(-0.5 * (rates[1:] + rates[:-1]) * np.diff(times)[:, None])
-    rotations = [np.eye(3)]
-    for step in steps:
-        rotations.append(step @ rotations[-1])
-    return _checked(times, np.array(rotations))
+    turns = -0.5 * (rates[1:] + rates[:-1]) * np.diff(times)[:, None]
+    return _checked(times, accumulated(turns))
 
 
 def _checked(times: NDArray, rotations: NDArray) -> tuple[NDArray, NDArray]:
@@ -334,12 +331,7 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, where: tuple[floa
     turns = rotation_vectors(seen[pairs + 1] @ seen[pairs].transpose(0, 2, 1))
     low = max(where[0] - where[1], times[0] - begin.max(initial=-np.inf))
     high = min(where[0] + where[1], times[-1] - end.min(initial=np.inf))
-    inner = rotation_vectors(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
-
-    def at(t: NDArray) -> NDArray:
-        k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        share = (t - times[k]) / (times[k + 1] - times[k])
-        return rotations_from(share[:, None] * inner[k]) @ rotations[k]
+    at = RotationPath(times, rotations)
 
     def fitted(offset: float, within: tuple[float, float] | None = None) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """What is left of the turns between pictures without those of the other clock; of these, what is no steady

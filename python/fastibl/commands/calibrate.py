@@ -372,7 +372,7 @@ def run_timing(arguments: argparse.Namespace) -> int:
     )
     print(found)
     if arguments.attitudes and found.gyroscope is not None:
-        count = write_attitudes(arguments.recording, found.gyroscope.attitudes([f.time for f in recording]))
+        count = write_attitudes(arguments.recording, found.gyroscope.attitudes(recording.times))
         print(f"wrote {arguments.recording}: attitudes of {count} of {len(recording)} frames")
     # What cannot be told from 0 is a global shutter's.
     readout = found.readout if found.readout > 3 * found.readout_deviation else 0.0

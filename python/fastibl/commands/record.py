@@ -70,7 +70,7 @@ def _copy_films(arguments: argparse.Namespace) -> int:
         raise ValueError("--size is of cameras; a film's pictures are as large as they are")
     back, front = (None if film is None else film_size(film) for film in (arguments.back, arguments.front))
     rig, board = _rig(arguments, back, front), board_of(arguments.board)
-    source = VideoSource(rig, arguments.back, arguments.front, board, exposures=(None, None))
+    source = VideoSource(rig, arguments.back, arguments.front, board)
     with Recorder(arguments.out, rig, board) as recorder, tqdm(source, desc="record", unit="frame") as bar:
         for frame in bar:
             if arguments.seconds is not None and frame.time > arguments.seconds:
