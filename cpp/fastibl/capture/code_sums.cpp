@@ -1,6 +1,7 @@
 #include "fastibl/capture/code_sums.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "fastibl/core/simd.h"
 
@@ -20,24 +21,27 @@ constexpr std::uint32_t kValue = (1u << CodeTable::kCountShift) - 1;
 
 constexpr int kRowsAhead = 4;
 
-// Sums over 2 × 2 of three channels.
+// Sums over 2 × 2 of three channels; the fourth number stays as it is.
 void sum_pairs(const std::uint32_t* table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
                std::uint32_t* sums) {
-  for (int x = 0; x < pairs; ++x, a += 6, b += 6, sums += 3)
+  for (int x = 0; x < pairs; ++x, a += 6, b += 6, sums += 4)
     for (int c = 0; c < 3; ++c)
       sums[c] = (table[a[c]] + table[a[c + 3]]) + (table[b[c]] + table[b[c + 3]]);
 }
 
 // False where a pixel is clipped.
 FASTIBL_CLONES bool to_pixels(const std::uint32_t* sums, int pairs, float* pixels) {
-  std::uint32_t any = 0;
-  for (int i = 0; i < 3 * pairs; ++i) any |= sums[i];
-  for (int x = 0; x < pairs; ++x) {
-    for (int c = 0; c < 3; ++c)
-      pixels[4 * x + c] = float(std::int32_t(sums[3 * x + c] & kValue)) * kScale;
-    pixels[4 * x + 3] = 0;
+  using Ints [[gnu::vector_size(16)]] = std::int32_t;
+  const Float4 scale = {kScale, kScale, kScale, 0};
+  Ints any = {};
+  for (int x = 0; x < pairs; ++x, sums += 4, pixels += 4) {
+    Ints four;
+    std::memcpy(&four, sums, sizeof four);
+    any |= four;
+    const Float4 mean = __builtin_convertvector(four & std::int32_t(kValue), Float4) * scale;
+    std::memcpy(pixels, &mean, sizeof mean);
   }
-  return CodeTable::count(any) == 0;
+  return CodeTable::count(std::uint32_t(any[0] | any[1] | any[2])) == 0;
 }
 
 #ifdef FASTIBL_BYTE_SHUFFLES
@@ -139,7 +143,7 @@ void decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint
     std::fill_n(clipped, pairs, 0u);
     return;
   }
-  for (int x = 0; x < pairs; ++x, scratch += 3) {
+  for (int x = 0; x < pairs; ++x, scratch += 4) {
     std::uint32_t counts = 0;
     for (int c = 0; c < 3; ++c) counts |= CodeTable::count(scratch[c]) << c * kCountBits;
     clipped[x] = counts;

@@ -27,7 +27,7 @@ inline constexpr int kCountBits = 10;
 
 // Means over `pairs` × 2 × 2 pixels of rows a and b as pixels of four floats: the same bits on
 // every processor. The fourth is 1 where any is clipped; `clipped` gets the numbers.
-// scratch: three a pair.
+// scratch: four a pair.
 void decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
                   std::uint32_t* scratch, float* pixels, std::uint32_t* clipped);
 

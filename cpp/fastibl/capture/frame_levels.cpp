@@ -111,7 +111,7 @@ void FrameLevels::make_first(const Picture& picture, const Response& response) {
                           ? std::numeric_limits<float>::infinity()
                           : response.decode(float(response.clipped_code()) / 255.0f);
   parallel_for(levels_[0].height, kStrip, [&](int begin, int end) {
-    std::vector<std::uint32_t> sums(bytes ? 3 * std::size_t(levels_[0].width) : 0);
+    std::vector<std::uint32_t> sums(bytes ? 4 * std::size_t(levels_[0].width) : 0);
     for (int y = begin; y < end; ++y) {
       if (bytes)
         decode_row(picture, y, sums.data());
