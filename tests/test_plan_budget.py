@@ -195,6 +195,21 @@ def test_sharp_shadows_are_judged_alike_wherever_they_fall():
     assert coarse.max() < 1.5 * coarse.min() and fine.max() < 1.7 * fine.min()
 
 
+def test_a_lamp_is_judged_alike_in_a_map_of_any_size():
+    """Texels of a coarse map are as wide as they are, not blurred into each other, where rays go to them."""
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), spheres=20)
+    scene.baked_shadow = fastibl.MeshShadow(scene.mesh)
+    faces = np.full((6, 64, 64, 3), 0.2, np.float32)
+    faces[4, 31, 33] = 40000
+    found = []
+    for times in (1, 2):
+        cube = fastibl.CubeMap(faces.repeat(times, axis=1).repeat(times, axis=2))
+        shadow = dict(zip(*_measured_errors(scene, fastibl.Environment(cube), AUTO)["shadow"], strict=True))
+        found.append([shadow[name] ** 0.5 for name in ("mesh [fine=0]", "mesh [fine=512]")])
+    print(f"judged {found[0]} with 64 texels along an edge, {found[1]} with 128")
+    assert found[0] == pytest.approx(found[1], rel=0.05)
+
+
 @pytest.mark.parametrize("value", [0.0, 1e-20, 1e6])
 def test_black_tiny_and_huge_maps(scene, value):
     cube = fastibl.CubeMap(np.full((6, 4, 4, 3), value, np.float32))

@@ -34,7 +34,9 @@ BrightPieces::BrightPieces(const CubeMap& map, const SceneSamples& samples, cons
   constexpr float kShare =
       1 / 200.0f;  // of the light on the plane, or of twice what comes from all sides
   constexpr int n = SceneSamples::kLevelSize;
-  const CubeLevel& fine = map.level_at_most(n * kParts);
+  constexpr int kFine = n * kParts;
+  const CubeLevel& fine = map.level_at_most(kFine);
+  const int pieces = kFine % fine.size() ? 0 : kFine / fine.size();  // along a texel's edge
   const auto large = [&](glm::vec3 part, glm::vec3 whole) {
     return part.x > kShare * whole.x || part.y > kShare * whole.y || part.z > kShare * whole.z;
   };
@@ -49,9 +51,10 @@ BrightPieces::BrightPieces(const CubeMap& map, const SceneSamples& samples, cons
     glm::vec3 sum(0);
     for (int v = 0; v < kParts; ++v)
       for (int u = 0; u < kParts; ++u) {
-        const glm::vec3 d = glm::normalize(
-            texel_direction(face, column * kParts + u, row * kParts + v, n * kParts));
-        const glm::vec3 radiance = fine.sample(d);
+        const int at_x = column * kParts + u, at_y = row * kParts + v;
+        const glm::vec3 d = glm::normalize(texel_direction(face, at_x, at_y, kFine));
+        const glm::vec3 radiance =
+            pieces ? fine.texel(face, at_x / pieces, at_y / pieces) : fine.sample(d);
         sum += radiance;
         x.push_back(d.x), y.push_back(d.y), z.push_back(d.z);
         solid_angles.push_back(samples.solid_angles[k] / kCount);
