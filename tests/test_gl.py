@@ -642,14 +642,29 @@ def test_shaders_compile_offline(tmp_path):
     texts = {}
     for name, stage, text in sources():
         texts.setdefault((stage, text), name)
-    for (stage, text), name in texts.items():
-        path = tmp_path / f"shader.{stage}"
+    files = {}
+    for i, ((stage, text), name) in enumerate(texts.items()):
+        path = tmp_path / f"{i}.{stage}"
         path.write_text(text)
-        done = subprocess.run(["glslangValidator", "-S", stage, path], capture_output=True, text=True)
-        assert done.returncode == 0, f"{name} {stage}\n{done.stdout}"
-    print(len(texts), "shaders")
+        files[path] = name
+    print(len(files), "shaders")
+
+    def wrong(paths: list[Path]) -> list[str]:
+        """By one program, which takes a sixth of the time of one each. It prints each file's name, then its errors."""
+        done = subprocess.run(["glslangValidator", *paths], capture_output=True, text=True)
+        lines, found, name = done.stdout.splitlines(), [], ""
+        for line in lines:
+            name = files.get(Path(line), name)
+            if line.startswith("ERROR"):
+                found.append(f"{name}: {line}")
+        assert [Path(line) for line in lines if Path(line) in files] == paths
+        assert (done.returncode != 0) == bool(found)
+        return found
+
+    assert not wrong(list(files))
     path.write_text(text.replace("void main() {", "void main() { vec2 wrong = 1;"))
-    assert subprocess.run(["glslangValidator", "-S", stage, path], capture_output=True).returncode != 0
+    found = wrong([path])
+    assert found and found[0].startswith(name)
 
 
 @needs_gl
