@@ -1,11 +1,13 @@
 """What is no array, or not the one that belongs there: errors that name what was expected and what came."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 import fastibl
 from fastibl.expected import present
-from fastibl.recording import truth_of
+from fastibl.recording import truth_of, write_rig
 
 FACES = np.ones((6, 8, 8, 3), np.float32)
 CUBE = fastibl.CubeMap(FACES)
@@ -158,6 +160,20 @@ def test_the_command_line_says_what_cannot_be_done_without_a_traceback(tmp_path,
     fastibl.write_environment(path, CUBE)
     assert main(["export", str(path), "--size", "100000000", "--out", str(tmp_path / "out")]) == 2
     assert "fastibl: error:" in capsys.readouterr().err
+
+
+def test_what_files_say_reaches_no_terminal_raw(tmp_path, capsys):
+    """Names could clear the screen, or say in colour that all is well."""
+    from fastibl.__main__ import _plain_warnings, main
+
+    told = "\x1b[2J\x1b[32mfastibl: all good\x1b[0m\x9b2J"
+    (tmp_path / "frames.csv").write_text(f"time,camera,file,exposure\n0,{told},a.png,\n", encoding="utf-8")
+    write_rig(tmp_path / "rig.yaml", fastibl.Rig(fastibl.Camera(8, 6, 9.0, 9.0, 4.0, 3.0)))
+    assert main(["render", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "\\x1b[2J" in said and "\x1b" not in said and "\x9b" not in said
+    with _plain_warnings():
+        assert warnings.formatwarning("\x1b[2J", UserWarning, "a.py", 1) == "fastibl: warning: \\x1b[2J\n"
 
 
 def test_what_is_known_to_be_there():

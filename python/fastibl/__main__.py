@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from . import __version__, commands
+from .plain_text import plain_text
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -28,7 +29,7 @@ def build_parser() -> argparse.ArgumentParser:
 def _plain_warnings() -> Iterator[None]:
     """What a command warns of is for a person: a line like that of an error, without the place in the code."""
     before = warnings.formatwarning
-    warnings.formatwarning = lambda message, *_, **__: f"fastibl: warning: {message}\n"
+    warnings.formatwarning = lambda message, *_, **__: f"fastibl: warning: {plain_text(message)}\n"
     try:
         yield
     finally:
@@ -42,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with _plain_warnings():
             return arguments.run(arguments) or 0
     except (OSError, ValueError, TypeError, LookupError, ImportError, RuntimeError, MemoryError) as error:
-        print(f"fastibl: error: {error or type(error).__name__}", file=sys.stderr)
+        print(f"fastibl: error: {plain_text(error) or type(error).__name__}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("fastibl: interrupted", file=sys.stderr)

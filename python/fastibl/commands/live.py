@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..plain_text import plain_text
 from ._arguments import add_cameras, add_object, parser, picture_size, positive
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def run(arguments: argparse.Namespace) -> int:
     log = _Log()
     opened = open_source(arguments, log)
     for notice in opened.notices:
-        print(f"fastibl: {notice}".replace("`", ""), file=sys.stderr)
+        print(f"fastibl: {plain_text(notice)}".replace("`", ""), file=sys.stderr)
     with ExitStack() as stack:
         stack.callback(close, opened.source)
         given = _given_light(arguments)
@@ -137,7 +138,7 @@ class _Log:
     """Takes the cameras' messages, first for the terminal, later for the page as well."""
 
     def __init__(self) -> None:
-        self.to = lambda line: print(f"fastibl: {line}", file=sys.stderr)
+        self.to = lambda line: print(f"fastibl: {plain_text(line)}", file=sys.stderr)
 
     def __call__(self, line: str) -> None:
         self.to(line)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..plain_text import plain_text
 from ._arguments import parser
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def _compared(old: _Written, rows: list[Row], head: Mapping[str, Any]) -> Compar
     if others := of_other_inputs(old.head, head):
         raise ValueError(f"{old.path} is a report of something else: {others} is another; their rows do not compare")
     found = compare(old.rows, rows, str(old.path))
-    print(as_text(found))
+    print(plain_text(as_text(found)))
     return found
 
 
