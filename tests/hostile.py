@@ -20,6 +20,23 @@ MORE = settings(
 )
 REFUSALS = (ValueError, TypeError, OSError)
 
+HEAD = "%YAML:1.0\n---\n"
+# Calibrations that OpenCV's parser runs out of memory for calls with.
+NESTED = {
+    "brackets": HEAD + "a: " + "[" * 40_000,
+    "json": '{"a":' * 40_000,
+    "tags": '<?xml version="1.0"?>\n<opencv_storage>\n' + "<a>" * 40_000,
+    "lists": HEAD + "a:\n   " + "- " * 40_000 + "1\n",
+    "maps": HEAD + "a: " * 40_000,
+    "indents": HEAD + "".join(" " * (62 * i) + "- " * 31 + "\n" for i in range(360)),
+}
+# And one that it never ends with: base64 that does not say what it holds.
+ENDLESS = (
+    HEAD
+    + "back:\n   a: !!opencv-matrix\n      rows: 3\n      cols: 3\n      dt: d\n      data: !!binary |\n"
+    + ("         " + "ICAg" * 9 + "AAAA" * 15 + "\n")
+)
+
 edges = [0.0, -0.0, 1.0, -1.0, 1e-45, 1e-30, 1e-8, 1e6, 1e9, 1e30, -1e30, 3.4e38, np.inf, -np.inf, np.nan]
 numbers = st.one_of(st.floats(-2, 2), st.sampled_from(edges), st.floats())
 whole_numbers = st.one_of(st.integers(-3, 70), st.sampled_from([2**31, -(2**31), 2**40]))

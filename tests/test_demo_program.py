@@ -12,6 +12,7 @@ import pytest
 
 import fastibl
 from fastibl.recording import RecordingWriter
+from hostile import ENDLESS, NESTED
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = Path(os.environ.get("FASTIBL_DEMO_PROGRAM", ROOT / "build/cpp/cpp/demo/fastibl-demo"))
@@ -262,6 +263,8 @@ def edited(folder, tmp_path, name, edit):
         (lambda text: text.replace("width: 320", "width: 320.5", 1), "must be a whole number, got 320.5"),
         (lambda text: text.replace("width: 320", "width: wide", 1), "no number width"),
         (lambda text: text + "x: 1\n" * 2**20, "at most 4194304"),
+        *((lambda _, nested=nested: nested, "nests more than 32 levels") for nested in NESTED.values()),
+        (lambda _: ENDLESS, "holds binary data"),
     ],
 )
 def test_hostile_calibrations(folder, tmp_path, change, message):

@@ -21,9 +21,11 @@ from fastibl.recording import (
     Truth,
     read_board,
     read_rig,
+    write_attitudes,
     write_board,
     write_rig,
 )
+from hostile import ENDLESS, NESTED
 
 RNG = np.random.default_rng(5)
 TURN = Pose.from_rotation_vector([0.1, 3.0, 0.02], [0.01, -0.02, 0.003])
@@ -123,6 +125,24 @@ def test_an_attitude_that_a_crash_cut_off_is_left_out(tmp_path):
     assert np.array_equal(recording[0].attitude, np.eye(3)) and recording[1].attitude is None
 
 
+def test_nothing_is_written_or_read_through_links_that_lead_out(tmp_path):
+    path = write(tmp_path / "r", frames(1))
+    secret = tmp_path / "secret"
+    secret.write_text("mine\n")
+    (path / "attitudes.csv.part").symlink_to(secret)
+    write_attitudes(path, [np.eye(3)])
+    assert secret.read_text() == "mine\n" and not (path / "attitudes.csv").is_symlink()
+    for name in ("attitudes.csv", "frames.csv", "board.yaml", "rig.yaml"):
+        (path / name).unlink(missing_ok=True)
+        (path / name).symlink_to(secret)
+        with pytest.raises(OSError, match="leads out of the recording"):
+            Recording.open(path)
+        if name.endswith(".csv"):
+            with pytest.raises(OSError, match="leads out of the recording"):
+                write_attitudes(path, [np.eye(3)])
+    assert secret.read_text() == "mine\n"
+
+
 @pytest.mark.parametrize("attitude", [(1, 2), 0.5, np.full((3, 3), np.inf), "left", 2 * np.eye(3)])
 def test_writer_refuses_what_is_no_attitude(tmp_path, attitude):
     frame = frames(1)[0]
@@ -170,6 +190,55 @@ def test_links_and_devices_stay_what_they_are(tmp_path):
     assert link.is_symlink() and read_rig(tmp_path / "there" / "real.yaml") == Rig(cameras()[0])
     write_rig("/dev/null", Rig(cameras()[0]))
     assert not Path("/dev/null").is_file()
+
+
+def test_a_file_keeps_its_mode_and_may_have_any_name(tmp_path):
+    for name in ("rig.yaml", "n" * 250 + ".yaml"):
+        path = tmp_path / name
+        write_rig(path, Rig(cameras()[0]))
+        path.chmod(0o600)
+        write_rig(path, Rig(cameras()[0]))
+        assert path.stat().st_mode & 0o777 == 0o600
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
+def test_nested_calibrations_are_refused(tmp_path, text):
+    for name, read in (("rig.yaml", read_rig), ("board.yaml", read_board)):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(ValueError, match=f"{name} nests more than 32 levels"):
+            read(tmp_path / name)
+
+
+def test_binary_calibrations_are_refused(tmp_path):
+    (tmp_path / "rig.yaml").write_text(ENDLESS)
+    with pytest.raises(ValueError, match="holds binary data; expected numbers as text"):
+        read_rig(tmp_path / "rig.yaml")
+
+
+def test_calibrations_as_json_and_xml(tmp_path):
+    """OpenCV's other two kinds, as its writer has them."""
+    rig = Rig(*cameras(), TURN)
+    write_rig(tmp_path / "rig.yaml", rig)
+    read = cv2.FileStorage(str(tmp_path / "rig.yaml"), cv2.FILE_STORAGE_READ)
+
+    def copy(node, to):
+        for key in node.keys():
+            item = node.getNode(key)
+            if item.isMap() and not item.getNode("dt").empty():
+                to.write(key, item.mat())
+            elif item.isMap():
+                to.startWriteStruct(key, cv2.FileNode_MAP)
+                copy(item, to)
+                to.endWriteStruct()
+            else:
+                to.write(key, item.string() if item.isString() else item.real())
+
+    for name in ("rig.json", "rig.xml"):
+        to = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_WRITE)
+        copy(read.root(), to)
+        to.release()
+        assert read_rig(tmp_path / name) == rig
 
 
 def test_board_round_trip(tmp_path):

@@ -4,6 +4,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
+#include "demo/calibration_text.h"
 #include "demo/output.h"
 #include "fastibl/core/check.h"
 
@@ -12,15 +13,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uintmax_t kMostBytes = 1 << 22;  // of a file
-constexpr std::int64_t kMostValues = 1 << 16;   // of a matrix
+constexpr std::int64_t kMostValues = 1 << 14;  // of a matrix
 
 cv::FileStorage open(const fs::path& path) {
-  check(fs::is_regular_file(path), "the file ", path.string(), " is missing");
-  check(fs::file_size(path) <= kMostBytes, path.string(), " has ", fs::file_size(path),
-        " bytes; a calibration has at most ", kMostBytes);
+  const std::string text = calibration_text(path);
   try {
-    cv::FileStorage storage(path.string(), cv::FileStorage::READ);
+    cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
     check(storage.isOpened(), path.string(), " cannot be opened");
     return storage;
   } catch (const cv::Exception& error) {

@@ -164,11 +164,11 @@ class Recording:
         path = Path(path)
         if not path.is_dir():
             raise FileNotFoundError(f"no recording at {path}: expected a folder with rig.yaml and frames.csv")
-        rig = read_rig(path / "rig.yaml")
+        rig = read_rig(_inside(path, "rig.yaml"))
         frames = _StoredFrames(path)
         if rig.front is None and any("front" in pictures for _, pictures in frames.moments):
             raise ValueError(f"{path / 'frames.csv'} lists front pictures, but rig.yaml has no front camera")
-        board = read_board(path / "board.yaml") if (path / "board.yaml").is_file() else None
+        board = read_board(_inside(path, "board.yaml")) if (path / "board.yaml").is_file() else None
         truth = _read_truth(path / "truth") if (path / "truth").is_dir() else None
         return cls(rig, frames, board, truth, path)
 
@@ -403,7 +403,7 @@ def write_attitudes(path: str | os.PathLike[str], attitudes: Sequence[ArrayLike 
     them or for what is no rotation, OSError where it cannot be written.
     """
     path = Path(path)
-    times = [time for time, _ in _read_moments(path / "frames.csv")]
+    times = [time for time, _ in _read_moments(_inside(path, "frames.csv"))]
     if len(attitudes) != len(times):
         raise ValueError(f"expected attitudes of {len(times)} frames, got {len(attitudes)}")
     rows = [
@@ -411,10 +411,9 @@ def write_attitudes(path: str | os.PathLike[str], attitudes: Sequence[ArrayLike 
         for time, attitude in zip(times, attitudes, strict=True)
         if attitude is not None
     ]
-    made = path / "attitudes.csv.part"
-    with open(made, "w", newline="", encoding="utf-8") as file:
-        csv.writer(file, lineterminator="\n").writerows([_ATTITUDE_COLUMNS, *rows])
-    made.replace(path / "attitudes.csv")
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows([_ATTITUDE_COLUMNS, *rows])
+    write_whole(_inside(path, "attitudes.csv"), text.getvalue())
     return len(rows)
 
 
@@ -423,8 +422,8 @@ class _StoredFrames(Sequence[Frame]):
 
     def __init__(self, path: Path):
         self.path = path
-        self.moments = _read_moments(path / "frames.csv")
-        attitudes = _read_attitudes(path / "attitudes.csv")
+        self.moments = _read_moments(_inside(path, "frames.csv"))
+        attitudes = _read_attitudes(_inside(path, "attitudes.csv"))
         each = {time: iter(of_time) for time, of_time in attitudes.items()}  # frames of one time: one after the other
         self.attitudes = [next(each.get(time, iter(())), None) for time, _ in self.moments]
         self._videos: dict[str, tuple[cv2.VideoCapture, int]] = {}
@@ -628,10 +627,38 @@ def _whole_lines(file: TextIO, path: Path) -> Iterator[str]:
 # rig.yaml and board.yaml
 
 
+_DEEPEST = 32  # levels of a calibration, which has five
+_BINARY = re.compile(r"!!binary|\$base64\$|[\"']binary")
+
+
+def _nests(text: str) -> bool:
+    """Whether YAML, JSON or XML goes deeper than that, by its indents, within a line, or by its brackets and tags."""
+    if re.search(rf"^[ \t]{{{8 * _DEEPEST}}}", text, re.MULTILINE):
+        return True
+    if any(len(re.findall(r":|-[ \t]", part)) > _DEEPEST for part in re.split(r"[,\n{}\[\]]", text)):
+        return True
+    depth = 0
+    for step in re.finditer(r"[\[{\]}]|</|/>|<(?![?!/])", text):
+        depth += 1 if step[0] in ("[", "{", "<") else -1
+        if depth > _DEEPEST:
+            return True
+    return False
+
+
+def _check_plain(text: str, path: Path) -> None:
+    """OpenCV's parser calls itself for every level, until no memory is left for that, and may read some binary data for
+    ever: neither comes from its own writer of calibrations. ValueError."""
+    if _nests(text):
+        raise ValueError(f"{path} nests more than {_DEEPEST} levels deep; a calibration has five")
+    if _BINARY.search(text):
+        raise ValueError(f"{path} holds binary data; expected numbers as text, as OpenCV's FileStorage writes them")
+
+
 def _open_yaml(path: Path) -> cv2.FileStorage:
     import cv2
 
     text = _text(path, _MOST_CALIBRATION)
+    _check_plain(text, path)
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     except (cv2.error, SystemError) as error:
@@ -659,7 +686,7 @@ def _number(node: cv2.FileNode, name: str, path: Path) -> float:
     return item.real()
 
 
-_MOST_VALUES = 1 << 16  # of a matrix in a calibration: none has more
+_MOST_VALUES = 1 << 14  # of a matrix in a calibration: a board of 1000 tags has 12000
 
 
 def _matrix(node: cv2.FileNode, name: str, path: Path) -> NDArray | None:
@@ -673,7 +700,7 @@ def _matrix(node: cv2.FileNode, name: str, path: Path) -> NDArray | None:
     data = item.getNode("data")
     if not data.isSeq() or not 0 < rows * columns <= _MOST_VALUES or data.size() != rows * columns:
         raise ValueError(f"{path}: {name} must be a matrix of {rows} x {columns} values")
-    values = [data.at(i) for i in range(rows * columns)]
+    values = [data.at(i) for i in range(rows * columns)]  # each is looked for from the first on
     if not all(v.isInt() or v.isReal() for v in values):
         raise ValueError(f"{path}: {name} must hold numbers")
     return np.array([v.real() for v in values]).reshape(rows, columns)

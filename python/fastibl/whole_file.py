@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+import itertools
 import os
-import threading
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+_WRITTEN = itertools.count()
+_STEM = 40  # characters: names may be as long as the file system lets them be
 
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A name to write under, that no other process or thread takes; it takes the file's place where nothing is raised.
 
-    What is no file, a device or a pipe, is written to by its own name; links stay.
+    What is no file, a device or a pipe, is written to by its own name; links stay, and so does the mode of a file that
+    was there. The name is a new file's: nothing is written through a link that somebody laid there.
     """
     path = Path(path)
     if path.exists() and not path.is_file():
         yield path
         return
     path = Path(os.path.realpath(path))
-    part = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}.part")
+    part = path.with_name(f"{path.stem[:_STEM]}.{os.getpid()}-{next(_WRITTEN)}.part")
+    part.unlink(missing_ok=True)
     try:
+        os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        if path.exists():
+            part.chmod(stat.S_IMODE(path.stat().st_mode))
         yield part
         part.replace(path)
     finally:
