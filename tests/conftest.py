@@ -1,6 +1,8 @@
 """Shared places and helpers. Real maps and meshes lie beside the project; what needs them skips without."""
 
+import atexit
 import os
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -11,7 +13,9 @@ import fastibl
 from fastibl.measuring.samples import units  # noqa: F401 - for tests
 
 # What tests bake they keep to themselves.
-os.environ.setdefault("FASTIBL_CACHE", tempfile.mkdtemp(prefix="fastibl-tests-"))
+if "FASTIBL_CACHE" not in os.environ:
+    os.environ["FASTIBL_CACHE"] = tempfile.mkdtemp(prefix="fastibl-tests-")
+    atexit.register(shutil.rmtree, os.environ["FASTIBL_CACHE"], ignore_errors=True)
 fastibl.set_threads(1)  # processes share the cores; tests of more threads set them
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"

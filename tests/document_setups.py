@@ -100,7 +100,7 @@ def _torch(names, folder, monkeypatch):
 
 
 def _files(names, folder, monkeypatch):
-    pytest.importorskip("OpenEXR", reason="pip install fastibl[exr]")
+    pytest.importorskip("OpenEXR", reason="pip install OpenEXR")
     picture = np.random.default_rng(0).integers(0, 255, (32, 64, 3), dtype=np.uint8)
     cv2.imwrite(str(folder / "panorama.jpg"), picture)
 

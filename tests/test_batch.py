@@ -240,7 +240,7 @@ def test_the_example_with_recordings(tmp_path):
 
 
 def test_dask(tmp_path):
-    distributed = pytest.importorskip("distributed", reason="pip install fastibl[dask]")
+    distributed = pytest.importorskip("distributed", reason="pip install distributed")
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
     with cluster, distributed.Client(cluster) as client:
         summary = batch.run(sometimes, range(4), tmp_path / "a", executor=client, progress=False)

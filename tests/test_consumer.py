@@ -284,6 +284,15 @@ def test_variables_of_the_project_stay(build_tree, package, tmp_path):
     run("cmake", "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja", package)
 
 
+def test_a_part_of_another_build_installs_nothing(build_tree, tmp_path):
+    if not (build_tree / "cpp/demo/fastibl-demo").is_file():
+        pytest.skip("the native program was not built")
+    configure(CONSUMER, tmp_path, f"-DFASTIBL_SOURCE={ROOT}", "-DFASTIBL_TRACKING=ON", "-DFASTIBL_DEMO=ON")
+    assert "fastibl-demo" in (tmp_path / "build.ninja").read_text()
+    scripts = list(tmp_path.rglob("cmake_install.cmake"))
+    assert scripts and not [path for path in scripts if "file(INSTALL" in path.read_text()]
+
+
 def test_shared_libraries_are_not_promised(tmp_path):
     said = configure(CONSUMER, tmp_path, f"-DFASTIBL_SOURCE={ROOT}", *CORE_ONLY, "-DBUILD_SHARED_LIBS=ON")
     assert "static libraries all the same" in said

@@ -114,7 +114,7 @@ def test_what_cannot_be_shown_is_refused(shown):
 
 def test_plot_names_what_is_missing(shown, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    same_error(lambda: fastibl.plot(shown["map"]), ImportError, "fastibl[report]")
+    same_error(lambda: fastibl.plot(shown["map"]), ImportError, "pip install matplotlib")
 
 
 def test_modules_come_when_they_are_asked_for():

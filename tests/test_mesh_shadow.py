@@ -4,11 +4,13 @@ import os
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fastibl
+import fastibl.mesh_shadow as module
 from fastibl import MeshShadow, reference
 
 GRID = 16
@@ -462,8 +464,6 @@ def test_kept_on_disk(cache_folder, monkeypatch):
     first = MeshShadow(mesh, GRID).cast(cube).image
     (path,) = files(cache_folder)
     monkeypatch.setattr("fastibl.mesh_shadow.BakedShadow.bake", None, raising=False)
-    import fastibl.mesh_shadow as module
-
     def no_bake(*_):
         raise AssertionError("baked although it was kept")
 
@@ -538,6 +538,19 @@ def test_no_cache_when_turned_off(cache_folder, monkeypatch):
     monkeypatch.setenv("FASTIBL_CACHE", "0")
     MeshShadow(table(), GRID)
     assert not cache_folder.exists()
+
+
+def test_without_a_home_nothing_is_kept(monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("FASTIBL_CACHE", raising=False)
+    monkeypatch.setattr(Path, "home", homeless)
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # to be ignored, as its specification says
+    assert module.cache_folder() is None
+    MeshShadow(table(), GRID)
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
+    assert module.cache_folder() == Path("/somewhere/fastibl")
 
 
 def test_folder_that_cannot_be_written(tmp_path, monkeypatch):

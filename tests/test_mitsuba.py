@@ -39,7 +39,7 @@ def test_orientation_of_the_map(marked):
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_the_turn_that_the_page_on_files_names(tmp_path, up):
     """A written picture, as Mitsuba reads it with the to_world of docs/files.md."""
-    pytest.importorskip("OpenEXR", reason="pip install fastibl[exr]")
+    pytest.importorskip("OpenEXR", reason="pip install OpenEXR")
     faces = np.random.default_rng(0).uniform(0.1, 1, (6, 2, 2, 3)).repeat(16, axis=1).repeat(16, axis=2)
     cube = fastibl.CubeMap(faces)
     fastibl.write_environment(tmp_path / "room.exr", cube, axes="gltf", height=128)

@@ -1,5 +1,7 @@
 """fastibl render: the object's own material, light by the board's white, and the layers of each picture."""
 
+import sys
+
 import numpy as np
 import pytest
 import trimesh
@@ -63,3 +65,12 @@ def test_layers_of_each_picture(tmp_path, recording, capsys):
     files = sorted(p.name for p in (tmp_path / "layers").iterdir())
     assert files == ["00000.exr", "00001.exr", "00002.exr"]
     assert "3 .exr" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("missing", ["av", "OpenEXR"])
+def test_what_is_not_installed_is_told_before_any_work(tmp_path, recording, monkeypatch, capsys, missing):
+    monkeypatch.setitem(sys.modules, missing, None)
+    monkeypatch.setattr(fastibl.Session, "__init__", None)  # which takes the time
+    out, layers = tmp_path / "a.webm", tmp_path / "layers"
+    assert main(["render", str(recording.path), "--out", str(out), "--layers", str(layers)]) == 2
+    assert f"pip install {missing}" in capsys.readouterr().err and not out.exists()

@@ -107,7 +107,7 @@ modules. width, height: of the page in metres. Raises ValueError for no tags, an
           },
           py::arg("path"), py::arg("dpi") = 300.0,
           R"(Writes the page at true size: .png with its resolution inside, or .pdf as vectors (needs
-fastibl[board]). Print at 100 % and measure the line below the tags. Raises ValueError for another ending.)")
+reportlab). Print at 100 % and measure the line below the tags. Raises ValueError for another ending.)")
       .def(py::self == py::self)
       .def("__repr__",
            [](const Board& b) {

@@ -424,7 +424,7 @@ class Board:
     def save(self, path: typing.Any, dpi: typing.SupportsFloat | typing.SupportsIndex = 300.0) -> None:
         """
         Writes the page at true size: .png with its resolution inside, or .pdf as vectors (needs
-        fastibl[board]). Print at 100 % and measure the line below the tags. Raises ValueError for another ending.
+        reportlab). Print at 100 % and measure the line below the tags. Raises ValueError for another ending.
         """
     @property
     def border_bits(self) -> int:

@@ -15,7 +15,7 @@ A function makes one result of one item, as a file or a folder at a path that it
 - An item that raises does not stop the others. The summary names it, why, and how long everything took; it is written
   to out/summary.json, too.
 - By default processes of this machine work. Any executor with `submit` does, for other machines: with Dask
-  (`pip install fastibl[dask]`), `executor=dask.distributed.Client("scheduler:8786")`, with `out` a folder that all of
+  (`pip install distributed`), `executor=dask.distributed.Client("scheduler:8786")`, with `out` a folder that all of
   them share.
 
 One run at a time works on one `out`.

@@ -165,7 +165,7 @@ def _save_pdf(board: Board, path: Path) -> None:
     try:
         from reportlab.pdfgen.canvas import Canvas
     except ImportError as error:
-        raise ImportError("a PDF needs reportlab: pip install fastibl[board] (or save a .png)") from error
+        raise ImportError("a PDF needs reportlab: pip install reportlab (or save a .png)") from error
     point = 72 / METRES_PER_INCH  # per metre
     size = board.width * point, board.height * point
     canvas = Canvas(os.fspath(path), pagesize=size, invariant=True)

@@ -96,7 +96,7 @@ def _read_bc6h(path: Path, n: int) -> NDArray[np.float32]:
     try:
         import OpenImageIO
     except ImportError as error:
-        raise ImportError(f"{path} holds BC6H texels: pip install fastibl[dds]") from error
+        raise ImportError(f"{path} holds BC6H texels: pip install OpenImageIO") from error
     file = OpenImageIO.ImageInput.open(str(path))
     if file is None:
         raise ValueError(f"{path} is damaged: {OpenImageIO.geterror()}")

@@ -125,7 +125,9 @@ def _run(
     session = Session(scene, recording.rig, recording.board, methods=METHODS[name], distance=DISTANCE)
     truth = truth_of(recording)
     last, true_pictures = None, {}
-    for index, frame in enumerate(tqdm(recording, desc=f"{name} methods", total=len(recording), leave=False)):
+    for index, frame in enumerate(
+        tqdm(recording, desc=f"{name} methods", total=len(recording), leave=False, disable=None)
+    ):
         result = last = session.process(frame)
         true_pose, pose = truth.pose(frame.time), result.back_from_marker
         run.pose_degrees.append(np.nan if pose is None else float(np.degrees(pose.angle_to(true_pose))))
@@ -223,7 +225,7 @@ def _compare_with_truth(
     truth = truth_of(recording)
     renderer = TrueRenderer(scene)
     response = recording.rig.back.response
-    for still in tqdm([s for s in stills if s.compared], desc="true pictures", leave=False):
+    for still in tqdm([s for s in stills if s.compared], desc="true pictures", leave=False, disable=None):
         frame: Frame = frames[still.index]
         back, exposure = present(frame.back), present(frame.back_exposure)
         true_map = truth.environment(frame.time)

@@ -1,6 +1,6 @@
 """How maps, light, shadows, plans and frames show themselves: in notebooks by themselves, elsewhere by `fastibl.plot`.
 
-`picture` needs nothing but OpenCV; `plot` needs matplotlib (pip install fastibl[report]), when it is called.
+`picture` needs nothing but OpenCV; `plot` needs matplotlib (pip install matplotlib), when it is called.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ def plot(thing: Any, axes: Any = None, title: str | None = None) -> Any:
     try:
         from matplotlib import pyplot
     except ImportError as error:
-        raise ImportError("fastibl.plot needs matplotlib: pip install fastibl[report]") from error
+        raise ImportError("fastibl.plot needs matplotlib: pip install matplotlib") from error
     if axes is None:
         wide = isinstance(thing, CubeMap | Environment | Lighting | Guidance)
         axes = pyplot.subplots(figsize=(8, 4) if wide else (5, 4), layout="constrained")[1]

@@ -111,7 +111,7 @@ def _unpacked(data: bytes, packing: int, most: int, path: Path) -> bytes:
         try:
             import zstandard
         except ImportError as error:
-            raise ImportError(f"{path} is packed by Zstandard: pip install fastibl[ktx]") from error
+            raise ImportError(f"{path} is packed by Zstandard: pip install zstandard") from error
         try:
             window = max(1 << 23, 1 << most.bit_length())
             with zstandard.ZstdDecompressor(max_window_size=window).stream_reader(data) as stream:

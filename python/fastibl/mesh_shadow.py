@@ -29,16 +29,22 @@ _MOST_BYTES = 256 << 20  # of all files together; the ones that were used longes
 
 
 def cache_folder() -> Path | None:
-    """Where baked shadows are kept: $XDG_CACHE_HOME/fastibl or ~/.cache/fastibl; None where FASTIBL_CACHE is 0.
+    """Where baked shadows are kept: $XDG_CACHE_HOME/fastibl or ~/.cache/fastibl.
 
-    FASTIBL_CACHE may also name another folder.
+    FASTIBL_CACHE may also name another folder. None where it is 0, or the user has no home.
     """
     chosen = os.environ.get("FASTIBL_CACHE", "")
     if chosen == "0":
         return None
     if chosen:
         return Path(chosen)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fastibl"
+    given = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    if given.is_absolute():  # others are to be ignored: XDG Base Directory Specification
+        return given / "fastibl"
+    try:
+        return Path.home() / ".cache" / "fastibl"
+    except RuntimeError:
+        return None
 
 
 class MeshShadow:

@@ -19,11 +19,12 @@ ENCODED = (".png", ".jpg", ".jpeg")
 _SIZES = {".hdr": radiance_size, ".png": png_size, ".jpg": jpeg_size, ".jpeg": jpeg_size}
 
 
-def _openexr() -> Any:
+def openexr() -> Any:
+    """The module. Raises ImportError that says what to install."""
     try:
         import OpenEXR
     except ImportError as error:
-        raise ImportError("reading and writing .exr needs OpenEXR: pip install fastibl[exr]") from error
+        raise ImportError("reading and writing .exr needs OpenEXR: pip install OpenEXR") from error
     return OpenEXR
 
 
@@ -109,7 +110,7 @@ def write_exr(path: Path, channels: dict[str, NDArray[Any]], attributes: dict[st
 
     Raises ImportError without OpenEXR, OSError where the file cannot be written, and leaves an older one then.
     """
-    exr = _openexr()
+    exr = openexr()
     header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage, **(attributes or {})}
     stored = {name: np.ascontiguousarray(pixels) for name, pixels in channels.items()}
     with whole_file(path) as part, exr.File(header, stored) as file:
@@ -120,7 +121,7 @@ def write_exr(path: Path, channels: dict[str, NDArray[Any]], attributes: dict[st
 
 
 def _read_exr(path: Path) -> NDArray[np.float32]:
-    exr = _openexr()
+    exr = openexr()
     check_file_size(path)
     try:
         with exr.File(str(path), header_only=True) as file:

@@ -484,7 +484,7 @@ def simulate(
     if progress:
         from tqdm import tqdm
 
-        steps = tqdm(steps, total=len(times), desc="simulate", unit="frame")
+        steps = tqdm(steps, total=len(times), desc="simulate", unit="frame", disable=None)
     try:
         if writer is not None:
             writer.write_truth(truth)  # first: a run that is broken off leaves a shorter recording

@@ -18,6 +18,10 @@ _BT709, _LIMITED = 1, 1  # ITU-T H.273; AVCOL_RANGE_MPEG
 _OPTIONS = {"deadline": "realtime", "cpu-used": "8", "row-mt": "1", "crf": "30", "b": "0"}
 
 
+class _NoPictures(Exception):
+    pass
+
+
 class VideoWriter:
     """Writes RGB pictures (h, w, 3) uint8 of one size as a .webm; a context manager.
 
@@ -36,7 +40,7 @@ class VideoWriter:
         try:
             import av
         except ImportError as error:
-            raise ImportError("writing videos needs PyAV: pip install fastibl[video]") from error
+            raise ImportError("writing videos needs PyAV: pip install av") from error
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._av = av
         self._shape: tuple[int, ...] = ()
@@ -76,8 +80,8 @@ class VideoWriter:
 
     def close(self) -> None:
         if not self._shape:  # nothing was written, and no file is made of it
-            with suppress(FileNotFoundError):
-                self._whole.close()
+            with suppress(_NoPictures), self._whole:
+                raise _NoPictures
             return
         with self._whole:
             self._container.mux(self._stream.encode())

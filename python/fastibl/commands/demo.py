@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
-        raise ValueError("the report needs matplotlib: pip install fastibl[report]") from error
+        raise ValueError("the report needs matplotlib: pip install matplotlib") from error
     from ..demo_report import write_report
 
     out: Path = arguments.out

@@ -71,7 +71,10 @@ def _copy_films(arguments: argparse.Namespace) -> int:
     back, front = (None if film is None else film_size(film) for film in (arguments.back, arguments.front))
     rig, board = _rig(arguments, back, front), board_of(arguments.board)
     source = VideoSource(rig, arguments.back, arguments.front, board)
-    with Recorder(arguments.out, rig, board) as recorder, tqdm(source, desc="record", unit="frame") as bar:
+    with (
+        Recorder(arguments.out, rig, board) as recorder,
+        tqdm(source, desc="record", unit="frame", disable=None) as bar,
+    ):
         for frame in bar:
             if arguments.seconds is not None and frame.time > arguments.seconds:
                 break
@@ -104,7 +107,7 @@ def _record_cameras(arguments: argparse.Namespace) -> int:
     recorder = None  # until the first frame: an older recording is there till then
     with source, ExitStack() as stack:
         end = None
-        with tqdm(desc="record", unit="frame") as bar:
+        with tqdm(desc="record", unit="frame", disable=None) as bar:
             try:
                 for frame in source:
                     recorder = recorder or stack.enter_context(Recorder(arguments.out, rig, board))

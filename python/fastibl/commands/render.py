@@ -11,6 +11,7 @@ from ._arguments import add_object, add_response, object_of, parser
 if TYPE_CHECKING:
     from .._fastibl import CubeMap, Environment
     from ..recording import Recording
+    from ..session import Session
 
 _DIFFUSE, _GLOSSY, _EXPONENT = 0.7, 0.1, 64.0
 
@@ -54,18 +55,11 @@ def _as_bright_as_here(cube: CubeMap, recording: Recording) -> CubeMap | Environ
     return scaled(cube, factor)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    import numpy as np
-    from tqdm import tqdm
-
+def _session(arguments: argparse.Namespace, recording: Recording) -> Session:
     from .._fastibl import Material, Scene
     from ..environment_files import read_environment
-    from ..layer_files import write_layers
-    from ..recording import Recording
     from ..session import Session
-    from ..video import VideoWriter
 
-    recording = Recording.open(arguments.recording)
     mesh, material = object_of(arguments)
     given = (arguments.diffuse, arguments.glossy, arguments.exponent)
     if material.pbr is None or given != (None, None, None):
@@ -74,14 +68,13 @@ def run(arguments: argparse.Namespace) -> int:
             for value, default in zip(given, (_DIFFUSE, _GLOSSY, _EXPONENT), strict=True)
         )
         material = Material([diffuse] * 3, [glossy] * 3, exponent)
-    scene = Scene(mesh, material)
     environment = None
     if arguments.environment is not None:
         environment = _as_bright_as_here(
             read_environment(arguments.environment, response=arguments.response), recording
         )
-    session = Session(
-        scene,
+    return Session(
+        Scene(mesh, material),
         recording.rig,
         recording.board,
         environment,
@@ -89,14 +82,28 @@ def run(arguments: argparse.Namespace) -> int:
         backend=arguments.backend,
         distance=arguments.distance,
     )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    import numpy as np
+    from tqdm import tqdm
+
+    from ..layer_files import write_layers
+    from ..pictures import openexr
+    from ..recording import Recording
+    from ..video import VideoWriter
+
+    recording = Recording.open(arguments.recording)
     times = recording.back_times
     fps = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 15.0
     seconds: list[float] = []
     seen, result = 0, None
     if arguments.layers is not None:
+        openexr()  # before any work
         arguments.layers.mkdir(parents=True, exist_ok=True)
     with VideoWriter(arguments.out, fps) as video:
-        for frame in tqdm(recording, total=len(recording), unit="frame"):
+        session = _session(arguments, recording)
+        for frame in tqdm(recording, total=len(recording), unit="frame", disable=None):
             if frame.back is None:
                 session.process(frame)
                 continue

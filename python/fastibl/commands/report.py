@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
-        raise ValueError("the report needs matplotlib: pip install fastibl[report]") from error
+        raise ValueError("the report needs matplotlib: pip install matplotlib") from error
     return _measured(arguments, old)
 
 
@@ -95,7 +94,7 @@ def _measured(arguments: argparse.Namespace, old: _Written | None) -> int:
     effort = report.QUICK if arguments.quick else report.FULL
     places, mesh, recording = _given(arguments)
     parts = ["inputs", *(name for name, _ in (*report.STEPS, *report.MORE)), "page"]
-    with tqdm(total=len(parts), unit="part", file=sys.stderr) as bar:
+    with tqdm(total=len(parts), unit="part", disable=None) as bar:
         bar.set_description(parts[0])
         inputs = report.gathered(places, mesh, recording, effort)
 
