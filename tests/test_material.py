@@ -1,5 +1,6 @@
 """Materials of glTF's model: textures, normal maps, energy, .glb files, both back ends."""
 
+import functools
 import json
 import pickle
 
@@ -505,23 +506,28 @@ def test_the_true_renderer_agrees(name):
     assert inside.sum() > 500 and difference.mean() < limit * true.linear[inside].mean()
 
 
+@functools.cache
+def figurine_of(exponent):
+    """A figurine that reflects 0.6: None: diffuse; else glossy, by that exponent."""
+    material = (
+        fastibl.Material(diffuse=(0.6,) * 3)
+        if exponent is None
+        else fastibl.Material(diffuse=(0,) * 3, glossy=(0.6,) * 3, exponent=exponent)
+    )
+    return fastibl.Scene(fastibl.shapes.figurine(0.1), material)
+
+
 @pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=needs_gl)])
 @pytest.mark.parametrize(
     "methods", [{"self_shadow": "ambient-occlusion", "glossy": "centroid"}, {"self_shadow": "transfer"}, {}]
 )
 def test_exponent_0_is_diffuse_light(backend, methods, marked):
     """Self-shadow and bounce included; and what lies between it and exponent 1 goes there."""
-    mesh, pictures = fastibl.shapes.figurine(0.1), []
+    pictures = []
     for exponent in (None, 0.0, 1e-6):
-        material = (
-            fastibl.Material(diffuse=(0.6,) * 3)
-            if exponent is None
-            else fastibl.Material(diffuse=(0,) * 3, glossy=(0.6,) * 3, exponent=exponent)
-        )
-        scene = fastibl.Scene(mesh, material)
         for bounce in {None: ("none", "one-bounce"), 0: ("one-bounce",), 1e-6: ("none",)}[exponent]:
             session = fastibl.Session(
-                scene,
+                figurine_of(exponent),
                 fastibl.Rig(CAMERA),
                 environment=marked,
                 methods={"diffuse": "irradiance-cube", **methods, "bounce": bounce},

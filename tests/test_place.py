@@ -223,11 +223,10 @@ def test_the_default_look_changes_no_byte():
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_strength_and_colour(backend):
-    source, none = marked_map(), {"bounce": "none"}
-    plain = session_of(scene_of(), source, backend, none)
+    source, none, scene = marked_map(), {"bounce": "none"}, scene_of()
+    plain = session_of(scene, source, backend, none)
     dark = shown(plain).image
     for strength, color in itertools.product((0.0, 0.4, 1.0), ((0, 0, 0), (0.5, 0, 0.25), (1, 1, 1))):
-        scene = scene_of()
         scene.shadow_strength, scene.shadow_color = strength, color
         assert scene.shadow_strength == pytest.approx(strength) and scene.shadow_color == pytest.approx(color)
         session = session_of(scene, source, backend, none)
@@ -245,7 +244,6 @@ def test_strength_and_colour(backend):
             assert (image[beside] == 120).all()
     # Changed while it runs.
     plain.set_shadow_look(0.4, (0.5, 0, 0.25))
-    scene = scene_of()
     scene.shadow_strength, scene.shadow_color = 0.4, (0.5, 0, 0.25)
     assert np.array_equal(shown(plain, 0.1).image, shown(session_of(scene, source, backend, none)).image)
     plain.set_shadow_look()
