@@ -16,6 +16,7 @@ import pytest
 
 import fastibl
 from fastibl.live_page import Choices, LiveLoop, PageServer, Settings, pictures, server
+from fastibl.live_page.connections import Connections
 from fastibl.live_page.viewers import Viewers
 from fastibl.recording import RecordingWarning
 from views import camera_of, looking
@@ -577,20 +578,112 @@ def test_viewers_are_bounded_and_forgotten(run):
 
 def test_connections_are_bounded_and_cleaned_up(run):
     client, page, _ = run()
-    opened = [socket.create_connection(("127.0.0.1", page.port), 10) for _ in range(server._CONNECTIONS)]
+    opened = [Client(page) for _ in range(server._CONNECTIONS)]
     try:
-        refused = b""
-        with contextlib.suppress(ConnectionError):
-            refused = opened[-1].recv(100)
-        assert b"503" in refused and page.connections == server._CONNECTIONS
+        for one in opened[:-1]:
+            one.state()
+        answer, _ = opened[-1].ask("state")
+        assert answer.status == 503 and page.connections == server._CONNECTIONS
         assert client.state()["state"] == "running", "a client that was there is served on"
     finally:
         for one in opened:
-            one.close()
+            one.connection.close()
     end = time.monotonic() + 10
     while page.connections > 1 and time.monotonic() < end:
         time.sleep(0.01)
     assert page.connections == 1
+
+
+def connected(page):
+    return socket.create_connection(("127.0.0.1", page.port), 10)
+
+
+def until_closed(connection, seconds=5.0):
+    """What comes until the server closes the connection. Raises TimeoutError where it does not."""
+    connection.settimeout(seconds)
+    received = b""
+    with contextlib.suppress(ConnectionError):
+        while more := connection.recv(65536):
+            received += more
+    return received
+
+
+def test_who_was_not_admitted_makes_room(run):
+    """Whoever holds places without the token: with silence, with parts of a request."""
+    client, page, _ = run()
+    strangers = [connected(page) for _ in range(2 * server._CONNECTIONS)]
+    try:
+        assert until_closed(strangers[0]) == b"" and page.connections == server._CONNECTIONS
+        for one in strangers[-server._CONNECTIONS + 1 :]:
+            one.sendall(b"GET / HTTP/1.1\r\nX: ")
+        others = [Client(page) for _ in range(8)]
+        assert all(other.state()["state"] == "running" for other in others)
+        sockets = [one.connection.sock for one in [client, *others]]
+        assert client.state()["state"] == "running"
+        strangers += [connected(page) for _ in range(2 * server._CONNECTIONS)]
+        assert all(other.state()["state"] == "running" for other in others)
+        assert sockets == [one.connection.sock for one in [client, *others]], "strangers took an admitted one's place"
+    finally:
+        for one in strangers:
+            one.close()
+
+
+def test_who_is_refused_keeps_no_connection(run):
+    _, page, _ = run()
+    host = f"Host: 127.0.0.1:{page.port}\r\n"
+    for status, request in (
+        (403, "GET / HTTP/1.1\r\nHost: evil.example\r\nSec-Fetch-Site: cross-site\r\n\r\n"),
+        (403, f"GET /wrong/ HTTP/1.1\r\n{host}\r\n"),
+        (404, f"GET /{page.token}/nothing HTTP/1.1\r\n{host}\r\n"),
+    ):
+        with connected(page) as connection:
+            connection.sendall(request.encode())
+            answer = until_closed(connection)
+        assert answer.startswith(b"HTTP/1.1 %d " % status) and answer.count(b"HTTP/1.1 ") == 1, answer
+
+
+def test_a_whole_request_has_a_deadline():
+    now = [0.0]
+    connections = Connections(3, 10.0, clock=lambda: now[0])
+    pairs = [socket.socketpair() for _ in range(3)]
+    try:
+        for connection, _ in pairs:
+            assert connections.take(connection)
+        idle, asking, waiting = (connection for connection, _ in pairs)
+        for connection in (asking, waiting):
+            connections.admit(connection)
+        now[0] = 8
+        connections.wait(waiting)
+        pairs[0][1].sendall(b"a byte")  # does not prolong it
+        now[0] = 12
+        connections.end_late()
+        assert idle.recv(10) == b"a byte" and idle.recv(10) == b"" and len(connections) == 2
+        connections.admit(idle)  # too late
+        now[0] = 19
+        connections.end_late()
+        assert waiting.recv(10) == b"" and len(connections) == 1, "only what is answered may last"
+        connections.leave(asking)
+        assert len(connections) == 0
+    finally:
+        for both in pairs:
+            for connection in both:
+                connection.close()
+
+
+def test_a_byte_now_and_then_holds_no_connection(run, monkeypatch):
+    monkeypatch.setattr(server, "_TIMEOUT", 1.0)
+    _, page, _ = run()
+    with connected(page) as connection:
+        connection.sendall(b"GET / HTTP/1.1\r\nX: ")
+        connection.settimeout(0.2)
+        end = time.monotonic() + 8
+        with contextlib.suppress(ConnectionError):
+            while time.monotonic() < end:
+                connection.sendall(b"a")
+                with contextlib.suppress(TimeoutError):
+                    if not connection.recv(10):
+                        break
+    assert time.monotonic() < end, "each byte prolongs it"
 
 
 def test_a_slow_client_slows_nobody(run):

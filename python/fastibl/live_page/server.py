@@ -22,6 +22,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from .board_advice import BoardAdvice
+from .connections import Connections
 from .loop import LiveLoop, free_path
 from .pictures import Pictures, save_picture
 from .state import overlay_of, state_of
@@ -30,7 +31,7 @@ from .viewers import Viewers
 ADDRESS = "127.0.0.1"
 _CONNECTIONS = 32  # at a time; a browser opens six a page
 _BODY = 4096  # bytes of a request
-_TIMEOUT = 10.0  # seconds that a client may keep a connection without a word, or a picture without taking it
+_TIMEOUT = 10.0  # seconds that a client may take for a whole request, silence before it included, or for an answer
 _WAIT = 2.0  # seconds that a request waits for the next picture
 _ASSETS = ("page.css", "page.js")
 
@@ -87,7 +88,7 @@ class PageServer:
     @property
     def connections(self) -> int:
         """That are open now."""
-        return self._server.open
+        return len(self._server.connections)
 
     def count(self, what: str, seconds: float) -> None:
         with self._counting:
@@ -108,14 +109,14 @@ class PageServer:
 
 
 class _Server(socketserver.ThreadingMixIn, HTTPServer):
-    """Connections beyond the bound are told so and closed."""
+    """Connections that find no place are told so and closed."""
 
     daemon_threads, block_on_close = True, False
     allow_reuse_address = os.name == "posix"  # elsewhere it would share the port
     request_queue_size = 16
 
     def __init__(self, address: tuple[str, int], page: PageServer):
-        self.page, self.open, self._lock = page, 0, threading.Lock()
+        self.page, self.connections = page, Connections(_CONNECTIONS, _TIMEOUT)
         super().__init__(address, _Handler)
 
     def server_bind(self) -> None:
@@ -124,10 +125,7 @@ class _Server(socketserver.ThreadingMixIn, HTTPServer):
         self.server_name, self.server_port = ADDRESS, self.server_address[1]
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        with self._lock:
-            full = self.open >= _CONNECTIONS
-            self.open += not full
-        if not full:
+        if self.connections.take(request):
             return super().process_request(request, client_address)
         with contextlib.suppress(OSError):
             request.settimeout(0.1)
@@ -139,8 +137,11 @@ class _Server(socketserver.ThreadingMixIn, HTTPServer):
         try:
             super().process_request_thread(request, client_address)
         finally:
-            with self._lock:
-                self.open -= 1
+            self.connections.leave(request)
+
+    def service_actions(self) -> None:
+        """Twice a second and after each new connection."""
+        self.connections.end_late()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):  # clients come and go
@@ -154,6 +155,10 @@ class _Handler(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True
     server: _Server
     _headers_buffer: list[bytes]  # of the base, whose stub lacks it
+
+    def handle_one_request(self) -> None:
+        self.server.connections.wait(self.connection)
+        super().handle_one_request()
 
     def do_GET(self) -> None:  # noqa: N802 - the library's name
         self._answer({"": self._page, "choices": self._choices, "state": self._state, "picture": self._picture})
@@ -170,11 +175,13 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             body = self._read_body()
             path, self.asked = self._admitted()
+            self.server.connections.admit(self.connection)
             what, _, self.rest = path.partition("/")
             if what not in kinds:
                 raise _Refusal(HTTPStatus.NOT_FOUND, "there is no such page")
             status, kind, answer, headers = kinds[what](body)
         except _Refusal as refusal:
+            self.close_connection = True  # who is refused keeps no place
             status, kind, headers = refusal.status, "text/plain; charset=utf-8", refusal.headers
             answer = f"{refusal}\n".encode()
         self._send(status, kind, answer, headers)
@@ -240,15 +247,13 @@ class _Handler(BaseHTTPRequestHandler):
             )
 
     def _read_body(self) -> bytes:
-        """Read even where the request is refused, so that the connection stays in step."""
+        """Read even where the request is refused, as closing over unread bytes may take the answer away."""
         if self.command != "POST":
             return b""
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or self.headers.get("Transfer-Encoding"):
-            self.close_connection = True
             raise _Refusal(HTTPStatus.LENGTH_REQUIRED, "a Content-Length is needed")
         if len(length) > 9 or int(length) > _BODY:
-            self.close_connection = True
             raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request may have {_BODY} bytes")
         return self.rfile.read(int(length))
 
