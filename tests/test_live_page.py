@@ -631,15 +631,27 @@ def test_who_was_not_admitted_makes_room(run):
 def test_who_is_refused_keeps_no_connection(run):
     _, page, _ = run()
     host = f"Host: 127.0.0.1:{page.port}\r\n"
+    inner = f"GET /{page.token}/choices HTTP/1.1\r\n{host}\r\n"
     for status, request in (
         (403, "GET / HTTP/1.1\r\nHost: evil.example\r\nSec-Fetch-Site: cross-site\r\n\r\n"),
         (403, f"GET /wrong/ HTTP/1.1\r\n{host}\r\n"),
         (404, f"GET /{page.token}/nothing HTTP/1.1\r\n{host}\r\n"),
+        (400, f"GET /{page.token}/ HTTP/1.1\r\n{host}Content-Length: {len(inner)}\r\n\r\n{inner}"),
+        (400, f"GET /{page.token}/ HTTP/1.1\r\n{host}Transfer-Encoding: chunked\r\n\r\n{inner}"),
     ):
         with connected(page) as connection:
             connection.sendall(request.encode())
             answer = until_closed(connection)
         assert answer.startswith(b"HTTP/1.1 %d " % status) and answer.count(b"HTTP/1.1 ") == 1, answer
+
+
+def test_a_request_without_a_version_is_refused(run, capfd):
+    _, page, _ = run()
+    for request in (b"GET /\r\n", b"GET /%s/\r\n" % page.token.encode(), b"GET / HTTP/0.9\r\n\r\n"):
+        with connected(page) as connection:
+            connection.sendall(request)
+            assert until_closed(connection).startswith(b"HTTP/1.1 505 "), request
+    assert capfd.readouterr().err == ""
 
 
 def test_a_whole_request_has_a_deadline():

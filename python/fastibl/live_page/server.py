@@ -153,12 +153,24 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "fastibl", ""
     timeout = _TIMEOUT
     disable_nagle_algorithm = True
+    default_request_version = "HTTP/1.0"  # of the answer to a request that names none
     server: _Server
-    _headers_buffer: list[bytes]  # of the base, whose stub lacks it
+    raw_requestline: bytes  # of the base, whose stub lacks them
+    _headers_buffer: list[bytes]
 
     def handle_one_request(self) -> None:
         self.server.connections.wait(self.connection)
         super().handle_one_request()
+
+    def parse_request(self) -> bool:
+        """Without HTTP/0.9, which ends with its first line and knows no status to refuse it with."""
+        words = self.raw_requestline.split()
+        if not words or words[-1] in (b"HTTP/1.0", b"HTTP/1.1"):
+            return super().parse_request()
+        self.requestline = self.command = ""
+        self.request_version = self.default_request_version
+        self.send_error(HTTPStatus.HTTP_VERSION_NOT_SUPPORTED, "a request ends its first line with HTTP/1.1")
+        return False
 
     def do_GET(self) -> None:  # noqa: N802 - the library's name
         self._answer({"": self._page, "choices": self._choices, "state": self._state, "picture": self._picture})
@@ -247,15 +259,21 @@ class _Handler(BaseHTTPRequestHandler):
             )
 
     def _read_body(self) -> bytes:
-        """Read even where the request is refused, as closing over unread bytes may take the answer away."""
+        """Read even where the request is refused: closing over unread bytes may take the answer from the client.
+
+        Raises _Refusal for a body that a GET may not have, or that is too long, or does not say how long it is: what is
+        left unread is no second request, as a refusal closes the connection.
+        """
+        lengths, chunked = self.headers.get_all("Content-Length", []), "Transfer-Encoding" in self.headers
         if self.command != "POST":
+            if chunked or any(length != "0" for length in lengths):
+                raise _Refusal(HTTPStatus.BAD_REQUEST, f"a {self.command} has no body here")
             return b""
-        length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or self.headers.get("Transfer-Encoding"):
+        if chunked or len(lengths) != 1 or not lengths[0].isdecimal():
             raise _Refusal(HTTPStatus.LENGTH_REQUIRED, "a Content-Length is needed")
-        if len(length) > 9 or int(length) > _BODY:
+        if len(lengths[0]) > 9 or int(lengths[0]) > _BODY:
             raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request may have {_BODY} bytes")
-        return self.rfile.read(int(length))
+        return self.rfile.read(int(lengths[0]))
 
     # What may be asked.
 
