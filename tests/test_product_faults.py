@@ -132,8 +132,11 @@ def test_two_sessions_in_two_processes(alone):
 
 _FULL = """
 import resource, sys
+from pathlib import Path
+from types import SimpleNamespace
 from test_product_faults import RIG, frame
 from fastibl import Camera, CubeMap, Frame, Recording, Rig, write_environment
+from fastibl.live_page.pictures import save_picture
 from fastibl.recorder import Recorder
 from fastibl.recording import RecordingWriter
 import numpy as np
@@ -162,13 +165,15 @@ try:
                 out.add(frame(k))
     if kind == "map":
         write_environment(path + ".hdr", CubeMap(np.ones((6, 128, 128, 3))))
+    if kind == "picture":  # of the live page
+        save_picture(SimpleNamespace(result=SimpleNamespace(image=big.back)), Path(path + ".png"))
 except OSError as error:
     print("told:", error)
 """
 
 
 @LINUX
-@pytest.mark.parametrize("kind", ["recorder", "writer", "list", "map"])
+@pytest.mark.parametrize("kind", ["recorder", "writer", "list", "map", "picture"])
 def test_a_full_disk_is_told_of(kind, tmp_path):
     status, said, errors = output(_FULL, kind, tmp_path / "r")
     assert status == 0 and "told: " in said and "File too large" in said, said + errors
@@ -179,6 +184,8 @@ def test_a_full_disk_is_told_of(kind, tmp_path):
     if kind == "list":
         with pytest.warns(RecordingWarning, match="cut off"):
             assert 10 < len(Recording.open(tmp_path / "r")) < 100
+    if kind in ("map", "picture"):
+        assert not list(tmp_path.iterdir()), "a part stays"
 
 
 @LINUX

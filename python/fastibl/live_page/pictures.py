@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .._fastibl import FrameResult, MainLight, main_lights
 from ..camera_files import as_bytes
 from ..guidance import Guidance, guide
+from ..whole_file import write_whole
 from .snapshot import Snapshot
 
 QUALITY = 85  # of JPEG
@@ -146,8 +147,8 @@ class Pictures:
 
 
 def save_picture(snapshot: Snapshot, path: Path) -> Path:
-    """Writes the composite as .png. Raises ValueError where there is none yet, FileExistsError where another one has
-    the name, and other OSErrors where it cannot be written."""
+    """Writes the composite as .png, whole or not at all. Raises ValueError where there is none yet, FileExistsError
+    where another one has the name, and other OSErrors where it cannot be written."""
     if snapshot.result is None:
         raise ValueError("there is no picture yet")
     picture = snapshot.result.image
@@ -155,6 +156,10 @@ def save_picture(snapshot: Snapshot, path: Path) -> Path:
     ok, encoded = cv2.imencode(".png", cv2.cvtColor(picture, order))
     if not ok:
         raise OSError("the picture cannot be encoded")
-    with path.open("xb") as file:
-        file.write(encoded.tobytes())
+    path.touch(exist_ok=False)  # the name is taken before the picture is written in its place
+    try:
+        write_whole(path, encoded.tobytes())
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
     return path
