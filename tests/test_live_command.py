@@ -4,11 +4,15 @@ import http.client
 import itertools
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import cv2
 import numpy as np
@@ -176,6 +180,38 @@ def test_seconds_end_it_when_the_pictures_did_before(recording, tmp_path):
     command = [sys.executable, "-m", "fastibl", "live", "--recording", str(recording), "--folder", str(tmp_path)]
     done = subprocess.run([*command, "--seconds", "2", "--error", "0"], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and "4 frames" in done.stdout
+
+
+_BROWSER = """
+import sys, pathlib, urllib.parse, urllib.request
+said = pathlib.Path(sys.argv[1])
+path = pathlib.Path(urllib.request.url2pathname(urllib.parse.urlsplit(sys.argv[2]).path))
+modes = [oct(p.stat().st_mode & 0o777) if p.exists() else "" for p in (path, path.parent)]
+said.write_text("\\n".join([sys.argv[2], *modes, path.read_text() if path.exists() else ""]))
+"""
+
+
+def test_the_browser_is_not_told_the_token_by_its_arguments(recording, tmp_path):
+    """They can be read by every user of the machine."""
+    (tmp_path / "browser.py").write_text(_BROWSER)
+    browser = [sys.executable, str(tmp_path / "browser.py"), str(tmp_path / "said"), "%s"]
+    command = [sys.executable, "-m", "fastibl", "live", "--recording", str(recording), "--folder", str(tmp_path)]
+    done = subprocess.run(
+        [*command, "--open", "--seconds", "1", "--error", "0"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "BROWSER": shlex.join(browser)},
+    )
+    assert done.returncode == 0, done.stderr
+    url = re.search(r"http://127\.0\.0\.1:\d+/(\S+)/", done.stdout)
+    address, of_file, of_folder, page = (tmp_path / "said").read_text().split("\n", 3)
+    assert address.startswith("file:") and url[1] not in address
+    assert f"url={url[0]}" in page
+    if os.name == "posix":
+        assert (of_file, of_folder) == ("0o600", "0o700")
+    path = Path(url2pathname(urlsplit(address).path))
+    assert not path.exists() and not path.parent.exists(), "it stays when the command has ended"
 
 
 def test_control_c_ends_it_and_keeps_what_was_written(recording, tmp_path):

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory, mkstemp
 from typing import TYPE_CHECKING, Any
 
 from ..plain_text import plain_text
@@ -128,7 +129,9 @@ def run(arguments: argparse.Namespace) -> int:
         log.to, watch.loop = loop.say, loop
         if not arguments.no_page:
             server = stack.enter_context(PageServer(loop, arguments.port, notices=tuple(opened.notices)))
-            _announce(server.url, arguments.open)
+            print(f"\n  {server.url}\n\nThe page is for this machine alone. Ctrl-C ends.", flush=True)
+            if arguments.open:
+                _open(server.url, stack)
         with _ending_with_control_c(loop) as interrupted:
             loop.run(until_end=arguments.no_page)
     return watch.conclude(interrupted.is_set())
@@ -163,12 +166,18 @@ def _session_options(arguments: argparse.Namespace, opened: Opened, given: Any) 
     }
 
 
-def _announce(url: str, browser: bool) -> None:
-    print(f"\n  {url}\n\nThe page is for this machine alone. Ctrl-C ends.", flush=True)
-    if browser:
-        import webbrowser
+def _open(url: str, stack: ExitStack) -> None:
+    """In a browser, by a file that leads to it and is there until the stack ends: every user of the machine can read a
+    browser's arguments, and this file only the one whose page it is."""
+    import webbrowser
 
-        webbrowser.open(url)
+    folder = stack.enter_context(TemporaryDirectory(prefix="fastibl-", ignore_cleanup_errors=True))
+    descriptor, name = mkstemp(".html", "live-", folder)  # of mode 0600
+    with open(descriptor, "w", encoding="utf-8") as file:
+        file.write(
+            f'<!doctype html><meta http-equiv="refresh" content="0;url={url}"><a href="{url}">fastibl live</a>\n'
+        )
+    webbrowser.open(Path(name).as_uri())
 
 
 @contextmanager
