@@ -1,6 +1,7 @@
 """Textures of several materials in one: they look as each does alone."""
 
 import base64
+import tracemalloc
 
 import cv2
 import numpy as np
@@ -80,6 +81,55 @@ def test_textures_of_a_material_may_have_several_sizes(tmp_path):
     path.write_text(text)
     assert np.ndim(fastibl.read_object(path)[1].roughness) == 2
     np.testing.assert_allclose(seen(path), alone, atol=1e-4)
+
+
+# --- materials that share a picture
+
+
+def write_sharing(path, picture, looks, uvs=CORNERS):
+    """Squares beside each other, each with a material that shines by the same texture. looks: their emissiveFactor."""
+    file, index = Gltf(), np.uint16([0, 1, 2, 0, 2, 3])
+    black, parts = {"baseColorFactor": [0, 0, 0, 1]}, []
+    for k in range(len(looks)):
+        corners = file.add((square().vertices + [k, 0, 0]).astype("<f4"))
+        attributes = {"POSITION": corners, "TEXCOORD_0": file.add(np.asarray(uvs, "<f4"))}
+        parts.append({"attributes": attributes, "indices": file.add(index), "material": k})
+    shining = {"pbrMetallicRoughness": black, "emissiveTexture": {"index": 0}}
+    materials = [shining | {"name": str(k), "emissiveFactor": look} for k, look in enumerate(looks)]
+    images = [{"uri": f"data:image/png;base64,{encoded(picture)}"}]
+    return file.write(path, parts, materials=materials, images=images, textures=[{"source": 0}])
+
+
+def test_materials_that_look_the_same_are_one(tmp_path):
+    """Nothing is laid beside the texture, which may repeat."""
+    material = fastibl.read_object(write_sharing(tmp_path / "a.gltf", picture_of(8, 8), [[1, 1, 1]] * 9, CORNERS * 3))[
+        1
+    ]
+    assert material.emission.shape == (8, 8, 3)
+
+
+def test_factors_of_a_shared_picture_stay_apart(tmp_path):
+    looks = [[1, 1, 1], [0.5, 0, 1], [0.25, 0.25, 0.25]]
+    alone = seen(write_sharing(tmp_path / "a.gltf", picture_of(16, 16), looks[:1]))
+    for k, look in enumerate(looks):
+        turned = looks[k:] + looks[:k]  # the first is in view
+        shown = seen(write_sharing(tmp_path / "b.gltf", picture_of(16, 16), turned))
+        np.testing.assert_allclose(shown, alone * look, atol=1e-4)
+
+
+def test_a_shared_picture_takes_memory_once(tmp_path, monkeypatch):
+    monkeypatch.setattr("fastibl.atlas._MOST_TEXELS", 256 * 256)
+    size, materials = 512, 16
+    path = write_sharing(
+        tmp_path / "a.gltf", np.zeros((size, size, 3)), [[1, 1, k / materials] for k in range(materials)]
+    )
+    tracemalloc.start()
+    with pytest.warns(UserWarning, match="shrunk"):
+        fastibl.read_object(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    floats = 12 * size**2
+    assert peak < 5 * floats
 
 
 # --- uvs beyond the picture

@@ -1,8 +1,9 @@
 """glTF 2.0 files (.glb, .gltf): one mesh with its material.
 
 All nodes of the file's scene are merged; skins show their rest pose; without normals triangles are flat, as glTF has
-it. Several materials become one: their textures are laid side by side in an atlas (fastibl.atlas), so that those that
-repeat, or whose borders triangles cross, need a file of one material. What has to be shrunk there is told in a warning.
+it. Several materials become one. Those that look the same share their textures; those of the others are laid side by
+side in an atlas (fastibl.atlas), so that textures that repeat, or whose borders triangles cross, need a file of one
+look. What has to be shrunk there is told in a warning.
 Left out, with a warning that names them: transparency, vertex colours, morphs, and extensions that add to a material
 (clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place), points and lines, doubleSided (all
 is seen from both sides). Tangents are those of the uvs; a warning tells where a file's own differ. Refused by name:
@@ -12,12 +13,12 @@ specular-glossiness materials, compressed meshes, and a material whose textures 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Material, Mesh, Response
 from .atlas import folded, packed
@@ -63,38 +64,81 @@ class _Lie:
         return (uvs * self.scale) @ np.array([[c, -s], [s, c]]) + self.offset
 
 
-@dataclass
-class _Surface:
-    """A material as arrays: linear floats, or constants. Maps are (h, w, 3), but metallic and roughness (h, w)."""
+@dataclass(frozen=True)
+class _Texture:
+    """A picture as a material reads it. Its floats take four times the picture's memory, and materials share pictures:
+    they are made where they are used."""
 
-    base_color: NDArray = field(default_factory=lambda: np.ones(3, np.float32))
-    metallic: Any = 1.0
-    roughness: Any = 1.0
-    emission: NDArray = field(default_factory=lambda: np.zeros(3, np.float32))
-    normal: NDArray | None = None
+    source: int  # which of the file's pictures
+    picture: NDArray = field(compare=False, repr=False)  # (h, w, 3) uint8 or uint16 RGB
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    lie: _Lie = _Lie()
+    srgb: bool = False
+    channel: int | None = None  # that is read; None for all three
+    factor: tuple[float, ...] | float = 1.0
+
+    @property
+    def bare(self) -> _Texture:
+        """What is decoded for it: one for all that differ in their factor, or in how they lie and go on."""
+        return _Texture(self.source, self.picture, srgb=self.srgb, channel=self.channel)
+
+    @property
+    def pixels(self) -> NDArray:
+        return self.picture if self.channel is None else self.picture[..., self.channel]
+
+    def values(self) -> NDArray[np.float32]:
+        """(h, w, 3), or (h, w) of one channel: linear floats."""
+        out = unit(self.pixels)
+        if self.srgb:
+            out = Response.srgb().decode(out)
+        out *= np.asarray(self.factor, np.float32)
+        return out
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """A material: linear constants, or textures. Materials that look the same are equal."""
+
+    base_color: _Texture | tuple[float, ...] = (1.0, 1.0, 1.0)
+    metallic: _Texture | float = 1.0
+    roughness: _Texture | float = 1.0
+    emission: _Texture | tuple[float, ...] = (0.0, 0.0, 0.0)
+    normal: _Texture | None = None
     normal_scale: float = 1.0
     anisotropy: float = 0.0
     anisotropy_rotation: float = 0.0
-    wraps: set[tuple[str, str]] = field(default_factory=set)  # of its textures
-    lies: set[_Lie] = field(default_factory=set)  # how they lie on the mesh
 
-    def maps(self) -> list[NDArray]:
+    @property
+    def textures(self) -> list[_Texture]:
         every = (self.base_color, self.metallic, self.roughness, self.emission, self.normal)
-        return [m for m in every if m is not None and np.ndim(m) >= 2]
+        return [t for t in every if isinstance(t, _Texture)]
 
     @property
     def size(self) -> tuple[int, int]:
         """Columns and rows of its largest textures; 1 without."""
-        shapes = [m.shape for m in self.maps()]
+        shapes = [t.picture.shape for t in self.textures]
         return max((s[1] for s in shapes), default=1), max((s[0] for s in shapes), default=1)
+
+    @property
+    def wraps(self) -> set[tuple[str, str]]:
+        """How its textures go on beyond their borders."""
+        return {t.wrap for t in self.textures}
 
     @property
     def wrap(self) -> tuple[str, str]:
         return min(self.wraps, default=("repeat", "repeat"))
 
     def material(self) -> Material:
+        """Raises ValueError for more values of textures than those of two pictures of `MOST_PIXELS`."""
+        count, most = sum(t.pixels.size for t in self.textures), 2 * 3 * MOST_PIXELS
+        if count > most:  # each may be the same picture
+            raise ValueError(f"its material's textures have {count} values together; there may be {most}")
+        base_color, metallic, roughness, normal, emission = (
+            m.values() if isinstance(m, _Texture) else m
+            for m in (self.base_color, self.metallic, self.roughness, self.normal, self.emission)
+        )
         return Material.pbr(
-            self.base_color, self.metallic, self.roughness, self.normal, self.emission, anisotropy=self.anisotropy,
+            base_color, metallic, roughness, normal, emission, anisotropy=self.anisotropy,
             anisotropy_rotation=self.anisotropy_rotation, normal_scale=self.normal_scale,
             wrap=self.wrap,
         )  # fmt: skip
@@ -120,9 +164,10 @@ class _Part:
 
     def lay(self, surface: _Surface) -> None:
         """Chooses the uvs that a surface's textures are read with."""
-        if len(surface.lies) > 1:
+        lies = {t.lie for t in surface.textures} or {_Lie()}
+        if len(lies) > 1:
             raise ValueError("a material's textures lie on its mesh in different ways: sets of uvs, or transforms")
-        lie = next(iter(surface.lies), _Lie())
+        (lie,) = lies
         if lie.uvs in self.sets:
             self.uvs = lie.applied(self.sets[lie.uvs]) * [1, -1] + [0, 1]
 
@@ -174,18 +219,17 @@ class _File(Container):
             raise ValueError("one of its accessors reaches beyond its buffer")
         return np.ndarray((count, width), kind, buffer, offset, (step, kind.itemsize))
 
-    def picture(self, reference: dict[str, Any], surface: _Surface) -> NDArray:
-        """(h, w, 3) uint8 or uint16 RGB of a texture that a material names."""
-        surface.lies.add(_Lie.of(reference))
+    def texture(self, reference: dict[str, Any], factor: Any = 1.0, **reading: Any) -> _Texture:
+        """What a material names, `factor` times its picture. reading: other fields of _Texture."""
         texture = self.json["textures"][reference["index"]]
         sampler = self.json["samplers"][texture["sampler"]] if "sampler" in texture else {}
-        surface.wraps.add((_WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]))
+        wrap = _WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]
         source = texture.get("source")
         if source is None:
             raise ValueError("a texture has no picture of a kind that glTF 2 itself knows")
         if source not in self.pictures:
             self.pictures[source] = self._decoded(self.json["images"][source], f"texture {source}")
-        return self.pictures[source]
+        return _Texture(source, self.pictures[source], wrap, _Lie.of(reference), factor=factor, **reading)
 
     def _decoded(self, image: dict[str, Any], name: str) -> NDArray:
         if "bufferView" in image:
@@ -202,9 +246,8 @@ class _File(Container):
         return decoded
 
     def surface(self, index: int) -> _Surface:
-        out = _Surface()
         if index < 0:
-            return out
+            return _Surface()
         m = self.json["materials"][index]
         pbr = m.get("pbrMetallicRoughness", {})
         extensions = m.get("extensions", {})
@@ -213,26 +256,29 @@ class _File(Container):
         self.left_out |= {name for name in extensions if name.startswith("KHR_materials_")} - _KNOWN
         if m.get("alphaMode", "OPAQUE") != "OPAQUE":
             self.left_out.add("transparency")
-        out.base_color = np.asarray(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float32)
+        look: dict[str, Any] = {}
+        factor: Any
+        factor = look["base_color"] = _colour(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
         if "baseColorTexture" in pbr:
-            out.base_color = out.base_color * _linear(self.picture(pbr["baseColorTexture"], out))
-        out.metallic, out.roughness = float(pbr.get("metallicFactor", 1)), float(pbr.get("roughnessFactor", 1))
-        if "metallicRoughnessTexture" in pbr:
-            picture = unit(self.picture(pbr["metallicRoughnessTexture"], out))
-            out.roughness, out.metallic = out.roughness * picture[..., 1], out.metallic * picture[..., 2]
+            look["base_color"] = self.texture(pbr["baseColorTexture"], factor, srgb=True)
+        for k, name in ((1, "roughness"), (2, "metallic")):
+            factor = look[name] = float(pbr.get(f"{name}Factor", 1))
+            if "metallicRoughnessTexture" in pbr:
+                look[name] = self.texture(pbr["metallicRoughnessTexture"], factor, channel=k)
         strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-        out.emission = np.asarray(m.get("emissiveFactor", [0, 0, 0]), np.float32) * strength
-        if "emissiveTexture" in m and out.emission.any():
-            out.emission = out.emission * _linear(self.picture(m["emissiveTexture"], out))
+        factor = look["emission"] = _colour(np.asarray(m.get("emissiveFactor", [0, 0, 0]), np.float32) * strength)
+        if "emissiveTexture" in m and any(factor):
+            look["emission"] = self.texture(m["emissiveTexture"], factor, srgb=True)
         if "normalTexture" in m:
-            out.normal = unit(self.picture(m["normalTexture"], out))
-            out.normal_scale = float(m["normalTexture"].get("scale", 1))
+            look["normal"] = self.texture(m["normalTexture"])
+            look["normal_scale"] = float(m["normalTexture"].get("scale", 1))
         anisotropy = extensions.get("KHR_materials_anisotropy", {})
         if "anisotropyTexture" in anisotropy:
             raise ValueError("it has a texture of anisotropy")
-        out.anisotropy = float(anisotropy.get("anisotropyStrength", 0))
-        out.anisotropy_rotation = float(anisotropy.get("anisotropyRotation", 0))
-        return out
+        return _Surface(
+            **look, anisotropy=float(anisotropy.get("anisotropyStrength", 0)),
+            anisotropy_rotation=float(anisotropy.get("anisotropyRotation", 0)),
+        )  # fmt: skip
 
     def parts(self) -> list[_Part]:
         out: list[_Part] = []
@@ -356,12 +402,29 @@ def _triangles(index: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
     return index[np.stack([k + 1, k + 2, 0 * k], axis=1)]
 
 
-def _linear(picture: NDArray) -> NDArray[np.float32]:
-    return Response.srgb().decode(unit(picture))
+def _colour(values: ArrayLike) -> tuple[float, ...]:
+    return tuple(np.asarray(values, np.float32).tolist())
 
 
-def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> tuple[_Surface, set[str]]:
-    """One surface for all, and which sizes of textures were shrunk; the uvs of the parts are moved to its textures."""
+def _alike(parts: list[_Part], surfaces: dict[int, _Surface]) -> dict[int, _Surface]:
+    """One of each look; the parts are given its number."""
+    first: dict[_Surface, int] = {}
+    for m, surface in surfaces.items():
+        first.setdefault(surface, m)
+    for part in parts:
+        part.material = first[surfaces[part.material]]
+    return {m: surface for surface, m in first.items()}
+
+
+def _scaled_bumps(normals: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
+    """An encoded normal map (h, w, 3) whose x and y were multiplied by a normalScale."""
+    normals = (normals * 2 - 1) * np.asarray([scale, scale, 1], np.float32)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6)
+    return normals * 0.5 + 0.5
+
+
+def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> tuple[Material, set[str]]:
+    """One material for all, and which sizes of textures were shrunk; the uvs of the parts are moved to its textures."""
     if len({(s.anisotropy, s.anisotropy_rotation) for s in surfaces.values()}) > 1:
         raise ValueError("its materials differ in anisotropy")
     atlas = packed([s.size for s in surfaces.values()])
@@ -369,7 +432,7 @@ def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> tuple[_Surface,
     for part in parts:
         surface = surfaces[part.material]
         uvs = np.full((len(part.vertices), 2), 0.5)
-        if surface.maps():
+        if surface.textures:
             if part.uvs is None:
                 raise ValueError("a mesh with a texture has no uvs")
             uvs = np.stack([folded(part.uvs[:, k], part.triangles, surface.wrap[k]) for k in (0, 1)], axis=1)
@@ -380,33 +443,43 @@ def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> tuple[_Surface,
         if (w, h) != (where[m].columns, where[m].rows)
     }
 
-    def laid(name: str, channels: int, missing: Any) -> NDArray:
+    def laid(name: str, channels: int, missing: Any = None) -> NDArray[np.float32]:
         sheet = np.zeros((atlas.height, atlas.width, channels), np.float32)
+        owners: dict[Any, list[int]] = {}  # of what is decoded once, and one at a time
         for m, surface in surfaces.items():
             value = getattr(surface, name)
-            value = np.asarray(missing if value is None else value, np.float32)
-            if value.ndim < 2:
-                value = np.broadcast_to(value, (1, 1, channels))
-            value = value.reshape(*value.shape[:2], channels)
-            if name == "normal":  # each its own scale: into the picture
-                value = (value * 2 - 1) * [surface.normal_scale, surface.normal_scale, 1]
-                value /= np.maximum(np.linalg.norm(value, axis=-1, keepdims=True), 1e-6)
-                value = (value * 0.5 + 0.5).astype(np.float32)
-            cell = where[m]
-            sheet[cell.y : cell.y + cell.height, cell.x : cell.x + cell.width] = cell.filled(value, surface.wrap)
+            value = value.bare if isinstance(value, _Texture) else missing if value is None else value
+            # Each its own normal_scale: into the picture.
+            owners.setdefault((value, surface.normal_scale if name == "normal" else None), []).append(m)
+        for (value, scale), materials in owners.items():
+            shown = value.values() if isinstance(value, _Texture) else np.float32(value)
+            if shown.ndim < 2:
+                shown = np.broadcast_to(shown, (1, 1, channels))
+            shown = shown.reshape(*shown.shape[:2], channels)
+            if scale is not None:
+                shown = _scaled_bumps(shown, scale)
+            filled: dict[Any, NDArray[np.float32]] = {}  # cells of one size hold the same
+            for m in materials:
+                cell, wrap = where[m], surfaces[m].wrap
+                key = replace(cell, x=0, y=0), wrap
+                if key not in filled:
+                    filled[key] = cell.filled(shown, wrap)
+                place = sheet[cell.y : cell.y + cell.height, cell.x : cell.x + cell.width]
+                np.multiply(filled[key], np.float32(getattr(getattr(surfaces[m], name), "factor", 1.0)), out=place)
         return sheet if channels > 1 else sheet[..., 0]
 
     def joined(name: str, channels: int) -> Any:
-        values = [getattr(s, name) for s in surfaces.values()]
-        if all(np.ndim(v) < 2 and np.array_equal(v, values[0]) for v in values):
-            return values[0]
-        return np.clip(laid(name, channels, None), 0, None)
+        values = {getattr(s, name) for s in surfaces.values()}
+        if len(values) == 1 and not any(isinstance(v, _Texture) for v in values):
+            return values.pop()
+        sheet = laid(name, channels)
+        return np.clip(sheet, 0, None, out=sheet)
 
     first = next(iter(surfaces.values()))
-    merged = _Surface(
-        joined("base_color", 3), joined("metallic", 1), joined("roughness", 1), joined("emission", 3),
-        laid("normal", 3, (0.5, 0.5, 1)) if any(s.normal is not None for s in surfaces.values()) else None,
-        1.0, first.anisotropy, first.anisotropy_rotation,
+    merged = Material.pbr(
+        joined("base_color", 3), joined("metallic", 1), joined("roughness", 1),
+        laid("normal", 3, (0.5, 0.5, 1.0)) if any(s.normal is not None for s in surfaces.values()) else None,
+        joined("emission", 3), anisotropy=first.anisotropy, anisotropy_rotation=first.anisotropy_rotation,
     )  # fmt: skip
     return merged, shrunk
 
@@ -464,27 +537,30 @@ def read(path: Path) -> tuple[Mesh, Material]:
     try:
         file = _File(path, with_tangents=True)
         parts = file.parts()
-        surfaces = {m: file.surface(m) for m in sorted({p.material for p in parts})}
+        surfaces = _alike(parts, {m: file.surface(m) for m in sorted({p.material for p in parts})})
+        for part in parts:
+            part.lay(surfaces[part.material])
+        _warn_of(path, file.left_out, stacklevel=4)
+        if any(len(surfaces[p.material].wraps) > 1 and p.reaches_beyond for p in parts):
+            raise ValueError("its textures go on beyond their borders in different ways")
+        if len(surfaces) > 1:
+            material, shrunk = _atlas(parts, surfaces)
+            if shrunk:
+                sizes = ", ".join(sorted(shrunk))
+                warnings.warn(f"{path}: textures are shrunk beside each other: {sizes}", stacklevel=3)
+        else:
+            (surface,) = surfaces.values()
+            if surface.textures and any(p.uvs is None for p in parts):
+                raise ValueError("a mesh with a texture has no uvs")
+            material = surface.material()
+        mesh = _mesh(parts)
+        share = _turned_tangents(parts, surfaces, mesh)
     except DAMAGES as error:
         raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
-    for part in parts:
-        part.lay(surfaces[part.material])
-    _warn_of(path, file.left_out, stacklevel=4)
-    if any(len(surfaces[p.material].wraps) > 1 and p.reaches_beyond for p in parts):
-        raise ValueError("its textures go on beyond their borders in different ways")
-    surface = next(iter(surfaces.values()))
-    if len(surfaces) > 1:
-        surface, shrunk = _atlas(parts, surfaces)
-        if shrunk:
-            warnings.warn(f"{path}: textures are shrunk beside each other: {', '.join(sorted(shrunk))}", stacklevel=3)
-    elif surface.maps() and any(p.uvs is None for p in parts):
-        raise ValueError("a mesh with a texture has no uvs")
-    mesh = _mesh(parts)
-    share = _turned_tangents(parts, surfaces, mesh)
     if share > 0.1:
         warnings.warn(
             f"{path}: its tangents are left out, and those of its uvs are turned against {100 * share:.0f} % of them: "
             "bumps look lit from elsewhere",
             stacklevel=3,
         )
-    return mesh, surface.material()
+    return mesh, material
