@@ -326,6 +326,22 @@ def test_gltf_quantised_sparse_and_placed(tmp_path):
         assert area_of(mesh) == pytest.approx(2 + 24, rel=1e-3)
 
 
+def test_gltf_zeros_are_as_many_as_a_file_may_need(tmp_path):
+    """Accessors without values of their own say how many zeros they are; each other value takes a byte or more."""
+    file = Gltf()
+    changed = {"count": 3, "indices": {"bufferView": file.view(np.arange(3, dtype="<u2")), "componentType": 5123},
+               "values": {"bufferView": file.view(np.tile(np.float32([0, 0, 5]), (3, 1)))}}  # fmt: skip
+    accessors, part = file.json["accessors"], {"attributes": {"POSITION": file.add(POINTS[:3])}}
+    accessors.append({"componentType": 5126, "type": "VEC3", "count": 3, "sparse": changed})
+    part["attributes"]["NORMAL"] = 1
+    mesh = fastibl.read_mesh(file.write(tmp_path / "a.gltf", [part]), up="z")
+    np.testing.assert_allclose(mesh.normals, np.tile([0, 0, 1], (3, 1)))
+    accessors[1]["count"] = 100000
+    path = file.write(tmp_path / "b.gltf", [{"attributes": {"POSITION": 1}}])
+    for reader in (fastibl.read_mesh, fastibl.read_object):
+        same_error(lambda reader=reader: reader(path), ValueError, "b.gltf", "100000 zeros", f"{len(file.data)} bytes")
+
+
 def test_gltf_skins_rest(tmp_path):
     """By their joints, whatever the node says that holds the mesh."""
     file = Gltf()

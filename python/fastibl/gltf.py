@@ -201,6 +201,9 @@ class _File(Container):
         else:
             if "sparse" not in a:
                 raise ValueError("one of its accessors has no values")
+            held = max(map(len, self.buffers), default=0)
+            if a["count"] > held:  # zeros take none of it, but what they belong to does
+                raise ValueError(f"one of its accessors has {a['count']} zeros; its buffers hold {held} bytes")
             out = np.zeros((a["count"], width), kind)
         if "sparse" in a:
             changed, at = a["sparse"], a["sparse"]["indices"]
