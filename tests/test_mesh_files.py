@@ -520,6 +520,19 @@ def test_one_picture_in_every_place_is_bounded(tmp_path, monkeypatch):
     same_error(lambda: fastibl.read_object(path), ValueError, "a.gltf", "72 values together", "may be 48")
 
 
+def test_attributes_that_are_not_as_many_as_vertices(tmp_path):
+    square = [(0, 1), (1, 1), (1, 0), (0, 0)]
+    for uvs, shape in ((square[:1], "(1, 2)"), ([(*uv, 0) for uv in square], "(4, 3)")):
+        path = textured(tmp_path, uvs)
+        content = json.loads(path.read_text())
+        content["materials"].append({})
+        first = content["meshes"][0]["primitives"][0]
+        first["attributes"]["NORMAL"] = first["attributes"]["POSITION"]
+        content["meshes"][0]["primitives"].append(first | {"material": 1})
+        path.write_text(json.dumps(content))
+        same_error(lambda path=path: fastibl.read_object(path), ValueError, "a.gltf", shape, "(4, 2)")
+
+
 TANGENTS = {
     "of its uvs": ((1, 0, 0, 1), {}, 0),
     "of a mirrored node": ((1, 0, 0, 1), {"scale": [-1, 1, 1]}, 0),

@@ -325,12 +325,20 @@ class _File(Container):
             raise ValueError(f"it has more than {_MOST_INSTANCES} instances of meshes")
         return transform(**{name.lower(): self.array(a) for name, a in accessors.items()})
 
+    def _attribute(self, index: int, width: int, count: int | None = None) -> NDArray[np.float64]:
+        """Values (count, width) of a primitive's vertices. Raises ValueError for others; count: None for any."""
+        values = self.array(index).astype(np.float64)
+        expected = len(values) if count is None else count, width
+        if values.shape != expected:
+            raise ValueError(f"accessor {index} has values of shape {values.shape}, its vertices need {expected}")
+        return values
+
     def _part(self, primitive: dict[str, Any], instances: NDArray, joints: NDArray | None) -> list[_Part]:
         if primitive.get("mode", 4) not in (4, 5, 6):
             return []  # points, lines
         _refuse_compressed(primitive)
         attributes = primitive["attributes"]
-        vertices = self.array(attributes["POSITION"]).astype(np.float64)
+        vertices = self._attribute(attributes["POSITION"], 3)
         if not {"JOINTS_0", "WEIGHTS_0"} <= attributes.keys():
             joints = None
         count = len(instances) if joints is None else 1
@@ -350,14 +358,14 @@ class _File(Container):
             self.left_out.add("vertex colours")
         if "targets" in primitive:
             self.left_out.add("morphs")
-        normals = self.array(attributes["NORMAL"]).astype(np.float64) if "NORMAL" in attributes else None
+        normals = self._attribute(attributes["NORMAL"], 3, len(vertices)) if "NORMAL" in attributes else None
         names = {k: f"TEXCOORD_{k}" for k in range(4)}
-        sets = {k: self.array(attributes[n]).astype(np.float64) for k, n in names.items() if n in attributes}
+        sets = {k: self._attribute(attributes[n], 2, len(vertices)) for k, n in names.items() if n in attributes}
         placing = instances[:, None] if joints is None else self._blended(attributes, joints)[None]
         linear = placing[..., :3, :3]
         tangents = None
         if self.with_tangents and normals is not None and "TANGENT" in attributes:  # without normals they are void
-            given = self.array(attributes["TANGENT"]).astype(np.float64)
+            given = self._attribute(attributes["TANGENT"], 4, len(vertices))
             sides = np.broadcast_to(given[:, 3] * np.sign(np.linalg.det(linear)), (count, len(given)))
             along = np.einsum("...ij,...j->...i", linear, given[:, :3])
             tangents = np.concatenate([along, sides[..., None]], axis=-1).reshape(-1, 4)
