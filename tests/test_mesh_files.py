@@ -11,6 +11,7 @@ import pytest
 
 import fastibl
 from conftest import same_error
+from fastibl.file_limits import MOST_CORNERS
 from fastibl.gltf_container import WIDTHS
 
 CUBE = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
@@ -242,6 +243,36 @@ def test_ply_with_normals_and_with_uvs_of_corners(tmp_path):
     corners = ply(b"ascii", [s[:3] for s in SIDES], extra=b"property list uchar float texcoord\n")
     assert len(read(tmp_path, "b.ply", corners).triangles) == 6
     same_error(lambda: read(tmp_path, "c.ply", ply(b"ascii", [(0, 1, 8)])), ValueError, "c.ply", "vertex 8 of 8")
+
+
+@pytest.mark.parametrize("newline", [b"\n", b"\r", b"\r\n"])
+def test_ply_of_more_elements_than_bytes(newline, tmp_path):
+    """Rows without properties take none, and were counted for ever."""
+    content = ply(b"ascii", SIDES)
+    for element, least in ((b"foo 1000000000000", 10**12), (b"foo 500\nproperty int a\nproperty int b", 1000)):
+        told = content.replace(b"element face", b"element %b\nelement face" % element).replace(b"\n", newline)
+        words = "a.ply", f"elements of {least + 24 + 6} bytes or more", f"it has {len(told)}"
+        same_error(lambda told=told: read(tmp_path, "a.ply", told), ValueError, *words)
+    same_error(lambda: read(tmp_path, "a.ply", b"ply\n" + b"comment\n" * 2**18), ValueError, "does not end")
+    none = content.replace(b"element face", b"element foo 0\nelement face")
+    assert len(read(tmp_path, "b.ply", none).triangles) == 12
+
+
+def test_polygons_have_as_many_corners_in_every_file(tmp_path):
+    angles = np.arange(MOST_CORNERS + 1) / (MOST_CORNERS + 1) * 2 * np.pi
+    points = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1).tolist()
+    for most in (MOST_CORNERS, MOST_CORNERS + 1):
+        head = ply(b"ascii", [range(most)], rows=points).replace(b"uchar", b"int")
+        files = {
+            "a.ply": head.replace(b"vertex 8", b"vertex %d" % len(points)),
+            "a.obj": polygon_obj(points[:most], 0),
+        }
+        for name, content in files.items():
+            if most == MOST_CORNERS:
+                assert len(read(tmp_path, name, content).triangles) == most - 2
+            else:
+                words = f"may have {MOST_CORNERS} corners, got {most}"
+                same_error(lambda f=(name, content): read(tmp_path, *f), ValueError, name, words)
 
 
 def test_stl_and_off(tmp_path):

@@ -8,6 +8,7 @@ MOST_BYTES = 2**31  # of a file
 MOST_PIXELS = 2**27  # of a picture: 16384 x 8192, 1.5 GiB as float RGB; of all faces and levels of a cube
 MOST_TRIANGLES = 2**26  # of a mesh
 MOST_VERTICES = 2**27
+MOST_CORNERS = 1024  # of a polygon, as the reader of .obj has it: cutting one takes the square of it
 
 
 def file_bytes(path: Path) -> bytes:

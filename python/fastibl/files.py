@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from . import gltf
 from ._fastibl import Material, Mesh, _polygon_triangles, _read_obj
 from .expected import expect
-from .file_limits import check_file_size, file_bytes
+from .file_limits import MOST_CORNERS, check_file_size, file_bytes
+
+_MOST_HEADER = 2**20  # bytes, of a .ply
 
 
 def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False) -> Mesh:
@@ -121,6 +123,7 @@ def _read_gltf(path: Path) -> Mesh:
 def _read_ply(path: Path) -> Mesh | None:
     from plyfile import PlyData
 
+    _check_elements(path)
     with open(path, "rb") as file:
         data = PlyData.read(file, mmap=False, known_list_len={})
     if "face" not in data or len(data["face"]) == 0:
@@ -133,6 +136,8 @@ def _read_ply(path: Path) -> Mesh | None:
     faces = data["face"].data
     corners = faces["vertex_indices" if "vertex_indices" in faces.dtype.names else "vertex_index"]
     counts = np.array([len(polygon) for polygon in corners])
+    if counts.max() > MOST_CORNERS:
+        raise ValueError(f"a face may have {MOST_CORNERS} corners, got {counts.max()}")
     triangles = [np.stack(corners[counts == 3])] if (counts == 3).any() else []
     for polygon in corners[counts > 3]:
         triangles.append(polygon[_polygon_triangles(places[polygon])])
@@ -142,6 +147,28 @@ def _read_ply(path: Path) -> Mesh | None:
     if every.min() < 0 or every.max() >= len(places):
         raise ValueError(f"a face names vertex {every.max()} of {len(places)}")
     return _merged(places, every, normals)
+
+
+def _check_elements(path: Path) -> None:
+    """Raises ValueError for a .ply file that is too short for what its header counts: plyfile reads what takes no
+    bytes as often as it is told to."""
+    with open(path, "rb") as file:
+        header = file.read(_MOST_HEADER)
+    newline = b"\r\n" if header[3:5] == b"\r\n" else header[3:4] or b"\n"
+    counts: list[list[int]] = []  # of rows and properties
+    for line in header.split(newline):
+        words = line.decode("ascii").split()
+        if words[:1] == ["element"] and len(words) == 3:
+            counts.append([max(int(words[2]), 0), 0])
+        elif words[:1] == ["property"] and counts:
+            counts[-1][1] += 1
+        elif words[:1] == ["end_header"]:
+            break
+    else:
+        raise ValueError(f"its header does not end within {_MOST_HEADER} bytes")
+    least, size = sum(rows * max(properties, 1) for rows, properties in counts), path.stat().st_size
+    if least > size:
+        raise ValueError(f"its header counts elements of {least} bytes or more; it has {size}")
 
 
 def _read_by_trimesh(path: Path) -> Mesh | None:
