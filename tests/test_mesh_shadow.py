@@ -1,9 +1,11 @@
 """Baked shadows of meshes: against rays, at the extremes, and on disk."""
 
+import io
 import os
 import subprocess
 import sys
 import warnings
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -464,6 +466,7 @@ def test_kept_on_disk(cache_folder, monkeypatch):
     first = MeshShadow(mesh, GRID).cast(cube).image
     (path,) = files(cache_folder)
     monkeypatch.setattr("fastibl.mesh_shadow.BakedShadow.bake", None, raising=False)
+
     def no_bake(*_):
         raise AssertionError("baked although it was kept")
 
@@ -479,7 +482,7 @@ def test_kept_on_disk(cache_folder, monkeypatch):
     assert files(cache_folder) == [path]
 
 
-@pytest.mark.parametrize("damage", ["truncated", "empty", "noise", "flipped", "another", "missing array"])
+@pytest.mark.parametrize("damage", ["truncated", "empty", "noise", "flipped", "another", "missing array", "claims"])
 def test_broken_file_is_made_anew(cache_folder, damage):
     mesh, cube = table(), sky(15)
     first = MeshShadow(mesh, GRID).cast(cube).image
@@ -499,6 +502,11 @@ def test_broken_file_is_made_anew(cache_folder, damage):
         np.savez(
             path, begin=np.zeros(3, np.uint32), source_of=np.zeros(9, np.uint16), cover=np.zeros((9, 16), np.uint8)
         )
+    elif damage == "claims":  # more than there is memory for
+        header = io.BytesIO()
+        np.lib.format.write_array_header_1_0(header, {"descr": "<i4", "fortran_order": False, "shape": (10**15,)})
+        with zipfile.ZipFile(path, "w") as file:
+            file.writestr("begin.npy", header.getvalue())
     else:
         with np.load(path) as file:
             np.savez(path, begin=file["begin"])

@@ -25,6 +25,10 @@ _FORMAT = 2  # of the files, and of how a table is baked: another number makes o
 _Options = tuple[int, float, int, int]  # resolution, extent, rings, samples
 _PATIENCE = 0.5  # seconds before a progress bar appears
 _ARRAYS = ("begin", "cells", "cover", "outer_begin", "outer_cells", "outer_cover")
+# What reading a damaged file raises; MemoryError where its header claims an array larger than any.
+_BROKEN = (
+    OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 _MOST_BYTES = 256 << 20  # of all files together; the ones that were used longest ago go first
 
 
@@ -202,7 +206,7 @@ def _read(path: Path, mesh: Mesh, options: _Options) -> Any:
             if int(file["checksum"]) != _checksum(tables):
                 raise ValueError("its checksum is another")
         baked = BakedShadow.from_tables(mesh, *options, tables)
-    except (OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except _BROKEN as error:
         warnings.warn(f"{path} is broken and will be made anew: {error}", RuntimeWarning, stacklevel=4)
         return None
     with suppress(OSError):
