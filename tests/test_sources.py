@@ -1,5 +1,6 @@
 """Frames from cameras, files and folders. FakeCapture plays cv2.VideoCapture's part: no camera is needed."""
 
+import struct
 import threading
 import time
 import warnings
@@ -11,10 +12,12 @@ import pytest
 from board_pictures import held
 
 import fastibl
+from conftest import same_error
 from fastibl import sources
-from fastibl.camera_files import FilmTimes, hdr_curve
+from fastibl.camera_files import FilmTimes, hdr_curve, read_pixels
 from fastibl.exposure import Bracket
 from fastibl.live_camera import LiveCamera
+from fastibl.picture_headers import camera_picture_size
 
 CAMERA = fastibl.Camera(64, 48, 50, 50, 32, 24)
 TURN = fastibl.Pose.from_rotation_vector([0, np.pi, 0], [0, 0, 0])
@@ -404,6 +407,28 @@ def test_a_folders_pictures_keep_their_bits(tmp_path):
         (tmp_path / f"{k}.{suffix}").write_bytes(cv2.imencode(f".{suffix}", deep)[1].tobytes())
     pictures = [f.back for f in sources.FolderSource(RIG, tmp_path)]
     assert len(pictures) == 2 and all(np.array_equal(p, deep[..., ::-1]) for p in pictures)
+
+
+PICTURES = [cv2.imencode(end, np.zeros((9, 12, 3), np.uint8))[1].tobytes() for end in (".png", ".jpg", ".bmp", ".tif")]
+TAGS = [(256, 4, 12), (257, 3, 9), (258, 3, 8)]
+OLD_BMP = struct.pack("<2s4I4H", b"BM", 62, 0, 26, 12, 12, 9, 1, 1) + bytes(36)
+BIG_TIFF = struct.pack(">2s3HQQ", b"MM", 43, 8, 0, 16, 3) + b"".join(
+    struct.pack(">HHQ" + ("I4x" if kind == 4 else "H6x"), tag, kind, 1, value) for tag, kind, value in TAGS
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("data", [*PICTURES, OLD_BMP, BIG_TIFF])
+def test_a_pictures_size_is_checked_by_its_header(data, tmp_path, monkeypatch):
+    assert camera_picture_size(data) == (12, 9)
+    monkeypatch.setattr("fastibl.file_limits.MOST_PIXELS", 12 * 9 - 1)
+    (tmp_path / "0.png").write_bytes(data)  # whatever its name says
+    words = "0.png", "12 x 9", "up to 107 pixels"
+    same_error(lambda: read_pixels(tmp_path / "0.png"), ValueError, *words)
+    with pytest.warns(fastibl.recording.RecordingWarning, match="0.png.*12 x 9"):
+        assert list(sources.FolderSource(RIG, tmp_path)) == []
+    for end in (20, 40):
+        (tmp_path / "0.png").write_bytes(data[:end])
+        same_error(lambda: read_pixels(tmp_path / "0.png"), ValueError, "0.png")
 
 
 def test_a_folders_pictures_come_by_their_numbers(tmp_path):

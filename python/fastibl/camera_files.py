@@ -13,6 +13,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from .file_limits import check_pixels, file_bytes
+from .picture_headers import camera_picture_size
+
 _PERIOD = 1 / 30  # seconds, where a film tells no rate
 _MOST_DESCRIBED = 64 * 2**20  # bytes
 _FILMS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".3gp", ".mts")
@@ -20,18 +23,28 @@ HDR_ADVICE = "it is read in 8 bits, white from two stops below its brightest on;
 _HDR = {16: "PQ", 18: "HLG"}  # transfer characteristics of ITU-T H.273
 
 
-def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArray[Any] | None:
-    """RGB (height, width, 3) uint8 of a picture file; None for what cannot be read.
+def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArray[Any]:
+    """RGB (height, width, 3) uint8 of a picture file.
 
-    any_depth: uint16 and float32 for files that hold more than 8 bits, which are cut to 8 otherwise.
+    any_depth: uint16 and float32 for files that hold more than 8 bits, which are cut to 8 otherwise. Raises ValueError,
+    with the path, for what cannot be read, or is larger than fastibl.file_limits allows.
     """
     import cv2
 
     try:
-        bgr = decode_pixels(np.fromfile(path, np.uint8), any_depth)
-    except (OSError, cv2.error):
-        return None
-    return None if bgr is None else np.ascontiguousarray(bgr[..., ::-1])
+        data = file_bytes(Path(path))
+        size = camera_picture_size(data)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path} is not a picture that can be read: {error}") from error
+    if size is not None:
+        check_pixels(Path(path), *size)
+    try:
+        bgr = decode_pixels(np.frombuffer(data, np.uint8), any_depth)
+    except cv2.error:
+        bgr = None
+    if bgr is None:
+        raise ValueError(f"{path} is not a picture that can be read")
+    return np.ascontiguousarray(bgr[..., ::-1])
 
 
 def decode_pixels(data: NDArray[np.uint8], any_depth: bool = False) -> NDArray[Any] | None:

@@ -38,6 +38,37 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
     raise ValueError("it is a JPEG picture without a frame, or one that is cut off")
 
 
+def _bmp_size(data: bytes) -> tuple[int, int]:
+    # The older header has 12 bytes; a height below 0 says that rows run from the top.
+    old = struct.unpack_from("<I", data, 14)[0] == 12
+    width, height = struct.unpack_from("<HH" if old else "<ii", data, 18)
+    return abs(width), abs(height)
+
+
+def _tiff_size(data: bytes) -> tuple[int, int]:
+    """Of its first picture (TIFF 6.0, and BigTIFF, whose counts and places have 8 bytes)."""
+    order = "<" if data[:2] == b"II" else ">"
+    big = struct.unpack_from(order + "H", data, 2)[0] == 43
+    (at,) = struct.unpack_from(order + ("Q" if big else "I"), data, 8 if big else 4)
+    (count,) = struct.unpack_from(order + ("Q" if big else "H"), data, at)
+    sizes = {}
+    for k in range(min(count, 2**16)):
+        entry = at + (8 + 20 * k if big else 2 + 12 * k)
+        tag, kind = struct.unpack_from(order + "HH", data, entry)
+        if tag in (256, 257):
+            (sizes[tag],) = struct.unpack_from(order + _TIFF_WHOLE[kind], data, entry + (12 if big else 8))
+    return sizes[256], sizes[257]
+
+
+def camera_picture_size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) of a PNG, JPEG, BMP or TIFF file; None of other kinds. Raises ValueError for what is damaged."""
+    size_of = next((size for start, size in _STARTS.items() if data.startswith(start)), None)
+    try:
+        return size_of(data) if size_of else None
+    except (struct.error, KeyError):
+        raise ValueError("its header is damaged or cut off") from None
+
+
 def radiance_size(data: bytes) -> tuple[int, int]:
     """(width, height) of a Radiance .hdr file. Raises ValueError for what is none."""
     found = _radiance_head(data)
@@ -69,6 +100,13 @@ def radiance_upright(data: bytes) -> tuple[bytes, tuple[int, ...], tuple[float, 
     if flips:
         data = head + upright + data[found.end() :]
     return data, flips, tuple(e if 1e-30 < e < 1e30 else 1.0 for e in exposures)
+
+
+_TIFF_WHOLE = {3: "H", 4: "I", 16: "Q"}
+_STARTS = {
+    b"\x89PNG": png_size, b"\xff\xd8": jpeg_size, b"BM": _bmp_size, b"II*\0": _tiff_size, b"MM\0*": _tiff_size,
+    b"II+\0": _tiff_size, b"MM\0+": _tiff_size,
+}  # fmt: skip
 
 
 def _radiance_head(data: bytes) -> re.Match[bytes]:

@@ -309,11 +309,11 @@ class FolderSource(_Closing):
             for name, files in self._files.items():
                 if place not in files:
                     continue
-                picture = read_pixels(files[place], any_depth=True)
-                if picture is None:
-                    warnings.warn(f"the picture {files[place]} cannot be read", RecordingWarning, stacklevel=2)
+                try:
+                    setattr(frame, name, read_pixels(files[place], any_depth=True))
+                except ValueError as error:
+                    warnings.warn(str(error), RecordingWarning, stacklevel=2)
                     continue
-                setattr(frame, name, picture)
                 setattr(frame, f"{name}_exposure", self._exposures[name])
             if frame.back is not None or frame.front is not None:
                 yield frame

@@ -140,7 +140,7 @@ def _read_shots(
     arguments: argparse.Namespace, any_depth: bool = True, in_a_row: int = 1
 ) -> tuple[list[NDArray[Any]], list[float] | None]:
     """Pictures, and their times where they are of a recording or a film, of which so many in a row are taken."""
-    from ..camera_files import HDR_ADVICE, hdr_curve, is_film_name
+    from ..camera_files import HDR_ADVICE, hdr_curve, is_film_name, read_pixels
 
     paths: list[Path] = arguments.pictures
     if arguments.most < 1:
@@ -155,18 +155,8 @@ def _read_shots(
     elif len(paths) == 1 and paths[0].is_dir():
         shots = list(_of_recording(paths[0], arguments.camera, arguments.most, in_a_row))
     else:
-        return [_read_picture(path, any_depth) for path in paths], None
+        return [read_pixels(path, any_depth) for path in paths], None
     return [picture for _, picture in shots], [time for time, _ in shots]
-
-
-def _read_picture(path: Path, any_depth: bool = True) -> NDArray[Any]:
-    """As the sensor took it: uint8, and uint16 with any_depth."""
-    from ..camera_files import read_pixels
-
-    picture = read_pixels(path, any_depth)
-    if picture is None:
-        raise ValueError(f"{path} is not a picture that can be read")
-    return picture
 
 
 def _chosen(count: int, most: int, in_a_row: int) -> list[int]:
@@ -273,9 +263,10 @@ def run_camera(arguments: argparse.Namespace) -> int:
 
 def run_response(arguments: argparse.Namespace) -> int:
     from ..calibration import calibrate_response
+    from ..camera_files import read_pixels
 
     camera = _known_camera(arguments)
-    dark = None if arguments.dark is None else _read_picture(arguments.dark, any_depth=False)
+    dark = None if arguments.dark is None else read_pixels(arguments.dark)
     found = calibrate_response(_read_pictures(arguments, any_depth=False), arguments.exposures, dark)
     print(found)
     _keep(arguments, camera.replace(response=found.response))
