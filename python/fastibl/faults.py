@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .recording import CAMERAS, Frame
+from .calibration_files import CAMERAS
+from .recording import Frame
 from .sources import close
 
 # By name: pictures in a row that one event lasts, at least and at most.

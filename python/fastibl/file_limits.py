@@ -17,6 +17,17 @@ def file_bytes(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def text_of(path: Path, most: int) -> str:
+    """All of a text file. ValueError for one that is larger than real ones, or not UTF-8."""
+    size = path.stat().st_size
+    if size > most:
+        raise ValueError(f"{path} has {size} bytes; such files of up to {most} bytes are read")
+    try:
+        return path.read_text(encoding="utf-8-sig")  # spreadsheets mark it
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is no UTF-8 text: {error}") from None
+
+
 def check_file_size(path: Path) -> None:
     """Raises ValueError for a file that is larger than `MOST_BYTES`."""
     size = path.stat().st_size

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import FrameResult
-from .recording import CAMERAS, Frame
+from .calibration_files import CAMERAS
+from .recording import Frame
 from .session import Session
 
 _ROWS = 61  # every which row is compared first

@@ -26,7 +26,6 @@ import re
 import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -35,21 +34,24 @@ from typing import TYPE_CHECKING, Any, SupportsIndex, TextIO, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Board, Camera, CubeMap, Pose, Response, Rig
+from ._fastibl import CubeMap, Pose, Rig
+from .calibration_files import CAMERAS as CAMERAS
+from .calibration_files import read_board as read_board
+from .calibration_files import read_rig as read_rig
+from .calibration_files import write_board as write_board
+from .calibration_files import write_rig as write_rig
 from .camera_files import decode_pixels, open_film
 from .expected import expect
-from .file_limits import check_file_size, check_pixels, file_bytes
+from .file_limits import check_file_size, check_pixels, file_bytes, text_of
 from .picture_headers import jpeg_size, png_size
 from .whole_file import write_whole
 
 if TYPE_CHECKING:
     import cv2
 
-CAMERAS = ("back", "front")
-
 _ATTITUDE_COLUMNS = ("time", *(f"m{row}{column}" for row in range(3) for column in range(3)))
 _MOST_TEXT = 2**27  # bytes of a list of pictures: some days of film
-_MOST_CALIBRATION = 2**22  # bytes of a .yaml or .json
+_MOST_EVENTS = 2**22  # bytes
 _PICTURES = {".png": png_size, ".jpg": jpeg_size, ".jpeg": jpeg_size}
 # What RecordingWriter writes: files, and the names within folders.
 _FILES = {"rig.yaml", "board.yaml", "frames.csv", "attitudes.csv", *(f"{camera}.mkv" for camera in CAMERAS)}
@@ -524,17 +526,6 @@ def _inside(folder: Path, name: str) -> Path:
     return path
 
 
-def _text(path: Path, most: int) -> str:
-    """All of a text file. ValueError for one that is larger than real ones, or not UTF-8."""
-    size = path.stat().st_size
-    if size > most:
-        raise ValueError(f"{path} has {size} bytes; such files of up to {most} bytes are read")
-    try:
-        return path.read_text(encoding="utf-8-sig")  # spreadsheets mark it
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is no UTF-8 text: {error}") from None
-
-
 def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float | None]]]]:
     if not path.is_file():
         raise FileNotFoundError(f"the recording has no {path.name}: expected {path}")
@@ -547,7 +538,7 @@ def _read_moments(path: Path) -> list[tuple[float, dict[str, tuple[str, float | 
 
 
 def _list_moments(path: Path, moments: dict[float, list[dict[str, tuple[str, float | None]]]]) -> None:
-    with io.StringIO(_text(path, _MOST_TEXT), newline="") as file:
+    with io.StringIO(text_of(path, _MOST_TEXT), newline="") as file:
         rows = csv.DictReader(_whole_lines(file, path), skipinitialspace=True)
         missing = {"time", "camera", "file", "exposure"} - set(rows.fieldnames or ())
         if missing:
@@ -598,7 +589,7 @@ def _read_attitudes(path: Path) -> dict[float, list[NDArray[np.float64]]]:
     if not path.is_file():
         return {}
     attitudes: dict[float, list[NDArray[np.float64]]] = {}
-    with io.StringIO(_text(path, _MOST_TEXT), newline="") as file:
+    with io.StringIO(text_of(path, _MOST_TEXT), newline="") as file:
         for number, line in enumerate(_whole_lines(file, path), 1):
             cells = line.strip().split(",")
             if number == 1:
@@ -624,221 +615,6 @@ def _whole_lines(file: TextIO, path: Path) -> Iterator[str]:
             warnings.warn(f"the last line of {path} is cut off; it is left out", RecordingWarning, stacklevel=4)
 
 
-# rig.yaml and board.yaml
-
-
-_DEEPEST = 32  # levels of a calibration, which has five
-_BINARY = re.compile(r"!!binary|\$base64\$|[\"']binary")
-
-
-def _nests(text: str) -> bool:
-    """Whether YAML, JSON or XML goes deeper than that, by its indents, within a line, or by its brackets and tags."""
-    if re.search(rf"^[ \t]{{{8 * _DEEPEST}}}", text, re.MULTILINE):
-        return True
-    if any(len(re.findall(r":|-[ \t]", part)) > _DEEPEST for part in re.split(r"[,\n{}\[\]]", text)):
-        return True
-    depth = 0
-    for step in re.finditer(r"[\[{\]}]|</|/>|<(?![?!/])", text):
-        depth += 1 if step[0] in ("[", "{", "<") else -1
-        if depth > _DEEPEST:
-            return True
-    return False
-
-
-def _check_plain(text: str, path: Path) -> None:
-    """OpenCV's parser calls itself for every level, until no memory is left for that, and may read some binary data for
-    ever: neither comes from its own writer of calibrations. ValueError."""
-    if _nests(text):
-        raise ValueError(f"{path} nests more than {_DEEPEST} levels deep; a calibration has five")
-    if _BINARY.search(text):
-        raise ValueError(f"{path} holds binary data; expected numbers as text, as OpenCV's FileStorage writes them")
-
-
-def _open_yaml(path: Path) -> cv2.FileStorage:
-    import cv2
-
-    text = _text(path, _MOST_CALIBRATION)
-    _check_plain(text, path)
-    try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-    except (cv2.error, SystemError) as error:
-        raise ValueError(f"{path} is not a file that OpenCV's FileStorage reads: {error}") from None
-    if not storage.isOpened():
-        raise ValueError(f"{path} is not a file that OpenCV's FileStorage reads")
-    return storage
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[cv2.FileStorage]:
-    """A file of OpenCV's, written when it is complete: its own writer does not notice a full disk."""
-    import cv2
-
-    mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
-    storage = cv2.FileStorage(path.name, mode)
-    yield storage
-    write_whole(path, storage.releaseAndGetString())
-
-
-def _number(node: cv2.FileNode, name: str, path: Path) -> float:
-    item = node.getNode(name)
-    if item.empty() or not (item.isInt() or item.isReal()):
-        raise ValueError(f"{path} has no number {name}")
-    return item.real()
-
-
-_MOST_VALUES = 1 << 14  # of a matrix in a calibration: a board of 1000 tags has 12000
-
-
-def _matrix(node: cv2.FileNode, name: str, path: Path) -> NDArray | None:
-    """float64 of an !!opencv-matrix, value by value: FileNode.mat() of a broken file may corrupt memory."""
-    item = node.getNode(name)
-    if item.empty():
-        return None
-    if not item.isMap():
-        raise ValueError(f"{path}: {name} must be a matrix")
-    rows, columns = _whole(item, "rows", path), _whole(item, "cols", path)
-    data = item.getNode("data")
-    if not data.isSeq() or not 0 < rows * columns <= _MOST_VALUES or data.size() != rows * columns:
-        raise ValueError(f"{path}: {name} must be a matrix of {rows} x {columns} values")
-    values = [data.at(i) for i in range(rows * columns)]  # each is looked for from the first on
-    if not all(v.isInt() or v.isReal() for v in values):
-        raise ValueError(f"{path}: {name} must hold numbers")
-    return np.array([v.real() for v in values]).reshape(rows, columns)
-
-
-def _whole(node: cv2.FileNode, name: str, path: Path) -> int:
-    value = _number(node, name, path)
-    if not (abs(value) < 1 << 31 and value == int(value)):
-        raise ValueError(f"{path}: {name} must be a whole number, got {value}")
-    return int(value)
-
-
-@contextmanager
-def _reading(path: Path) -> Iterator[cv2.FileStorage]:
-    """A file of OpenCV's, whose own errors become ValueErrors that name it."""
-    import cv2
-
-    storage = _open_yaml(path)
-    try:
-        yield storage
-    except (cv2.error, SystemError, OverflowError) as error:
-        said = str(error).strip().splitlines()[0]
-        raise ValueError(f"{path} is not a file that OpenCV's FileStorage reads: {said}") from None
-    finally:
-        storage.release()
-
-
-def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
-    """Writes a rig as OpenCV's FileStorage; camera matrices are in OpenCV's convention."""
-    import cv2
-
-    with _writing(Path(path)) as storage:
-        for name in CAMERAS:
-            camera = getattr(rig, name)
-            if camera is None:
-                continue
-            storage.startWriteStruct(name, cv2.FileNode_MAP)
-            storage.write("width", camera.width)
-            storage.write("height", camera.height)
-            if camera.model != "perspective":
-                storage.write("model", camera.model)
-            if camera.field_of_view != 360:
-                storage.write("field_of_view", float(camera.field_of_view))
-            storage.write("camera_matrix", camera.opencv_matrix)
-            if camera.distortion:
-                storage.write("distortion", np.array([camera.distortion], np.float64))
-            if camera.vignetting:
-                storage.write("vignetting", np.array([camera.vignetting], np.float64))
-            storage.write("gain", float(camera.gain))
-            if camera.readout:
-                storage.write("readout", float(camera.readout))
-            if camera.response.curve.size:
-                storage.write("response", np.atleast_2d(camera.response.curve))
-            else:
-                storage.write("response", "srgb")
-            storage.endWriteStruct()
-        if rig.front is not None:
-            storage.write("front_from_back", rig.front_from_back.matrix)
-
-
-def read_rig(path: str | os.PathLike[str]) -> Rig:
-    """Rig of a rig.yaml. FileNotFoundError where there is none, ValueError that names what it lacks."""
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"the calibration {path} is missing")
-    with _reading(path) as storage:
-        root = storage.root()
-        back = _read_camera(root.getNode("back"), "back", path)
-        if back is None:
-            raise ValueError(f"{path} has no back camera")
-        front = _read_camera(root.getNode("front"), "front", path)
-        if front is None:
-            return Rig(back)
-        pose = _matrix(root, "front_from_back", path)
-        if pose is None:
-            raise ValueError(f"{path} has a front camera, but no front_from_back")
-        return Rig(back, front, Pose(pose))
-
-
-def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
-    if node.empty():
-        return None
-    if not node.isMap():
-        raise ValueError(f"{path}: {name} must be a map")
-    matrix = _matrix(node, "camera_matrix", path)
-    if matrix is None:
-        raise ValueError(f"{path} has no camera_matrix of the {name} camera")
-    distortion, vignetting = _matrix(node, "distortion", path), _matrix(node, "vignetting", path)
-    response = node.getNode("response")
-    curve = None if response.empty() or response.isString() else _matrix(node, "response", path)
-    if response.isString() and response.string() != "srgb":
-        raise ValueError(f'{path}: response must be "srgb" or a curve, got {response.string()!r}')
-    width, height = _whole(node, "width", path), _whole(node, "height", path)
-    check_pixels(f"{path}: the {name} camera", width, height)
-    gain, readout, model = node.getNode("gain"), node.getNode("readout"), node.getNode("model")
-    view = node.getNode("field_of_view")
-    return Camera.from_opencv(
-        matrix,
-        [] if distortion is None else distortion.ravel().tolist(),
-        (width, height),
-        response=None if curve is None else Response.from_curve(curve.ravel()),
-        gain=1.0 if gain.empty() else _number(node, "gain", path),
-        vignetting=[] if vignetting is None else vignetting.ravel().tolist(),
-        readout=0.0 if readout.empty() else _number(node, "readout", path),
-        model=model.string() if model.isString() else "perspective" if model.empty() else "?",
-        field_of_view=360.0 if view.empty() else _number(node, "field_of_view", path),
-    )
-
-
-def write_board(path: str | os.PathLike[str], board: Any) -> None:
-    """Writes a board's page size, border_bits and tags (ids, and corners in metres, (4 tags, 2))."""
-    with _writing(Path(path)) as storage:
-        storage.write("width", float(board.width))
-        storage.write("height", float(board.height))
-        storage.write("border_bits", int(getattr(board, "border_bits", 1)))
-        tags = list(getattr(board, "tags", ()))
-        if tags:
-            storage.write("ids", np.array([[tag.id for tag in tags]], np.int32))
-            storage.write("corners", np.concatenate([np.asarray(tag.corners, np.float64) for tag in tags]))
-
-
-def read_board(path: str | os.PathLike[str]) -> Any:
-    """Board of a board.yaml; None where it lists no tags."""
-    path = Path(path)
-    with _reading(path) as storage:
-        root = storage.root()
-        ids, corners = _matrix(root, "ids", path), _matrix(root, "corners", path)
-        if ids is None:
-            return None
-        if corners is None or corners.size != 8 * ids.size:
-            raise ValueError(f"{path}: expected four corners (x, y) for each of {ids.size} tags")
-        if not (np.abs(ids) < 1 << 31).all():
-            raise ValueError(f"{path}: ids must be whole numbers")
-        tags = [(int(i), np.asarray(c)) for i, c in zip(ids.ravel(), corners.reshape(-1, 4, 2), strict=True)]
-        border = _whole(root, "border_bits", path)
-        return Board(tags, _number(root, "width", path), _number(root, "height", path), border)
-
-
 def _load(path: Path) -> NDArray:
     check_file_size(path)
     try:
@@ -859,7 +635,7 @@ def _read_truth(folder: Path) -> Truth:
     def rows(name: str) -> list[list[str]]:
         if not (folder / name).is_file():
             return []
-        return list(csv.reader(io.StringIO(_text(_inside(folder, name), _MOST_TEXT), newline="")))[1:]
+        return list(csv.reader(io.StringIO(text_of(_inside(folder, name), _MOST_TEXT), newline="")))[1:]
 
     try:
         maps = []
@@ -874,7 +650,7 @@ def _read_truth(folder: Path) -> Truth:
             for row in rows("poses.csv")
         ]
         if (folder / "events.json").is_file():
-            events = json.loads(_text(_inside(folder, "events.json"), _MOST_CALIBRATION))
+            events = json.loads(text_of(_inside(folder, "events.json"), _MOST_EVENTS))
             truth.lamp_time = events.get("lamp")
             truth.hand = tuple(events["hand"]) if events.get("hand") else None
             truth.position = tuple(events.get("position", truth.position))

@@ -87,7 +87,7 @@ def object_of(arguments: argparse.Namespace) -> tuple[Mesh, Material]:
 def board_of(path: Path | None) -> Board:
     """The board of a file, by default that of `fastibl board`. Raises ValueError where it lists no tags."""
     from ..board import Board
-    from ..recording import read_board
+    from ..calibration_files import read_board
 
     board = Board.default() if path is None else read_board(path)
     if board is None:

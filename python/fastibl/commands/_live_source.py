@@ -108,8 +108,8 @@ def _recorded(arguments: argparse.Namespace) -> Opened:
 
 
 def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opened:
+    from ..calibration_files import read_rig
     from ..exposure import Bracket
-    from ..recording import read_rig
     from ..sources import CameraSource
 
     back = 0 if arguments.back is None else arguments.back

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     board.save(arguments.out)
     print(f"wrote {arguments.out}: {board.width * 1000:.0f} x {board.height * 1000:.0f} mm, print at 100 %")
     if other:
-        from ..recording import write_board
+        from ..calibration_files import write_board
 
         write_board(listed, board)
         print(f"wrote {listed}: give it to other commands as --board {listed}")
@@ -88,7 +88,7 @@ def _counts(option: str, text: str) -> tuple[int, int]:
 
 def _check_free(path: Path, board: Board) -> None:
     """Raises FileExistsError where there is another board, as one that was measured."""
-    from ..recording import read_board
+    from ..calibration_files import read_board
 
     if path.is_file() and read_board(path) != board:
         raise FileExistsError(f"{path} holds another board: remove it, or write the page under another name")

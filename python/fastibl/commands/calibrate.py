@@ -205,7 +205,7 @@ def _of_film(path: Path, most: int, in_a_row: int) -> Iterator[tuple[float, NDAr
 
 
 def _known_camera(arguments: argparse.Namespace) -> Camera:
-    from ..recording import read_rig
+    from ..calibration_files import read_rig
 
     camera = getattr(read_rig(arguments.rig), arguments.camera)
     if camera is None:
@@ -216,7 +216,7 @@ def _known_camera(arguments: argparse.Namespace) -> Camera:
 def _keep(arguments: argparse.Namespace, camera: Camera) -> None:
     """Puts a camera into rig.yaml, beside what is there."""
     from .._fastibl import Pose, Rig
-    from ..recording import read_rig, write_rig
+    from ..calibration_files import read_rig, write_rig
 
     known: Rig | None = read_rig(arguments.rig) if arguments.rig.is_file() else None
     if arguments.camera == "back":
@@ -233,7 +233,7 @@ def _keep(arguments: argparse.Namespace, camera: Camera) -> None:
 
 def run_camera(arguments: argparse.Namespace) -> int:
     from ..calibration import calibrate_camera
-    from ..recording import read_rig
+    from ..calibration_files import read_rig
 
     if arguments.fisheye and arguments.camera == "back":
         raise ValueError("boards are tracked in perspective pictures: --fisheye goes with --camera front")
@@ -275,7 +275,7 @@ def run_response(arguments: argparse.Namespace) -> int:
 
 def run_board(arguments: argparse.Namespace) -> int:
     from ..calibration import calibrate_board
-    from ..recording import write_board
+    from ..calibration_files import write_board
 
     measured = None
     if arguments.measured:

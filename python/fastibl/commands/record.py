@@ -44,8 +44,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _rig(arguments: argparse.Namespace, back: tuple[int, int] | None, front: tuple[int, int] | None) -> Rig:
     """The rig of --rig, or one that is guessed for pictures of these sizes."""
+    from ..calibration_files import read_rig
     from ..guessed_rig import DEGREES, guessed_rig
-    from ..recording import read_rig
 
     if arguments.rig is not None:
         return read_rig(arguments.rig)
