@@ -7,6 +7,7 @@ import pytest
 
 import fastibl
 from fastibl.expected import present
+from fastibl.plain_text import tell
 from fastibl.recording import truth_of, write_rig
 
 FACES = np.ones((6, 8, 8, 3), np.float32)
@@ -172,6 +173,8 @@ def test_what_files_say_reaches_no_terminal_raw(tmp_path, capsys):
     assert main(["render", str(tmp_path)]) == 2
     said = capsys.readouterr().err
     assert "\\x1b[2J" in said and "\x1b" not in said and "\x9b" not in said
+    tell("a\x1b[2J")
+    assert capsys.readouterr().err == "fastibl: a\\x1b[2J\n"
     with _plain_warnings():
         assert warnings.formatwarning("\x1b[2J", UserWarning, "a.py", 1) == "fastibl: warning: \\x1b[2J\n"
 

@@ -1,7 +1,7 @@
 #include "demo/calibration_text.h"
 
 #include <fstream>
-#include <sstream>
+#include <iterator>
 #include <string_view>
 
 #include "fastibl/core/check.h"
@@ -60,13 +60,13 @@ std::string calibration_text(const fs::path& path) {
   check(fs::is_regular_file(path), "the file ", path.string(), " is missing");
   check(fs::file_size(path) <= kMostBytes, path.string(), " has ", fs::file_size(path),
         " bytes; a calibration has at most ", kMostBytes);
-  std::ostringstream text;
-  text << std::ifstream(path, std::ios::binary).rdbuf();
-  check(!nests(text.view()), path.string(), " nests more than ", kDeepest,
+  std::ifstream file(path, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  check(!nests(text), path.string(), " nests more than ", kDeepest,
         " levels deep; a calibration has five");
-  check(!is_binary(text.str()), path.string(),
+  check(!is_binary(text), path.string(),
         " holds binary data; expected numbers as text, as OpenCV's FileStorage writes them");
-  return text.str();
+  return text;
 }
 
 }  // namespace fastibl::demo

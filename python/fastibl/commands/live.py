@@ -5,15 +5,14 @@ from __future__ import annotations
 import argparse
 import math
 import signal
-import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkstemp
 from typing import TYPE_CHECKING, Any
 
-from ..plain_text import plain_text
+from ..plain_text import tell
 from ._arguments import add_cameras, add_object, parser, picture_size, positive
 
 if TYPE_CHECKING:
@@ -90,7 +89,6 @@ def _add_light(p: argparse._ArgumentGroup) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from tqdm import tqdm
 
     from ..live_page import Choices, LiveLoop, PageServer, Settings
     from ..sources import close
@@ -109,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
     log = _Log()
     opened = open_source(arguments, log)
     for notice in opened.notices:
-        print(f"fastibl: {plain_text(notice)}".replace("`", ""), file=sys.stderr)
+        tell(notice.replace("`", ""))
     with ExitStack() as stack:
         stack.callback(close, opened.source)
         given = _given_light(arguments)
@@ -123,7 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
             folder=arguments.folder.resolve(),
             about=opened.about,
             after_frame=watch.take,
-            log=lambda line: tqdm.write(f"fastibl: {line}", file=sys.stderr),
+            log=tell,
             watched=not arguments.no_page,
         )
         log.to, watch.loop = loop.say, loop
@@ -141,7 +139,7 @@ class _Log:
     """Takes the cameras' messages, first for the terminal, later for the page as well."""
 
     def __init__(self) -> None:
-        self.to = lambda line: print(f"fastibl: {plain_text(line)}", file=sys.stderr)
+        self.to: Callable[[str], None] = tell
 
     def __call__(self, line: str) -> None:
         self.to(line)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..camera_files import film_size, is_film
 from ..expected import present
+from ..plain_text import tell
 from ._arguments import add_cameras, board_of, parser, picture_size
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def _record_cameras(arguments: argparse.Namespace) -> int:
         board,
         schedules=schedules,
         patience=arguments.patience,
-        log=lambda line: tqdm.write(f"fastibl: {line}", file=sys.stderr),
+        log=tell,
     )
     recorder = None  # until the first frame: an older recording is there till then
     with source, ExitStack() as stack:
