@@ -13,9 +13,11 @@ from .corners import size_of
 
 _LEAST_PICTURES = 3
 _LEAST_CODES = 0.9  # share of the codes from 5 to 95 % of white that pixels must show
-_SAMPLES = 300  # pixels a fit
-_FITS = 9  # of different pixels: their median is the curve, their scatter the deviation
-_SMOOTHNESS = 100.0  # Debevec and Malik's lambda
+_SAMPLES = 1000  # pixels a fit
+_FITS = 9  # of different pixels: their median is the curve
+_SMOOTHNESS = 100.0  # Debevec and Malik's lambda where a fit has _OF_SAMPLES pixels
+_OF_SAMPLES = 300
+_SMOOTHER = 2.0  # times lambda: by what the curve is another then, the deviation, and by how the fits scatter
 _MOST_DEVIATION = 0.05
 _TRUSTED = slice(13, 243)  # codes from 5 to 95 % of white
 _KNOWN = 230  # code at which curves are compared; those beyond are known by other pictures
@@ -55,7 +57,7 @@ class ResponseCalibration:
 def calibrate_response(
     pictures: Sequence[ArrayLike], exposures: Sequence[float], dark: ArrayLike | None = None
 ) -> ResponseCalibration:
-    """The curve from light to code (Debevec and Malik 1997, by OpenCV), one for all channels.
+    """The curve from light to code (Debevec and Malik 1997), one for all channels.
 
     pictures: (h, w, 3) uint8 RGB of a still place by a still camera. exposures: of each, in any unit. dark: (h, w, 3)
     uint8 with the lens covered, for the black level, which is taken to be 0 without it; the white level is the code
@@ -85,17 +87,21 @@ def calibrate_response(
         )
     order = np.argsort(pixels.mean(axis=(0, 2)), kind="stable")
     rng = np.random.default_rng(0)
-    curves = np.concatenate([_fit(pixels[:, _spread(order, pixels, rng)], times) for _ in range(_FITS)])
+    chosen = [pixels[:, _spread(order, pixels, rng)] for _ in range(_FITS)]
+    curves = np.concatenate([_fit(some, times) for some in chosen])
     curve = np.maximum.accumulate(np.median(curves, axis=0))  # channels are samples of the one curve
     curve, white_deviation = _with_top(curve, pixels, times)
     # Compared where they are known: what is said of the last code is smoothness alone.
-    compared = curves / curves[:, _KNOWN : _KNOWN + 1] * np.median(curves[:, _KNOWN])
+    compared = curves / curves[:, _KNOWN : _KNOWN + 1]
+    smoother = _fit(np.concatenate(chosen, axis=1), times, _SMOOTHER)
     middle = np.median(compared, axis=0)
     scatter = 1.4826 * np.median(np.abs(compared - middle), axis=0) / np.sqrt(_FITS)
-    deviations = scatter / np.maximum(middle, 1e-4)
-    worst = float(deviations[_TRUSTED].max())
+    least = 1e-4 / np.median(curves[:, _KNOWN])
+    worst = float((scatter / np.maximum(middle, least))[_TRUSTED].max())
     if not worst <= _MOST_DEVIATION:
         raise ValueError(f"pixels disagree on the curve by up to {worst:.0%}: did camera or place move, or the light?")
+    bias = np.median(smoother / smoother[:, _KNOWN : _KNOWN + 1], axis=0) - middle
+    deviations = np.hypot(scatter, bias) / np.maximum(middle, least)
     curve[0] = 0
     least = _LEAST_STEP * np.arange(256)
     curve = np.maximum.accumulate(curve / curve[-1] - least) + least
@@ -132,14 +138,28 @@ def _spread(order: NDArray, pixels: NDArray[np.uint8], rng: np.random.Generator)
     return order[at.clip(0, len(order) - 1)]
 
 
-def _fit(pixels: NDArray[np.uint8], times: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Curves (3, 256) of these pixels, 1 at the last code."""
-    import cv2
+def _fit(pixels: NDArray[np.uint8], times: NDArray[np.float32], smoother: float = 1.0) -> NDArray[np.float64]:
+    """Curves (3, 256) of these pixels, 1 at the last code: Debevec and Malik's Eq. 3, lambda times `smoother`.
 
-    tiles = [np.ascontiguousarray(p[None]) for p in pixels]
-    solve = cv2.createCalibrateDebevec(samples=pixels.shape[1], lambda_=_SMOOTHNESS, random=True)
-    curve = np.asarray(solve.process(tiles, times), np.float64).reshape(256, 3).T
-    return curve / curve[:, -1:]
+    The first and last code have no weight, for what is darker or brighter shows them, too; OpenCV's CalibrateDebevec
+    gives them one. Of the normal equations the logarithms of the pixels' light are eliminated: 256 unknowns remain.
+    """
+    hat = np.minimum(np.arange(256.0), 255 - np.arange(256.0))
+    bend = np.diff(np.eye(256), 2, axis=0) * (_SMOOTHNESS * smoother * np.sqrt(pixels.shape[1] / _OF_SAMPLES))
+    smooth = (bend.T * hat[1:-1] ** 2) @ bend
+    smooth[128, 128] += 1  # the logarithms are known but for one
+    log_times = np.log(times.astype(np.float64))[:, None]
+    curves = []
+    for codes in np.moveaxis(pixels, 2, 0):
+        weights = hat[codes] ** 2
+        shares = weights / np.maximum(weights.sum(axis=0), 1)
+        matrix, to = smooth.copy(), np.zeros(256)
+        np.add.at(matrix, (codes, codes), weights)
+        np.add.at(matrix, (codes[:, None], codes[None]), -weights[:, None] * shares[None])
+        np.add.at(to, codes, weights * (log_times - (shares * log_times).sum(axis=0)))
+        curve = np.linalg.solve(matrix, to)
+        curves.append(np.exp(curve - curve[-1]))
+    return np.stack(curves)
 
 
 def _with_top(
