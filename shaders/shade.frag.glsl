@@ -7,6 +7,7 @@
 //                BASE_COLOR_MAP METALLIC_MAP ROUGHNESS_MAP EMISSION_MAP NORMAL_MAP ANISOTROPIC 0 or 1: 6 from the
 //                MIP chain, 7 from the chain of round lobes, 8 by filtered samples
 //   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
+//   COLORS       1: the mesh has colours
 //   DISTORTION   1: the camera has a lens model
 //   BOX          1: the walls of a box are seen where they are
 //   HOLDOUT      1: what is left of the light of real objects, instead
@@ -21,6 +22,9 @@ uniform isampler2D triangles;     // vertices of each triangle
 uniform sampler2D vertices;       // position and normal, one vertex after the other
 uniform sampler2D shares;         // of the irradiance (RGB) and of the glossy light that reach a vertex
 uniform int backs;                // where those of the vertices' backs begin; 0: there are none
+#if COLORS
+uniform int colors;               // where colours begin among the vertices, whose positions and normals come first
+#endif
 uniform mat3 marker_from_object;
 uniform vec3 marker_from_object_shift;
 #if GLOSSY < 6
@@ -122,11 +126,11 @@ ivec2 texel(int i) { return ivec2(i & 1023, i >> 10); }
 float edge(vec2 a, vec2 b) { return a.x * b.y - a.y * b.x; }  // from a to b, seen from the origin
 
 #if GLOSSY < 6
-vec3 shade(vec3 position, vec3 n, vec4 share) {
+vec3 shade(vec3 position, vec3 n, vec4 share, vec3 color) {
   vec3 colour = emission;
 #if DIFFUSE || GLOSSY == 2 || GLOSSY == 4
   vec3 e = irradiance(n) / 3.14159265;
-  colour += (share.rgb * diffuse_albedo) * e;
+  colour += (share.rgb * diffuse_albedo * color) * e;
 #endif
 #if GLOSSY
   vec3 v = normalize(eye - position);
@@ -259,6 +263,13 @@ void main() {
     float size = length(n);
     n = size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);
     vec3 position = marker_from_object * at + marker_from_object_shift;
+#if COLORS
+    vec3 color = w.x * texelFetch(vertices, texel(colors + index.x), 0).rgb +
+                 w.y * texelFetch(vertices, texel(colors + index.y), 0).rgb +
+                 w.z * texelFetch(vertices, texel(colors + index.z), 0).rgb;
+#else
+    const vec3 color = vec3(1.0);
+#endif
 #if GLOSSY >= 6
     vec4 t = w.x * texelFetch(tangents, texel(index.x), 0) + w.y * texelFetch(tangents, texel(index.y), 0) +
              w.z * texelFetch(tangents, texel(index.z), 0);
@@ -269,9 +280,11 @@ void main() {
     vec2 here = uv * w;
     vec2 dx = uv * corner_weights(pa, pb, pc, p + vec2(1.0, 0.0)) - here;
     vec2 dy = uv * corner_weights(pa, pb, pc, p + vec2(0.0, 1.0)) - here;
-    vec3 colour = shade(position, share, surface_point(n, t, here, dx, dy));
+    SurfacePoint surface = surface_point(n, t, here, dx, dy);
+    surface.base_color *= color;
+    vec3 colour = shade(position, share, surface);
 #else
-    vec3 colour = shade(position, n, share);
+    vec3 colour = shade(position, n, share, color);
 #endif
 #endif
     layer += count * 0.25 * vec4(colour, 1.0);

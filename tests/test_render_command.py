@@ -47,6 +47,25 @@ def test_a_glb_keeps_its_material_unless_another_is_asked_for(tmp_path, recordin
     assert ratios[0] > 2.5 and ratios[1] < 1.3
 
 
+def test_without_a_material_the_defaults_that_help_names(tmp_path, recording):
+    """An object of no material of its own was matte, and brighter."""
+    as_named = rendered(tmp_path, recording, "--diffuse", 0.7, "--glossy", 0.1, "--exponent", 64)[0]
+    np.testing.assert_array_equal(rendered(tmp_path, recording)[0], as_named)
+    assert (rendered(tmp_path, recording, "--glossy", 0)[0] != as_named).any()
+
+
+def test_a_painted_mesh_shows_its_colours_unless_it_is_asked_to_be_darker(tmp_path, recording):
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    box.visual.vertex_colors = np.uint8([(230, 40, 40, 255)] * len(box.vertices))
+    box.export(tmp_path / "red.ply")
+    means = []
+    for options in ((), ("--diffuse", 0.4)):
+        picture, drawn = rendered(tmp_path, recording, "--object", tmp_path / "red.ply", *options)
+        means.append(picture[drawn].mean(0))
+    print("its own, darker", means)
+    assert means[0][0] > 2 * means[0][1] and means[1][0] > 1.5 * means[1][1] and means[1][0] < 0.9 * means[0][0]
+
+
 def test_a_given_map_is_as_bright_as_the_boards_white_says(tmp_path, recording, capsys):
     cube = recording.truth.environment(0.0)
     means = []

@@ -18,12 +18,12 @@ namespace fastibl::bindings {
 void bind_mesh(py::module_& module) {
   module.def(
       "_read_obj",
-      [](const py::bytes& content, bool with_uvs) {
+      [](const py::bytes& content, bool uvs, bool colors) {
         const std::string_view text = content;
         const py::gil_scoped_release release;
-        return read_obj(text, with_uvs);
+        return read_obj(text, {.uvs = uvs, .colors = colors});
       },
-      py::arg("content"), py::arg("with_uvs"));
+      py::arg("content"), py::arg("uvs") = false, py::arg("colors") = false);
   module.def(
       "_polygon_triangles",
       [](const py::array_t<double, py::array::c_style | py::array::forcecast>& corners) {
@@ -42,9 +42,10 @@ void bind_mesh(py::module_& module) {
 
 vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
 or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to work them out.
-Raises ValueError for wrong shapes, indices out of range, or values that are not finite.)")
+colors: (v, 3) linear, 0 to 1, or None; Material.diffuse or pbr's base colour is multiplied by them. Raises ValueError
+for wrong shapes, indices or colours out of range, or values that are not finite.)")
       .def(py::init([](const py::object& vertices, const py::object& triangles,
-                       const py::object& uvs, const py::object& normals) {
+                       const py::object& uvs, const py::object& normals, const py::object& colors) {
              const Floats v = require_vectors(vertices, "vertices");
              if (v.ndim() != 2)
                throw py::value_error("vertices must have shape (v, 3), got " + shape_of(v));
@@ -80,11 +81,17 @@ Raises ValueError for wrong shapes, indices out of range, or values that are not
                  throw py::value_error("normals must have shape (v, 3), got " + shape_of(n));
                mesh.normals.assign(vectors(n), vectors(n) + n.shape(0));
              }
+             if (!colors.is_none()) {
+               const Floats c = require_vectors(colors, "colors");
+               if (c.ndim() != 2)
+                 throw py::value_error("colors must have shape (v, 3), got " + shape_of(c));
+               mesh.colors.assign(vectors(c), vectors(c) + c.shape(0));
+             }
              mesh.validate();
              return mesh;
            }),
            py::arg("vertices"), py::arg("triangles"), py::arg("uvs") = py::none(),
-           py::arg("normals") = py::none())
+           py::arg("normals") = py::none(), py::arg("colors") = py::none())
       .def_property_readonly(
           "vertices",
           [](const Mesh& m) {
@@ -111,6 +118,15 @@ Raises ValueError for wrong shapes, indices out of range, or values that are not
             return out;
           },
           "(v, 2) float32, a copy, or None.")
+      .def_property_readonly(
+          "colors",
+          [](const Mesh& m) -> py::object {
+            if (m.colors.empty()) return py::none();
+            Floats out({py::ssize_t(m.colors.size()), py::ssize_t{3}});
+            std::copy(m.colors.begin(), m.colors.end(), vectors(out));
+            return out;
+          },
+          "(v, 3) float32, linear, a copy, or None.")
       .def_property_readonly(
           "normals",
           [](const Mesh& m) {
@@ -147,11 +163,10 @@ Raises ValueError for wrong shapes, indices out of range, or values that are not
           [](const py::object& self) {
             return py::make_tuple(py::object(self.attr("vertices")),
                                   py::object(self.attr("triangles")), py::object(self.attr("uvs")),
-                                  py::object(self.attr("_given_normals")));
+                                  py::object(self.attr("_given_normals")),
+                                  py::object(self.attr("colors")));
           },
-          [](const py::tuple& t) {
-            return py::type::of<Mesh>()(t[0], t[1], t[2], t[3]).cast<Mesh>();
-          }));
+          [](const py::tuple& t) { return py::type::of<Mesh>()(*t).cast<Mesh>(); }));
 
   py::class_<Bvh>(module, "Bvh", R"(Ray queries on a mesh. Triangles are two-sided.
 

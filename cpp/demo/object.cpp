@@ -18,7 +18,7 @@ Mesh read_object(const std::filesystem::path& path, bool z_up) {
   check(!file.bad(), path.string(), " cannot be read");
   Mesh mesh;
   try {
-    mesh = read_obj(text);
+    mesh = read_obj(text, {.colors = true});
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument(path.string() + ": " + error.what());
   }

@@ -452,14 +452,15 @@ class Mesh:
 
     vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
     or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to work them out.
-    Raises ValueError for wrong shapes, indices out of range, or values that are not finite.
+    colors: (v, 3) linear, 0 to 1, or None; Material.diffuse or pbr's base colour is multiplied by them. Raises ValueError
+    for wrong shapes, indices or colours out of range, or values that are not finite.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     def __eq__(self, arg0: object) -> bool:
         ...
-    def __getstate__(self) -> tuple[typing.Any, typing.Any, typing.Any, typing.Any]:
+    def __getstate__(self) -> tuple[typing.Any, typing.Any, typing.Any, typing.Any, typing.Any]:
         ...
-    def __init__(self, vertices: typing.Any, triangles: typing.Any, uvs: typing.Any = None, normals: typing.Any = None) -> None:
+    def __init__(self, vertices: typing.Any, triangles: typing.Any, uvs: typing.Any = None, normals: typing.Any = None, colors: typing.Any = None) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -468,6 +469,11 @@ class Mesh:
     @property
     def _given_normals(self) -> typing.Any:
         ...
+    @property
+    def colors(self) -> typing.Any:
+        """
+        (v, 3) float32, linear, a copy, or None.
+        """
     @property
     def normals(self) -> numpy.typing.NDArray[numpy.float32]:
         """
@@ -1946,7 +1952,7 @@ def _polygon_triangles(corners: typing.Annotated[numpy.typing.ArrayLike, numpy.f
     ...
 def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex, bool]], model: str, error: typing.SupportsFloat | typing.SupportsIndex) -> list[CubeMap]:
     ...
-def _read_obj(content: bytes, with_uvs: bool) -> typing.Any:
+def _read_obj(content: bytes, uvs: bool = False, colors: bool = False) -> typing.Any:
     ...
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """

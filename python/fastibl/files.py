@@ -13,31 +13,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import gltf
-from ._fastibl import Material, Mesh, _polygon_triangles, _read_obj
+from ._fastibl import Material, Mesh, Response, _polygon_triangles, _read_obj
 from .expected import expect
 from .file_limits import MOST_CORNERS, check_file_size, file_bytes
 
 _MOST_HEADER = 2**20  # bytes, of a .ply
+_COLOURED = (".obj", ".ply")  # files whose vertices have colours
+_COLOUR_NAMES = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"))  # in a .ply
 
 
-def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False) -> Mesh:
+def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, colors: bool = False) -> Mesh:
     """Triangle mesh of a file (.obj, .ply, .glb, .gltf, .stl, .off), turned so that +z is up.
 
     up: the file's upward axis, "y" (most files) or "z". Vertices at one place with one normal become one. Normals are
     the file's own; without them they are smooth, across texture seams as well, but flat in glTF, as that format has it.
     uvs: keep those of an .obj, for textures of Material.pbr; vertices are divided at their seams, corners without have
-    (0, 0), and a file without gives Mesh.uvs None. Polygons are cut into triangles. Raises FileNotFoundError;
-    ValueError for a file that is no such mesh, damaged, or larger than fastibl.file_limits allows, and for the uvs of
-    other files.
+    (0, 0), and a file without gives Mesh.uvs None. colors: keep the vertices' colours of an .obj (as MeshLab writes
+    them) or .ply, which are taken for sRGB; a file without gives Mesh.colors None. Polygons are cut into triangles.
+    Raises FileNotFoundError; ValueError for a file that is no such mesh, damaged, or larger than fastibl.file_limits
+    allows, and for the uvs or colours of other files.
     """
     path = _existing(path, up, "mesh")
     if path.suffix.lower() not in _READERS:  # others of trimesh's are archives, or fetch what they name
         raise ValueError(f"{path} is no mesh that is read; those end in {', '.join(_READERS)}")
     if uvs and path.suffix.lower() != ".obj":
         raise ValueError(f"uvs are read of .obj files, got {path}; read_object keeps those of .glb and .gltf")
+    if colors and path.suffix.lower() not in _COLOURED:
+        raise ValueError(
+            f"colours are read of {' and '.join(_COLOURED)} files, got {path}; read_object keeps those of .glb, .gltf"
+        )
     check_file_size(path)
     try:
-        mesh = _read_obj(file_bytes(path), uvs) if uvs else _READERS[path.suffix.lower()](path)
+        mesh = _READERS[path.suffix.lower()](path, uvs, colors)
     except Exception as error:  # trimesh and plyfile raise what they like
         raise ValueError(f"{path} is not a mesh that can be read: {error}") from error
     if mesh is None or len(mesh.triangles) == 0:
@@ -63,11 +70,12 @@ def read_object(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Mate
     return _turned(mesh, up), material
 
 
-def mesh_and_material(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Material]:
-    """read_object for .glb and .gltf; of other files read_mesh, and Material()."""
+def mesh_and_material(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Material | None]:
+    """read_object for .glb and .gltf; of other files read_mesh, and a material that shows their colours, or None."""
     if Path(path).suffix.lower() in (".glb", ".gltf"):
         return read_object(path, up)
-    return read_mesh(path, up), Material()
+    mesh = read_mesh(path, up, colors=Path(path).suffix.lower() in _COLOURED)
+    return mesh, None if mesh.colors is None else Material(diffuse=(1, 1, 1))
 
 
 def _existing(path: str | os.PathLike[str], up: str, what: str) -> Path:
@@ -82,7 +90,7 @@ def _turned(mesh: Mesh, up: str) -> Mesh:
     if up == "z":
         return mesh
     turn = lambda a: None if a is None else a[:, [0, 2, 1]] * np.array([1, -1, 1], np.float32)  # noqa: E731
-    return Mesh(turn(mesh.vertices), mesh.triangles, mesh.uvs, turn(mesh._given_normals))
+    return Mesh(turn(mesh.vertices), mesh.triangles, mesh.uvs, turn(mesh._given_normals), mesh.colors)
 
 
 def _warn_if_far(path: Path, mesh: Mesh) -> None:
@@ -96,13 +104,16 @@ def _warn_if_far(path: Path, mesh: Mesh) -> None:
         )
 
 
-def _merged(vertices: NDArray, triangles: NDArray, normals: NDArray | None) -> Mesh:
-    """Vertices at one place, with one normal, become one; those of no triangle go."""
+def _merged(
+    vertices: NDArray, triangles: NDArray, normals: NDArray | None = None, colors: NDArray | None = None
+) -> Mesh:
+    """Vertices at one place, with one normal and colour, become one; those of no triangle go."""
     both = np.asarray(vertices, np.float32) + 0.0  # -0 is 0
     if both.shape[1:] != (3,):
         raise ValueError(f"expected vertices of 3 coordinates, got {both.shape[1:]}")
-    if normals is not None:
-        both = np.hstack([both, np.asarray(normals, np.float32) + 0.0])
+    for more in (normals, colors):
+        if more is not None:
+            both = np.hstack([both, np.asarray(more, np.float32) + 0.0])
     used, named = np.unique(triangles, return_inverse=True)
     _, first, same = np.unique(both[used], axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)  # as in the file
@@ -111,16 +122,20 @@ def _merged(vertices: NDArray, triangles: NDArray, normals: NDArray | None) -> M
     kept = both[used[first[order]]]
     return Mesh(
         kept[:, :3], number[same.reshape(-1)][named.reshape(-1)].reshape(-1, 3), None,
-        None if normals is None else kept[:, 3:],
+        None if normals is None else kept[:, 3:6], None if colors is None else kept[:, -3:],
     )  # fmt: skip
 
 
-def _read_gltf(path: Path) -> Mesh:
+def _read_obj_file(path: Path, uvs: bool, colors: bool) -> Mesh:
+    return _read_obj(file_bytes(path), uvs, colors)
+
+
+def _read_gltf(path: Path, *_: bool) -> Mesh:
     mesh = gltf.read_geometry(path)
     return _merged(mesh.vertices, mesh.triangles, mesh.normals)
 
 
-def _read_ply(path: Path) -> Mesh | None:
+def _read_ply(path: Path, _: bool, colors: bool) -> Mesh | None:
     from plyfile import PlyData
 
     _check_elements(path)
@@ -146,7 +161,17 @@ def _read_ply(path: Path) -> Mesh | None:
     every = np.concatenate(triangles).astype(np.int64)
     if every.min() < 0 or every.max() >= len(places):
         raise ValueError(f"a face names vertex {every.max()} of {len(places)}")
-    return _merged(places, every, normals)
+    return _merged(places, every, normals, _colours_of(vertex) if colors else None)
+
+
+def _colours_of(vertex: NDArray) -> NDArray | None:
+    """(v, 3) linear, of a .ply's vertices; whole numbers count to 255 (or 65535), others to 1."""
+    names = next((n for n in _COLOUR_NAMES if set(n) <= set(vertex.dtype.names or ())), None)
+    if names is None:
+        return None
+    encoded = np.stack([vertex[name] for name in names], axis=1)
+    white = np.iinfo(encoded.dtype).max if encoded.dtype.kind == "u" else 255 if encoded.dtype.kind == "i" else 1
+    return Response.srgb().decode((encoded / white).astype(np.float32))
 
 
 def _check_elements(path: Path) -> None:
@@ -171,17 +196,18 @@ def _check_elements(path: Path) -> None:
         raise ValueError(f"its header counts elements of {least} bytes or more; it has {size}")
 
 
-def _read_by_trimesh(path: Path) -> Mesh | None:
+def _read_by_trimesh(path: Path, *_: bool) -> Mesh | None:
     import trimesh
 
     loaded: Any = trimesh.load(path, force="mesh", process=False, skip_materials=True)
     if len(getattr(loaded, "faces", ())) == 0:
         return None
-    return _merged(loaded.vertices, np.asarray(loaded.faces, np.int64), None)
+    return _merged(loaded.vertices, np.asarray(loaded.faces, np.int64))
 
 
-_READERS: dict[str, Callable[[Path], Mesh | None]] = {
-    ".obj": lambda path: _read_obj(file_bytes(path), False), ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf,
+# Of a file: whether its uvs are wanted, and its colours.
+_READERS: dict[str, Callable[[Path, bool, bool], Mesh | None]] = {
+    ".obj": _read_obj_file, ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf,
     ".stl": _read_by_trimesh, ".off": _read_by_trimesh,
 }  # fmt: skip
 
@@ -200,4 +226,5 @@ def stand(mesh: Mesh, height: float) -> Mesh:
     if not upper[2] > lower[2]:
         raise ValueError("a mesh without extent along z cannot be scaled to a height")
     origin = np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
-    return Mesh((vertices - origin) * (height / (upper[2] - lower[2])), mesh.triangles, mesh.uvs, mesh._given_normals)
+    placed = (vertices - origin) * (height / (upper[2] - lower[2]))
+    return Mesh(placed, mesh.triangles, mesh.uvs, mesh._given_normals, mesh.colors)

@@ -4,10 +4,11 @@ All nodes of the file's scene are merged; skins show their rest pose; without no
 it. Several materials become one. Those that look the same share their textures; those of the others are laid side by
 side in an atlas (fastibl.atlas), so that textures that repeat, or whose borders triangles cross, need a file of one
 look. What has to be shrunk there is told in a warning.
-Left out, with a warning that names them: transparency, vertex colours, morphs, and extensions that add to a material
-(clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place), points and lines, doubleSided (all
-is seen from both sides). Tangents are those of the uvs; a warning tells where a file's own differ. Refused by name:
-specular-glossiness materials, compressed meshes, and a material whose textures lie in different ways on its mesh.
+Vertices' colours (COLOR_0) are the mesh's. Left out, with a warning that names them: transparency, morphs, and
+extensions that add to a material (clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place),
+points and lines, doubleSided (all is seen from both sides), further sets of colours. Tangents are those of the uvs; a
+warning tells where a file's own differ. Refused by name: specular-glossiness materials, compressed meshes, and a
+material whose textures lie in different ways on its mesh.
 """
 
 from __future__ import annotations
@@ -156,6 +157,7 @@ class _Part:
     material: int
     uvs: NDArray | None = None
     tangents: NDArray | None = None  # (n, 4) of the file's own
+    colors: NDArray | None = None  # (n, 3) linear
 
     @property
     def reaches_beyond(self) -> bool:
@@ -354,13 +356,12 @@ class _File(Container):
             return []
         if triangles.min() < 0 or triangles.max() >= len(vertices):
             raise ValueError(f"a triangle names vertex {triangles.max()} of {len(vertices)}")
-        if "COLOR_0" in attributes:
-            self.left_out.add("vertex colours")
         if "targets" in primitive:
             self.left_out.add("morphs")
         normals = self._attribute(attributes["NORMAL"], 3, len(vertices)) if "NORMAL" in attributes else None
         names = {k: f"TEXCOORD_{k}" for k in range(4)}
         sets = {k: self._attribute(attributes[n], 2, len(vertices)) for k, n in names.items() if n in attributes}
+        colors = self._colors(attributes["COLOR_0"], len(vertices)) if "COLOR_0" in attributes else None
         placing = instances[:, None] if joints is None else self._blended(attributes, joints)[None]
         linear = placing[..., :3, :3]
         tangents = None
@@ -372,16 +373,28 @@ class _File(Container):
         mirrors = np.linalg.det(linear).mean(axis=1) < 0
         placed = (np.einsum("...ij,...j->...i", linear, vertices) + placing[..., :3, 3]).reshape(-1, 3)
         sets = {k: np.tile(uvs, (count, 1)) for k, uvs in sets.items()}
+        colors = None if colors is None else np.tile(colors, (count, 1))
         triangles = np.concatenate(
             [(triangles[:, ::-1] if mirror else triangles) + k * len(vertices) for k, mirror in enumerate(mirrors)]
         )
         if normals is None:
             placed, sets = placed[triangles.reshape(-1)], {k: uvs[triangles.reshape(-1)] for k, uvs in sets.items()}
+            colors = None if colors is None else colors[triangles.reshape(-1)]
             triangles = np.arange(len(placed)).reshape(-1, 3)
             normals = np.cross(placed[1::3] - placed[::3], placed[2::3] - placed[::3]).repeat(3, axis=0)
         else:
             normals = np.einsum("...ji,...j->...i", np.linalg.pinv(linear), normals).reshape(-1, 3)
-        return [_Part(placed, triangles, normals, sets, primitive.get("material", -1), tangents=tangents)]
+        material = primitive.get("material", -1)
+        return [_Part(placed, triangles, normals, sets, material, tangents=tangents, colors=colors)]
+
+    def _colors(self, index: int, count: int) -> NDArray[np.float64]:
+        """(count, 3) linear, 0 to 1, of values with or without alpha."""
+        values = self.array(index)
+        if len(values) != count or values.shape[1] not in (3, 4) or not np.isfinite(values).all():
+            raise ValueError(
+                f"accessor {index} must hold finite colours, {(count, 3)} or {(count, 4)}; its shape is {values.shape}"
+            )
+        return values[:, :3].astype(np.float64).clip(0, 1)
 
     def _blended(self, attributes: dict[str, int], joints: NDArray) -> NDArray:
         """Matrices (n, 4, 4) of a skin's vertices: means of joints, of which each set names four."""
@@ -506,7 +519,12 @@ def _mesh(parts: list[_Part]) -> Mesh:
         np.concatenate([p.triangles + start for p, start in zip(parts, starts, strict=False)]),
         None if any(p.uvs is None for p in parts) else np.concatenate([p.uvs for p in parts]),
         normals,
+        None if all(p.colors is None for p in parts) else np.concatenate([_colors_of(p) for p in parts]),
     )
+
+
+def _colors_of(part: _Part) -> NDArray:
+    return np.ones((len(part.vertices), 3)) if part.colors is None else part.colors
 
 
 def _turned_tangents(parts: list[_Part], surfaces: dict[int, _Surface], mesh: Mesh) -> float:

@@ -391,9 +391,14 @@ class TrueRenderer:
             x1, y1 = (int(v) for v in np.clip(high, (x0, y0), (x1, y1)))
         w, h = x1 - x0, y1 - y0
         x, y = np.meshgrid(x0 + (np.arange(w * s) + 0.5) / s, y0 + (np.arange(h * s) + 0.5) / s)
-        rays = (camera.unproject(np.stack([x, y], axis=-1)) @ marker_from_back.rotation.T).reshape(-1, 3)
-        origins = np.broadcast_to(eye, rays.shape).astype(np.float32)
-        triangle, _, uv = self.bvh.nearest(origins.copy(), np.nan_to_num(rays).astype(np.float32))
+
+        def meet(x: NDArray, y: NDArray) -> tuple[NDArray, NDArray]:
+            rays = (camera.unproject(np.stack([x, y], axis=-1)) @ marker_from_back.rotation.T).reshape(-1, 3)
+            origins = np.broadcast_to(eye, rays.shape).astype(np.float32)
+            triangle, _, uv = self.bvh.nearest(origins.copy(), np.nan_to_num(rays).astype(np.float32))
+            return triangle, uv
+
+        triangle, uv = meet(x, y)
 
         def by_quarter(of: NDArray) -> NDArray:
             """(pixels, 4, rays of a quarter)"""
@@ -404,11 +409,17 @@ class TrueRenderer:
         met = by_quarter(triangle >= 0)
         count = met.sum(axis=2)
         pixel, quarter = np.nonzero(count)
-        # The ray of the middle of those of a quarter that meet the object.
+        # The middle of the rays of a quarter that meet the object; where it misses, one of them.
         rank = np.cumsum(met, axis=2)[pixel, quarter]
         at = number[pixel, quarter, (rank > (count[pixel, quarter][:, None] - 1) // 2).argmax(axis=1)]
-        corner = mesh.triangles[triangle[at]]
-        weights = np.stack([1 - uv[at].sum(axis=1), uv[at][:, 0], uv[at][:, 1]], axis=1)[..., None].astype(np.float64)
+        triangle, uv = triangle[at], uv[at]
+        new_triangle, new_uv = meet(
+            *(((by_quarter(v) * met).sum(axis=2) / np.maximum(count, 1))[pixel, quarter] for v in (x, y))
+        )
+        there = new_triangle >= 0
+        triangle[there], uv[there] = new_triangle[there], new_uv[there]
+        corner = mesh.triangles[triangle]
+        weights = np.stack([1 - uv.sum(axis=1), uv[:, 0], uv[:, 1]], axis=1)[..., None].astype(np.float64)
 
         def of(by_vertex: NDArray) -> NDArray:
             return (np.asarray(by_vertex, np.float64)[corner] * weights).sum(axis=1)

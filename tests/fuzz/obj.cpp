@@ -19,8 +19,8 @@ void fuzz(Input& in) {
       text.push_back(char(in.byte()));
     else
       text.append(kPieces[in.below(kCount)]);
-  for (const bool with_uvs : {false, true}) try {
-      read_obj(text, with_uvs).validate();
+  for (const bool more : {false, true}) try {
+      read_obj(text, {.uvs = more, .colors = more}).validate();
     } catch (const std::invalid_argument&) {  // and says why
     }
 }

@@ -13,8 +13,8 @@
 namespace fastibl {
 namespace {
 
-// Vertices that differ by their uv alone are one point of the surface: they share the mean, so that
-// no seam shows.
+// Vertices that differ by their uv or colour alone are one point of the surface: they share the
+// mean, so that no seam shows.
 void share_at_seams(const Mesh& mesh, const std::vector<glm::vec3>& normals,
                     std::vector<float>& values) {
   std::map<std::array<float, 6>, std::vector<std::size_t>> points;
@@ -89,7 +89,8 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
     AmbientOcclusionOptions occlusion;
     occlusion.rays = options.visibility_rays;
     scene.visibility = ambient_occlusion(mesh, occlusion);
-    if (!mesh.uvs.empty()) share_at_seams(mesh, scene.normals, scene.visibility);
+    if (!mesh.uvs.empty() || !mesh.colors.empty())
+      share_at_seams(mesh, scene.normals, scene.visibility);
   }
   if (options.sphere_count > 0) {
     FitSpheresOptions spheres;

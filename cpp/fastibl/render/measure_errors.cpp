@@ -43,7 +43,7 @@ Colours colours(const SceneSamples& samples, std::size_t count, const Material& 
   for (const SceneSamples::Surface& s : std::span(samples.surface).first(count)) {
     Fragment& f = fragments.emplace_back();
     f.coverage = 1, f.position = s.position, f.normal = s.normal, f.share = share;
-    f.tangent = s.tangent, f.uv = s.uv;
+    f.tangent = s.tangent, f.uv = s.uv, f.color = s.color;
     f.uv_dx = {0.02f, 0}, f.uv_dy = {0, 0.02f};  // a pixel's part of a texture, about
   }
   Colours result(count);

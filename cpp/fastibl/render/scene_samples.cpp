@@ -144,11 +144,20 @@ std::optional<SceneSamples::Surface> surface_at(const Scene& scene, const Standi
   const glm::vec3 facing = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
   const bool behind = glm::dot(facing, to_eye) < 0;
   if (behind && scene.fronts_only) return std::nullopt;  // a ray that slipped between two triangles
-  SceneSamples::Surface sample{{},           w,           p, behind ? -n : n, p, to_eye, view,
-                               glm::vec4(0), glm::vec2(0)};
+  SceneSamples::Surface sample{{},
+                               w,
+                               p,
+                               behind ? -n : n,
+                               p,
+                               to_eye,
+                               view,
+                               glm::vec4(0),
+                               glm::vec2(0),
+                               glm::vec3(scene.mesh.colors.empty() ? 1 : 0)};
   for (int i = 0; i < 3; ++i) {
     const std::size_t corner = std::size_t(triangle[i]);
     if (!scene.mesh.uvs.empty()) sample.uv += w[i] * scene.mesh.uvs[corner];
+    if (!scene.mesh.colors.empty()) sample.color += w[i] * scene.mesh.colors[corner];
     if (!scene.tangents.empty()) {
       const glm::vec4& tangent = scene.tangents[corner];
       sample.tangent += glm::vec4(w[i] * (samples.turned * glm::vec3(tangent)), 0);

@@ -33,6 +33,7 @@ class SceneSamples {
     int view;                    // in `eyes`
     glm::vec4 tangent;           // see Fragment
     glm::vec2 uv;
+    glm::vec3 color;  // of Mesh::colors
   };
   // What views see of the object, each pixel of them equally often: the first `seen` of those that
   // pictures are taken from, the rest of views from below, which tell what the plane sees. Eyes all

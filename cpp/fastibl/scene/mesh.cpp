@@ -53,10 +53,16 @@ void Mesh::validate() const {
         " vertices needs as many uvs or none, got ", uvs.size());
   check(normals.empty() || normals.size() == vertices.size(), "a mesh of ", vertices.size(),
         " vertices needs as many normals or none, got ", normals.size());
+  check(colors.empty() || colors.size() == vertices.size(), "a mesh of ", vertices.size(),
+        " vertices needs as many colours or none, got ", colors.size());
   for (std::size_t i = 0; i < vertices.size(); ++i)
     check(finite(vertices[i]), "vertex ", i, " is not finite");
   for (std::size_t i = 0; i < uvs.size(); ++i)
     check(std::isfinite(uvs[i].x) && std::isfinite(uvs[i].y), "uv ", i, " is not finite");
+  for (std::size_t i = 0; i < colors.size(); ++i)
+    for (int c = 0; c < 3; ++c)
+      check(colors[i][c] >= 0 && colors[i][c] <= 1, "colour ", i,
+            " must be from 0 to 1 (linear), got ", colors[i][c]);
   for (std::size_t i = 0; i < normals.size(); ++i)
     check(finite(normals[i]), "normal ", i, " is not finite");
   for (std::size_t i = 0; i < triangles.size(); ++i)
@@ -224,6 +230,7 @@ Mesh with_creases(Mesh mesh) {
         if (found.size() > 1) {
           mesh.vertices.push_back(mesh.vertices[i]);
           if (!mesh.uvs.empty()) mesh.uvs.push_back(mesh.uvs[i]);
+          if (!mesh.colors.empty()) mesh.colors.push_back(mesh.colors[i]);
           normals.push_back(sum);
         } else {
           normals[i] = sum;

@@ -13,9 +13,12 @@ struct Mesh {
   std::vector<glm::ivec3> triangles = {};  // indices; counter-clockwise seen from outside
   std::vector<glm::vec2> uvs = {};         // one a vertex, or none; v upwards in a texture
   std::vector<glm::vec3> normals = {};     // one a vertex, or none: worked out from the triangles
+  // One a vertex, or none; linear, 0 to 1: what a material's diffuse or base colour is there, by
+  // which it is multiplied.
+  std::vector<glm::vec3> colors = {};
 
   // Throws std::invalid_argument for no vertices or triangles, an index out of range, a value that
-  // is not finite, or another number of uvs or normals.
+  // is not finite, a colour out of range, or another number of uvs, normals or colours.
   void validate() const;
   bool operator==(const Mesh&) const = default;
 };

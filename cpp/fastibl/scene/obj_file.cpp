@@ -12,11 +12,14 @@
 #include <utility>
 
 #include "fastibl/core/check.h"
+#include "fastibl/scene/response.h"
 
 namespace fastibl {
 namespace {
 
 constexpr std::size_t kMostCorners = 1024;  // of a polygon
+constexpr glm::dvec3 kUnpainted(-1);        // of a vertex without a colour
+constexpr double kMostOfOne = 1.5;          // of colours whose white is 1, hardly beyond it
 
 bool is_space(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
@@ -81,6 +84,33 @@ glm::dvec3 three_numbers(Lines& lines) {
   return p;
 }
 
+// After a place: of MeshLab a colour (three numbers), of others a weight, or both.
+void add_color(Lines& lines, std::size_t vertex, std::vector<glm::dvec3>& colors) {
+  std::array<std::string_view, 4> words;
+  std::size_t count = 0;
+  for (std::string_view word = lines.word(); !word.empty() && count < 4; word = lines.word())
+    words[count++] = word;
+  if (count < 3) return;
+  colors.resize(vertex, glm::dvec3(kUnpainted));
+  glm::dvec3& color = colors.emplace_back();
+  for (std::size_t k = 0; k < 3; ++k)
+    color[int(k)] = number_of(words[count - 3 + k], "three numbers of a colour", lines.number());
+}
+
+// sRGB, of white 1 or 255.
+void make_linear(std::vector<glm::dvec3>& colors) {
+  double most = 0;
+  for (const glm::dvec3& color : colors)
+    if (color != kUnpainted) most = std::max({most, color.x, color.y, color.z});
+  for (glm::dvec3& color : colors) {
+    if (color == kUnpainted)
+      color = glm::dvec3(1);
+    else
+      for (int k = 0; k < 3; ++k)
+        color[k] = Response::srgb().decode(float(color[k] / (most > kMostOfOne ? 255 : 1)));
+  }
+}
+
 // One number is a u.
 glm::vec2 uv_of(Lines& lines) {
   const double u = number_of(lines.word(), "one to three numbers", lines.number());
@@ -119,15 +149,21 @@ double area(glm::dvec2 a, glm::dvec2 b, glm::dvec2 c) {
 struct Vertex {
   glm::vec3 place, normal = glm::vec3(0);
   glm::vec2 uv = glm::vec2(0);
+  glm::vec3 color = glm::vec3(1);
 };
 
-// Vertices of a mesh, each place, normal and uv once.
+// Which of a vertex's values a mesh keeps.
+struct Kept {
+  bool normals, uvs, colors;
+};
+
+// Vertices of a mesh, each place, normal, uv and colour once.
 class Vertices {
  public:
   // index: in the file
   int add(const Vertex& v, long index) {
-    const float every[] = {v.place.x,  v.place.y,  v.place.z, v.normal.x,
-                           v.normal.y, v.normal.z, v.uv.x,    v.uv.y};
+    const float every[] = {v.place.x, v.place.y, v.place.z, v.normal.x, v.normal.y, v.normal.z,
+                           v.uv.x,    v.uv.y,    v.color.x, v.color.y,  v.color.z};
     float key[std::size(every)];
     for (std::size_t k = 0; k < std::size(every); ++k) key[k] = every[k] + 0.0f;  // -0 is 0
     const auto [entry, fresh] = numbers_.try_emplace(
@@ -136,7 +172,7 @@ class Vertices {
     return entry->second;
   }
   // In the file's order.
-  void give_to(Mesh& mesh, bool with_normals, bool with_uvs) const {
+  void give_to(Mesh& mesh, const Kept& kept) const {
     std::vector<int> order(all_.size()), number(all_.size());
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
@@ -146,8 +182,9 @@ class Vertices {
       number[std::size_t(i)] = int(mesh.vertices.size());
       const Vertex& v = all_[std::size_t(i)].vertex;
       mesh.vertices.push_back(v.place);
-      if (with_normals) mesh.normals.push_back(v.normal);
-      if (with_uvs) mesh.uvs.push_back(v.uv);
+      if (kept.normals) mesh.normals.push_back(v.normal);
+      if (kept.uvs) mesh.uvs.push_back(v.uv);
+      if (kept.colors) mesh.colors.push_back(v.color);
     }
     for (glm::ivec3& t : mesh.triangles)
       for (int k = 0; k < 3; ++k) t[k] = number[std::size_t(t[k])];
@@ -164,7 +201,7 @@ class Vertices {
 
 // corners: of the file's faces, one each of `vertices`. triangles: of them.
 Mesh merged(const std::vector<Vertex>& vertices, const std::vector<Corner>& corners,
-            std::vector<glm::ivec3> triangles, bool with_normals, bool with_uvs) {
+            std::vector<glm::ivec3> triangles, const Kept& kept) {
   Vertices once;
   std::vector<int> number;
   for (std::size_t i = 0; i < vertices.size(); ++i)
@@ -173,7 +210,7 @@ Mesh merged(const std::vector<Vertex>& vertices, const std::vector<Corner>& corn
     for (int k = 0; k < 3; ++k) t[k] = number[std::size_t(t[k])];
   Mesh mesh;
   mesh.triangles = std::move(triangles);
-  once.give_to(mesh, with_normals, with_uvs);
+  once.give_to(mesh, kept);
   return mesh;
 }
 
@@ -182,7 +219,7 @@ std::vector<glm::vec3> smooth_normals(std::vector<Vertex> vertices,
                                       const std::vector<Corner>& corners,
                                       const std::vector<glm::ivec3>& triangles) {
   for (Vertex& v : vertices) v = {v.place};
-  const Mesh mesh = with_creases(merged(vertices, corners, triangles, false, false));
+  const Mesh mesh = with_creases(merged(vertices, corners, triangles, {}));
   const std::vector<glm::vec3> normals = vertex_normals(mesh);
   std::vector<glm::vec3> found(vertices.size());
   for (std::size_t i = 0; i < triangles.size(); ++i)
@@ -236,8 +273,9 @@ std::vector<glm::ivec3> polygon_triangles(const std::vector<glm::dvec3>& polygon
   return result;
 }
 
-Mesh read_obj(std::string_view text, bool with_uvs) {
+Mesh read_obj(std::string_view text, const ObjOptions& options) {
   std::vector<glm::dvec3> places, normals;
+  std::vector<glm::dvec3> colors;  // of the places; shorter, or empty, where the last have none
   std::vector<glm::vec2> uvs;
   struct Face {
     int line;
@@ -248,14 +286,17 @@ Mesh read_obj(std::string_view text, bool with_uvs) {
   Lines lines(text);
   while (lines.next()) {
     const std::string_view kind = lines.word();
-    if (kind == "v") places.push_back(three_numbers(lines));
+    if (kind == "v") {
+      places.push_back(three_numbers(lines));
+      if (options.colors) add_color(lines, places.size() - 1, colors);
+    }
     if (kind == "vn") normals.push_back(three_numbers(lines));
-    if (kind == "vt" && with_uvs) uvs.push_back(uv_of(lines));
+    if (kind == "vt" && options.uvs) uvs.push_back(uv_of(lines));
     if (kind != "f") continue;
     const std::size_t first = corners.size();
     const std::array<std::size_t, 3> counts{places.size(), uvs.size(), normals.size()};
     for (std::string_view word = lines.word(); !word.empty(); word = lines.word())
-      corners.push_back(corner_of(word, counts, with_uvs, lines.number()));
+      corners.push_back(corner_of(word, counts, options.uvs, lines.number()));
     const std::size_t count = corners.size() - first;
     check(count >= 3, "line ", lines.number(), ": a face needs at least 3 corners, got ", count);
     check(count <= kMostCorners, "line ", lines.number(), ": a face may have ", kMostCorners,
@@ -269,8 +310,9 @@ Mesh read_obj(std::string_view text, bool with_uvs) {
   // Normals that some faces name and none is given of are as none.
   if (normals.empty() && !std::all_of(corners.begin(), corners.end(), has(2)))
     for (Corner& corner : corners) corner[2] = -1;
-  with_uvs = with_uvs && std::any_of(corners.begin(), corners.end(), has(1));
+  const bool with_uvs = options.uvs && std::any_of(corners.begin(), corners.end(), has(1));
   const bool with_normals = with_uvs || std::any_of(corners.begin(), corners.end(), has(2));
+  make_linear(colors);
 
   std::vector<Vertex> vertices;  // of the corners
   std::vector<glm::ivec3> triangles;
@@ -286,6 +328,7 @@ Mesh read_obj(std::string_view text, bool with_uvs) {
       polygon.push_back(places[at(0)]);
       Vertex vertex{glm::vec3(polygon.back())};
       if (corners[i][1] >= 0) vertex.uv = uvs[at(1)];
+      if (at(0) < colors.size()) vertex.color = glm::vec3(colors[at(0)]);
       if (corners[i][2] >= 0)
         if (const double length = glm::length(normals[at(2)]); length > 0)
           vertex.normal = glm::vec3(normals[at(2)] / length);
@@ -302,7 +345,7 @@ Mesh read_obj(std::string_view text, bool with_uvs) {
     for (std::size_t i = 0; i < corners.size(); ++i)
       if (corners[i][2] < 0) vertices[i].normal = smooth[i];
   }
-  Mesh mesh = merged(vertices, corners, triangles, with_normals, with_uvs);
+  Mesh mesh = merged(vertices, corners, triangles, {with_normals, with_uvs, !colors.empty()});
   mesh.validate();
   return mesh;
 }

@@ -10,11 +10,18 @@ namespace fastibl {
 
 // Of a file's content, in the file's frame; polygons of up to 1024 corners are cut into triangles.
 // Corners at one place with one normal become one vertex. Where some have normals of the file's
-// own, they keep them, and the others get what a scene works out for the places alone. with_uvs:
-// the file's uvs are kept, if it has any ((0, 0) where a corner has none); they divide vertices, so
-// that all normals are given then, smooth across texture seams. Materials are not read.
-// Throws std::invalid_argument, naming the line.
-Mesh read_obj(std::string_view text, bool with_uvs = false);
+// own, they keep them, and the others get what a scene works out for the places alone. Materials
+// are not read. Throws std::invalid_argument, naming the line.
+struct ObjOptions {
+  // The file's uvs are kept, if it has any ((0, 0) where a corner has none); they divide vertices,
+  // so that all normals are given then, smooth across texture seams.
+  bool uvs = false;
+  // The same of colours after the places, as MeshLab writes them (sRGB, 0 to 1; white where a
+  // vertex has none). Where one is
+  // above 1.5, white is 255.
+  bool colors = false;
+};
+Mesh read_obj(std::string_view text, const ObjOptions& options = {});
 
 // A polygon's corners (0 … n − 1), three a triangle: by its ears, from the first on; in a convex
 // one that is a fan. Throws std::invalid_argument for fewer than 3 corners.

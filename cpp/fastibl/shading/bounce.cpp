@@ -172,7 +172,10 @@ std::vector<Exitance> vertex_exitance(const Material& material, const Mesh& mesh
   if (!material.pbr) {
     glm::vec3 diffuse = material.diffuse;
     if (material.exponent == 0) diffuse += material.glossy;  // Lambert's law, too
-    return std::vector<Exitance>(mesh.vertices.size(), {diffuse, kPi * material.emission});
+    std::vector<Exitance> out(mesh.vertices.size(), {diffuse, kPi * material.emission});
+    for (std::size_t i = 0; i < mesh.colors.size(); ++i)
+      out[i].reflectance += material.diffuse * (mesh.colors[i] - 1.0f);
+    return out;
   }
   const PbrMaterial& m = *material.pbr;
   std::vector<Exitance> out;
@@ -190,7 +193,8 @@ std::vector<Exitance> vertex_exitance(const Material& material, const Mesh& mesh
       through = glm::mix(by_roughness[std::size_t(below)], by_roughness[std::size_t(below) + 1],
                          at - float(below));
     }
-    out.push_back({through * (1 - metallic) * m.base_color * read(m.base_color_map),
+    const glm::vec3 color = mesh.colors.empty() ? m.base_color : m.base_color * mesh.colors[i];
+    out.push_back({through * (1 - metallic) * color * read(m.base_color_map),
                    kPi * m.emission * read(m.emission_map)});
   }
   return out;

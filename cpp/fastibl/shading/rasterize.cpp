@@ -96,6 +96,7 @@ struct Rasterizer::Geometry {
   const Mesh& holdout;                     // may be empty
   std::span<const glm::vec4> back_shares;  // may be empty, as the next
   std::span<const glm::vec4> holdout_ratios;
+  std::span<const glm::vec3> colors;
   bool fronts_only;     // backs of the object's triangles are hidden
   bool surface;         // tangents are asked for
   bool textured;        // places on the textures are
@@ -201,9 +202,8 @@ void Rasterizer::cut(Geometry& g, const Pose& camera_from_marker) {
   cut_one(g.holdout, camera_from_marker, g.own(), g.own_triangles());
   if (cut_.vertices.empty()) return;
   // Values of the vertices from `first` on, and of the new ones after them.
-  const auto extend = [&](std::span<const glm::vec4> values, std::size_t first,
-                          std::vector<glm::vec4>& all) {
-    if (values.empty()) return values;
+  const auto extend = [&](auto& values, std::size_t first, auto& all) {
+    if (values.empty()) return;
     all.assign(values.begin(), values.end());
     all.resize(corners_.size() - first);
     for (std::size_t i = 0; i < cut_.vertices.size(); ++i) {
@@ -212,10 +212,11 @@ void Rasterizer::cut(Geometry& g, const Pose& camera_from_marker) {
         all[g.vertices() + i - first] =
             v.mean(g.corners_of(std::size_t(v.triangle)) - int(first), values.data());
     }
-    return std::span<const glm::vec4>(all);
+    values = all;
   };
-  g.back_shares = extend(g.back_shares, 0, cut_back_shares_);
-  g.holdout_ratios = extend(g.holdout_ratios, g.own(), cut_holdout_ratios_);
+  extend(g.back_shares, 0, cut_back_shares_);
+  extend(g.holdout_ratios, g.own(), cut_holdout_ratios_);
+  extend(g.colors, 0, cut_colors_);
 }
 
 // Pixels that the corners are around.
@@ -305,6 +306,7 @@ void merge(Fragment& a, const Fragment& b) {
   a.normal = glm::normalize(a.normal + t * (b.normal - a.normal));
   a.share += t * (b.share - a.share);
   a.tangent += t * (b.tangent - a.tangent);
+  a.color += t * (b.color - a.color);
 }
 
 // Of the fragments of one pixel, those whose normals hardly differ become one, and are shaded once:
@@ -356,6 +358,10 @@ void Rasterizer::flush(const Geometry& g, Work& work, FragmentBand& band) const 
         f.share = w.x * g.back_shares[corner(0)] + w.y * g.back_shares[corner(1)] +
                   w.z * g.back_shares[corner(2)];
       }
+    }
+    if (!g.colors.empty()) {
+      const glm::vec3 w = t.shares(part.picture_x(), part.picture_y());
+      f.color = w.x * g.colors[corner(0)] + w.y * g.colors[corner(1)] + w.z * g.colors[corner(2)];
     }
     const float length = glm::length(f.normal);
     f.normal = length > 0 ? f.normal * (1 / length) : glm::vec3(0, 0, 1);
@@ -451,6 +457,7 @@ std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& 
                     holdout,
                     light_shares.subspan(std::min(own, light_shares.size())),
                     holdout_ratios,
+                    scene.mesh.colors,
                     scene.fronts_only && !is_inside(bounds(scene.mesh.vertices), eye),
                     !scene.tangents.empty() && scene.material.pbr != nullptr,
                     !scene.mesh.uvs.empty() && scene.material.textured(),

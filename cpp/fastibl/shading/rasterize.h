@@ -22,6 +22,7 @@ struct Fragment : Varying {
   int triangle = 0;              // of the scene's mesh
   float coverage = 0;            // in quarters
   glm::vec2 uv_dx{0}, uv_dy{0};  // steps of uv to the pixels to the right and below
+  glm::vec3 color{1};            // of Mesh::colors
 };
 
 // The part of a pixel that a real object covers in front of the virtual one.
@@ -86,7 +87,8 @@ class Rasterizer {
   std::vector<Varying> varyings_;  // of the object's vertices; if it is cut, of all corners
   LeastBent least_bent_;
   CutMesh cut_;  // numbered as corners_ and Geometry's triangles
-  std::vector<glm::vec4> cut_back_shares_, cut_holdout_ratios_;  // with those of new corners
+  std::vector<glm::vec4> cut_back_shares_, cut_holdout_ratios_;  // with those of new corners,
+  std::vector<glm::vec3> cut_colors_;                            // as these
   std::vector<std::vector<int>> triangles_of_;                   // by band
   std::vector<std::uint8_t> bends_;  // of each of the object's triangles: it may be curved
   std::vector<FragmentBand> found_;

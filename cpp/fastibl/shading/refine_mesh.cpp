@@ -262,6 +262,7 @@ class Refiner {
       middles_[{m.a, m.b}] = int(mesh.vertices.size());
       mesh.vertices.push_back(m.point), mesh.normals.push_back(m.normal);
       if (!mesh.uvs.empty()) mesh.uvs.push_back(0.5f * (mesh.uvs[a] + mesh.uvs[b]));
+      if (!mesh.colors.empty()) mesh.colors.push_back(0.5f * (mesh.colors[a] + mesh.colors[b]));
       refined_.origins.push_back(m.origin), refined_.back_origins.push_back(m.back_origin);
       refined_.parents.emplace_back(m.a, m.b);
       add_place(int(mesh.vertices.size()) - 1);

@@ -21,8 +21,9 @@ struct SurfacePoint {
   float metallic, roughness;
 };
 SurfacePoint point_of(const Fragment& f, const PbrMaterial& m) {
-  return {m.base_color * read_map(m.base_color_map, f), m.emission * read_map(m.emission_map, f),
-          m.metallic * read_map(m.metallic_map, f).x, m.roughness * read_map(m.roughness_map, f).x};
+  return {m.base_color * f.color * read_map(m.base_color_map, f),
+          m.emission * read_map(m.emission_map, f), m.metallic * read_map(m.metallic_map, f).x,
+          m.roughness * read_map(m.roughness_map, f).x};
 }
 
 glm::vec3 mapped_normal(const Fragment& f, const PbrMaterial& m) {
@@ -145,7 +146,8 @@ void SurfaceShading::shade_batch(std::span<const Fragment> fragments, glm::vec3 
   if (diffuse) {
     evaluate(lighting_->irradiance, n, values);
     for (std::size_t i = 0; i < fragments.size(); ++i)
-      colours[i] += m.diffuse * (glm::vec3(fragments[i].share) / kPi) * light[i];
+      colours[i] +=
+          m.diffuse * fragments[i].color * (glm::vec3(fragments[i].share) / kPi) * light[i];
   }
   if (glossy) {
     for (std::size_t i = 0; i < fragments.size(); ++i)

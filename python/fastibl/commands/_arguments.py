@@ -73,12 +73,12 @@ def add_object(p: argparse.ArgumentParser, several: bool = False) -> None:
     p.add_argument("--distance", type=positive, default=float("inf"), help="rough distance of the walls in metres")
 
 
-def object_of(arguments: argparse.Namespace) -> tuple[Mesh, Material]:
-    """The object of add_object's options, standing on the board, and its own material."""
-    from .. import Material, shapes
+def object_of(arguments: argparse.Namespace) -> tuple[Mesh, Material | None]:
+    """The object of add_object's options, standing on the board, and its own material, if it has one."""
+    from .. import shapes
     from ..files import mesh_and_material, stand
 
-    mesh, material = shapes.figurine(), Material()
+    mesh, material = shapes.figurine(), None
     if arguments.object is not None:
         mesh, material = mesh_and_material(arguments.object, arguments.up)
     return stand(mesh, arguments.height), material

@@ -30,10 +30,10 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--environment", type=Path, help="light by this map (.hdr, .exr, .ktx2, .dds, .png, .jpg) instead of capturing"
     )
     add_response(made)
-    of_glb = "of a .glb its own material"
-    made.add_argument("--diffuse", type=float, help=f"k_L (default: {_DIFFUSE}; {of_glb})")
-    made.add_argument("--glossy", type=float, help=f"k_G (default: {_GLOSSY}; {of_glb})")
-    made.add_argument("--exponent", type=float, help=f"of the glossy lobe (default: {_EXPONENT:g}; {of_glb})")
+    own = "of a .glb its own material, of an .obj or .ply with colours those"
+    made.add_argument("--diffuse", type=float, help=f"k_L (default: {_DIFFUSE}; {own})")
+    made.add_argument("--glossy", type=float, help=f"k_G (default: {_GLOSSY}; {own})")
+    made.add_argument("--exponent", type=float, help=f"of the glossy lobe (default: {_EXPONENT:g}; {own})")
     made.add_argument("--out", type=Path, default=Path("out.webm"), help="video to write (default: %(default)s)")
     made.add_argument(
         "--layers",
@@ -62,7 +62,7 @@ def _session(arguments: argparse.Namespace, recording: Recording) -> Session:
 
     mesh, material = object_of(arguments)
     given = (arguments.diffuse, arguments.glossy, arguments.exponent)
-    if material.pbr is None or given != (None, None, None):
+    if material is None or given != (None, None, None):
         diffuse, glossy, exponent = (
             default if value is None else value
             for value, default in zip(given, (_DIFFUSE, _GLOSSY, _EXPONENT), strict=True)

@@ -78,7 +78,7 @@ class Choices:
         if path is None:
             return stand(_BUILT_IN[name](), self._height), Material()
         mesh, material = mesh_and_material(path, self._up)
-        return stand(mesh, self._height), material
+        return stand(mesh, self._height), material or Material()
 
     def describe(self) -> dict[str, Any]:
         """For the page."""

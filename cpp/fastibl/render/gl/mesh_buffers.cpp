@@ -50,7 +50,7 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
   if (same_bytes(scene.mesh.vertices, mesh_.vertices) &&
       same_bytes(scene.mesh.triangles, mesh_.triangles) &&
       same_bytes(scene.shown_normals(), normal_) && same_bytes(scene.tangents, tangent_) &&
-      same_bytes(scene.mesh.uvs, mesh_.uvs))
+      same_bytes(scene.mesh.uvs, mesh_.uvs) && same_bytes(scene.mesh.colors, mesh_.colors))
     return;
   mesh_ = {}, share_.clear();  // until all is uploaded: a failure must not pass for what is there
   cut_ = {};
@@ -68,7 +68,8 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
 
 // What is new where it is cut follows the mesh.
 void MeshBuffers::upload_tables(Gpu& gpu, const Mesh& mesh) {
-  std::vector<glm::vec4> vertices, tangents;  // position, normal, the next position …
+  // Position, normal, the next position …; after all of them colours, where there are any.
+  std::vector<glm::vec4> vertices, tangents;
   std::vector<glm::vec2> uvs;
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     vertices.emplace_back(mesh.vertices[i], 0);
@@ -84,6 +85,12 @@ void MeshBuffers::upload_tables(Gpu& gpu, const Mesh& mesh) {
     vertices.emplace_back(v.mean(corners, normal_.data()), 0);
     tangents.push_back(v.mean(corners, tangents.data()));
     uvs.push_back(v.mean(corners, uvs.data()));
+  }
+  if (!mesh.colors.empty()) {
+    const glm::vec3* colors = mesh.colors.data();
+    for (const glm::vec3& color : mesh.colors) vertices.emplace_back(color, 0);
+    for (const CutMesh::Vertex& v : cut_.vertices)
+      vertices.emplace_back(v.mean(mesh.triangles[std::size_t(v.triangle)], colors), 0);
   }
   for (const CutMesh::Triangle& t : cut_.triangles) triangles.emplace_back(t.corners, 0);
   upload_rows(gpu, vertices_, GL_RGBA32F, GL_RGBA, GL_FLOAT, vertices);

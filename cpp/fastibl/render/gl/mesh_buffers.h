@@ -25,6 +25,10 @@ class MeshBuffers {
     const std::size_t own = mesh_.vertices.size();
     return share_.size() > own ? int(own + cut_.vertices.size()) : 0;
   }
+  // Where the vertices' colours begin; 0: there are none.
+  int colors() const {
+    return mesh_.colors.empty() ? 0 : 2 * int(mesh_.vertices.size() + cut_.vertices.size());
+  }
   void bind(Gpu& gpu) const;      // the tables,
   void bind_uvs(Gpu& gpu) const;  // and those that pbr materials read besides
 

@@ -68,6 +68,10 @@ std::string distortion(const Camera& camera) {
   return Lens(camera).trivial() ? "DISTORTION 0" : "DISTORTION 1";
 }
 
+std::string colors(const Scene& scene) {
+  return scene.mesh.colors.empty() ? "COLORS 0" : "COLORS 1";
+}
+
 std::string box(const Lighting& lighting) { return lighting.box ? "BOX 1" : "BOX 0"; }
 
 // From where the map is seen, and of which walls.
@@ -175,7 +179,7 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
   const Program& p =
       gpu.use("shade", {"DIFFUSE " + std::to_string(variant),
                         "GLOSSY " + std::to_string(int(glossy)), paper ? "PAPER 1" : "PAPER 0",
-                        "HOLDOUT 0", box(in.lighting), distortion(in.camera)});
+                        "HOLDOUT 0", colors(in.scene), box(in.lighting), distortion(in.camera)});
   set_surroundings(p, in.lighting);
   set(p, "emission", m.emission);
   set(p, "diffuse_albedo", m.diffuse);
@@ -240,16 +244,16 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
     light.upload_radiance(gpu, in.lighting.radiance);
   material_.upload(gpu, in.scene.material);
   const Program& p = gpu.use(
-      "shade",
-      {"DIFFUSE " + std::to_string(variant),
-       chain     ? "GLOSSY 7"
-       : sampled ? "GLOSSY 8"
-                 : "GLOSSY 6",
-       "PAPER 0", "HOLDOUT 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
-       has("METALLIC_MAP", m.metallic_map != nullptr),
-       has("ROUGHNESS_MAP", m.roughness_map != nullptr),
-       has("EMISSION_MAP", m.emission_map != nullptr), has("NORMAL_MAP", m.normal_map != nullptr),
-       has("ANISOTROPIC", m.anisotropy > 0), box(in.lighting), distortion(in.camera)});
+      "shade", {"DIFFUSE " + std::to_string(variant),
+                chain     ? "GLOSSY 7"
+                : sampled ? "GLOSSY 8"
+                          : "GLOSSY 6",
+                "PAPER 0", "HOLDOUT 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
+                has("METALLIC_MAP", m.metallic_map != nullptr),
+                has("ROUGHNESS_MAP", m.roughness_map != nullptr),
+                has("EMISSION_MAP", m.emission_map != nullptr),
+                has("NORMAL_MAP", m.normal_map != nullptr), has("ANISOTROPIC", m.anisotropy > 0),
+                colors(in.scene), box(in.lighting), distortion(in.camera)});
   set_surroundings(p, in.lighting);
   set_irradiance(gpu, light, p, variant, e);
   glUseProgram(p.id());
@@ -292,8 +296,8 @@ void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p,
 // Their ratios, where they are seen.
 void ShadePass::draw_holdout(Gpu& gpu, const RenderInput& in) {
   gpu.allocate(holdout_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
-  const Program& p = gpu.use(
-      "shade", {"HOLDOUT 1", "DIFFUSE 0", "GLOSSY 0", "PAPER 0", "BOX 0", distortion(in.camera)});
+  const Program& p = gpu.use("shade", {"HOLDOUT 1", "DIFFUSE 0", "GLOSSY 0", "PAPER 0", "COLORS 0",
+                                       "BOX 0", distortion(in.camera)});
   set_projection(p, in, in.camera_from_marker);
   gpu.bind("visible", visible_);
   holdout_mesh_.bind(gpu);
@@ -309,6 +313,7 @@ void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
   set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
   set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
   glUniform1f(p.uniform("curved_cosine"), curved_cosine(in.scene.material));
+  if (mesh_.colors() > 0) glUniform1i(p.uniform("colors"), mesh_.colors());
   gpu.bind("visible", visible_);
   mesh_.bind(gpu);
   glUniform1i(p.uniform("backs"), mesh_.backs());
