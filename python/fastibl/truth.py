@@ -76,7 +76,8 @@ def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray
 @dataclass
 class _Seen:
     """What a camera sees of the object, place by place: pixel (n,), its number in the picture, part (n,) of it; start
-    (n, 3) of rays; hidden: packed bits (n, directions / 8). tangent (n, 4) and uv (n, 2) may be None."""
+    (n, 3) of rays; hidden: packed bits (n, directions / 8). tangent (n, 4) and uv (n, 2) may be None. colour: the
+    mesh's, (n, 3), or 1."""
 
     pixel: NDArray
     part: NDArray
@@ -86,6 +87,7 @@ class _Seen:
     tangent: NDArray | None
     uv: NDArray | None
     hidden: NDArray[np.uint8]
+    colour: NDArray | float
 
 
 @dataclass
@@ -272,9 +274,12 @@ class TrueRenderer:
                 view = np.broadcast_to([across, across, np.sqrt(square)], (len(through), 3))
                 a, c = ggx_albedo(view, alpha=p.alpha).T.astype(np.float64)
                 through += transmitted(a, c) / 16
-            reflectance, emission = (through * (1 - p.metallic))[:, None] * p.base_color, p.emission
+            base_color = p.base_color if mesh.colors is None else p.base_color * mesh.colors
+            reflectance, emission = (through * (1 - p.metallic))[:, None] * base_color, p.emission
         else:
             reflectance, emission = np.asarray(material.diffuse, np.float64), np.asarray(material.emission)
+            if mesh.colors is not None:
+                reflectance = reflectance * mesh.colors
             if material.exponent == 0:
                 reflectance = reflectance + np.asarray(material.glossy)
         return reflectance * self.vertex_irradiance(source) + np.pi * emission
@@ -439,6 +444,7 @@ class TrueRenderer:
         textured = self.scene.material.model == "pbr"
         tangent = of(mesh.tangents) if textured else None
         uvs = of(mesh.uvs) if textured and mesh.uvs is not None else None
+        colour = 1.0 if mesh.colors is None else of(mesh.colors)
         part = count[pixel, quarter] / s**2
         pixel = (pixel // max(w, 1) + y0) * camera.width + pixel % max(w, 1) + x0
         if not textured and len(pixel):  # one place for all four quarters, where they are whole and alike
@@ -461,10 +467,11 @@ class TrueRenderer:
             behind[~alone] = (np.cumsum(alike) - 1 + alone.sum())[of_pixel[~alone]]
             np.maximum.at(above, behind, ((start - middle[behind]) * up[behind]).sum(axis=1))
             position, start, normal = means(position), middle + above[:, None] * up, up
+            colour = means(colour) if isinstance(colour, np.ndarray) else colour
             pixel = np.concatenate([pixel[alone], pixel[first[whole]]])
             part = np.concatenate([part[alone], np.ones(len(whole))])
         hidden = self._hidden(start + self._lift * normal, normal) if len(pixel) else np.empty((0, 0), np.uint8)
-        return _Seen(pixel, part, normal, unit(eye - position), start, tangent, uvs, hidden)
+        return _Seen(pixel, part, normal, unit(eye - position), start, tangent, uvs, hidden, colour)
 
     def render(
         self,
@@ -483,11 +490,12 @@ class TrueRenderer:
         if len(seen.pixel):
             if material.model == "pbr":
                 surface = pbr_surface(material, seen.normal, present(seen.tangent), seen.uv)
+                surface.base_color = surface.base_color * seen.colour
                 light = self._irradiance(source, seen.start, surface.frame[:, 2], seen.hidden)
                 colour = self._pbr(source, surface, seen.view, light, seen.hidden)
             else:
                 light = self._irradiance(source, seen.start, seen.normal, seen.hidden)
-                colour = np.asarray(material.emission) + np.asarray(material.diffuse) * light / np.pi
+                colour = np.asarray(material.emission) + np.asarray(material.diffuse) * seen.colour * light / np.pi
                 if any(material.glossy):
                     colour = colour + np.asarray(material.glossy) * self._glossy(source, seen, material.exponent)
             for c in range(3):
