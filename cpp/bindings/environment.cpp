@@ -2,6 +2,7 @@
 
 #include <pybind11/stl.h>
 
+#include "bindings/environment_state.h"
 #include "bindings/numpy.h"
 #include "bindings/room_box.h"
 #include "fastibl/scene/main_lights.h"
@@ -71,6 +72,7 @@ void bind_main_lights(py::module_& module) {
                                                          {m[0][2], m[1][2], m[2][2]}}};
           },
           "(3, 3) of `position`, square metres; None without it.")
+      .def(py::pickle(&main_light_state, &main_light_from_state))
       .def("__repr__", [](const MainLight& l) {
         return "MainLight(direction=" + std::string(py::str(triple(l.direction))) +
                ", angular_radius=" + std::to_string(l.angular_radius) +
@@ -182,6 +184,7 @@ not finite, or a box that does not hold it.)")
           "are near, as far as their lights tell, parallax_doubt that may be put wrong as well: of "
           "how near things are little was seen, scale by which all of it may be wrong where a "
           "camera never told an exposure, as the board's white says.")
+      .def(py::pickle(&environment_state, &environment_from_state))
       .def("__repr__", [](const Environment& e) {
         return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +
                std::to_string(e.coverage) + ">";

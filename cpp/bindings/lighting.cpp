@@ -95,6 +95,21 @@ void bind_light(py::module_& module) {
           "flux", [](const PlacedLight& l) { return triple(l.flux); },
           "RGB: radiance summed over its solid angle.")
       .def(py::self == py::self)
+      .def(py::pickle(
+          [](const PlacedLight& l) {
+            return py::make_tuple(triple(l.direction), l.angular_radius, triple(l.irradiance),
+                                  triple(l.flux), triple(l.window), l.strength,
+                                  l.position ? py::object(triple(*l.position)) : py::none());
+          },
+          [](const py::tuple& t) {
+            const auto vector = [&](std::size_t k) { return require_triple(t[k], "light"); };
+            PlacedLight l;
+            l.direction = vector(0), l.angular_radius = t[1].cast<float>();
+            l.irradiance = vector(2), l.flux = vector(3), l.window = vector(4);
+            l.strength = t[5].cast<float>();
+            if (!t[6].is_none()) l.position = vector(6);
+            return l;
+          }))
       .def("__repr__", [](const PlacedLight& l) {
         return "Light(direction=" + std::string(py::str(triple(l.direction))) +
                ", angular_radius=" + std::to_string(l.angular_radius) +

@@ -188,6 +188,17 @@ py::array_t<T> image_array(const Image<T>& image) {
   return array;
 }
 
+// The other way, of (h, w, channels).
+inline Image<float> image_from(const py::object& object, int channels) {
+  const Floats array = require_floats<float>(object, "image");
+  if (array.ndim() != 3 || array.shape(2) != channels)
+    throw py::value_error("expected an image of " + std::to_string(channels) +
+                          " channels, got shape " + shape_of(array));
+  Image<float> image(int(array.shape(1)), int(array.shape(0)), channels);
+  std::copy_n(array.data(), image.data.size(), image.data.data());
+  return image;
+}
+
 inline std::vector<glm::vec3> require_colours(const py::object& object, const char* name) {
   const Floats array = require_vectors(object, name);
   return {vectors(array), vectors(array) + array.size() / 3};

@@ -100,6 +100,12 @@ are drawn for each direction of light instead, as by "directions" its spheres ar
 Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
 leaves of the light on that surface. A mesh that is not closed is taken to face the object. Set it before a Session is
 made. They keep no light from the virtual object, nor its shadow from the plane behind them.)")
+      .def("__reduce__",
+           [](const Scene&) -> py::object {
+             throw py::type_error(
+                 "a Scene is not pickled; pickle its mesh and its material, and make Scene(...) of "
+                 "them there");
+           })
       .def("__repr__", [](const Scene& s) {
         return "<fastibl.Scene of " + std::to_string(s.given_mesh().triangles.size()) +
                " triangles, " + std::to_string(s.spheres.size()) + " spheres>";

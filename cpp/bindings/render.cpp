@@ -50,7 +50,12 @@ void bind_render(py::module_& module) {
       .def_readonly("y", &ObjectLayer::y, "Row of the picture that the layer begins at.")
       .def_property_readonly(
           "rgba", [](const ObjectLayer& l) { return image_array(l.rgba); },
-          "(h, w, 4) float32: linear radiance times coverage, and coverage, from pixel (x, y) on.");
+          "(h, w, 4) float32: linear radiance times coverage, and coverage, from pixel (x, y) on.")
+      .def(py::pickle(
+          [](const ObjectLayer& l) { return py::make_tuple(l.x, l.y, image_array(l.rgba)); },
+          [](const py::tuple& t) {
+            return ObjectLayer{t[0].cast<int>(), t[1].cast<int>(), image_from(t[2], 4)};
+          }));
 
   py::class_<PictureLayers>(module, "PictureLayers",
                             R"(What a picture is put together from, for a compositing program.
@@ -64,7 +69,14 @@ picture, before it is encoded and clipped.)")
       .def_property_readonly(
           "ratio", [](const PictureLayers& l) { return image_array(l.ratio); },
           "(h, w, 3) float32: what the back picture is multiplied by, 1 where nothing changes it; "
-          "above 1 where the object sends light to the plane.");
+          "above 1 where the object sends light to the plane.")
+      .def(py::pickle(
+          [](const PictureLayers& l) {
+            return py::make_tuple(image_array(l.object), image_array(l.ratio));
+          },
+          [](const py::tuple& t) {
+            return PictureLayers{image_from(t[0], 4), image_from(t[1], 3)};
+          }));
 
   py::class_<Result>(module, "FrameResult", "What a Session made of a frame.")
       .def_property_readonly(

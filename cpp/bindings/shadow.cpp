@@ -1,6 +1,7 @@
 #include <pybind11/operators.h>
 #include <pybind11/stl.h>
 
+#include <array>
 #include <optional>
 #include <sstream>
 
@@ -120,6 +121,25 @@ resolution: voxels along the longest edge. seed: another gives another set, abou
 bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
 [8, 128].)");
 
+  const auto map_state = [](const ShadowMap& m) {
+    return py::make_tuple(image_array(m.ratio), std::array{m.centre.x, m.centre.y}, m.extent,
+                          image_array(m.outer), m.outer_extent, image_array(m.fine),
+                          std::array{m.fine_centre.x, m.fine_centre.y}, m.fine_extent, m.range,
+                          m.ignored_spheres, m.no_light);
+  };
+  const auto map_from_state = [](const py::tuple& t) {
+    const auto point = [&](std::size_t k) {
+      const auto [x, y] = t[k].cast<std::array<float, 2>>();
+      return glm::vec2(x, y);
+    };
+    ShadowMap m;
+    m.ratio = image_from(t[0], 3), m.centre = point(1), m.extent = t[2].cast<float>();
+    m.outer = image_from(t[3], 3), m.outer_extent = t[4].cast<float>();
+    m.fine = image_from(t[5], 3), m.fine_centre = point(6), m.fine_extent = t[7].cast<float>();
+    m.range = t[8].cast<float>(), m.ignored_spheres = t[9].cast<int>();
+    m.no_light = t[10].cast<bool>();
+    return m;
+  };
   py::class_<ShadowMap, std::shared_ptr<ShadowMap>>(
       module, "ShadowMap",
       R"(Ratio of the light on the marker plane with and without the object.
@@ -165,6 +185,7 @@ one passes into the coarse one at its border. Beyond both the ratio is 1.)")
                     "Number of spheres that were not finite or had a radius of 0 or less.")
       .def_readonly("no_light", &ShadowMap::no_light,
                     "True when nothing lights the plane: the ratio is 1 everywhere.")
+      .def(py::pickle(map_state, map_from_state))
       .def(
           "sample",
           [](const ShadowMap& map, const py::object& points, const py::object& given) {

@@ -527,6 +527,8 @@ class Environment:
         """
         `picture` as a PNG file. Raises what it raises.
         """
+    def __getstate__(self) -> tuple:
+        ...
     def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None) -> None:
         """
         A map that is known everywhere.
@@ -538,6 +540,8 @@ class Environment:
         not finite, or a box that does not hold it.
         """
     def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
         ...
     @property
     def age(self) -> numpy.typing.NDArray[numpy.float32]:
@@ -598,7 +602,11 @@ class MainLight:
     """
     A window, a lamp or the sun, as a region of a map.
     """
+    def __getstate__(self) -> tuple:
+        ...
     def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
         ...
     @property
     def angular_radius(self) -> float:
@@ -740,7 +748,11 @@ class Light:
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     def __eq__(self, arg0: object) -> bool:
         ...
+    def __getstate__(self) -> tuple[tuple, float, tuple, tuple, tuple, float, typing.Any]:
+        ...
     def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
         ...
     @property
     def angular_radius(self) -> float:
@@ -973,7 +985,11 @@ class ShadowMap:
         """
     def __eq__(self, arg0: object) -> bool:
         ...
+    def __getstate__(self) -> tuple[numpy.typing.NDArray[numpy.float32], typing.Annotated[list[float], "FixedSize(2)"], float, numpy.typing.NDArray[numpy.float32], float, numpy.typing.NDArray[numpy.float32], typing.Annotated[list[float], "FixedSize(2)"], float, float, int, bool]:
+        ...
     def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
         ...
     def sample(self, points: typing.Any, out: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
         """
@@ -1120,6 +1136,8 @@ class Scene:
     stays the same, the paper's P_V too. Raises ValueError for negative numbers or what is no pose.
     """
     def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96, refine: bool = True) -> None:
+        ...
+    def __reduce__(self) -> typing.Any:
         ...
     def __repr__(self) -> str:
         ...
@@ -1699,6 +1717,10 @@ class ObjectLayer:
     """
     The shaded object before it is laid over the picture.
     """
+    def __getstate__(self) -> tuple[int, int, numpy.typing.NDArray[numpy.float32]]:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
+        ...
     @property
     def rgba(self) -> numpy.typing.NDArray[numpy.float32]:
         """
@@ -1721,6 +1743,10 @@ class PictureLayers:
     Linear light, where 1 is the white of the camera's response: back picture * ratio * (1 - object's alpha) + object is the
     picture, before it is encoded and clipped.
     """
+    def __getstate__(self) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.float32]]:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
+        ...
     @property
     def object(self) -> numpy.typing.NDArray[numpy.float32]:
         """

@@ -229,6 +229,9 @@ class Lighting(_Lighting):
         made = _prefilter(self, asked, model, error)
         return [cube if k in chosen else None for k, cube in enumerate(made)]
 
+    def __reduce__(self) -> Any:
+        raise TypeError("a Lighting is not pickled; pickle its map, and make Lighting(...) of that there")
+
     def __repr__(self) -> str:
         return f"<fastibl.Lighting diffuse {self.methods['diffuse']}, glossy {self.methods['glossy']}>"
 
