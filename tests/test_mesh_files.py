@@ -538,14 +538,14 @@ def test_sixteen_bits_stay(tmp_path):
 
 
 def test_one_picture_of_many_materials_counts_once(tmp_path, monkeypatch):
-    monkeypatch.setattr("fastibl.gltf.MOST_PIXELS", 8)
+    monkeypatch.setattr("fastibl.surfaces.MOST_PIXELS", 8)
     path = textured(tmp_path, TWICE, emissiveTexture={"index": 0}, emissiveFactor=[1, 1, 1])
     assert fastibl.read_object(path)[1].emission.shape == (2, 4, 3)
 
 
 def test_one_picture_in_every_place_is_bounded(tmp_path, monkeypatch):
     """A material makes floats of it for each: of two pictures of the most pixels, at most."""
-    monkeypatch.setattr("fastibl.gltf.MOST_PIXELS", 8)
+    monkeypatch.setattr("fastibl.surfaces.MOST_PIXELS", 8)
     every = {"emissiveTexture": {"index": 0}, "emissiveFactor": [1, 1, 1], "normalTexture": {"index": 0}}
     path = textured(tmp_path, TWICE, **every)
     same_error(lambda: fastibl.read_object(path), ValueError, "a.gltf", "72 values together", "may be 48")

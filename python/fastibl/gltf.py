@@ -14,19 +14,16 @@ material whose textures lie in different ways on its mesh.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Material, Mesh, Response
-from .atlas import folded, packed
-from .file_limits import MOST_PIXELS, MOST_TRIANGLES, MOST_VERTICES
+from ._fastibl import Material, Mesh
+from .file_limits import MOST_TRIANGLES, MOST_VERTICES
 from .gltf_container import DAMAGES, WIDTHS, Container, transform
-from .picture_headers import jpeg_size, png_size
-from .pictures import decode_picture, unit
+from .surfaces import Lie, Part, Pictures, Surface, Texture, alike, joined, mesh_of
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _KNOWN = {
@@ -40,140 +37,6 @@ _MOST_INSTANCES = 2**20
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
 
-@dataclass(frozen=True)
-class _Lie:
-    """Which set of uvs a texture is read with, and where KHR_texture_transform takes them."""
-
-    uvs: int = 0
-    offset: tuple[float, float] = (0.0, 0.0)
-    rotation: float = 0.0  # radians
-    scale: tuple[float, float] = (1.0, 1.0)
-
-    @classmethod
-    def of(cls, reference: dict[str, Any]) -> _Lie:
-        own = reference.get("texCoord", 0)
-        t = reference.get("extensions", {}).get("KHR_texture_transform")
-        if t is None:
-            return cls(int(own))
-        (x, y), (u, v) = t.get("offset", (0, 0)), t.get("scale", (1, 1))
-        return cls(int(t.get("texCoord", own)), (float(x), float(y)), float(t.get("rotation", 0)), (float(u), float(v)))
-
-    def applied(self, uvs: NDArray) -> NDArray:
-        """Both with v downwards, as the format has it. Turned as its text, its test model and all readers have it; the
-        matrix that it shows turns the other way (KhronosGroup/glTF, issue 1563)."""
-        c, s = np.cos(self.rotation), np.sin(self.rotation)
-        return (uvs * self.scale) @ np.array([[c, -s], [s, c]]) + self.offset
-
-
-@dataclass(frozen=True)
-class _Texture:
-    """A picture as a material reads it. Its floats take four times the picture's memory, and materials share pictures:
-    they are made where they are used."""
-
-    source: int  # which of the file's pictures
-    picture: NDArray = field(compare=False, repr=False)  # (h, w, 3) uint8 or uint16 RGB
-    wrap: tuple[str, str] = ("repeat", "repeat")
-    lie: _Lie = _Lie()
-    srgb: bool = False
-    channel: int | None = None  # that is read; None for all three
-    factor: tuple[float, ...] | float = 1.0
-
-    @property
-    def bare(self) -> _Texture:
-        """What is decoded for it: one for all that differ in their factor, or in how they lie and go on."""
-        return _Texture(self.source, self.picture, srgb=self.srgb, channel=self.channel)
-
-    @property
-    def pixels(self) -> NDArray:
-        return self.picture if self.channel is None else self.picture[..., self.channel]
-
-    def values(self) -> NDArray[np.float32]:
-        """(h, w, 3), or (h, w) of one channel: linear floats."""
-        out = unit(self.pixels)
-        if self.srgb:
-            out = Response.srgb().decode(out)
-        out *= np.asarray(self.factor, np.float32)
-        return out
-
-
-@dataclass(frozen=True)
-class _Surface:
-    """A material: linear constants, or textures. Materials that look the same are equal."""
-
-    base_color: _Texture | tuple[float, ...] = (1.0, 1.0, 1.0)
-    metallic: _Texture | float = 1.0
-    roughness: _Texture | float = 1.0
-    emission: _Texture | tuple[float, ...] = (0.0, 0.0, 0.0)
-    normal: _Texture | None = None
-    normal_scale: float = 1.0
-    anisotropy: float = 0.0
-    anisotropy_rotation: float = 0.0
-
-    @property
-    def textures(self) -> list[_Texture]:
-        every = (self.base_color, self.metallic, self.roughness, self.emission, self.normal)
-        return [t for t in every if isinstance(t, _Texture)]
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Columns and rows of its largest textures; 1 without."""
-        shapes = [t.picture.shape for t in self.textures]
-        return max((s[1] for s in shapes), default=1), max((s[0] for s in shapes), default=1)
-
-    @property
-    def wraps(self) -> set[tuple[str, str]]:
-        """How its textures go on beyond their borders."""
-        return {t.wrap for t in self.textures}
-
-    @property
-    def wrap(self) -> tuple[str, str]:
-        return min(self.wraps, default=("repeat", "repeat"))
-
-    def material(self) -> Material:
-        """Raises ValueError for more values of textures than those of two pictures of `MOST_PIXELS`."""
-        count, most = sum(t.pixels.size for t in self.textures), 2 * 3 * MOST_PIXELS
-        if count > most:  # each may be the same picture
-            raise ValueError(f"its material's textures have {count} values together; there may be {most}")
-        base_color, metallic, roughness, normal, emission = (
-            m.values() if isinstance(m, _Texture) else m
-            for m in (self.base_color, self.metallic, self.roughness, self.normal, self.emission)
-        )
-        return Material.pbr(
-            base_color, metallic, roughness, normal, emission, anisotropy=self.anisotropy,
-            anisotropy_rotation=self.anisotropy_rotation, normal_scale=self.normal_scale,
-            wrap=self.wrap,
-        )  # fmt: skip
-
-
-@dataclass
-class _Part:
-    """A primitive in the file's frame. sets: of uvs, with v downwards. uvs: those that its textures are read with, with
-    v upwards."""
-
-    vertices: NDArray
-    triangles: NDArray
-    normals: NDArray
-    sets: dict[int, NDArray]
-    material: int
-    uvs: NDArray | None = None
-    tangents: NDArray | None = None  # (n, 4) of the file's own
-    colors: NDArray | None = None  # (n, 3) linear
-
-    @property
-    def reaches_beyond(self) -> bool:
-        """Whether uvs lie outside the picture."""
-        return self.uvs is not None and bool(self.uvs.min() < -1e-3 or self.uvs.max() > 1 + 1e-3)
-
-    def lay(self, surface: _Surface) -> None:
-        """Chooses the uvs that a surface's textures are read with."""
-        lies = {t.lie for t in surface.textures} or {_Lie()}
-        if len(lies) > 1:
-            raise ValueError("a material's textures lie on its mesh in different ways: sets of uvs, or transforms")
-        (lie,) = lies
-        if lie.uvs in self.sets:
-            self.uvs = lie.applied(self.sets[lie.uvs]) * [1, -1] + [0, 1]
-
-
 class _File(Container):
     def __init__(self, path: Path, with_tangents: bool = False):
         super().__init__(path)
@@ -182,8 +45,8 @@ class _File(Container):
         if unknown:
             raise ValueError(f"it requires the extension {sorted(unknown)[0]}")
         self.buffers = [self.bytes(b.get("uri")) for b in self.json.get("buffers", ())]
-        self.pixels = self.vertices = self.triangles = self.instances = 0
-        self.pictures: dict[int, NDArray] = {}
+        self.vertices = self.triangles = self.instances = 0
+        self._decoder, self.pictures = Pictures(), dict[int, NDArray]()
         self.left_out: set[str] = set()
 
     def _view(self, index: int) -> tuple[bytes, int, int, int | None]:
@@ -224,8 +87,8 @@ class _File(Container):
             raise ValueError("one of its accessors reaches beyond its buffer")
         return np.ndarray((count, width), kind, buffer, offset, (step, kind.itemsize))
 
-    def texture(self, reference: dict[str, Any], factor: Any = 1.0, **reading: Any) -> _Texture:
-        """What a material names, `factor` times its picture. reading: other fields of _Texture."""
+    def texture(self, reference: dict[str, Any], factor: Any = 1.0, **reading: Any) -> Texture:
+        """What a material names, `factor` times its picture. reading: other fields of Texture."""
         texture = self.json["textures"][reference["index"]]
         sampler = self.json["samplers"][texture["sampler"]] if "sampler" in texture else {}
         wrap = _WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]
@@ -234,7 +97,7 @@ class _File(Container):
             raise ValueError("a texture has no picture of a kind that glTF 2 itself knows")
         if source not in self.pictures:
             self.pictures[source] = self._decoded(self.json["images"][source], f"texture {source}")
-        return _Texture(source, self.pictures[source], wrap, _Lie.of(reference), factor=factor, **reading)
+        return Texture(source, self.pictures[source], wrap, _lie_of(reference), factor=factor, **reading)
 
     def _decoded(self, image: dict[str, Any], name: str) -> NDArray:
         if "bufferView" in image:
@@ -242,17 +105,11 @@ class _File(Container):
             data = buffer[offset : offset + length]
         else:
             data = self.bytes(image["uri"])
-        if data[:1] not in (b"\x89", b"\xff"):
-            raise ValueError(f"{name} is neither PNG nor JPEG")
-        decoded = decode_picture(data, png_size if data[:1] == b"\x89" else jpeg_size, name)
-        self.pixels += decoded.shape[0] * decoded.shape[1]
-        if self.pixels > MOST_PIXELS:
-            raise ValueError(f"its textures have more than {MOST_PIXELS} pixels together")
-        return decoded
+        return self._decoder.decoded(data, name)
 
-    def surface(self, index: int) -> _Surface:
+    def surface(self, index: int) -> Surface:
         if index < 0:
-            return _Surface()
+            return Surface()
         m = self.json["materials"][index]
         pbr = m.get("pbrMetallicRoughness", {})
         extensions = m.get("extensions", {})
@@ -280,13 +137,13 @@ class _File(Container):
         anisotropy = extensions.get("KHR_materials_anisotropy", {})
         if "anisotropyTexture" in anisotropy:
             raise ValueError("it has a texture of anisotropy")
-        return _Surface(
+        return Surface(
             **look, anisotropy=float(anisotropy.get("anisotropyStrength", 0)),
             anisotropy_rotation=float(anisotropy.get("anisotropyRotation", 0)),
         )  # fmt: skip
 
-    def parts(self) -> list[_Part]:
-        out: list[_Part] = []
+    def parts(self) -> list[Part]:
+        out: list[Part] = []
         places = list(self.nodes())
         for _, node, here in places:
             if "mesh" in node:
@@ -335,7 +192,7 @@ class _File(Container):
             raise ValueError(f"accessor {index} has values of shape {values.shape}, its vertices need {expected}")
         return values
 
-    def _part(self, primitive: dict[str, Any], instances: NDArray, joints: NDArray | None) -> list[_Part]:
+    def _part(self, primitive: dict[str, Any], instances: NDArray, joints: NDArray | None) -> list[Part]:
         if primitive.get("mode", 4) not in (4, 5, 6):
             return []  # points, lines
         _refuse_compressed(primitive)
@@ -385,7 +242,7 @@ class _File(Container):
         else:
             normals = np.einsum("...ji,...j->...i", np.linalg.pinv(linear), normals).reshape(-1, 3)
         material = primitive.get("material", -1)
-        return [_Part(placed, triangles, normals, sets, material, tangents=tangents, colors=colors)]
+        return [Part(placed, triangles, normals, sets, material, tangents=tangents, colors=colors)]
 
     def _colors(self, index: int, count: int) -> NDArray[np.float64]:
         """(count, 3) linear, 0 to 1, of values with or without alpha."""
@@ -410,6 +267,16 @@ class _File(Container):
         return matrices / np.maximum(whole, 1e-9)[:, None, None]
 
 
+def _lie_of(reference: dict[str, Any]) -> Lie:
+    """How a texture lies by its texCoord and its KHR_texture_transform."""
+    own = reference.get("texCoord", 0)
+    t = reference.get("extensions", {}).get("KHR_texture_transform")
+    if t is None:
+        return Lie(int(own))
+    (x, y), (u, v) = t.get("offset", (0, 0)), t.get("scale", (1, 1))
+    return Lie(int(t.get("texCoord", own)), (float(x), float(y)), float(t.get("rotation", 0)), (float(u), float(v)))
+
+
 def _refuse_compressed(part: dict[str, Any]) -> None:
     compressed = _COMPRESSED.intersection(part.get("extensions", ()))
     if compressed:
@@ -430,104 +297,7 @@ def _colour(values: ArrayLike) -> tuple[float, ...]:
     return tuple(np.asarray(values, np.float32).tolist())
 
 
-def _alike(parts: list[_Part], surfaces: dict[int, _Surface]) -> dict[int, _Surface]:
-    """One of each look; the parts are given its number."""
-    first: dict[_Surface, int] = {}
-    for m, surface in surfaces.items():
-        first.setdefault(surface, m)
-    for part in parts:
-        part.material = first[surfaces[part.material]]
-    return {m: surface for surface, m in first.items()}
-
-
-def _scaled_bumps(normals: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
-    """An encoded normal map (h, w, 3) whose x and y were multiplied by a normalScale."""
-    normals = (normals * 2 - 1) * np.asarray([scale, scale, 1], np.float32)
-    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6)
-    return normals * 0.5 + 0.5
-
-
-def _atlas(parts: list[_Part], surfaces: dict[int, _Surface]) -> tuple[Material, set[str]]:
-    """One material for all, and which sizes of textures were shrunk; the uvs of the parts are moved to its textures."""
-    if len({(s.anisotropy, s.anisotropy_rotation) for s in surfaces.values()}) > 1:
-        raise ValueError("its materials differ in anisotropy")
-    atlas = packed([s.size for s in surfaces.values()])
-    where = dict(zip(surfaces, atlas.cells, strict=True))
-    for part in parts:
-        surface = surfaces[part.material]
-        uvs = np.full((len(part.vertices), 2), 0.5)
-        if surface.textures:
-            if part.uvs is None:
-                raise ValueError("a mesh with a texture has no uvs")
-            uvs = np.stack([folded(part.uvs[:, k], part.triangles, surface.wrap[k]) for k in (0, 1)], axis=1)
-        part.uvs = atlas.moved(where[part.material], uvs)
-    shrunk = {
-        f"{w} x {h} to {where[m].columns} x {where[m].rows}"
-        for m, (w, h) in ((m, s.size) for m, s in surfaces.items())
-        if (w, h) != (where[m].columns, where[m].rows)
-    }
-
-    def laid(name: str, channels: int, missing: Any = None) -> NDArray[np.float32]:
-        sheet = np.zeros((atlas.height, atlas.width, channels), np.float32)
-        owners: dict[Any, list[int]] = {}  # of what is decoded once, and one at a time
-        for m, surface in surfaces.items():
-            value = getattr(surface, name)
-            value = value.bare if isinstance(value, _Texture) else missing if value is None else value
-            # Each its own normal_scale: into the picture.
-            owners.setdefault((value, surface.normal_scale if name == "normal" else None), []).append(m)
-        for (value, scale), materials in owners.items():
-            shown = value.values() if isinstance(value, _Texture) else np.float32(value)
-            if shown.ndim < 2:
-                shown = np.broadcast_to(shown, (1, 1, channels))
-            shown = shown.reshape(*shown.shape[:2], channels)
-            if scale is not None:
-                shown = _scaled_bumps(shown, scale)
-            filled: dict[Any, NDArray[np.float32]] = {}  # cells of one size hold the same
-            for m in materials:
-                cell, wrap = where[m], surfaces[m].wrap
-                key = replace(cell, x=0, y=0), wrap
-                if key not in filled:
-                    filled[key] = cell.filled(shown, wrap)
-                place = sheet[cell.y : cell.y + cell.height, cell.x : cell.x + cell.width]
-                np.multiply(filled[key], np.float32(getattr(getattr(surfaces[m], name), "factor", 1.0)), out=place)
-        return sheet if channels > 1 else sheet[..., 0]
-
-    def joined(name: str, channels: int) -> Any:
-        values = {getattr(s, name) for s in surfaces.values()}
-        if len(values) == 1 and not any(isinstance(v, _Texture) for v in values):
-            return values.pop()
-        sheet = laid(name, channels)
-        return np.clip(sheet, 0, None, out=sheet)
-
-    first = next(iter(surfaces.values()))
-    merged = Material.pbr(
-        joined("base_color", 3), joined("metallic", 1), joined("roughness", 1),
-        laid("normal", 3, (0.5, 0.5, 1.0)) if any(s.normal is not None for s in surfaces.values()) else None,
-        joined("emission", 3), anisotropy=first.anisotropy, anisotropy_rotation=first.anisotropy_rotation,
-    )  # fmt: skip
-    return merged, shrunk
-
-
-def _mesh(parts: list[_Part]) -> Mesh:
-    # Flat triangles define no normal; any will do.
-    normals = np.concatenate([p.normals for p in parts])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.where(np.isfinite(lengths) & (lengths > 0), normals / lengths, 0)
-    starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
-    return Mesh(
-        np.concatenate([p.vertices for p in parts]),
-        np.concatenate([p.triangles + start for p, start in zip(parts, starts, strict=False)]),
-        None if any(p.uvs is None for p in parts) else np.concatenate([p.uvs for p in parts]),
-        normals,
-        None if all(p.colors is None for p in parts) else np.concatenate([_colors_of(p) for p in parts]),
-    )
-
-
-def _colors_of(part: _Part) -> NDArray:
-    return np.ones((len(part.vertices), 3)) if part.colors is None else part.colors
-
-
-def _turned_tangents(parts: list[_Part], surfaces: dict[int, _Surface], mesh: Mesh) -> float:
+def _turned_tangents(parts: list[Part], surfaces: dict[int, Surface], mesh: Mesh) -> float:
     """Which part of the tangents that a file gives, where materials need them, are more than 15 degrees or half a turn
     around the normal from those of its uvs."""
     off = []
@@ -554,7 +324,7 @@ def read_geometry(path: Path) -> Mesh:
     """The mesh alone, in the file's frame (y up). Raises ValueError for what cannot be read, and says why."""
     try:
         file = _File(path)
-        mesh = _mesh(file.parts())
+        mesh = mesh_of(file.parts())
     except DAMAGES as error:
         raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
     _warn_of(path, file.left_out & _OF_MESHES, stacklevel=5)
@@ -566,23 +336,12 @@ def read(path: Path) -> tuple[Mesh, Material]:
     try:
         file = _File(path, with_tangents=True)
         parts = file.parts()
-        surfaces = _alike(parts, {m: file.surface(m) for m in sorted({p.material for p in parts})})
+        surfaces = alike(parts, {m: file.surface(m) for m in sorted({p.material for p in parts})})
         for part in parts:
             part.lay(surfaces[part.material])
         _warn_of(path, file.left_out, stacklevel=4)
-        if any(len(surfaces[p.material].wraps) > 1 and p.reaches_beyond for p in parts):
-            raise ValueError("its textures go on beyond their borders in different ways")
-        if len(surfaces) > 1:
-            material, shrunk = _atlas(parts, surfaces)
-            if shrunk:
-                sizes = ", ".join(sorted(shrunk))
-                warnings.warn(f"{path}: textures are shrunk beside each other: {sizes}", stacklevel=3)
-        else:
-            (surface,) = surfaces.values()
-            if surface.textures and any(p.uvs is None for p in parts):
-                raise ValueError("a mesh with a texture has no uvs")
-            material = surface.material()
-        mesh = _mesh(parts)
+        material = joined(path, parts, surfaces, stacklevel=3)
+        mesh = mesh_of(parts)
         share = _turned_tangents(parts, surfaces, mesh)
     except DAMAGES as error:
         raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error

@@ -1,0 +1,276 @@
+"""One material of the several that a file's parts have, for readers of files: what looks the same is one, and the
+textures of others are laid side by side in an atlas (fastibl.atlas)."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import Material, Mesh, Response
+from .atlas import folded, packed
+from .file_limits import MOST_PIXELS
+from .picture_headers import jpeg_size, png_size
+from .pictures import decode_picture, unit
+
+
+class Pictures:
+    """Textures as a file's materials name them; together of no more than `MOST_PIXELS`."""
+
+    def __init__(self) -> None:
+        self._pixels = 0
+
+    def decoded(self, data: bytes, name: str) -> NDArray[Any]:
+        """(h, w, 3) uint8 or uint16 RGB of a PNG or JPEG. Raises ValueError, with the name, for others."""
+        if data[:1] not in (b"\x89", b"\xff"):
+            raise ValueError(f"{name} is neither PNG nor JPEG")
+        picture = decode_picture(data, png_size if data[:1] == b"\x89" else jpeg_size, name)
+        self._pixels += picture.shape[0] * picture.shape[1]
+        if self._pixels > MOST_PIXELS:
+            raise ValueError(f"its textures have more than {MOST_PIXELS} pixels together")
+        return picture
+
+
+@dataclass(frozen=True)
+class Lie:
+    """Which set of uvs a texture is read with, and where KHR_texture_transform takes them."""
+
+    uvs: int = 0
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0  # radians
+    scale: tuple[float, float] = (1.0, 1.0)
+
+    def applied(self, uvs: NDArray) -> NDArray:
+        """Both with v downwards, as the format has it. Turned as its text, its test model and all readers have it; the
+        matrix that it shows turns the other way (KhronosGroup/glTF, issue 1563)."""
+        c, s = np.cos(self.rotation), np.sin(self.rotation)
+        return (uvs * self.scale) @ np.array([[c, -s], [s, c]]) + self.offset
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A picture as a material reads it. Its floats take four times the picture's memory, and materials share pictures:
+    they are made where they are used."""
+
+    source: int  # which of the file's pictures
+    picture: NDArray = field(compare=False, repr=False)  # (h, w, 3) uint8 or uint16 RGB
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    lie: Lie = Lie()
+    srgb: bool = False
+    channel: int | None = None  # that is read; None for all three
+    factor: tuple[float, ...] | float = 1.0
+
+    @property
+    def bare(self) -> Texture:
+        """What is decoded for it: one for all that differ in their factor, or in how they lie and go on."""
+        return Texture(self.source, self.picture, srgb=self.srgb, channel=self.channel)
+
+    @property
+    def pixels(self) -> NDArray:
+        return self.picture if self.channel is None else self.picture[..., self.channel]
+
+    def values(self) -> NDArray[np.float32]:
+        """(h, w, 3), or (h, w) of one channel: linear floats."""
+        out = unit(self.pixels)
+        if self.srgb:
+            out = Response.srgb().decode(out)
+        out *= np.asarray(self.factor, np.float32)
+        return out
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A material: linear constants, or textures. Materials that look the same are equal."""
+
+    base_color: Texture | tuple[float, ...] = (1.0, 1.0, 1.0)
+    metallic: Texture | float = 1.0
+    roughness: Texture | float = 1.0
+    emission: Texture | tuple[float, ...] = (0.0, 0.0, 0.0)
+    normal: Texture | None = None
+    normal_scale: float = 1.0
+    anisotropy: float = 0.0
+    anisotropy_rotation: float = 0.0
+
+    @property
+    def textures(self) -> list[Texture]:
+        every = (self.base_color, self.metallic, self.roughness, self.emission, self.normal)
+        return [t for t in every if isinstance(t, Texture)]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows of its largest textures; 1 without."""
+        shapes = [t.picture.shape for t in self.textures]
+        return max((s[1] for s in shapes), default=1), max((s[0] for s in shapes), default=1)
+
+    @property
+    def wraps(self) -> set[tuple[str, str]]:
+        """How its textures go on beyond their borders."""
+        return {t.wrap for t in self.textures}
+
+    @property
+    def wrap(self) -> tuple[str, str]:
+        return min(self.wraps, default=("repeat", "repeat"))
+
+    def material(self) -> Material:
+        """Raises ValueError for more values of textures than those of two pictures of `MOST_PIXELS`."""
+        count, most = sum(t.pixels.size for t in self.textures), 2 * 3 * MOST_PIXELS
+        if count > most:  # each may be the same picture
+            raise ValueError(f"its material's textures have {count} values together; there may be {most}")
+        base_color, metallic, roughness, normal, emission = (
+            m.values() if isinstance(m, Texture) else m
+            for m in (self.base_color, self.metallic, self.roughness, self.normal, self.emission)
+        )
+        return Material.pbr(
+            base_color, metallic, roughness, normal, emission, anisotropy=self.anisotropy,
+            anisotropy_rotation=self.anisotropy_rotation, normal_scale=self.normal_scale,
+            wrap=self.wrap,
+        )  # fmt: skip
+
+
+@dataclass
+class Part:
+    """A primitive in the file's frame. sets: of uvs, with v downwards. uvs: those that its textures are read with, with
+    v upwards."""
+
+    vertices: NDArray
+    triangles: NDArray
+    normals: NDArray
+    sets: dict[int, NDArray]
+    material: int
+    uvs: NDArray | None = None
+    tangents: NDArray | None = None  # (n, 4) of the file's own
+    colors: NDArray | None = None  # (n, 3) linear
+
+    @property
+    def reaches_beyond(self) -> bool:
+        """Whether uvs lie outside the picture."""
+        return self.uvs is not None and bool(self.uvs.min() < -1e-3 or self.uvs.max() > 1 + 1e-3)
+
+    def lay(self, surface: Surface) -> None:
+        """Chooses the uvs that a surface's textures are read with."""
+        lies = {t.lie for t in surface.textures} or {Lie()}
+        if len(lies) > 1:
+            raise ValueError("a material's textures lie on its mesh in different ways: sets of uvs, or transforms")
+        (lie,) = lies
+        if lie.uvs in self.sets:
+            self.uvs = lie.applied(self.sets[lie.uvs]) * [1, -1] + [0, 1]
+
+
+def alike(parts: list[Part], surfaces: dict[int, Surface]) -> dict[int, Surface]:
+    """One of each look; the parts are given its number."""
+    first: dict[Surface, int] = {}
+    for m, surface in surfaces.items():
+        first.setdefault(surface, m)
+    for part in parts:
+        part.material = first[surfaces[part.material]]
+    return {m: surface for surface, m in first.items()}
+
+
+def _scaled_bumps(normals: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
+    """An encoded normal map (h, w, 3) whose x and y were multiplied by a normalScale."""
+    normals = (normals * 2 - 1) * np.asarray([scale, scale, 1], np.float32)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6)
+    return normals * 0.5 + 0.5
+
+
+def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, set[str]]:
+    """One material for all, and which sizes of textures were shrunk; the uvs of the parts are moved to its textures."""
+    if len({(s.anisotropy, s.anisotropy_rotation) for s in surfaces.values()}) > 1:
+        raise ValueError("its materials differ in anisotropy")
+    atlas = packed([s.size for s in surfaces.values()])
+    where = dict(zip(surfaces, atlas.cells, strict=True))
+    for part in parts:
+        surface = surfaces[part.material]
+        uvs = np.full((len(part.vertices), 2), 0.5)
+        if surface.textures:
+            if part.uvs is None:
+                raise ValueError("a mesh with a texture has no uvs")
+            uvs = np.stack([folded(part.uvs[:, k], part.triangles, surface.wrap[k]) for k in (0, 1)], axis=1)
+        part.uvs = atlas.moved(where[part.material], uvs)
+    shrunk = {
+        f"{w} x {h} to {where[m].columns} x {where[m].rows}"
+        for m, (w, h) in ((m, s.size) for m, s in surfaces.items())
+        if (w, h) != (where[m].columns, where[m].rows)
+    }
+
+    def laid(name: str, channels: int, missing: Any = None) -> NDArray[np.float32]:
+        sheet = np.zeros((atlas.height, atlas.width, channels), np.float32)
+        owners: dict[Any, list[int]] = {}  # of what is decoded once, and one at a time
+        for m, surface in surfaces.items():
+            value = getattr(surface, name)
+            value = value.bare if isinstance(value, Texture) else missing if value is None else value
+            # Each its own normal_scale: into the picture.
+            owners.setdefault((value, surface.normal_scale if name == "normal" else None), []).append(m)
+        for (value, scale), materials in owners.items():
+            shown = value.values() if isinstance(value, Texture) else np.float32(value)
+            if shown.ndim < 2:
+                shown = np.broadcast_to(shown, (1, 1, channels))
+            shown = shown.reshape(*shown.shape[:2], channels)
+            if scale is not None:
+                shown = _scaled_bumps(shown, scale)
+            filled: dict[Any, NDArray[np.float32]] = {}  # cells of one size hold the same
+            for m in materials:
+                cell, wrap = where[m], surfaces[m].wrap
+                key = replace(cell, x=0, y=0), wrap
+                if key not in filled:
+                    filled[key] = cell.filled(shown, wrap)
+                place = sheet[cell.y : cell.y + cell.height, cell.x : cell.x + cell.width]
+                np.multiply(filled[key], np.float32(getattr(getattr(surfaces[m], name), "factor", 1.0)), out=place)
+        return sheet if channels > 1 else sheet[..., 0]
+
+    def joined(name: str, channels: int) -> Any:
+        values = {getattr(s, name) for s in surfaces.values()}
+        if len(values) == 1 and not any(isinstance(v, Texture) for v in values):
+            return values.pop()
+        sheet = laid(name, channels)
+        return np.clip(sheet, 0, None, out=sheet)
+
+    first = next(iter(surfaces.values()))
+    merged = Material.pbr(
+        joined("base_color", 3), joined("metallic", 1), joined("roughness", 1),
+        laid("normal", 3, (0.5, 0.5, 1.0)) if any(s.normal is not None for s in surfaces.values()) else None,
+        joined("emission", 3), anisotropy=first.anisotropy, anisotropy_rotation=first.anisotropy_rotation,
+    )  # fmt: skip
+    return merged, shrunk
+
+
+def mesh_of(parts: list[Part]) -> Mesh:
+    # Flat triangles define no normal; any will do.
+    normals = np.concatenate([p.normals for p in parts])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(np.isfinite(lengths) & (lengths > 0), normals / lengths, 0)
+    starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
+    return Mesh(
+        np.concatenate([p.vertices for p in parts]),
+        np.concatenate([p.triangles + start for p, start in zip(parts, starts, strict=False)]),
+        None if any(p.uvs is None for p in parts) else np.concatenate([p.uvs for p in parts]),
+        normals,
+        None if all(p.colors is None for p in parts) else np.concatenate([_colors_of(p) for p in parts]),
+    )
+
+
+def _colors_of(part: Part) -> NDArray:
+    return np.ones((len(part.vertices), 3)) if part.colors is None else part.colors
+
+
+def joined(path: Path, parts: list[Part], surfaces: dict[int, Surface], stacklevel: int) -> Material:
+    """The one material of all, whose textures the parts' uvs are moved to. surfaces: by number; each looks another way.
+
+    Raises ValueError for textures that cannot lie side by side; warns of those that had to be shrunk.
+    """
+    if any(len(surfaces[p.material].wraps) > 1 and p.reaches_beyond for p in parts):
+        raise ValueError("its textures go on beyond their borders in different ways")
+    if len(surfaces) == 1:
+        (surface,) = surfaces.values()
+        if surface.textures and any(p.uvs is None for p in parts):
+            raise ValueError("a mesh with a texture has no uvs")
+        return surface.material()
+    material, shrunk = _atlas(parts, surfaces)
+    if shrunk:
+        sizes = ", ".join(sorted(shrunk))
+        warnings.warn(f"{path}: textures are shrunk beside each other: {sizes}", stacklevel=stacklevel + 1)
+    return material
