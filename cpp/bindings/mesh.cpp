@@ -25,6 +25,29 @@ void bind_mesh(py::module_& module) {
       },
       py::arg("content"), py::arg("uvs") = false, py::arg("colors") = false);
   module.def(
+      "_read_obj_materials",
+      [](const py::bytes& content) -> py::object {
+        const std::string_view text = content;
+        ObjMaterials materials;
+        Mesh mesh;
+        {
+          const py::gil_scoped_release release;
+          mesh = read_obj(text, {.uvs = true, .colors = true}, &materials);
+        }
+        const auto names = [](const std::vector<std::string>& all) {
+          py::list out;
+          for (const std::string& name : all)
+            out.append(py::reinterpret_steal<py::str>(
+                PyUnicode_DecodeUTF8(name.data(), py::ssize_t(name.size()), "replace")));
+          return out;
+        };
+        return py::make_tuple(mesh, names(materials.libraries), names(materials.names),
+                              py::array_t<int>(py::ssize_t(materials.of_triangles.size()),
+                                               materials.of_triangles.data()));
+      },
+      py::arg("content"),
+      "Mesh with uvs and colours, libraries, names, and the material of each triangle.");
+  module.def(
       "_polygon_triangles",
       [](const py::array_t<double, py::array::c_style | py::array::forcecast>& corners) {
         if (corners.ndim() != 2 || corners.shape(1) != 3)

@@ -1980,6 +1980,10 @@ def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typin
     ...
 def _read_obj(content: bytes, uvs: bool = False, colors: bool = False) -> typing.Any:
     ...
+def _read_obj_materials(content: bytes) -> typing.Any:
+    """
+    Mesh with uvs and colours, libraries, names, and the material of each triangle.
+    """
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """
     Corners by edges measured in linear light; list of DetectedTag.

@@ -17,6 +17,26 @@ def file_bytes(path: Path) -> bytes:
     return path.read_bytes()
 
 
+class FolderFiles:
+    """What a file names beside itself: of its own folder, and no more than `MOST_BYTES` with it."""
+
+    def __init__(self, path: Path, size: int):
+        self._folder, self._read = path.parent.resolve(), size
+
+    def bytes(self, name: str) -> bytes:
+        """Raises ValueError for a name that leaves the folder, and for more than that; FileNotFoundError."""
+        file = (self._folder / name).resolve()
+        if not file.is_relative_to(self._folder):
+            raise ValueError(f"it names {name}, which is outside of its folder")
+        if not file.is_file():
+            raise FileNotFoundError(f"it names {name}, which is not there")
+        data = file_bytes(file)
+        self._read += len(data)
+        if self._read > MOST_BYTES:
+            raise ValueError(f"its files have more than {MOST_BYTES} bytes together")
+        return data
+
+
 def text_of(path: Path, most: int) -> str:
     """All of a text file. ValueError for one that is larger than real ones, or not UTF-8."""
     size = path.stat().st_size

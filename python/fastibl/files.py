@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import gltf
+from . import gltf, obj_object
 from ._fastibl import Material, Mesh, Response, _polygon_triangles, _read_obj
 from .expected import expect
 from .file_limits import MOST_CORNERS, check_file_size, file_bytes
@@ -54,28 +54,36 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, co
 
 
 def read_object(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Material]:
-    """Mesh and material of a glTF 2.0 file (.glb, .gltf), turned so that +z is up.
+    """Mesh and material of a glTF 2.0 file (.glb, .gltf), or of an .obj with its .mtl, turned so that +z is up.
 
-    up: the file's upward axis, "y" (glTF's) or "z". The mesh keeps the file's uvs and normals; the material is
-    Material.pbr with the file's textures. Several meshes and materials become one: see fastibl.gltf for how and for
-    what is left out. Raises FileNotFoundError, or ValueError for a file that cannot be read.
+    up: the file's upward axis, "y" (most files) or "z". The mesh keeps the file's uvs, normals and colours; the
+    material is Material.pbr with the file's textures. Several meshes and materials become one: see fastibl.gltf and
+    fastibl.obj_object for how and for what is left out. An .obj without materials gets Material(diffuse=(1, 1, 1))
+    where it has colours, else Material(). Raises FileNotFoundError, or ValueError for a file that cannot be read.
     """
     path = _existing(path, up, "object")
-    if path.suffix.lower() not in (".glb", ".gltf"):
-        raise ValueError(f"{path} is no .glb or .gltf; read_mesh reads the mesh of other files")
-    try:
-        mesh, material = gltf.read(path)
-    except ValueError as error:
-        raise ValueError(f"{path} is not an object that can be read: {error}") from error
-    return _turned(mesh, up), material
+    if path.suffix.lower() not in _OBJECTS:
+        raise ValueError(f"{path} is none of {', '.join(_OBJECTS)}; read_mesh reads the mesh of other files")
+    mesh, material = mesh_and_material(path, up)
+    return mesh, material or Material()
 
 
 def mesh_and_material(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Material | None]:
-    """read_object for .glb and .gltf; of other files read_mesh, and a material that shows their colours, or None."""
-    if Path(path).suffix.lower() in (".glb", ".gltf"):
-        return read_object(path, up)
-    mesh = read_mesh(path, up, colors=Path(path).suffix.lower() in _COLOURED)
-    return mesh, None if mesh.colors is None else Material(diffuse=(1, 1, 1))
+    """A mesh as read_mesh reads it, with its colours; and its own material, or one that shows the colours, or None."""
+    path = Path(path)
+    reader = _OBJECTS.get(path.suffix.lower())
+    if reader is None:
+        mesh, material = read_mesh(path, up, colors=path.suffix.lower() in _COLOURED), None
+    else:
+        _existing(path, up, "object")
+        try:
+            mesh, material = reader(path)
+        except ValueError as error:
+            raise ValueError(f"{path} is not an object that can be read: {error}") from error
+        mesh = _turned(mesh, up)
+    if material is None and mesh.colors is not None:
+        material = Material(diffuse=(1, 1, 1))
+    return mesh, material
 
 
 def _existing(path: str | os.PathLike[str], up: str, what: str) -> Path:
@@ -205,6 +213,9 @@ def _read_by_trimesh(path: Path, *_: bool) -> Mesh | None:
     return _merged(loaded.vertices, np.asarray(loaded.faces, np.int64))
 
 
+_OBJECTS: dict[str, Callable[[Path], tuple[Mesh, Material | None]]] = {
+    ".glb": gltf.read, ".gltf": gltf.read, ".obj": obj_object.read,
+}  # fmt: skip
 # Of a file: whether its uvs are wanted, and its colours.
 _READERS: dict[str, Callable[[Path, bool, bool], Mesh | None]] = {
     ".obj": _read_obj_file, ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf,

@@ -339,8 +339,8 @@ def read(path: Path) -> tuple[Mesh, Material]:
         surfaces = alike(parts, {m: file.surface(m) for m in sorted({p.material for p in parts})})
         for part in parts:
             part.lay(surfaces[part.material])
-        _warn_of(path, file.left_out, stacklevel=4)
-        material = joined(path, parts, surfaces, stacklevel=3)
+        _warn_of(path, file.left_out, stacklevel=5)
+        material = joined(path, parts, surfaces, stacklevel=4)
         mesh = mesh_of(parts)
         share = _turned_tangents(parts, surfaces, mesh)
     except DAMAGES as error:
@@ -349,6 +349,6 @@ def read(path: Path) -> tuple[Mesh, Material]:
         warnings.warn(
             f"{path}: its tangents are left out, and those of its uvs are turned against {100 * share:.0f} % of them: "
             "bumps look lit from elsewhere",
-            stacklevel=3,
+            stacklevel=4,
         )
     return mesh, material

@@ -13,7 +13,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .file_limits import MOST_BYTES, file_bytes
+from .file_limits import FolderFiles, file_bytes
 
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 # What reading a file raises where its JSON is not what glTF says.
@@ -29,7 +29,7 @@ class Container:
     def __init__(self, path: Path):
         self.path, data = path, file_bytes(path)
         self.chunk = b""
-        self._read = len(data)
+        self._files = FolderFiles(path, len(data))
         if data[:4] == b"glTF":
             data, self.chunk = _chunks(data)
         self.json = json.loads(data)
@@ -48,17 +48,10 @@ class Container:
             return self.chunk
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
-        folder = self.path.parent.resolve()
-        file = (folder / unquote(uri)).resolve()
-        if not file.is_relative_to(folder):
-            raise ValueError(f"it names {uri}, which is outside of its folder")
-        if not file.is_file():
-            raise ValueError(f"it names {uri}, which is not there")
-        data = file_bytes(file)
-        self._read += len(data)
-        if self._read > MOST_BYTES:
-            raise ValueError(f"its files have more than {MOST_BYTES} bytes together")
-        return data
+        try:
+            return self._files.bytes(unquote(uri))
+        except FileNotFoundError as error:  # of the file itself another is raised
+            raise ValueError(str(error)) from None
 
     def nodes(self) -> Iterator[tuple[int, dict[str, Any], NDArray[np.float64]]]:
         """Nodes of the scene, each once, by number, with the matrix (4, 4) that takes it to the scene.

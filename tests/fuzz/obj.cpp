@@ -9,9 +9,10 @@
 namespace fastibl {
 
 void fuzz(Input& in) {
-  constexpr const char* kPieces[] = {
-      "v ",  "vn ", "f ",   "1 ", "-1 ",  "2//1 ", "vt ",   "3/1/2",     "0.5 ",     "1e9 ",
-      "nan", "\n",  "\\\n", "#",  "\r\n", "\t",    "9999 ", "f 1 2 3\n", "v 1 2 3\n"};
+  constexpr const char* kPieces[] = {"v ",        "vn ",     "f ",     "1 ",   "-1 ",   "2//1 ",
+                                     "vt ",       "3/1/2",   "0.5 ",   "1e9 ", "nan",   "\n",
+                                     "\\\n",      "#",       "\r\n",   "\t",   "9999 ", "f 1 2 3\n",
+                                     "v 1 2 3\n", "usemtl ", "mtllib "};
   constexpr int kCount = sizeof(kPieces) / sizeof(*kPieces);
   std::string text;
   for (int left = in.below(400); left > 0; --left)
@@ -20,7 +21,8 @@ void fuzz(Input& in) {
     else
       text.append(kPieces[in.below(kCount)]);
   for (const bool more : {false, true}) try {
-      read_obj(text, {.uvs = more, .colors = more}).validate();
+      ObjMaterials materials;
+      read_obj(text, {.uvs = more, .colors = more}, more ? &materials : nullptr).validate();
     } catch (const std::invalid_argument&) {  // and says why
     }
 }

@@ -51,6 +51,11 @@ class Lines {
     line_.remove_prefix(n);
     return found;
   }
+  // What follows the words so far.
+  std::string_view rest() {
+    while (!line_.empty() && is_space(line_.front())) line_.remove_prefix(1);
+    return line_;
+  }
   int number() const { return number_; }
 
  private:
@@ -273,12 +278,15 @@ std::vector<glm::ivec3> polygon_triangles(const std::vector<glm::dvec3>& polygon
   return result;
 }
 
-Mesh read_obj(std::string_view text, const ObjOptions& options) {
+Mesh read_obj(std::string_view text, const ObjOptions& options, ObjMaterials* materials) {
+  if (materials) *materials = {};
+  std::unordered_map<std::string, int> material_numbers;
+  int material = -1;
   std::vector<glm::dvec3> places, normals;
   std::vector<glm::dvec3> colors;  // of the places; shorter, or empty, where the last have none
   std::vector<glm::vec2> uvs;
   struct Face {
-    int line;
+    int line, material;
     std::size_t first, count;  // of its corners
   };
   std::vector<Corner> corners;
@@ -292,6 +300,13 @@ Mesh read_obj(std::string_view text, const ObjOptions& options) {
     }
     if (kind == "vn") normals.push_back(three_numbers(lines));
     if (kind == "vt" && options.uvs) uvs.push_back(uv_of(lines));
+    if (materials && kind == "mtllib") materials->libraries.emplace_back(lines.rest());
+    if (materials && kind == "usemtl") {
+      const std::string name(lines.rest());
+      const auto [at, fresh] = material_numbers.try_emplace(name, int(materials->names.size()));
+      if (fresh) materials->names.push_back(name);
+      material = at->second;
+    }
     if (kind != "f") continue;
     const std::size_t first = corners.size();
     const std::array<std::size_t, 3> counts{places.size(), uvs.size(), normals.size()};
@@ -301,7 +316,7 @@ Mesh read_obj(std::string_view text, const ObjOptions& options) {
     check(count >= 3, "line ", lines.number(), ": a face needs at least 3 corners, got ", count);
     check(count <= kMostCorners, "line ", lines.number(), ": a face may have ", kMostCorners,
           " corners, got ", count);
-    faces.push_back({lines.number(), first, count});
+    faces.push_back({lines.number(), material, first, count});
   }
   check(!faces.empty(), "it holds no triangles");
   const auto has = [](std::size_t part) {
@@ -311,7 +326,7 @@ Mesh read_obj(std::string_view text, const ObjOptions& options) {
   if (normals.empty() && !std::all_of(corners.begin(), corners.end(), has(2)))
     for (Corner& corner : corners) corner[2] = -1;
   const bool with_uvs = options.uvs && std::any_of(corners.begin(), corners.end(), has(1));
-  const bool with_normals = with_uvs || std::any_of(corners.begin(), corners.end(), has(2));
+  const bool with_normals = with_uvs || materials || std::any_of(corners.begin(), corners.end(), has(2));
   make_linear(colors);
 
   std::vector<Vertex> vertices;  // of the corners
@@ -339,6 +354,7 @@ Mesh read_obj(std::string_view text, const ObjOptions& options) {
       triangles.emplace_back(first, first + 1, first + 2);
     else
       for (const glm::ivec3& t : polygon_triangles(polygon)) triangles.push_back(first + t);
+    if (materials) materials->of_triangles.resize(triangles.size(), face.material);
   }
   if (with_normals && !std::all_of(corners.begin(), corners.end(), has(2))) {
     const std::vector<glm::vec3> smooth = smooth_normals(vertices, corners, triangles);

@@ -30,7 +30,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--environment", type=Path, help="light by this map (.hdr, .exr, .ktx2, .dds, .png, .jpg) instead of capturing"
     )
     add_response(made)
-    own = "of a .glb its own material, of an .obj or .ply with colours those"
+    own = "of a file with a material or colours its own"
     made.add_argument("--diffuse", type=float, help=f"k_L (default: {_DIFFUSE}; {own})")
     made.add_argument("--glossy", type=float, help=f"k_G (default: {_GLOSSY}; {own})")
     made.add_argument("--exponent", type=float, help=f"of the glossy lobe (default: {_EXPONENT:g}; {own})")

@@ -1,0 +1,200 @@
+"""Wavefront .obj files with their materials (.mtl): one mesh with its material.
+
+A material is glTF's model: Kd and map_Kd are its base colour (Kd linear, as the format calls it a reflectance; one of 0
+beside a picture counts as 1), Ke and map_Ke its emission, Pm and map_Pm how metallic it is, Pr and map_Pr its
+roughness, without them that of a lobe as wide as Ns tells (matte where Ks is 0 or illum below 2); norm is a normal map.
+Of pictures -s, -o and -clamp are read. Several materials become one: see fastibl.surfaces. Left out, with a warning
+that names them: transparency (d, Tr, map_d), bumps (map_Bump), colours and shapes of highlights (Ks, map_Ks, map_Ns),
+and files that are not there.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path, PureWindowsPath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fastibl import Material, Mesh, _read_obj, _read_obj_materials
+from .file_limits import FolderFiles, file_bytes
+from .surfaces import Lie, Part, Pictures, Surface, Texture, alike, joined, mesh_of
+
+_ARGUMENTS = {  # of options of pictures; of those with two numbers one to three may follow
+    "-blendu": 1, "-blendv": 1, "-boost": 1, "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-clamp": 1, "-bm": 1,
+    "-imfchan": 1, "-cc": 1, "-type": 1, "-colorspace": 1,
+}  # fmt: skip
+_LEFT_OUT = {
+    "map_d": "transparency", "map_bump": "bumps", "bump": "bumps", "map_ks": "highlights of a colour",
+    "map_ns": "highlights of several shapes", "disp": "displacement", "refl": "reflection maps",
+}  # fmt: skip
+_GREY = 0.8  # of what has no material
+_MOST_TEXT = 2**24  # bytes of a .mtl
+
+
+def read(path: Path) -> tuple[Mesh, Material | None]:
+    """Mesh in the file's frame, with its colours, and material; None where no material is defined.
+
+    Raises ValueError for what cannot be read, and says why.
+    """
+    data = file_bytes(path)
+    mesh, libraries, names, of_triangles = _read_obj_materials(data)
+    library = _Library(path, len(data))
+    for line in libraries:
+        library.read(line)
+    if not library.materials:
+        library.warn()
+        return _read_obj(data, colors=True), None
+    parts = _parts(mesh, of_triangles)
+    surfaces = {part.material: library.surface(names[part.material] if part.material >= 0 else "") for part in parts}
+    surfaces = alike(parts, surfaces)
+    library.warn()
+    for part in parts:
+        part.lay(surfaces[part.material])
+    material = joined(path, parts, surfaces, stacklevel=4)
+    return mesh_of(parts), material
+
+
+def _parts(mesh: Mesh, of_triangles: NDArray[np.int32]) -> list[Part]:
+    """Of each material its triangles, with vertices of their own."""
+    parts, colors = [], mesh.colors
+    for material in np.unique(of_triangles):
+        triangles = mesh.triangles[of_triangles == material]
+        used, places = np.unique(triangles, return_inverse=True)
+        sets = {} if mesh.uvs is None else {0: mesh.uvs[used] * [1, -1] + [0, 1]}
+        part = Part(mesh.vertices[used], places.reshape(-1, 3), mesh.normals[used], sets, int(material))
+        part.colors = None if colors is None else colors[used]
+        parts.append(part)
+    return parts
+
+
+class _Library:
+    """What the .mtl files that an .obj names say, by material: lines of words by their lower-case first one."""
+
+    def __init__(self, path: Path, size: int):
+        self._path, self._files = path, FolderFiles(path, size)
+        self.materials: dict[str, dict[str, list[str]]] = {}
+        self._pictures, self._decoder = dict[str, NDArray | None](), Pictures()
+        self._left_out = dict[str, None]()  # in their order
+
+    def warn(self) -> None:
+        if self._left_out:
+            warnings.warn(f"{self._path}: left out are {', '.join(self._left_out)}", stacklevel=5)
+
+    def read(self, line: str) -> None:
+        """Of an mtllib line: one name, which may have spaces, or several without."""
+        texts = [self._text(line)]
+        if texts == [None] and len(line.split()) > 1:
+            texts = [self._text(name) for name in line.split()]
+        if texts == [None]:
+            self._left_out[f"{line} (not there)"] = None
+        material: dict[str, list[str]] = {}
+        for text in texts:
+            for row in (text or "").replace("\\\n", " ").splitlines():
+                kind, _, rest = row.split("#")[0].strip().partition(" ")
+                if kind == "newmtl":
+                    material = self.materials.setdefault(rest.strip(), {})
+                elif kind:
+                    material[kind.lower()] = rest.split()
+
+    def _text(self, name: str) -> str | None:
+        try:
+            data = self._files.bytes(_here(name))
+        except FileNotFoundError:
+            return None
+        if len(data) > _MOST_TEXT:
+            raise ValueError(f"{name} has {len(data)} bytes; such files of up to {_MOST_TEXT} bytes are read")
+        return data.decode("utf-8-sig", "replace").replace("\r\n", "\n")
+
+    def surface(self, name: str) -> Surface:
+        """How a material of this name looks; grey where none is defined."""
+        if name not in self.materials:
+            if name:
+                self._left_out[f"material {name} (not defined)"] = None
+            return Surface(base_color=(_GREY,) * 3, metallic=0.0)
+        lines = self.materials[name]
+        for kind, what in _LEFT_OUT.items():
+            if kind in lines:
+                self._left_out[what] = None
+        if _number(lines, "d", 1.0) < 1 or _number(lines, "tr", 0.0) > 0:
+            self._left_out["transparency"] = None
+        color, emission = _colour(lines, "kd", _GREY), _colour(lines, "ke", 0.0)
+        emitting = self._texture(lines, "map_ke", emission if any(emission) else (1.0,) * 3, srgb=True)
+        return Surface(
+            base_color=self._texture(lines, "map_kd", color if any(color) else (1.0,) * 3, srgb=True) or color,
+            metallic=self._texture(lines, "map_pm", 1.0, channel=0) or _share(lines, "pm", 0.0),
+            roughness=self._texture(lines, "map_pr", 1.0, channel=0) or _share(lines, "pr", _roughness(lines)),
+            emission=emitting or emission,
+            normal=self._texture(lines, "norm"),
+        )
+
+    def _texture(
+        self, lines: dict[str, list[str]], kind: str, factor: Any = 1.0, srgb: bool = False, channel: int | None = None
+    ) -> Texture | None:
+        if kind not in lines:
+            return None
+        words, options = list(lines[kind]), {}
+        while words and words[0] in _ARGUMENTS:
+            option, count = words[0], _ARGUMENTS[words.pop(0)]
+            given = [words.pop(0) for _ in range(count) if words and (count < 3 or _is_number(words[0]))]
+            options[option] = given
+        name = _here(" ".join(words))
+        if name not in self._pictures:
+            try:
+                self._pictures[name] = self._decoder.decoded(self._files.bytes(name), name)
+            except FileNotFoundError:
+                self._pictures[name] = None
+        picture = self._pictures[name]
+        if picture is None:
+            self._left_out[f"{name} (not there)"] = None
+            return None
+        (su, sv), (u, v) = _pair(options.get("-s", []), 1.0), _pair(options.get("-o", []), 0.0)
+        # Here v goes upwards, in a Lie downwards.
+        lie = Lie(0, (u, 1 - sv - v), 0.0, (su, sv))
+        wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
+        source = list(self._pictures).index(name)
+        return Texture(source, picture, (wrap, wrap), lie, srgb=srgb, channel=channel, factor=factor)
+
+
+def _here(name: str) -> str:
+    """A path as this system writes it: many files were written on Windows."""
+    return PureWindowsPath(name).as_posix()
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False
+
+
+def _numbers(lines: dict[str, list[str]], kind: str) -> list[float]:
+    words = lines.get(kind, [])
+    return [float(w) for w in words] if all(map(_is_number, words)) else []
+
+
+def _number(lines: dict[str, list[str]], kind: str, default: float) -> float:
+    return (_numbers(lines, kind) or [default])[0]
+
+
+def _share(lines: dict[str, list[str]], kind: str, default: float) -> float:
+    return float(np.clip(_number(lines, kind, default), 0, 1))
+
+
+def _colour(lines: dict[str, list[str]], kind: str, default: float) -> tuple[float, ...]:
+    """One number stands for all three; of other descriptions (spectral, xyz) the default."""
+    numbers = _numbers(lines, kind) or [default]
+    values = np.array(numbers[:3] if len(numbers) >= 3 else numbers[:1] * 3, np.float32)
+    return tuple(values.clip(0, None if kind == "ke" else 1).tolist())
+
+
+def _pair(words: list[str], default: float) -> tuple[float, float]:
+    numbers = [float(w) for w in words] + [default] * 2
+    return numbers[0], numbers[1]
+
+
+def _roughness(lines: dict[str, list[str]]) -> float:
+    """Of a GGX lobe that is about as wide as that of the exponent Ns: alpha^2 = 2 / (Ns + 2)."""
+    shines = any(_colour(lines, "ks", 0.0)) and _number(lines, "illum", 2) >= 2
+    return float((2 / (max(_number(lines, "ns", 0.0), 0.0) + 2)) ** 0.25) if shines else 1.0

@@ -1,0 +1,160 @@
+"""Objects of Wavefront .obj files with their .mtl: materials, pictures, and what is missing."""
+
+import warnings
+
+import cv2
+import numpy as np
+import pytest
+from test_material import ABOVE, FROM_ABOVE, WHITE, emitting, layer_of, square
+
+import fastibl
+from conftest import same_error
+from fastibl.files import mesh_and_material
+
+CORNERS = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n"
+BLACK = fastibl.CubeMap(np.zeros((6, 4, 4, 3), np.float32))
+QUAD = "f 1/1/1 2/2/1 3/3/1 4/4/1\n"
+HALVES = "usemtl a\nf 1/1/1 2/2/1 3/3/1\nusemtl b b\nf 1/1/1 3/3/1 4/4/1\n"
+
+
+def picture(path, seed=0, size=(8, 8)):
+    rgb = np.random.default_rng(seed).integers(40, 256, (*size, 3), dtype=np.uint8)
+    path.parent.mkdir(exist_ok=True)
+    cv2.imwrite(str(path), rgb[..., ::-1])
+    return rgb
+
+
+def written(tmp_path, mtl, faces=QUAD, name="a.mtl", newline="\n"):
+    if mtl is not None:
+        (tmp_path / name).write_bytes(mtl.replace("\n", newline).encode())
+    path = tmp_path / "a.obj"
+    path.write_bytes((f"mtllib {name}\n" + CORNERS + faces).replace("\n", newline).encode())
+    return path
+
+
+def read(path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return fastibl.read_object(path, up="z")
+
+
+def test_numbers(tmp_path):
+    mtl = "# by hand\nnewmtl a\nKd 0.5 0.25 0.1\nKe 1 2 3\nPm 0.3\nPr 0.7\nNs 10\nillum 2\n"
+    for newline in ("\n", "\r\n"):
+        mesh, m = read(written(tmp_path, mtl, "usemtl a\n" + QUAD, newline=newline))
+        assert m.model == "pbr" and m.base_color == pytest.approx((0.5, 0.25, 0.1)) and m.emission == (1, 2, 3)
+        assert (m.metallic, m.roughness) == pytest.approx((0.3, 0.7)) and len(mesh.vertices) == 4
+
+
+@pytest.mark.parametrize(
+    ("lines", "roughness"),
+    [("Ns 98\nKs 0.5 0.5 0.5", 0.02**0.25), ("Ns 98\nKs 0 0 0", 1.0), ("Ns 98\nKs 1\nillum 1", 1.0), ("", 1.0)],
+)
+def test_a_lobe_as_wide_as_the_exponent_tells(lines, roughness, tmp_path):
+    m = read(written(tmp_path, f"newmtl a\n{lines}\n", "usemtl a\n" + QUAD))[1]
+    assert m.roughness == pytest.approx(roughness) and m.base_color == pytest.approx((0.8,) * 3) and m.metallic == 0
+
+
+def test_two_materials_each_where_it_is(tmp_path):
+    """Names may have spaces. Each half looks as a material of its own does."""
+    mtl = "newmtl a\nKd 0.9 0.1 0.1\nnewmtl b b\nKd 0.1 0.1 0.9\nPr 0.4\n"
+    mesh, material = read(written(tmp_path, mtl, HALVES))
+    got = layer_of(mesh, material, WHITE, FROM_ABOVE, ABOVE)
+    x, y = np.meshgrid(np.arange(64), 63 - np.arange(64))
+    for color, rough, half in (((0.9, 0.1, 0.1), 1.0, x > y + 2), ((0.1, 0.1, 0.9), 0.4, x < y - 2)):
+        alone = layer_of(square(), fastibl.Material.pbr(color, 0.0, rough), WHITE, FROM_ABOVE, ABOVE)
+        np.testing.assert_allclose(got[half], alone[half], atol=2e-3)
+
+
+def test_a_picture_as_it_lies(tmp_path):
+    """Kd times map_Kd, of a folder named as on Windows; 0 beside a picture counts as 1."""
+    rgb = picture(tmp_path / "tex tures" / "a b.png")
+    for kd, factor in (("0.5 1 1", (0.5, 1, 1)), ("0 0 0", (1, 1, 1))):
+        mtl = f"newmtl a\nKd {kd}\nmap_Kd tex tures\\a b.png\n"
+        mesh, material = read(written(tmp_path, mtl, "usemtl a\n" + QUAD, name="my own.mtl"))
+        linear = fastibl.Response.srgb().decode(rgb.astype(np.float32) / 255)
+        np.testing.assert_allclose(material.base_color, linear * np.float32(factor), atol=1e-6)
+        np.testing.assert_allclose(mesh.uvs, square().uvs)
+
+
+@pytest.mark.parametrize(
+    ("options", "scale", "shift"),
+    [("-s 2 2 1", (2, 2), (0, 0)), ("-s 2 3 -o 0.25 0.125", (2, 3), (0.25, 0.125)), ("-o 0.5", (1, 1), (0.5, 0)),
+     ("-clamp on -s 2 2 2", (2, 2), (0, 0)), ("-bm 1 -mm 0 1", (1, 1), (0, 0))],
+)  # fmt: skip
+def test_options_of_pictures(options, scale, shift, tmp_path):
+    """Seen as emission: uv times -s plus -o, v upwards."""
+    picture(tmp_path / "a.png", size=(16, 16))
+    mesh, material = read(written(tmp_path, f"newmtl a\nmap_Ke {options} a.png\n", "usemtl a\n" + QUAD))
+    uvs = square().uvs * scale + shift
+    np.testing.assert_allclose(mesh.uvs, uvs, atol=1e-6)
+    assert material.wrap == (("clamp",) * 2 if "-clamp" in options else ("repeat",) * 2)
+    if "-clamp" not in options:
+        got = layer_of(mesh, material, BLACK, FROM_ABOVE, ABOVE)[..., :3]
+        expected = emitting(material.emission, fastibl.Mesh(square().vertices, square().triangles, uvs))
+        np.testing.assert_allclose(got, expected, atol=1e-5)
+        assert got.std() > 0.05
+
+
+def test_channels_and_bumps(tmp_path):
+    rgb = picture(tmp_path / "a.png")
+    mtl = "newmtl a\nmap_Pr a.png\nmap_Pm a.png\nnorm a.png\n"
+    m = read(written(tmp_path, mtl, "usemtl a\n" + QUAD))[1]
+    np.testing.assert_allclose(m.roughness, rgb[..., 0] / 255, atol=1e-6)
+    np.testing.assert_allclose(m.metallic, rgb[..., 0] / 255, atol=1e-6)
+    np.testing.assert_allclose(m.normal, rgb / 255, atol=1e-6)
+
+
+def test_what_is_missing_or_left_out_is_said(tmp_path):
+    path = written(tmp_path, None)
+    with pytest.warns(UserWarning, match=r"a.obj: left out are a.mtl \(not there\)"):
+        mesh, material = fastibl.read_object(path, up="z")
+    assert material == fastibl.Material() and mesh == fastibl.read_mesh(path, up="z")
+    path = written(tmp_path, "newmtl b b\nmap_Kd no.png\nKd 0.2 0.3 0.4\nd 0.5\nmap_Bump x.png\nmap_Ks y.png\n", HALVES)
+    with pytest.warns(UserWarning, match="left out are") as told:
+        mesh, material = fastibl.read_object(path, up="z")
+    (text,) = [str(w.message) for w in told]
+    for part in ("material a (not defined)", "no.png (not there)", "transparency", "bumps", "highlights of a colour"):
+        assert part in text, part
+    assert len(mesh.triangles) == 2 and material.model == "pbr"
+
+
+def test_strangers_files_stay_in_their_folder(tmp_path):
+    picture(tmp_path / "secret.png")
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    for mtl, name in ((None, "../a.mtl"), ("newmtl a\nmap_Kd ../secret.png\n", "a.mtl")):
+        path = written(inside, mtl, "usemtl a\n" + QUAD, name)
+        same_error(lambda path=path: fastibl.read_object(path), ValueError, "a.obj", "outside of its folder")
+    path = written(inside, "newmtl a\nmap_Kd a.mtl\n", "usemtl a\n" + QUAD)
+    same_error(lambda: fastibl.read_object(path), ValueError, "a.obj", "neither PNG nor JPEG")
+    path = written(inside, "newmtl a\nKd spectral x.rfl\nNs none\nPr\nmap_Pr -s\nKe 1e999 nan 1\n", "usemtl a\n" + QUAD)
+    with pytest.warns(UserWarning, match="left out"):
+        assert fastibl.read_object(path)[1].base_color == pytest.approx((0.8,) * 3)
+
+
+def test_edges_stay_as_they_are(tmp_path):
+    """A box without normals has sharp edges, also where two materials meet; its colours are kept."""
+    points = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    faces = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+    text = "mtllib a.mtl\n" + "".join(f"v {x} {y} {z} 1 0.5 0.25\n" for x, y, z in points)
+    text += "usemtl a\n" + "".join("f {} {} {} {}\n".format(*f) for f in faces[:3])
+    text += "usemtl b\n" + "".join("f {} {} {} {}\n".format(*f) for f in faces[3:])
+    (tmp_path / "a.mtl").write_text("newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 0 1\n")
+    path = tmp_path / "box.obj"
+    path.write_text(text)
+    mesh, _ = read(path)
+    plain = fastibl.Scene(fastibl.read_mesh(path, up="z"), spheres=0, visibility_rays=0).mesh
+    assert len(mesh.vertices) == len(plain.vertices) == 24
+    of = lambda m: sorted(map(tuple, np.round(np.hstack([m.vertices, m.normals]), 5).tolist()))  # noqa: E731
+    assert of(mesh) == of(plain)
+    np.testing.assert_allclose(
+        mesh.colors, np.broadcast_to(fastibl.Response.srgb().decode(np.float32([1, 0.5, 0.25])), (24, 3))
+    )
+    assert mesh_and_material(path)[1].model == "pbr"
+
+
+def test_warnings_point_at_the_call(tmp_path):
+    with pytest.warns(UserWarning) as told:
+        fastibl.read_object(written(tmp_path, None))
+    assert told[0].filename == __file__
