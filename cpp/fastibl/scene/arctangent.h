@@ -1,4 +1,4 @@
-// Arctangent for loops that are to be vectorised, which the library's is not.
+// An arctangent for loops that the compiler is to vectorise; it cannot vectorise the standard one.
 #pragma once
 
 #include <numbers>

@@ -1,5 +1,5 @@
-// Ray queries on a triangle mesh: bounding volume hierarchy, shared by occlusion, sphere fitting
-// and everything that asks what a direction meets. Triangles are two-sided.
+// Ray queries on a triangle mesh by a bounding volume hierarchy. Occlusion, sphere fitting and
+// everything else that asks what a ray hits share it. Triangles are two-sided.
 #pragma once
 
 #include <cstdint>
@@ -18,11 +18,11 @@ struct Ray {
   float t_max = std::numeric_limits<float>::infinity();
 };
 
-// Directions as arrays, filled up to whole packets of eight by repeating the last. Packets are
+// Directions as arrays, padded to whole packets of eight by repeating the last one. Packets are
 // fast when their directions are near each other.
 struct DirectionSet {
   std::vector<float> x, y, z;
-  int count = 0;  // without the filling
+  int count = 0;  // without the padding
 
   explicit DirectionSet(int count);
   void set(int index, glm::vec3 direction);
@@ -33,17 +33,18 @@ class Bvh {
   Bvh() = default;
   explicit Bvh(const Mesh& mesh);  // copies what it needs
 
-  bool occluded(const Ray& ray) const;  // whether anything is met within (t_min, t_max)
-  // Nearest hit: index of the triangle, or −1; t and barycentric u, v of its second and third
-  // vertex.
+  bool occluded(const Ray& ray) const;  // whether the ray hits anything within (t_min, t_max)
+  // The nearest hit: the triangle's index, or −1; t; the barycentric coordinates u and v of its
+  // second and third vertex.
   struct Hit {
     int triangle = -1;
     float t = 0, u = 0, v = 0;
   };
   Hit nearest(const Ray& ray) const;
 
-  // Many directions from one point, several times faster than one ray after the other: hidden[i] is
-  // set to 1 where direction i meets anything beyond t_min, else to 0. The size is that of the set.
+  // Tests many directions from one point, several times faster than one ray after the other.
+  // hidden[i] is set to 1 where direction i hits anything beyond t_min, else to 0. `hidden` has the
+  // size of the set.
   void occluded(glm::vec3 origin, const DirectionSet& directions, float t_min,
                 std::span<std::uint8_t> hidden) const;
   int count_occluded(glm::vec3 origin, const DirectionSet& directions, float t_min = 0) const;

@@ -1,4 +1,4 @@
-// Faces are cut into at most 16 × 16 tiles, the unit in which changes of a map are told.
+// Faces are cut into at most 16 × 16 tiles, the unit in which changes of a map are reported.
 #pragma once
 
 #include <algorithm>
@@ -14,11 +14,12 @@ struct TileGrid {
   int per_edge() const { return std::min(size, kMost); }
   int per_face() const { return per_edge() * per_edge(); }
   int count() const { return 6 * per_face(); }
-  // First texel of tile i along an edge; begin(per_edge()) is the size. Halves of an even face are
-  // halves of its tiles, so that none straddles the horizon.
+  // First texel of tile i along an edge; begin(per_edge()) is the size. The middle of an even face
+  // is a border between tiles, so that no tile straddles the horizon.
   int begin(int i) const { return int(std::int64_t(i) * size / std::max(1, per_edge())); }
   int widest() const { return (size + per_edge() - 1) / std::max(1, per_edge()); }
-  // Arrays by tile hold stride() entries each, texels row by row and a rest that fills vectors.
+  // Arrays by tile hold stride() entries for each tile: its texels row by row, then padding to
+  // whole vectors.
   int stride() const { return (widest() * widest() + 15) / 16 * 16; }
 };
 
@@ -30,7 +31,7 @@ struct FaceRect {
   int texels() const { return (x1 - x0) * (y1 - y0); }
 };
 
-// Where a texel of a face lies: its tile, and its number in that.
+// Where a texel of a face lies: its tile, and its number within that tile.
 struct TilePlace {
   int tile, texel;
 };

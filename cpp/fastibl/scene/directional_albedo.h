@@ -14,7 +14,7 @@ const std::vector<float>&
 albedo_table();  // row: exponent coordinate, column: cos θ_v, ends included
 float directional_albedo(float cos_view, float exponent);
 
-// What ρ is multiplied with for a normalisation: with the exact factor
+// The factor by which ρ is multiplied for a normalisation. With the exact factor
 // (s + 2)(s + 4)/(8π(2^{−s/2} + s)) the albedo at normal incidence is 1 for every s.
 float albedo_scale(Normalization normalization, float exponent);
 

@@ -6,9 +6,10 @@
 
 namespace fastibl {
 
-// One bilinear look-up for each texel; the picture goes on around its left and right edge.
+// One bilinear look-up for each texel; the picture wraps around at its left and right edges.
 void resample_points(ImageView<const float> image, CubeLevel& faces);
-// Each texel the mean over its solid angle of the picture taken as constant within a pixel.
+// Each texel becomes the mean over its solid angle of the picture, which is taken as constant
+// within a pixel.
 void resample_areas(ImageView<const float> image, CubeLevel& faces);
 
 }  // namespace fastibl

@@ -22,8 +22,7 @@ glm::vec2 ggx_alpha(float roughness, float anisotropy);
 
 enum class GgxMethod {
   taps,      // parts of the lobe along its longest axis, each read with its own width
-  gradient,  // what Croubois et al. 2014 suggest: texture gradients, as anisotropic filters read
-             // them
+  gradient,  // texture gradients, read as anisotropic filters do: suggested by Croubois et al. 2014
   sampled,   // filtered importance sampling, any number of taps: without lights taken out
 };
 std::string_view name(GgxMethod method);
@@ -33,9 +32,10 @@ inline constexpr std::array kGgxMethods = {GgxMethod::taps, GgxMethod::gradient,
 
 struct GgxOptions {
   GgxMethod method = GgxMethod::taps;
-  int taps = kGgxTaps;  // 1 to 16; of samples to kMaxSampledTaps
+  int taps = kGgxTaps;  // 1 to 16; for `sampled` up to kMaxSampledTaps
 
-  // Of materials: twice as many along a brushed one's lobe, or small bright lights show each tap.
+  // For shading a material: a brushed one gets twice as many taps along its lobe, because small
+  // bright lights would otherwise show each tap.
   static GgxOptions for_shading(const Lighting& lighting, float anisotropy) {
     if (lighting.glossy == GlossyMethod::sampled)
       return {GgxMethod::sampled, lighting.glossy_settings.taps};
@@ -43,11 +43,11 @@ struct GgxOptions {
   }
 };
 
-// One look-up: unit direction and view in the frame of tangent, bitangent and normal.
+// One look-up. Directions and views are unit vectors in the frame of tangent, bitangent and normal.
 struct GgxTap {
   glm::vec3 direction;
   float width;   // standard deviation of the blur along each axis, radians
-  float weight;  // of all taps sum to 1
+  float weight;  // the weights of all taps sum to 1
 };
 struct GgxTaps {
   int count = 0;
@@ -60,44 +60,45 @@ GgxTaps ggx_taps(glm::vec3 unit_view, glm::vec2 alpha, const GgxOptions& options
 struct SurfaceFrame {
   glm::vec3 tangent, bitangent, normal;
 };
-// Around a unit normal, with the tangent as near as can be to the given one; any where that is 0,
-// along the normal or not finite.
+// The frame around a unit normal whose tangent is as near as possible to the given one. The tangent
+// is arbitrary where the given one is 0, along the normal or not finite.
 SurfaceFrame frame_around(glm::vec3 unit_normal, glm::vec3 tangent);
 
-// Light in the lobe D G2, parted as Schlick's Fresnel term f0 (1 − e) + e parts it, e = (1 −
-// v·h)^5.
+// Light in the lobe D G2, split as Schlick's Fresnel term f0 (1 − e) + e splits it, with
+// e = (1 − v·h)^5.
 struct GgxLight {
   // Averages of the map without its lights, weighted with 1 − e and e.
   glm::vec3 front{0}, edge{0};
-  float edge_share = 0;  // e in the lobe's mean
-  // Of the lights that were taken out: integrals.
+  float edge_share = 0;  // mean of e over the lobe
+  // Integrals of the lights that were taken out.
   glm::vec3 front_lights{0}, edge_lights{0};
   float albedo = 1;  // the lobe's integral, as its look-ups saw it
 
-  // The average over the lobe, e aside.
+  // The average over the lobe, without regard to e.
   glm::vec3 mean() const {
     return glm::mix(front, edge, edge_share) + (front_lights + edge_lights) / albedo;
   }
-  // Integrals over the lobe times 1 − e and e. albedo: of these two, GgxAlbedo's.
+  // Integrals over the lobe times 1 − e and times e. albedos: GgxAlbedo's two numbers.
   glm::vec3 front_light(glm::vec2 albedos) const { return albedos.x * front + front_lights; }
   glm::vec3 edge_light(glm::vec2 albedos) const { return albedos.y * edge + edge_lights; }
 };
 
-// Average of the map over the lobe D G2 of a surface whose Fresnel term is 1, divided by its
-// directional albedo: 1 for a constant map of radiance 1. Reads the lighting's chain and its lights
-// where it has one, else the MIP levels. Keeps a pointer to the lighting.
+// Average of the map over the lobe D G2 of a surface whose Fresnel term is 1, divided by the
+// surface's directional albedo: 1 for a constant map of radiance 1. Reads the lighting's chain and
+// the chain's lights if there is a chain, else the MIP levels. Keeps a pointer to the lighting.
 class GgxShading {
  public:
   explicit GgxShading(const Lighting& lighting);
   explicit GgxShading(Lighting&& lighting) = delete;
-  // unit_view: marker frame, surface to eye. alpha: clamped to 0.02 … 1, NaN to 0.02. position:
-  // marker frame, from where its lights are seen where they are; null: all light as at the map's
-  // centre. Round lobes of as many taps as usual come from a table (IsotropicTaps).
+  // unit_view: marker frame, from surface to eye. alpha: clamped to 0.02 … 1, NaN to 0.02.
+  // position: marker frame; from there near lights are seen where they are. Null: all light is as
+  // at the map's centre. Round lobes with the default number of taps come from a table
+  // (IsotropicTaps).
   GgxLight operator()(const SurfaceFrame& frame, glm::vec3 unit_view, glm::vec2 alpha,
                       const GgxOptions& options = {}, const glm::vec3* position = nullptr) const;
-  // Round lobes of many places, in the order given: the same within 1e-5 of the brightest that a
-  // lobe reads. positions: one each, or empty. Throws std::invalid_argument unless there are as
-  // many of everything.
+  // Round lobes at many places, results in the order given: the same within 1e-5 of the brightest
+  // value that a lobe reads. positions: one for each place, or empty. Throws std::invalid_argument
+  // unless all spans have the same length.
   void operator()(std::span<const glm::vec3> unit_normals, std::span<const glm::vec3> unit_views,
                   std::span<const float> alphas, std::span<const glm::vec3> positions,
                   std::span<GgxLight> out) const;
@@ -108,8 +109,8 @@ class GgxShading {
 };
 
 // Directional albedo of single scattering towards a view in the surface's frame, as the two numbers
-// of the split sum: f0 x + y with Fresnel by Schlick, x + y with Fresnel 1. Quadrature, within
-// 3e-4.
+// x and y of the split sum: it is f0 x + y with Schlick's Fresnel term, and x + y with a Fresnel
+// term of 1. By quadrature, within 3e-4.
 glm::dvec2 integrate_ggx_albedo(glm::dvec3 unit_view, glm::dvec2 alpha);
 
 // The same from a table for one strength of anisotropy.
@@ -118,11 +119,11 @@ class GgxAlbedo {
   static constexpr int kRoughnesses = 24, kCosines = 24, kAzimuths = 9;
 
   explicit GgxAlbedo(float anisotropy);
-  // Shared by all who ask for the same strength.
+  // The table of a strength of anisotropy, shared by all callers.
   static std::shared_ptr<const GgxAlbedo> of(float anisotropy);
 
   glm::vec2 sample(glm::vec3 unit_view, float roughness) const;
-  // Rows of kCosines: of each roughness for the first azimuth, then the next.
+  // Rows of kCosines values: one for each roughness at the first azimuth, then at the next.
   const std::vector<glm::vec2>& values() const { return values_; }
   int azimuths() const { return azimuths_; }  // 1 without anisotropy
 

@@ -10,12 +10,12 @@ namespace fastibl {
 
 struct Holdouts {
   std::vector<Mesh> meshes;  // as given, marker frame
-  // All together, cut into triangles small enough for a shadow by vertex; flat where they have
-  // edges.
+  // All of them together, cut into triangles small enough for a shadow by vertex; flat where they
+  // have edges.
   Mesh mesh;
   std::vector<glm::vec3> normals;
   VertexVisibility own;  // directions of the marker frame that they hide from each other
-  glm::vec3 centre{0};   // of the object that they are cut around
+  glm::vec3 centre{0};   // of the object around which they are cut
 };
 
 }  // namespace fastibl

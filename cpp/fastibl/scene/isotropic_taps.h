@@ -1,4 +1,4 @@
-// The taps of round GGX lobes, worked out once for all of them.
+// The taps of round GGX lobes, computed once for all of them.
 #pragma once
 
 #include <vector>
@@ -8,15 +8,16 @@
 
 namespace fastibl {
 
-// Between kRoughnesses from the least to 1 and kAngles of the view from the normal, closer towards
-// grazing ones, kGgxTaps each.
+// A table over kRoughnesses, from the least to 1, and kAngles between view and normal, denser
+// towards grazing ones. Each node has kGgxTaps.
 class IsotropicTaps {
  public:
   static constexpr int kRoughnesses = 32, kAngles = 48;
   static constexpr float kLeastRoughness = 0.14142136f;  // of kSmallestAlpha
 
   static const IsotropicTaps& table();  // made when first asked for: a few ms
-  // Within the table's interpolation those of ggx_taps() with as many. unit_view: surface's frame.
+  // The taps of ggx_taps() with as many taps, but for the table's interpolation. unit_view: in the
+  // surface's frame.
   GgxTaps at(glm::vec3 unit_view, float roughness) const;
 
   static_assert(kGgxTaps == 8);

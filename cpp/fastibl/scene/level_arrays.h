@@ -5,9 +5,9 @@
 
 namespace fastibl {
 
-// In memory with their borders.
+// The levels lie in memory with their borders.
 struct LevelArrays {
-  const float* texels[GlossyChain::kLevelCount];  // the border's first of face 0
+  const float* texels[GlossyChain::kLevelCount];  // first border texel of face 0
   float sizes[GlossyChain::kLevelCount];
   void set(int k, const CubeLevel& level) {
     texels[k] = &level.texel(0, -1, -1).x, sizes[k] = float(level.size());

@@ -9,15 +9,15 @@ namespace fastibl {
 // Lights side by side, for one loop over all of them; those beyond `count` give nothing.
 struct LightArrays {
   int count = 0;
-  float finest = GlossyChain::kLevelCount;  // of the levels
+  float finest = GlossyChain::kLevelCount;  // of the lights' levels
   float x[kMaxLights]{}, y[kMaxLights]{}, z[kMaxLights]{};
   float variance[kMaxLights]{}, level[kMaxLights]{};
   float red[kMaxLights]{}, green[kMaxLights]{}, blue[kMaxLights]{};
   float inverse_distance[kMaxLights]{};  // 1 / m; 0: distant
   bool any_near = false;
 };
-LightArrays arrays_of(const Lighting& lighting);  // which has a chain
-// Sum of their flux times a value of each; unused ones are black.
+LightArrays arrays_of(const Lighting& lighting);  // the lighting must have a chain
+// The sum over all lights of flux times a value per light; unused ones are black.
 FASTIBL_INLINE void sum_flux(const LightArrays& lights, const float* value, float* rgb) {
   float red = 0, green = 0, blue = 0;
   for (int i = 0; i < kMaxLights; ++i) {

@@ -9,12 +9,12 @@
 
 namespace fastibl {
 
-// Radians, of a disc of that many steradians.
+// Angular radius (radians) of a disc of this solid angle (steradians).
 inline double disc_radius(double solid_angle) {
   return std::acos(std::max(-1.0, 1 - solid_angle / (2 * std::numbers::pi)));
 }
 
-// Of a light near enough to be triangulated from several places.
+// A light near enough to be triangulated from several places.
 struct LightPosition {
   glm::dvec3 direction{0, 0, 1};  // from the map's centre, unit length
   glm::dvec3 position{0};         // metres, marker frame
@@ -22,7 +22,7 @@ struct LightPosition {
   double radius = 0;              // metres, of a disc that looks as large
 };
 
-// Radians, of the light as it is seen from a place.
+// Angular radius (radians) of the light as seen from a place.
 inline double angular_radius(const LightPosition& light, const glm::dvec3& from) {
   return std::asin(std::min(light.radius / glm::length(light.position - from), 1.0));
 }

@@ -20,13 +20,13 @@ struct Lighting {
   GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
   std::shared_ptr<const CubeMap> radiance;   // with the MIP levels that `mip` reads
-  std::shared_ptr<const GlossyChain> chain;  // that other methods read, and the lights
+  std::shared_ptr<const GlossyChain> chain;  // what other methods read, with the lights
   glm::vec3 plane_irradiance{0};             // E(z), summed over the map
   std::optional<double> irradiance_error;    // relative, RMS, of `irradiance`; none: not
-                                             // measured; 0 where none was asked for
-  // Those of the map whose place is known. All other fields hold their light, too, as distant.
+                                             // measured; 0 where no irradiance was asked for
+  // The lights of the map whose place is known. All other fields hold their light too, as distant.
   NearLights near_lights;
-  // Walls that glossy surfaces see where they are, around the centre of near_lights.
+  // Walls that glossy surfaces see at their true place, around the centre of near_lights.
   std::optional<RoomBox> box = {};
   std::vector<float>
       light_distances;  // inverse, 1 / m, of each light of the chain; 0 where distant

@@ -17,11 +17,11 @@ struct PbrMaterial {
   float metallic = 0, roughness = 0.5f;
   glm::vec3 emission{0.0f};       // radiance
   float anisotropy = 0;           // strength, 0 to 1
-  float anisotropy_rotation = 0;  // of the rougher direction from the tangent, radians
+  float anisotropy_rotation = 0;  // angle from the tangent to the rougher direction, radians
   float normal_scale = 1;         // of the normal map's x and y
   std::shared_ptr<const SurfaceTexture> base_color_map = {}, metallic_map = {}, roughness_map = {},
                                         emission_map = {};
-  // Tangent space, (x, y, z) as they are, y up in uv.
+  // Tangent space, (x, y, z) stored as they are, y up in uv.
   std::shared_ptr<const SurfaceTexture> normal_map = {};
 
   bool textured() const {
@@ -31,12 +31,12 @@ struct PbrMaterial {
   bool operator==(const PbrMaterial& other) const;
 };
 
-// About how a surface's glossy light is spread: half-vector exponent of Blinn's lobe, or of the GGX
-// lobe that is about as wide, of α² = 2/exponent.
+// Roughly how a surface spreads its glossy light: the half-vector exponent of Blinn's lobe, or of
+// the GGX lobe that is about as wide, with α² = 2/exponent.
 struct LobeShape {
   float exponent = 64;
   bool ggx = false;
-  float f0 = 1;  // mean reflectance along the normal, by which GGX grows towards the edge
+  float f0 = 1;  // mean reflectance along the normal, from which GGX grows towards the edge
 };
 
 // Reflectance of Eq. 3. Colours are linear; the object's colour is
@@ -46,8 +46,8 @@ struct Material {
   glm::vec3 glossy{0.0f};    // k_G
   float exponent = 64;       // s, half-vector (Blinn-Phong) exponent ≥ 0, may be infinite
   glm::vec3 emission{0.0f};  // radiance
-  // Where it is there, it takes the place of Eq. 3: the colour is emission + diffuse · P_V · E/π +
-  // reflectance · (average of the radiance over the GGX lobe), see PbrMaterial.
+  // If set, it replaces Eq. 3: the colour is emission + diffuse · P_V · E/π + reflectance ·
+  // (average of the radiance over the GGX lobe), see PbrMaterial.
   std::shared_ptr<const PbrMaterial> pbr = {};
   std::shared_ptr<const GgxAlbedo> albedo = {};  // of pbr's anisotropy
 
@@ -55,9 +55,9 @@ struct Material {
 
   void validate() const;  // throws for negative or NaN values, or an infinite colour
   bool textured() const { return pbr && pbr->textured(); }
-  bool reads_irradiance() const;          // does it reflect light diffusely; s = 0 is Lambert's law
-  bool reads_radiance() const;            // does it need the chain that lobes are read from
-  std::optional<LobeShape> lobe() const;  // where it has glossy light; of textures their mean
+  bool reads_irradiance() const;          // whether it reflects diffusely; s = 0 is Lambert's law
+  bool reads_radiance() const;            // whether it needs the chain that lobes are read from
+  std::optional<LobeShape> lobe() const;  // if it has glossy light; textures by their mean
   bool operator==(const Material& other) const;
 };
 

@@ -12,43 +12,44 @@ struct Mesh {
   std::vector<glm::vec3> vertices = {};    // metres
   std::vector<glm::ivec3> triangles = {};  // indices; counter-clockwise seen from outside
   std::vector<glm::vec2> uvs = {};         // one a vertex, or none; v upwards in a texture
-  std::vector<glm::vec3> normals = {};     // one a vertex, or none: worked out from the triangles
-  // One a vertex, or none; linear, 0 to 1: what a material's diffuse or base colour is there, by
-  // which it is multiplied.
+  std::vector<glm::vec3> normals = {};     // one a vertex, or none: computed from the triangles
+  // One a vertex, or none; linear, 0 to 1: the factor of a material's diffuse or base colour there.
   std::vector<glm::vec3> colors = {};
 
-  // Throws std::invalid_argument for no vertices or triangles, an index out of range, a value that
-  // is not finite, a colour out of range, or another number of uvs, normals or colours.
+  // Throws std::invalid_argument for a mesh without vertices or triangles, an index out of range, a
+  // value that is not finite, a colour out of range, or another number of uvs, normals or colours.
   void validate() const;
   bool operator==(const Mesh&) const = default;
 };
 
 // The functions below throw std::invalid_argument for a mesh that is not valid.
 
-// Whether triangles leave no edge free, so that no back of one can be seen from outside: each edge
-// runs one way as often as the other. Vertices at one place count as one.
+// Whether the triangles leave no edge free, so that no triangle's back can be seen from outside:
+// each edge runs one way as often as the other. Vertices at the same place count as one.
 bool is_closed(const Mesh& mesh);
-// Of a closed mesh: whether each of its parts runs counter-clockwise as it should, so that from
-// outside only fronts are seen.
+// For a closed mesh: whether the triangles of each of its parts run counter-clockwise as they
+// should, so that only fronts are seen from outside.
 bool faces_outwards(const Mesh& mesh);
 
-// With all triangles the other way round where, taken together, they look against the mesh's own
-// normals; and a closed mesh that is inside out by its volume the right way, its normals with it.
+// The mesh with all triangles reversed if, taken together, they face against the mesh's own
+// normals. A closed mesh that is inside out by its volume is turned the right way, and its normals
+// with it.
 Mesh turned_outwards(Mesh mesh);
 
-// Unit normals of the vertices: those given, else weighted by the angle of each triangle there; +z
-// where none is defined.
+// Unit normals of the vertices: those given, else those of the triangles weighted by their angles
+// at the vertex; +z where none is defined.
 std::vector<glm::vec3> vertex_normals(const Mesh& mesh);
 
-// A mesh without normals whose edges are sharper than 60° somewhere, with normals: at each corner
-// of a triangle the mean over those that meet it there and are not beyond such an edge, and copies
-// of vertices, at the end, where that makes several. Other meshes as they are.
+// Gives normals to a mesh that has none and has edges sharper than 60°: at each corner of a
+// triangle, the mean over the triangles that meet it there and are not beyond such an edge. Where
+// this makes several normals for a vertex, copies of it are added at the end. Other meshes are
+// returned as they are.
 Mesh with_creases(Mesh mesh);
 
-// Where u grows (x y z: unit, perpendicular to the normal), and the side of n × t on which v grows
-// (w: ±1), weighted by the angle of each triangle at the vertex, as MikkTSpace does; vertices that
-// mirrored halves of a texture share are not split. Without uvs, or where they define none, around
-// the z axis.
+// Tangents: the direction in which u grows (x y z: unit, perpendicular to the normal), and the side
+// of n × t on which v grows (w: ±1). As in MikkTSpace, triangles are weighted by their angles at
+// the vertex, but vertices shared by mirrored halves of a texture are not split. Without uvs, or
+// where they define none, tangents run around the z axis.
 std::vector<glm::vec4> vertex_tangents(const Mesh& mesh, std::span<const glm::vec3> normals);
 
 // Axis-aligned box of the vertices.

@@ -1,4 +1,4 @@
-// The named methods that a frame is made with, one of each step, and their settings.
+// The named methods by which a frame is made, one for each step, and their settings.
 #pragma once
 
 #include <array>
@@ -12,69 +12,69 @@
 namespace fastibl {
 
 enum class DiffuseMethod {
-  automatic,        // by the map, and by how often it will be read
+  automatic,        // chosen by the map, and by how often it will be read
   nearest_face,     // McGuire et al. 2013: the 1×1 MIP of the face that the normal meets
   six_face,         // Croubois et al. 2014, Eq. 8 and 9
   six_face_exact,   // Eq. 8 with W_F of Eq. 7 in closed form
   sh9,              // Ramamoorthi and Hanrahan 2001: spherical harmonics up to order 2
-  sh9_lobes,        // and the brightest lights as lobes of their own
-  irradiance_cube,  // the cosine summed over a small level, for the texels of a cube map
+  sh9_lobes,        // sh9, and the brightest lights as lobes of their own
+  irradiance_cube,  // a cube map of irradiance, each texel a cosine sum over a small level
 };
 enum class GlossyMethod {
   automatic,
   mip,          // Eq. 2: one look-up in the MIP chain at the mirror direction
-  centroid,     // one look-up in a chain of round lobes, where and as wide as the lobe is best met
-  stretched,    // two to four of them along the plane of incidence
+  centroid,     // one look-up in a chain of round lobes, placed and as wide as fits the lobe best
+  stretched,    // two to four such look-ups along the plane of incidence
   sampled,      // filtered importance sampling, any number of taps
   prefiltered,  // look-ups along the plane of incidence in exactly convolved maps, lights included
 };
 enum class Normalization {
   energy,  // the lobe's average: a white surface in a constant map is white
   paper,   // Eq. 3 as printed: times its directional albedo ρ(θ_v, s)
-  exact,   // Eq. 3 with (s + 2)(s + 4)/(8π(2^{−s/2} + s)): never more light than came
+  exact,   // Eq. 3 with (s + 2)(s + 4)/(8π(2^{−s/2} + s)): never more light than arrives
 };
 enum class ShadowMethod {
   automatic,
-  cap_sum,      // obstruction of all spheres added, and clamped
+  cap_sum,      // the obstructions of all spheres added, and clamped
   cap_product,  // the product of what each sphere lets through
   directions,   // the union of all spheres, for directions of equal energy
-  mesh,         // of a rigid object's triangles, baked: Scene::baked_shadow
+  mesh,         // the shadow of a rigid object's triangles, baked: Scene::baked_shadow
 };
 enum class SelfShadowMethod {
   automatic,
   none,
   ambient,         // P_V of Eq. 8: the share of directions that are free, whatever the light
   transfer,        // the light of the directions that are free, by vertex and channel
-  pixel_transfer,  // of the glossy light with every pixel's lobe, of directions by vertex
-  traced,          // by rays at every pixel that may be short of light
+  pixel_transfer,  // transfer, but glossy light with every pixel's lobe, of directions by vertex
+  traced,          // by rays at every pixel that may lack light
 };
 enum class BounceMethod {
   automatic,
   none,
-  one,  // diffuse light from the object to the plane, and what its shadow takes from the object
+  one,  // diffuse light from object to plane, and the light that the shadow takes from the object
 };
 enum class TrackingMethod {
   automatic,
-  frame_marker,  // the corners of one tag, as the paper's
+  frame_marker,  // the corners of one tag, as in the paper
   board,         // robust refinement over all tags of the board, every frame by itself
-  edges,         // from frame to frame by the tags' edges, detecting to start and to recover
+  edges,         // from frame to frame by the tags' edges; detection to start and to recover
 };
 // Which camera pictures feed the map.
 enum class CaptureMethod {
-  single,      // the paper's: one front picture of one exposure every five seconds
+  single,      // as in the paper: one front picture of one exposure every five seconds
   continuous,  // every picture of both cameras, all exposures merged
 };
 
-// Those that find shares of single pixels.
+// Whether a method finds a share of the light for each pixel.
 inline bool shares_by_pixel(SelfShadowMethod method) {
   return method == SelfShadowMethod::pixel_transfer || method == SelfShadowMethod::traced;
 }
-// Of those that ask which directions are free.
+// Whether a method asks which directions are free.
 inline bool knows_directions(SelfShadowMethod method) {
   return method != SelfShadowMethod::none && method != SelfShadowMethod::ambient;
 }
 
-// All methods of a step in order of the enum, without `automatic`.
+// All methods of a step in the order of the enum, without `automatic`.
 inline constexpr std::array kDiffuseMethods = {
     DiffuseMethod::nearest_face, DiffuseMethod::six_face,  DiffuseMethod::six_face_exact,
     DiffuseMethod::sh9,          DiffuseMethod::sh9_lobes, DiffuseMethod::irradiance_cube};
@@ -93,7 +93,8 @@ inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker, Tr
                                                 TrackingMethod::edges};
 inline constexpr std::array kCaptureMethods = {CaptureMethod::single, CaptureMethod::continuous};
 
-// The public names ("six-face-exact", "auto"), and back: throws std::invalid_argument, naming all.
+// The public names ("six-face-exact", "auto"), and the methods by name; for an unknown name these
+// throw std::invalid_argument, naming all.
 std::string_view name(DiffuseMethod method);
 std::string_view name(GlossyMethod method);
 std::string_view name(Normalization normalization);
@@ -111,11 +112,11 @@ BounceMethod bounce_method(std::string_view name);
 TrackingMethod tracking_method(std::string_view name);
 CaptureMethod capture_method(std::string_view name);
 
-// Each method reads those that settings_of() lists for it; the others are ignored.
+// A method reads the settings that settings_of() lists for it; the others are ignored.
 struct DiffuseSettings {
   int lobes = -1;   // beside nine coefficients, up to 12; −1: as many as the map needs, up to 8
   int size = 16;    // texels along a face of the irradiance cube
-  int source = 32;  // texels along a face of the level that is summed for it, at most
+  int source = 32;  // at most this many texels along a face of the level that is summed for it
   bool operator==(const DiffuseSettings&) const = default;
 };
 struct GlossySettings {
@@ -124,8 +125,8 @@ struct GlossySettings {
   bool operator==(const GlossySettings&) const = default;
 };
 struct ShadowSettings {
-  int directions = 256;  // that stand for all light
-  int fine = 0;          // texels along an edge of a map of its own for a compact light, 0: none
+  int directions = 256;  // number of directions that stand for all light
+  int fine = 0;          // texels along an edge of a separate map for a compact light, 0: none
   bool operator==(const ShadowSettings&) const = default;
 };
 inline constexpr int kLeastDirections = 8, kMostDirections = 4096;
@@ -136,14 +137,14 @@ struct Setting {
   std::string_view name;
   int Settings::*value;
   int least, most;
-  std::vector<int> compared;  // values beside the default that are worth a row where all methods
-                              // are compared
+  std::vector<int> compared;  // values other than the default that are worth a row where all
+                              // methods are compared
 };
 std::vector<Setting<DiffuseSettings>> settings_of(DiffuseMethod method);
 std::vector<Setting<GlossySettings>> settings_of(GlossyMethod method);
 std::vector<Setting<ShadowSettings>> settings_of(ShadowMethod method);
-// What reads the settings given with a method: itself, or those that `automatic` may become with
-// them.
+// The methods that read the settings given with a method: the method itself, or those that
+// `automatic` may become with these settings.
 std::vector<DiffuseMethod> stands_for(DiffuseMethod method);
 std::vector<GlossyMethod> stands_for(GlossyMethod method);
 std::vector<ShadowMethod> stands_for(ShadowMethod method);
@@ -176,7 +177,8 @@ struct Methods {
   bool operator==(const Methods&) const = default;
 };
 
-// The method of that name among `methods`; throws std::invalid_argument, naming all.
+// The method of that name among `methods`; throws std::invalid_argument, naming all, if there is
+// none.
 template <typename Method, std::size_t N>
 Method method_named(std::string_view text, const std::array<Method, N>& methods, const char* step) {
   std::string all;
@@ -194,8 +196,9 @@ void check_range(Method method, const Setting<Settings>& s, int value) {
         " must be from ", s.least, " to ", s.most, ", got ", value);
 }
 
-// Settings of a method with these given by name, the rest by default; throws std::invalid_argument
-// for a name that the method does not have, naming those that it has, and for a value out of range.
+// The settings of a method, some given by name, the others at their defaults. Throws
+// std::invalid_argument for a name that the method does not have, naming those that it has, and for
+// a value out of range.
 template <typename Settings, typename Method>
 Settings settings_with(Method method, const std::map<std::string, int>& given) {
   const std::vector<Setting<Settings>> all = settings_of(method);
@@ -215,8 +218,8 @@ Settings settings_with(Method method, const std::map<std::string, int>& given) {
   }
   return settings;
 }
-// Throws std::invalid_argument where a setting that the method reads is out of range; what stands
-// for the method's own choice is not.
+// Throws std::invalid_argument where a setting that the method reads is out of range. A default,
+// which may stand for the method's own choice, never is.
 template <typename Settings, typename Method>
 void check_settings(Method method, const Settings& settings) {
   for (const Method one : stands_for(method))
@@ -230,7 +233,8 @@ std::map<std::string, int> settings_map(Method method, const Settings& settings)
     values[std::string(s.name)] = settings.*s.value;
   return values;
 }
-// "irradiance-cube [size=16, source=16]"; without what stands for the method's own choice.
+// For example "irradiance-cube [size=16, source=16]"; values that stand for the method's own choice
+// are left out.
 template <typename Settings, typename Method>
 std::string described(Method method, const Settings& settings) {
   std::string text;

@@ -1,6 +1,6 @@
-// Lights of the map that are so near that they stand elsewhere in the sky, and shine more or less,
-// a little beside the map's centre. Their place is a direction and an inverse distance ρ: where it
-// is 0 they are like all other light; see shaders/shared/near_light.glsl.
+// Lights of the map that are so near that, seen a little beside the map's centre, they stand
+// elsewhere in the sky and are brighter or darker. Their place is a direction and an inverse
+// distance ρ. Where ρ is 0 they are like all other light; see shaders/shared/near_light.glsl.
 #pragma once
 
 #include <optional>
@@ -22,23 +22,23 @@ struct NearLights {
   std::vector<NearLight> lights;
 
   bool empty() const { return lights.empty(); }
-  // Of the light that the direction, unit length, from the centre meets; null: none.
+  // The light that this direction (unit length) from the centre meets; null: none.
   const NearLight* towards(glm::vec3 direction) const;
-  // 1 / metres from the centre to what is seen in that direction, 0 for no near light.
+  // 1 / metres from the centre to what is seen in this direction; 0 where there is no near light.
   float inverse_distance(glm::vec3 direction) const {
     const NearLight* light = towards(direction);
     return light ? light->inverse_distance : 0.0f;
   }
-  // Where a light of that inverse distance is; nothing where it is distant.
+  // The position of a light in this direction at this inverse distance; empty if it is distant.
   std::optional<glm::vec3> position(glm::vec3 direction, float inverse_distance) const {
     if (!(inverse_distance > 0)) return std::nullopt;
     return centre + direction / inverse_distance;
   }
 };
 
-// Largest change of the irradiance of any surface within `reach` metres of the centre by the places
-// of the lights, RGB. Seen from x, a light of facing irradiance E gives the vector E a/|a|³ with
-// a = d − ρ x; its derivative along x is at most 2ρE/|a|³, so the change is at most
+// The largest change (RGB) that the places of the lights make to the irradiance of any surface
+// within `reach` metres of the centre. Seen from x, a light of facing irradiance E gives the vector
+// E a/|a|³ with a = d − ρ x; its derivative along x is at most 2ρE/|a|³, so the change is at most
 // E (1/(1 − ρ|x|)² − 1). Infinite where a light is within reach.
 glm::vec3 most_change(const NearLights& near_lights, float reach);
 

@@ -1,4 +1,4 @@
-// The sphere as a square of equal areas, and as a line through its cells.
+// The sphere mapped to a square, areas kept, and to a line through the square's cells.
 #pragma once
 
 #include <cstdint>
@@ -8,17 +8,17 @@
 
 namespace fastibl {
 
-// Point of the unit square of a unit direction; areas are kept. z = 1 is the middle, z = −1 all
-// four corners. Clarberg 2008, Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD.
+// The point of the unit square for a unit direction; areas are kept. z = 1 is the middle, z = −1
+// all four corners. Clarberg 2008, Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD.
 glm::vec2 octahedral_point(glm::vec3 unit_direction);
 glm::vec3 octahedral_direction(glm::vec2 point);  // the inverse, unit
-// Points of many directions, within 1e-6.
+// The points for many directions, within 1e-6.
 void octahedral_points(int count, const float* x, const float* y, const float* z, float* u,
                        float* v);
 
-// Square cells, `size` (a power of two) along an edge, numbered along Hilbert's curve: neighbours
-// in number are neighbours on the sphere, and cell k is made of cells 4k … 4k + 3 of twice the
-// size.
+// Square cells, `size` (a power of two) along an edge, numbered along Hilbert's curve: cells with
+// neighbouring numbers are neighbours on the sphere, and cell k consists of cells 4k … 4k + 3 of
+// the grid of twice the size.
 class OctahedralGrid {
  public:
   explicit OctahedralGrid(int size);
@@ -26,10 +26,10 @@ class OctahedralGrid {
   int size() const { return size_; }
   int count() const { return size_ * size_; }
   const std::vector<glm::vec3>& directions() const { return directions_; }  // of the middles
-  // Number of a cell; one step beyond an edge of the square is a cell there, too: the edges are
+  // The number of a cell. One step beyond an edge of the square there is a cell, too: the edges are
   // folded onto themselves.
   int cell(int x, int y) const;
-  // The eight around a cell.
+  // The eight cells around a cell.
   const std::uint16_t* neighbours(int cell) const { return &neighbours_[std::size_t(cell) * 8]; }
 
   // The four cells around a direction, and their shares by bilinear interpolation.
@@ -42,7 +42,7 @@ class OctahedralGrid {
   }
   Corners corners(glm::vec2 point) const;
 
-  static constexpr int kLargest = 128;  // numbers are of 16 bits
+  static constexpr int kLargest = 128;  // cell numbers have 16 bits
 
  private:
   int size_;

@@ -1,4 +1,4 @@
-// Single pixels of a picture, and small blocks of them; linear_from() reads whole ones.
+// Reads single pixels of a picture, and small blocks of them; linear_from() reads whole pictures.
 #pragma once
 
 #include "fastibl/core/vector.h"
@@ -6,17 +6,17 @@
 
 namespace fastibl {
 
-// Borrows all that it is given. `bytes` is of the same response.
+// Borrows everything it is given. `bytes` must be of the same response.
 class PixelReader {
  public:
   PixelReader(const Picture& picture, const Response& response, const ByteResponse& bytes)
       : picture_(picture), response_(response), bytes_(bytes) {}
 
-  // Linear, as linear_from() has it: float pictures are cleaned.
+  // Linear value as by linear_from(): float pictures are cleaned.
   glm::vec3 linear(int x, int y) const;
-  // Whether a channel of an encoded picture is.
+  // Whether any channel of an encoded picture is clipped.
   bool clipped(int x, int y) const;
-  // Of the size × size pixels from (x, y) on, every step-th of a row and a column.
+  // Of the size × size pixels from (x, y) on, every step-th in each row and column.
   struct Block {
     glm::vec3 linear{0};   // mean
     bool clipped = false;  // any of them

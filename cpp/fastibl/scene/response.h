@@ -8,30 +8,31 @@
 
 namespace fastibl {
 
-// A camera's response. Without a curve it is sRGB's.
+// A camera's response. Without a curve it is that of sRGB.
 struct Response {
-  // Linear values at evenly spaced encoded values, from 0 at 0 to 1 at 1. 0 up to the black level
-  // and 1 from the white level on; strictly increasing between them.
+  // Linear values at evenly spaced encoded values, from 0 at 0 to 1 at 1. The curve is 0 up to the
+  // black level and 1 from the white level on, and increases strictly between them.
   std::vector<float> curve = {};
 
   static Response srgb() { return {}; }
   static Response gamma(double exponent);                // linear = encoded^exponent
   static Response from_curve(std::vector<float> curve);  // throws as validate()
-  // The same curve between other levels, 0 ≤ black < white ≤ 1, encoded, to an eighth of an 8-bit
-  // code: of video whose black is 16 and white 235, or of a camera that lifts its black. Throws
-  // std::invalid_argument for other levels.
+  // The same curve between other encoded levels, 0 ≤ black < white ≤ 1, to an eighth of an 8-bit
+  // code: for video whose black is 16 and whose white is 235, or for a camera that lifts its black.
+  // Throws std::invalid_argument for other levels.
   Response between(double black, double white) const;
   // Throws std::invalid_argument unless the curve is as stated above.
   void validate() const;
 
-  // The encoded values of no light, and of light at and beyond which all is clipped.
+  // The encoded values of no light, and of the light at and beyond which everything is clipped.
   float black() const;
   float white() const;
-  // Of 8 bits, from which on a pixel counts as clipped: noise and blur push it a few codes down.
+  // The 8-bit code from which on a pixel counts as clipped: noise and blur push clipped pixels a
+  // few codes down.
   int clipped_code() const;
 
-  float decode(float encoded) const;  // clamped to [0, 1] before; NaN gives 0
-  float encode(float linear) const;   // clamped to [0, 1] before; NaN gives black
+  float decode(float encoded) const;  // first clamps to [0, 1]; NaN gives 0
+  float encode(float linear) const;   // first clamps to [0, 1]; NaN gives black
   bool operator==(const Response&) const = default;
 };
 
@@ -48,11 +49,11 @@ class ByteResponse {
     while (linear >= upper_[std::size_t(code)]) ++code;
     return std::uint8_t(code);
   }
-  // Many at once: the same values and codes.
+  // Many values at once, with the same results.
   void decode(const std::uint8_t* encoded, float* linear, std::size_t count) const;
   void encode(const float* linear, std::uint8_t* encoded, std::size_t count) const;
   int clipped_code() const { return clipped_code_; }
-  // Factors between which the linear value of no code becomes that of another one.
+  // Multiplied by a factor between these two, no code's linear value becomes that of another code.
   float least_unseen() const { return least_unseen_; }
   float most_unseen() const { return most_unseen_; }
 
@@ -64,7 +65,7 @@ class ByteResponse {
   std::uint8_t black_ = 0, white_ = 255;
   int clipped_code_;
   int most_steps_ = 0;  // from a guess to the code
-  // Where that is 1 at most: the code in 8 bits, and the last part of the bin that has it in 24.
+  // If that is at most 1: the code in 8 bits, and the last part of the bin that has it in 24 bits.
   std::array<std::uint32_t, kGuesses> step_{};
   float least_unseen_ = 0, most_unseen_ = 2;
 };

@@ -11,7 +11,7 @@ struct RoomBox {
   glm::dvec3 lower{0}, upper{0};
 };
 
-// Throws std::invalid_argument for a box that is not finite, or does not hold the centre.
+// Throws std::invalid_argument for a box that is not finite or does not contain the centre.
 void check_box(const RoomBox& box, const glm::dvec3& centre);
 
 }  // namespace fastibl

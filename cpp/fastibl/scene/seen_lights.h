@@ -1,4 +1,4 @@
-// The lights of a glossy chain as a place beside the map's centre sees them.
+// The lights of a glossy chain as seen from a place beside the map's centre.
 #pragma once
 
 #include <algorithm>
@@ -9,12 +9,12 @@
 
 namespace fastibl {
 
-// Turned, and as large and strong as their distance makes them. Which levels hold them stays as it
-// is.
+// The lights turned, and as large and strong as their distance makes them. Which levels hold them
+// does not change.
 struct SeenLights {
   float x[kMaxLights], y[kMaxLights], z[kMaxLights], variance[kMaxLights], gain[kMaxLights];
 };
-// offset: of three numbers, from the centre; null: as they are there.
+// offset: three numbers, from the centre; null: the lights as seen from the centre.
 FASTIBL_INLINE void see_lights(const LightArrays& lights, const float* offset, SeenLights& seen) {
   if (!offset) {
     for (int i = 0; i < kMaxLights; ++i) {
@@ -32,12 +32,12 @@ FASTIBL_INLINE void see_lights(const LightArrays& lights, const float* offset, S
   }
 }
 
-// How much of each light the look-ups near it leave to be added: left / near.
+// The share of each light that the look-ups near it leave to be added: left / near.
 struct LightsLeft {
   float near[kMaxLights] = {}, left[kMaxLights] = {};
 };
-// One more look-up. x, y, z: of the lights, as `direction` is given; spread: its standard deviation
-// squared.
+// Adds one look-up. x, y, z: directions of the lights, in the frame of `direction`; spread: the
+// square of the look-up's standard deviation.
 FASTIBL_INLINE void add_look_up(const LightArrays& lights, const float* x, const float* y,
                                 const float* z, const float* variance, const glm::vec3& direction,
                                 float spread, float level, float weight, LightsLeft& sums) {

@@ -1,15 +1,15 @@
-// How a user wants the shadow drawn, beside how it falls.
+// How a user wants the shadow to be drawn, as opposed to how it falls.
 #pragma once
 
 #include "fastibl/core/vector.h"
 
 namespace fastibl {
 
-// The defaults draw what is measured. The ratio that is drawn is 1 − strength (1 − ratio)(1 −
-// color), which stays in [0, 1].
+// The defaults draw what is measured. The ratio that is drawn is
+// 1 − strength (1 − ratio)(1 − color), which stays in [0, 1].
 struct ShadowLook {
   float strength = 1;     // 0: none
-  glm::vec3 color{0.0f};  // linear: what is left of the plane's light where nothing lights it
+  glm::vec3 color{0.0f};  // linear: what is left of the plane's light in full shadow
 
   void validate() const;  // throws for a value outside [0, 1], or NaN
   bool changes() const { return *this != ShadowLook{}; }

@@ -1,4 +1,4 @@
-// A shadow map made ready for many points: a picture looks it up at every pixel of the plane.
+// A shadow map prepared for many look-ups: a picture looks it up at every pixel of the plane.
 #pragma once
 
 #include <span>
@@ -10,24 +10,25 @@
 
 namespace fastibl {
 
-// Keeps nothing of the map it is made from. Making it costs about 1 ns a texel, a look-up as much.
+// Keeps no reference to the map it is made from. Making it costs about 1 ns a texel, a look-up as
+// much.
 class ShadowLookUp {
  public:
   explicit ShadowLookUp(const ShadowMap& map);
-  // The bits of ShadowMap::sample at each point.
+  // At each point the same bits as ShadowMap::sample.
   void sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;
   bool empty() const { return levels_.empty(); }  // the ratio is 1 everywhere
   // As those of the map.
   glm::vec2 centre() const { return centre_; }
   float reach() const { return reach_; }
 
-  // Codes of a texel and of the one below it, red to blue; the last pair is none.
+  // Codes of a texel and of the one below it, red to blue; the last pair is unused.
   struct alignas(16) Column {
     std::int16_t code[4][2];
   };
   struct Level {
     ShadowPlace place;
-    std::vector<Column> columns;  // size + 1 a row: the last one twice
+    std::vector<Column> columns;  // size + 1 a row: the last one is repeated
   };
 
  private:

@@ -20,8 +20,8 @@ inline void check_room(std::span<const glm::vec2> points, std::span<glm::vec3> r
         ", got ", ratios.size());
 }
 
-// A channel in which the plane has less irradiance has none: times a radiance of at most 1e9, the
-// inverse would overflow.
+// A channel in which the plane has less irradiance counts as unlit: the inverse times a radiance of
+// at most 1e9 would overflow.
 inline constexpr float kLeastIrradiance = 1e-28f;
 
 // Ratio of the light on the plane z = 0 with and without the object, RGB in [0, 1].
@@ -30,11 +30,12 @@ struct ShadowMap {
                        // 0 is y min
   glm::vec2 centre{0};  // metres, marker frame
   float extent = 0;     // half the edge in metres
-  // Of the plane around it, coarser, with the same centre: shadows end by its border. May be empty.
+  // A coarser map of the plane around it, with the same centre: shadows end by its border. May be
+  // empty.
   Image<float> outer;
   float outer_extent = 0;
-  // Of where a compact light casts its shadow, finer, within the others; all light is in it. May be
-  // empty.
+  // A finer map of where a compact light casts its shadow, within the others; it includes all
+  // light. May be empty.
   Image<float> fine;
   glm::vec2 fine_centre{0};
   float fine_extent = 0;
@@ -44,11 +45,11 @@ struct ShadowMap {
 
   float reach() const { return outer.empty() ? extent : outer_extent; }  // outside the ratio is 1
 
-  // Bilinear within 2e-5 of the range, in the finest map that has the point; 1 for NaN.
+  // Bilinear, within 2e-5 of the range, in the finest map that contains the point; 1 for NaN.
   glm::vec3 sample(glm::vec2 point) const;
   // The same at many points; for parts of one picture see ShadowLookUp.
   void sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;
-  // In `outer`, whatever the finer map has there.
+  // Samples `outer`, whatever the finer map has there.
   void sample_outer(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;
   bool operator==(const ShadowMap&) const = default;
 };

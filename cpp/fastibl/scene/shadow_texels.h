@@ -1,5 +1,5 @@
-// How a shadow map is read between its texels: in whole numbers, so that four texels are blended by
-// one instruction, and one point and many give the same bits.
+// How a shadow map is read between its texels: in whole numbers, so that one instruction blends
+// four texels, and look-ups of one point and of many give the same bits.
 #pragma once
 
 #include <algorithm>
@@ -11,8 +11,8 @@
 
 namespace fastibl {
 
-// A ratio of 0 … 1, or a share of another range, is kept as −2^14 … 2^14, within 1.6e-5; weights
-// sum to 2^14. Then a blend of equal texels is exact, 0 and 1 too, and no sum exceeds 2^28.
+// A ratio of 0 … 1, or a share of another range, is stored as −2^14 … 2^14, within 1.6e-5; weights
+// sum to 2^14. So a blend of equal texels is exact, 0 and 1 too, and no sum exceeds 2^28.
 inline constexpr int kRatioSteps = 1 << 15, kWeightBits = 14, kWeightSteps = 1 << kWeightBits;
 
 inline std::int16_t ratio_code(float share_of_range) {
@@ -20,12 +20,12 @@ inline std::int16_t ratio_code(float share_of_range) {
   constexpr float kMost = kRatioSteps / 2;
   return std::int16_t(std::lrint(std::max(-kMost, std::min(code, kMost))));
 }
-// The product is exact, so that this is a fused one's result, too.
+// The product is exact, so a fused multiply-add gives the same result.
 inline constexpr float kRatioUnit = 1.0f / (float(kRatioSteps) * float(kWeightSteps));
 inline float ratio_of_sum(std::int32_t sum) { return float(sum) * kRatioUnit + 0.5f; }
 
-// One image of a shadow map on the plane. A point p is at p · scale + shift in 2^-14 of a texel,
-// the centre of texel (i, j) at (i, j).
+// One image of a shadow map on the plane. A point p is at p · scale + shift in units of 2^-14
+// texel; the centre of texel (i, j) is at texel coordinates (i, j).
 struct ShadowPlace {
   int size = 0;     // texels along an edge, up to 2^13
   float range = 1;  // of the map: ratios are kept as shares of it
@@ -39,7 +39,7 @@ struct ShadowPlace {
     shift_y = float((middle - double(centre.y) * texels) * kWeightSteps);
   }
   int last() const { return (size - 1) << kWeightBits; }
-  static constexpr int kBorder = kWeightSteps / 2;  // inside reaches that far beyond the centres
+  static constexpr int kBorder = kWeightSteps / 2;  // inside() reaches so far beyond the centres
   bool inside(int x, int y) const {
     return std::min(x, y) > -kBorder && std::max(x, y) < last() + kBorder;
   }
@@ -53,7 +53,7 @@ struct ShadowTexels {
 };
 
 inline ShadowTexels shadow_texels(const ShadowPlace& place, glm::vec2 point) {
-  // As the processor rounds; what has no whole number is outside.
+  // Rounds as the processor does; values too large for that, and NaN, are outside.
   const auto whole = [](float v) {
     return std::fabs(v) < 0x1p30f ? int(std::lrint(v)) : -(1 << 30);
   };
@@ -68,7 +68,7 @@ inline ShadowTexels shadow_texels(const ShadowPlace& place, glm::vec2 point) {
           {{kWeightSteps - fx - fy + both, fx - both}, {fy - both, both}}};
 }
 
-// Bilinear; false outside the image.
+// Bilinear look-up; false outside the image.
 inline bool sample_shadow(const Image<float>& image, const ShadowPlace& place, glm::vec2 point,
                           glm::vec3& out) {
   if (image.empty()) return false;

@@ -7,15 +7,15 @@
 
 namespace fastibl {
 
-// Cells of an OctahedralGrid in the mesh's frame, above the tangent plane of each vertex, that the
-// object blocks: runs along the grid's curve. What is blocked has few edges, so that runs are short
-// to store, and with sums along the curve short to add up. Surfaces that are seen from behind have
-// all vertices once more, after the others, with the normals reversed.
+// For each vertex, the cells of an OctahedralGrid in the mesh's frame, above the vertex's tangent
+// plane, that the object blocks, as runs along the grid's curve. Blocked regions have few edges, so
+// that runs are short to store and, with sums along the curve, quick to add up. Surfaces that are
+// seen from behind have all vertices once more, after the others, with the normals reversed.
 struct VertexVisibility {
   int size = 0;  // cells along an edge of the grid; 0: nothing is known
   int sides = 1;
-  std::vector<std::uint32_t> first;  // of each vertex, in `edges`, and one more at the end
-  std::vector<std::uint16_t> edges;  // first cell of a run, first behind it, and so on
+  std::vector<std::uint32_t> first;  // where each vertex begins in `edges`, and one more at the end
+  std::vector<std::uint16_t> edges;  // first cell of a run, first one after it, and so on
 
   std::size_t entries() const { return first.empty() ? 0 : first.size() - 1; }
   std::size_t vertex_count() const { return entries() / std::size_t(sides); }

@@ -11,7 +11,7 @@ class WideLens {
  public:
   explicit WideLens(const Camera& camera);  // throws std::invalid_argument for a perspective one
 
-  // As Camera's.
+  // Like those of Camera.
   std::optional<glm::dvec2> project(const glm::dvec3& point) const;
   std::optional<glm::dvec3> unproject(const glm::dvec2& pixel) const;
 
@@ -19,7 +19,7 @@ class WideLens {
   double fx_, fy_, cx_, cy_;
   double k_[4] = {};
   bool fisheye_;
-  double limit_;  // radians from the axis, up to which a fisheye's model grows, and it sees
+  double limit_;  // radians from the axis up to which a fisheye's model grows and the camera sees
 };
 
 }  // namespace fastibl
