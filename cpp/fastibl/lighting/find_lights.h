@@ -13,18 +13,18 @@ struct FoundLight {
   std::vector<TakenTexel> parts;
 };
 
-// Of the frame before, on a level of the same size.
+// The lights of the frame before, and its level, of the same size.
 struct LightsBefore {
   std::span<const Light> lights;
   const CubeLevel& level;
 };
 
-// At most `count` lights: discs of up to 7° that hold what is brighter than four times the map's
-// mean. level: working_level() of the map, the map only refines directions.
-// Without a frame before they change continuously with the map. Its lights are followed; what
-// appeared or went since then belongs to its light at once, while the rest of what a light holds
-// grows, fades and gives room to stronger ones by a 25th from map to map. Where fewer are asked for
-// than there were, the others fade first.
+// Finds at most `count` lights: discs of up to 7° that hold what is brighter than four times the
+// map's mean. level: working_level() of the map; the map itself only refines directions.
+// Without a frame before, the lights change continuously with the map. With one, its lights are
+// followed: what appeared or went since then belongs to its light at once, while the rest of what a
+// light holds grows, fades and gives room to stronger lights by a 25th from map to map. Where fewer
+// are asked for than there were, the others fade first.
 std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level,
                                     int count = kMaxLights, const LightsBefore* before = nullptr);
 

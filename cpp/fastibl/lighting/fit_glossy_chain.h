@@ -1,4 +1,4 @@
-// From a map to the chain that glossy surfaces are looked up in.
+// From a map to the chain in which glossy surfaces are looked up.
 #pragma once
 
 #include <memory>
@@ -13,13 +13,13 @@ namespace fastibl {
 // texels.
 CubeLevel working_level(const CubeMap& map);
 
-// source: working_level(*map). lights: of find_lights(), taken out as far as the levels are wider
-// than them.
+// source: working_level(*map). lights: from find_lights(); they are taken out of the levels as far
+// as these are wider than the lights.
 std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map,
                                               const CubeLevel& source,
                                               std::span<const FoundLight> lights);
 
-// What is left of `source` when lights are taken out whole.
+// What is left of `source` when the lights are taken out whole.
 CubeLevel without_lights(const CubeLevel& source, std::span<const TakenTexel> taken);
 
 }  // namespace fastibl

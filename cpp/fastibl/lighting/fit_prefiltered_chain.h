@@ -1,4 +1,5 @@
-// The chain of round lobes by exact sums at a finer resolution, for environments that stay.
+// The chain of round lobes by exact sums at a finer resolution, for environments that do not
+// change.
 #pragma once
 
 #include <memory>
@@ -7,8 +8,8 @@
 
 namespace fastibl {
 
-// The lobes of GlossyChain's levels, each within 0.2 % of the sum over the map and four texels to a
-// standard deviation; no light is taken out. 20 to 100 ms, against 1 ms of fit_glossy_chain().
+// The lobes of GlossyChain's levels, each within 0.2 % of the sum over the map and with four texels
+// per standard deviation; no light is taken out. Takes 20 to 100 ms; fit_glossy_chain() takes 1 ms.
 std::shared_ptr<GlossyChain> fit_prefiltered_chain(std::shared_ptr<const CubeMap> map);
 
 }  // namespace fastibl

@@ -1,11 +1,11 @@
-// What is summed over a folded map once: harmonics, and the irradiance of the marker plane.
+// Single sums over a folded map: the harmonics, and the irradiance of the marker plane.
 #pragma once
 
 #include "fastibl/lighting/octant_grid.h"
 
 namespace fastibl {
 
-// E(z), on the marker plane.
+// E(z), the irradiance of the marker plane.
 glm::dvec3 plane_irradiance(const FoldedMap& map);
 
 // Radiance coefficients L_lm of real spherical harmonics, order 00 1−1 10 11 2−2 2−1 20 21 22,

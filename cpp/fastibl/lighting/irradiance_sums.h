@@ -5,12 +5,12 @@
 
 namespace fastibl {
 
-// At the centres of a cube map's texels, with its border. The weights of the texels are divided by
-// their sum, so that a constant map gives π everywhere; never negative.
+// The irradiance at the centres of a cube map's texels, border included. The weights of the texels
+// are divided by their sum, so that a constant map gives π everywhere; never negative.
 CubeLevel irradiance_cube(const FoldedMap& map, int size);
 
 // The part of the irradiance that is even under n → −n, ½ ∫ L |n·w| dw, at the nodes of an octant
-// and at their images in x, y and z.
+// and at their mirror images in x, y and z.
 std::vector<std::array<glm::vec3, 4>> even_irradiance(const FoldedMap& map,
                                                       const OctantGrid& nodes);
 

@@ -1,5 +1,5 @@
 // Lobes around a direction, as prefiltered maps hold them: the view is taken along the normal, so
-// that a lobe depends on the angle to that direction alone.
+// that a lobe depends only on the angle to that direction.
 #pragma once
 
 #include <string_view>

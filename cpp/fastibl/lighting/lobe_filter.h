@@ -8,8 +8,8 @@
 
 namespace fastibl {
 
-// Six faces side by side with a margin of the neighbouring faces' own texels around each, so that
-// what lies around a texel is read in rows: texel (x, y) of all faces is one block of 24 floats,
+// The six faces side by side, each with a margin of its neighbours' texels, so that the
+// surroundings of a texel are read in rows: texel (x, y) of all faces is one block of 24 floats,
 // face by face, the last six unused.
 class PaddedFaces {
  public:
@@ -25,8 +25,8 @@ class PaddedFaces {
 };
 
 // Weights of the lobe ((1 + cos δ)/2)^{e/2} cos δ times the solid angles of the texels, summing to
-// 1, for the texels of one face: the cube's faces are alike. Texels beyond 3.3 standard deviations
-// are left out (0.4 % of the lobe).
+// 1, for the texels of one face, since all faces of the cube are alike. Texels beyond 3.3 standard
+// deviations are left out (0.4 % of the lobe).
 class LobeFilter {
  public:
   LobeFilter(int size, float exponent);
@@ -37,7 +37,7 @@ class LobeFilter {
     std::int32_t first, count;  // blocks of PaddedFaces
   };
   int size_;
-  std::vector<std::int32_t> begin_;  // of each texel's runs; one more at the end
+  std::vector<std::int32_t> begin_;  // first of each texel's runs; one more at the end
   std::vector<std::int32_t> weight_begin_;
   std::vector<Run> runs_;
   std::vector<float> weights_;
@@ -51,7 +51,7 @@ class WideLobeFilter {
 
  private:
   int source_size_, size_;
-  std::vector<float> weights_;  // source texels of each target texel
+  std::vector<float> weights_;  // of all source texels, for each target texel
 };
 
 }  // namespace fastibl

@@ -1,5 +1,5 @@
-// The texels of all levels of a cube as a quadtree, from which each lobe picks the coarsest that
-// keep the error: texels far from the lobe's middle, and in smooth parts of the map, stand for
+// The texels of all levels of a cube as a quadtree, from which each lobe picks the coarsest texels
+// that keep the error: texels far from the lobe's middle, and in smooth parts of the map, stand for
 // many.
 #pragma once
 
@@ -16,20 +16,20 @@ struct QuadtreeLevel {
   int size;
   const CubeLevel* radiance;
   float reach;  // largest angle between a texel's middle and a corner
-  // Of the texels of one face, all faces alike, in the face's frame (s, t, major axis): the mean
-  // direction, (1 − its length²)/2, and the solid angle.
+  // For the texels of one face (all faces are alike), in the face's frame (s, t, major axis): the
+  // mean direction, (1 − its length²)/2, and the solid angle.
   std::vector<float> x, y, z, deficit, angle;
-  // Of all 6 n² texels, the largest among the 48 images, in units of the map's mean radiance: what
-  // a texel's unevenness can do, √ω Σ ω |L − mean| over the finest texels below; and its flux ω L,
-  // at least ω.
+  // For all 6 n² texels the largest among the 48 images, in units of the map's mean radiance: the
+  // effect that a texel's unevenness can have, √ω Σ ω |L − mean| over the finest texels below it;
+  // and its flux ω L, at least ω.
   std::vector<float> unevenness, flux;
 };
 
 // The levels of a map from the finest on, as long as four texels make one.
 class CubeQuadtree {
  public:
-  // The finest level has at least `finest` texels along an edge, which are pieces of the map's own
-  // where it has fewer or not a power of two.
+  // The finest level has at least `finest` texels along an edge. They are pieces of the map's own
+  // texels where the map has fewer, or not a power of two.
   CubeQuadtree(std::shared_ptr<const CubeMap> map, int finest);
 
   const CubeMap& map() const { return *map_; }
@@ -61,7 +61,8 @@ struct ChoiceLimits {
 TexelChoice choose_texels(const CubeQuadtree& tree, const LobeTable& lobe, glm::vec3 direction,
                           float spread, const ChoiceLimits& limits);
 
-// A map of `size` that holds each texel as an area of its value, in pieces: energy is kept.
+// A map of `size` in which each texel of the given one is an area of its value, in pieces: energy
+// is kept.
 CubeMap resampled(const CubeMap& map, int size);
 
 }  // namespace fastibl

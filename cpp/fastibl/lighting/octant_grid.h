@@ -1,6 +1,6 @@
 // The texels of a cube map by octants: the seven mirror images of a texel in the coordinate planes
 // are texels too, so sums over the sphere are sums over one octant of eight radiances each. Private
-// to the room.
+// to lighting.
 #pragma once
 
 #include <array>
@@ -18,29 +18,31 @@ struct OctantGrid {
   // Solid angle times 1, x y, y z, 3 z² − 1, x z, x² − y²: the even harmonics up to order 2.
   std::array<std::vector<float>, 6> even_harmonics;
   std::vector<float> projected;  // solid angle times z
-  // Where the mirror images are, counted from CubeLevel::face(0): bit 0 mirrors x, 1 y, 2 z.
+  // The mirror images, counted from CubeLevel::face(0); bit 0 of the index mirrors x, 1 y, 2 z.
   std::array<std::vector<int>, 8> texels;
 };
 
 // Made once for each size and kept. An odd size has texels on the coordinate planes, which are
-// their own mirror images: right for where sums are wanted, not for what is summed.
+// their own mirror images: right for the places where sums are wanted, not for the texels that are
+// summed.
 const OctantGrid& octant_grid(int size);
 
-// Radiance of a level, folded. Only what is even under w → −w is kept; what is odd acts on the
-// irradiance through `vector` alone, because max(c, 0) − max(−c, 0) = c.
+// The radiance of a level, folded. Only its part that is even under w → −w is kept; the odd part
+// acts on the irradiance only through `vector`, because max(c, 0) − max(−c, 0) = c.
 struct FoldedMap {
   const OctantGrid* grid;
-  // [sign pattern][channel][texel]. With L' the sum of a texel's radiance and its antipode's, and
-  // the images in x, y and z of an octant's texel: L' ± L'x ± L'y ± L'z with the signs of kSigns.
+  // [sign pattern][channel][texel]. With L' the sum of a texel's radiance and its antipode's, for
+  // an octant's texel and its images in x, y and z: L' ± L'x ± L'y ± L'z with the signs of kSigns.
   std::array<std::array<std::vector<float>, 3>, 4> radiance;
   std::array<glm::dvec3, 3> vector;  // ∫ L w dw: RGB of its x, y and z
 };
 // Signs of the images (itself, in x, in y, in z) in each pattern: the characters of the group that
-// the mirror images form when antipodes are one. 1, yz, xz and xy have these symmetries.
+// the mirror images form when antipodes count as one. The functions 1, yz, xz and xy have these
+// symmetries.
 inline constexpr int kSigns[4][4] = {{1, 1, 1, 1}, {1, 1, -1, -1}, {1, -1, 1, -1}, {1, -1, -1, 1}};
 
-// Of the level that is at most `size` wide; smaller levels are cut into texels of an even size
-// ≥ 16. The vector is summed over the 64² level.
+// Folds the level that is at most `size` wide. A level that is smaller than 16, or odd, has its
+// texels cut so that the size is even and ≥ 16. The vector is summed over the 64² level.
 FoldedMap fold(const CubeMap& radiance, int size);
 
 }  // namespace fastibl

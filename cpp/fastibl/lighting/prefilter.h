@@ -1,5 +1,5 @@
-// Maps convolved with a lobe, one a roughness, for renderers that look them up: the exact lobe
-// summed over the map's solid-angle levels, finely where it matters.
+// Maps convolved with a lobe, one for each roughness, for renderers that look them up: the exact
+// lobe summed over the map's solid-angle levels, finely where it matters.
 #pragma once
 
 #include <memory>
@@ -18,12 +18,12 @@ struct PrefilterLevel {
 };
 struct PrefilterOptions {
   LobeModel model = LobeModel::ggx;
-  // Mean error of a level, by its mean, that real maps stay below; what is left out of the lobe is
-  // counted in energy, brightest texels of the map included.
+  // Mean error of a level, relative to its mean, that real maps stay below. What is left out of the
+  // lobe is counted in energy, brightest texels of the map included.
   double error = 0.002;
 };
-// One map a level. Throws for a parameter outside the model's range, size < 1 or error not in (0,
-// 1).
+// Returns one map per level. Throws for a parameter outside the model's range, size < 1 or an error
+// that is not in (0, 1).
 std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
                                std::span<const PrefilterLevel> levels,
                                const PrefilterOptions& options = {});

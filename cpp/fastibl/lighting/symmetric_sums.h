@@ -9,14 +9,14 @@
 
 namespace fastibl {
 
-// Values of one texel's images: channel by channel, one image of kCubeSymmetries after the other.
+// Values of one texel's images: channel by channel, its kCubeSymmetries images one after the other.
 struct alignas(64) SymmetricTexel {
   float values[3][kCubeSymmetries];
 };
 
-// Adds Σ weight · value over texels[slots[i]] to `sums` for each of `outputs` weights of a texel.
+// For each of a texel's `outputs` weights, adds Σ weight · value over texels[slots[i]] to `sums`.
 // weights: slots.size() rows of kOutputs. Sums are taken in parts of 64 texels, so that rounding
-// errors grow with the number of parts. outputs: at most kOutputs.
+// errors grow only with the number of parts. outputs: at most kOutputs.
 inline constexpr int kOutputs = 16;
 void add_symmetric_sums(std::span<const SymmetricTexel> texels,
                         std::span<const std::uint32_t> slots, const float* weights, int outputs,
