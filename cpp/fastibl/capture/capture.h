@@ -34,26 +34,27 @@ namespace fastibl {
 
 struct CaptureOptions {
   int size = 128;              // face edge of the map in texels
-  std::optional<Board> board;  // its page is masked: the plane there is filled from around it
+  std::optional<Board> board;  // its page is masked, and the plane there is filled from around it
   glm::dvec3 centre{0, 0,
                     0.05};  // metres, z > 0: where the object stands, from which the plane is seen
-  // Metres from `centre` to what is seen above the horizon: light from there is put where the
+  // Metres from `centre` to what is seen above the horizon: light from there is placed where the
   // object sees it, not where the camera does. Infinite: all light is distant.
   double distance = std::numeric_limits<double>::infinity();
   std::optional<RoomBox> box;  // instead of `distance`: the room's walls, around `centre`
-  // Whether lights that several pictures show are triangulated, and put where the object sees them.
+  // Whether lights that several pictures show are triangulated and placed where the object sees
+  // them.
   bool locate_lights = true;
-  // A map of the place from before, whose sky stands for what no picture has seen, as bright as
-  // what was seen of it says. Null for none.
+  // An earlier map of the place. Its sky stands for what no picture has seen, made as bright as the
+  // part that was seen says. Null for none.
   std::shared_ptr<const CubeMap> prior;
-  // Whether pictures that are off by one factor all over are taken for wrongly exposed at first:
-  // see ExposureDoubt. Of perspective cameras.
+  // Whether pictures that are off by one factor all over are first taken for wrongly exposed: see
+  // ExposureDoubt. For perspective cameras.
   bool doubt_exposures = false;
-  // Largest factor by which texels above the horizon that clipped in every exposure are made
-  // brighter, until the map lights the plane as the board's white shows it; 1: not at all. For
+  // Texels above the horizon that clipped in every exposure are made brighter, by at most this
+  // factor, until the map lights the plane as the board's white shows it; 1: not at all. For
   // cameras with one exposure: see boost_of().
   double most_boost = 1;
-  double paper_albedo = 0.85;  // of the board's white, by which it is a light meter
+  double paper_albedo = 0.85;  // of the board's white, which serves as a light meter
   double plane_albedo = 0.5;   // of the plane where no camera saw it: radiance albedo · E(z)/π
 };
 
@@ -61,53 +62,53 @@ struct CaptureOptions {
 // comes from `distance`; below it a texel is the point of the opaque marker plane that `centre`
 // sees there.
 //
-// Each channel of a texel is a value with a variance (a Kalman filter per texel): noise of the
-// sensor and of quantisation, grown with time, decide how much a new sample counts; a sample that
-// contradicts the value replaces it. A clipped sample is a lower bound: it raises a value below it,
-// agrees with one above it and never lowers it.
+// Each channel of a texel is a value with a variance (a Kalman filter per texel). The noise of the
+// sensor and of quantisation, and the variance's growth with time, decide how much a new sample
+// counts; a sample that contradicts the value replaces it. A clipped sample is a lower bound: it
+// raises a value below it, agrees with a value above it and never lowers one.
 //
 // A tile that a picture could hardly improve, and that agrees with it, is left out for up to five
-// pictures: see QuietTiles. Its texels then count as last seen when they were last taken.
+// pictures: see QuietTiles. Its texels then count as last seen when they were last updated.
 class Capture {
  public:
   explicit Capture(
       CaptureOptions options = {});  // throws std::invalid_argument for options out of range
 
-  // exposure: nothing where it is not known: the map then tells, see Taken.
-  // time: seconds, not decreasing. mask: one byte a pixel, 0 where the picture shows what is not
-  // part of the place; empty for none. last_row: the pose when the picture's last row was taken,
-  // where a rolling shutter reads it; camera_from_marker is then that of the first row (of fisheye
-  // and 360° cameras the pose half-way is used). Throws
+  // Takes a picture into the map.
+  // exposure: std::nullopt if it is not known; the map then gives it, see Taken. time: seconds, not
+  // decreasing. mask: one byte a pixel, 0 where the picture shows what is not part of the place;
+  // empty for none. last_row: for a rolling shutter, the pose when the picture's last row was
+  // taken; camera_from_marker is then that of the first row (for fisheye and 360° cameras the pose
+  // half-way is used). tint: by channel, a known factor on the exposure, for another camera's white
+  // balance and scale. plane: false if the camera's place is a guess; what was seen of the plane
+  // otherwise then stays. number: distinguishes cameras with the same parameters. Throws
   // std::invalid_argument for a picture or mask of another size than the camera's, an exposure that
-  // is not positive and finite, or a time before the last one. tint: by channel, a known factor on
-  // the exposure: of another camera's white balance and scale. plane: false where the place of the
-  // camera is a guess: what was seen of the plane otherwise stays. number: tells cameras apart
-  // whose parameters are the same.
+  // is not positive and finite, or a time before the last one.
   Taken add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
             std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask = {},
             const std::optional<Pose>& last_row = {}, const glm::dvec3& tint = glm::dvec3(1),
             bool plane = true, int number = 0);
 
-  // The marker was turned: what is above the horizon turns with new_from_old, and lights are to be
-  // located anew; the plane is forgotten.
+  // For when the marker was turned: what is above the horizon turns with new_from_old, lights must
+  // be located anew, and the plane is forgotten.
   void turn(const glm::dmat3& new_from_old);
 
-  // The map at the time of the last picture, without holes: unseen texels take a mean of what
-  // was seen near them on their side of the horizon, at confidence 0 and up to a second late.
-  // Only what changed since an earlier map that nobody holds any more is made anew in its place.
+  // The map at the time of the last picture, without holes: unseen texels take a mean of what was
+  // seen near them on their side of the horizon, at confidence 0 and up to a second late. An
+  // earlier map that nobody holds any more is reused: only what changed since then is made anew.
   std::shared_ptr<const Environment> environment();
 
-  // The exposure with which a perspective camera there tells most of what the map lacks: shorter
-  // ones where texels were never seen without clipping, longer ones where they are dark and noisy.
-  // Throws std::invalid_argument for another camera, or a range that is none. In map_lacks.cpp.
+  // The exposure with which a perspective camera at this pose shows most of what the map lacks:
+  // shorter where texels were never seen without clipping, longer where they are dark and noisy.
+  // Throws std::invalid_argument for another camera model, or an invalid range. In map_lacks.cpp.
   double next_exposure(const Camera& camera, const Pose& camera_from_marker,
                        const ExposureRange& range) const;
 
   int size() const { return options_.size; }
   const glm::dvec3& centre() const { return options_.centre; }
   double time() const { return time_; }
-  // How often what a camera that tells no exposure had shown was made brighter or darker as a
-  // whole, so that the sky lights the board as its white says.
+  // How often everything that a camera without told exposures had shown was made brighter or darker
+  // as a whole, so that the sky lights the board as its white says.
   int mended() const { return mended_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
   std::vector<double> last_seen() const;
@@ -124,8 +125,8 @@ class Capture {
     PixelReader pixels(const Picture& picture) const { return {picture, camera.response, bytes}; }
     Camera camera;
     int number = 0;
-    std::int64_t used = 0;              // when, in pictures
-    int first = 0;                      // the how-many-th camera, from 1
+    std::int64_t used = 0;              // when it was last used, counted in pictures
+    int first = 0;                      // the camera's number in order of appearance, from 1
     bool side = false;                  // of a wide picture
     std::vector<float> pixel_vignette;  // of a WideSide, or empty
     Lens lens;
@@ -152,52 +153,56 @@ class Capture {
   struct View;  // of one picture
   KnownCamera& known(const Camera& camera, int number);
   KnownWide& known_wide(const Camera& camera, int number);
-  // The one with these parameters; null if there is none, and then there is room for another.
+  // The camera with these parameters; null if there is none, and then there is room for another.
   template <typename Known>
   Known* find_known(std::vector<Known>& all, const Camera& camera, int number);
-  // Of a perspective picture: adds tiles that changed; false if the map holds nothing of it.
+  // Takes a perspective picture: appends the tiles that changed; false if the map holds none of it.
   bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
             const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
             std::vector<int>& changed);
-  // Camera frame, nothing beyond the lens model: of the middles of a picture's parts that are
-  // compared with the map. In probe_level.cpp, as is what appends those that it knows.
+  // Rays (camera frame) through the middles of the picture's parts that are compared with the map;
+  // std::nullopt beyond the lens model. In probe_level.cpp, like probe_level(), which appends those
+  // that the map knows.
   static std::vector<std::optional<glm::dvec3>> probe_rays(const Camera& camera, const Lens& lens);
   void probe_level(const Picture& picture, const KnownCamera& camera,
                    const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask,
                    std::vector<LevelProbe>& probes) const;
-  // All of the map may be wrong by so much, ln.
+  // Notes that all of the map may be wrong by this much, ln.
   void distrust(double change);
-  // In camera_scale.cpp. That a picture has with which the sky, were it all as bright as the
-  // picture, lit the plane as the board's white says; 1 where that was not seen.
+  // In camera_scale.cpp. The exposure of a picture with which the sky, if it were all as bright as
+  // the picture, would light the plane as the board's white says; 1 if the white was not seen.
   double assumed_exposure(const Picture& picture, const Camera& camera) const;
-  // Relative error of the irradiance where a camera's scale was assumed: by the board's white.
+  // Relative error of the irradiance, by the board's white, where a camera's scale was assumed.
   double scale_error() const;
-  // The scale of what a tile shows: these, or the one assumed of a camera, by KnownCamera::first.
+  // The scale of what a tile shows: one of these, or that assumed for a camera
+  // (KnownCamera::first).
   static constexpr int kNoScale = 0, kOwnScale = -1;
-  // Of tiles that a picture changed: by which camera, if in a scale that was assumed, else 0.
+  // Notes the scale of tiles that a picture changed. assumed_of: its camera if the camera's scale
+  // was assumed, else 0.
   void note_scales(const std::vector<int>& tiles, int assumed_of, bool untold);
-  // The board's white was read in pictures of that camera: what it showed is in its scale.
+  // For when the board's white was read in that camera's pictures: what it showed is in its own
+  // scale.
   void know_scale(int first);
-  // Makes what is in an assumed scale as bright as the board's white says; adds such tiles.
+  // Makes what is in an assumed scale as bright as the board's white says; appends such tiles.
   void mend_scale(std::vector<int>& changed);
   glm::dvec3 seen_sky_irradiance() const;  // of the plane
-  // True if it shows the board's white well enough.
+  // True if the picture shows the board's white well enough.
   bool read_meter(const Picture& picture, KnownCamera& camera, const RowPoses& poses,
                   const Taken& taken);
   void take_changes(const std::vector<int>& changed, int refills);
   // Renews boost_; appends tiles that show it. In capture_map.cpp.
   void boost_lights(std::vector<int>& shown);
   glm::dvec3 boosted_flux() const;
-  // The tile's texels as maps have them, by channel; boosted ones are put into `room`.
+  // The tile's texels by channel, as maps have them; boosted ones are written to `room`.
   std::array<const float*, 3> shown_texels(int tile, std::vector<float>& room) const;
-  // True if it shows the rim of a light.
+  // True if the view shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
   // In locate_lights.cpp.
   void locate_lights(const Picture& picture, KnownCamera& camera,
                      const RowPoses& camera_from_marker, double exposure);
   double mean_radiance() const;
-  // Of what was not seen of a tile, summed over RGB.
+  // Flux of the part of a tile that was not seen, summed over RGB.
   double filled_flux(std::size_t tile) const {
     const glm::dvec3 fill(filled_[tile]);
     return (tile_angle_[tile] - sums_[tile].angle) * (fill.x + fill.y + fill.z);
@@ -209,9 +214,10 @@ class Capture {
   void find_hidden(const KnownCamera& camera, const RowPoses& camera_from_marker);
   void forget_light(const LightPosition& light, const std::vector<int>& moved);
   bool forget_bright(int tile);
-  // Removes from tiles_ what the picture need not give.
+  // Removes from tiles_ the tiles that the picture need not give.
   void leave_out_quiet_tiles(const View& view);
-  // Those of the sky that were seen whole from much nearer to the centre than `far`, metres.
+  // Removes tiles of the sky that were seen whole from much nearer to the centre than `far`,
+  // metres.
   void leave_out_far_tiles(float far);
   void compare_probes(const View& view, const int* tiles, int count);
   // How a rolling shutter shows a tile.
@@ -220,15 +226,15 @@ class Capture {
     float row = 0;       // of that pose
     glm::vec2 drift{0};  // pixels a row by which later poses see the tile elsewhere
   };
-  // Of each of tiles_, from views of all bands.
+  // Finds the roll of each of tiles_, from the views of all bands.
   void find_bands(const std::vector<TexelView>& bands, float height);
   void unroll(const Camera& camera, const Roll& roll, int first, int count,
               Sightings& sightings) const;
-  // Of what was looked at from `first` on.
+  // How the picture shows the tile, from the `count` texels that were looked at from `first` on.
   TileSighting sighting(const View& view, int tile, const Sightings& sightings,
                         const Samples& samples, int first, int count) const;
   bool add_tile(const View& view, int tile);
-  // Asks for memory that is soon worked on.
+  // Prefetch memory that will soon be worked on.
   void prefetch_tile(int tile) const;
   void prefetch_rows(int tile, const CubeMap& map) const;
   void make_levels(int tile);
@@ -265,15 +271,15 @@ class Capture {
   UnseenTiles unseen_;
   std::optional<LightMeter> meter_;
   double metered_ = kNever;                     // seconds
-  std::optional<glm::dvec3> plane_irradiance_;  // that it read last
+  std::optional<glm::dvec3> plane_irradiance_;  // what it read last
   std::vector<int> scales_;                     // by tile
-  double scaled_at_ = 0;  // the share of the sky that was seen when the scale was last looked at
+  double scaled_at_ = 0;  // share of the sky that had been seen when the scale was last checked
   int mended_ = 0;
   LightBoost boost_;
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the mean of unseen texels in the map
-  std::vector<std::uint8_t> stale_fill_;  // where it is no longer that of unseen_
+  std::vector<std::uint8_t> stale_fill_;  // where that no longer agrees with unseen_
   int next_refill_ = 0, pictures_ = 0;
   std::vector<int> new_sums_;  // tiles that unseen_ does not know yet
   TilePyramids pyramids_;
@@ -287,13 +293,13 @@ class Capture {
   std::optional<Camera> last_camera_;
   FrameLevels levels_;
   std::vector<float> most_pixels_;
-  std::vector<int> tiles_;  // that the picture may see
+  std::vector<int> tiles_;  // tiles that the picture may see
   std::vector<Roll> roll_;  // by tile
   std::vector<std::uint8_t> changed_, left_out_;
   std::vector<std::uint8_t> plane_seen_;  // tiles of the plane that were seen from a known place
-  std::vector<float> vantage_;            // by tile: from how far away it was seen last, metres
+  std::vector<float> vantage_;            // by tile: from how far off it was last seen, metres
   std::vector<std::uint8_t> at_rim_;      // tiles that show the rim of a light: read more finely
-  std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, latest first
+  std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, the latest first
 };
 
 }  // namespace fastibl

@@ -1,4 +1,4 @@
-// Sums of 2 × 2 decoded 8-bit pixels: the first and dearest step of a picture's levels.
+// Sums of 2 × 2 decoded 8-bit pixels: the first and most expensive step of a picture's levels.
 #pragma once
 
 #include <array>
@@ -8,8 +8,8 @@
 
 namespace fastibl {
 
-// Codes to linear values in 24 bits, and above them a count of clipped pixels: one sum of four
-// gives both.
+// Maps codes to linear values in 24 bits, with a count of clipped pixels in the bits above: one sum
+// of four gives both.
 struct CodeTable {
   static constexpr int kCountShift = 29;
   static constexpr float kUnit = 16777215;
@@ -22,12 +22,12 @@ struct CodeTable {
   static std::uint32_t count(std::uint32_t sum) { return sum >> kCountShift; }
 };
 
-// Numbers of clipped pixels are kept for three channels in one number, of this many bits each.
+// The numbers of clipped pixels of three channels are kept in one number, in this many bits each.
 inline constexpr int kCountBits = 10;
 
-// Means over `pairs` × 2 × 2 pixels of rows a and b as pixels of four floats: the same bits on
-// every processor. The fourth is 1 where any is clipped; `clipped` gets the numbers.
-// scratch: four a pair.
+// Writes means over `pairs` × 2 × 2 pixels of rows a and b as pixels of four floats, with the same
+// bits on every processor. The fourth float is 1 where any pixel is clipped; `clipped` gets the
+// numbers of those. scratch: four values a pair.
 void decode_pairs(const CodeTable& table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
                   std::uint32_t* scratch, float* pixels, std::uint32_t* clipped);
 

@@ -5,10 +5,10 @@
 
 namespace fastibl {
 
-// The median over normals of the relative error of the irradiance: what is expected, and the ends
-// of an interval that holds it nine times in ten. Powers of what was not seen, fitted to films of
-// four real places; the interval's width to seven and a room. See ./dev goals capture --only
-// predicted.
+// The median over normals of the relative error of the irradiance: the expected value, and the ends
+// of an interval that contains it nine times in ten. These are powers of what was not seen, fitted
+// to films of four real places; the interval's width is fitted to seven places and a room. See
+// ./dev goals capture --only predicted.
 ErrorInterval expected_error(const MapKnowledge& knowledge);
 
 }  // namespace fastibl

@@ -1,4 +1,4 @@
-// Light over a tile that runs evenly over to the tiles around it.
+// Light over a tile that runs smoothly into the tiles around it.
 #pragma once
 
 #include <array>
@@ -10,12 +10,12 @@
 
 namespace fastibl {
 
-// Nine values, row by row: in the corners, in the middles of the edges, and in the tile's own.
+// Nine values, row by row: at the corners, at the middles of the edges, and at the tile's middle.
 // Bilinear between them.
 struct FillPatch {
   std::array<glm::vec3, 9> values{};
 
-  glm::vec3 mean() const;  // where all are the same, the same bits
+  glm::vec3 mean() const;  // where all values are the same, exactly that value
 };
 
 // Writes a patch to the texels of a tile, row by row, by channel. last_seen: only texels that were
@@ -23,8 +23,8 @@ struct FillPatch {
 void lay_patch(const FillPatch& patch, const FaceRect& tile, const double* last_seen,
                float* const channels[3]);
 
-// Which tiles meet where a patch has its values: one in the middle, two at an edge, four in a
-// corner, of the cube three.
+// Which tiles meet at the places of a patch's values: one in the middle, two at an edge, four at a
+// corner, three at a corner of the cube.
 class TileMeetings {
  public:
   explicit TileMeetings(TileGrid grid);

@@ -7,11 +7,12 @@
 
 namespace fastibl {
 
-// Levels that footprints of up to this many pixels read.
+// Number of levels that footprints of up to this many pixels read.
 int levels_for(float most_pixels);
-// Fills `linear`, `clipped` and `any_clipped` of `samples` where texels were seen. light: linear
-// value. A group of texels at the rim of what is brighter is read more finely, and so is one of
-// which an other exposure told that: footprints of one shape agree. True if this picture tells it.
+// Fills `linear`, `clipped` and `any_clipped` of `samples` where texels were seen. light: a linear
+// value. A group of texels at the rim of something brighter than that is read more finely, and so
+// is one for which another exposure showed this (`fine`): footprints of one shape agree. True if
+// this picture shows it.
 bool sample_footprints(const FrameLevels& levels, const Sightings& sightings, int count,
                        float light, bool fine, Samples& samples);
 

@@ -11,8 +11,8 @@
 
 namespace fastibl {
 
-// Pixels of 2, 4, … of the picture's, each a mean. Rows and columns are one longer than the level,
-// with the last repeated, so that a bilinear look-up needs no test.
+// Levels whose pixels are means over 2, 4, … of the picture's along each axis. Rows and columns are
+// one longer than the level, with the last repeated, so that a bilinear look-up needs no test.
 class FrameLevels {
  public:
   static constexpr int kFirst = 1;  // level 0 is half size: a cube texel covers several pixels
@@ -20,7 +20,7 @@ class FrameLevels {
 
   struct Level {
     int width = 0, height = 0;
-    std::vector<float> pixels;  // linear RGB (exposure included); above 0 where any is clipped
+    std::vector<float> pixels;  // linear RGB (exposure included); fourth: above 0 if any is clipped
     std::vector<std::uint32_t> clipped;  // numbers of clipped pixels, kCountBits a channel
     const float* pixel(int x, int y) const { return &pixels[4 * index(x, y)]; }
     float* pixel(int x, int y) { return &pixels[4 * index(x, y)]; }
@@ -29,7 +29,7 @@ class FrameLevels {
     }
   };
 
-  // Makes at least level 0 and, where the picture is large enough, `levels` of them. Memory is kept
+  // Makes level 0 at least and, if the picture is large enough, `levels` levels. Memory is kept
   // from frame to frame.
   void make(const Picture& picture, const Response& response, int levels);
   int count() const { return count_; }
@@ -38,7 +38,8 @@ class FrameLevels {
  private:
   void resize(int k, int width, int height);
   void make_first(const Picture& picture, const Response& response);
-  // A row of level 0; sums: room for three of each of its pixels. limit: the least clipped value.
+  // Make a row of level 0. sums: room for three values for each of its pixels. limit: the least
+  // clipped value.
   void decode_row(const Picture& picture, int y, std::uint32_t* sums);
   void take_row(const Image<float>& linear, int y, float limit);
   void halve(int k, int y);  // a row from level k − 1

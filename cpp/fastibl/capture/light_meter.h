@@ -1,4 +1,4 @@
-// The board's white paper as a light meter: what light falls on the plane.
+// The board's white paper as a light meter for the light that falls on the plane.
 #pragma once
 
 #include <optional>
@@ -12,7 +12,7 @@
 
 namespace fastibl {
 
-// Relative standard deviation of a reading: albedo, gloss, what stands around.
+// Relative standard deviation of a reading, from albedo, gloss and what stands around.
 inline constexpr double kMeterDeviation = 0.08;
 
 class LightMeter {
@@ -21,7 +21,7 @@ class LightMeter {
   LightMeter(const Board& board, double albedo);
 
   // Irradiance of the plane, RGB: the median of white places, so that less than half of them may be
-  // shadowed or hidden. Nothing where too few of them are seen large enough, or they are clipped.
+  // shadowed or hidden. std::nullopt if too few of them are seen large enough, or they are clipped.
   std::optional<glm::dvec3> read(const PixelReader& pixels, const Camera& camera, const Lens& lens,
                                  const Pose& camera_from_marker, double exposure) const;
 

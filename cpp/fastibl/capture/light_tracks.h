@@ -10,16 +10,16 @@
 
 namespace fastibl {
 
-// Follows bright spots from picture to picture and triangulates them. A light at P is
-// parametrised as it is seen from the centre c of the map: P = c + v / ρ with |v| about 1, so that
-// a light at infinity (ρ = 0) is nothing special (inverse depth: Civera, Davison and Montiel 2008).
+// Follows bright spots from picture to picture and triangulates them. A light at P is parametrised
+// as seen from the centre c of the map: P = c + v / ρ with |v| about 1, so that a light at infinity
+// (ρ = 0) is no special case (inverse depth: Civera, Davison and Montiel 2008).
 class LightTracks {
  public:
   explicit LightTracks(const glm::dvec3& centre) : centre_(centre) {}
 
-  // eye: where the picture was taken from, marker frame. Calls shows(direction) for whether the
-  // picture would show, well inside, what lies in a direction from `eye`: lights that are no longer
-  // where they should be are forgotten.
+  // eye: where the picture was taken from, marker frame. shows(direction) tells whether the picture
+  // would show, well inside its borders, what lies in a direction from `eye`: lights that are no
+  // longer where they should be are forgotten.
   template <class Shows>
   void add(const glm::dvec3& eye, std::span<const BrightSpot> spots, const Shows& shows) {
     follow(eye, spots);
@@ -28,16 +28,16 @@ class LightTracks {
     forget();
   }
 
-  // Those whose distance is known to a fifth or better.
+  // The lights whose distance is known to a fifth or better.
   std::vector<LightPosition> positions() const;
-  // 1 / m: by how much the lights are likely to be nearer than where everything is thought to be,
-  // `usual`, of those whose places are not known, too; and how much of that is seen, 0 where it is
-  // only what was likely before, 1 where it is certain.
+  // gap, 1 / m: by how much the lights, also those whose places are not known, are likely to be
+  // nearer than where everything is thought to be, `usual`. seen: how much of that was observed; 0
+  // where it is only what was likely before, 1 where it is certain.
   struct Nearness {
     double gap, seen;
   };
   Nearness nearness(const Surroundings& usual) const;
-  // Lines of sight along which a light was seen, of those that the last picture shows.
+  // Lines of sight along which a light was seen, for lights that the last picture shows.
   struct Sight {
     glm::dvec3 eye, direction;
   };

@@ -1,22 +1,23 @@
-// Which exposure tells most about what a map still lacks.
+// Which exposure shows most of what a map still lacks.
 #pragma once
 
 #include <array>
 
 namespace fastibl {
 
-// Of the texels that a camera sees, by half stops of radiance: how much light they hold and how
-// well it is known. Radiances times solid angles.
+// How much light the texels that a camera sees hold and how well it is known, by half stops of
+// radiance. In radiance times solid angle.
 class LightLacks {
  public:
-  // relative: standard deviation of the radiance, by it. pixels: that the texel covers.
+  // relative: standard deviation of the radiance, relative to it. pixels: how many the texel
+  // covers.
   void add_known(double radiance, double angle, double relative, double pixels);
   // bound: the radiance is at least this.
   void add_bound(double bound, double angle, double pixels);
   void add_unseen(double angle, double pixels);
-  // What a picture of this exposure (times the camera's gain) is expected to take of the error of
-  // the light's sum, in radiance times solid angle. mean: radiance that is expected where nothing
-  // was seen.
+  // By how much a picture of this exposure (times the camera's gain) is expected to reduce the
+  // error of the light's sum, in radiance times solid angle. mean: radiance that is expected where
+  // nothing was seen.
   double gain_of(double exposure, double mean) const;
 
  private:
@@ -34,7 +35,7 @@ struct ExposureRange {
   double shortest = 1e-6, longest = 1;  // multipliers
 };
 
-// The exposure in the range, in steps of a stop from the longest on, that gains most.
+// The exposure that gains most, among steps of a stop through the range from the longest on.
 double next_exposure(const LightLacks& lacks, double mean, const ExposureRange& range, double gain);
 
 }  // namespace fastibl

@@ -10,12 +10,12 @@ namespace fastibl {
 
 struct NextView {
   double seen = 0;                      // share of the sky's solid angle
-  std::optional<glm::dvec3> direction;  // unit, marker frame; nothing where the sky was seen
+  std::optional<glm::dvec3> direction;  // unit, marker frame; std::nullopt if the sky was seen
   double share = 0;                     // of the sky's light that a picture there is thought to add
 };
 
-// looking: unit, marker frame; where the camera looks now: a short way is preferred. Validates the
-// environment.
+// looking: where the camera looks now (unit, marker frame): a short way from there is preferred.
+// Validates the environment.
 NextView next_view(const Environment& environment, const std::optional<glm::dvec3>& looking = {});
 
 }  // namespace fastibl

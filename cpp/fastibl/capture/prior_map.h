@@ -1,4 +1,4 @@
-// A map that is known from before: it stands for what no picture has seen.
+// A map from before, which stands for what no picture has seen.
 #pragma once
 
 #include <optional>
@@ -13,18 +13,19 @@ namespace fastibl {
 
 class PriorMap {
  public:
-  // Of another size than the grid's: its MIP level, or interpolated.
+  // A map of another size than the grid's is read from its MIP level, or interpolated.
   PriorMap(const CubeMap& map, TileGrid grid);
 
-  // Finds the brightness of the place now against then, by channel: the median of tiles that were
-  // seen nearly whole; where they are few, the light that falls on the plane by what the map has
-  // for it. Returns by how much it moved as a share, 0 for little. sky: tiles above the horizon.
+  // Finds the brightness of the place now relative to then, by channel: the median over tiles that
+  // were seen nearly whole; where these are few, the light that falls on the plane divided by what
+  // the map gives for it. Returns by what share that changed, 0 for little. sky: tiles above the
+  // horizon.
   float match(const std::vector<TileSums>& sums, std::span<const double> tile_angle,
               std::span<const double> tile_projected, std::span<const int> sky,
               const std::optional<glm::dvec3>& plane_irradiance);
   bool matched() const { return matched_ != Matched::no; }
 
-  // As the place is now.
+  // The prior as bright as the place is now.
   glm::vec3 mean(int tile) const {
     return glm::min(gain_ * means_[std::size_t(tile)], kRadianceCap);
   }

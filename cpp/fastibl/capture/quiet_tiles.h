@@ -1,4 +1,4 @@
-// Which tiles of the map a picture need not give.
+// Which tiles of the map a picture need not update.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace fastibl {
 struct TileSighting {
   double time;                    // seconds
   float least_scale, most_scale;  // radiance per linear value
-  float pixels;                   // that a texel covers
+  float pixels;                   // number that a texel covers
 };
 inline TileSighting joined(const TileSighting& a, const TileSighting& b) {
   return {a.time, std::min(a.least_scale, b.least_scale), std::max(a.most_scale, b.most_scale),
@@ -29,10 +29,11 @@ inline TileSighting joined(const TileSighting& a, const TileSighting& b) {
 // - no texel is a lower bound that this exposure could lift;
 // - the picture agrees with the map at a probe in each block: on average the squared differences
 //   are at most kMostDeviance of their variances.
-// So what is left out is known to 2 standard deviations of one sample; light that changes by more
+// So what is left out is known to 2 standard deviations of one sample. Light that changes by more
 // than 2 % over a tile, or much in a block, comes through at once, and any other change
-// kMostLeftOut pictures later. Blocks count by the texels that were taken last: where the border of
-// the picture cuts through a block, its other texels may come kMostLeftOut pictures later too.
+// kMostLeftOut pictures later. Blocks are judged by the texels that were updated last: where the
+// border of the picture cuts through a block, its other texels may also come kMostLeftOut pictures
+// later.
 class QuietTiles {
  public:
   static constexpr int kProbes = 16;
@@ -42,34 +43,35 @@ class QuietTiles {
 
   explicit QuietTiles(TileGrid grid);
 
-  // False if it cannot be left out, whatever the probes show.
+  // False if the tile cannot be left out, whatever the probes show.
   bool may_leave_out(int tile, double time) const;
-  // By probe: whether it is seen, and its deviance summed over three channels. Counts what is left
-  // out.
+  // Whether the tile is left out, which is counted. seen, deviance: by probe, whether it is seen,
+  // and its deviance summed over three channels.
   bool leave_out(int tile, const TileSighting& sighting, const int* seen, const float* deviance);
-  // A picture was taken into the tile. unsure: by block, see merge_samples. whole, bounded: whether
-  // it showed all texels, and whether some are now only lower bounds.
+  // For when a picture was taken into the tile. unsure: by block, see merge_samples. whole,
+  // bounded: whether the picture showed all texels, and whether some are now only lower bounds.
   void took(int tile, const TileSighting& sighting, const float (&unsure)[kProbes], bool whole,
             bool bounded);
-  // To be called then, when the tile's level of half the width is made.
+  // To be called after took(), once the tile's level of half the width is made.
   void place_probes(int tile, const TilePyramids& texels);
-  // Largest values of blocks, of `count` texels of a tile from `first` on.
+  // Raises `blocks` to the largest values in each block, of `count` texels of a tile from `first`
+  // on.
   void add_blocks(int first, int count, const float* texels, float (&blocks)[kProbes]) const;
 
-  // Texel of the tile that a probe stands for, of the level of half the width.
+  // The texel that a probe stands for, in the tile's level of half the width.
   struct Place {
     int x, y;
   };
   void places(int tile, Place (&probes)[kProbes]) const;
-  // Of the tile's probes: value in the map, and a variance for misregistration where it is not
-  // smooth.
+  // By probe of the tile: the value in the map, and a variance for misregistration where the map is
+  // not smooth.
   const float* value(int tile, int channel) const { return values(tile) + channel * kProbes; }
   const float* rough(int tile, int channel) const { return values(tile) + (3 + channel) * kProbes; }
 
  private:
   struct Tile {
-    double taken[kProbes];  // by block: when last; −∞ if never
-    float unsure[kProbes];  // then
+    double taken[kProbes];  // by block: when it was last updated; −∞ if never
+    float unsure[kProbes];  // as it was then
     float most_scale = 0, pixels = 0;
     float bound_scale = std::numeric_limits<float>::infinity();  // up to this no bound is lifted
     int left_out = 0;

@@ -7,8 +7,8 @@
 
 namespace fastibl {
 
-// camera_from_marker by row: the camera's place and turn change evenly from the first row to the
-// last.
+// camera_from_marker by row: the camera's position and rotation change evenly from the first row to
+// the last.
 class RowPoses {
  public:
   explicit RowPoses(const Pose& first, const std::optional<Pose>& last = {})

@@ -9,24 +9,24 @@
 
 namespace fastibl {
 
-// Variance of a mean over pixels by its linear value y: read and shot noise, and a code of
-// quantisation. The first two are cut off at 0, and codes repeat (a dark wall is all of one): such
-// departures do not average away, so a quarter of the variance stays however large the footprint:
+// Variance of a mean over pixels, by its linear value y: read and shot noise, and a code of
+// quantisation. The first two are cut off at 0, and codes repeat (a dark wall is all of one code).
+// Such errors do not average out, so a quarter of the variance stays however large the footprint:
 // v/4 + (3 v/4 + shot y) / pixels. v is a polynomial in y through its values at Chebyshev's points,
-// and what the dark parts of the last picture have of noise beyond that.
+// plus what noise the dark parts of the last picture have beyond that.
 class SensorNoise {
  public:
-  // A full well of 4000 electrons and 6 of read noise: variance per linear value, and at 0.
+  // For a full well of 4000 electrons and a read noise of 6: variance per linear value, and at 0.
   static constexpr float kShotNoise = 1 / 4000.0f;
   static constexpr float kReadNoise = 6 / 4000.0f * 6 / 4000.0f;
   static constexpr std::size_t kTerms = 5;
 
   explicit SensorNoise(const Response& response);
-  // Coefficients of y⁰, y¹, …; below kReadNoise the polynomial is not to be believed.
+  // Coefficients of y⁰, y¹, …; where the polynomial is below kReadNoise, it is not to be believed.
   const std::array<float, kTerms>& code_variance() const { return code_variance_; }
 
-  // Looks how noisy a picture is where it is dark. Fewer than some hundred dark places tell
-  // nothing: what was known stays.
+  // Measures how noisy a picture is where it is dark. With fewer than some hundred dark places,
+  // what was known stays.
   void listen(const PixelReader& pixels, int width, int height);
   float more() const { return more_; }  // variance beyond that of the sensor above
 

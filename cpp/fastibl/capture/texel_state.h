@@ -1,4 +1,4 @@
-// What is known of each texel, and how a sample changes it.
+// What is known about each texel, and how a sample changes it.
 #pragma once
 
 #include <cstdint>
@@ -25,33 +25,33 @@ struct TexelState {
   TexelTimes last_seen;                 // seconds; −∞ if never
 };
 
-// What a group of texels was seen as.
+// The values that a picture shows for a group of texels.
 struct Samples {
   alignas(64) float linear[3][kTexelLanes];
   alignas(64) float radiance_per_linear[kTexelLanes];
-  alignas(64) int clipped[3][kTexelLanes];  // 0 or 1: more than a share of the footprint is
+  alignas(64) int clipped[3][kTexelLanes];  // 0 or 1: more than a share of the footprint clips
   bool any_clipped = false;
 };
 
 // Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
 inline constexpr float kModelNoise = 0.03f;
 
-// Takes samples of the texels [first, first + count) that were seen at `time` into their
-// estimates. unsure: for each the variance that is left, in variances of such a sample, of the
-// channel where it is largest, over those that are more than bounds; −1 where none was seen.
+// Takes samples of the texels [first, first + count), seen at `time`, into their estimates. unsure:
+// for each texel the variance that is left, in variances of such a sample, of the channel where
+// that is largest, among channels that are more than bounds; −1 where the texel was not seen.
 // last_seen: of these texels, to be set; null if all were last seen at `common`.
 void merge_samples(TexelState& state, std::size_t first, int count, const Sightings& sightings,
                    const Samples& samples, const SensorNoise& noise, double time, double* last_seen,
                    double common, float* unsure);
-// What is known of all texels may be wrong by this share of it: variances grow, `relative` stays.
+// Lets the values of all texels be wrong by this share: variances grow, `relative` stays.
 void distrust(TexelState& state, double share);
 // Makes texels brighter by a factor; `relative` stays.
 void scale_texels(TexelState& state, std::size_t first, int count, float factor);
 // Renews `relative`.
 void relate_variances(TexelState& state, std::size_t first, int count);
 
-// For each texel the sum over channels of the squared difference of its sample from `value`, in
-// variances of the sample and of `rough`; 0 where it was not seen.
+// For each texel the sum over channels of the squared difference between its sample and `value`,
+// divided by the sample's variance plus `rough`; 0 where the texel was not seen.
 void compare_samples(const float* const value[3], const float* const rough[3], int count,
                      const Sightings& sightings, const Samples& samples, const SensorNoise& noise,
                      float* deviance);
@@ -60,8 +60,8 @@ void compare_samples(const float* const value[3], const float* const rough[3], i
 struct TileSums {
   int count = 0;
   double angle = 0, bound_angle = 0, bound_flux = 0;
-  glm::dvec3 value{0}, flux{0};  // plain sum; times solid angle
-  glm::dvec3 irradiance{0};      // times solid angle and |z|
+  glm::dvec3 value{0}, flux{0};  // plain sum of the values; their sum times solid angle
+  glm::dvec3 irradiance{0};      // sum of the values times solid angle and |z|
   double projected = 0;          // sum of solid angle times |z|
 };
 

@@ -21,23 +21,23 @@ struct Viewpoint {
 
 // Texels are worked on in groups of this many.
 inline constexpr int kTexelLanes = 256;
-// As many as a group of `count` texels takes: vectors are filled, and no more is touched.
+// The lanes that a group of `count` texels takes: filled up to whole vectors, and no more.
 constexpr int lanes_of(int count) { return (count + 15) & ~15; }
 
-// Where a group of texels of a tile is on its face; of what lies after the last texel anything.
+// Where a group of a tile's texels is on its face; beyond the last texel arrays may hold anything.
 struct TexelGroup {
   int face;
   float first_s, first_t;       // of the tile's first texel: 2 s − 1 and 2 t − 1 of its centre
   float step;                   // from texel to texel
-  const float *columns, *rows;  // of each texel in its tile
+  const float *columns, *rows;  // column and row of each texel in its tile
   int count;
   int width;    // of the tile
   Depth depth;  // of what it shows above the horizon
 };
 
-// Corners of all tiles of a map, for leaving out those that a picture cannot see.
+// Corners of all tiles of a map, for leaving out the tiles that a picture cannot see.
 struct TileOutlines {
-  explicit TileOutlines(TileGrid grid);  // arrays are as long as fills vectors
+  explicit TileOutlines(TileGrid grid);  // arrays are padded to whole vectors
 
   struct Corner {
     std::vector<float> x, y, z;  // direction, 1 along the face's axis
@@ -45,7 +45,7 @@ struct TileOutlines {
   };
   TileGrid grid;
   Corner corners[4];
-  std::vector<float> bulge;  // by how far the unit sphere lies beyond the corners' plane, at most
+  std::vector<float> bulge;  // by how far, at most, the unit sphere lies beyond the corners' plane
   glm::dvec3 middle(int tile) const;  // unit length
   double reach(int tile) const;       // radians from there to the corners
   std::vector<float> above,
@@ -55,7 +55,7 @@ struct TileOutlines {
 struct Sightings {
   alignas(64) float x[kTexelLanes], y[kTexelLanes];  // pixel position
   alignas(64) float pixels[kTexelLanes];             // that the texel covers
-  alignas(64) int seen[kTexelLanes];  // 0 or 1; the others hold anything where it is 0
+  alignas(64) int seen[kTexelLanes];  // 0 or 1; where it is 0 the other arrays may hold anything
 };
 
 // Sides of a picture on the plane z = 1, without the lens.
@@ -66,22 +66,23 @@ PictureBounds picture_bounds(const Camera& camera, const Lens& lens);
 
 class TexelView {
  public:
-  // lens and bounds: the camera's. size: texels along an edge of a face.
+  // lens, bounds: those of the camera. size: texels along an edge of a face.
   TexelView(const Camera& camera, const Lens& lens, const PictureBounds& bounds,
             const Pose& camera_from_marker, const Viewpoint& viewpoint, int size);
 
-  // For each tile: how many pixels a texel of it covers at most (an estimate), 0 where none is
-  // seen.
+  // For each tile: the number of pixels that one of its texels covers at most (an estimate); 0
+  // where no texel is seen.
   void find_tiles(const TileOutlines& outlines, std::vector<float>& most_pixels) const;
-  // True if any is seen.
+  // True if any texel of the group is seen.
   bool see(const TexelGroup& group, Sightings& sightings) const;
-  // Of the group's first texel, also outside of the picture; anything behind the camera.
+  // Pixel position of the group's first texel, also outside the picture; arbitrary behind the
+  // camera.
   glm::vec2 pixel(const TexelGroup& group, bool above) const;
-  // As the first, of a group on one side of the horizon.
+  // Like the first see(), for a group on one side of the horizon.
   bool see(const TexelGroup& group, bool above, Sightings& sightings) const;
 
-  // Float, for a direction d not normalised: its camera direction is `turn` d, plus, above the
-  // horizon, `shift` times |d| over its distance.
+  // In float, for a direction d that is not normalised: its camera direction is `turn` d, plus,
+  // above the horizon, `shift` times |d| over its distance.
   struct Projection {
     float turn[3][3];  // columns
     float shift[3];

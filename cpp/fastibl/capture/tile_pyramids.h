@@ -1,4 +1,4 @@
-// MIP levels tile by tile: made once where a tile changes, and copied into every map.
+// MIP levels tile by tile: made once when a tile changes, and copied into every map.
 #pragma once
 
 #include <cstddef>
@@ -9,15 +9,15 @@
 
 namespace fastibl {
 
-// Of a map whose tiles have 2^k × 2^k texels, all levels down to a tile's one texel, the same bits
-// as CubeReduction gives. Channels lie in arrays of their own.
+// For a map whose tiles have 2^k × 2^k texels: all levels down to one texel per tile, with the same
+// bits as CubeReduction gives. Each channel has arrays of its own.
 class TilePyramids {
  public:
   explicit TilePyramids(TileGrid grid);
-  // Of the grid's tiles; 0 if they are not of 2^k texels.
+  // Width of the grid's tiles; 0 if they are not of 2^k texels.
   static int width_of(TileGrid grid);
 
-  int levels() const { return levels_; }  // with the map's own; 1: tiles of another size
+  int levels() const { return levels_; }  // including the map's own; 1: tiles of another size
   // fine: texels of the tile, row by row, by channel.
   void make(int tile, const float* const fine[3]);
   // 1 ≤ level < levels(), row by row.

@@ -1,4 +1,5 @@
-// Pictures of fisheye and 360° cameras as perspective ones: what measures the light reads no other.
+// Turns pictures of fisheye and 360° cameras into perspective ones, the only ones that the
+// measurement of light reads.
 #pragma once
 
 #include <cstdint>
@@ -12,12 +13,12 @@
 namespace fastibl {
 
 // One side of a cube around the camera, of those that its picture shows. Each pixel is the nearest
-// one of the wide picture, so codes, clipping and noise stay what they are.
+// one of the wide picture, so codes, clipping and noise stay the same.
 struct WideSide {
   struct Source {
-    std::int32_t x, y;  // in the wide picture; −1 where that shows nothing
+    std::int32_t x, y;  // pixel of the wide picture; −1 where that shows nothing
   };
-  Camera camera;                // without vignetting, which is
+  Camera camera;                // without vignetting; for that see `vignette`
   std::vector<float> vignette;  // of each pixel; empty for none
   Pose side_from_camera;        // turns only
   std::vector<Source> from;     // of each pixel
@@ -28,7 +29,7 @@ struct WideSide {
 // camera.
 std::vector<WideSide> sides_of(const Camera& wide, int texels);
 
-// What a side shows of a picture. Memory is kept from picture to picture.
+// The part of a picture that a side shows. Memory is kept from picture to picture.
 class SidePicture {
  public:
   // mask: as for Capture, of the wide picture.
