@@ -1,5 +1,5 @@
-// Checks of what callers hand in: they throw std::invalid_argument (ValueError in Python) and say
-// what was expected and what came. Library code never exits or aborts.
+// Checks of what callers pass in: they throw std::invalid_argument (ValueError in Python) and say
+// what was expected and what was given. Library code never exits or aborts.
 #pragma once
 
 #include <sstream>

@@ -11,7 +11,7 @@
 
 namespace fastibl {
 
-// Borrowed pixels, channels interleaved. Does not own.
+// Borrowed pixels with interleaved channels; does not own them.
 template <typename T>
 struct ImageView {
   T* data = nullptr;
@@ -29,7 +29,8 @@ struct ImageView {
   operator ImageView<const T>() const { return {data, width, height, channels, row_stride}; }
 };
 
-// Throws std::invalid_argument where rows lie closer than their pixels. which: as in "the mask".
+// Throws std::invalid_argument where rows lie closer together than they are long. which: the
+// image's name in the message, as in "the mask".
 template <typename T>
 void check_rows(const ImageView<T>& image, const char* which) {
   const std::ptrdiff_t packed = std::ptrdiff_t{image.width} * image.channels;
@@ -49,8 +50,7 @@ struct Image {
   Image(int w, int h, int c, T value = {})
       : width(w), height(h), channels(c), data(count(w, h, c), value) {}
 
-  // Throws std::invalid_argument where the fields disagree, as they can where they are set one by
-  // one.
+  // Throws std::invalid_argument if the fields disagree, as they can when they are set one by one.
   void validate() const {
     check(data.size() == count(width, height, channels), "a picture of ", width, " × ", height,
           " with ", channels, " channels needs ", count(width, height, channels), " values, got ",

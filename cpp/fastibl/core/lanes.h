@@ -1,7 +1,7 @@
 // Sixteen floats side by side, a vector type of GCC and Clang: one register of AVX-512, two of
-// AVX2, four of SSE. For functions with FASTIBL_CLONES; what they call must be inlined into
-// them. A loop that carries them from round to round does so through memory where they are several
-// registers: FASTIBL_BY_WIDTH is for those.
+// AVX2, four of SSE. For functions with FASTIBL_CLONES; what these call must be inlined into them.
+// A loop that carries such vectors from round to round does so through memory where they take
+// several registers: FASTIBL_BY_WIDTH is for such loops.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ FASTIBL_INLINE float total(const Lanes& a) {
   return sum;
 }
 
-// ln(1 − t) for t in [0, 1), to 2e-7 of its value, also where t is small. Of any number of floats.
+// ln(1 − t) for t in [0, 1), to 2e-7 of its value, also where t is small. V: any number of floats.
 template <typename V>
 FASTIBL_INLINE void log1m(const V& t, V& result) {
   // 1 − t = m 2^e with m in [√½, √2): where e is 0, m − 1 is −t, which keeps its digits.
@@ -33,7 +33,7 @@ FASTIBL_INLINE void log1m(const V& t, V& result) {
            2 * u * (1 + q * (1 / 3.0f + q * (0.2f + q * (1 / 7.0f + q * (1 / 9.0f)))));
 }
 
-// exp(x) for x ≤ 0, to 2e-7; 0 below −87. Of any number of floats.
+// exp(x) for x ≤ 0, to 2e-7; 0 below −87. V: any number of floats.
 template <typename V>
 FASTIBL_INLINE void exp_negative(const V& x, V& result) {
   const V y = (x > -87 ? x : V{} - 87) * 1.44269504f;

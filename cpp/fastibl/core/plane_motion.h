@@ -1,4 +1,4 @@
-// How a thing that stands on the plane z = 0 was moved along it: a turn about z and a shift.
+// How an object that stands on the plane z = 0 was moved along it: a turn about z and a shift.
 #pragma once
 
 #include <optional>
@@ -25,8 +25,8 @@ struct PlaneMotion {
   bool operator==(const PlaneMotion&) const = default;
 };
 
-// Of an object of this size (metres) that stood around `middle`; nothing where it was tilted by
-// more than kStandingSlack radians, or lifted by more than that times its size.
+// The motion of an object of this size (metres) that stood around `middle`; std::nullopt if it was
+// tilted by more than kStandingSlack radians, or lifted by more than that times its size.
 inline constexpr double kStandingSlack = 1e-3;
 std::optional<PlaneMotion> motion_along_plane(const Pose& motion, glm::vec2 middle, float size);
 

@@ -9,14 +9,14 @@ struct Pose {
   glm::dmat3 rotation{1.0};     // orthonormal, determinant +1
   glm::dvec3 translation{0.0};  // metres
 
-  // Throws std::invalid_argument for what is not a rigid transform: columns orthonormal within
-  // 1e-6, determinant +1, all finite.
+  // Throws std::invalid_argument unless this is a rigid transform: columns orthonormal within 1e-6,
+  // determinant +1, all finite.
   void validate() const;
-  // Re-orthonormalises nothing; throws as validate() does, and for another last row than 0 0 0 1.
+  // Does not re-orthonormalise. Throws as validate() does, and for a last row other than 0 0 0 1.
   static Pose from_matrix(const glm::dmat4& matrix);
   // camera_from_marker of a camera at `eye` (x right, y down, z forward) that sees `target` in the
-  // middle of its picture and `up` upwards; along `up`, some other way up. Throws
-  // std::invalid_argument where the two are one point, or anything is not finite.
+  // middle of its picture and `up` upwards; if it looks along `up`, another direction is upwards.
+  // Throws std::invalid_argument where `eye` and `target` are one point, or anything is not finite.
   static Pose look_at(const glm::dvec3& eye, const glm::dvec3& target,
                       const glm::dvec3& up = {0, 0, 1});
   glm::dmat4 matrix() const;
@@ -25,7 +25,7 @@ struct Pose {
   bool operator==(const Pose&) const = default;
 };
 
-// Whether the elements of |RᵀR − 1| sum to less than `tolerance`, and r is no mirror.
+// Whether the elements of |RᵀR − 1| sum to less than `tolerance`, and r is not a mirror.
 bool is_rotation(const glm::dmat3& r, double tolerance);
 
 inline Pose operator*(const Pose& a, const Pose& b) {
@@ -37,11 +37,12 @@ inline glm::dvec3 operator*(const Pose& pose, const glm::dvec3& point) {
 
 // Rotation by |w| radians about w (Rodrigues), stable for |w| → 0.
 glm::dmat3 rotation_from_vector(const glm::dvec3& w);
-// Its inverse up to half a turn; at just that, either of the two.
+// The inverse of rotation_from_vector, up to half a turn; at exactly that, either of the two
+// vectors.
 glm::dvec3 rotation_vector(const glm::dmat3& r);
-// The rotation that rounding has bent a little.
+// Makes a rotation that rounding has distorted a little orthonormal again.
 glm::dmat3 orthonormal(const glm::dmat3& r);
-// Angle in radians of the rotation between the two, stable near 0 and π.
+// Angle in radians of the rotation between a and b, stable near 0 and π.
 double rotation_angle(const glm::dmat3& a, const glm::dmat3& b);
 
 }  // namespace fastibl

@@ -1,4 +1,4 @@
-// Asking for memory before it is worked on: what lies in many short runs no processor foresees.
+// Prefetches memory before it is worked on: no processor foresees accesses to many short runs.
 #pragma once
 
 #include <cstddef>

@@ -1,10 +1,10 @@
 // FASTIBL_CLONES on a function compiles it for plain x86-64, for AVX2 + FMA and for AVX-512, and
-// picks at run time. The function must be plain loops over arrays: inline functions of other
-// headers would be compiled without the attribute, unless they are inlined. Products and sums are
-// never contracted, so that a loop without a reordered sum gives the same bits on all three.
+// picks one at run time. The function must consist of plain loops over arrays: inline functions of
+// other headers would be compiled without the attribute, unless they are inlined. Products and sums
+// are never contracted, so that a loop without a reordered sum gives the same bits on all three.
 //
-// Not without optimization: a lambda in it that is not inlined is compiled for plain x86-64, where
-// wide vectors are passed in other registers.
+// Not used without optimization: a lambda that is not inlined is then compiled for plain x86-64,
+// where wide vectors are passed in other registers.
 #pragma once
 
 #include <cstring>
@@ -14,7 +14,7 @@
 #define FASTIBL_VERSIONS
 #endif
 
-// CMake's FASTIBL_AVX512=OFF: as on a processor with AVX2.
+// CMake's FASTIBL_AVX512=OFF: everything runs as on a processor with AVX2.
 #ifdef FASTIBL_NO_AVX512
 #define FASTIBL_WITH_V4(...)
 #else
@@ -28,19 +28,20 @@
 #define FASTIBL_CLONES
 #endif
 
-// Numbers side by side, for loops that are to be vectorised in one certain way; at any address of a
-// float. Wider than the processor's they are worked on in parts.
+// Floats side by side, for loops that must be vectorised in one particular way; at any address of a
+// float. Vectors wider than the processor's are worked on in parts.
 #if defined(__GNUC__)
 namespace fastibl {
 using Float4 [[gnu::vector_size(16), gnu::aligned(4)]] = float;
 using Float8 [[gnu::vector_size(32), gnu::aligned(4)]] = float;
 using Float16 [[gnu::vector_size(64), gnu::aligned(4)]] = float;
 
-// For short helpers of such functions: inlined, they are compiled as their caller is.
+// For short helpers of functions with FASTIBL_CLONES: inlined, they are compiled as their caller
+// is.
 #define FASTIBL_INLINE inline __attribute__((always_inline))
 
-// Of templates whose argument V is one of these: how many floats it holds, what its comparisons
-// give, and how it is read and written. (A template's argument forgets the alignment.)
+// For templates whose argument V is one of these types: how many floats it holds, what its
+// comparisons give, and how it is read and written. (A template's argument loses the alignment.)
 template <typename V>
 inline constexpr int kFloatsIn = int(sizeof(V) / sizeof(float));
 template <typename V>
@@ -62,7 +63,7 @@ template <typename V>
 FASTIBL_INLINE void put_floats(const V& floats, float* p) {
   std::memcpy(p, &floats, sizeof floats);
 }
-// One after the other, so that sums in parts are those of sixteen at once.
+// Adds one after the other, so that sums in parts are the same as those of sixteen at once.
 template <typename V>
 FASTIBL_INLINE void add_each(const V& floats, float& sum) {
   for (int k = 0; k < kFloatsIn<V>; ++k) sum += floats[k];
@@ -73,9 +74,9 @@ FASTIBL_INLINE void add_each(const V& floats, float& sum) {
 #endif
 
 // FASTIBL_BY_WIDTH(result function(parameters), call) defines a function that calls a template with
-// V, floats side by side: as many as a register of the processor holds. Wider vectors are not kept
-// in registers from one round of a loop to the next. Sums are to be made in sixteen parts, of which
-// V takes some at a time, so that all processors give the same bits.
+// V, a vector of as many floats as a register of the processor holds. Wider vectors are not kept in
+// registers from one round of a loop to the next. Sums must be made in sixteen parts, of which V
+// takes some at a time, so that all processors give the same bits.
 #ifdef FASTIBL_VERSIONS
 #define FASTIBL_BY_WIDTH(function, ...)                                \
   __attribute__((target("default"))) function {                        \

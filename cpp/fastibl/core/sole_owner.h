@@ -15,12 +15,12 @@
 
 namespace fastibl {
 
-// What others did with it before they let it go is done then.
+// If true, what others did with it before they let it go is done.
 template <typename T>
 bool is_sole_owner(const std::shared_ptr<T>& pointer) {
   if (pointer.use_count() != 1) return false;
 #ifdef FASTIBL_THREAD_SANITIZER
-  // It knows no fences; one more that is let go acquires what the others released.
+  // The sanitizer knows no fences; one more pointer that is let go acquires what others released.
   const std::shared_ptr<T> one_more = pointer;
 #else
   std::atomic_thread_fence(std::memory_order_acquire);

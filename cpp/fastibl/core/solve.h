@@ -1,5 +1,6 @@
-// Small systems of equations, symmetric and positive definite, by Cholesky's factors. Matrices are
-// row by row; of A the part above the diagonal is not read. False where A is not positive definite.
+// Solves small systems of equations, symmetric and positive definite, by Cholesky's factors.
+// Matrices are stored row by row; the part of A above the diagonal is not read. False where A is
+// not positive definite.
 #pragma once
 
 #include <array>
@@ -9,7 +10,7 @@
 
 namespace fastibl {
 
-// L of A = L Lᵀ in its place; what is above the diagonal stays.
+// Replaces A by L of A = L Lᵀ; what is above the diagonal stays.
 inline bool factor_symmetric(std::span<double> a, std::size_t n) {
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t j = 0; j <= i; ++j) {
@@ -26,7 +27,7 @@ inline bool factor_symmetric(std::span<double> a, std::size_t n) {
   return true;
 }
 
-// x of L Lᵀ x = b in the place of b.
+// Replaces b by x of L Lᵀ x = b.
 inline void substitute(std::span<const double> l, std::span<double> b) {
   const std::size_t n = b.size();
   for (std::size_t i = 0; i < n; ++i) {
@@ -39,7 +40,7 @@ inline void substitute(std::span<const double> l, std::span<double> b) {
   }
 }
 
-// x of A x = b in the place of b; A becomes its factor.
+// Replaces b by x of A x = b; A becomes its factor L.
 inline bool solve_in_place(std::span<double> a, std::span<double> b) {
   if (!factor_symmetric(a, b.size())) return false;
   substitute(a, b);
@@ -54,7 +55,7 @@ bool solve_symmetric(std::array<double, N * N> a, const std::array<double, N>& b
   return solve_in_place(a, x);
 }
 
-// A⁻¹ B, B of M columns.
+// A⁻¹ B, where B has M columns.
 template <std::size_t N, std::size_t M = N>
 bool solve_columns(std::array<double, N * N> a, const std::array<double, N * M>& b,
                    std::array<double, N * M>& out) {

@@ -1,5 +1,5 @@
-// The vector types of every public interface: GLM's, float for pictures and light, double for
-// poses. All other headers get GLM from here.
+// The vector types of every public interface are GLM's: float for pictures and light, double for
+// poses. All other headers include GLM through this one.
 #pragma once
 
 #if __cplusplus < 202002L
@@ -16,8 +16,8 @@ inline constexpr float kPi = std::numbers::pi_v<float>;
 inline constexpr double kDegree = std::numbers::pi / 180;  // radians
 
 // The library is compiled with GLM's defaults. Macros that change the size, the alignment or the
-// precision of vectors, or how functions take them, would make its users read memory in another
-// way than it was written: refused here, before the program crashes.
+// precision of vectors, or how functions take them, would make its users read memory in another way
+// than it was written. They are refused here, before the program crashes.
 static_assert(sizeof(glm::vec3) == 12 && alignof(glm::vec3) == 4 && alignof(glm::vec4) == 4 &&
                   sizeof(glm::dvec3) == 24 && alignof(glm::dvec3) == 8 &&
                   sizeof(glm::dmat3) == 72 && alignof(glm::dmat4) == 8,

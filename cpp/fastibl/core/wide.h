@@ -1,9 +1,10 @@
 // Eight floats at once, for kernels that the compiler does not vectorise by itself. A kernel is a
 // file, named by FASTIBL_KERNEL, that core/kernel.inl compiles twice: FASTIBL_TARGET stands before
-// each of its functions, and FASTIBL_PICK(function) gives the one for this processor. Results can
-// differ in the last bits between the two, never between threads. With FASTIBL_KERNEL_AVX512
-// defined it is compiled a third time, and FASTIBL_PICK_AVX512 chooses among three. Before its file
-// is initialised, as from global objects of other files, the portable one runs.
+// each of its functions, and FASTIBL_PICK(function) gives the version for this processor. Results
+// can differ in the last bits between the two versions, never between threads. With
+// FASTIBL_KERNEL_AVX512 defined, the kernel is compiled a third time, and FASTIBL_PICK_AVX512
+// chooses among three. The portable version runs until the file that uses it is initialised, as
+// when it is called from global objects of other files.
 #pragma once
 
 #include <cstring>
