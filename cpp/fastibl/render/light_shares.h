@@ -1,5 +1,5 @@
-// What objects change of the light of a map: of the scene's own object, of the plane around it, and
-// of the holdouts. Keeps what stays from one map to the next.
+// How objects change the light that the map gives to the scene's own object, to the plane around
+// it, and to the holdouts. Keeps what stays valid from one map to the next.
 #pragma once
 
 #include <cstddef>
@@ -22,11 +22,12 @@
 
 namespace fastibl {
 
-// Shares as RenderInput has them; each find_…() is a pass of the plan.
+// Finds the shares that RenderInput takes; each find_…() is a pass of the plan.
 class LightShares {
  public:
-  void forget_object();  // another one comes
-  // What was found of a map and by other methods: shares are what `method` is without a map.
+  void forget_object();  // another object comes
+  // Forgets what was found for a map and by other methods: the shares become those of `method`
+  // without a map.
   void clear(const Scene& scene, SelfShadowMethod method);
   void clear_near() { near_.clear(); }
   void clear_bounce() { bounce_ = {}, plane_gain_ = nullptr; }
@@ -37,16 +38,16 @@ class LightShares {
   void find_near(const Scene& scene, const Lighting& lighting, bool diffuse);
   void find_bounce(const Scene& scene, const Lighting& lighting, const ShadowMap& shadow);
   void find_plane_gain(const Scene& scene, const ShadowMap& shadow);
-  // Cuts the scene's holdouts anew where the object was moved out of their midst.
+  // Cuts the scene's holdouts anew where the object has been moved away from their middle.
   void find_holdouts(Scene& scene, const Lighting& lighting);
-  // Of every view anew, with what near lights and the bounce change then. radiance: null before
+  // Call for every view anew; adds what near lights and the bounce change. radiance: null before
   // there is a map.
   void find_glossy(const Scene& scene, const CubeMap* radiance, SelfShadowMethod method,
                    const Pose& camera_from_marker);
 
-  // Form factors for the bounce, which hold until the object is tilted or lifted.
+  // Finds the form factors for the bounce, which hold until the object is tilted or lifted.
   void place_exchange(const Scene& scene);
-  // Of triangles that the exchange is summed by; nothing before it is placed.
+  // Groups of triangles that the exchange is summed over; nothing before place_exchange().
   std::optional<std::size_t> groups() const;
 
   std::span<const glm::vec4> all() const { return changes() ? changed_ : own_; }
@@ -64,12 +65,12 @@ class LightShares {
   std::vector<glm::vec4> own_;
   NearShares near_maker_;
   std::vector<glm::vec3> near_;            // what near lights change
-  std::optional<PlaneExchange> exchange_;  // of the object as it stood last
+  std::optional<PlaneExchange> exchange_;  // for the object as it stood last
   Bounce bounce_;
   std::vector<glm::vec4> changed_;
   std::shared_ptr<const ShadowMap> plane_gain_;
   std::optional<Pose> hidden_from_;  // where the object stood
-  VertexVisibility hidden_;          // for the holdouts by the object
+  VertexVisibility hidden_;          // what the object hides from the holdouts
   CellLight holdout_light_;
   std::vector<glm::vec4> holdouts_;
 };

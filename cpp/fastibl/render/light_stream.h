@@ -1,15 +1,15 @@
-// Whether light that is given comes frame after frame, as captured light does.
+// Whether given light comes frame after frame, as captured light does.
 #pragma once
 
 namespace fastibl {
 
-// A few maps in frames that follow each other, each little other than the last, are light that
-// moves; it stays again when for some frames none came that is new.
+// Light moves where a few frames in a row bring a map each that differs little from the one before.
+// It stays again when no new map has come for some frames.
 class LightStream {
  public:
   // Whether a map that is given now follows one that was given for the frame before.
   bool follows() const { return since_set_ == 1; }
-  // A map is given. little: it follows, and is little other than the last.
+  // Call with each map. little: it follows the last one and differs little from it.
   void add(bool little) {
     in_a_row_ = little ? in_a_row_ + 1 : 0;
     since_set_ = since_new_ = 0;
@@ -18,7 +18,7 @@ class LightStream {
   bool moves() const { return in_a_row_ >= kFirst; }
   bool begins() const { return in_a_row_ == kFirst; }
   void stay() { in_a_row_ = 0; }
-  // After each frame. True where light that moved stays from now on.
+  // Call after each frame. True where light that moved stays from now on.
   bool next_frame() {
     ++since_set_, ++since_new_;
     if (!moves() || since_new_ < kStill) return false;

@@ -1,4 +1,4 @@
-// Whether one map is another light than the other, at a glance.
+// A quick test of whether two maps hold different light.
 #pragma once
 
 #include <array>
@@ -10,17 +10,17 @@ namespace fastibl {
 
 struct LightSummary {
   std::array<glm::vec3, 6> faces;  // mean radiances
-  float compact = 0;               // share of all light that is far above the mean
+  float compact = 0;               // share of all light that is far above the mean radiance
 };
 LightSummary summary_of(const CubeMap& map);
 
-// Share of their light by which maps differ, face by face.
+// Share of their light by which the maps differ, summed face by face.
 float difference(const LightSummary& a, const LightSummary& b);
 
-// Whether they are alike enough for the one to follow the other in a moment.
+// Whether the maps are so alike that one may follow the other within a moment.
 bool is_little_change(const LightSummary& a, const LightSummary& b);
-// Whether what was measured by one map says little of another. A small lamp hardly changes its
-// face, but all of the shadow.
+// Whether what was measured under one map says little about the other. A small lamp hardly changes
+// its face, but it changes the whole shadow.
 bool is_other_light(const LightSummary& a, const LightSummary& b);
 
 }  // namespace fastibl

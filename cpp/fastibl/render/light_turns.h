@@ -1,4 +1,4 @@
-// One step of the light's work in each frame, where all of them take more time than there is.
+// Takes one step of the light's work in each frame, where a frame has no time for all of them.
 #pragma once
 
 #include <array>
@@ -8,15 +8,15 @@ namespace fastibl {
 enum class LightStep {
   front,  // the front picture into the map
   back,   // the back picture
-  light,  // what is made of the map: its levels, irradiance, shadow and all that rests on them
-  look    // at the surroundings: whether the board lies where it lay
+  light,  // what is made from the map: its levels, irradiance, shadow and all that rests on them
+  look    // at the surroundings: whether the board still lies where it lay
 };
 inline constexpr int kLightSteps = 4;
 
 // Which of the steps a frame takes.
 class LightTurns {
  public:
-  // All of those that there is anything to do for; or, one by one, the one that waited longest.
+  // Takes all wanted steps or, one by one, only the wanted step that has waited longest.
   void next(const std::array<bool, kLightSteps>& wanted, bool one_by_one) {
     ++frame_;
     taken_ = wanted;

@@ -1,12 +1,14 @@
-// The cost table of this machine: each pass's code run for a moment on a scene of its own.
+// Measures the cost table of this machine: runs each pass's code for a moment on a scene of its
+// own.
 #pragma once
 
 #include "fastibl/plan/costs.h"
 
 namespace fastibl {
 
-// CPU time of one core; some three seconds. What needs cameras' pictures is the built-in cost times
-// what the rest takes by its own built-in cost. Its loops run in the calling thread alone.
+// CPU time of one core; takes some three seconds. What needs cameras' pictures gets its built-in
+// cost, scaled by what the rest takes relative to its own built-in costs. All loops run in the
+// calling thread alone.
 Costs measure_costs();
 
 }  // namespace fastibl

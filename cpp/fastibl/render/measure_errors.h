@@ -1,4 +1,4 @@
-// How wrong a picture is with each method that could make it, under the light that there is.
+// Measures how wrong a picture is with each method that could make it, under the present light.
 #pragma once
 
 #include <memory>
@@ -9,19 +9,20 @@
 
 namespace fastibl {
 
-// Every candidate is run on the map and compared, at the samples of the scene, with sums over the
-// map by the samples' rays; the parts of a colour are linear in light, so that every combination
-// is a sum of parts. Of the bounce no brute force is at hand: it is taken for 6 % of its size
-// wrong where it is there (docs/shadow.md). What is brighter than white is cut, as in a picture
-// that is exposed so that the plane has 0.35 of white, and of which the object takes 15 %.
+// Runs every candidate on the map and compares it, at the samples of the scene, with sums over the
+// map along the samples' rays. The parts of a colour are linear in light, so that every combination
+// is a sum of parts. There is no brute force for the bounce: where there is a bounce, its error is
+// taken as 6 % of its size (docs/shadow.md). What is brighter than white is cut, as in a picture
+// that is exposed so that the plane has 0.35 of white, and 15 % of which the object takes.
 // The same scene, samples and map give the same bits. at: samples of the scene, from all round or
-// from one place. Empty where there are none, or the map has no light. 20 to 130 ms.
+// from one place. The result is empty where there are none, or the map has no light. Takes 20 to
+// 130 ms.
 MeasuredErrors measure_errors(const Scene& scene, const SceneSamples* at,
                               const std::shared_ptr<const CubeMap>& map, const Methods& asked,
                               const Candidates& candidates, bool cast_shadow);
 
-// The same in steps of some ms (one of each candidate's, mostly): for frames, of which none has
-// time for all of it. at: has to live until it is done, as it is.
+// The same in steps of some ms (mostly one for each candidate), for frames, none of which has time
+// for all of it. at: has to live, unchanged, until the measurement is done.
 class ErrorMeasurement {
  public:
   ErrorMeasurement(const Scene& scene, const SceneSamples* at, std::shared_ptr<const CubeMap> map,

@@ -1,4 +1,4 @@
-// When the methods of a session are measured under the light that there is, and chosen anew.
+// Decides when a session's methods are measured under the present light, and chosen anew.
 #pragma once
 
 #include <memory>
@@ -15,28 +15,29 @@ namespace fastibl {
 
 class MethodJudge {
  public:
-  // By the last judgement that came to its end since forget().
+  // What the last judgement measured that was completed since forget().
   const MeasuredErrors& measured() const { return measured_; }
   bool due() const { return due_; }
-  void forget();                           // what was measured: of another scene
-  void judge_anew() { due_ = true; }       // while what was measured still stands
-  void choose_anew() { choose_ = true; }   // by what was measured
-  void follow(const LightSummary& light);  // judges anew where it is another light than was judged
-  // After each frame; with the map of captured light, which is followed, but not in every frame.
+  void forget();                           // drops what was measured, for another scene
+  void judge_anew() { due_ = true; }       // what was measured stands until then
+  void choose_anew() { choose_ = true; }   // from what was measured
+  void follow(const LightSummary& light);  // judges anew for another light than that judged last
+  // Call after each frame, with the map of captured light. That light is followed, but not in every
+  // frame.
   void add_frame(const CubeMap* captured);
 
-  // A judgement of the scene under this light, which is due no longer.
+  // Begins a judgement of the scene under this light; it is then no longer due.
   void begin(const Scene& scene, const std::shared_ptr<const Environment>& environment,
              const Methods& asked, const Candidates& candidates, bool cast_shadow);
-  // Goes on with it by a step, or to its end where that is to be or nothing is measured yet. True
-  // where methods are to be chosen now.
+  // Goes on with the judgement by one step; or to its end, if asked to or if nothing is measured
+  // yet. True where methods are to be chosen now.
   bool step(bool to_its_end);
 
  private:
   MeasuredErrors measured_;
-  std::optional<ErrorMeasurement> measurement_;  // that goes on
-  std::optional<LightSummary> light_;            // of the last that began
-  int frames_ = 0;                               // since then
+  std::optional<ErrorMeasurement> measurement_;  // in progress, if any
+  std::optional<LightSummary> light_;            // of the judgement that began last
+  int frames_ = 0;                               // since it began
   bool due_ = true, choose_ = false;
 };
 

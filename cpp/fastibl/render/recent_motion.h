@@ -1,4 +1,4 @@
-// How a camera moves now, from the poses of its last pictures.
+// Tells how a camera moves now, from the poses of its last pictures.
 #pragma once
 
 #include <optional>
@@ -8,7 +8,7 @@
 
 namespace fastibl {
 
-// A motion per so many seconds.
+// A motion, and the seconds that it takes.
 struct MotionRate {
   RowMotion motion;
   double seconds = 1;
@@ -16,7 +16,7 @@ struct MotionRate {
 };
 
 // Remembers up to three poses. Two that are no more than 0.1 s apart give a velocity in between;
-// three give the acceleration too, and with it the motion at the last one.
+// three also give the acceleration, and with it the motion at the last pose.
 class RecentMotion {
  public:
   void add(double time, const Pose& camera_from_marker);

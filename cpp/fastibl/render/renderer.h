@@ -1,4 +1,4 @@
-// What a back end does: cast the shadow, shade the object, make the picture.
+// The interface of a back end: it casts the shadow, shades the object and makes the picture.
 #pragma once
 
 #include <memory>
@@ -17,10 +17,10 @@
 
 namespace fastibl {
 
-// The passes that belong to a back end; the others are the same code for all.
+// The passes that each back end has for itself; the others are the same code for all.
 inline constexpr std::array kRenderPasses = {PassId::shadow, PassId::shade, PassId::composite};
 
-// What the passes of one frame read. References are valid for the call.
+// The input of one frame's passes. References are valid for the call.
 struct RenderInput {
   const Scene& scene;
   const Methods& methods;
@@ -29,17 +29,19 @@ struct RenderInput {
   const Pose& camera_from_marker;
   const Picture& back;  // empty: the object on transparent
   double exposure;
-  // What the object lets through of its own light at each vertex, and perhaps at their backs after
-  // them: of the irradiance (RGB), and of the glossy term. Empty: P_V of the scene, and all of it.
+  // Shares of its light that the object lets through at each vertex, and perhaps after them at the
+  // vertices' backs: of the irradiance (RGB), and of the glossy term. Empty: P_V of the scene, and
+  // the whole glossy term.
   std::span<const glm::vec4> light_shares = {};
-  // What the plane's picture is multiplied by, where that is not the ratio of the shadow pass:
-  // another object for another map.
+  // What the plane's picture is multiplied by, where that is not the ratio of the shadow pass. A
+  // changed map is passed as a new object.
   std::shared_ptr<const ShadowMap> plane_gain = nullptr;
-  // What is left of the light of each vertex of the scene's holdouts, and 1. Empty: all of it.
+  // Share of its light that is left to each vertex of the scene's holdouts (RGB), and 1. Empty: all
+  // light is left.
   std::span<const glm::vec4> holdout_ratios = {};
-  // Of light_shares what the map alone is kept from, where near lights or the plane change them.
+  // light_shares of the map alone, where near lights or the plane change those.
   std::span<const glm::vec4> self_shares = {};
-  const CellLight* cell_light = nullptr;  // that these were found with, if any
+  const CellLight* cell_light = nullptr;  // that these shares were found with, if any
   bool shades_alike_as_one = false;       // see Plan; a GPU shades each triangle's part by itself
 };
 
@@ -48,18 +50,18 @@ class Renderer {
   virtual ~Renderer() = default;
   virtual std::string_view backend() const = 0;
   virtual std::string device() const { return {}; }  // GL_RENDERER; empty: the processor
-  // Whether it has the methods of self-shadow that find shares of single pixels.
+  // Whether it has the self-shadow methods that find shares for single pixels.
   virtual bool shares_pixels() const = 0;
   // Runs one of kRenderPasses; throws std::invalid_argument for another.
   virtual void run(PassId pass, const RenderInput& input) = 0;
-  // Forgets a product, and what its next run would follow: the ratio is 1, or nothing covers the
-  // picture.
+  // Forgets a pass's product, and what its next run would build on. The ratio is then 1, or nothing
+  // covers the picture.
   virtual void clear(PassId pass) = 0;
 
-  // Parts of pixels that the last run of shade worked out, where they are counted.
+  // Number of pixel parts that the last run of shade worked out, where they are counted.
   virtual std::optional<double> shaded() const { return std::nullopt; }
 
-  // Products of the last run of each pass; a GPU back end reads them back.
+  // The products of each pass's last run; a GPU back end reads them back.
   virtual ShadowMap shadow_map() = 0;
   virtual ObjectLayer object() = 0;
   virtual ObjectLayer holdout() = 0;  // see holdout_layer()

@@ -1,4 +1,4 @@
-// Which pictures of a rig go into the map, and with which exposures and poses.
+// Decides which pictures of a rig go into the map, and with which exposures and poses.
 #pragma once
 
 #include <optional>
@@ -13,26 +13,26 @@ namespace fastibl {
 
 class RigCapture {
  public:
-  // front_ratio: by channel, what the front camera makes of light by what the back one makes of it.
-  // Throws std::invalid_argument where it is none, and what a Capture throws.
+  // front_ratio: by channel, the front camera's measure of light divided by the back camera's.
+  // Throws std::invalid_argument where it is no such ratio, and what a Capture throws.
   RigCapture(Rig rig, CaptureOptions options, const glm::dvec3& front_ratio);
 
   Capture& map() { return map_; }
   const Capture& map() const { return map_; }
 
-  // Of a frame's pictures, those that there is time for.
+  // The pictures of a frame that there is time for.
   struct Turn {
     bool back = true, front = true;
   };
-  // Whether any of these is to go into the map. found: the frame's poses.
+  // Whether any of these pictures is to go into the map. found: the frame's poses.
   bool wants(const Frame& frame, const FrameResult& found, const Turn& turn, CaptureMethod method,
              const RigTracker& tracker) const;
-  // Adds them: `back_taken` and `front_taken` of the result. Of what only turned, the place is not
-  // known: the plane that was seen from the board's pose stays as it was. True where what was in
-  // the map before has another scale now.
+  // Adds them and sets `back_taken` and `front_taken` of the result. Where only the rotation is
+  // known, the place is not: what was seen of the plane from the board's pose then stays as it was.
+  // True where the older content of the map has another scale now.
   bool add(const Frame& frame, const Turn& turn, const RigTracker& tracker, FrameResult& result);
 
-  // Those of known exposure, as the frame or the map tells it: others cannot be compared.
+  // The pictures whose exposure the frame or the map tells: others cannot be compared.
   RigPictures pictures(const Frame& frame) const;
   void begin_single() { last_time_.reset(); }  // the next front picture is the paper's first
 
@@ -40,10 +40,11 @@ class RigCapture {
   void add_back(const Frame& frame, const RigTracker& tracker, FrameResult& result);
   void add_front(const Frame& frame, const RigTracker& tracker, FrameResult& result);
   bool is_single_exposure(const Frame& frame) const;
-  // What the map last said of the exposures of a camera that tells none, for its next picture.
+  // What the map last said about the exposures of a camera that does not tell them; used for its
+  // next picture.
   struct ReadExposure {
     std::optional<double> last;
-    bool steady = false;  // as that before it: no bracket
+    bool steady = false;  // the same as before: no bracket
     void read(const Taken& taken);
     std::optional<double> next() const { return steady ? last : std::nullopt; }
   };
@@ -52,8 +53,8 @@ class RigCapture {
   glm::dvec3 front_ratio_;
   Capture map_;
   ReadExposure read_back_, read_front_;
-  int mended_ = 0;                                     // as the map had it
-  std::optional<double> last_time_, single_exposure_;  // of the paper's single pictures
+  int mended_ = 0;                                     // the map's last count
+  std::optional<double> last_time_, single_exposure_;  // for the paper's single pictures
 };
 
 }  // namespace fastibl

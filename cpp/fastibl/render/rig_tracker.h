@@ -1,4 +1,5 @@
-// Where a session's cameras are: by the board, or where that is out of view by the surroundings.
+// Finds where a session's cameras are: by the board or, where that is out of view, by the
+// surroundings.
 #pragma once
 
 #include <cstdint>
@@ -22,47 +23,48 @@
 
 namespace fastibl {
 
-// What is known of the surroundings as a frame comes.
+// What is known of the surroundings when a frame comes.
 struct SeenAround {
-  std::function<std::shared_ptr<const Environment>()> map;  // asked for where it is needed
+  std::function<std::shared_ptr<const Environment>()> map;  // called where it is needed
   bool mapped = false;                                      // whether there is one yet
-  RigPictures pictures;                                     // the frame's, those of known exposure
-  bool look = true;     // whether the board is to be compared with them in this frame
-  bool rarely = false;  // such looks cost other work its time
+  RigPictures pictures;  // those of the frame with known exposure
+  bool look = true;      // whether to compare the board with them in this frame
+  bool rarely = false;   // such looks take time from other work
 };
 
 class RigTracker {
  public:
-  // board: nothing where poses are given. The rotation by surroundings is followed where that is
-  // asked for, there is a board, and the back camera is a perspective one; in its pictures, and in
-  // those of the front camera where that is one, too.
+  // board: nothing where poses are given. The rotation is followed by the surroundings if that is
+  // asked for, there is a board, and the back camera is a perspective one. The surroundings are
+  // followed in its pictures, and also in the front camera's if that is a perspective one.
   RigTracker(Rig rig, std::optional<Board> board, Detector detector, bool follow_surroundings);
 
   bool has_board() const { return board_.has_value(); }
 
-  // The pose as the frame gives it or, where the board is in view, as it is tracked:
+  // Finds the pose as the frame gives it or, where the board is in view, as it is tracked; sets
   // `back_from_marker` and `tracked` of the result. False where there was nothing to track.
   bool find_pose(const Frame& frame, TrackingMethod method, FrameResult& result);
-  // After that. Where the board is in view: whether it lies where it lay; newmarker_from_oldmarker
-  // where it was moved. Where it is not: how the cameras turned, `turned` of the result.
+  // Call after find_pose(). Where the board is in view: whether it still lies where it lay;
+  // newmarker_from_oldmarker if it was moved. Where it is out of view: how the cameras turned,
+  // `turned` of the result.
   std::optional<glm::dmat3> follow(const Frame& frame, SeenAround around, FrameResult& result);
-  // Takes the pose, if any, and finds the rows' motion: as tracked or given, or that of the last
-  // frames.
+  // Takes the pose, if any, and finds the motion of the rows: as tracked or given, or else that of
+  // the last frames.
   void find_motion(const Frame& frame, FrameResult& result);
-  // What was seen of the surroundings is no longer true.
+  // Call when what was seen of the surroundings is no longer true.
   void forget_surroundings();
 
   bool look_due(double time) const { return rotation_tracker_ && time >= look_again_; }
-  bool board_moves() const { return board_moves_; }  // as the last frame shows it
-  // Whether the surroundings tell the rotation of the last frame, surely enough to capture with.
+  bool board_moves() const { return board_moves_; }  // as the last frame shows
+  // Whether the surroundings tell the last frame's rotation surely enough to capture with it.
   bool turned() const { return turned_.has_value(); }
-  // By that, some seconds later.
+  // The pose by that rotation, some seconds later.
   Pose turned_at(double later) const;
-  // Whether the last pose by the board may still stand for that of a moment.
+  // Whether the last pose by the board may still stand for the pose at a given time.
   bool is_recent(double time) const;
-  // By that pose and the motion then.
+  // The pose then, by the last pose and its motion.
   Pose back_at(double time) const;
-  // That of the row which shows a point of the marker frame.
+  // The pose of the row that shows a point of the marker frame.
   Pose pose_of_row(const FrameResult& result, const glm::dvec3& point) const;
 
  private:
@@ -80,11 +82,11 @@ class RigTracker {
   Detector detector_;
   std::optional<EdgeTracker> edge_tracker_;
   std::optional<RotationTracker> rotation_tracker_;
-  std::uint64_t moments_ = 0;  // that it was asked about
+  std::uint64_t moments_ = 0;  // counts the moments that it was asked about
   GyroModel gyro_;
-  std::optional<Attitude> attitude_;          // of this frame
-  std::optional<Attitude> known_attitude_;    // where the tracker last went on from
-  std::optional<Attitude> tracked_attitude_;  // of the last pose of the board
+  std::optional<Attitude> attitude_;          // in this frame
+  std::optional<Attitude> known_attitude_;    // where the rotation tracker last went on from
+  std::optional<Attitude> tracked_attitude_;  // at the last pose by the board
   BoardMotion board_motion_;
   double look_again_ = -1e30, agreed_ = -1e30;  // seconds
   std::vector<Known> between_looks_;            // poses since the last look

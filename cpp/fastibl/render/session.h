@@ -1,5 +1,5 @@
-// The whole, frame by frame: track, capture, light, shadow, shade, composite. The only long-lived
-// object.
+// The whole pipeline, frame by frame: track, capture, light, shadow, shade, composite. It is the
+// only long-lived object.
 #pragma once
 
 #include <limits>
@@ -30,34 +30,34 @@ namespace fastibl {
 
 struct SessionOptions {
   Methods methods;
-  // Budgets, 0 for none. Steps whose method is `automatic` get what keeps to them under the light
-  // that there is, and other methods when it has changed. By `error` alone all choices are by the
-  // light and the scene, the same on every machine.
+  // Budgets, 0 for none. A step whose method is `automatic` gets one that keeps to them under the
+  // present light, and another one when the light has changed. With `error` alone, all choices
+  // depend on the light and the scene only, so that they are the same on every machine.
   double error = 0.02, milliseconds = 0;
   int map_size = 128;
   bool cast_shadow = true;
   double distance = std::numeric_limits<double>::infinity();  // CaptureOptions::distance
   std::optional<RoomBox> box = {};                            // CaptureOptions::box
   bool doubt_exposures = true;                                // CaptureOptions::doubt_exposures
-  // By channel: what the front camera makes of light by what the back one makes of it.
+  // By channel: the front camera's measure of light divided by the back camera's.
   glm::dvec3 front_ratio{1};
-  // Whether the surroundings tell how the cameras turn while the board is out of view, and that the
-  // board was moved by hand.
+  // Whether the surroundings are used to tell how the cameras turn while the board is out of view,
+  // and that the board was moved by hand.
   bool follow_surroundings = true;
   std::shared_ptr<const CubeMap> prior = {};  // CaptureOptions::prior, and
   double paper_albedo = 0.85;                 // its paper_albedo
   double most_boost = 1;                      // its most_boost
-  // Whether frames that take longer than `milliseconds`, or much less, change the methods, too.
+  // Whether the methods also change when frames take longer than `milliseconds`, or much less.
   bool adapt = true;
-  Costs costs = {};  // of this machine, see measure_costs.h; of interest for `milliseconds` alone
+  Costs costs = {};      // of this machine, see measure_costs.h; used for `milliseconds` alone
   bool offline = false;  // see CandidateOptions
 };
 
 class Session {
  public:
   // rig: needed for anything but a fixed environment with given poses, and always for the size of
-  // the picture. board and detector: where poses are tracked. environment: null where it is
-  // captured. Throws std::invalid_argument for a camera or board that is none, or tracking without
+  // the picture. board and detector: needed where poses are tracked. environment: null where it is
+  // captured. Throws std::invalid_argument for an invalid camera or board, or for tracking without
   // a detector.
   Session(Scene scene, Rig rig, std::optional<Board> board,
           std::shared_ptr<const Environment> environment, Detector detector,
@@ -68,22 +68,22 @@ class Session {
   const Plan& plan() const { return plan_; }
   const SessionOptions& options() const { return options_; }
   ShadowMap shadow_map() { return renderer_->shadow_map(); }
-  // What the plane's picture was multiplied by: the ratio as it is drawn, and the light of the
-  // object; it may exceed 1.
+  // What the plane's picture was multiplied by: the ratio as it is drawn, together with the light
+  // from the object; it may exceed 1.
   ShadowMap plane_gain() {
     return shares_.plane_gain() ? *shares_.plane_gain() : renderer_->shadow_map();
   }
-  // Of the last picture; empty where the board was not seen.
+  // The layers of the last picture; empty where the board was not seen.
   ObjectLayer object() { return drawn_from_ ? renderer_->object() : ObjectLayer{}; }
   ObjectLayer holdout() { return drawn_from_ ? renderer_->holdout() : ObjectLayer{}; }
-  // What the last picture was put together from; nothing covers or shades it where the board was
-  // not seen.
+  // The layers that the last picture was put together from. Nothing covers or shades it where the
+  // board was not seen.
   PictureLayers layers();
   const Capture& capture() const { return capture_.map(); }
   Renderer& renderer() { return *renderer_; }
 
   const Scene& scene() const { return scene_; }
-  // Another object, at the map that was captured: its centre stays where the first object's was.
+  // Sets another object under the captured map, whose centre stays where the first object's was.
   void set_scene(Scene scene);
   void set_material(const Material& material);
   void move(const Pose& marker_from_object);
@@ -92,21 +92,20 @@ class Session {
   // negative or not finite.
   void set_budgets(double error, double milliseconds);
   void set_cast_shadow(bool cast);
-  // Of the scene's mesh, or null.
+  // baked: of the scene's mesh, or null.
   void set_baked_shadow(std::shared_ptr<const MeshShadow> baked);
   void set_shadow_look(const ShadowLook& look);
-  // null: capture. Light that is given in every frame is taken for light that moves; see
-  // session.cpp.
+  // null: capture. Light that is given in every frame is taken as moving light; see session.cpp.
   void set_environment(std::shared_ptr<const Environment> environment);
   void set_renderer(std::unique_ptr<Renderer> renderer);
 
  private:
-  bool light_moves() const;  // it is captured, or given frame after frame
-  void replan();             // after a change of what is wanted: makes stale what it concerns
+  bool light_moves() const;  // whether it is captured, or given frame after frame
+  void replan();             // after a change of what is asked for: makes stale what depends on it
   void judge_anew();         // the same after a change of the light
-  void choose_methods();     // where the light has changed, or the time is up
-  void update_plan(bool choose = false);  // the lines and their errors; and methods anew
-  void make_stale();                      // all that methods make
+  void choose_methods();     // where the light has changed, or the time budget asks for it
+  void update_plan(bool choose = false);  // the lines and their errors; if asked, new methods
+  void make_stale();                      // all that depends on methods
   void watch_time(double milliseconds);
   void choose_turn(const Frame& frame);
   void follow_surroundings(const Frame& frame, FrameResult& result);
@@ -114,11 +113,11 @@ class Session {
   bool wants_capture(const Frame& frame, const FrameResult& found) const;
   std::shared_ptr<const CubeMap> radiance() const;  // null before there is a map
   LightingOptions lighting_options() const;
-  void ensure_lighting();  // of this map, and with the chain that glossy light is read from
-  // Of a back picture that tells none, where the light is given: by the board's white. Stays as it
-  // was where that is not seen.
+  void ensure_lighting();  // for this map, with the chain that glossy light is read from
+  // Reads the exposure of a back picture without one from the board's white, where the light is
+  // given. It stays as it was where that white is not seen.
   void read_exposure(const Frame& frame, const Pose& drawn_from);
-  // drawn_from: the pose that the object is drawn with, of the row that shows its middle.
+  // drawn_from: the pose that the object is drawn with, that of the row that shows its middle.
   bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
   void run_passes(const std::vector<PassId>& due, const Frame& frame, FrameResult& result,
                   const Pose& drawn_from);
@@ -138,12 +137,12 @@ class Session {
   Products stale_ = product::all & ~product::inputs;
   MethodJudge judge_;
   LightStream stream_;            // of the light that is given
-  bool given_elsewhere_ = false;  // it does not lie as the surroundings do
+  bool given_elsewhere_ = false;  // the given light is not aligned with the surroundings
   TimeBudget time_;
   LightTurns turns_;
   bool in_turns_ = false;  // this frame
-  float light_lag_ = 0;    // by which the light changed from one of its turns to the next, relative
-  Products held_ = 0;      // what pictures made stale, until the light's turn
+  float light_lag_ = 0;    // relative change of the light from one of its turns to the next
+  Products held_ = 0;      // what pictures made stale, held until the light's turn
   std::optional<double> last_time_;
   double back_exposure_ = 1;  // of the last back picture, as far as it is known
   std::optional<LightMeter> meter_;

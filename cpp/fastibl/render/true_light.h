@@ -1,6 +1,6 @@
-// What light the samples of a scene truly get: sums over all directions of a small level of the
-// map, finer where it is bright, and what of them the object hides. What methods are judged by;
-// none of them is used.
+// The light that the samples of a scene truly get: sums over all directions of a small level of the
+// map, refined where it is bright, and the part of them that the object hides. Methods are judged
+// by it, and none of them is used for it.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace fastibl {
 
-// Radiance times solid angle of the samples' directions, channel by channel.
+// Radiance times solid angle for the samples' directions, channel by channel.
 struct SampleFlux {
   std::vector<float> channels[3];
   glm::vec3 plane{0}, all{0};  // E(z), and the sum over all directions
@@ -25,13 +25,14 @@ struct SampleFlux {
   }
 };
 
-// Texels that hold so much of the light that they are no point of it: cut into 4 × 4.
+// Texels that hold too much of the light to count as points: they are cut into 4 × 4 pieces.
 struct BrightPieces {
   static constexpr int kParts = 4, kCount = kParts * kParts;
 
-  std::vector<std::uint8_t> cut;        // of each direction, whether it is
-  std::vector<std::size_t> cut_texels;  // those
-  // kCount of each: direction, and radiance times solid angle, which sum to the texel's.
+  std::vector<std::uint8_t> cut;        // for each direction, whether its texel is cut
+  std::vector<std::size_t> cut_texels;  // the cut ones
+  // kCount pieces per cut texel: direction, and radiance times solid angle; they sum to the
+  // texel's.
   std::vector<float> x, y, z, solid_angles;
   std::vector<float> channels[3];
 
@@ -41,23 +42,24 @@ struct BrightPieces {
   glm::vec3 flux(std::size_t i) const { return {channels[0][i], channels[1][i], channels[2][i]}; }
 };
 
-// Whether the directions beside one in its face are as it is in `cells`, one number a direction:
-// then so are its pieces. What of a texel is hidden is asked by rays at its ends alone.
+// Whether the neighbours of a direction in its face have the same value as it has in `cells`, one
+// number a direction: then its pieces have it too. So rays are needed only for texels at the ends
+// of what is hidden.
 bool same_around(const std::uint8_t* cells, std::size_t direction);
 
-// One colour a sample of the object.
+// One colour for each sample of the object.
 struct TrueLight {
   std::vector<glm::vec3> irradiance, open_irradiance;  // without what the object hides, and with it
-  std::vector<glm::vec3> lobe, open_lobe;  // average radiance under the glossy lobe, likewise
-  std::vector<glm::vec3> lost;             // of the irradiance, to the shadow on the plane
+  std::vector<glm::vec3> lobe, open_lobe;  // mean radiance under the glossy lobe, likewise
+  std::vector<glm::vec3> lost;             // irradiance lost to the shadow on the plane
 };
 
-// With nothing lost to the shadow yet. No lobe: black.
+// `lost` is still zero. Without a lobe, its radiances are black.
 TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
                      const BrightPieces& bright, const std::optional<LobeShape>& lobe);
 
 // Sets `lost`: what the plane's shadow keeps from the samples. Every twelfth direction stands for
-// twelve, other ones for each sample.
+// twelve; each sample uses other ones.
 void add_lost(const SceneSamples& samples, const SampleFlux& flux, const ShadowMap& shadow,
               TrueLight& light);
 

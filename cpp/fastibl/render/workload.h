@@ -1,4 +1,4 @@
-// What there is to do in a frame of a scene, for the expected times of a plan.
+// The work in a frame of a scene, for the expected times of a plan.
 #pragma once
 
 #include "fastibl/plan/costs.h"
@@ -6,8 +6,8 @@
 
 namespace fastibl {
 
-// Of a picture: an object a tenth of it and a shadow map over all of it, whatever the pose, so that
-// the same light gives the same choice.
+// The work for a picture of which the object takes a tenth, with a shadow map over all of it,
+// whatever the pose, so that the same light gives the same choice.
 Workload workload_of(const Scene& scene, int width, int height, bool light_changes,
                      bool cast_shadow);
 

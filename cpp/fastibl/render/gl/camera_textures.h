@@ -1,4 +1,4 @@
-// A camera's tables on the GPU: its response, and the ray of each pixel. Private to render/gl.
+// A camera's tables on the GPU: its response, and each pixel's ray. Private to render/gl.
 #pragma once
 
 #include "fastibl/render/gl/gpu.h"

@@ -28,8 +28,8 @@ class CompositePass {
   CameraTextures camera_;
   Texture back_, linear_back_, picture_, screen_;
   Texture gain_, outer_gain_, fine_gain_;
-  std::shared_ptr<const ShadowMap> gain_map_;  // that is in them
-  Area area_;                                  // drawn
+  std::shared_ptr<const ShadowMap> gain_map_;  // which they hold
+  Area area_;                                  // the drawn part
   Image<std::uint8_t> bytes_;                  // the image outside `area_`
   GLuint read_back_ = 0;                       // a buffer of this many bytes
   std::size_t read_back_size_ = 0;

@@ -1,11 +1,11 @@
-// A headless OpenGL ES 3.0 context of our own, by EGL.
+// A headless OpenGL ES 3.0 context of its own, made with EGL.
 #pragma once
 
 namespace fastibl {
 
 // Needs no display: tries Mesa's surfaceless platform, then devices, then the default display, and
 // prefers hardware. Throws std::runtime_error that names what is missing. The environment variable
-// FASTIBL_EGL_LIBRARY names another file than libEGL.so.1 to look for (for tests).
+// FASTIBL_EGL_LIBRARY names a file to look for instead of libEGL.so.1 (for tests).
 class GlContext {
  public:
   GlContext();
@@ -13,7 +13,8 @@ class GlContext {
   GlContext(const GlContext&) = delete;
   GlContext& operator=(const GlContext&) = delete;
 
-  // Current in the calling thread while this lives; then what was current before is again.
+  // Makes the context current in the calling thread while this lives; then restores the previous
+  // one.
   class Current {
    public:
     explicit Current(const GlContext& context);

@@ -10,20 +10,21 @@ namespace fastibl {
 class GlRenderer : public Renderer {
  public:
   // Draws the image, scaled to width × height pixels, into a framebuffer of the caller's context
-  // (0: the window; not multisampled), row 0 on top, without reading it back. For a renderer that
-  // was made with CurrentContext.
+  // (0: the window; not multisampled), with row 0 at the top and without reading it back. For a
+  // renderer that was made with CurrentContext.
   virtual void present(unsigned framebuffer, int width, int height) = 0;
 };
 
-// With a headless context of its own; any one thread may call at a time. Throws std::runtime_error
-// where there is no EGL, no driver, or no float targets (EXT_color_buffer_float).
-// FASTIBL_GL_HALF=1 in the environment stores the map in half floats even where the driver filters
-// floats; FASTIBL_GL_BAKED=1 reads every diffuse method from a cube map, as those that have no
-// shader of their own.
+// Makes a renderer with a headless context of its own; any thread may call it, one at a time.
+// Throws std::runtime_error where there is no EGL, no driver, or no float targets
+// (EXT_color_buffer_float).
+// FASTIBL_GL_HALF=1 in the environment stores the map in half floats even where the driver can
+// filter floats; FASTIBL_GL_BAKED=1 reads every diffuse method from a cube map, as is always done
+// for methods without a shader of their own.
 std::unique_ptr<GlRenderer> make_gl_renderer();
 
-// Draws in the context that is current here, which must be current at every later call and at the
-// end: OpenGL ES 3.0, or desktop GL 4.3. All state is put back.
+// Draws in the context that is current now, which must also be current at every later call and at
+// the end: OpenGL ES 3.0, or desktop GL 4.3. All state is restored.
 struct CurrentContext {};
 std::unique_ptr<GlRenderer> make_gl_renderer(CurrentContext);
 

@@ -1,4 +1,4 @@
-// GL state that the renderer touches, kept for a caller in whose context it draws. Private to
+// The GL state that the renderer touches, saved for a caller in whose context it draws. Private to
 // render/gl.
 #pragma once
 
@@ -51,7 +51,7 @@ class SavedState {
   GLboolean depth_mask_;
 };
 
-// What the passes assume; to be called after saving.
+// Sets the state that the passes assume; to be called after saving.
 void set_default_state();
 
 }  // namespace fastibl

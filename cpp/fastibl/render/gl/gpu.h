@@ -29,7 +29,7 @@ class Gpu {
   Gpu(const Gpu&) = delete;
   Gpu& operator=(const Gpu&) = delete;
 
-  // Our context, or the caller's with its state kept. All other calls are within one.
+  // Makes our context current, or saves the caller's state. All other calls are within one.
   class Scope {
    public:
     explicit Scope(const Gpu& gpu);
@@ -52,15 +52,15 @@ class Gpu {
   // Makes the texture if needed, and fills it if there is data.
   void allocate(Texture& t, GLenum internal, int width, int height, GLenum format, GLenum type,
                 const void* data = nullptr);
-  void remove(Texture& t);  // it is none afterwards
+  void remove(Texture& t);  // t is no texture afterwards
   void allocate_depth(int width, int height);
 
-  // Framebuffer 0 or 1 draws to, and reads from, this texture.
+  // Makes framebuffer 0 or 1 draw to this texture, and read from it.
   void target(int which, const Texture& t, bool depth = false);
   GLuint framebuffer(int which) const { return framebuffers_[which]; }
   Image<float> read(const Texture& t, int width, int height);
 
-  // The program of these two shaders, made at its first use; in use from now on.
+  // The program of the pass's two shaders, made at its first use; it is in use from now on.
   const Program& use(const std::string& pass, const std::vector<std::string>& defines);
   void bind(const char* sampler, const Texture& t, GLenum kind = GL_TEXTURE_2D);
   void draw_full_screen(int width, int height);
@@ -75,7 +75,7 @@ class Gpu {
   std::map<std::string, Program> programs_;
 };
 
-// Filters of the bound texture, which ends at its edges.
+// Sets the filters of the bound texture, and clamps it at its edges.
 void set_sampling(GLenum kind, GLenum filter, GLenum reduce);
 
 }  // namespace fastibl

@@ -6,7 +6,7 @@
 
 namespace fastibl {
 
-// What stored values are multiplied with, so that the largest one fits half floats; a power of two.
+// Factor from stored to true values, with which the largest one fits half floats; a power of two.
 inline float half_scale(float largest) {
   constexpr float kMost = 32768;
   if (!(largest > 0)) return 1;

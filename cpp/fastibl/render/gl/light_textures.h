@@ -14,29 +14,29 @@ namespace fastibl {
 
 class LightTextures {
  public:
-  // Level by level as the CPU made them; of a map like the last one only what its tiles' versions
-  // tell to have changed. Half floats are scaled: they end at 65504.
+  // Uploads the levels as the CPU made them; for a map like the last one only what has changed, as
+  // the versions of its tiles tell. Values in half floats are scaled: these end at 65504.
   void upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map);
-  // irradiance-cube as it is: one look-up. Any other diffuse method as a cube map, where shaders
-  // are not to be trusted with it.
+  // Uploads irradiance-cube as it is: one look-up. Any other diffuse method is uploaded as a cube
+  // map, where shaders are not to be trusted with it.
   void upload_baked(Gpu& gpu, const Irradiance& irradiance);
 
-  // The round lobes, and the map that is their level 0.
+  // Uploads the round lobes, and the map that is their level 0.
   void upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyChain>& chain);
 
-  // What was uploaded last, for the program in use.
+  // Each binds what was uploaded last, for the program in use.
   void bind_radiance(Gpu& gpu, const Program& p) const;
   void bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe, const Lighting& lighting);
-  // Of the chain that was uploaded, which is the lighting's, and its lights.
+  // Binds the uploaded chain, which is the lighting's, and its lights.
   void bind_lobes(Gpu& gpu, const Program& p, const Lighting& lighting) const;
   void bind_baked(Gpu& gpu, const Program& p) const;
 
  private:
   Texture cube_, baked_, lobes_, first_lobe_, table_;
-  // Of the map that is in cube_. The map itself is not kept: its maker may update it in place.
+  // About the map that is in cube_. The map itself is not kept: its maker may update it in place.
   int radiance_size_ = 0, radiance_levels_ = 0;
   std::vector<std::uint64_t> radiance_versions_;
-  std::shared_ptr<const GlossyChain> chain_;  // that is in lobes_
+  std::shared_ptr<const GlossyChain> chain_;  // the chain that is in lobes_
   int baked_size_ = 0;
   float radiance_scale_ = 1, baked_scale_ = 1;
 };

@@ -11,10 +11,10 @@ namespace fastibl {
 
 class MaterialTextures {
  public:
-  // Level by level as the CPU made them, in half floats.
+  // Uploads the levels as the CPU made them, in half floats.
   void upload(Gpu& gpu, const Material& material);
   void bind(Gpu& gpu, const Program& p) const;  // what was uploaded last
-  // What stored values of the emission map that was uploaded last are multiplied with.
+  // Factor from stored to true values of the emission map that was uploaded last.
   float emission_unit() const;
 
  private:

@@ -1,5 +1,5 @@
-// The mesh on the GPU: corners for the visibility pass, tables for the shade pass. Private to
-// render/gl.
+// The mesh on the GPU: triangle corners for the visibility pass, tables for the shade pass. Private
+// to render/gl.
 #pragma once
 
 #include <span>
@@ -17,10 +17,10 @@ namespace fastibl {
 class MeshBuffers {
  public:
   void upload(Gpu& gpu, const Scene& scene);
-  // What the object lets through of its light; empty: P_V of the scene.
+  // shares: what the object lets through of its light; empty: P_V of the scene.
   void upload_shares(Gpu& gpu, const Scene& scene, std::span<const glm::vec4> shares);
   const Mesh& mesh() const { return mesh_; }
-  // Where shares of the vertices' backs begin; 0: there are none.
+  // Where the shares of the vertices' backs begin; 0: there are none.
   int backs() const {
     const std::size_t own = mesh_.vertices.size();
     return share_.size() > own ? int(own + cut_.vertices.size()) : 0;
@@ -30,10 +30,11 @@ class MeshBuffers {
     return mesh_.colors.empty() ? 0 : 2 * int(mesh_.vertices.size() + cut_.vertices.size());
   }
   void bind(Gpu& gpu) const;      // the tables,
-  void bind_uvs(Gpu& gpu) const;  // and those that pbr materials read besides
+  void bind_uvs(Gpu& gpu) const;  // and those that pbr materials also read
 
-  // Corners to draw as triangles; returns how many. Before bind(). They are cut to what lies before
-  // the camera and within the lens model, unless all does, and split where the lens bends edges.
+  // Prepares corners to draw as triangles; returns how many. Call before bind(). They are cut to
+  // what lies before the camera and within the lens model, unless all does, and split where the
+  // lens bends edges.
   int use(Gpu& gpu, const Camera& camera, const Pose& camera_from_object, bool all_before_camera);
 
  private:
@@ -42,13 +43,13 @@ class MeshBuffers {
   void set_cut(Gpu& gpu, CutMesh cut);
 
   Texture triangles_, vertices_, tangents_, uvs_, shares_;
-  GLuint buffers_[2] = {}, vertex_arrays_[2] = {};  // of the whole mesh, and of a part
-  Mesh mesh_;                                       // that is in the buffers
+  GLuint buffers_[2] = {}, vertex_arrays_[2] = {};  // of the whole mesh, and of the cut one
+  Mesh mesh_;                                       // the mesh that is in the buffers
   std::vector<glm::vec3> normal_;
   std::vector<glm::vec4> tangent_;  // may be empty
-  std::vector<glm::vec4> share_;    // that are in their texture
+  std::vector<glm::vec4> share_;    // those that are in shares_
   LeastBent least_bent_;
-  CutMesh cut_;  // whose new vertices and triangles are in the textures, after the mesh's
+  CutMesh cut_;  // its new vertices and triangles follow the mesh's in the textures
   int corner_count_ = 0;
 };
 

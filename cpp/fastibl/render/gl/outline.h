@@ -1,4 +1,4 @@
-// Which pixels the object and its shadow can touch. Private to render/gl.
+// Finds which pixels the object and its shadow can touch. Private to render/gl.
 #pragma once
 
 #include <algorithm>
@@ -23,13 +23,13 @@ struct Area {
 };
 
 struct Outline {
-  Area area;                         // holds every pixel that the mesh can cover
-  bool whole = false;                // all of it lies before the camera and within the lens model
-  double nearest = 0, farthest = 1;  // depths that hold the mesh, metres, 0 < nearest < farthest
+  Area area;           // holds every pixel that the mesh can cover
+  bool whole = false;  // the whole mesh lies before the camera and within the lens model
+  double nearest = 0, farthest = 1;  // depths that enclose the mesh, metres, 0 < nearest < farthest
 };
 Outline outline_of(const Mesh& mesh, const Camera& camera, const Pose& camera_from_object);
 
-// Of the square [centre − extent, centre + extent] on the marker plane.
+// Outline of the square [centre − extent, centre + extent] on the marker plane.
 Area outline_of_plane(glm::vec2 centre, float extent, const Camera& camera,
                       const Pose& camera_from_marker);
 

@@ -1,4 +1,4 @@
-// The shade pass: which triangle each sample sees, then its colour. Private to render/gl.
+// The shade pass: finds which triangle each sample sees, then its colour. Private to render/gl.
 #pragma once
 
 #include "fastibl/render/gl/gpu.h"
@@ -15,7 +15,7 @@ class ShadePass {
   void run(Gpu& gpu, LightTextures& light, const RenderInput& in);
   void clear() { area_ = {}, has_holdout_ = false; }
 
-  const Area& area() const { return area_; }  // of the image, that object() holds
+  const Area& area() const { return area_; }  // part of the image that object() holds
   const Texture& object() const { return object_; }
   bool has_holdout() const { return has_holdout_; }
   const Texture& holdout() const { return holdout_; }  // of the same area

@@ -9,7 +9,7 @@
 
 namespace fastibl {
 
-// An RGB map of the plane; nothing for an empty one.
+// Uploads an RGB map of the plane; does nothing for an empty one.
 void upload(Gpu& gpu, const Image<float>& image, Texture& texture);
 
 class ShadowPass {
@@ -26,7 +26,7 @@ class ShadowPass {
  private:
   Texture ratio_, outer_, fine_, spheres_;
   SceneShadow caster_;
-  ShadowMap shadow_;  // its ratio is read back on request
+  ShadowMap shadow_;  // its ratio is read back when asked for
   bool read_ = true;
 };
 
