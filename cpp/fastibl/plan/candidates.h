@@ -20,7 +20,7 @@ struct ShadowCandidate {
   ShadowSettings settings;
 };
 
-// Of each step; one alone where it was asked for by name.
+// Candidates of each step; a single one where it was asked for by name.
 struct Candidates {
   std::vector<DiffuseCandidate> diffuse;
   std::vector<GlossyCandidate> glossy;
@@ -30,44 +30,44 @@ struct Candidates {
 };
 
 struct CandidateOptions {
-  bool light_stays = false;  // one map for many frames: what takes long to fit is worth it
+  bool light_stays = false;  // one map serves many frames: it is worth a fit that takes long
   bool baked_shadow = false;
   bool glossy = true;    // false: nothing glossy is shaded, and the default stays
-  bool pbr = false;      // GGX reads a chain by its own taps, whatever `stretched` would
+  bool pbr = false;      // GGX reads a chain with its own taps, whatever `stretched` would do
   bool hurried = false;  // there is a time budget
-  bool boxed = false;    // walls are near: samples of a lobe would see them far away
-  // Lights have places: only what takes them out of the map shades them where they are.
+  bool boxed = false;    // walls are near: samples of a lobe would see them as if far away
+  // Lights have places: only methods that take them out of the map shade them where they are.
   bool placed = false;
   bool by_pixel = true;  // the back end finds what the object hides from single pixels
-  // Pictures, not a live view: also what takes a millisecond for a few hundred pixels, `sampled` by
-  // 1024 taps and `traced`.
+  // For pictures, not a live view: adds what takes a millisecond for a few hundred pixels,
+  // `sampled` with 1024 taps and `traced`.
   bool offline = false;
 };
-// Those on the frontier of error and time on real maps (docs/light.md, docs/shadow.md). For light
-// that changes only what changes with it: `sh9` and `sh9-lobes` are off by 0.3 % of the light while
-// it changes by 2 %, and `mip`, which may be within a budget in one light, is off by half of what
-// is glossy in another, so that methods could not be changed unseen; `sh9` and `mip` only where a
-// time budget asks for what is quickest.
+// The methods on the frontier of error and time on real maps (docs/light.md, docs/shadow.md). For
+// changing light, only methods that change with it: `sh9` and `sh9-lobes` are off by 0.3 % of the
+// light while it changes by 2 %. `mip`, which may be within a budget in one light, is off by half
+// of what is glossy in another, so that a change of methods would be seen. There, `sh9` and `mip`
+// are candidates only where a time budget asks for what is quickest.
 Candidates candidates(const Methods& asked, const CandidateOptions& options);
 
-// One of each, by its place there.
+// One candidate of each step, by its index.
 struct Combination {
   std::size_t diffuse = 0, glossy = 0, self_shadow = 0, shadow = 0, bounce = 0;
 };
 
-// Square of the picture's error by one step alone: what its method leaves wrong, the others as they
-// truly are; mean over all views and in the worst of them.
+// Square of the picture's error by one step alone, with the other steps as they truly are: the mean
+// over all views, and the worst view.
 struct ErrorAlone {
   double mean = 0, worst = 0;
 };
 
-// Squares of errors of the picture, linear light: RMS over RGB and over the pixels that the object
-// covers or its shadow changes by more than 1/255, by the truth's mean there. They were measured
-// on samples of the scene, see render/measure_errors.h.
+// Squares of the picture's errors in linear light: the RMS over RGB and over the pixels that the
+// object covers or its shadow changes by more than 1/255, divided by the mean of the truth there.
+// They were measured on samples of the scene, see render/measure_errors.h.
 struct MeasuredErrors {
   Candidates candidates;
-  // Of the object's pixels, [diffuse][glossy][self_shadow][bounce], mean over all views and in the
-  // worst of them, and of the plane's, [shadow][bounce]; the picture's is the sum of one of each.
+  // For the object's pixels: [diffuse][glossy][self_shadow][bounce], the mean over all views and
+  // the worst view. For the plane's: [shadow][bounce]. The picture's is the sum of one of each.
   std::vector<double> object, object_worst, plane;
   std::vector<ErrorAlone> diffuse, glossy, self_shadow, shadow, bounce;
   bool empty() const { return object.empty(); }
@@ -78,8 +78,8 @@ struct MeasuredErrors {
                c.bounce.size() +
            at.bounce;
   }
-  // What a view is to be expected to have: half-way to the worst, for what is chosen is rather what
-  // looks better on the samples than it is.
+  // What to expect of a view: half-way from the mean to the worst, since a chosen method tends to
+  // look better on the samples than it is.
   double object_at(const Combination& at) const {
     return 0.5 * (object[index(at)] + object_worst[index(at)]);
   }

@@ -1,4 +1,4 @@
-// Why a scene does without a pass, and what that may do to its picture. Private to the room.
+// Why a scene does without a pass, and what that may do to its picture. Private to plan.
 #pragma once
 
 #include <optional>
@@ -13,8 +13,8 @@ struct Omission {
   std::optional<double> bound = 0.0;  // see PlannedPass
 };
 
-// plan: its methods are chosen, and its passes before this one decided. dispensable: why a method
-// that was chosen is to leave a pass out.
+// plan: its methods are chosen, and its passes before this one are decided. dispensable: the reason
+// for leaving a pass out where a chosen method does without it.
 Omission omission_of(PassId id, const Scene& scene, const Environment* environment,
                      const PlanOptions& options, const Plan& plan, const char* dispensable);
 

@@ -24,9 +24,9 @@ enum class PassId {
   irradiance,
   shadow,
   self_shadow,
-  near_light,  // the object's light by where its parts are, not only by how they are turned
+  near_light,  // the object's light by the place of its parts, not only by their orientation
   bounce,
-  plane,    // what the plane's picture is multiplied by, where that is not the shadow as it is
+  plane,    // factor on the plane's picture, where that is not the plain shadow
   holdout,  // the shadow on real objects
   shade,
   composite
