@@ -1,4 +1,4 @@
-// P_V of Eq. 8: how much of the light from around reaches a vertex past the object itself.
+// P_V of Eq. 8: the share of the surrounding light that reaches a vertex past the object itself.
 #pragma once
 
 #include <vector>
@@ -13,14 +13,14 @@ struct AmbientOcclusionOptions {
 };
 
 // Cosine-weighted share of the hemisphere around each vertex normal that the mesh leaves free, in
-// [0, 1]; 1 on a convex mesh. Triangles hide from both sides; the marker plane is not included.
+// [0, 1]; 1 on a convex mesh. Triangles block from both sides; the marker plane is not included.
 // Rays start off the surface, by 1e-4 of the mesh's radius along the normal. Deterministic.
 std::vector<float> ambient_occlusion(const Mesh& mesh, const AmbientOcclusionOptions& options = {});
 
-// The same with spheres (mesh frame) in place of the triangles, for meshes that deform: spheres
-// that contain a vertex do not hide anything from it. Spheres that are not finite, or have a radius
-// of 0 or less, are ignored. RMS error with 50 fitted spheres
-// about 0.02 on bulky closed meshes, 0.05 to 0.4 on thin ones.
+// The same with spheres (mesh frame) in place of the triangles, for meshes that deform. A sphere
+// that contains a vertex hides nothing from it. Spheres that are not finite, or have a radius of 0
+// or less, are ignored. The RMS error with 50 fitted spheres is about 0.02 on bulky closed meshes,
+// and 0.05 to 0.4 on thin ones.
 std::vector<float> sphere_ambient_occlusion(const Mesh& mesh, const SphereSet& spheres,
                                             const AmbientOcclusionOptions& options = {});
 

@@ -1,4 +1,4 @@
-// From an object to the directions that it blocks.
+// Finds the directions that an object blocks.
 #pragma once
 
 #include <span>
@@ -11,24 +11,24 @@
 namespace fastibl {
 
 struct VisibilityOptions {
-  // Cells of the sphere along an edge: 16, 32, 64 or 128 (11° to 1.4°). Rays towards 16²
-  // directions, then towards finer ones where neighbours differ: of the first three about 130, 250
-  // and 530 a vertex.
+  // Cells of the sphere along an edge: 16, 32, 64 or 128 (11° to 1.4°). Rays go towards 16²
+  // directions, then towards finer ones where neighbours differ: with the first three sizes about
+  // 130, 250 and 530 rays a vertex.
   int size = 64;
 };
 
-// From the mesh, by rays. Triangles hide from both sides; rays start off the surface, by 1e-4 of
-// the mesh's radius along the normal. The marker plane is not included: below the horizon the map
-// holds the table. Deterministic.
+// Found from the mesh, by rays. Triangles block from both sides; rays start off the surface, by
+// 1e-4 of the mesh's radius along the normal. The marker plane is not included: below the horizon
+// the map holds the table. Deterministic.
 VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options = {});
 
-// The same around any points of a mesh, or near it. offset: along the normal.
+// The same for any points on a mesh or near it. offset: along the normal.
 VertexVisibility visibility_at(const Bvh& bvh, float offset, std::span<const glm::vec3> points,
                                std::span<const glm::vec3> unit_normals, int size);
 float ray_offset(const Mesh& mesh);
 
-// From spheres in its place, for an object that deforms: milliseconds. A sphere that contains a
-// vertex does not hide it, nor does one whose radius or centre is not finite.
+// Found from spheres in place of the mesh, for an object that deforms; takes milliseconds. A sphere
+// that contains a vertex does not hide it, nor does one whose radius or centre is not finite.
 VertexVisibility sphere_visibility(std::span<const glm::vec3> vertices,
                                    std::span<const glm::vec3> unit_normals,
                                    const SphereSet& spheres,

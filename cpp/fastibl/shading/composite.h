@@ -13,7 +13,7 @@
 
 namespace fastibl {
 
-// What the pixels of a camera see and mean, worked out once.
+// What a camera's pixels see and what their codes mean, worked out once.
 struct PixelTable {
   Camera camera;
   ByteResponse response;
@@ -23,22 +23,23 @@ struct PixelTable {
   explicit PixelTable(const Camera& c);
 };
 
-// Back picture × shadow ratio (or the gain of the plane, which may exceed 1), the object over it,
-// in linear light, encoded with the camera's response. Pixels without object whose ratio is 1 keep
-// their bytes. An empty picture gives black there. holdout: real objects, whose picture is
+// Back picture × shadow ratio (or the gain of the plane, which may exceed 1), with the object over
+// it, in linear light, encoded with the camera's response. Pixels without the object whose ratio is
+// 1 keep their bytes. An empty picture counts as black. holdout: real objects, whose picture is
 // multiplied by their own ratio, not the plane's.
 Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
                               const ShadowLookUp& shadow, const ObjectLayer& holdout = {});
 
-// Object and shadow without a picture behind: straight (not premultiplied) encoded RGB and alpha,
-// where a shadow is black with alpha 1 − ratio (Rec. 709 luminance; 0 where that is negative).
+// Object and shadow without a picture behind them: straight (not premultiplied) encoded RGB and
+// alpha. A shadow is black with alpha 1 − ratio (Rec. 709 luminance; 0 where that is negative).
 Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& camera_from_marker,
                           const ObjectLayer& object, const ShadowLookUp& shadow,
                           const ObjectLayer& holdout = {});
 
-// What `composite` puts together, as floats for another program to do so: back picture × ratio ×
-// (1 − object's alpha) + object, in linear light, where 1 is the white of the camera's response.
+// The layers that `composite` puts together, as floats for another program to do the same: back
+// picture × ratio × (1 − object's alpha) + object, in linear light, where 1 is the white of the
+// camera's response.
 struct PictureLayers {
   Image<float> object;  // RGB times coverage, and coverage
   Image<float> ratio;   // RGB: may exceed 1 where the object brightens the plane

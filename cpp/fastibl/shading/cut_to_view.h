@@ -1,6 +1,6 @@
-// Triangles cut to what a camera can see of them, so that one with a corner behind the camera, or
-// beyond its lens model, keeps its part that is seen; and split where the lens bends their edges,
-// which are drawn straight.
+// Cuts triangles to what a camera can see of them, so that a triangle with a corner behind the
+// camera, or beyond its lens model, keeps its visible part. Also splits triangles where the lens
+// bends their edges, since these are drawn straight.
 #pragma once
 
 #include <vector>
@@ -11,10 +11,10 @@
 
 namespace fastibl {
 
-// The least length on the plane z = 1 of a line that a perspective camera's lens may bend by 0.2
-// pixels, in its picture and a tenth of its size around; infinite where it bends none.
+// The least length, on the plane z = 1, of a line that a perspective camera's lens may bend by 0.2
+// pixels, within its picture and a tenth of its size around; infinite where it bends none.
 double least_bent(const Camera& camera);
-// That of the last camera.
+// Keeps it for the last camera.
 class LeastBent {
  public:
   double of(const Camera& camera);
@@ -23,12 +23,12 @@ class LeastBent {
   Camera camera_;
   double least_ = 0;
 };
-// Whether a triangle has an edge as long as that. The mesh must be before the camera.
+// Whether a triangle has an edge at least as long as that. The mesh must be before the camera.
 bool may_be_bent(const Mesh& mesh, const Pose& camera_from_mesh, double least);
 
-// What a perspective camera's picture shows of a mesh and somewhat more, as planes in the mesh's
-// frame. All that it holds lies before the camera, by 0.1 mm or a thousandth of the farthest depth,
-// and within the lens model.
+// The part of space that a perspective camera's picture shows, and somewhat more, as planes in the
+// mesh's frame. All points in it lie within the lens model and before the camera, by 0.1 mm or a
+// thousandth of the mesh's farthest depth, whichever is less.
 class ViewVolume {
  public:
   // least: least_bent(camera)
@@ -57,9 +57,9 @@ class ViewVolume {
 struct CutMesh {
   struct Vertex {
     glm::dvec3 position;  // mesh frame
-    int triangle;         // of the mesh, that it lies on,
+    int triangle;         // of the mesh, the one that it lies on,
     glm::vec3 weights;    // between whose corners
-    // Of a value that each of the mesh's vertices has.
+    // Interpolates a value that each of the mesh's vertices has.
     template <typename T>
     T mean(const glm::ivec3& corners, const T* values) const {
       return weights.x * values[corners.x] + weights.y * values[corners.y] +
@@ -70,11 +70,11 @@ struct CutMesh {
     glm::ivec3 corners;  // the mesh's vertices, and the new ones after them
     int whole;           // the triangle of the mesh that it is a part of
   };
-  std::vector<Vertex> vertices;     // that are new
-  std::vector<Triangle> triangles;  // that are drawn instead of those
-  std::vector<char> replaced;       // of each triangle of the mesh
+  std::vector<Vertex> vertices;     // the new ones
+  std::vector<Triangle> triangles;  // those that are drawn instead
+  std::vector<char> replaced;       // for each triangle of the mesh
 };
-// Neighbours stay without cracks: where they are cut or split, they share the new corners' places.
+// There are no cracks between neighbours: where they are cut or split, their new corners coincide.
 CutMesh cut_to_view(const Mesh& mesh, const ViewVolume& volume);
 
 }  // namespace fastibl

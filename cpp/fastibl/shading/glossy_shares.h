@@ -15,19 +15,20 @@
 
 namespace fastibl {
 
-// Share of the glossy light of a map that is free, to the fourth: see LobeCells. eye: in the frame
-// of the mesh, as vertices and normals. Results as diffuse_shares has them.
+// Writes the share of a map's glossy light that is free to the fourth of `shares`: see LobeCells.
+// eye: in the mesh's frame, as vertices and normals. Results are ordered as those of
+// diffuse_shares.
 void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
                    const LobeShape& lobe, std::span<const glm::vec3> vertices,
                    std::span<const glm::vec3> unit_normals, glm::vec3 eye,
                    std::span<glm::vec4> shares);
 
-// The same at every pixel: with the lobe of the pixel, and what is hidden from its triangle's
-// corners.
+// The same for every pixel, with the lobe of the pixel and with what is hidden from the corners of
+// its triangle.
 class GlossyPixelShares {
  public:
-  // In place of the fragments' fourth shares, where glossy_shares found that a corner's lobe meets
-  // the object. eye: marker frame. light: of the scene's directions.
+  // Replaces the fragments' fourth shares, where glossy_shares found that a corner's lobe meets the
+  // object. eye: marker frame. light: in the cells of the scene's directions.
   void operator()(const Scene& scene, const CellLight& light, glm::vec3 eye,
                   std::span<FragmentBand> bands);
 
@@ -36,7 +37,7 @@ class GlossyPixelShares {
 
   std::shared_ptr<const VertexVisibility> visibility_;
   int size_ = 0;
-  std::vector<std::size_t> first_;  // of each entry, in masks_
+  std::vector<std::size_t> first_;  // where each entry begins in masks_
   std::vector<std::uint16_t> masks_;
 };
 

@@ -1,4 +1,4 @@
-// What an object hides around one vertex, for many questions at once.
+// What an object hides around one vertex, made to be asked many times.
 #pragma once
 
 #include <algorithm>
@@ -18,8 +18,8 @@ class HiddenCells {
   explicit HiddenCells(int size)
       : size_(size), words_((std::size_t(size) * std::size_t(size) + 63) / 64) {}
 
-  // Runs of VertexVisibility::edges of a grid of `own` cells along an edge; of finer runs than
-  // these cells, cells half hidden count as hidden.
+  // Sets the runs of VertexVisibility::edges, of a grid of `own` cells along an edge. Where those
+  // cells are finer than these, a half-hidden cell counts as hidden.
   void set(std::span<const std::uint16_t> edges, int own) {
     std::fill(words_.begin(), words_.end(), 0);
     const int finer = 2 * std::countr_zero(unsigned(own)),
@@ -31,7 +31,7 @@ class HiddenCells {
   }
   bool operator[](int cell) const { return words_[std::size_t(cell) / 64] >> (cell % 64) & 1; }
 
-  // Of 16 cells in a row each.
+  // Each for 16 cells in a row.
   using Mask [[gnu::may_alias]] = std::uint16_t;
   const Mask* masks() const { return reinterpret_cast<const Mask*>(words_.data()); }
 

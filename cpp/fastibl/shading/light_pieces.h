@@ -1,4 +1,5 @@
-// A few directions that stand for all light of a map: parts of its faces that hold about as much.
+// A few directions that stand for all light of a map: parts of its faces that hold about the same
+// amount of light.
 #pragma once
 
 #include <vector>
@@ -8,8 +9,8 @@
 
 namespace fastibl {
 
-// Squares of the faces, each with no more than a `count`-th of the light of any channel, texels cut
-// where they hold more. There are up to some times `count` of them.
+// Squares of the faces, each with no more than 1/count of the light of any channel; texels are cut
+// where they hold more. There are up to some times `count` squares.
 class LightPieces {
  public:
   LightPieces(const CubeMap& map, const glm::mat3& frame_from_map, int count);
@@ -17,7 +18,7 @@ class LightPieces {
   LightPieces& operator=(const LightPieces&) = delete;
 
   const LitDirections& directions() const { return arrays_; }
-  std::size_t count() const { return count_; }  // without what fills the last Lanes
+  std::size_t count() const { return count_; }  // without those that fill up the last Lanes
 
  private:
   std::vector<float> x_, y_, z_, solid_angles_, channels_[3];

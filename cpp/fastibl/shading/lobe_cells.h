@@ -1,4 +1,4 @@
-// The light of a map under the lobe of a glossy surface, cell by cell of a VertexVisibility's grid.
+// The light of a map in the lobe of a glossy surface, cell by cell of a VertexVisibility's grid.
 #pragma once
 
 #include <optional>
@@ -12,24 +12,24 @@
 namespace fastibl {
 
 inline constexpr float kMostTouched = 1 - 2e-5f;
-// Of a share that was interpolated between such ones: whether one of them was.
+// Whether any of the shares that this one was interpolated between was touched.
 inline bool is_touched(float share) { return share < 1 - 1e-6f; }
 
-// How many groups of 16 cells a share is summed over, about; 0 without a lobe.
+// About how many groups of 16 cells a share is summed over; 0 without a lobe.
 double lobe_groups(const std::optional<LobeShape>& lobe);
 
 class LobeCells {
  public:
   LobeCells(const CellLight& light, const LobeShape& lobe);
 
-  int size() const { return size_; }  // cells along an edge, that masks must have
+  int size() const { return size_; }  // cells along an edge; masks must have as many
 
-  // Share of the glossy light that is free: 1 − Σ hidden cells / Σ all of lobe × radiance, each
-  // cell with the lobe at its middle; radiance as the mean of its channels. 1 where nothing is in
-  // the lobe's reach, and at most kMostTouched where something is. In the frame of the mesh, unit.
-  // hidden: from there.
+  // Share of the glossy light that is free: 1 − Σ over the hidden cells / Σ over all cells of lobe
+  // × radiance, with the lobe at each cell's middle and the mean radiance of the channels. 1 where
+  // nothing is within the lobe's reach, and at most kMostTouched where something is. normal, view:
+  // mesh frame, unit. hidden: from that place.
   float share(glm::vec3 normal, glm::vec3 view, const HiddenCells::Mask* hidden) const;
-  // Of a place that has weights between three corners: hidden from those.
+  // For a place with weights between three corners: what is hidden from these.
   struct Corners {
     const HiddenCells::Mask* hidden[3];
     glm::vec3 weights;
@@ -37,7 +37,7 @@ class LobeCells {
   float share(glm::vec3 normal, glm::vec3 view, const Corners& corners) const;
 
   struct Cells;  // of a grid
-  // Of the cells of another grid than the light's own.
+  // For the cells of another grid than the light's own.
   struct Flux {
     std::vector<float> cells, groups;
   };
@@ -50,7 +50,7 @@ class LobeCells {
   Flux flux_;
   int size_;
   bool ggx_;
-  float least_;                   // cosine of what is in reach
+  float least_;                   // cosine of the reach
   float half_exponent_, alpha2_;  // Blinn's; GGX's
 };
 

@@ -1,4 +1,4 @@
-// Which surface a camera sees in each pixel: a z-buffer with four samples a pixel.
+// Finds which surface a camera sees in each pixel: a z-buffer with four samples a pixel.
 #pragma once
 
 #include <memory>
@@ -16,7 +16,7 @@
 namespace fastibl {
 
 // The part of a pixel that one triangle covers; several may share a pixel. Its normal is of unit
-// length and faces the camera's side of the triangle.
+// length, on the side of the triangle that faces the camera.
 struct Fragment : Varying {
   int x = 0, y = 0;
   int triangle = 0;              // of the scene's mesh
@@ -29,19 +29,19 @@ struct Fragment : Varying {
 struct HoldoutFragment {
   int x, y;
   float coverage;   // in quarters
-  glm::vec3 ratio;  // of its light that is left
+  glm::vec3 ratio;  // share of its light that is left
 };
 
-// Those of some rows of the picture, in order of rows, then columns.
+// The fragments of some rows of the picture, in order of rows, then columns.
 struct FragmentBand {
   std::vector<Fragment> object;
   std::vector<HoldoutFragment> holdouts;
 };
 
-// Within a pixel, a triangle whose normals differ by half of the width of the material's lobe, or
-// more where little of its light is glossy, is shaded at each of its samples: at their middle
-// alone, a rim of a pixel or two misses what it mirrors, and flickers. This is the cosine of that
-// angle; -2 where it is as wide as of matte light.
+// A triangle whose normals within a pixel differ by half of the width of the material's lobe, or by
+// more where little of its light is glossy, is shaded at each of its samples. Shaded at their
+// middle alone, a rim of a pixel or two would miss what it mirrors, and flicker. Returns the cosine
+// of that angle; -2 where it is as wide as for matte light.
 float curved_cosine(const Material& material);
 
 // Keeps its memory from picture to picture.
@@ -50,13 +50,13 @@ class Rasterizer {
   Rasterizer();
   ~Rasterizer();
 
-  // Bands of rows from above, none where nothing is seen; valid until the next call. Vertices go
+  // Bands of rows from the top, none where nothing is seen; valid until the next call. Vertices go
   // through the full lens model; edges between them are straight, and split where the lens bends
-  // them. Where one is behind the camera or beyond the lens model, triangles are cut
-  // (cut_to_view.h). light_shares: of each vertex, and
-  // perhaps of their backs after them; empty: P_V of the scene, and all of the glossy light.
-  // holdout_ratios: of each vertex of the holdouts; empty: 1. merge_alike: parts of one pixel whose
-  // normals hardly differ, for the material that there is, become one; of textures none.
+  // them. Triangles with a corner behind the camera or beyond the lens model are cut
+  // (cut_to_view.h). light_shares: of each vertex, and perhaps of their backs after them; empty:
+  // P_V of the scene, and all of the glossy light. holdout_ratios: of each vertex of the holdouts;
+  // empty: 1. merge_alike: parts of one pixel whose normals hardly differ, for this material,
+  // become one; none do with textures.
   std::span<FragmentBand> rasterize(const Scene& scene, const Camera& camera,
                                     const Pose& camera_from_marker,
                                     std::span<const glm::vec4> light_shares = {},
@@ -71,7 +71,7 @@ class Rasterizer {
   void set_window(const Camera& camera);
   void set_varyings(const Geometry& geometry, std::span<const glm::vec4> light_shares);
   void sort_triangles(const Geometry& geometry, int bands);
-  // Whether normals at a triangle's samples of a pixel are too far apart.
+  // Whether the normals at a triangle's samples in a pixel are too far apart.
   bool is_curved(const Geometry& geometry, const DrawnTriangle& triangle, const TrianglePart& part,
                  const SampleCell& cell) const;
   void resolve(const Geometry& geometry, const SampleWindow& window, Work& work,
@@ -82,7 +82,7 @@ class Rasterizer {
   std::unique_ptr<Work> borrow();
   void give_back(std::unique_ptr<Work> work);
 
-  // Of the object's vertices, of the holdouts', and of what is new where either is cut.
+  // Of the object's vertices, the holdouts' vertices, and the new ones where either is cut.
   std::vector<PictureCorner> corners_;
   std::vector<Varying> varyings_;  // of the object's vertices; if it is cut, of all corners
   LeastBent least_bent_;
@@ -90,7 +90,7 @@ class Rasterizer {
   std::vector<glm::vec4> cut_back_shares_, cut_holdout_ratios_;  // with those of new corners,
   std::vector<glm::vec3> cut_colors_;                            // as these
   std::vector<std::vector<int>> triangles_of_;                   // by band
-  std::vector<std::uint8_t> bends_;  // of each of the object's triangles: it may be curved
+  std::vector<std::uint8_t> bends_;  // for each of the object's triangles: whether it may be curved
   std::vector<FragmentBand> found_;
   std::vector<std::unique_ptr<Work>> idle_;
   std::mutex idle_mutex_;

@@ -1,4 +1,4 @@
-// Which triangle each of four samples of a pixel shows, by edge functions in fixed point.
+// Finds which triangle each of a pixel's four samples shows, by edge functions in fixed point.
 #pragma once
 
 #include <array>
@@ -38,8 +38,8 @@ struct SampleWindow {
   int width() const { return right - left + 1; }
 };
 
-// Gives the triangle the samples that it covers nearer than what is there. Neighbours share none
-// of their common edge's samples, and leave none.
+// Gives the triangle the samples that it covers and at which it is nearer than what is there.
+// Neighbours share no sample of their common edge, and leave none out.
 void fill_triangle(const SampleWindow& window, const PictureCorner& a, const PictureCorner& b,
                    const PictureCorner& c, int triangle);
 

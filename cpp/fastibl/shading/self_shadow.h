@@ -10,11 +10,11 @@
 
 namespace fastibl {
 
-// The light of a map by the cells of a VertexVisibility, in the frame of the object, summed along
-// the curve.
+// The light of a map in the cells of a VertexVisibility, in the object's frame, summed along the
+// curve of the cells.
 class CellLight {
  public:
-  // Keeps what depends on size and rotation alone for the next map, and all for the same map.
+  // For the next map, keeps what depends on size and rotation alone; for the same map, keeps all.
   void update(const CubeMap& radiance, const glm::mat3& object_from_marker, int size);
 
   int size() const { return size_; }
@@ -23,13 +23,13 @@ class CellLight {
     float values[16];
   };
   const Sum& before(int k) const { return sums_[std::size_t(k)]; }
-  // ∫ L dω of each cell, mean of the channels, by that of the whole sphere.
+  // ∫ L dω of each cell, the mean of the channels, divided by that of the whole sphere.
   const std::vector<float>& flux() const { return flux_; }
 
  private:
   void update_pieces(const glm::mat3& object_from_marker, int level_size);
 
-  // A piece of a texel, or a cell's share of it; as many of each texel.
+  // A piece of a texel, or a cell's share of it; equally many for each texel.
   struct Piece {
     glm::vec3 moment;  // its solid angle times its direction
     float solid_angle;
@@ -43,8 +43,8 @@ class CellLight {
   std::vector<float> flux_;
 };
 
-// Results are one an entry of the visibility: of each vertex, and where it has two sides, of their
-// backs after them. normals: of the vertices, unit, mesh frame.
+// Results are one for each entry of the visibility: for each vertex and, where it has two sides,
+// for their backs after them. normals: of the vertices, unit, mesh frame.
 
 // Irradiance that the object keeps from them: n · Σ ∫ L w dω over the blocked cells.
 void blocked_irradiance(const VertexVisibility& visibility, const CellLight& light,
@@ -56,8 +56,8 @@ void diffuse_shares(const VertexVisibility& visibility, const CellLight& light,
                     const Irradiance& irradiance, std::span<const glm::vec3> unit_normals,
                     const glm::mat3& marker_from_object, std::span<glm::vec4> shares);
 
-// Changes of the vertices' shares are added in place, to the first three of each, not to those of
-// backs; none gets negative.
+// Adds changes to the vertices' shares in place, to the first three of each, not to those of backs;
+// none becomes negative.
 void add_shares(std::span<const glm::vec3> changes, std::span<glm::vec4> shares);
 
 }  // namespace fastibl

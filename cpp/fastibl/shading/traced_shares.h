@@ -1,4 +1,4 @@
-// The light that an object keeps from itself, by rays at every pixel.
+// The light that an object keeps from itself, found by rays at every pixel.
 #pragma once
 
 #include <cstdint>
@@ -16,22 +16,22 @@
 
 namespace fastibl {
 
-// What is known of a piece of the map without asking.
+// What is known of a piece of the map before any ray is traced.
 enum class PieceState : std::uint8_t { free, hidden, unknown };
 
-// Shares of the light of a map that are free, by rays. Keeps references.
+// Finds by rays the shares of a map's light that are free. Keeps references.
 class TracedLight {
  public:
   static constexpr int kPieces = 1024, kRays = 128;
 
-  // map_from_bvh: rotation. diffuse: whether the shares of the irradiance are asked for.
+  // map_from_bvh: rotation. diffuse: whether the shares of the irradiance are wanted.
   TracedLight(const Bvh& bvh, const CubeMap& map, const glm::mat3& map_from_bvh, bool diffuse,
               const std::optional<LobeShape>& lobe);
 
-  // In the frame of the bvh, unit. RGB: of the irradiance, by rays to the pieces of the map. w: of
-  // the light in the lobe, mean of its channels, by kRays along the taps of lobe_taps(), or, where
-  // few of these meet its light, by the former. 1 where there is no light, or it was not asked
-  // for. known: of each piece; none: nothing.
+  // Vectors are in the frame of the bvh, unit. RGB: share of the irradiance, by rays to the pieces
+  // of the map. w: share of the light in the lobe, mean of its channels, by kRays along the taps of
+  // lobe_taps(), or by the rays to the pieces where few taps meet its light. 1 where there is no
+  // light, or where it was not asked for. known: for each piece; empty: nothing is known.
   glm::vec4 shares(glm::vec3 start, glm::vec3 normal, glm::vec3 view,
                    std::span<const PieceState> known = {}) const;
   const LightPieces& pieces() const { return pieces_; }
@@ -48,11 +48,11 @@ class TracedLight {
   LightPieces pieces_;
 };
 
-// In place of the fragments' shares, where the object hides anything from their triangle's
-// corners; what all three corners and the cells around a piece agree on is not asked for where
-// corners tell of what is between them. self_shares: of the corners by the map alone, which the
-// fragments' are interpolated from, but for near lights and light from the plane. Nothing where the
-// scene has no bvh. eye: marker frame.
+// Replaces the fragments' shares where the object hides anything from their triangle's corners.
+// Where corners tell of what is between them, no ray is traced for what all three corners and the
+// cells around a piece agree on. self_shares: shares of the corners by the map alone, from which
+// the fragments' are interpolated, but for near lights and light from the plane. Does nothing where
+// the scene has no bvh. eye: marker frame.
 void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye,
                   std::span<const glm::vec4> self_shares, std::span<FragmentBand> bands);
 

@@ -1,4 +1,4 @@
-// Where on which triangle a pixel is.
+// Finds which triangle a pixel is on, and where.
 #pragma once
 
 #include <array>
@@ -8,32 +8,32 @@
 
 namespace fastibl {
 
-// A place on a triangle, one frame for all of it.
+// A place on a triangle, all in one frame.
 struct TrianglePlace {
   struct Corner {
-    glm::vec3 position, normal;  // unit, on the side that is seen
-    glm::vec3 origin;            // of its rays, but an offset
+    glm::vec3 position, normal;  // unit, on the visible side
+    glm::vec3 origin;            // start of its rays, without offset
   };
   std::array<Corner, 3> corners;
   glm::vec3 weights;           // of the corners
-  glm::vec3 position, normal;  // unit, on the side that is seen
+  glm::vec3 position, normal;  // unit, on the visible side
 };
-// Where rays start: on the round surface that the normals are of, not on flat triangles, which
-// their own neighbours hide: Hanika 2021, Hacking the Shadow Terminator. The corners' own origins
-// are on it.
+// Where rays start: on the round surface that the normals describe, not on the flat triangles,
+// which their own neighbours hide: Hanika 2021, Hacking the Shadow Terminator. The corners' own
+// origins are on it.
 glm::vec3 ray_start(const TrianglePlace& place, float offset);
 
-// Of a fragment, in the frame of the mesh.
+// The place of a fragment, in the mesh's frame.
 struct FragmentPlace {
   std::array<std::size_t, 3> entries;  // of the scene's directions, by corner
   TrianglePlace place;
 };
-// Of scenes that have directions.
+// For scenes that have directions.
 class FragmentPlaces {
  public:
   explicit FragmentPlaces(const Scene& scene);
   FragmentPlace of(const Fragment& fragment) const;
-  // Unit. eye: marker frame.
+  // To the eye, unit. eye: marker frame.
   glm::vec3 view(const Fragment& fragment, glm::vec3 eye) const {
     return glm::normalize(mesh_from_map_ * (eye - fragment.position));
   }
