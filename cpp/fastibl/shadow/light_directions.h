@@ -1,6 +1,6 @@
 // A few directions that stand for all light of the sky on the plane z = 0: the sky is cut into
-// parts of the same weight, and each is replaced by its mean direction. One set for all channels,
-// with a weight for each: luminance alone would starve blue.
+// parts of the same weight, and each is replaced by its mean direction. There is one set for all
+// channels, with a weight for each: by luminance alone, blue would get too few.
 #pragma once
 
 #include <cstdint>
@@ -26,21 +26,22 @@ struct SkyPart {
 };
 
 // `count` parts of about the same weight, by recursive splitting along the side that spans the
-// larger angle; up to three times as many where the channels have their light from different
-// places. None without light. Deterministic.
+// larger angle; up to three times as many where the channels get their light from different places.
+// Empty without light. Deterministic.
 std::vector<SkyPart> split_sky(const SkyEnergy& sky, int count);
-// What to take for bright when so many parts are made of the sky: what several stand for.
+// The weight above which a texel counts as bright when the sky is cut into `count` parts: that of
+// several parts.
 inline double brightest_texel(int count) { return 2.0 / count; }
 
-// The directions of parts with their shares under any light.
+// The directions of the parts, with their shares under any light.
 std::vector<LightDirection> light_directions(const SkyEnergy& sky, std::span<const SkyPart> parts);
 std::vector<LightDirection> light_directions(const CubeMap& radiance, int count = 256);
 
 // Shares as whole numbers: in every lit channel they sum to exactly 2^30, so that all light
-// together is exactly 1, and none is 0.
+// together is exactly 1, and no light is exactly 0.
 inline constexpr int kWholeShare = 1 << 30;
 std::vector<glm::ivec4> whole_shares(std::span<const LightDirection> directions);
-// What is left when that much is lost.
+// The share that is left when this much is lost.
 inline float remaining(std::int32_t lost) { return 1 - float(lost) * (1.0f / kWholeShare); }
 
 }  // namespace fastibl

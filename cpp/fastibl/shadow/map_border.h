@@ -1,4 +1,4 @@
-// Where a shadow map ends: what it shows passes into what lies around it.
+// The border of a shadow map, where it blends into what lies around it.
 #pragma once
 
 #include <span>
@@ -8,8 +8,8 @@
 
 namespace fastibl {
 
-// How much of a map of n texels is kept along an edge; shared::shadow_keep() is that of the nearer
-// border.
+// How much of a map of n texels is kept along an edge; shared::shadow_keep() is the value for the
+// nearer border.
 std::vector<float> border_keep(int n);
 
 // Calls visit(begin, end, row) for the runs of texels where not all is kept.
@@ -26,7 +26,7 @@ void for_border(std::span<const float> keep, const Visit& visit) {
   }
 }
 
-// fade_border() row by row, for whoever has just written a row.
+// fade_border() row by row, for code that has just written a row.
 class BorderFade {
  public:
   explicit BorderFade(int n);

@@ -1,5 +1,5 @@
-// What a rigid object hides of the sky from the marker plane, worked out once from its triangles;
-// its shadow under any light is then a sum of products, see shadow/mesh_shadow_light.h.
+// What a rigid object hides of the sky from the marker plane, worked out once from its triangles.
+// Its shadow under any light is then a sum of products, see shadow/mesh_shadow_light.h.
 #pragma once
 
 #include <functional>
@@ -17,14 +17,14 @@ namespace fastibl {
 struct MeshShadowOptions {
   int resolution = 128;  // texels along an edge of the map, and of a coarse one around it
   float extent = 0;      // half the map's edge in metres; 0: 1.5 times the object's largest extent
-  int rings = 16;        // of cells of the sky: 4 rings² cells
-  int samples = 9;       // directions a cell, 1 to 63
+  int rings = 16;        // rings of sky cells: 4 rings² cells
+  int samples = 9;       // directions in each cell, 1 to 63
   bool operator==(const MeshShadowOptions&) const = default;
 };
 
 class MeshShadow {
  public:
-  // × extent: half the edge of the coarse map. A sun 6° above the horizon casts a shadow of that
+  // Half the edge of the coarse map, × extent. A sun 6° above the horizon casts a shadow of that
   // length; it fades over the outer tenth.
   static constexpr float kOuter = 6;
 
@@ -33,14 +33,14 @@ class MeshShadow {
     SparseCover inner, outer;
     bool operator==(const Tables&) const = default;
   };
-  // Called from the calling thread with the part that is done, 0 to 1; false ends the work.
+  // Called in the calling thread with the part that is done, 0 to 1; returning false ends the work.
   using Progress = std::function<bool(float)>;
 
-  // mesh: as it stands on the plane z = 0, what is below casts no shadow. Empty if `progress` ended
+  // mesh: as it stands on the plane z = 0; what is below casts no shadow. Empty if `progress` ended
   // the work. Throws std::invalid_argument as Mesh::validate, and for options out of range.
   static std::optional<MeshShadow> bake(const Mesh& mesh, const MeshShadowOptions& options = {},
                                         const Progress& progress = {});
-  // From the tables of an earlier bake of the same mesh with the same options; throws
+  // Uses the tables of an earlier bake of the same mesh with the same options; throws
   // std::invalid_argument for tables of another size.
   MeshShadow(const Mesh& mesh, const MeshShadowOptions& options, Tables tables);
 
@@ -50,14 +50,14 @@ class MeshShadow {
   const SkyCells& cells() const { return cells_; }
   const Tables& tables() const { return tables_; }
   const ShadowTriangles& triangles() const { return triangles_; }
-  // For the outer map: the same, or fewer where its texels do not tell them apart.
+  // For the outer map: the same triangles, or fewer where its texels cannot tell them apart.
   const ShadowTriangles& outer_triangles() const {
     return outer_triangles_.empty() ? triangles_ : outer_triangles_;
   }
   std::size_t bytes() const { return tables_.inner.bytes() + tables_.outer.bytes(); }
 
-  // How the object was moved along the plane; nothing where it was tilted or lifted: then another
-  // bake is needed.
+  // How the object was moved along the plane; nothing where it was tilted or lifted, which needs
+  // another bake.
   std::optional<PlaneMotion> motion(const Pose& marker_from_object) const {
     return motion_along_plane(marker_from_object, inner_.centre, size_);
   }

@@ -1,5 +1,5 @@
 // The shadow of a baked object under a light: the smooth part of the sky by the object's table, the
-// brightest parts by shadows of their own.
+// brightest parts by their own shadows.
 //
 // Root mean square error of the ratio against rays over ten lights and three meshes: about 0.0013,
 // 0.25 ms for a change of the light at 128²; see bench/shadows/rigid.py.
@@ -15,11 +15,12 @@
 
 namespace fastibl {
 
-// Kept from one light to the next, of one object: where its directions are, and what they hide.
+// Keeps, for one object, from one light to the next: where the directions of its light are, and
+// what they hide.
 class MeshShadowLight {
  public:
-  // fine: texels along an edge of a map of its own for a compact light, a sun or lamp of a few
-  // degrees with at least kCompactShare of the irradiance; 0 for none.
+  // fine: texels along an edge of a map for a compact light alone, a sun or lamp of a few degrees
+  // with at least kCompactShare of the irradiance; 0 for none.
   explicit MeshShadowLight(const SkySplitOptions& options = {}, int fine = 0)
       : options_(options), fine_(fine) {}
 
@@ -27,9 +28,10 @@ class MeshShadowLight {
   // that nothing flickers; new ones are faded in over kFadeCasts casts, faster while much of the
   // light moves. Throws std::invalid_argument for a pose that is no motion along the plane.
   // The map's outer image is faded to 1 at its border, so that no edge is seen there.
-  // near_lights: of the map. Directions of their light throw shadows from where they are, and each
-  // light varies over the plane as from its middle. What of it is not brighter than the threshold
-  // of SkySplitOptions stays distant, as does light that falls below the horizon of the centre.
+  // near_lights: of the map. Directions of their light cast shadows from where the lights are, and
+  // each light varies over the plane as from its middle. The part of it that is not brighter than
+  // the threshold of SkySplitOptions stays distant, and so does light that falls below the horizon
+  // of the centre.
   ShadowMap cast(const MeshShadow& shadow, const CubeMap& radiance,
                  const Pose& marker_from_object = {}, const NearLights& near_lights = {});
 
@@ -45,14 +47,14 @@ class MeshShadowLight {
     SkySplit split;
     SparseCover inner, outer;  // of the split's directions
     bool drawn = false;
-    // Of each of them: from where its shadow was drawn, and that; nothing where none was.
+    // For each direction: from where its shadow was drawn, and that shadow; empty where none was.
     std::vector<PlaneProjection> drawn_from;
     std::vector<SparseCover::Source> inner_parts, outer_parts;
-    std::vector<int> compact;  // directions that the fine map is of
+    std::vector<int> compact;  // directions in the fine map
     SparseCover fine;
     SkySplit::Weights weights;
-    std::vector<glm::vec4> lights;  // weights of the directions, as shares of what is shown
-    std::vector<int> near_light;    // of each direction; −1: distant
+    std::vector<glm::vec4> lights;  // weights of the directions, as shares of the light shown
+    std::vector<int> near_light;    // for each direction; −1: distant
   };
   using Cover = SparseCover Set::*;
   void update(const CubeMap& radiance);
@@ -62,7 +64,7 @@ class MeshShadowLight {
   void add_fine(const ShadowMap& rest, ShadowMap& map) const;
   void place_lights(const NearLights& near_lights, const PlaneMotion& motion);
   PlaneProjection projection(const Set& set, std::size_t direction) const;
-  // Writes those chosen; the others stay.
+  // Writes the chosen ones; the others stay.
   void draw_directions(const ShadowTriangles& triangles, const Set& set,
                        std::span<const int> chosen, const PlaneGrid& grid,
                        std::vector<SparseCover::Source>& parts) const;
@@ -71,7 +73,7 @@ class MeshShadowLight {
   void add_lights(Cover cover, Part part, std::vector<float>& lost) const;
   void add_near(Cover cover, Part part, const PlaneGrid& grid, Image<float>& lost) const;
   void divide_by_light(const PlaneGrid& grid, Image<float>& lost) const;
-  // Weights of the cells, and of the directions in place.
+  // Returns the weights of the cells, and sets those of the directions.
   std::vector<glm::vec4> share_out(const MeshShadow& shadow, bool& no_light);
 
   SkySplitOptions options_;
@@ -81,10 +83,11 @@ class MeshShadowLight {
   CellSums sums_;
   PlaneMotion motion_;
   NearPlane near_;
-  // Of each near light: its share of the light that shares are of, and of that on the plane.
+  // For each near light: its share of the light that shares refer to, and of the light on the
+  // plane.
   std::vector<glm::vec3> near_shares_, near_plane_shares_;
   int fine_ = 0;
-  PlaneGrid fine_map_;  // of extent 0 if there is none
+  PlaneGrid fine_map_;  // its extent is 0 if there is none
   int splits_ = 0;
 };
 

@@ -1,6 +1,6 @@
-// One bit a texel of the marker plane: which points one direction of light does not reach. The
-// light is distant and the receiver a plane, so the shadow of a sphere is an ellipse, and that of
-// any number of occluders the union of their bits: overlap needs no formula.
+// One bit for each texel of the marker plane: which points one direction of light does not reach.
+// The light is distant and the receiver a plane, so the shadow of a sphere is an ellipse, and that
+// of any number of occluders is the union of their bits: overlap needs no formula.
 #pragma once
 
 #include <cstdint>
@@ -29,9 +29,9 @@ struct PlaneGrid {
   bool operator==(const PlaneGrid&) const = default;
 };
 
-// Texel (i, j) is bit i % 64 of row j of column i / 64. Rows of a column follow each other, so that
-// eight of them are worked on at once: column() is aligned to 64 bytes and padded to `padded_rows`.
-// Bits outside the size × size texels are 0.
+// Texel (i, j) is bit i % 64 of row j of column i / 64. The rows of a column follow each other, so
+// that eight of them are processed at once: column() is aligned to 64 bytes and padded to
+// `padded_rows`. Bits outside the size × size texels are 0.
 class PlaneBits {
  public:
   PlaneBits() = default;
@@ -43,7 +43,7 @@ class PlaneBits {
   int size() const { return size_; }
   int columns() const { return (size_ + 63) / 64; }
   int padded_rows() const { return 8 * groups_; }
-  // To be written to; all bits count as set then, as far as box() goes.
+  // To be written to; afterwards all bits count as set, as far as box() is concerned.
   std::uint64_t* column(int c) {
     box_ = {0, size_ - 1, 0, columns() - 1};
     return words_[std::size_t(c) * std::size_t(groups_)].row;
@@ -76,7 +76,7 @@ class PlaneBits {
   Box box_;
 };
 
-// The spheres that can hold back light from a grid, in units of its texels.
+// The spheres that can keep light from a grid, in units of its texels.
 class PlaneSpheres {
  public:
   PlaneSpheres() = default;
@@ -85,18 +85,18 @@ class PlaneSpheres {
   int size() const { return size_; }
   int ignored() const { return ignored_; }  // not finite, or radius ≤ 0
 
-  // Sets the texels whose centre is in a sphere, or has one before it in that direction: unit
-  // length, z > 0. Bits that are set stay set.
+  // Sets the texels whose centre is in a sphere, or from which a sphere lies in that direction:
+  // unit length, z > 0. Bits that are set stay set.
   void add_shadow(glm::vec3 towards_light, PlaneBits& bits) const;
 
  private:
-  // One value a sphere; the centre of texel (0, 0) is the origin.
+  // One value for each sphere; the centre of texel (0, 0) is the origin.
   struct Arrays {
     std::vector<double> x, y, z, r;
   };
   int size_ = 0, ignored_ = 0;
   Arrays whole_;  // above the plane
-  Arrays cut_;    // by the plane
+  Arrays cut_;    // cut by the plane
   Arrays far_;    // too large or too far for float
 };
 

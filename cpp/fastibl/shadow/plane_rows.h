@@ -8,8 +8,8 @@
 
 namespace fastibl {
 
-// Calls use(y, points) for each row, `points` the middles of its texels; rows of different threads
-// side by side.
+// Calls use(y, points) for each row, where `points` are the middles of its texels. Threads take
+// different rows at the same time.
 template <class Use>
 void for_rows(const PlaneGrid& grid, const Use& use) {
   parallel_for(grid.size, 16, [&](int begin, int end) {

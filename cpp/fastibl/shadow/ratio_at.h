@@ -1,4 +1,4 @@
-// Which share of the light does not reach points of the plane, without a grid.
+// The share of the light that does not reach points of the plane, without a grid.
 #pragma once
 
 #include <span>
@@ -9,8 +9,8 @@
 
 namespace fastibl {
 
-// Ratio of the light with and without the spheres at points of the plane z = 0, RGB in [0, 1]: 1 at
-// a point that is not finite. Every sphere is tried for every direction and point, in double.
+// Ratio of the light with and without the spheres at points of the plane z = 0, RGB in [0, 1]; 1 at
+// a point that is not finite. Tries every sphere for every direction and point, in double.
 std::vector<glm::vec3> ratio_at(std::span<const glm::vec2> points, const SphereSet& spheres,
                                 std::span<const LightDirection> light);
 

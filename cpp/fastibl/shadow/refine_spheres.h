@@ -1,5 +1,5 @@
 // Moves the spheres of a cover so that their union has the surface, and above all the outlines, of
-// what they stand for.
+// the body that they stand for.
 #pragma once
 
 #include "fastibl/scene/shadow_map.h"
@@ -8,13 +8,14 @@
 namespace fastibl {
 
 struct SphereRefineOptions {
-  int iterations = 60;  // of all spheres together, before and after the swaps
-  int swaps = 24;       // tries to put the sphere that is least missed where most is uncovered
+  int iterations = 60;  // for all spheres together, before and after the swaps
+  int swaps = 24;       // tries to move the sphere that is missed least to where most is uncovered
 };
 
-// All in voxels. Makes Σ weight · |distance of a point of the surface to the union| small: to first
-// order the volume of the symmetric difference or, by the weights (outline_weights.h), the area of
-// that of the outlines. Centres stay inside, and few outside voxels are covered.
+// All in voxels. Minimizes Σ weight · |distance of a point of the surface to the union|. To first
+// order this is the volume of the symmetric difference or, with the weights (outline_weights.h),
+// the area of the symmetric difference of the outlines. Centres stay inside, and few outside voxels
+// are covered.
 SphereSet refine_spheres(SphereSet spheres, std::vector<SurfacePoint> points,
                          const std::vector<std::uint8_t>& inside, const VoxelGrid& grid,
                          const SphereRefineOptions& options = {});

@@ -1,4 +1,4 @@
-// The shadow of a scene's object, by whichever method: of its baked mesh or of its spheres.
+// The shadow of a scene's object by any method, from its baked mesh or from its spheres.
 #pragma once
 
 #include <memory>
@@ -10,13 +10,14 @@
 
 namespace fastibl {
 
-// Kept from frame to frame, for one object at a time: what is still right of the last map is kept.
+// To be kept from frame to frame, for one object at a time: what is still right of the last map
+// stays.
 class SceneShadow {
  public:
-  // `automatic` takes the `mesh` method where the object was baked. By it and by `directions`, one
-  // that no longer stands as it was baked has its triangles drawn for each direction of light, for
-  // the fewer directions the more there are. Throws std::invalid_argument for `mesh` where nothing
-  // is baked. options: place and size are the baked map's own.
+  // `automatic` takes the `mesh` method where the object was baked. With it and with `directions`,
+  // a baked object that no longer stands as it was baked has its triangles drawn for each direction
+  // of light; the more triangles, the fewer directions. Throws std::invalid_argument for `mesh`
+  // where nothing is baked. options: place and size are the baked map's own.
   ShadowMap cast(const CubeMap& radiance, glm::vec3 plane_irradiance, const Scene& scene,
                  const ShadowOptions& options = {}, const NearLights& near_lights = {});
 
@@ -25,11 +26,11 @@ class SceneShadow {
 
   ShadowCaster spheres_;
   std::optional<DirectionShadow> leaning_;            // of triangles_
-  Mesh coarse_;                                       // of an object of many triangles
+  Mesh coarse_;                                       // for an object of many triangles
   std::shared_ptr<const ShadowTriangles> triangles_;  // as it stands
   Pose stands_;
   MeshShadowLight light_;
-  std::shared_ptr<const MeshShadow> baked_;  // what light_ is of
+  std::shared_ptr<const MeshShadow> baked_;  // the one that light_ is for
 };
 
 }  // namespace fastibl

@@ -1,4 +1,4 @@
-// What a shadow on the marker plane is cast with, and where its map lies.
+// How a shadow on the marker plane is cast, and where its map lies.
 #pragma once
 
 #include <optional>
@@ -16,9 +16,9 @@ struct ShadowOptions {
   int resolution = 0;
   float extent = 0;  // half the edge in metres; 0 = 3 × the spheres' half width or half height
   std::optional<glm::vec2> centre = {};  // metres; by default the middle of the spheres
-  // A coarse map around the first one, by the methods that have it: so far out that what is left
-  // out changes no ratio by more than 1/510, but 8 times as far at most. Without, the ratio fades
-  // to 1 within the first.
+  // Adds a coarse map around the first one, with the methods that have it. It reaches so far that
+  // what is left out changes no ratio by more than 1/510, but at most 8 times as far. Without it,
+  // the ratio fades to 1 within the first map.
   bool outer = true;
   bool operator==(const ShadowOptions&) const = default;
 };
@@ -28,10 +28,10 @@ inline ShadowMethod resolved(ShadowMethod method) {
 }
 
 // Throws std::invalid_argument for a resolution that is neither 0 nor from 2 to 8192, and for an
-// extent or centre that is none.
+// invalid extent or centre.
 void check_options(const ShadowOptions& options);
 
-// Centre and extent of the map of these spheres; ±1 m around 0 when there is none.
+// Sets the centre and extent of the map of these spheres; ±1 m around 0 when there are none.
 void place_map(const SphereSet& spheres, const ShadowOptions& options, ShadowMap& map);
 
 }  // namespace fastibl

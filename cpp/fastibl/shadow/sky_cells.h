@@ -1,6 +1,6 @@
-// The sky above the marker plane in cells: rings of equal height around the zenith, each cut into
-// sectors about as wide as high. Cells near the horizon are as fine as those overhead, because
-// their shadows are the longest.
+// Divides the sky above the marker plane into cells: rings of equal height around the zenith, each
+// cut into sectors about as wide as high. Cells near the horizon are as fine as those overhead,
+// because their shadows are the longest.
 #pragma once
 
 #include <vector>
@@ -18,7 +18,7 @@ class SkyCells {
   // Polar angle (from the zenith) in radians, azimuth from x to y in turns.
   int cell(float polar, float azimuth) const;
   // `count` directions towards a cell, unit length, evenly spread over its projected solid angle,
-  // so that their mean is weighted by the cosine; the same at every call.
+  // so that their mean is cosine-weighted; the same at every call.
   std::vector<glm::vec3> directions(int cell, int count) const;
 
  private:

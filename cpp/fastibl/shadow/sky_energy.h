@@ -1,5 +1,5 @@
-// How much each part of the sky gives to the irradiance of the plane z = 0: sums over rectangles of
-// a cube map's faces above the horizon, from summed-area tables (Crow 1984).
+// How much each part of the sky contributes to the irradiance of the plane z = 0: sums over
+// rectangles of a cube map's faces above the horizon, from summed-area tables (Crow 1984).
 #pragma once
 
 #include <span>
@@ -9,31 +9,32 @@
 
 namespace fastibl {
 
-inline constexpr int kSkyFaces = 5;  // +x −x +y −y, of which half is above the horizon, and +z
-// Faces of so many texels at most are summed; bright texels are cut into those of the map itself.
+inline constexpr int kSkyFaces = 5;  // +x −x +y −y, each half above the horizon, and +z
+// Faces of at most so many texels are summed; bright texels are cut into those of the map itself.
 inline constexpr int kSkyLevel = 64;
 
-// A part of a table of `SkyEnergy`, in texels, not whole ones alone.
+// A part of a table of `SkyEnergy`, in texels, not necessarily whole ones.
 struct SkyRect {
   int table = 0;
   double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
   bool operator==(const SkyRect&) const = default;
 };
 
-// A texel that is summed by itself, from finer ones.
+// A texel that is summed separately, from finer ones.
 struct BrightTexel {
   int face, x, y;
   bool operator==(const BrightTexel&) const = default;
 };
 
-// The first five tables are the faces; each bright texel has one of its own, and is dark in its
-// face's. `weight` is that of the channel in which a part counts most: no colour starves.
+// The first five tables are the faces. Each bright texel has a table of its own, and is dark in its
+// face's table. `weight` is that of the channel in which a part counts most: no colour is
+// neglected.
 class SkyEnergy {
  public:
   SkyEnergy() = default;
-  // Texels with more than `brightest` of the weight are told apart.
+  // Texels with more than `brightest` of the weight get their own tables.
   SkyEnergy(const CubeMap& radiance, double brightest);
-  // The same with texels that are given, bright or not.
+  // The same with given texels, whether bright or not.
   SkyEnergy(const CubeMap& radiance, std::span<const BrightTexel> bright);
 
   int tables() const { return int(tables_.size()); }
@@ -41,18 +42,18 @@ class SkyEnergy {
   SkyRect whole(int table) const;
   bool no_light() const { return irradiance_ == glm::dvec3(0); }
 
-  // Its share of the plane's irradiance in each channel, 0 in one without light.
+  // The rectangle's share of the plane's irradiance in each channel, 0 in a channel without light.
   glm::dvec3 share(const SkyRect& rect) const;
   double weight(const SkyRect& rect) const;
-  // The x (or y) of `rect` before which lies that part of its weight.
+  // The x (or y) in `rect` before which that part of its weight lies.
   double split_x(const SkyRect& rect, double part) const;
   double split_y(const SkyRect& rect, double part) const;
-  // Whether it spans a larger angle along x than along y.
+  // Whether the rectangle spans a larger angle along x than along y.
   bool is_wide(const SkyRect& rect) const;
   glm::vec3 direction(const SkyRect& rect, double x, double y) const;  // unit length, z > 0
 
  private:
-  // Red, green, blue as shares of their sum over the sky, and weight.
+  // Red, green and blue as shares of their sum over the sky, and weight.
   struct alignas(32) Sum {
     double value[4];
   };

@@ -1,5 +1,6 @@
-// The light of the sky in two parts: what is far brighter than the mean, as a few directions of
-// their own, and the rest, which is smooth enough to be taken as even over each cell of the sky.
+// Splits the light of the sky into two parts: what is far brighter than the mean, as a few
+// directions of their own; and the rest, which is smooth enough to be taken as even over each cell
+// of the sky.
 #pragma once
 
 #include <cstdint>
@@ -12,20 +13,21 @@
 namespace fastibl {
 
 struct SkySplitOptions {
-  float threshold = 8;  // radiance above this many times the cosine-weighted mean has directions
-  // Leaves the directions out where they would hold less than this share of the irradiance: then
-  // no ratio changes by more than what the cells err on this share.
+  float threshold = 8;  // radiance above so many cosine-weighted means gets directions
+  // The directions are left out where they would hold less than this share of the irradiance: no
+  // ratio then changes by more than the cells' error for this share.
   float least_share = 0.02f;
-  // A direction is split in two while its share times the root of its angular radius is above this:
-  // from 1e-3 to 5e-4 the worst point of ten lights went from 0.056 to 0.026. What a single one
-  // hides also comes and goes at once as a near light's place becomes known better: from 5e-4 the
-  // largest such step in a recording of 300 frames went from 0.0056 to 0.0029.
+  // A direction is split in two while its share times the root of its angular radius is above this.
+  // From 1e-3 to 5e-4, the worst point of ten lights went from 0.056 to 0.026. What a single
+  // direction hides also appears and vanishes at once as a near light's place becomes known better:
+  // from 5e-4 to this, the largest such step in a recording of 300 frames went from 0.0056 to
+  // 0.0029.
   float tolerance = 2.5e-4f;
   int most_directions = 256;
 };
 
-// Which texels belong to which direction. It is kept while the light changes: weights are then
-// linear in the map, and nothing flickers.
+// Tells which texels belong to which direction. It is kept while the light changes: weights are
+// then linear in the map, and nothing flickers.
 class SkySplit {
  public:
   SkySplit() = default;
@@ -36,33 +38,33 @@ class SkySplit {
 
   struct Weights {
     std::vector<glm::vec4> directions;  // xyz: irradiance of the plane by each
-    std::vector<glm::vec3> rest;        // radiance that is left of the texels of a level, 6 n²
+    std::vector<glm::vec3> rest;        // radiance left in the texels of a level, 6 n²
     int rest_size = 0;                  // n
-    glm::dvec3 irradiance{0};           // of the plane, by the whole map at rest_size
+    glm::dvec3 irradiance{0};           // of the plane, from the whole map at rest_size
   };
   // radiance: a map of size().
   Weights weigh(const CubeMap& radiance) const;
   int size() const { return size_; }
-  // Share of the irradiance for which this split is not made: of directions that hold more than
-  // four times what they held, and of new light in the rest. 0 below 2 %.
+  // Share of the irradiance that this split does not suit: of directions that hold more than four
+  // times what they held, and of new light in the rest. 0 below 2 %.
   float misfit(const Weights& weights) const;
   // The directions within kCompact of the strongest of them, if these hold at least that share of
   // the irradiance when it was split; otherwise none.
   std::vector<int> compact(float least_share) const;
   static constexpr float kCompact = 0.05f;  // radians: three degrees
-  // Share of the irradiance that is elsewhere, by its own directions and rests.
+  // Share of the irradiance that has moved elsewhere, by the split's own directions and rests.
   float moved(const Weights& before, const Weights& after) const;
 
  private:
-  // Part of the radiance of a texel, which belongs to a direction.
+  // The part of a texel's radiance that belongs to a direction.
   struct Piece {
     std::uint8_t level;
     std::uint8_t face;
     std::uint16_t x, y;
     std::uint16_t direction;
     std::int32_t rest;  // texel of the rest that it is taken from
-    float flux;         // irradiance of the plane by radiance 1
-    float taken;        // radiance taken from the rest by radiance 1
+    float flux;         // irradiance of the plane for radiance 1
+    float taken;        // radiance taken from the rest for radiance 1
   };
   struct Element;
   void collect(const CubeMap& radiance, const glm::dvec3& scale, const SkySplitOptions& options,
@@ -73,20 +75,20 @@ class SkySplit {
   float threshold_ = 0;
   std::vector<glm::vec3> directions_;
   std::vector<float> shares_;        // of each direction, when it was split
-  float bright_ = 0;                 // share of what was above twice the threshold in the rest
+  float bright_ = 0;                 // share that was above twice the threshold in the rest
   std::vector<float> rest_cosines_;  // × solid angle, of the texels of the rest
   std::vector<Piece> pieces_;
 };
 
-// From radiance of texels to irradiance by cells of the sky, seen by an object that is turned about
-// z by `turn` radians.
+// Sums the radiance of texels to irradiance by cells of the sky, as seen by an object that is
+// turned about z by `turn` radians.
 class CellSums {
  public:
   CellSums() = default;
   CellSums(const SkyCells& cells, int size, float turn);
   int size() const { return size_; }
   float turn() const { return turn_; }
-  // rest: 6 size² texels. Returns one a cell, w is 0; never below 0.
+  // rest: 6 size² texels. Returns one value for each cell, w is 0; never below 0.
   std::vector<glm::vec4> sum(std::span<const glm::vec3> rest) const;
 
  private:

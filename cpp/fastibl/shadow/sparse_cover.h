@@ -1,6 +1,6 @@
-// How much of the light of each source every texel of a plane map misses, and its sum for given
-// weights. A source is a cell of the sky, of which a texel can miss a part, or one direction. Most
-// texels see nearly all of the sky, so only what is missed is stored: about a tenth.
+// How much of each source's light every texel of a plane map misses, and its sum for given weights.
+// A source is a cell of the sky, of which a texel can miss a part, or one direction. Most texels
+// see nearly all of the sky, so only what is missed is stored: about a tenth.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace fastibl {
 
-// Texels are stored in blocks of 4 × 4, row by row; blocks of a map too.
+// Texels are stored in blocks of 4 × 4, row by row; so are the blocks of a map.
 class SparseCover {
  public:
   static constexpr int kBlock = 4;
@@ -29,7 +29,8 @@ class SparseCover {
 
   SparseCover() = default;
   SparseCover(int size, std::span<const Source> sources);
-  // From what the accessors below returned; throws std::invalid_argument if it cannot be.
+  // Built from what the accessors below returned; throws std::invalid_argument if that is not
+  // possible.
   SparseCover(int size, int sources, std::vector<std::uint32_t> begin,
               std::vector<std::uint16_t> source_of, std::vector<Texels> cover);
 
@@ -42,8 +43,8 @@ class SparseCover {
   const std::vector<std::uint16_t>& source_of() const { return source_of_; }
   const std::vector<Texels>& cover() const { return cover_; }
 
-  // Adds Σ weight × cover of all sources to `lost`, in blocks: for each block its 16 texels' red,
-  // then green, then blue. weights: one a source, a covered texel gets all of it.
+  // Adds Σ weight × cover of all sources to `lost`, in blocks: for each block the red of its 16
+  // texels, then green, then blue. weights: one for each source; a covered texel gets all of it.
   void add(std::span<const glm::vec4> weights, std::span<float> lost) const;
   bool operator==(const SparseCover&) const = default;
 

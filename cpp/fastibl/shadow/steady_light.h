@@ -1,5 +1,6 @@
 // Directions of light that stay where they are while the light changes: only their shares follow
-// it. Chosen anew for every map, they would move, and every edge of the shadow with them.
+// it. If they were chosen anew for every map, they would move, and every edge of the shadow with
+// them.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +13,7 @@ namespace fastibl {
 
 class SteadyLight {
  public:
-  // What an update changed: of the directions, too, or of their shares alone.
+  // What an update changed: the directions, too, or their shares alone.
   enum class Change { none, shares, directions };
 
   explicit SteadyLight(int count = 256);
@@ -20,11 +21,11 @@ class SteadyLight {
 
   // Takes over a map. When a part of the sky has come to count four times as much as the mean, or
   // half of the parts would do, the sky is split anew, and the new directions are faded in over
-  // kFadeUpdates updates: faster in proportion to the light that moves meanwhile. When an eighth of
-  // the light moves at once it is another place: the sky is split as if there had been no other.
+  // kFadeUpdates updates, faster in proportion to the light that moves meanwhile. When an eighth of
+  // the light moves at once, the place has changed: the sky is split as if there had been no other.
   Change update(const CubeMap& radiance);
 
-  // During a fade those of both sets.
+  // During a fade, those of both sets.
   const std::vector<LightDirection>& directions() const { return directions_; }
   bool no_light() const { return no_light_; }
 

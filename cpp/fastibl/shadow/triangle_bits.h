@@ -1,5 +1,5 @@
 // The shadow of a triangle mesh on the plane z = 0 for one direction of light, as bits: which
-// centres of a square grid lie in it.
+// centres of a square grid lie in the shadow.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,8 @@
 
 namespace fastibl {
 
-// Where light comes from, as what it makes of a point v above the plane: its shadow falls on
-// (v.xy − v.z slope) / (1 − v.z inverse_height).
+// Where light comes from, as the projection of a point v above the plane: its shadow falls on (v.xy
+// − v.z slope) / (1 − v.z inverse_height).
 struct PlaneProjection {
   glm::vec2 slope{0};
   float inverse_height = 0;  // of the light above the plane, 1 / m; 0: infinitely far
@@ -24,8 +24,9 @@ inline PlaneProjection along(glm::vec3 direction) {
   return {glm::vec2(direction) / direction.z, 0};
 }
 
-// What a mesh has above the plane, ready to be drawn for many directions. Vertices of one place are
-// merged, so that neighbouring triangles share edges to the bit; parts below the plane are cut off.
+// The part of a mesh above the plane, ready to be drawn for many directions. Vertices at one place
+// are merged, so that neighbouring triangles share edges to the bit; parts below the plane are cut
+// off.
 class ShadowTriangles {
  public:
   ShadowTriangles() = default;
@@ -41,7 +42,7 @@ class ShadowTriangles {
   // The same triangles, moved along the plane.
   ShadowTriangles moved(const PlaneMotion& motion) const;
 
-  struct Scratch {                        // to be kept between calls; one a thread
+  struct Scratch {                        // to be kept between calls; one for each thread
     std::vector<glm::vec2> places;        // of the vertices on the grid
     std::vector<std::int32_t> cells;      // and between which texels
     std::vector<std::int32_t> low, tall;  // triangles that meet texels
@@ -52,8 +53,8 @@ class ShadowTriangles {
   void draw(glm::vec3 direction, const PlaneGrid& grid, PlaneBits& bits, Scratch& scratch) const {
     if (direction.z > 0) draw(along(direction), grid, bits, scratch);
   }
-  // Of a near light too: triangles stay triangles. What is as high as the light throws no shadow;
-  // from a thousandth below, shadows are thrown so far that no map reaches there.
+  // Also for a near light: triangles stay triangles. What is as high as the light casts no shadow;
+  // what is up to a thousandth lower casts it so far that no map reaches there.
   void draw(const PlaneProjection& light, const PlaneGrid& grid, PlaneBits& bits,
             Scratch& scratch) const;
 

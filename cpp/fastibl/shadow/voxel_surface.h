@@ -1,4 +1,4 @@
-// Where the surface of a voxelised mesh runs, finer than the voxels.
+// Finds where the surface of a voxelised mesh runs, finer than the voxels.
 #pragma once
 
 #include <cstdint>
@@ -13,16 +13,16 @@ struct SurfacePoint {
   glm::vec3 position;
   glm::vec3 normal;  // unit, outwards, smoothed over about two voxels
   float area;        // that it stands for
-  float thickness;   // length of the inside behind it, against the normal
+  float thickness;   // length of the inside behind it, along the reversed normal
 };
 
-// One point a pair of neighbouring voxels of which one is inside: where the mesh crosses the line
-// between their centres, or the middle where it does not (in holes of torn meshes).
+// One point for each pair of neighbouring voxels of which one is inside: where the mesh crosses the
+// line between their centres, or at the middle where it does not (in holes of torn meshes).
 std::vector<SurfacePoint> surface_points(const Mesh& mesh, const VoxelGrid& grid,
                                          const std::vector<std::uint8_t>& inside);
 
-// Points that are outside by at least a voxel: voxels, every `spacing`-th along each axis, and two
-// voxels above every third point of the surface.
+// Points that are outside by at least a voxel: every `spacing`-th voxel along each axis, and the
+// points two voxels above every third point of the surface.
 std::vector<glm::vec3> outside_points(const std::vector<SurfacePoint>& surface,
                                       const std::vector<std::uint8_t>& inside,
                                       const VoxelGrid& grid, int spacing);

@@ -1,4 +1,4 @@
-// A mesh as voxels: which are inside, and how far inside.
+// A mesh as voxels: which ones are inside, and how far inside.
 #pragma once
 
 #include <algorithm>
@@ -22,21 +22,21 @@ struct VoxelGrid {
   int index(int x, int y, int z) const { return (z * size.y + y) * size.x + x; }
 };
 
-// `resolution` voxels along the longest edge of the box, which is not 0, and four empty ones
+// `resolution` voxels along the longest edge of the box, which is not 0, with four empty ones
 // around. shift: of all voxels, in voxels, at most one.
 VoxelGrid make_voxel_grid(const Bounds& box, int resolution, const glm::dvec3& shift = {});
 
-// Lines through all voxel centres along an axis or a diagonal: (u, v) = (p[a] − sa p[c],
-// p[b] − sb p[c]) is constant along one and a pair of whole numbers, with c the axis, a and b the
-// two that follow. One line counts the crossings of all its voxels, so inside tests cost a
-// rasterisation of the mesh instead of a ray a voxel.
+// Lines through all voxel centres along an axis or a diagonal: (u, v) = (p[a] − sa p[c], p[b] − sb
+// p[c]) is constant along a line and a pair of whole numbers, where c is the axis, and a and b are
+// the two that follow. One line counts the crossings for all its voxels, so that inside tests cost
+// a rasterisation of the mesh instead of a ray for each voxel.
 struct LineSet {
   int axis, sa, sb;
 };
 
-// Calls visit(u, v, w) for the lines that meet the triangle; w is p[c] there. Half-open in v and u
-// and computed alike from both sides of an edge, so a line never slips between two triangles or
-// meets both at their common edge.
+// Calls visit(u, v, w) for the lines that meet the triangle; w is p[c] there. The test is half-open
+// in v and u and computed alike from both sides of an edge, so that a line never slips between two
+// triangles or meets both at their common edge.
 template <typename Visit>
 void cross_lines(const glm::dvec3 (&q)[3], Visit&& visit) {
   const double lowest = std::min({q[0].y, q[1].y, q[2].y}),
@@ -76,7 +76,8 @@ void for_line_crossings(const Mesh& mesh, const VoxelGrid& grid, const LineSet& 
 }
 
 // 1 where a voxel's centre is inside: most of 26 rays cross the mesh an odd number of times, or all
-// of them meet it. The vote survives holes and flipped faces, the second lets open shells be full.
+// of them meet it. The vote survives holes and flipped faces; the second rule lets open shells
+// count as full.
 std::vector<std::uint8_t> inside_voxels(const Mesh& mesh, const VoxelGrid& grid);
 
 // Squared distance in voxels from each inside voxel to the nearest outside one, exact; 0 outside.
