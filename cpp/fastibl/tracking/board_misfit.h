@@ -1,5 +1,5 @@
-// Whether a board lies where its print is said to be: bent paper, another scale of one axis, a lens
-// that is not as calibrated.
+// Measures whether a board lies where its print is said to be. It may not, by bent paper, another
+// scale of one axis, or a lens that is not as calibrated.
 #pragma once
 
 #include <array>
@@ -9,8 +9,8 @@
 
 namespace fastibl {
 
-// Standard deviation in x and y, px, of the place of a part of the board about where the fitted
-// pose puts it, beyond what the scatter of its edges explains; 0 where that explains all.
+// Standard deviation in x and y, px, of the places of the board's parts from where the fitted pose
+// puts them, beyond what the scatter of their edges explains; 0 where that explains all.
 double board_misfit(std::span<const EdgePoint> points, const EdgeFit& fit);
 
 }  // namespace fastibl

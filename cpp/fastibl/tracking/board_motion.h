@@ -1,4 +1,4 @@
-// Whether somebody moves the board: it turns against its surroundings.
+// Tells whether somebody moves the board: it then turns against its surroundings.
 #pragma once
 
 #include <optional>
@@ -9,23 +9,23 @@
 namespace fastibl {
 
 struct BoardMotionOptions {
-  double least = 1.5;  // degrees by which the board must have turned; and 5 standard deviations
-  // Metres to the surroundings, which seem to turn as the camera moves: at least; and where board
-  // and surroundings agreed while the camera moved by `proof` metres.
+  double least = 1.5;  // degrees that the board must have turned; and 5 standard deviations
+  // Metres to the surroundings, which seem to turn as the camera moves: at least `nearest`, or at
+  // least `farther` where board and surroundings agreed while the camera moved by `proof` metres.
   double nearest = 1.5, farther = 10, proof = 0.15;
-  int frames = 5;       // in a row that must say the same
-  double steady = 1.0;  // degrees within which these agree; or 3 standard deviations
-  double longest = 2;   // seconds without a word of the surroundings after which the board counts
+  int frames = 5;       // frames in a row that must say the same
+  double steady = 1.0;  // degrees within which these must agree; or 3 standard deviations
+  double longest = 2;   // seconds without news of the surroundings after which the board counts
 };
 
-// Compares, frame by frame, the pose by the board with what the surroundings say. Two poses that
-// are steadily apart mean that the board lies elsewhere; while they are apart and not steady, it
-// moves. Only its turning is seen, not that it was pushed along.
+// Compares, frame by frame, the pose by the board with what the surroundings say. If the two poses
+// stay apart steadily, the board lies elsewhere; while they are apart and not steady, it moves.
+// Only a turn of the board is seen, not that it was pushed along.
 class BoardMotion {
  public:
   explicit BoardMotion(BoardMotionOptions options = {}) : options_(options) {}
 
-  // around: the pose by the surroundings, where they do not agree and one was found, or by a
+  // around: the pose by the surroundings, where these do not agree and one was found, or by a
   // gyroscope alone.
   void look(const Pose& board, Agreement agreement, const std::optional<Turned>& around,
             double time);
@@ -35,13 +35,13 @@ class BoardMotion {
 
  private:
   BoardMotionOptions options_;
-  glm::dvec3 eye_{0};  // place of the camera when they last agreed, marker frame
+  glm::dvec3 eye_{0};  // place of the camera when both last agreed, marker frame
   bool has_eye_ = false;
-  glm::dvec3 anchor_{0};       // where they began to agree, marker frame
-  double way_ = 0;             // metres from there, at most
+  glm::dvec3 anchor_{0};       // where both began to agree, marker frame
+  double way_ = 0;             // largest distance from there, metres
   int apart_ = 0, alike_ = 0;  // frames in a row
   glm::dmat3 offset_{1.0};     // newmarker_from_oldmarker
-  // The first of those that are alike: a board that turns slowly is not steady.
+  // The first of those offsets that are alike: a board that turns slowly is not steady.
   glm::dmat3 first_offset_{1.0};
   double told_ = 0;  // seconds: when the surroundings last told anything
   std::optional<glm::dmat3> moved_;

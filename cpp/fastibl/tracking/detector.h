@@ -1,5 +1,5 @@
-// What finds tags in a picture. Given to the tracker as a function, so that neither it nor a
-// Session names the library behind it.
+// The function that finds tags in a picture. The tracker gets it from outside, so that neither it
+// nor a Session names the library behind it.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace fastibl {
 
 struct Detection {
   std::vector<DetectedTag>
-      tags;                   // fastibl's pixel convention, corners in the order of Tag::corners
+      tags;                   // in fastibl's pixel convention, corners in the order of Tag::corners
   std::optional<Pose> start;  // camera_from_marker to start from, where the detector has one
 };
 

@@ -1,5 +1,5 @@
-// Poses of a plane from point matches: starts in closed form, and a robust fit of the full lens
-// model.
+// Poses of a plane from point matches: starting poses in closed form, and a robust fit with the
+// full lens model.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ namespace fastibl {
 struct Match {
   glm::dvec2 point;  // metres
   glm::dvec2 pixel;
-  double noise = 1;  // of `pixel` against the other matches; errors are divided by it
+  double noise = 1;  // of `pixel` relative to the other matches; errors are divided by it
 };
 
 // Huber's loss: quadratic up to `scale`, linear beyond. Tukey's biweight: flat beyond `scale`.
@@ -43,11 +43,12 @@ std::optional<PoseFit> fit_pose(std::span<const Match> matches, const Lens& lens
                                 const Loss& loss);
 
 // Pose from the homography of four or more matches, least squares in undistorted coordinates.
-// Has no special case for a plane seen fronto-parallel, unlike IPPE. Nothing for points on a line.
+// Unlike IPPE, it has no special case for a plane seen fronto-parallel. Nothing for points on a
+// line.
 std::optional<Pose> pose_from_homography(std::span<const Match> matches, const Lens& lens);
 
-// The other pose that weak perspective cannot tell apart: the plane's normal mirrored about the
-// direction in which `centre` is seen.
+// The other pose, which weak perspective cannot tell from this one: the plane's normal mirrored
+// about the direction in which `centre` is seen.
 Pose mirrored_pose(const Pose& camera_from_marker, const glm::dvec2& centre);
 
 }  // namespace fastibl

@@ -1,5 +1,5 @@
-// Green light of a picture at several sizes. Green alone: a third of the work, and every camera has
-// most of its pixels there.
+// The green light of a picture at several sizes. Green alone is a third of the work, and every
+// camera has most of its pixels there.
 #pragma once
 
 #include <array>
@@ -10,11 +10,11 @@
 
 namespace fastibl {
 
-// Means over blocks of pixels, linear (exposure included); a block that holds a clipped pixel has a
+// Means over blocks of pixels, linear (exposure included). A block that holds a clipped pixel has a
 // value above 1.
 class LightPyramid {
  public:
-  static constexpr int kFirstBlock = 2;  // pixels along a block of level 0; the next twice as many
+  static constexpr int kFirstBlock = 2;  // pixels along a block of level 0, doubled at each level
   static constexpr int kLevels = 5;
 
   struct Level {
@@ -22,11 +22,11 @@ class LightPyramid {
     std::vector<float> light;
   };
 
-  // Memory is kept from picture to picture.
+  // Keeps its memory from picture to picture.
   void make(const Picture& picture, const Response& response);
   const Level& level(int k) const { return levels_[std::size_t(k)]; }
-  // Bilinear at a pixel position; above 1 where a clipped pixel takes part, negative outside of the
-  // centres of blocks.
+  // The light at a pixel position, bilinear; above 1 where a clipped pixel takes part, negative
+  // outside of the centres of blocks.
   float read(int k, float x, float y) const {
     const Level& l = levels_[std::size_t(k)];
     const float u = x / float(l.block) - 0.5f, v = y / float(l.block) - 0.5f;
@@ -43,7 +43,7 @@ class LightPyramid {
   void make_first(const Picture& picture, const Response& response);
   void halve(int k);
   std::array<Level, kLevels> levels_;
-  std::array<float, 256> table_{};  // a quarter of the linear value: of blocks of 2 x 2
+  std::array<float, 256> table_{};  // a quarter of the linear value, for blocks of 2 x 2
   Response table_response_;
   bool has_table_ = false;
 };

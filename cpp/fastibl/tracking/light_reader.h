@@ -1,4 +1,5 @@
-// Linear light at single pixels of an encoded picture: no pass over the whole picture is needed.
+// Reads linear light at single pixels of an encoded picture: no pass over the whole picture is
+// needed.
 #pragma once
 
 #include <array>
@@ -9,8 +10,8 @@
 
 namespace fastibl {
 
-// The response's table for one kind of picture. Of colour pictures the three channels count alike:
-// black and white differ alike in all of them, so that their mean has the least noise.
+// The response's table for one kind of picture. In colour pictures the three channels count alike:
+// black and white differ equally in all of them, so that their mean has the least noise.
 struct LightTable {
   LightTable(const Response& response, int channels);
   int channels;
@@ -26,7 +27,7 @@ class LightReader {
   int height() const { return picture_.height; }
   int channels() const { return picture_.channels; }
 
-  // `Count` pixels from (x, y) on, to the right or downwards.
+  // Reads `Count` pixels from (x, y) on, to the right or downwards.
   template <int Channels, int Count>
   void read(int x, int y, bool down, float* out) const {
     const std::uint8_t* p = picture_.row(y) + std::ptrdiff_t{x} * Channels;
@@ -34,7 +35,7 @@ class LightReader {
     for (int k = 0; k < Count; ++k, p += step)
       out[k] = Channels == 1 ? table_[p[0]] : table_[p[0]] + table_[p[1]] + table_[p[2]];
   }
-  // As it is stored; green of colour pictures.
+  // The code as it is stored; green of colour pictures.
   int code(int x, int y) const {
     return picture_.row(y)[std::ptrdiff_t{x} * picture_.channels + picture_.channels / 2];
   }

@@ -1,4 +1,4 @@
-// Places of a captured map by which a picture is aligned to it: known texels where its light
+// Places of a captured map to which a picture is aligned: known texels where the map's light
 // changes with direction.
 #pragma once
 
@@ -13,8 +13,8 @@ namespace fastibl {
 
 struct MapFeature {
   glm::vec3 direction;  // marker frame, unit length: of the texel's middle
-  // direction × gradient of green radiance: what a turn by w of the picture about the map adds to
-  // the light there is −w · axis.
+  // direction × gradient of green radiance: if the picture turns by w about the map, the light
+  // there changes by −w · axis.
   glm::vec3 axis;
   float light;             // green radiance
   float variance;          // relative, of the light
@@ -23,15 +23,16 @@ struct MapFeature {
   mutable int missed = 0;  // pictures in a row that did not agree
 };
 
-// Gradient of light with direction, tangential, from its steps along two tangents u and v.
+// The tangential gradient of light with direction, from the steps of light along two tangents u and
+// v.
 glm::vec3 tangent_gradient(const glm::vec3& u, const glm::vec3& v, float lu, float lv);
 
-// Of all tiles above the horizon, which is far away; made anew where the map changes. Below it lies
-// the plane, whose directions change with the camera's place.
+// Features of all tiles above the horizon, where things are far away; made anew where the map
+// changes. Below the horizon lies the plane, whose directions change with the camera's place.
 class MapFeatures {
  public:
   static constexpr int kLevels = 3;    // MIP levels of the map: 0 is the finest
-  static constexpr int kPerTile = 6;   // strongest of a tile at level 0
+  static constexpr int kPerTile = 6;   // strongest features of a tile at level 0
   static constexpr int kPerTile1 = 4;  // at level 1; all at level 2
 
   // drift: variance of the rotation of what the map shows since the last update, rad².
@@ -43,7 +44,7 @@ class MapFeatures {
   struct Tile {
     TileCone cone;
     std::vector<MapFeature> features[kLevels];
-    bool known = false;  // any texel
+    bool known = false;  // any of its texels
     float drift = 0;     // variance of its rotation when it was first seen
   };
   const std::vector<Tile>& tiles() const { return tiles_; }
@@ -59,7 +60,7 @@ class MapFeatures {
   TileGrid grid_;
   std::vector<Tile> tiles_;
   std::vector<std::uint64_t> versions_;
-  std::vector<float> variance_;  // relative, by texel as the faces; negative where not known
+  std::vector<float> variance_;  // relative, by texel and face; negative where not known
   double dark_ = 0;
 };
 

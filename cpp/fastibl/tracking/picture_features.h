@@ -1,4 +1,4 @@
-// Places of single pictures by which later ones are aligned: finer than the map's texels, and as
+// Places of single pictures to which later ones are aligned: finer than the map's texels, and as
 // old as they can be, so that what follows them does not drift.
 #pragma once
 
@@ -12,23 +12,23 @@
 
 namespace fastibl {
 
-// A picture of a rig's camera.
+// A picture of one of a rig's cameras.
 struct MapView {
   const LightPyramid* light = nullptr;
   const Camera* camera = nullptr;
   const Lens* lens = nullptr;
   glm::dmat3 camera_from_rig{1.0};
   double exposure = 1;
-  // Of a rolling shutter: the rig is at rotation · exp([s turn]×), marker frame, when the row at a
-  // share s of the height is read; and by how much `turn` changes with w in rotation · exp([w]×).
+  // For a rolling shutter: the rig is at rotation · exp([s turn]×), marker frame, when the row at a
+  // share s of the height is read. turn_by_w: how `turn` changes with w in rotation · exp([w]×).
   glm::dvec3 turn{0};
   glm::dmat3 turn_by_w{0.0};
 };
 
-// Rays of the middles of blocks of the levels that features are taken of, unit length; null where
-// the lens does not reach.
+// Rays through the middles of the blocks, at the levels from which features are taken, unit length;
+// null where the lens does not reach.
 struct BlockRays {
-  static constexpr int kFirst = 1;  // of LightPyramid: blocks of 4 pixels
+  static constexpr int kFirst = 1;  // level of LightPyramid: blocks of 4 pixels
   std::array<std::vector<glm::vec3>, MapFeatures::kLevels> rays;
   BlockRays(const Camera& camera, const Lens& lens);
 };
@@ -41,11 +41,11 @@ class PictureFeatures {
 
   PictureFeatures();
   void clear();
-  // Takes features of a picture above the horizon where there are too few yet. drift: variance of
+  // Takes features of a picture, above the horizon, where there are too few yet. drift: variance of
   // the picture's rotation, rad². dark: see MapFeatures.
   void add(const MapView& view, const BlockRays& rays, const glm::dmat3& rig_from_marker,
            float drift, double dark);
-  // Features of a tile that did not agree for kMostMissed pictures in a row are forgotten.
+  // Forgets features of a tile that did not agree for kMostMissed pictures in a row.
   void forget_missed();
 
   struct Tile {
@@ -53,7 +53,7 @@ class PictureFeatures {
     std::vector<MapFeature> features[kLevels];
   };
   const std::vector<Tile>& tiles() const { return tiles_; }
-  // Number of features of the tile around a direction.
+  // Number of features in the tile around a direction.
   int around(const glm::vec3& direction, int level) const {
     return int(tiles_[index(direction)].features[level].size());
   }

@@ -1,4 +1,4 @@
-// A board's tags as a pose puts them into the picture, and how far the picture agrees.
+// A board's tags as a pose projects them into the picture, and how well the picture agrees.
 #pragma once
 
 #include <vector>
@@ -16,7 +16,8 @@ struct ProjectedTag {
   double module = 0;              // px, the shorter way across, at the tag's centre
 };
 
-// Those of which at least a part may be in the picture. rows: of a rolling shutter, null for none.
+// The tags of which at least a part may be in the picture. rows: of a rolling shutter, null for
+// none.
 std::vector<ProjectedTag> project_tags(const BoardPattern& pattern, const Camera& camera,
                                        const Lens& lens, const Pose& camera_from_marker,
                                        const Rows* rows = nullptr);
@@ -28,7 +29,7 @@ double middle_share(const BoardPattern& pattern, const Camera& camera, const Len
 // Middle of a data module, pixels.
 glm::dvec2 module_middle(const BoardPattern& pattern, const ProjectedTag& tag, int row, int column);
 
-inline constexpr double kCodeSeen = 0.6;  // code_match() of a tag that is itself
+inline constexpr double kCodeSeen = 0.6;  // code_match() from which a tag counts as seen
 
 // Correlation of the picture at the data modules with the tag's code, −1 to 1; other codes of the
 // family reach 0.39. 0 where less than half of the tag is in the picture, or it is uniform there.

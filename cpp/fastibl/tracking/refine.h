@@ -1,4 +1,4 @@
-// Tag corners from the tag's sides, measured in linear light.
+// Refines tag corners from the tag's sides, measured in linear light.
 #pragma once
 
 #include <cstdint>
@@ -11,18 +11,18 @@
 namespace fastibl {
 
 struct RefineOptions {
-  int rounds = 3;             // the search follows the sides that the last round found
+  int rounds = 3;             // each round searches along the sides that the last one found
   double reach_px = 5;        // longest search to either side of a tag's side
   double longest_move = 0.1;  // of a corner, in tag sides (and at least 2 px); further is no repair
   int most_samples = 48;      // along one side
 };
 
-// The same tags with corners where straight lines through the sides' edge points meet. An edge
-// point is where the profile across the side, normalised between black and white, has its area:
-// that is unmoved by any symmetric blur, but only in linear light (gamma spreads white and shrinks
-// a tag by about 0.4 px), so values are decoded with the camera's response. Lines are straight in
-// undistorted coordinates, of fisheye and 360° cameras on a plane before each tag. A tag with a
-// side that cannot be measured keeps the corners it came with.
+// Returns the same tags with corners where straight lines through the sides' edge points meet. An
+// edge point is where the profile across the side, normalised between black and white, has its
+// area. No symmetric blur moves that, but only in linear light (gamma spreads white and shrinks a
+// tag by about 0.4 px), so values are decoded with the camera's response. Lines are straight in
+// undistorted coordinates; for fisheye and 360° cameras, on a plane in front of each tag. A tag
+// with a side that cannot be measured keeps its corners.
 std::vector<DetectedTag> refine_corners(ImageView<const std::uint8_t> grey,
                                         const std::vector<DetectedTag>& tags, int border_bits,
                                         const Camera& camera, const RefineOptions& options = {});

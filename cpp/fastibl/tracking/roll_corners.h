@@ -1,4 +1,4 @@
-// Corners that a rolling shutter shows.
+// Poses from corners that a rolling shutter shows.
 #pragma once
 
 #include "fastibl/tracking/rows.h"
@@ -6,7 +6,7 @@
 
 namespace fastibl {
 
-// Of a hand about which nothing is known: standard deviations of speed, acceleration and jerk;
+// For a hand about which nothing is known: standard deviations of speed, acceleration and jerk;
 // radians and metres, by seconds.
 inline constexpr Unsteadiness kHandSpeed{0.7, 0.25}, kHandAcceleration{5, 2.5}, kHandJerk{100, 50};
 inline Unsteadiness hand_jerk(double readout) {
@@ -15,10 +15,10 @@ inline Unsteadiness hand_jerk(double readout) {
 }
 RowPrior unknown_hand(const Pose& start, double readout);
 
-// Corrects a pose that took the corners of `tracked.tags` as seen at once: to that of the first
-// row, with the pose of the last one, as far as the corners tell the motion. noise: the least
-// deviation of a corner, px. Leaves alone what rests on fewer than three tags, and a motion that
-// fits no better.
+// Corrects a pose that took the corners of `tracked.tags` as seen at once: it becomes the pose of
+// the first row, and the pose of the last row is added, as far as the corners tell the motion.
+// noise: the least deviation of a corner, px. Does nothing with fewer than three tags, or where the
+// motion fits no better.
 void roll_corners(const Board& board, const Camera& camera, double noise, Tracked& tracked);
 
 }  // namespace fastibl

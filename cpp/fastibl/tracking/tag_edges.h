@@ -1,4 +1,5 @@
-// What a board shows to an edge tracker: the black–white edges of every tag, one module long each.
+// The edges that a board shows to an edge tracker: the black–white edges of every tag, one module
+// long each.
 #pragma once
 
 #include <cstdint>
@@ -8,13 +9,13 @@
 
 namespace fastibl {
 
-// Between two nodes of a tag's module grid, white on the left of `from` → `to` in the picture (y
-// down), as the corners of a tag run.
+// An edge between two nodes of a tag's module grid. White is on the left of `from` → `to` in the
+// picture (y down), as the corners of a tag run.
 struct TagEdge {
   std::uint16_t from = 0, to = 0;
-  std::uint8_t black = 1, white = 1;      // modules of that colour beside it, one behind the other
+  std::uint8_t black = 1, white = 1;      // modules of that colour beside it, one behind another
   bool outer = false;                     // on the tag's side
-  bool from_ends = true, to_ends = true;  // whether the edge goes on in the next module
+  bool from_ends = true, to_ends = true;  // false where the edge goes on in the next module
 };
 
 // Nodes are the corners of the modules.

@@ -1,5 +1,5 @@
-// From tags to the pose of the camera in front of the board. Pure functions: a frame without a
-// board has no pose, never an old one.
+// From tags to the pose of the camera in front of the board. These are pure functions: a frame
+// without a board has no pose, never an old one.
 #pragma once
 
 #include <array>
@@ -14,32 +14,32 @@ namespace fastibl {
 
 struct TrackingOptions {
   TrackingMethod method = TrackingMethod::board;  // or frame_marker; the others are EdgeTracker's
-  bool refine = true;  // corners by refine_corners before the fit; needs the picture
+  bool refine = true;  // refines corners by refine_corners before the fit; needs the picture
   RefineOptions refining;
-  // Expected error of a corner in x or y, after refinement and without it: the floor of the
-  // covariance, and of what counts as a difference between the two minima.
+  // Expected error of a corner in x or y, with and without refinement: the floor of the covariance,
+  // and of what counts as a difference between the two minima.
   double refined_noise_px = 0.1;
   double detected_noise_px = 0.5;
-  double largest_residual_px = 2;  // and 2 % of a tag's side: beyond, ids are taken to be wrong
+  double largest_residual_px = 2;  // plus 2 % of a tag's side: beyond, ids are taken to be wrong
 };
 
 struct Tracked {
-  // When the picture's time is; of a rolling shutter: of the first row, in the middle of whose
-  // exposure that is.
+  // The pose at the picture's time; for a rolling shutter of the first row, the middle of whose
+  // exposure is that time.
   Pose camera_from_marker;
   std::optional<Pose> last_row;  // Camera::readout later; nothing for a global shutter
   // RMS distance between seen and expected corners of `tags`; with `edges`, the median distance
   // between seen and expected edges.
   double residual_px = 0;
-  // Of `edges`: standard deviation in x and y of the places of the board's parts about the fitted
-  // ones, beyond their scatter; 0 where the print is flat and as the board says and the lens is as
-  // calibrated. The covariance holds what it does to the pose.
+  // With `edges`: standard deviation in x and y of the places of the board's parts about the fitted
+  // ones, beyond their scatter; 0 where the print is flat and as the board says, and the lens is as
+  // calibrated. The covariance includes its effect on the pose.
   double misfit_px = 0;
-  std::vector<DetectedTag> tags;  // those used, with the corners that were used or fitted
-  int edges = 0;                  // stretches of edge that the pose rests on, 0: on corners
-  int pixels = 0;                 // whose light refined that, 0: they could not
-  // Of (w, d) in {exp([w]×) R, t + d}: rad², rad m, m²; rotation first, row major, camera frame. Of
-  // the minimum chosen alone: see `ambiguous`.
+  std::vector<DetectedTag> tags;  // those used, with the corners used or fitted
+  int edges = 0;                  // pieces of edges that the pose rests on; 0: it rests on corners
+  int pixels = 0;                 // pixels whose light refined it; 0: they could not
+  // Covariance of (w, d) in {exp([w]×) R, t + d}: rad², rad m, m²; rotation first, row major,
+  // camera frame. It is for the chosen minimum alone: see `ambiguous`.
   std::array<double, 36> covariance{};
   bool ambiguous = false;  // the mirrored pose fits nearly as well
   // Cost of this pose / cost of the mirrored one, each with the expected noise added; 0 where there
@@ -48,9 +48,9 @@ struct Tracked {
   bool operator==(const Tracked&) const = default;
 };
 
-// Nothing when no tag of the board is seen, the tags agree on no pose (wrong ids), or the board
-// would be behind the camera or seen from its back. Ids that are not on the board or seen twice are
-// ignored, and so are tags that disagree with the others.
+// Nothing when no tag of the board is seen, when the tags agree on no pose (wrong ids), or when the
+// board would be behind the camera or seen from its back. Ids that are not on the board or are seen
+// twice are ignored, and so are tags that disagree with the others.
 std::optional<Tracked> track(const Detection& detection, const Board& board, const Camera& camera,
                              const TrackingOptions& options = {});
 

@@ -7,15 +7,15 @@ namespace fastibl {
 
 struct OpenCvDetectorOptions {
   bool subpixel = true;  // OpenCV's corner refinement by gradients; a start for refine_corners
-  // Shortest perimeter of a tag that is looked for, in units of the picture's longer side.
+  // Shortest perimeter of a tag to look for, in units of the picture's longer side.
   double smallest_perimeter = 0.03;
 };
 
-// Tags of family 36h11 and a starting pose by SQPnP (not IPPE, which fails on a board seen exactly
-// fronto-parallel). The function may be called from several threads.
+// Finds tags of family 36h11, and a starting pose by SQPnP (not IPPE, which fails on a board seen
+// exactly fronto-parallel). The function may be called from several threads.
 Detector opencv_detector(const OpenCvDetectorOptions& options = {});
 
-// Version of the OpenCV that this was built with, "4.6.0".
+// Version of OpenCV that this was built with, "4.6.0".
 const char* opencv_version();
 
 }  // namespace fastibl
