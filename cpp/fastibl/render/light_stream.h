@@ -7,7 +7,7 @@ namespace fastibl {
 // It stays again when no new map has come for some frames.
 class LightStream {
  public:
-  // Whether a map that is given now follows one that was given for the frame before.
+  // Whether a map given now follows one that was given for the frame before.
   bool follows() const { return since_set_ == 1; }
   // Call with each map. little: it follows the last one and differs little from it.
   void add(bool little) {

@@ -9,7 +9,7 @@
 namespace fastibl {
 
 struct AmbientOcclusionOptions {
-  int rays = 96;  // a vertex; the standard error is 0.010 at 96 rays, about as 1 / rays^0.75
+  int rays = 96;  // for each vertex; the standard error is 0.010 at 96 rays, about as 1 / rays^0.75
 };
 
 // Cosine-weighted share of the hemisphere around each vertex normal that the mesh leaves free, in

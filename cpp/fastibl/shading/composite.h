@@ -17,7 +17,7 @@ namespace fastibl {
 struct PixelTable {
   Camera camera;
   ByteResponse response;
-  // Directions (x, y, 1), camera frame; one a pixel, row by row; NaN beyond the lens model.
+  // Directions (x, y, 1), camera frame; one for each pixel, row by row; NaN beyond the lens model.
   std::vector<float> x, y;
   std::vector<float> vignette;  // share of the light that reaches each pixel; empty: all
   explicit PixelTable(const Camera& c);

@@ -57,8 +57,8 @@ class ViewVolume {
 struct CutMesh {
   struct Vertex {
     glm::dvec3 position;  // mesh frame
-    int triangle;         // of the mesh, the one that it lies on,
-    glm::vec3 weights;    // between whose corners
+    int triangle;         // the mesh's triangle that it lies on
+    glm::vec3 weights;    // between that triangle's corners
     // Interpolates a value that each of the mesh's vertices has.
     template <typename T>
     T mean(const glm::ivec3& corners, const T* values) const {

@@ -87,8 +87,8 @@ class Rasterizer {
   std::vector<Varying> varyings_;  // of the object's vertices; if it is cut, of all corners
   LeastBent least_bent_;
   CutMesh cut_;  // numbered as corners_ and Geometry's triangles
-  std::vector<glm::vec4> cut_back_shares_, cut_holdout_ratios_;  // with those of new corners,
-  std::vector<glm::vec3> cut_colors_;                            // as these
+  std::vector<glm::vec4> cut_back_shares_, cut_holdout_ratios_;  // including those of new corners
+  std::vector<glm::vec3> cut_colors_;                            // likewise
   std::vector<std::vector<int>> triangles_of_;                   // by band
   std::vector<std::uint8_t> bends_;  // for each of the object's triangles: whether it may be curved
   std::vector<FragmentBand> found_;

@@ -13,7 +13,7 @@
 namespace fastibl {
 
 struct SkySplitOptions {
-  float threshold = 8;  // radiance above so many cosine-weighted means gets directions
+  float threshold = 8;  // radiance above this many times the cosine-weighted mean gets directions
   // The directions are left out where they would hold less than this share of the irradiance: no
   // ratio then changes by more than the cells' error for this share.
   float least_share = 0.02f;

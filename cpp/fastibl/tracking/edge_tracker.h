@@ -45,7 +45,7 @@ struct PosePrior {
   bool by_corners = false;
 };
 
-// What tracking by edges needs of a board and a camera, worked out once.
+// What tracking by edges needs from a board and a camera, worked out once.
 class EdgeModel {
  public:
   EdgeModel(const Board& board, const Camera& camera);

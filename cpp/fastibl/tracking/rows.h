@@ -19,7 +19,7 @@ struct Rows {
   // How much later than the pose's row the light at y is taken, as a share of the readout.
   double later(double y) const { return (y - 0.5) / height - share; }
   struct Seen {
-    glm::dvec2 pixel, flow;  // flow: of the point past the camera, pixels a readout
+    glm::dvec2 pixel, flow;  // flow: of the point past the camera, pixels per readout
     double later = 0;
   };
   // Projects a point in the camera frame of that row. guess: of how much later it is seen.
