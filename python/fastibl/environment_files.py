@@ -32,14 +32,13 @@ def read_environment(
 
     path: a picture may be equirectangular, twice as wide as high, or a cube map laid out as by `write_environment`: a
     strip, a cross, or the first of six faces (..._px.hdr, or px.hdr, as three.js' examples name them).
-    axes: in which it was made, "marker" (z up, image centre along +y) or "gltf" (y up, image centre along +x).
-    size: face edge in texels for an equirectangular picture; faces keep theirs.
-    response: of the camera, or other encoding, of .png and .jpg, as Response.srgb(); its white becomes radiance 1, and
-    what was brighter is lost.
-    handedness: of cube maps, see `write_environment`; by default "left" of .ktx2 and .dds, "right" of pictures.
-    Raises FileNotFoundError; ValueError for a file that is no such map, damaged, or larger than fastibl.file_limits
-    allows, and for a handedness of an equirectangular picture; ImportError for .exr without OpenEXR, and for a .ktx2
-    packed by Zstandard without zstandard.
+    axes: those in which the map was made, "marker" (z up, image centre along +y) or "gltf" (y up, image centre along
+    +x). size: face edge in texels for an equirectangular picture; cube faces keep their own. response: the camera's
+    response, or another encoding, for .png and .jpg, such as Response.srgb(); its white becomes radiance 1, and what
+    was brighter is lost. handedness: that of cube maps, see `write_environment`; by default "left" for .ktx2 and .dds,
+    "right" for pictures. Raises FileNotFoundError; ValueError for a file that is not such a map, is damaged, or is
+    larger than fastibl.file_limits allows, and for a handedness given for an equirectangular picture; ImportError for
+    .exr without OpenEXR, and for a .ktx2 packed by Zstandard without zstandard.
     """
     path = Path(path)
     expect(response, (Response, type(None)), "response", "Response.srgb() is that of most pictures")
@@ -76,7 +75,7 @@ def from_equirect(image: NDArray[np.float32], size: int, axes: str) -> CubeMap:
 
 
 def read_equirect(path: Path, response: Response | None) -> NDArray[np.float32] | None:
-    """An equirectangular picture as it is; None of what is a cube map. Raises as `read_environment`."""
+    """Reads an equirectangular picture as it is; None for a cube map. Raises what `read_environment` raises."""
     if path.suffix.lower() in _CUBE_READERS:
         return None
     image = read_picture(path, response)
@@ -84,7 +83,7 @@ def read_equirect(path: Path, response: Response | None) -> NDArray[np.float32] 
 
 
 def turn_equirect(image: NDArray[np.float32], axes: str, to: str) -> NDArray[np.float32] | None:
-    """The picture in other axes, by whole pixels; None where a quarter turn is no whole number of them."""
+    """The picture in other axes, moved by whole pixels; None where a quarter turn is not a whole number of pixels."""
     if axes == to:
         return image
     quarter, rest = divmod(image.shape[1], 4)
@@ -117,23 +116,23 @@ def write_environment(
     *,
     handedness: str | None = None,
 ) -> list[Path]:
-    """Writes an environment map; returns the files. The ending says how.
+    """Writes an environment map and returns the files; the ending of the path sets the format.
 
     .hdr (to 1/256 of a pixel's brightest channel) or .exr (exactly): a picture, laid out as `layout` says. .ktx2: a
     cube map of half floats (to 1/2048, up to 65504).
 
-    axes: "marker", z up: an equirectangular picture has z at the top, its centre along +y, x to the right of it.
-    "gltf", as three.js and Khronos' viewer have it, y up: a direction (x, y, z) of the marker frame becomes
-    (x, z, -y), and a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi.
+    axes: "marker", z up: an equirectangular picture has z at the top, its centre along +y, and x to the right of the
+    centre. "gltf", y up, as in three.js and Khronos' viewer: a direction (x, y, z) of the marker frame becomes (x, z,
+    -y), and a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi.
     layout: "equirect", 2 height x height pixels, by default 4 x 2 face edges. Or cube faces in the axes' own order
     +x -x +y -y +z -z with OpenGL's orientation (row 0 of the side faces is y = +1, of +y z = -1, of -y z = +1):
     "faces", six files ..._px, _nx, _py, _ny, _pz, _nz; "strip", one below the other; "cross", -x +z +x -z in the middle
     row, +y above and -y below +z, the rest black.
-    handedness: of cube maps. "left", the default of .ktx2, as that format says and as three.js and Babylon.js look up
-    cube textures: a direction (x, y, z) of the axes is the cube coordinate (-x, y, z), and faces look as seen from
-    inside. "right", the default of pictures: it is (x, y, z), as said above.
-    Raises TypeError for what is no map, ValueError for another layout, axes, handedness or ending, and for a handedness
-    of an equirectangular picture, ImportError for .exr without OpenEXR.
+    handedness: that of cube maps. "left", the default for .ktx2, as that format requires and as three.js and Babylon.js
+    look up cube textures: a direction (x, y, z) of the axes is the cube coordinate (-x, y, z), and faces look as seen
+    from inside. "right", the default for pictures: the cube coordinate is (x, y, z), as described above. Raises
+    TypeError for what is not a map, ValueError for another layout, axes, handedness or ending, and for a handedness
+    given for an equirectangular picture, ImportError for .exr without OpenEXR.
     """
     path = Path(path)
     radiance = radiance_of(cube)
@@ -156,12 +155,13 @@ def write_environment(
 
 
 def write_equirect(path: Path, cube: CubeMap, height: int | None) -> None:
-    """Writes a cube that was turned to a picture's axes, by default 2 face edges high."""
+    """Writes a cube already turned to a picture's axes as an equirectangular picture, by default 2 face edges high."""
     write_picture(path, equirect_from_cubemap(cube, 2 * cube.size if height is None else height))
 
 
 def write_faces(path: str | os.PathLike[str], cube: CubeMap, layout: str = "strip") -> list[Path]:
-    """Writes the faces of a cube as they are, whatever its axes; layouts as in `write_environment` but "equirect"."""
+    """Writes the faces of a cube as they are, whatever its axes; layouts are those of `write_environment` except
+    "equirect"."""
     if layout not in LAYOUTS[1:]:
         raise ValueError(f"layout must be one of {', '.join(LAYOUTS[1:])}, got {layout!r}")
     return _write_faces(Path(path), cube.faces, layout)

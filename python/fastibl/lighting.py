@@ -30,11 +30,11 @@ AUTO, PAPER = _Methods._auto(), _Methods._paper()
 
 @dataclass(frozen=True, init=False)
 class Method:
-    """A method of a step by its public name, with its settings and, where known, its relative error.
+    """A method of a step, by its public name, with its settings and, where known, its relative error.
 
-    Settings are whole numbers given by keyword: Method("irradiance-cube", size=32). Those that are not given are the
-    method's choice. Raises ValueError for a name that no step has, a setting that the method does not have, or a value
-    that is no whole number.
+    Settings are whole numbers given by keyword: Method("irradiance-cube", size=32). The method chooses those that are
+    not given. Raises ValueError for a name that no step has, a setting that the method does not have, or a value that
+    is not a whole number.
     """
 
     name: str
@@ -91,7 +91,7 @@ def _check_known(name: str, settings: Mapping[str, float]) -> None:
 
 
 def methods(step: str) -> list[Method]:
-    """Every method of a step, and every setting of it that is worth comparing.
+    """Lists every method of a step, with every setting that is worth comparing.
 
     step: "tracking", "capture", "diffuse", "glossy", "shadow", "self_shadow" or "bounce". Raises ValueError
     for another.
@@ -108,7 +108,8 @@ def methods(step: str) -> list[Method]:
 
 
 def method_name(step: str, method: str | Method) -> str:
-    """Name of a given method, "paper" resolved. Raises ValueError, naming all, if the step has none of that name."""
+    """Name of a given method, with "paper" resolved. Raises ValueError, naming all methods, if the step has none of
+    that name."""
     name = method.name if isinstance(method, Method) else method
     if name in ("auto", "paper"):
         return str(getattr(AUTO if name == "auto" else PAPER, step))
@@ -123,8 +124,8 @@ def method_settings(method: str | Method) -> dict[str, int]:
 
 
 def resolve_methods(given: str | Mapping[str, str | Method] | _Methods) -> _Methods:
-    """All steps of "auto", "paper", of a plan's methods, or of a mapping from step (or "normalization") to method; the
-    rest is automatic."""
+    """The methods of all steps from "auto", "paper", a plan's methods, or a mapping from step (or "normalization") to
+    method; steps that the mapping leaves out are "auto"."""
     expect(given, (str, Mapping, _Methods), "methods", '"auto", "paper", a plan\'s methods, or {step: method}')
     if isinstance(given, _Methods):
         return given
@@ -145,9 +146,9 @@ def resolve_methods(given: str | Mapping[str, str | Method] | _Methods) -> _Meth
 class Lighting(_Lighting):
     """What a map does to surfaces.
 
-    cube: CubeMap or Environment. diffuse, glossy: Method, its name, "auto" (the default) or "paper". previous: of a map
-    a moment ago; its lobes and lights are moved along instead of searched anew, which is steady. Raises ValueError for
-    an unknown name, an unknown setting or a value out of range.
+    cube: CubeMap or Environment. diffuse, glossy: Method, its name, "auto" (the default) or "paper". previous: Lighting
+    of the map a moment ago; its lobes and lights are moved along instead of being searched anew, which keeps them
+    steady. Raises ValueError for an unknown name, an unknown setting or a value out of range.
     """
 
     def __init__(
@@ -176,7 +177,7 @@ class Lighting(_Lighting):
 
     @property
     def methods(self) -> dict[str, Method]:
-        """What "auto" chose for each step, its settings, and the error of the irradiance as measured on this map."""
+        """What "auto" chose for each step, its settings, and the error of the irradiance measured on this map."""
         return {
             "diffuse": Method(self._diffuse, error=self._irradiance_error, **self._diffuse_settings),
             "glossy": Method(self._glossy, **self._glossy_settings),
@@ -200,13 +201,13 @@ class Lighting(_Lighting):
 
         model: "ggx", D(theta/2) cos(theta) with parameter alpha, as Filament, three.js and glTF viewers store it;
         "phong", cos^p(theta); or "blinn", cos^s(theta/2) cos(theta), Eq. 3 seen along the normal.
-        mapping: how level k of n becomes the parameter. "gltf" (default of ggx): perceptual roughness r = k/(n - 1),
-        alpha = r^2, so a shader reads level r (n - 1). "filament": 2r - r^2 = k/(n - 1). "cmft" (default of phong):
-        p = 1 + 2^(1 + 8 (1 - k/n)). Level 0 of the first two is the map itself.
-        parameters: one a level instead of a mapping (needed for "blinn"); alpha 0 and exponent infinity give the map.
-        wanted: indices of the levels to make; the others are None, and cost nothing.
-        error: mean error of a level by its mean that real maps stay below; smaller takes longer.
-        Raises ValueError for what is none of these.
+        mapping: how level k of n sets the parameter. "gltf" (default of ggx): perceptual roughness r = k/(n - 1), alpha
+        = r^2, so a shader reads level r (n - 1). "filament": 2r - r^2 = k/(n - 1). "cmft" (default of phong): p = 1 +
+        2^(1 + 8 (1 - k/n)). Level 0 of the first two is the map itself.
+        parameters: one per level instead of a mapping (needed for "blinn"); alpha 0 and exponent infinity give the map.
+        wanted: indices of the levels to make; the others are None, and cost nothing. error: the mean error of a level,
+        relative to its mean, that real maps stay below; a smaller one takes longer. Raises ValueError for what is none
+        of these.
         """
         if parameters is None:
             if mapping is None and model == "blinn":
@@ -237,12 +238,12 @@ class Lighting(_Lighting):
 
 
 def without_lights(cube: CubeMap | Environment) -> tuple[CubeMap, list[Light]]:
-    """The map without its dominant lights, and those: what each gives a surface adds up to what the map gives it.
+    """The map without its dominant lights, and these lights: together they give a surface the same light as the map.
 
-    The lights are those of Lighting(cube).lights; the map and the lights hold every photon once. For renderers that
-    light with lamps, for their shadows, beside a map. Where a light was, the map keeps up to about four times its mean
-    radiance. The map is of the same size where that is 64, 128, 256, ... texels along a face, else of 64. Raises
-    TypeError for what is no map.
+    The lights are those of Lighting(cube).lights; map and lights together hold every photon once. This is for renderers
+    that light with a map and, for their shadows, with lamps beside it. Where a light was, the map keeps up to about
+    four times its mean radiance. The returned map has the same size where that is 64, 128, 256, ... texels along a
+    face, otherwise 64. Raises TypeError for what is not a map.
     """
     radiance = radiance_of(cube)
     lighting = Lighting(cube)

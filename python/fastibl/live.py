@@ -1,4 +1,4 @@
-"""A session that goes on: frames of any source, whatever is wrong with them."""
+"""A session that keeps going: frames of any source, whatever is wrong with them."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _ROWS = 61  # every which row is compared first
 
 @dataclass(frozen=True)
 class Played:
-    """A frame as it was used, and what a session made of it. result: None where nothing could be used of it.
-    refused: by "back", "front" or "frame", why a picture or all of it was left out."""
+    """A frame as it was used, and the session's result. result: None where nothing of the frame could be used. refused:
+    why a picture ("back", "front") or the whole frame ("frame") was left out, by these names."""
 
     frame: Frame
     result: FrameResult | None
@@ -70,10 +70,11 @@ def _same(a: NDArray, b: NDArray) -> bool:
 
 
 def play(session: Session, source: Any) -> Generator[Played, None, None]:
-    """Processes a live source's frames one by one; what cannot be used is left out and named, and the session goes on.
+    """Processes a live source's frames one by one; what cannot be used is left out and reported, and the session goes
+    on.
 
-    A picture of another size than the camera's, or one that repeats the last to the bit, is left out; the other
-    camera's still counts. A frame that the session refuses (time that runs backwards) is passed over whole.
+    A picture whose size is not the camera's, or that repeats the last one to the bit, is left out; the other camera's
+    picture is still used. A frame that the session refuses (time that runs backwards) is skipped as a whole.
     """
     watch = _Watch(source.rig)
     for frame in source:

@@ -51,20 +51,21 @@ def make_plan(
     camera: Camera | None = None,
     camera_from_marker: Pose | None = None,
 ) -> Plan:
-    """Plan of a frame: print it for the bill.
+    """Makes the plan of a frame; print it to see what each pass costs.
 
-    With a budget and an environment, steps whose method is "auto" get the cheapest one within it: all are tried on
-    this light at places of this scene whose true light is known by rays, and timed by `costs`.
+    With a budget and an environment, each step whose method is "auto" gets the cheapest method within the budget. All
+    methods are tried on this light, at places of this scene whose true light is known from rays; their times come from
+    `costs`.
 
-    environment: what is known of the light; a CubeMap is a map known everywhere. error, milliseconds: budgets, 0 for
-    none. methods: "auto", "paper", a mapping from step to method, or another plan's. track, capture: whether poses and
-    map come from pictures; capture defaults to whether no environment is given. costs: nanoseconds by name of this
-    machine, see fastibl.costs.machine_costs; a built-in table by default. offline: pictures rather than a live view:
-    methods that take tenths of a second for one are among those that "auto" chooses from. camera, camera_from_marker:
-    of the picture that is planned; errors are of it. Without them the frame has 640 x 480 pixels, errors are of eight
-    views all round, and what is promised holds for the worst of them; so where the picture shows nothing of the object.
-    A scene that has no baked_shadow yet gets one, as by Session. Raises ValueError for unknown names, negative budgets,
-    or a camera without its pose.
+    environment: what is known of the light; a CubeMap counts as known everywhere. error, milliseconds: budgets, 0 for
+    none. methods: "auto", "paper", a mapping from step to method, or another plan's. track, capture: whether the poses
+    and the map come from pictures; by default capture is True when no environment is given. costs: this machine's costs
+    in nanoseconds by name, see fastibl.costs.machine_costs; a built-in table by default. offline: True for pictures
+    rather than a live view: "auto" may then choose methods that take tenths of a second per picture. camera,
+    camera_from_marker: those of the planned picture; errors are those of this picture. Without them, or where the
+    picture shows nothing of the object, the frame has 640 x 480 pixels, errors are those of eight views all round, and
+    what is promised holds for the worst view. A scene without a baked_shadow gets one, as in Session. Raises ValueError
+    for unknown names, negative budgets, or a camera without its pose.
     """
     if (camera is None) != (camera_from_marker is None):
         raise ValueError("camera and camera_from_marker must both be given, or neither")
@@ -104,8 +105,8 @@ def _shown(scene: Scene, camera: Camera, camera_from_marker: Pose) -> _SceneSamp
 
 
 def bake_shadow(scene: Scene, method: str = "auto") -> None:
-    """Gives a scene its baked_shadow where it has none and this shadow method draws it, "auto" where there are spheres;
-    takes seconds for a mesh that was not baked before."""
+    """Gives a scene its baked_shadow where it has none and this shadow method draws with it ("auto" does where the
+    scene has spheres); takes seconds for a mesh that was not baked before."""
     if scene.baked_shadow is None and (method == "mesh" or (method == "auto" and len(scene.spheres))):
         scene.baked_shadow = MeshShadow(scene.mesh)
 
@@ -125,27 +126,26 @@ def _known(environment: Environment | CubeMap | None) -> Environment | None:
 class Session(_Session):
     """Track, capture, light, shadow, shade and composite, frame by frame.
 
-    scene: Scene. rig: Rig (or only its back camera's). board: Board, or None where every frame brings its pose.
-    environment: Environment or CubeMap to use instead of capturing. error, milliseconds: budgets of the plan, a share
-    of the picture's light (0.02 is 2 %) and processor time of a frame, which is then worked on by one thread: several
-    take more of it in all.
-    methods: "auto", "paper" or a mapping from step to method. backend: "cpu", "gl", or "auto" (the CPU). detector:
-    function (grey, board, camera) -> (tags, start), OpenCV's by default. size: face edge of the captured map.
-    distance: rough distance of the walls in metres, where they are near; infinite takes all light as distant.
-    box: instead of it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame. doubt_exposures:
-    a picture that is off from the map by one factor all over is taken for wrongly exposed at first, see Capture.
-    front_ratio: by channel, what the front camera makes of light by what the back one makes of it, see fastibl.white.
-    follow_surroundings: whether the surroundings tell how the cameras turn while the board is out of view
-    (FrameResult.turned; the map is captured on), and that the board was turned by hand (FrameResult.board_moved).
-    prior: CubeMap of the place from before; paper_albedo: of the board's white; most_boost: of lights that clip in
-    every exposure; all as Capture has them.
-    adapt: frames that take longer than `milliseconds`, or much less, change the methods; off for a replay to the same
-    bits. Choices by `error` alone never depend on time. costs: nanoseconds by name of this machine, for `milliseconds`,
-    see fastibl.costs.machine_costs; a built-in table by default. offline: pictures rather than a live view: methods
-    that take tenths of a second for one are among those that "auto" chooses from.
-    A scene that has spheres but no baked_shadow yet gets one, for the shadow methods "auto" and "mesh": its mesh is
-    baked, or read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back end
-    cannot start.
+    scene: Scene. rig: Rig (or only its back camera's). board: Board, or None if every frame comes with its pose.
+    environment: Environment or CubeMap to use instead of capturing. error, milliseconds: budgets of the plan: error as
+    a share of the picture's light (0.02 is 2 %), and processor time per frame. With a time budget one thread does the
+    work, because several take more processor time in all. methods: "auto", "paper" or a mapping from step to method.
+    backend: "cpu", "gl", or "auto" (the CPU). detector: function (grey, board, camera) -> (tags, start), OpenCV's by
+    default. size: face edge of the captured map. distance: rough distance of the walls in metres, where they are near;
+    infinite treats all light as distant. box: the room's walls, floor and ceiling instead of a distance: two corners
+    (2, 3), metres, marker frame. doubt_exposures: whether a picture that differs from the map by one factor everywhere
+    is at first taken to be wrongly exposed, see Capture. front_ratio: per channel, the front camera's value for a light
+    divided by the back camera's, see fastibl.white. follow_surroundings: whether the surroundings are used to tell how
+    the cameras turn while the board is out of view (FrameResult.turned; the map is captured on), and whether the board
+    was turned by hand (FrameResult.board_moved). prior: CubeMap of the place from an earlier time. paper_albedo: albedo
+    of the board's white. most_boost: largest factor on lights that clip in every exposure. All three are those of
+    Capture. adapt: whether frames that take longer than `milliseconds`, or much less, change the methods; switch it off
+    for a replay that gives the same bits. Choices by `error` alone never depend on time. costs: this machine's costs in
+    nanoseconds by name, used for `milliseconds`, see fastibl.costs.machine_costs; a built-in table by default. offline:
+    True for pictures rather than a live view: "auto" may then choose methods that take tenths of a second per picture.
+    A scene that has spheres but no baked_shadow gets one, for the shadow methods "auto" and "mesh": its mesh is baked,
+    or the result is read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back
+    end cannot start.
     """
 
     def __init__(
@@ -209,7 +209,7 @@ class Session(_Session):
         )
 
     def process(self, frame: Frame) -> FrameResult:
-        """One frame: pictures, exposures and, optionally, the pose, and the attitude that a gyroscope tells.
+        """Processes one frame: pictures, exposures and, optionally, the pose and the attitude measured by a gyroscope.
 
         Raises ValueError for pictures of another size than the camera's, exposures that are not positive, time that
         runs backwards, an attitude that is no rotation, or a frame with neither picture nor pose; TypeError for other
@@ -235,10 +235,10 @@ class Session(_Session):
         return result
 
     def set_scene(self, scene: Scene) -> None:
-        """Draw another object from the next frame on, in the light that was captured; the map's centre stays.
+        """Draw another object from the next frame on, in the light captured so far; the map's centre stays.
 
-        A scene that has spheres but no baked_shadow gets one as in the constructor; give one that has it where a frame
-        must not wait. Raises ValueError for a scene that cannot be drawn.
+        A scene that has spheres but no baked_shadow gets one, as in the constructor; where a frame must not wait for
+        that, give a scene that already has it. Raises ValueError for a scene that cannot be drawn.
         """
         expect(scene, Scene, "scene")
         if self._casts:
@@ -247,10 +247,10 @@ class Session(_Session):
         self._drawn = scene
 
     def set_environment(self, environment: Environment | CubeMap | None) -> None:
-        """Use given light from the next frame on, a CubeMap as a map known everywhere; None to capture.
+        """Use the given light from the next frame on, a CubeMap as a map known everywhere; None to capture instead.
 
-        Light that is given in every frame is taken for light that moves from the fourth frame on: shadows and lights
-        follow it, and methods are judged anew where a quarter of it is new.
+        Light that is set in every frame counts as moving light from the fourth frame on: shadows and lights then follow
+        it, and methods are judged again when a quarter of the light is new.
         """
         self._set_environment(_known(environment))
 
@@ -265,8 +265,8 @@ class Session(_Session):
     def set_budgets(  # type: ignore[override]
         self, error: float | None = None, milliseconds: float | None = None
     ) -> None:
-        """Keep to other budgets from the next frame on, None or 0 for none. Raises ValueError for values that are
-        negative or not finite, TypeError for what is no number."""
+        """Keep to other budgets from the next frame on; None or 0 means no budget. Raises ValueError for values that
+        are negative or not finite, TypeError for what is not a number."""
         super().set_budgets(*_budgets(error, milliseconds))
 
     def set_cast_shadow(self, cast: bool) -> None:

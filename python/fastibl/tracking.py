@@ -28,11 +28,11 @@ from .lighting import method_name
 def detect(
     grey: NDArray[np.uint8], board: Board, camera: Camera, subpixel: bool = True
 ) -> tuple[list[tuple[int, NDArray[np.float64]]], Pose | None]:
-    """Tags of family 36h11 in a grey picture, and a pose to start from: what a Session asks of a detector.
+    """Finds tags of family 36h11 in a grey picture, and a pose to start from: what a Session expects of a detector.
 
     grey: (height, width) uint8, encoded values. Returns ([(id, corners (4, 2))], camera_from_marker or None);
-    corners have pixel centres at + 0.5 and the order of Tag.corners. Ids that are not on the board are
-    reported too. The start is by SQPnP, not IPPE, which fails on a board seen exactly fronto-parallel.
+    corners are in pixels whose centres are at + 0.5, in the order of Tag.corners. Ids that are not on the board are
+    reported too. The start pose is computed by SQPnP, not IPPE, which fails on a board seen exactly fronto-parallel.
     """
     tags = find_tags(grey, border_bits=board.border_bits, subpixel=subpixel)
     return tags, _start(tags, board, camera) if tags else None
@@ -41,7 +41,7 @@ def detect(
 def find_tags(
     grey: NDArray[np.uint8], family: str = "APRILTAG_36h11", border_bits: int = 1, subpixel: bool = True
 ) -> list[tuple[int, NDArray[np.float64]]]:
-    """Tags in a grey picture, as those of detect(). family: of OpenCV's dictionaries."""
+    """Finds the tags in a grey picture, in the form of detect(). family: name of one of OpenCV's dictionaries."""
     import cv2  # heavy, and not needed to import fastibl
 
     parameters = cv2.aruco.DetectorParameters()
@@ -84,13 +84,13 @@ def _start(tags, board: Board, camera: Camera) -> Pose | None:
 class Tracker:
     """Tracks a board in the pictures of one camera.
 
-    method: "edges" (what "auto" chooses) follows the tags' edges from picture to picture and detects to start and
-    to recover; "board" detects all tags anew in every picture, and "frame-marker" (the paper of 2014) uses the
-    largest tag alone: both keep nothing. refine: for these two, measure corners again along the tags' sides, in
-    linear light (uses camera.response). smoothing: for "edges", time constant in seconds of a low-pass filter on the
-    poses given out, which then lag behind a steady motion by as much; 0, the default, for none. gravity_in_marker:
-    (3,) where down is for the board, used where track() is given gravity; the default is a board lying on a table.
-    Raises ValueError for another method, or a smoothing below 0.
+    method: "edges" (what "auto" chooses) follows the tags' edges from picture to picture, and detects tags only to
+    start and to recover; "board" detects all tags anew in every picture; "frame-marker" (the paper of 2014) uses the
+    largest tag alone. The last two keep nothing between pictures. refine: for these two, whether to measure the corners
+    again along the tags' sides, in linear light (uses camera.response). smoothing: for "edges", time constant in
+    seconds of a low-pass filter on the returned poses, which then lag behind a steady motion by that time; 0, the
+    default, for no filter. gravity_in_marker: (3,) direction of down in the marker frame, used where track() is given
+    gravity; the default is a board lying on a table. Raises ValueError for another method, or a smoothing below 0.
     """
 
     def __init__(
@@ -120,13 +120,13 @@ class Tracker:
         turn: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
     ) -> Tracked | None:
-        """Pose of the board in one picture, or None where it is not seen.
+        """Finds the pose of the board in one picture; None where the board is not seen.
 
-        image: (height, width, 3) RGB, uint8 or uint16 (encoded) or float (linear), of the camera's size. time:
-        seconds, not decreasing; None is 1/30 s after the last. Where other sensors tell: turn, rotation vector (3,)
-        of the camera since the last picture with a pose, as a gyroscope integrates it (now_from_before); gravity,
-        (3,) downwards; both in the camera frame and read by "edges" alone. Raises ValueError for another size or
-        shape or for time that runs backwards, TypeError for another dtype.
+        image: (height, width, 3) RGB, uint8 or uint16 (encoded) or float (linear), of the camera's size. time: seconds,
+        not decreasing; None means 1/30 s after the last picture. If other sensors tell them, for "edges" alone and in
+        the camera frame: turn, rotation vector (3,) of the camera since the last picture with a pose, as integrated by
+        a gyroscope (now_from_before); gravity, (3,) downwards. Raises ValueError for another size or shape or for time
+        that runs backwards, TypeError for another dtype.
         """
         if self._edges is not None:
             with self._lock:  # one picture after the other, whatever the threads
@@ -140,19 +140,20 @@ class Tracker:
         return _track(tags, start, self.board, self.camera, self.method, grey if self.refine else None)
 
     def explain(self, image: ArrayLike) -> str:
-        """Why track() finds no pose in a picture, in a sentence or two for a person, with what to do about it.
+        """Says in a sentence or two why track() finds no pose in a picture, and what to do about it.
 
-        image: as for track(). Tells too dark or too bright a picture, tags that are not the board's, of another family
-        or border, mirrored, printed white on black, too small, seen twice, not where the board has them, too few to
-        tell which way they are tilted; or what is seen, where there is a pose. The picture is searched by itself,
-        whatever came before. Takes some tenths of a second where no tag is seen. Raises as track() does.
+        image: as for track(). It recognises a picture that is too dark or too bright, and tags that are not the
+        board's, of another family or border, mirrored, printed white on black, too small, seen twice, not where the
+        board has them, or too few to tell which way they are tilted. Where there is a pose it says what is seen. The
+        picture is searched by itself, whatever came before. Takes some tenths of a second where no tag is seen. Raises
+        as track() does.
         """
         from .explain_tracking import explain
 
         return explain(image, self)
 
     def reset(self) -> None:
-        """Forgets the last pose: the next picture is searched anew."""
+        """Forgets the last pose: the whole next picture is searched."""
         self._time = -math.inf
         if self._edges is not None:
             with self._lock:
@@ -163,15 +164,15 @@ class Tracker:
 
 
 class RotationTracker:
-    """Follows how a rig turns by what its cameras see of distant surroundings, from poses that are known at first.
+    """Follows how a rig turns from what its cameras see of distant surroundings, starting from known poses.
 
     rig: Rig, or a Camera for its back camera alone. Options, all keyword: acceleration (rad/s^2, standard deviation of
-    what a hand does), largest_error (degrees of stated deviation: beyond, there is no result), largest_residual and
-    least_agreeing (of Turned), longest_gap (seconds without a result after which it is lost until the next start),
-    wander (metres per square root of a second by which the place of the camera is taken to change unseen), sure
-    (degrees; less sure pictures give nothing to follow later), and of a gyroscope's turns gyro_noise (rad per square
-    root of a second by which they walk off) and gyro_scale (share by which they are too long or too short). Raises
-    ValueError for options out of range, TypeError for others.
+    a hand's motion), largest_error (degrees of stated deviation beyond which there is no result), largest_residual and
+    least_agreeing (limits on those values of Turned), longest_gap (seconds without a result after which the rotation is
+    lost until the next start), wander (metres per square root of a second that the camera's place is assumed to change
+    unseen), sure (degrees; pictures less sure than this give nothing to follow later), and for a gyroscope's turns
+    gyro_noise (rad per square root of a second by which they drift) and gyro_scale (share by which they are too long or
+    too short). Raises ValueError for options out of range, TypeError for others.
     """
 
     _OPTIONS = (
@@ -204,7 +205,7 @@ class RotationTracker:
         back_exposure: float = 1.0,
         front_exposure: float = 1.0,
     ) -> None:
-        """Takes a known pose and what the pictures, where given, show then. time: seconds, not decreasing."""
+        """Takes a known pose and, if given, the pictures at that time. time: seconds, not decreasing."""
         with self._lock:
             self._core.start(back_from_marker, time, back, front, back_exposure, front_exposure)
 
@@ -219,12 +220,12 @@ class RotationTracker:
         *,
         turn: ArrayLike | None = None,
     ) -> Turned | None:
-        """The pose under which the pictures agree with what was seen before and with the map; None if there is none.
+        """The pose under which the pictures agree with what was seen before and with the map, or None.
 
         environment: the map as it was before these pictures were added. turn: rotation vector (3,) of the back camera
-        since the last call, as a gyroscope integrates it; by it alone goes what the pictures do not tell. Raises
-        ValueError for pictures of another size, exposures that are not positive, or time that runs backwards;
-        TypeError for other dtypes.
+        since the last call, as integrated by a gyroscope; what the pictures do not tell rests on it alone. Raises
+        ValueError for pictures of another size, exposures that are not positive, or time that runs backwards; TypeError
+        for other dtypes.
         """
         with self._lock:
             step = None if turn is None else [float(x) for x in np.asarray(turn, np.float64).reshape(3)]
@@ -237,7 +238,7 @@ class RotationTracker:
 
     @property
     def following(self) -> bool:
-        """Whether a rotation is known to go on from."""
+        """Whether there is a known rotation to continue from."""
         return self._core.following
 
 
