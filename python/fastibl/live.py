@@ -70,8 +70,7 @@ def _same(a: NDArray, b: NDArray) -> bool:
 
 
 def play(session: Session, source: Any) -> Generator[Played, None, None]:
-    """Processes a live source's frames one by one; what cannot be used is left out and reported, and the session goes
-    on.
+    """Processes a live source's frames one by one; what cannot be used is left out and named, and the session goes on.
 
     A picture whose size is not the camera's, or that repeats the last one to the bit, is left out; the other camera's
     picture is still used. A frame that the session refuses (time that runs backwards) is skipped as a whole.

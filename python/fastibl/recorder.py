@@ -21,9 +21,9 @@ _SYNC = 0.5  # seconds between calls that bring the list of pictures to the disk
 class Recorder:
     """Writes frames to a recording as they come; a context manager.
 
-    path, rig, board: as RecordingWriter has them. buffer: bytes of pictures that may wait; a frame that finds no room
-    is dropped and counted. least_free: bytes that stay free on the disk: below, recording ends with .error. A process
-    that is killed loses what waited, and no more: every picture is whole before frames.csv names it.
+    path, rig, board: as in RecordingWriter. buffer: bytes of pictures that may wait; a frame that finds no room is
+    dropped and counted. least_free: bytes to keep free on the disk; below that, recording ends with .error. A process
+    that is killed loses only what was waiting: every picture is whole before frames.csv names it.
     """
 
     def __init__(
@@ -50,8 +50,8 @@ class Recorder:
         self._thread.start()
 
     def add(self, frame: Frame, wait: bool = False) -> bool:
-        """Takes a frame to be written; False where it was dropped. wait: for room, of a source that can wait. Raises
-        what ended the recording, if anything did.
+        """Takes a frame to be written; returns False if it was dropped. wait: whether to wait for room, for sources
+        that can wait. Raises what ended the recording, if anything did.
         """
         size = _bytes(frame)
         with self._changed:
@@ -72,7 +72,8 @@ class Recorder:
         return not self._queue or self._waiting + size <= self._buffer
 
     def close(self) -> None:
-        """Writes what waits. Raises what ended the recording if add() did not; what waited then counts as dropped."""
+        """Writes what is waiting. Raises what ended the recording if add() did not; what was waiting then counts as
+        dropped."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()

@@ -2,17 +2,17 @@
 
 A recording is a folder:
 
-- rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves, readout in
-  seconds where it is known, model where it is no perspective camera
+- rig.yaml: the cameras (matrices in OpenCV's convention), front_from_back, response curves, readout in seconds where it
+  is known, model where it is not a perspective camera
 - board.yaml: the printed board: tags, border_bits, page size
-- frames.csv: time, camera, file, exposure; one row a picture. Pictures of the same time make one Frame.
-  `file` is a lossless picture of 8 or 16 bits, or a frame of a lossless video: back.mkv#12; both as the sensor took
-  them, however they say that they are to be held. `exposure` is empty where the camera did not tell it
-- attitudes.csv: time, m00 to m22; where a gyroscope was there, Frame.attitude of the frames that have one
+- frames.csv: time, camera, file, exposure; one row per picture. Pictures of the same time make one Frame. `file` is a
+  lossless picture of 8 or 16 bits, or a frame of a lossless video: back.mkv#12. Both are read as the sensor took them;
+  any orientation noted in the file is ignored. `exposure` is empty where the camera did not tell it
+- attitudes.csv: time, m00 to m22; where there was a gyroscope, Frame.attitude of the frames that have one
 - truth/: where known, environment maps by time, camera poses by time, and what happened
 
-A recording may come from anyone: files that lie outside its folder are not read, nor pictures, cameras and lists that
-claim more than large real ones have.
+A recording may come from anyone: files outside its folder are not read, nor are pictures, cameras and lists that claim
+to be larger than large real ones.
 """
 
 from __future__ import annotations
@@ -64,10 +64,10 @@ class Frame:
     """Pictures of one moment.
 
     time: seconds. back, front: (h, w, 3) RGB or None: uint8 or uint16, encoded, or float32, linear. back_exposure,
-    front_exposure: multipliers of radiance, None where they are not known. back_from_marker: Pose where it is known,
-    which skips tracking. back_last_row: with it, the pose when the last row of a rolling shutter was taken, `readout`
-    later; None: as the poses before tell. attitude: (3, 3) rotation of the back camera as a gyroscope tells: from a
-    frame at rest, whichever, that is the same for all pictures, to the camera's; None where nothing tells.
+    front_exposure: multipliers of radiance, None where they are not known. back_from_marker: Pose where it is known;
+    tracking is then skipped. back_last_row: given with it, the pose when the last row of a rolling shutter was taken,
+    `readout` later; None derives it from the poses before. attitude: (3, 3) rotation of the back camera from a
+    gyroscope: from any frame at rest that is the same for all pictures, to the camera's; None where nothing tells it.
     """
 
     time: float
@@ -105,18 +105,18 @@ class Frame:
 
 
 class RecordingWarning(UserWarning):
-    """A recording ends early; what was read before stays valid."""
+    """A recording ends early; everything read before stays valid."""
 
 
 @dataclass(eq=False)
 class Truth:
     """What is known of a recording besides its pictures.
 
-    maps: (time from which it holds, environment map at the object), in order. poses: (time,
-    back_from_marker), in order. lamp_time: when a lamp was switched on, or None. hand: begin and end of a
-    hand before the front camera, or None. position: the place in the marker frame that the maps are seen
-    from, metres. clock_offset: seconds; all times here are by the poses' clock, which shows `time` +
-    clock_offset when a picture stamped `time` begins.
+    maps: (time from which it holds, environment map at the object), in order. poses: (time, back_from_marker), in
+    order. lamp_time: when a lamp was switched on, or None. hand: times at which a hand began and ceased to cover the
+    front camera, or None. position: the place from which the maps are seen, marker frame, metres. clock_offset:
+    seconds; all times here are by the poses' clock, which shows `time` + clock_offset when a picture stamped `time`
+    begins.
     """
 
     maps: Sequence[tuple[float, CubeMap]] = ()
@@ -127,7 +127,8 @@ class Truth:
     clock_offset: float = 0.0
 
     def environment(self, time: float) -> CubeMap:
-        """The environment map that holds at `time`; before the first, the first. LookupError without any."""
+        """The environment map that holds at `time`; before the first map's time, the first. LookupError if there are no
+        maps."""
         if not self.maps:
             raise LookupError("this recording holds no true environment map")
         return self.maps[max(0, bisect.bisect_right([t for t, _ in self.maps], time) - 1)][1]
@@ -202,12 +203,14 @@ class Recording:
 
     @property
     def back_times(self) -> list[float]:
-        """Time of each frame that has a back picture: front pictures may come between. Without reading pictures."""
+        """Time in seconds of each frame that has a back picture, without reading pictures; front pictures may come
+        between."""
         times = self.times
         return [times[k] for k in self.pictured("back")]
 
     def pictured(self, camera: str) -> list[int]:
-        """Numbers of the frames that have a picture of a camera, "back" or "front"; where none is stored, of all."""
+        """Numbers of the frames that have a picture of a camera, "back" or "front"; of all frames where none is
+        stored."""
         if isinstance(self._frames, _StoredFrames):
             return [k for k, (_, pictures) in enumerate(self._frames.moments) if camera in pictures]
         return list(range(len(self)))
@@ -231,9 +234,9 @@ def _foreign(item: Path) -> str:
 class RecordingWriter:
     """Writes a recording, picture by picture; a context manager.
 
-    path: a folder that does not exist or is empty; an older recording there is replaced, when all that is known
-    beforehand is in order. video: lossless FFV1 videos instead of one PNG a picture. FileExistsError for a folder that
-    holds something else, pictures of other names among them; TypeError for what is no Rig.
+    path: a folder that does not exist or is empty; an older recording there is replaced, once all that is known
+    beforehand is in order. video: whether to write lossless FFV1 videos instead of one PNG per picture. FileExistsError
+    for a folder that holds anything else, including pictures of other names; TypeError for what is not a Rig.
     """
 
     def __init__(self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False):
@@ -257,7 +260,7 @@ class RecordingWriter:
 
     @staticmethod
     def check_path(path: str | os.PathLike[str]) -> None:
-        """Raises FileExistsError where a recording cannot be written: for a file, or a folder of other things."""
+        """Raises FileExistsError where no recording can be written: at a file, or a folder that holds other things."""
         path = Path(path)
         if path.exists() and not path.is_dir():
             raise FileExistsError(f"{path} is a file; a recording is a folder")
@@ -281,10 +284,10 @@ class RecordingWriter:
                 item.unlink()
 
     def add(self, frame: Frame) -> None:
-        """Stores the pictures of a frame, and its attitude; poses are not kept, of which a warning tells once.
+        """Stores the pictures of a frame and its attitude; poses are not kept, and a warning says so once.
 
-        ValueError, before anything of the frame is stored, for what is no (h, w, 3) uint8 or uint16 picture of the
-        rig's camera (uint8 in a recording of videos), an attitude that is no rotation, a time that is not finite, or
+        ValueError, before anything of the frame is stored, for what is not a (h, w, 3) uint8 or uint16 picture of the
+        rig's camera (uint8 in a recording of videos), an attitude that is not a rotation, a time that is not finite, or
         an exposure that is not positive.
         """
         if not np.isfinite(frame.time):
@@ -334,7 +337,7 @@ class RecordingWriter:
         self._attitudes.flush()
 
     def sync(self) -> None:
-        """Brings the lists to the disk: what they name survives a machine that stops."""
+        """Writes the lists through to the disk: what they name then survives if the machine stops."""
         for file in (self._file, self._attitudes):
             if file is not None:
                 os.fsync(file.fileno())
@@ -399,10 +402,10 @@ class RecordingWriter:
 
 
 def write_attitudes(path: str | os.PathLike[str], attitudes: Sequence[ArrayLike | None]) -> int:
-    """Puts attitudes into a recording, in the place of those that are there; gives how many there are now.
+    """Stores attitudes in a recording, replacing those already there, and returns how many there are now.
 
     path: its folder. attitudes: Frame.attitude of each of its frames, or None. Raises ValueError for another number of
-    them or for what is no rotation, OSError where it cannot be written.
+    them or for what is not a rotation, OSError where they cannot be written.
     """
     path = Path(path)
     times = [time for time, _ in _read_moments(_inside(path, "frames.csv"))]
@@ -625,7 +628,7 @@ def _load(path: Path) -> NDArray:
 
 
 def truth_of(recording: Recording) -> Truth:
-    """What is known of a recording; nothing is of most."""
+    """What is known of a recording besides its pictures; of most recordings nothing is."""
     return recording.truth or Truth()
 
 

@@ -45,14 +45,15 @@ class Shutter:
             raise ValueError(f"clock_offset must be finite, got {self.clock_offset}")
 
     def lamps(self, times: NDArray[np.float64], exposure_time: float) -> NDArray[np.float64]:
-        """Light of the lamps, of its mean over a period, averaged over exposures in whose middle `times` are."""
+        """Light of the lamps relative to its mean over a period, averaged over exposures whose middles are at
+        `times`."""
         swing = self.flicker_depth * np.sinc(self.flicker * exposure_time)
         return 1 + swing * np.cos(2 * np.pi * self.flicker * np.asarray(times))
 
 
 @dataclass(frozen=True)
 class Band:
-    """Rows that are taken with the same poses, each (time, camera_from_marker) counting alike."""
+    """Rows that are taken with the same poses; each (time, camera_from_marker) has the same weight."""
 
     rows: slice
     poses: list[tuple[float, Pose]]
@@ -64,9 +65,9 @@ def row_times(camera: Camera, begin: float) -> NDArray[np.float64]:
 
 
 def bands(camera: Camera, pose_at: Callable[[float], Pose], begin: float, exposure_time: float) -> Iterator[Band]:
-    """The picture from top to bottom in as few bands and poses as keep their steps below what a lens resolves.
+    """Divides the picture from top to bottom into as few bands and poses as keep the steps below what a lens resolves.
 
-    pose_at: camera_from_marker of a time. begin: of the first row's mid-exposure.
+    pose_at: camera_from_marker of a time. begin: time of the first row's mid-exposure.
     """
     speed = _pixel_speed(camera, pose_at, begin - exposure_time / 2, begin + camera.readout + exposure_time / 2)
     count = int(np.clip(np.ceil(speed * camera.readout / _BAND_STEP), 1, camera.height))

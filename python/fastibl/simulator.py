@@ -33,7 +33,7 @@ _HAND_FADE = 0.12  # seconds in which the hand comes and goes
 
 
 class Place(Protocol):
-    """What the simulator asks of a place; Room and DistantPlace are such."""
+    """What the simulator asks of a place; Room and DistantPlace are such places."""
 
     def radiance(self, position: ArrayLike, directions: ArrayLike, lamp: bool, unit: bool) -> NDArray: ...
 
@@ -45,8 +45,8 @@ class Place(Protocol):
 class DistantPlace:
     """An environment map at infinity above the horizon, and below it an opaque wooden table that it lights.
 
-    environment: CubeMap, or equirectangular picture (h, 2h, 3) of any float dtype. albedo: of the table, a
-    number or RGB; where it is seen far from the marker it is plain.
+    environment: CubeMap, or equirectangular picture (h, 2h, 3) of any float dtype. albedo: of the table, a number or
+    RGB; far from the marker the table looks plain.
     """
 
     _DENSITY = 500  # texels a metre of the table
@@ -122,7 +122,7 @@ class DistantPlace:
     def truth(self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4) -> CubeMap:
         """The true environment map at a place: the given one above the horizon, below it the table.
 
-        As Room.truth says of the printed board.
+        For the printed board see Room.truth.
         """
         faces = truth_map(lambda d: self.radiance(position, d), size, samples).faces.copy()
         if size % 2 == 0:  # no texel lies across the horizon: take over the given map as it is
@@ -135,7 +135,8 @@ class DistantPlace:
 
 
 def default_rig(size: tuple[int, int] = (640, 480)) -> Rig:
-    """A telephone's two cameras: back 63 degrees wide, front 78, looking the opposite way; pictures of 4:3.
+    """A telephone's two cameras: the back one 63 degrees wide, the front one 78, looking the opposite way; pictures of
+    4:3.
 
     size: (width, height) in pixels.
     """
@@ -169,8 +170,8 @@ def default_rig(size: tuple[int, int] = (640, 480)) -> Rig:
 class HandPath:
     """Where a hand holds the back camera: around the board, 0.45 to 0.6 m away, tilted by 25 to 61 degrees.
 
-    Smooth slow sweeps and a small tremor, drawn from the seed; a function of time alone, whatever the frame
-    rate.
+    The path has smooth slow sweeps and a small tremor, drawn from the seed, and depends on time alone, whatever the
+    frame rate.
     """
 
     def __init__(self, rng: np.random.Generator, seconds: float):
@@ -401,43 +402,42 @@ def simulate(
 ) -> Recording:
     """Makes a recording of a place whose light is known.
 
-    environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the
-    path of an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights; or a Place of your
-    own. albedo: the
-    table's mean, a number or RGB; by default about that of the printed page. board: the printed page
-    (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False none at all.
-    size: width and height of the pictures. rig: cameras of your own, whatever `size` says. truth_size: texels
-    along a face of the true maps.
+    environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the path of
+    an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights; or a Place of your own. albedo:
+    the table's mean albedo, a number or RGB; by default about that of the printed page. board: the printed page
+    (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False is no board. size: width
+    and height of the pictures. rig: cameras of your own; `size` is then ignored. truth_size: texels along a face of the
+    true maps.
 
-    The back camera circles the board as if held by a hand, at constant exposure; the front camera, which
-    looks the other way, takes each third picture 16 and each third 256 times darker. path: "hand" wanders, "sweep"
-    looks all around once with the front camera at the horizon, and once above; or back_from_marker as a
-    function of the time in seconds. lamp: in the room, a
-    lamp is switched on at half-time. hand: a hand covers the front camera for one second after 30 % of the
-    time. front_exposures: instead of the three in turn, a function from the exposure of a front picture to that of the
-    next, as Bracket and AdaptiveExposure are. auto_exposure: the back camera exposes by what its last picture shows, as
-    most do where nothing stops them, and not for the table. gyro: frames tell the back camera's attitude
-    (Frame.attitude), which walks off by so many radians per root of a second; phones have about 0.001, and 0 is exact.
-    `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and when both
-    happened.
+    The back camera circles the board as if held by a hand, at constant exposure; the front camera, which looks the
+    other way, takes one in three pictures 16 times darker and one in three 256 times darker. path: "hand" wanders,
+    "sweep" looks all around once with the front camera at the horizon, and once above; or back_from_marker as a
+    function of the time in seconds. lamp: whether, in the room, a lamp is switched on at half-time. hand: whether a
+    hand covers the front camera for one second after 30 % of the time. front_exposures: instead of these three
+    exposures in turn, a function from the exposure of a front picture to that of the next, such as Bracket or
+    AdaptiveExposure. auto_exposure: whether the back camera exposes by what its last picture shows, as most do where
+    nothing stops them, and not for the table. gyro: frames then have the back camera's attitude (Frame.attitude), which
+    drifts by this many radians per root of a second; phones have about 0.001, and 0 is exact. `truth` holds the maps at
+    `position` (the object: 6 cm above the board's centre), the poses, and the times of the lamp and the hand.
 
-    What time does to pictures is left out unless it is asked for:
+    Effects of time on pictures are left out unless you ask for them:
 
     - readout: seconds from a picture's first row to its last, of both cameras; row r of a picture of `time` is
-      exposed around time + r / height * readout. The recording's cameras state it. None: as `rig` says, or 0.
+      exposed around time + r / height * readout. The recording's cameras state it. None takes it from `rig`, or 0.
     - shutter: exposure time in seconds, over which poses are averaged in linear light. The front camera's darker
       pictures take 16 and 256 times less. 0: an instant.
-    - flicker: Hz at which lamps on the mains flicker, 100 or 120, and with them all light; each row takes the
-      mean over its exposure time. flicker_depth: 0 to 1, the swing around the mean, which the truth holds.
+    - flicker: Hz at which lamps on the mains, and with them all light, flicker: 100 or 120; each row takes the mean
+      over its exposure time. flicker_depth: 0 to 1, the swing around the mean; the truth holds the mean.
     - glare: share of a picture's light, 0 to 1, that lenses spread evenly over all of it; 0.01 is good, 0.03 common.
-    - clock_offset: seconds; what is stamped `time` begins at `time` + clock_offset of the truth's clock.
+    - clock_offset: seconds; a picture stamped `time` begins at `time` + clock_offset of the truth's clock.
 
     The truth's poses are those at the stated times, and, where these differ, when the first and the last row are
     taken. Exposures and readouts longer than 1 / fps raise ValueError.
 
-    live: take each picture when the recording is iterated, and keep none; each iteration asks front_exposures anew.
-    out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos instead of PNG
-    pictures. The same arguments give the same bytes. Raises ValueError for what makes no recording.
+    live: whether to make each picture when the recording is iterated, and keep none; each iteration asks
+    front_exposures anew. out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos
+    instead of PNG pictures. The same arguments give the same bytes. Raises ValueError for arguments that make no
+    recording.
     """
     if not (np.isfinite(seconds) and seconds > 0 and np.isfinite(fps) and fps > 0):
         raise ValueError(f"seconds and fps must be positive and finite, got {seconds} and {fps}")
@@ -500,7 +500,7 @@ def simulate(
 
 
 def with_readout(rig: Rig, readout: float) -> Rig:
-    """The same rig with rolling shutters: seconds from a picture's first row to its last."""
+    """The same rig with rolling shutters. readout: seconds from a picture's first row to its last."""
     back = rig.back.replace(readout=readout)
     return Rig(back) if rig.front is None else Rig(back, rig.front.replace(readout=readout), rig.front_from_back)
 

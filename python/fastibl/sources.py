@@ -1,7 +1,7 @@
 """Where frames come from: live cameras, videos, folders of pictures, recordings, the simulator. All are iterated alike.
 
-A source has .rig, .board (None where there is none) and gives Frames whose times never run backwards; close() ends what
-runs in the background. A Recording is one as it is.
+A source has .rig and .board (None where there is none) and gives Frames whose times never run backwards; close() ends
+what runs in the background. A Recording is itself a source.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _ENDED = 3600.0  # seconds without any picture after which nobody waits any more
 
 
 class Source(Protocol):
-    """What gives frames."""
+    """Anything that gives frames."""
 
     rig: Rig
     board: Any
@@ -60,15 +60,15 @@ class CameraSource(_Closing):
     """One or two live cameras, each read in a thread of its own.
 
     rig: says what was calibrated; front=None leaves its front camera out. back, front: number, device path or URL, or
-    None; a video file stands in for a camera, and plays once, at its own speed. Gives the newest picture of each
-    camera: what a slow reader has not asked for is dropped, and counted. Pictures grabbed within `together` seconds
-    make one Frame, others one each: cameras may have any rhythm. A camera that is unplugged is missing from the frames
-    until it is back; iteration ends only with close(), after `patience` seconds without any picture, or with the last
-    of its video files where they are all that it has. Times are seconds since the source was made.
-    schedules: by "back" or "front", a function from the exposure of a picture to that of the next, as a Bracket is;
-    without one it stays as the camera found it. A camera under a schedule gives no pictures on the way from one
-    exposure to the next. Where a camera does not hold its exposure, that of the Frame is None.
-    Others are as LiveCamera has them.
+    None; a video file stands in for a camera, and plays once, at its own speed. The source gives the newest picture of
+    each camera: pictures that a slow reader has not asked for are dropped and counted. Pictures grabbed within
+    `together` seconds make one Frame, others one each, so cameras may have any rhythm. A camera that is unplugged is
+    missing from the frames until it is back. Iteration ends only with close(), after `patience` seconds without any
+    picture, or, where there are only video files, with the end of the last one. Times are seconds since the source was
+    made. schedules: for "back" or "front", a function from the exposure of a picture to that of the next, such as a
+    Bracket; without one, the exposure stays as the camera found it. A camera with a schedule gives no pictures while it
+    changes from one exposure to the next. Where a camera does not hold its exposure, the Frame's exposure is None.
+    Other options are those of LiveCamera.
     """
 
     live = True  # its times go on when it is iterated again
@@ -194,12 +194,12 @@ def _frame(moment: float, shots: Mapping[str, Shot]) -> Frame:
 class VideoSource(_Closing):
     """Video files of one or two cameras, read from the start, frame by frame; iterate as often as you like.
 
-    back, front: files. Times are the files' own, from 0 at each one's first picture; fps: pictures a second instead.
-    Pictures are as the sensor took them: how a file says that they are to be turned is not followed. exposures:
-    (back, front), in one unit, of cameras whose exposure was held; None, the default, where a camera chose its own.
-    front_after: seconds by which the front film began after the back film, or before it where negative; a light that is
-    switched in both tells it. A video that ends early or breaks off ends the frames of that camera, with a
-    RecordingWarning where it gave none; and where one is HDR, whose bright parts are cut.
+    back, front: files. Times are the files' own, from 0 at each file's first picture; fps: pictures per second to use
+    instead. Pictures are as the sensor took them: a rotation noted in a file is ignored. exposures: (back, front), in
+    one unit, for cameras whose exposure was held; None, the default, where a camera chose its own. front_after: seconds
+    by which the front film began after the back film, negative if before it; a light that is switched in both films
+    tells it. A video that ends early or breaks off ends the frames of that camera. A RecordingWarning is given where a
+    video gave no frames, and where it is HDR, because its bright parts are cut.
     """
 
     def __init__(
@@ -269,13 +269,13 @@ def _next_picture(video: Any, times: FilmTimes, start: float) -> tuple[float, ND
 
 
 class FolderSource(_Closing):
-    """Pictures in folders, by the last numbers in their names: those of one number make one Frame.
+    """Pictures in folders, ordered by the last number in their names: those of one number make one Frame.
 
-    back, front: folders with .png, .jpg, … Pictures are as the sensor took them: EXIF turns none, 16 bits stay. fps: of
-    the times. exposures: as VideoSource has them. A number that is missing among pictures that are numbered evenly is a
-    picture that was lost: those after it keep their times. Where numbers tell no order, or those of two cameras are not
-    the same, pictures follow each other in the order of their names. A picture that cannot be read is passed over with
-    a RecordingWarning.
+    back, front: folders with .png, .jpg, … Pictures are as the sensor took them: EXIF turns none, and 16 bits are kept.
+    fps: pictures per second, for the times. exposures: as in VideoSource. A number that is missing among evenly
+    numbered pictures counts as a lost picture: those after it keep their times. Where numbers tell no order, or those
+    of the two cameras differ, pictures follow each other in the order of their names. A picture that cannot be read is
+    skipped with a RecordingWarning.
     """
 
     def __init__(
@@ -356,10 +356,10 @@ def _pictures_in(folder: Path) -> list[Path]:
 
 
 class Paced(_Closing):
-    """A source whose frames come no sooner than their times say, as live ones do. speed: 2 is twice as fast.
+    """A source whose frames come no sooner than their times say, like live ones. speed: 2 is twice as fast.
 
-    Frames that are late are given all the same: nothing is dropped. catch_up: seconds; a frame that is later than that,
-    after a pause, comes when it is asked for, and those after it keep their distance from it.
+    Frames that are late are still given: nothing is dropped. catch_up: seconds; a frame that is later than this, after
+    a pause, comes when it is asked for, and those after it keep their distance in time from it.
     """
 
     def __init__(
@@ -393,10 +393,10 @@ class Paced(_Closing):
 
 
 class BackAndForth(_Closing):
-    """A source's frames to the end, back to the begin, and so on without end: as a camera that goes the same way back.
+    """A source's frames to the end, then backwards to the beginning, and so on without end, like a camera that returns.
 
-    source: has rig and board, and gives frames that are kept in memory. period: seconds between them. Times go on
-    from 0. Iterated again it begins with the first frame, which need not be made again.
+    source: has rig and board, and gives frames that are kept in memory. period: seconds between them. Times start at 0
+    and keep increasing. When iterated again, it begins with the first frame, which need not be made again.
     """
 
     def __init__(self, source: Any, period: float):
@@ -409,7 +409,7 @@ class BackAndForth(_Closing):
 
     @property
     def kept(self) -> int:
-        """Frames that are in memory by now."""
+        """Number of frames that are in memory by now."""
         return len(self._kept)
 
     @property
@@ -441,6 +441,6 @@ class BackAndForth(_Closing):
 
 
 def close(source: Any) -> None:
-    """Closes a source that can be: a Recording has nothing to close."""
+    """Closes a source that can be closed: a Recording has nothing to close."""
     if hasattr(source, "close"):
         source.close()
