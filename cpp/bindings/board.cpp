@@ -70,20 +70,21 @@ void bind_board(py::module_& module) {
 
 tags: [(id, corners (4, 2))], corners of the black border in metres, x right, y up, origin at the page's centre:
 upper left, upper right, lower right, lower left as the tag is read. border_bits: width of the black border in
-modules. width, height: of the page in metres. Raises ValueError for no tags, an id twice or outside 0 to 586.)")
+modules. width, height: of the page in metres. Raises ValueError for no tags, or an id that occurs twice or is outside 0
+to 586.)")
       .def(py::init(&board_from), py::arg("tags"), py::arg("width"), py::arg("height"),
            py::arg("border_bits") = 1)
       .def_static("default", &Board::default_board,
-                  "A large tag with small ones around it, on A4 landscape: seen near and far, and "
-                  "partly hidden.")
+                  "A large tag with small ones around it, on A4 landscape: it can be seen near, "
+                  "far and partly hidden.")
       .def_static("grid", &Board::grid, py::arg("rows"), py::arg("columns"), py::arg("tag_size"),
                   py::arg("spacing"), py::arg("border_bits") = 1,
-                  "rows x columns tags of tag_size metres, spacing metres apart; ids from 0 row by "
-                  "row from the top. Raises ValueError for less than one tag or lengths that are "
-                  "not positive.")
+                  "A grid of rows x columns tags of tag_size metres, spacing metres apart; ids "
+                  "from 0, row by row from the top. Raises ValueError for less than one tag or "
+                  "lengths that are not positive.")
       .def_static("kalibr", &Board::kalibr, py::arg("rows"), py::arg("columns"),
                   py::arg("tag_size"), py::arg("spacing_ratio") = 0.3,
-                  "Kalibr's AprilGrid: two-module borders, ids from 0 row by row from the bottom; "
+                  "Kalibr's AprilGrid: two-module borders, ids from 0, row by row from the bottom; "
                   "spacing_ratio = space between tags / tag_size (metres). Raises ValueError for "
                   "less than one tag or lengths that are not positive.")
       .def_readonly("tags", &Board::tags, "List of Tag.")
@@ -97,9 +98,9 @@ modules. width, height: of the page in metres. Raises ValueError for no tags, an
             return py::module_::import("fastibl.board").attr("draw_board")(self, dpi);
           },
           py::arg("dpi") = 300.0,
-          "The page as (height, width) uint8 grey values, white 255; edges carry exact coverage. "
-          "Pixel (0, 0) is the page's upper left corner. Raises ValueError for dpi outside 10 to "
-          "2400.")
+          "The page as (height, width) uint8 grey values, white 255; pixels at edges have the "
+          "exact coverage. Pixel (0, 0) is the page's upper left corner. Raises ValueError for dpi "
+          "outside 10 to 2400.")
       .def(
           "save",
           [](const py::object& self, const py::object& path, double dpi) {

@@ -42,15 +42,15 @@ void bind_camera(py::module_& module) {
           py::arg("curve"),
           "Linear values at evenly spaced encoded values, from 0 to 1: (n,) floats. 0 up to the "
           "black level and 1 from the white level on, strictly increasing between them. Raises "
-          "ValueError for others.")
-      .def(
-          "between", &Response::between, py::arg("black"), py::arg("white"),
-          "The same curve between other levels, encoded, to an eighth of an 8-bit code: "
-          "Response.srgb().between(16 / 255, 235 / 255) for video whose black is 16 and white 235. "
-          "Raises ValueError unless 0 <= black < white <= 1.")
+          "ValueError for other values.")
+      .def("between", &Response::between, py::arg("black"), py::arg("white"),
+           "The same curve between other encoded levels, to an eighth of an 8-bit code: "
+           "Response.srgb().between(16 / 255, 235 / 255) for video whose black is 16 and white "
+           "235. Raises ValueError unless 0 <= black < white <= 1.")
       .def_property_readonly("black", &Response::black, "Encoded value of no light.")
-      .def_property_readonly("white", &Response::white,
-                             "Encoded value of light at and beyond which all is clipped.")
+      .def_property_readonly(
+          "white", &Response::white,
+          "Encoded value of the light at and beyond which everything is clipped.")
       .def_property_readonly(
           "curve",
           [](const Response& r) {
@@ -67,7 +67,8 @@ void bind_camera(py::module_& module) {
             return out;
           },
           py::arg("encoded"),
-          "Linear values float32 of encoded ones in [0, 1], any float dtype and shape.")
+          "Linear float32 values of encoded ones in [0, 1], which may have any float dtype and "
+          "shape.")
       .def(
           "encode",
           [](const Response& r, const py::object& linear) {
@@ -78,7 +79,8 @@ void bind_camera(py::module_& module) {
             return out;
           },
           py::arg("linear"),
-          "Encoded values float32 in [0, 1] of linear ones, any float dtype and shape.")
+          "Encoded float32 values in [0, 1] of linear ones, which may have any float dtype and "
+          "shape.")
       .def(py::self == py::self)
       .def("__repr__",
            [](const Response& r) {
@@ -94,14 +96,14 @@ void bind_camera(py::module_& module) {
       module, "Camera",
       R"(A camera with one of OpenCV's lens models. Frame: x right, y down, z forward.
 
-width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion:
-k1 k2 p1 p2 [k3 [k4 k5 k6]]. response: encoded = response(exposure * gain * vignetting * radiance). vignetting:
-v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row
-to its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt
-2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
-downwards, pixels a radian; see equirectangular()). The last two measure light, as a rig's front camera or in Capture;
-boards are tracked in, and objects drawn over, perspective pictures. field_of_view: degrees across a fisheye's circle;
-what lies outside, which most pictures have black, is not looked at; 360: all that the model reaches. Raises ValueError
+width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion: k1 k2
+p1 p2 [k3 [k4 k5 k6]]. response: Response, with encoded = response(exposure * gain * vignetting * radiance). vignetting:
+v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row to
+its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt 2006
+as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
+downwards, pixels a radian; see equirectangular()). The last two can only measure light, as a rig's front camera or in
+Capture: tracking boards and drawing objects need perspective pictures. field_of_view: degrees across a fisheye's
+circle; what lies outside it, black in most pictures, is ignored; 360 uses all that the model reaches. Raises ValueError
 for what is not a camera.)")
       .def(py::init([](int width, int height, double fx, double fy, double cx, double cy,
                        std::vector<double> distortion, const std::optional<Response>& response,
@@ -142,8 +144,8 @@ for what is not a camera.)")
           },
           py::arg("width"), py::arg("height"), py::arg("response") = py::none(),
           py::arg("gain") = 1.0,
-          "A 360° camera: all directions, z in the middle of the picture. width, height: pixels. "
-          "Raises ValueError for a size below 1.")
+          "A 360° camera that sees all directions, with z in the middle of the picture. width, "
+          "height: pixels. Raises ValueError for a size below 1.")
       .def_static(
           "from_opencv",
           [](const py::object& K, std::vector<double> distortion, std::pair<int, int> size,
@@ -172,10 +174,10 @@ for what is not a camera.)")
           py::arg("gain") = 1.0, py::arg("vignetting") = std::vector<double>{},
           py::arg("readout") = 0.0, py::arg("model") = "perspective",
           py::arg("field_of_view") = 360.0,
-          "From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = "
-          "(width, height). model: \"perspective\", or \"fisheye\" for what cv2.fisheye "
-          "calibrates. Raises ValueError for other shapes, a wrong number of coefficients or "
-          "another model.")
+          "Makes a camera from OpenCV's camera matrix (3, 3), whose pixel centres are whole "
+          "numbers; size = (width, height). model: \"perspective\", or \"fisheye\" for a camera "
+          "calibrated by cv2.fisheye. Raises ValueError for other shapes, a wrong number of "
+          "coefficients or another model.")
       .def_property_readonly(
           "opencv_matrix",
           [](const Camera& c) {
@@ -185,17 +187,18 @@ for what is not a camera.)")
             k.mutable_at(0, 2) = c.cx - 0.5, k.mutable_at(1, 2) = c.cy - 0.5;
             return k;
           },
-          "(3, 3) float64 in OpenCV's convention.")
+          "Camera matrix (3, 3) float64 in OpenCV's convention.")
       .def_readonly("width", &Camera::width, "Pixels.")
       .def_readonly("height", &Camera::height, "Pixels.")
-      .def_readonly("fx", &Camera::fx,
-                    "Focal length along x, pixels; of an equirectangular camera pixels a radian.")
-      .def_readonly("fy", &Camera::fy, "The same along y.")
-      .def_readonly("cx", &Camera::cx, "Principal point, pixels, pixel centres at + 0.5.")
-      .def_readonly("cy", &Camera::cy, "The same along y.")
+      .def_readonly(
+          "fx", &Camera::fx,
+          "Focal length along x, pixels; for an equirectangular camera, pixels per radian.")
+      .def_readonly("fy", &Camera::fy, "Focal length along y, as fx.")
+      .def_readonly("cx", &Camera::cx, "Principal point along x, pixels, pixel centres at + 0.5.")
+      .def_readonly("cy", &Camera::cy, "Principal point along y, as cx.")
       .def_property_readonly(
           "distortion", [](const Camera& c) { return py::tuple(py::cast(c.distortion)); },
-          "k1 k2 p1 p2 [k3 [k4 k5 k6]]; of a fisheye k1 k2 k3 k4; empty for none.")
+          "k1 k2 p1 p2 [k3 [k4 k5 k6]]; for a fisheye k1 k2 k3 k4; empty for none.")
       .def_readonly("response", &Camera::response, "Response; sRGB by default.")
       .def_readonly("gain", &Camera::gain, "Factor on the exposure of all pictures.")
       .def_readonly("readout", &Camera::readout,
@@ -204,7 +207,7 @@ for what is not a camera.)")
           "model", [](const Camera& c) { return std::string(name(c.model)); },
           "\"perspective\", \"fisheye\" or \"equirectangular\".")
       .def_readonly("field_of_view", &Camera::field_of_view,
-                    "Degrees across a fisheye's circle; 360: all that its model reaches.")
+                    "Degrees across a fisheye's circle; 360 means all that its model reaches.")
       .def_property_readonly(
           "vignetting", [](const Camera& c) { return py::tuple(py::cast(c.vignetting)); },
           "v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in focal lengths; empty for none.")
@@ -229,9 +232,8 @@ for what is not a camera.)")
             return out;
           },
           py::arg("points"),
-          "Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind a "
-          "perspective "
-          "camera and beyond the lens model.")
+          "Projects points (..., 3) in the camera frame to pixels (..., 2) float64; NaN behind a "
+          "perspective camera and beyond the lens model.")
       .def(
           "unproject",
           [](const Camera& camera, const py::object& pixels) {
@@ -252,9 +254,9 @@ for what is not a camera.)")
             return out;
           },
           py::arg("pixels"),
-          "Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, "
-          "else "
-          "of unit length; NaN beyond the lens model. Raises ValueError for another shape.")
+          "Directions (..., 3) float64 through pixels (..., 2): with z = 1 for a perspective "
+          "camera, else of unit length; NaN beyond the lens model. Raises ValueError for another "
+          "shape.")
       .def(py::self == py::self)
       .def(
           "__repr__",
@@ -315,8 +317,8 @@ for what is not a camera.)")
                   R"(A back camera, and a front camera fixed to it.
 
 back: perspective Camera. front: Camera of any model, or None. front_from_back: Pose or (4, 4) float64 in metres, from
-the back camera's frame to the front camera's. Raises ValueError for one of the two without the other, or what is no
-pose.)")
+the back camera's frame to the front camera's. Raises ValueError if only one of front and front_from_back is given, or
+for what is not a pose.)")
       .def(py::init([](const Camera& back, const std::optional<Camera>& front,
                        const py::object& front_from_back) {
              if (front.has_value() == front_from_back.is_none())

@@ -30,27 +30,27 @@ std::string how(TakenAs as) {
 }
 
 void bind_taken(py::module_& module) {
-  py::class_<Taken>(module, "Taken", "How a picture was taken into the map.")
+  py::class_<Taken>(module, "Taken", "How a picture was used for the map.")
       .def_property_readonly(
           "how", [](const Taken& t) { return how(t.as); },
-          R"("told": with the exposure that came with it. "corrected": that contradicts the map all over
-the picture, and what the map says was used. "estimated": none came, and the map told it. "averaged":
-pictures of this exposure differ up and down all over, as lamps on the mains make short ones: the picture was taken as
-bright as the map, which moves towards their mean. "assumed": none came with the
-camera's first picture, of which the map knows nothing, and 1 was used. "left out": it shows nothing of what it should,
-or no exposure came and the map cannot tell it.)")
-      .def_readonly("exposure", &Taken::exposure, "Multiplier that was used.")
+          R"(Which exposure was used. "told": the one that came with the picture. "corrected": that one contradicts the
+map all over the picture, and the map's was used. "estimated": none came, and the map told it. "averaged": whole
+pictures of this exposure vary up and down, as short ones do under lamps on the mains: the picture was taken to be as
+bright as the map, which moves towards their mean. "assumed": none came with the camera's first picture, of which the
+map knows nothing, and 1 was used. "left out": the picture shows nothing of what it should, or no exposure came and the
+map cannot tell it.)")
+      .def_readonly("exposure", &Taken::exposure, "The multiplier that was used.")
       .def_property_readonly(
           "tint",
           [](const Taken& t) {
             return std::array<double, 3>{t.tint.x, t.tint.y, t.tint.z};
           },
-          "By channel, a factor on it; as given, but where it was corrected.")
+          "Factor on the exposure, per channel: as given, unless it was corrected.")
       .def_readonly("deviation", &Taken::deviation,
-                    "Standard deviation of ln(exposure) where it rests on the map.")
+                    "Standard deviation of ln(exposure) where the exposure rests on the map.")
       .def_readonly("flicker", &Taken::flicker,
                     "Relative standard deviation of the light between pictures of this exposure, "
-                    "where it was averaged; else 0.")
+                    "where the picture was averaged; else 0.")
       .def_readonly("probes", &Taken::probes,
                     "Parts of the picture that the map was compared with.")
       .def("__repr__", [](const Taken& t) {
@@ -66,21 +66,20 @@ void bind_capture(py::module_& module) {
                       R"(Measures the light of a place from camera pictures with known poses.
 
 size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
-(metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
-paper_albedo: of the board's white, which is a light meter: unseen parts of the sky are made so bright that the map
-lights the plane as it is lit.
-distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
-it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
-Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
-sees them, whatever `distance` and `box` say. prior: CubeMap of the place from before; its sky stands for what no
-picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
-doubt_exposures: whether a picture of a perspective camera that is
-brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
-most_boost: for cameras that cannot bracket. Largest factor, by channel, by which what clipped above the horizon in
-every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default) leaves it a
-lower bound. One factor for all that clips in all channels: one reading cannot tell lights apart. Without a board, or
-where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says how much of the light it is.
-Raises ValueError for values out of range.)")
+(metres, marker frame, z > 0), from which the plane is seen. plane_albedo: albedo of the plane where no camera saw it.
+paper_albedo: albedo of the board's white, which is a light meter: unseen parts of the sky are made so bright that the
+map lights the plane as it is really lit. distance: metres to what is seen above the horizon; infinite (the default)
+treats all light as distant. box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres,
+marker frame, around the centre (Lagarde and Zanuttini 2012). locate_lights: whether lights that several pictures show
+are triangulated and put where the object sees them, whatever `distance` and `box` say. prior: CubeMap of the place from
+an earlier time; its sky stands in for what no picture has seen, scaled per channel to agree with what was seen, at
+confidence 0 (see Environment.knowledge). doubt_exposures: whether a picture of a perspective camera that is brighter or
+darker than the map by one factor everywhere is taken to be wrongly exposed, until this has lasted for 0.2 s.
+most_boost: for cameras that cannot bracket, the largest factor per channel by which light that clipped above the
+horizon in every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default)
+leaves it a lower bound. Everything that clips in all channels gets the same factor, since one reading cannot tell
+lights apart. Without a board, or where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says
+how much of the light was boosted. Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
                        double plane_albedo, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
@@ -137,20 +136,21 @@ Raises ValueError for values out of range.)")
           py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
           py::arg("last_row") = py::none(), py::arg("tint") = std::array<double, 3>{1, 1, 1},
           py::arg("plane") = true, py::arg("number") = 0,
-          R"(Update the texels that a picture sees.
+          R"(Updates the texels that a picture shows.
 
 image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
-or (4, 4). exposure: multiplier; None where it is not known: the map tells it by what it knows of the places in the
-picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
-what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
-row was taken; camera_from_marker is then that of the first row. Of a fisheye or 360 degree picture
-all rows count as taken half-way (10 degrees in a readout: 5 to 6 % of the texels' light). tint: by channel, a known
-factor on the exposure, see fastibl.white. plane: False where the place of the camera is a guess: what was seen of the
-plane otherwise stays. number: tells cameras apart whose parameters are the same. Returns Taken. Raises ValueError or
-TypeError, naming what was expected and what came.)")
+or (4, 4). exposure: multiplier; None where it is not known: it is then estimated from what the map knows of the places
+in the picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows what is
+not part of the place. last_row: for a rolling shutter, camera_from_marker when the picture's last row was taken; the
+argument camera_from_marker is then that of the first row. In a fisheye or 360 degree picture all rows count as taken
+half-way (10 degrees in a readout: 5 to 6 % of the texels' light). tint: known factor on the exposure per channel, see
+fastibl.white. plane: False where the place of the camera is a guess: what was otherwise seen of the plane is then kept.
+number: tells apart cameras whose parameters are the same. Returns Taken. Raises ValueError or TypeError, naming what
+was expected and what came.)")
       .def_property_readonly("mended", [](const Capture& capture) { return one_at_a_time(&capture, [&] { return capture.mended(); }); }, R"(How often the scale of a camera that tells no exposure was found wrong.
 
-All that it had shown was then made brighter or darker, so that the sky lights the board as its white says.)")
+Everything that it had shown was then made brighter or darker, so that the sky lights the board as the board's white
+says.)")
       .def(
           "next_exposure",
           [](const Capture& capture, const Camera& camera, const py::object& camera_from_marker,
@@ -160,19 +160,19 @@ All that it had shown was then made brighter or darker, so that the sky lights t
                 &capture, [&] { return capture.next_exposure(camera, pose, {shortest, longest}); });
           },
           py::arg("camera"), py::arg("camera_from_marker"), py::arg("shortest"), py::arg("longest"),
-          R"(The exposure with which a camera there tells most of what the map lacks.
+          R"(The exposure with which a camera at this pose tells most of what the map lacks.
 
-Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
-down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
-for another camera or a range that is none.)")
+It is shorter where texels were never seen without clipping, longer where they are dark and noisy; candidates go from
+`longest` down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises
+ValueError for another camera or an invalid range.)")
       .def(
           "turn",
           [](Capture& capture, const Pose& new_from_old) {
             one_at_a_time(&capture, [&] { capture.turn(new_from_old.rotation); });
           },
           py::arg("new_from_old"),
-          "The marker was turned: what is above the horizon turns with the rotation of this Pose, "
-          "and lights are to be located anew; the plane is forgotten.")
+          "Tells the capture that the marker was turned: what is above the horizon turns with the "
+          "rotation of this Pose, lights have to be located anew, and the plane is forgotten.")
       .def(
           "environment",
           [](Capture& capture) {
@@ -189,7 +189,7 @@ for another camera or a range that is none.)")
             std::copy(times.begin(), times.end(), out.mutable_data());
             return out;
           },
-          "(6, n, n) float64: time at which each texel was last seen; -inf if never.")
+          "Time at which each texel was last seen: (6, n, n) float64; -inf if never.")
       .def("__repr__",
            [](const Capture& c) { return "<fastibl.Capture " + std::to_string(c.size()) + "^2>"; });
   module.def(

@@ -10,16 +10,16 @@ namespace fastibl::bindings {
 
 void bind_core(py::module_& module) {
   module.def("set_threads", &set_threads, py::arg("count"),
-             "Number of threads that the library uses; 0, as it is at first: one a core that this "
-             "process may use. Results are the same bits for any number. Raises ValueError for a "
-             "number below 0.");
+             "Sets the number of threads that the library uses; 0, the initial setting, means one "
+             "per core that this process may use. Results are the same to the bit for any number. "
+             "Raises ValueError for a number below 0.");
   module.def("threads", &threads, "Number of threads that the library uses.");
 
   py::class_<Pose>(module, "Pose",
                    R"(Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
 
-matrix: (4, 4) float64, rotation orthonormal within 1e-6, metres. Raises ValueError otherwise, TypeError for
-integers or objects. Without an argument: the identity.)")
+matrix: (4, 4) float64, rotation orthonormal within 1e-6, metres. Raises ValueError otherwise, TypeError for integers or
+objects. Without an argument it is the identity.)")
       .def(py::init([](const py::object& matrix) {
              return matrix.is_none() ? Pose{} : require_pose(matrix, "matrix");
            }),
@@ -52,9 +52,9 @@ integers or objects. Without an argument: the identity.)")
           },
           py::arg("eye"), py::arg("target"), py::arg("up") = py::make_tuple(0.0, 0.0, 1.0),
           "camera_from_marker of a camera at `eye` that sees `target` in the middle of its "
-          "picture, and `up` upwards: (3,) each, metres, marker frame. Along `up` it is some other "
-          "way up. "
-          "Raises ValueError for one and the same point, or what is not finite.")
+          "picture, and `up` upwards: (3,) each, metres, marker frame. If it looks along `up`, "
+          "another direction is upwards. Raises ValueError if both points are the same, or for "
+          "what is not finite.")
       .def_property_readonly(
           "matrix", [](const Pose& p) { return matrix_array(p.matrix()); },
           "(4, 4) float64, a copy.")
@@ -97,7 +97,7 @@ integers or objects. Without an argument: the identity.)")
             return out;
           },
           py::arg("points"),
-          "Points (..., 3) in the source frame to (..., 3) float64 in the target frame.")
+          "Transforms points (..., 3) in the source frame to (..., 3) float64 in the target frame.")
       .def("__array__", [](const Pose& p, const py::args&,
                            const py::kwargs&) { return matrix_array(p.matrix()); })
       .def(py::self == py::self)

@@ -37,9 +37,9 @@ py::array level_view(const CubeMap& cube, int k, const py::object& owner) {
 void bind_cube(py::module_& module) {
   py::class_<CubeMap>(module, "CubeMap", R"(Linear radiance over the sphere, with its MIP chain.
 
-faces: (6, n, n, 3), any float dtype, faces in the order +x -x +y -y +z -z with OpenGL's orientation; a
-marker-frame direction is the OpenGL cube coordinate. NaN and negative values become 0, values above 1e9 (and
-infinity) become 1e9; `cleaned` counts them. Raises ValueError for another shape, TypeError for integers.)")
+faces: (6, n, n, 3), any float dtype, in the order +x -x +y -y +z -z with OpenGL's orientation; a direction in the
+marker frame is the OpenGL cube coordinate. NaN and negative values become 0, values above 1e9 (and infinity) become
+1e9; `cleaned` counts them. Raises ValueError for another shape, TypeError for integers.)")
       .def(py::init(&cube_from_array), py::arg("faces"))
       .def_property_readonly(
           "faces",
@@ -59,7 +59,7 @@ infinity) become 1e9; `cleaned` counts them. Raises ValueError for another shape
           "level 0. Raises IndexError beyond the chain.")
       .def_property_readonly("size", &CubeMap::size, "Face edge n in texels.")
       .def_property_readonly("level_count", &CubeMap::level_count,
-                             "Number of MIP levels, the faces themselves among them.")
+                             "Number of MIP levels, including the faces themselves.")
       .def_property_readonly(
           "tile_versions",
           [](const CubeMap& cube) {
@@ -69,8 +69,8 @@ infinity) become 1e9; `cleaned` counts them. Raises ValueError for another shape
             std::copy(versions.begin(), versions.end(), out.mutable_data());
             return out;
           },
-          R"((6, t, t) uint64, t = min(size, 16): where two maps of one size have the same number, they have the
-same texels in that part of a face. For what is made from a map, to be renewed only where it changed.)")
+          R"((6, t, t) uint64, t = min(size, 16): where two maps of one size have the same number, they have the same
+texels in that part of a face. With them, what is made from a map can be renewed only where the map changed.)")
       .def(
           "_rebuild", [](CubeMap& cube) { cube.update(); },
           "Makes all levels anew from the faces: the same map, for timing.")
@@ -81,7 +81,7 @@ same texels in that part of a face. For what is made from a map, to be renewed o
             return py::dict(py::arg("nan") = s.nan, py::arg("negative") = s.negative,
                             py::arg("capped") = s.capped);
           },
-          "Numbers of values that cleaning on entry changed: nan, negative, capped.")
+          "How many values were changed by cleaning on entry: nan, negative, capped.")
       .def(
           "_count_cleaned_of",
           [](CubeMap& cube, const CubeMap& made_of) { cube.set_cleaned(made_of.cleaned()); },
@@ -164,11 +164,11 @@ directions: (..., 3) any float dtype, marker frame, any length. level: MIP level
       py::arg("image"), py::arg("size") = 128, py::arg("filter") = "area",
       R"(Cube map of an equirectangular picture.
 
-filter: "area" is exact, the energy of each channel is kept; "point" is one bilinear look-up for each texel, faster,
-for pictures about as fine as the map.
+filter: "area" is exact and keeps the energy of each channel; "point" makes one bilinear look-up per texel, which is
+faster, for pictures about as fine as the map.
 
-image: (height, width, 3) any float dtype, linear radiance; z at the top, the centre looks along +y, x grows to
-the right. size: face edge in texels. Raises ValueError for another shape or filter, TypeError for integers.)");
+image: (height, width, 3) any float dtype, linear radiance; z is at the top, the centre looks along +y, x grows to the
+right. size: face edge in texels. Raises ValueError for another shape or filter, TypeError for integers.)");
   module.def(
       "equirect_from_cubemap",
       [](const CubeMap& cube, int height) {

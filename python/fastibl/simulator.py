@@ -135,8 +135,7 @@ class DistantPlace:
 
 
 def default_rig(size: tuple[int, int] = (640, 480)) -> Rig:
-    """A telephone's two cameras: the back one 63 degrees wide, the front one 78, looking the opposite way; pictures of
-    4:3.
+    """A telephone's two cameras: back 63 degrees wide, front 78, looking the opposite way; pictures of 4:3.
 
     size: (width, height) in pixels.
     """
