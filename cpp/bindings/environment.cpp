@@ -45,14 +45,15 @@ void bind_main_lights(py::module_& module) {
   py::class_<MainLight>(module, "MainLight", "A window, a lamp or the sun, as a region of a map.")
       .def_property_readonly(
           "direction", [](const MainLight& l) { return triple(l.direction); },
-          "Towards the middle of its light, unit length, marker frame.")
+          "Direction towards the middle of its light, unit length, marker frame.")
       .def_readonly("solid_angle", &MainLight::solid_angle, "Steradians.")
-      .def_readonly("angular_radius", &MainLight::angular_radius, "Radians, of a disc as large.")
+      .def_readonly("angular_radius", &MainLight::angular_radius,
+                    "Angular radius of a disc of the same size, radians.")
       .def_property_readonly(
           "irradiance", [](const MainLight& l) { return triple(l.irradiance); },
-          "RGB, on a plane that faces it, by it alone.")
+          "Irradiance on a plane that faces the light, from this light alone, RGB.")
       .def_readonly("share", &MainLight::share,
-                    "Of the irradiance of that plane, mean over RGB; 0 to 1.")
+                    "Its share of the irradiance of that plane, mean over RGB; 0 to 1.")
       .def_property_readonly(
           "position",
           [](const MainLight& l) -> std::optional<std::array<double, 3>> {
@@ -60,8 +61,8 @@ void bind_main_lights(py::module_& module) {
             const glm::dvec3 p = l.place->position;
             return std::array<double, 3>{p.x, p.y, p.z};
           },
-          "Metres, marker frame, where it was triangulated; None where it is far, or was not seen "
-          "from several places.")
+          "Triangulated position in metres, marker frame; None where the light is far, or was not "
+          "seen from several places.")
       .def_property_readonly(
           "covariance",
           [](const MainLight& l) -> std::optional<std::array<std::array<double, 3>, 3>> {
@@ -71,7 +72,7 @@ void bind_main_lights(py::module_& module) {
                                                          {m[0][1], m[1][1], m[2][1]},
                                                          {m[0][2], m[1][2], m[2][2]}}};
           },
-          "(3, 3) of `position`, square metres; None without it.")
+          "Covariance (3, 3) of `position`, square metres; None if there is no position.")
       .def(py::pickle(&main_light_state, &main_light_from_state))
       .def("__repr__", [](const MainLight& l) {
         return "MainLight(direction=" + std::string(py::str(triple(l.direction))) +
@@ -90,11 +91,11 @@ void bind_main_lights(py::module_& module) {
         return main_lights(map.cast<const CubeMap&>(), options);
       },
       py::arg("map"), py::arg("brightness") = 8.0, py::arg("least_share") = 0.1,
-      R"(The lights of a place as a person would count them, that with the largest irradiance first.
+      R"(The lights of a place as a person would count them, the one with the largest irradiance first.
 
 map: CubeMap or Environment. A light is a connected region of texels brighter than `brightness` times the map's mean
-radiance that gives a plane facing it at least `least_share` of its irradiance. They stay in the map: the lights that
-shading takes out of it are Lighting.lights. Raises TypeError for what is no map, ValueError for options that are not
+radiance that gives a plane facing it at least `least_share` of its irradiance. These lights stay in the map; those that
+shading takes out of it are Lighting.lights. Raises TypeError for what is not a map, ValueError for options that are not
 positive and finite.)");
 }
 
@@ -114,14 +115,14 @@ void bind_environment(py::module_& module) {
            py::arg("box") = py::none(),
            R"(A map that is known everywhere.
 
-centre: (3,) metres, marker frame: where it is seen from, (0, 0, 0) by default. lights: (m, 4) x y z radius, metres, of
-lights of the map that are near, as spheres: what they give then changes from place to place. Those that are not
-finite, or around the centre, are taken as distant. box: walls, floor and ceiling of the room that the map shows, two
-corners (2, 3), metres: glossy surfaces see them where they are. Raises ValueError for other shapes, a centre that is
-not finite, or a box that does not hold it.)")
+centre: (3,) metres, marker frame: the place from which the map is seen, (0, 0, 0) by default. lights: (m, 4) x y z
+radius, metres: those lights of the map that are near, as spheres; their light then changes from place to place. Spheres
+that are not finite, or that contain the centre, are taken as distant. box: walls, floor and ceiling of the room that
+the map shows, two corners (2, 3), metres; glossy surfaces then reflect them where they are. Raises ValueError for other
+shapes, a centre that is not finite, or a box that does not contain the centre.)")
       .def_property_readonly(
           "centre", [](const Environment& e) { return triple(e.centre); },
-          "Metres, marker frame: where the radiance is seen from.")
+          "The place from which the radiance is seen, metres, marker frame.")
       .def_property_readonly(
           "light_positions",
           [](const Environment& e) {
@@ -141,10 +142,10 @@ not finite, or a box that does not hold it.)")
       .def_property_readonly(
           "confidence",
           [faces](const Environment& e) { return faces(e.confidence(), e.radiance.size()); },
-          "(6, n, n) float32 in [0, 1]; 0 where never seen.")
+          "(6, n, n) float32 in [0, 1]; 0 where a texel was never seen.")
       .def_property_readonly(
           "age", [faces](const Environment& e) { return faces(e.age(), e.radiance.size()); },
-          "(6, n, n) float32 seconds since last seen; infinite if never.")
+          "Seconds since each texel was last seen, (6, n, n) float32; infinite if never.")
       .def_readonly("coverage", &Environment::coverage,
                     "Share of the sphere's solid angle that was ever seen.")
       .def_readonly("clipped", &Environment::clipped,
@@ -154,15 +155,15 @@ not finite, or a box that does not hold it.)")
       .def_property_readonly(
           "predicted_interval",
           [](const Environment& e) { return py::make_tuple(e.predicted_low, e.predicted_high); },
-          "(low, high): holds that error nine times in ten.")
+          "(low, high): an interval that holds that error nine times in ten.")
       .def_property_readonly(
           "plane_irradiance",
           [](const Environment& e) -> py::object {
             if (!e.plane_irradiance) return py::none();
             return triple(*e.plane_irradiance);
           },
-          "(r, g, b) of what falls on the plane, as the board's white shows it; None where it was "
-          "not seen.")
+          "Irradiance (r, g, b) on the plane, as the board's white shows it; None where the white "
+          "was not seen.")
       .def_property_readonly(
           "knowledge",
           [](const Environment& e) {
@@ -177,13 +178,13 @@ not finite, or a box that does not hold it.)")
             out["scale"] = e.knowledge.scale;
             return out;
           },
-          "What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux "
-          "of the light in what was never seen, of which prior_flux is taken from a map from "
-          "before, bound_flux of the light known as a lower bound only, boosted_flux of it that "
-          "clipped and was put back (see Capture's most_boost), parallax put wrong because things "
-          "are near, as far as their lights tell, parallax_doubt that may be put wrong as well: of "
-          "how near things are little was seen, scale by which all of it may be wrong where a "
-          "camera never told an exposure, as the board's white says.")
+          "What the prediction rests on, as shares. Of the sky, unseen_sky was never seen. Of the "
+          "light, unseen_flux is in what was never seen, and prior_flux is the part of that taken "
+          "from an earlier map; bound_flux is known as a lower bound only; boosted_flux clipped "
+          "and was put back (see Capture's most_boost); parallax is put in the wrong place because "
+          "things are near, as far as their lights tell; parallax_doubt may be put wrong as well, "
+          "since little was seen of how near things are. scale is the share by which all of it may "
+          "be wrong where a camera never told an exposure, as the board's white says.")
       .def(py::pickle(&environment_state, &environment_from_state))
       .def("__repr__", [](const Environment& e) {
         return "<fastibl.Environment " + std::to_string(e.radiance.size()) + "^2, coverage " +

@@ -79,7 +79,7 @@ void bind_light(py::module_& module) {
                           "A small bright part of a map: a disc of equal radiance.")
       .def_property_readonly(
           "direction", [](const PlacedLight& l) { return triple(l.direction); },
-          "Towards it, unit length, marker frame.")
+          "Direction towards the light, unit length, marker frame.")
       .def_property_readonly(
           "angular_radius", [](const PlacedLight& l) { return l.angular_radius; }, "Radians.")
       .def_property_readonly(
@@ -87,10 +87,11 @@ void bind_light(py::module_& module) {
           [](const PlacedLight& l) -> py::object {
             return l.position ? py::object(triple(*l.position)) : py::none();
           },
-          "Metres, marker frame, of a light that is near; None of one that is, or may be, distant.")
+          "Position of a near light in metres, marker frame; None for a light that is, or may be, "
+          "distant.")
       .def_property_readonly(
           "irradiance", [](const PlacedLight& l) { return triple(l.irradiance); },
-          "RGB, on a surface that faces it.")
+          "Irradiance on a surface that faces the light, RGB.")
       .def_property_readonly(
           "flux", [](const PlacedLight& l) { return triple(l.flux); },
           "RGB: radiance summed over its solid angle.")
@@ -158,9 +159,9 @@ void bind_lighting(py::module_& module) {
           },
           py::arg("normals"), R"(Irradiance on surfaces facing `normals`.
 
-normals: (..., 3) any float dtype, marker frame; normalised inside. Returns (..., 3) float32, never negative; pi
-for a constant map of radiance 1 (six-face: 0.966 to 0.978 of it). Raises ValueError for another shape, TypeError
-for integers or objects.)")
+normals: (..., 3) any float dtype, marker frame; normalised inside. Returns (..., 3) float32, never negative; pi for a
+constant map of radiance 1 (six-face: 0.966 to 0.978 of pi). Raises ValueError for another shape, TypeError for integers
+or objects.)")
       .def(
           "glossy",
           [](Lighting& lighting, const py::object& normals, const py::object& views,
@@ -228,11 +229,11 @@ the factor (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)), which conserves energy for k_
             return CubeMap(size, faces);
           },
           py::arg("size") = 16, py::arg("source") = kSumSize,
-          R"(CubeMap whose texels are the irradiance on surfaces that face them: pi for a constant map of radiance 1.
+          R"(CubeMap whose texels hold the irradiance on surfaces facing them: pi for a constant map of radiance 1.
 
-size: texels along a face. source: texels along a face of the MIP level that the cosine is summed over, at most;
-nMAE over seven real maps, median and worst: 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Raises ValueError for
-sizes outside 1 to 256.)")
+size: texels along a face. source: at most this many texels along a face of the MIP level over which the cosine is
+summed; nMAE over seven real maps, median and worst: 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Raises
+ValueError for sizes outside 1 to 256.)")
       .def_property_readonly(
           "lights",
           [](const Lighting& lighting) {
@@ -249,8 +250,8 @@ sizes outside 1 to 256.)")
             return lights;
           },
           "The dominant lights of the map, at most 8: list of Light. Glossy methods with lights "
-          "shade them by "
-          "themselves; what is left of the map and the lights hold every photon once.")
+          "shade them separately; the rest of the map and the lights together hold every photon "
+          "once.")
       .def_property_readonly("_without_lights", &map_without_lights,
                              "CubeMap of 64 squared texels: the map without its lights.")
       .def_property_readonly(

@@ -235,30 +235,30 @@ ValueError for negative values.)")
           py::arg("emission") = py::make_tuple(0.0, 0.0, 0.0), py::kw_only(),
           py::arg("anisotropy") = 0.0f, py::arg("anisotropy_rotation") = 0.0f,
           py::arg("normal_scale") = 1.0f, py::arg("wrap") = "repeat",
-          R"(glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is no metal), compensated for
-scattering more than once, over a diffuse base.
+          R"(glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is not metal), compensated for
+multiple scattering, over a diffuse base.
 
-base_color, emission: three linear numbers, or a texture (height, width, 3): uint8 is sRGB, floats are linear.
-metallic, roughness: a number in [0, 1], or a texture (height, width): uint8 by 255, floats as they are. normal: a
-texture (height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along growing v,
-its x and y times normal_scale; or None. anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along
-the tangent, where u grows, turned by anisotropy_rotation (radians) towards where v grows. Without uvs the tangent
-runs around the mesh's z axis, and textures are refused by Scene. Textures are filtered trilinearly; wrap: what
-is beyond them, "repeat", "clamp" (their border) or "mirror", or two of these, along u and v.
-Raises ValueError for values out of range or another shape, TypeError for another dtype.)")
+base_color, emission: three linear numbers, or a texture (height, width, 3): uint8 is sRGB, floats are linear. metallic,
+roughness: a number in [0, 1], or a texture (height, width): uint8 divided by 255, floats as they are. normal: a texture
+(height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along growing v; x and y
+are multiplied by normal_scale; or None. anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along
+the tangent, which points where u grows, turned by anisotropy_rotation (radians) towards where v grows. Without uvs the
+tangent runs around the mesh's z axis, and Scene refuses textures. Textures are filtered trilinearly; wrap: how they go
+on beyond their edges, "repeat", "clamp" (their border) or "mirror", or two of these, along u and v. Raises ValueError
+for values out of range or another shape, TypeError for another dtype.)")
       .def_property_readonly(
           "model", [](const Material& m) { return m.pbr ? "pbr" : "blinn-phong"; },
           "\"blinn-phong\" (Eq. 3) or \"pbr\".")
       .def_property_readonly(
           "diffuse", of_paper([](const Material& m) -> py::object { return triple(m.diffuse); }),
-          "k_L; None of a pbr material.")
+          "k_L; None for a pbr material.")
       .def_property_readonly(
           "glossy", of_paper([](const Material& m) -> py::object { return triple(m.glossy); }),
-          "k_G; None of a pbr material.")
+          "k_G; None for a pbr material.")
       .def_property_readonly("exponent", of_paper([](const Material& m) -> py::object {
                                return py::float_(m.exponent);
                              }),
-                             "s; None of a pbr material.")
+                             "s; None for a pbr material.")
       .def_property_readonly(
           "emission",
           [](const Material& m) {
@@ -269,7 +269,7 @@ Raises ValueError for values out of range or another shape, TypeError for anothe
       .def_property_readonly("base_color", of_pbr([](const PbrMaterial& p) {
                                return colour_or_array(p.base_color, p.base_color_map);
                              }),
-                             "Three linear numbers or a linear texture; None of Eq. 3.")
+                             "Three linear numbers or a linear texture; None for Eq. 3.")
       .def_property_readonly("metallic", of_pbr([](const PbrMaterial& p) {
                                return number_or_array(p.metallic, p.metallic_map);
                              }),
@@ -286,17 +286,17 @@ Raises ValueError for values out of range or another shape, TypeError for anothe
       .def_property_readonly("anisotropy", of_pbr([](const PbrMaterial& p) -> py::object {
                                return py::float_(p.anisotropy);
                              }),
-                             "0 (round lobe) to 1, as KHR_materials_anisotropy; None of Eq. 3.")
+                             "0 (round lobe) to 1, as in KHR_materials_anisotropy; None for Eq. 3.")
       .def_property_readonly("anisotropy_rotation", of_pbr([](const PbrMaterial& p) -> py::object {
                                return py::float_(p.anisotropy_rotation);
                              }),
-                             "Radians from the tangent, counter-clockwise; None of Eq. 3.")
+                             "Radians from the tangent, counter-clockwise; None for Eq. 3.")
       .def_property_readonly("normal_scale", of_pbr([](const PbrMaterial& p) -> py::object {
                                return py::float_(p.normal_scale);
                              }),
-                             "Factor on the normal map's x and y; None of Eq. 3.")
+                             "Factor on the normal map's x and y; None for Eq. 3.")
       .def_property_readonly("wrap", of_pbr(&wrap_of),
-                             "What is beyond its textures along u and v; None of Eq. 3.")
+                             "How textures go on beyond their edges along u and v; None for Eq. 3.")
       .def(
           "__eq__", [](const Material& a, const Material& b) { return a == b; }, py::is_operator())
       .def("__repr__", &text_of)

@@ -64,8 +64,8 @@ void bind_mesh(py::module_& module) {
   py::class_<Mesh>(module, "Mesh", R"(Triangle mesh.
 
 vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
-or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to work them out.
-colors: (v, 3) linear, 0 to 1, or None; Material.diffuse or pbr's base colour is multiplied by them. Raises ValueError
+or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to compute them. colors:
+(v, 3) linear, 0 to 1, or None; they multiply Material.diffuse or the base colour of a pbr material. Raises ValueError
 for wrong shapes, indices or colours out of range, or values that are not finite.)")
       .def(py::init([](const py::object& vertices, const py::object& triangles,
                        const py::object& uvs, const py::object& normals, const py::object& colors) {
@@ -158,7 +158,7 @@ for wrong shapes, indices or colours out of range, or values that are not finite
             std::copy(normals.begin(), normals.end(), vectors(out));
             return out;
           },
-          "(v, 3) float32 unit vertex normals: those given, else weighted by angle.")
+          "(v, 3) float32 unit vertex normals: those given, else computed with weights by angle.")
       .def_property_readonly(
           "tangents",
           [](const Mesh& m) {
@@ -168,7 +168,7 @@ for wrong shapes, indices or colours out of range, or values that are not finite
             return out;
           },
           "(v, 4) float32: unit direction in which u grows, and the side (1 or -1) of normal x "
-          "tangent on which v does; around the z axis where there are no uvs.")
+          "tangent on which v grows; without uvs, directions around the z axis.")
       .def_property_readonly("_given_normals",
                              [](const Mesh& m) -> py::object {
                                if (m.normals.empty()) return py::none();
@@ -193,8 +193,8 @@ for wrong shapes, indices or colours out of range, or values that are not finite
 
   py::class_<Bvh>(module, "Bvh", R"(Ray queries on a mesh. Triangles are two-sided.
 
-mesh: Mesh; rays are in its frame, lengths in metres. Origins and directions are (..., 3) of any float dtype; t counts
-in lengths of the direction. Raises ValueError for other shapes, TypeError for integers.)")
+mesh: Mesh; rays are in its frame, lengths in metres. Origins and directions are (..., 3) of any float dtype; t is in
+units of the direction's length. Raises ValueError for other shapes, TypeError for integers.)")
       .def(py::init([](const Mesh& mesh) {
              const py::gil_scoped_release release;
              return Bvh(mesh);
@@ -232,9 +232,9 @@ in lengths of the direction. Raises ValueError for other shapes, TypeError for i
             return out;
           },
           py::arg("origins"), py::arg("directions"), py::arg("t_min") = 0.0f,
-          R"(Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.
+          R"(Whether the rays (..., 3) hit the mesh beyond t_min; (...) bool.
 
-origins may be one point (3,) for all directions, which is several times faster.)")
+origins may be a single point (3,) for all directions, which is several times faster.)")
       .def(
           "nearest",
           [](const Bvh& bvh, const py::object& origins, const py::object& directions, float t_min) {

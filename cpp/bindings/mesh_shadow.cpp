@@ -59,7 +59,7 @@ std::optional<MeshShadow> bake(const Mesh& mesh, const MeshShadowOptions& option
 void bind_mesh_shadow(py::module_& module) {
   py::class_<MeshShadowLight>(
       module, "MeshShadowLight",
-      R"(What lasts from one light to the next: directions of dominant lights, and their shadows.)")
+      R"(What is kept from one light to the next: directions of dominant lights, and their shadows.)")
       .def(py::init([](int directions, float tolerance, int fine) {
              if (directions < 0 || directions > 4096)
                throw py::value_error("directions must be 0 to 4096, got " +
@@ -73,7 +73,7 @@ void bind_mesh_shadow(py::module_& module) {
            py::arg("directions") = SkySplitOptions{}.most_directions,
            py::arg("tolerance") = SkySplitOptions{}.tolerance, py::arg("fine") = 0)
       .def_property_readonly("directions", &MeshShadowLight::directions,
-                             "Number of directions of the last light.")
+                             "Number of directions for the last light.")
       .def_property_readonly("splits", &MeshShadowLight::splits,
                              "How often directions were chosen.");
 
@@ -90,7 +90,7 @@ void bind_mesh_shadow(py::module_& module) {
           },
           py::arg("mesh"), py::arg("resolution"), py::arg("extent"), py::arg("rings"),
           py::arg("samples"), py::arg("progress") = py::none(),
-          R"(None if `progress`, called with the part that is done, returned False.)")
+          R"(Returns None if `progress`, called with the part of the work that is done, returned False.)")
       .def_static(
           "from_tables",
           [](const Mesh& mesh, int resolution, float extent, int rings, int samples,
@@ -106,7 +106,8 @@ void bind_mesh_shadow(py::module_& module) {
           },
           py::arg("mesh"), py::arg("resolution"), py::arg("extent"), py::arg("rings"),
           py::arg("samples"), py::arg("tables"),
-          R"(From what `tables` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.)")
+          R"(Makes it from the `tables` of an earlier bake of the same mesh. Raises ValueError for tables that cannot be
+such.)")
       .def_property_readonly(
           "tables",
           [](const MeshShadow& shadow) {
@@ -141,8 +142,8 @@ void bind_mesh_shadow(py::module_& module) {
           },
           py::arg("cube"), py::arg("marker_from_object"), py::arg("light"),
           py::arg("environment") = py::none(),
-          "ShadowMap of the object under this light; environment: of the map, for its near "
-          "lights.");
+          "ShadowMap of the object under this light; environment: the Environment of the map, for "
+          "its near lights.");
 }
 
 }  // namespace fastibl::bindings

@@ -19,9 +19,9 @@ void bind_object(py::module_& module) {
   py::class_<Scene>(module, "Scene", R"(An object ready to be rendered.
 
 mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
-frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
-for no self-shadow at all. refine: split triangles where what the object hides of itself changes within them; the surface
-stays the same, the paper's P_V too. Raises ValueError for negative numbers or what is no pose.)")
+frame by default. spheres: largest number of shadow proxies, 0 for no shadow. visibility_rays: number of rays for P_V, 0
+for no self-shadow at all. refine: whether to split triangles in which the object's self-shadow changes; the surface
+stays the same, and so does the paper's P_V. Raises ValueError for negative numbers or what is not a pose.)")
       .def(py::init([](const Mesh& mesh, const std::optional<Material>& material,
                        const py::object& marker_from_object, int spheres, int rays, bool refine) {
              const Pose pose = marker_from_object.is_none()
@@ -37,12 +37,12 @@ stays the same, the paper's P_V too. Raises ValueError for negative numbers or w
            py::arg("visibility_rays") = 96, py::arg("refine") = true)
       .def_property_readonly(
           "mesh", &Scene::given_mesh,
-          "As it was given, counter-clockwise seen from outside. A mesh without normals that has "
-          "edges sharper than 60 degrees gets normals, and copies of vertices at its end, so that "
-          "such edges are drawn sharp.")
+          "The mesh as it was given, counter-clockwise seen from outside. A mesh without normals "
+          "that has edges sharper than 60 degrees gets normals, and copies of vertices after its "
+          "own, so that such edges are drawn sharp.")
       .def_readonly("refined_mesh", &Scene::mesh,
-                    "The same surface with vertices where what the object hides of itself changes: "
-                    "what is shaded. mesh where nothing had to be split.")
+                    "The surface that is shaded: that of `mesh`, with more vertices where the "
+                    "object's self-shadow changes; equal to `mesh` where nothing had to be split.")
       .def_readonly("material", &Scene::material, "Material of the object.")
       .def_readonly("marker_from_object", &Scene::marker_from_object,
                     "Pose: where the object stands.")
@@ -72,7 +72,7 @@ stays the same, the paper's P_V too. Raises ValueError for negative numbers or w
           R"(What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
 
 Without it that method raises ValueError. Where an object that has one is tilted or lifted off the plane, its triangles
-are drawn for each direction of light instead, as by "directions" its spheres are.)")
+are drawn for each direction of light instead, as the method "directions" draws its spheres.)")
       .def_property(
           "shadow_strength", [](const Scene& s) { return s.shadow_look.strength; },
           [](Scene& s, double strength) {
@@ -84,8 +84,8 @@ are drawn for each direction of light instead, as by "directions" its spheres ar
           [](Scene& s, const py::object& color) {
             set_look(s, {s.shadow_look.strength, require_triple(color, "shadow_color")});
           },
-          "Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black "
-          "by default.")
+          "Linear RGB in [0, 1]: the part of the plane's light that is left where nothing lights "
+          "it; black by default.")
       .def_property(
           "holdouts",
           [](const Scene& s) {
@@ -97,9 +97,9 @@ are drawn for each direction of light instead, as by "directions" its spheres ar
           },
           R"(Real objects as meshes, marker frame: tuple of Mesh, empty by default; set from any sequence of them.
 
-Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
-leaves of the light on that surface. A mesh that is not closed is taken to face the object. Set it before a Session is
-made. They keep no light from the virtual object, nor its shadow from the plane behind them.)")
+Where a real object is nearer than the virtual one, the back picture is kept, multiplied by the share of that surface's
+light that the virtual object leaves. A mesh that is not closed is assumed to face the object. Set it before a Session
+is made. Real objects do not shade the virtual object, nor keep its shadow from the plane behind them.)")
       .def("__reduce__",
            [](const Scene&) -> py::object {
              throw py::type_error(

@@ -61,17 +61,17 @@ void bind_lines(py::module_& module) {
   py::class_<PlannedPass>(module, "PlannedPass", "One line of a plan.")
       .def_property_readonly(
           "name", [](const PlannedPass& p) { return std::string(name(p.pass.id)); },
-          "Of the pass, as in FrameResult.passes.")
+          "Name of the pass, as in FrameResult.passes.")
       .def_readonly("included", &PlannedPass::included, "Whether the pass runs.")
       .def_readonly("method", &PlannedPass::method,
-                    "Name of its method and settings; empty where it has none.")
-      .def_readonly("reason", &PlannedPass::reason,
-                    "Why the pass was left out; empty if it was not.")
-      .def_readonly("bound", &PlannedPass::bound,
-                    "Largest relative error that leaving it out makes; None where it is not known.")
+                    "Name of the pass's method, with its settings; empty where it has none.")
+      .def_readonly("reason", &PlannedPass::reason, "Why the pass was left out; empty if it runs.")
+      .def_readonly(
+          "bound", &PlannedPass::bound,
+          "Largest relative error that leaving it out causes; None where it is not known.")
       .def_readonly("error", &PlannedPass::error,
-                    "Expected error that its method alone makes, or None where unknown: of the "
-                    "picture where errors were measured, else of the irradiance.")
+                    "Expected error caused by its method alone, or None where unknown: error of "
+                    "the picture where errors were measured, else of the irradiance.")
       .def_readonly("milliseconds", &PlannedPass::milliseconds,
                     "Expected CPU time of one run, or None where unknown or left out.")
       .def_property_readonly(
@@ -88,42 +88,43 @@ void bind_lines(py::module_& module) {
                (p.included ? "" : " left out: " + p.reason) + ">";
       });
   py::class_<Plan>(module, "Plan",
-                   "Which passes a frame needs, by which method, and which it does not, and why. "
-                   "print(plan) is the bill.")
+                   "Which passes a frame needs, and by which methods, and which it does not need, "
+                   "and why. print(plan) shows the costs.")
       .def_readonly("passes", &Plan::passes, "List of PlannedPass in the order in which they run.")
       .def_readonly("methods", &Plan::methods,
-                    "Method of every step, by attributes of the steps' names; for methods= of "
-                    "make_plan and Session, and for pickle.")
+                    "The method of every step, as an attribute named after the step; can be given "
+                    "as methods= to make_plan and Session, and pickled.")
       .def_property_readonly(
           "expected_error", &Plan::expected_error,
           "Expected error of the picture, all methods together: RMS over RGB and over the pixels "
-          "that the object covers or its shadow changes by more than 1/255, linear light, by the "
-          "truth's mean there. Without a budget or samples of the scene that of the irradiance.")
-      .def_property_readonly(
-          "light_error", &Plan::light_error,
-          "Expected error of a captured map's irradiance, which is no part of the budget: "
-          "no method makes it less. None where the map is given.")
-      .def_readonly(
-          "light_in_turns", &Plan::light_in_turns,
-          "Whether each frame takes one step of the light's work, because all of them do not fit "
-          "into the time budget: the light is some frames old, which light_error counts.")
+          "that the object covers or its shadow changes by more than 1/255, in linear light, "
+          "relative to the truth's mean there. Without a budget or samples of the scene, the error "
+          "of the irradiance.")
+      .def_property_readonly("light_error", &Plan::light_error,
+                             "Expected error of a captured map's irradiance, which is not part of "
+                             "the budget: no method makes it smaller. None where the map is given.")
+      .def_readonly("light_in_turns", &Plan::light_in_turns,
+                    "Whether each frame does only one step of the work on the light, because all "
+                    "steps do not fit into the time budget: the light is then some frames old, "
+                    "which light_error takes into account.")
       .def_property_readonly("assured_error", &Plan::assured_error,
-                             "What the picture's error is not expected to exceed.")
+                             "The value that the picture's error is not expected to exceed.")
       .def_readonly("best_error", &Plan::best_error,
-                    "The least expected error that any methods have; None where none was measured.")
+                    "The smallest expected error that any choice of methods has; None where none "
+                    "was measured.")
       .def_readonly("error_budget", &Plan::error_budget, "0: none was asked for.")
       .def_readonly("milliseconds_budget", &Plan::milliseconds_budget, "0: none was asked for.")
       .def_readonly("milliseconds", &Plan::milliseconds, "Expected CPU time of a frame.")
+      .def_property_readonly("meets_error", &Plan::meets_error,
+                             "Whether the assured error is within the budget; True without a "
+                             "budget, and False until the picture was judged.")
       .def_property_readonly(
-          "meets_error", &Plan::meets_error,
-          "Whether the assured error is within the budget; True without one, and "
-          "False until the picture was judged.")
-      .def_property_readonly("meets_milliseconds", &Plan::meets_milliseconds,
-                             "Whether the expected time is within the budget; True without one.")
-      .def_property_readonly("meets_budget", &Plan::meets_budget, "Both of them.")
+          "meets_milliseconds", &Plan::meets_milliseconds,
+          "Whether the expected time is within the budget; True without a budget.")
+      .def_property_readonly("meets_budget", &Plan::meets_budget, "Whether both budgets are met.")
       .def_property_readonly("omission_bound", &Plan::omission_bound,
-                             "Largest relative error that leaving passes out makes, the sum of "
-                             "those of the passes; None where one is not known.")
+                             "Largest relative error that leaving out passes causes, the sum over "
+                             "these passes; None where one of them is not known.")
       .def("__str__", &bill)
       .def("__repr__", &bill);
 }
@@ -287,8 +288,9 @@ void bind_plan(py::module_& module) {
         return py::make_tuple(due, names_of(bits));
       },
       py::arg("plan"), py::arg("wanted"), py::arg("stale"),
-      "Passes that must run for the wanted products, given the stale ones, and what is stale after "
-      "they ran. Products and passes by name. Raises ValueError for a name that is none.");
+      "Passes that must run for the wanted products, given the stale ones, and what is still stale "
+      "after they ran. Products and passes are given by name. Raises ValueError for an unknown "
+      "name.");
 }
 
 }  // namespace fastibl::bindings

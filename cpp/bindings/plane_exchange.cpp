@@ -59,11 +59,11 @@ struct SceneBounce {
 void bind_plane_exchange(py::module_& module) {
   py::class_<PlaneExchange>(
       module, "PlaneExchange",
-      R"(Diffuse light from an object to the marker plane that it stands on, and back: one bounce.
+      R"(Diffuse light from an object to the marker plane on which it stands, and back: one bounce.
 
-mesh: Mesh standing on z = 0. cells: of the plane along an edge, 1 to 128, over 1.5 times the object's largest extent
-to each side. Form factors between vertices and cells are worked out once (Goral et al. 1984); then both ways are sums.
-Raises ValueError for another number of cells.)")
+mesh: Mesh standing on z = 0. cells: number of cells of the plane along an edge, 1 to 128; they cover 1.5 times the
+object's largest extent to each side. Form factors between vertices and cells are computed once (Goral et al. 1984); the
+light in both directions is then a sum. Raises ValueError for another number of cells.)")
       .def(py::init(&of_mesh), py::arg("mesh"), py::kw_only(), py::arg("cells") = 32)
       .def(
           "onto_plane",
@@ -72,9 +72,9 @@ Raises ValueError for another number of cells.)")
             return image_array(exchange.onto_plane({vectors(in), std::size_t(in.size() / 3)}));
           },
           py::arg("exitance"),
-          R"(Irradiance of the cells (cells, cells, 3), row 0 at least y, float32.
+          R"(Irradiance of the cells (cells, cells, 3), float32; row 0 has the smallest y.
 
-exitance: (v, 3) light that each vertex sends out: its irradiance times its diffuse reflectance.
+exitance: (v, 3) light that each vertex sends out, which is its irradiance times its diffuse reflectance.
 Raises ValueError for another number of vertices.)")
       .def(
           "onto_object",
@@ -86,26 +86,26 @@ Raises ValueError for another number of vertices.)")
             return out;
           },
           py::arg("exitance"),
-          R"(Irradiance of each vertex (v, 3) by cells that send out exitance (cells, cells, 3).
+          R"(Irradiance of each vertex (v, 3) from cells that send out exitance (cells, cells, 3).
 
-Linear, and so good for changes as well: what a shadow on the plane takes from the object.
-Raises ValueError for another shape, TypeError for integers.)")
+This is linear, so it also works for changes, such as the light that a shadow on the plane takes from the object. Raises
+ValueError for another shape, TypeError for integers.)")
       .def_property_readonly("cells", &PlaneExchange::cells, "Number of cells along an edge.")
       .def_property_readonly("extent", &PlaneExchange::extent,
-                             "Half the edge of all cells together, metres.")
+                             "Half the edge of the area of all cells, metres.")
       .def_property_readonly(
           "centre",
           [](const PlaneExchange& e) { return py::make_tuple(e.centre().x, e.centre().y); },
-          "Middle of the cells (x, y), metres, the mesh's frame.");
+          "Middle of the cells (x, y), metres, in the mesh's frame.");
   py::class_<SceneBounce>(
       module, "Bounce",
       R"(One bounce of diffuse light between a scene's object and the plane, for other renderers.
 
-scene: Scene, where it stands. Raises ValueError for one without visibility_rays.)")
+scene: Scene with its object in place. Raises ValueError for a scene without visibility_rays.)")
       .def(py::init<const Scene&>(), py::arg("scene"), py::call_guard<py::gil_scoped_release>())
       .def("update", &SceneBounce::update, py::arg("lighting"), py::arg("shadow"),
            py::call_guard<py::gil_scoped_release>(),
-           "Work it out for a Lighting and the ShadowMap of the object under it.")
+           "Computes the bounce for a Lighting and the object's ShadowMap under it.")
       .def_property_readonly(
           "shares",
           [](const SceneBounce& b) {
@@ -115,12 +115,11 @@ scene: Scene, where it stands. Raises ValueError for one without visibility_rays
             for (std::size_t i = 0; i < count; ++i) vectors(out)[i] = glm::vec3(b.shares[i]);
             return out;
           },
-          "Of the irradiance by the map that reaches each vertex of the scene's mesh (v, 3): "
-          "without what "
-          "the object hides and what its shadow takes from the plane below.")
+          "Share of the map's irradiance that reaches each vertex of the scene's mesh (v, 3): "
+          "without what the object hides and what its shadow takes from the plane below.")
       .def_property_readonly(
           "plane_gain", [](const SceneBounce& b) { return b.gain; },
-          "ShadowMap that the picture of the plane is multiplied by; it may exceed 1.");
+          "ShadowMap by which the picture of the plane is multiplied; it may exceed 1.");
 }
 
 }  // namespace fastibl::bindings

@@ -46,19 +46,21 @@ struct Result {
 void bind_render(py::module_& module) {
   py::class_<ObjectLayer>(module, "ObjectLayer",
                           "The shaded object before it is laid over the picture.")
-      .def_readonly("x", &ObjectLayer::x, "Column of the picture that the layer begins at.")
-      .def_readonly("y", &ObjectLayer::y, "Row of the picture that the layer begins at.")
+      .def_readonly("x", &ObjectLayer::x, "Column of the picture at which the layer begins.")
+      .def_readonly("y", &ObjectLayer::y, "Row of the picture at which the layer begins.")
       .def_property_readonly(
           "rgba", [](const ObjectLayer& l) { return image_array(l.rgba); },
-          "(h, w, 4) float32: linear radiance times coverage, and coverage, from pixel (x, y) on.")
+          "(h, w, 4) float32: linear radiance times coverage, and coverage, starting at pixel (x, "
+          "y).")
       .def(py::pickle(
           [](const ObjectLayer& l) { return py::make_tuple(l.x, l.y, image_array(l.rgba)); },
           [](const py::tuple& t) {
             return ObjectLayer{t[0].cast<int>(), t[1].cast<int>(), image_from(t[2], 4)};
           }));
 
-  py::class_<PictureLayers>(module, "PictureLayers",
-                            R"(What a picture is put together from, for a compositing program.
+  py::class_<PictureLayers>(
+      module, "PictureLayers",
+      R"(The layers from which a picture is composed, for a compositing program.
 
 Linear light, where 1 is the white of the camera's response: back picture * ratio * (1 - object's alpha) + object is the
 picture, before it is encoded and clipped.)")
@@ -68,8 +70,8 @@ picture, before it is encoded and clipped.)")
           "coverage, and coverage: premultiplied alpha.")
       .def_property_readonly(
           "ratio", [](const PictureLayers& l) { return image_array(l.ratio); },
-          "(h, w, 3) float32: what the back picture is multiplied by, 1 where nothing changes it; "
-          "above 1 where the object sends light to the plane.")
+          "(h, w, 3) float32: factor on the back picture, 1 where nothing changes it, above 1 "
+          "where the object sends light to the plane.")
       .def(py::pickle(
           [](const PictureLayers& l) {
             return py::make_tuple(image_array(l.object), image_array(l.ratio));
@@ -78,41 +80,41 @@ picture, before it is encoded and clipped.)")
             return PictureLayers{image_from(t[0], 4), image_from(t[1], 3)};
           }));
 
-  py::class_<Result>(module, "FrameResult", "What a Session made of a frame.")
+  py::class_<Result>(module, "FrameResult", "The result of a Session for one frame.")
       .def_property_readonly(
           "image", [](const Result& r) { return image_array(r.frame.image); },
           "(h, w, 3) uint8 encoded RGB; (h, w, 4) with straight alpha where the frame had no back "
           "picture.")
       .def_property_readonly(
           "back_from_marker", [](const Result& r) { return r.frame.back_from_marker; },
-          "Pose, or None where the board is not seen: the image is the back picture. Of a rolling "
-          "shutter that of the first row; the object is drawn with that of the row that shows its "
-          "middle.")
+          "Pose, or None where the board is not seen; the image is then the back picture. For a "
+          "rolling shutter, it is the pose of the first row; the object is drawn with the pose of "
+          "the row that shows its middle.")
       .def_property_readonly(
           "back_last_row", [](const Result& r) { return r.frame.back_last_row; },
           "Pose when the back camera's last row was taken; None for a global shutter, and where "
-          "nothing is known of the motion.")
+          "the motion is not known.")
       .def_property_readonly(
           "tracked", [](const Result& r) { return r.frame.tracked; },
           "Tracked, or None where the pose was given or the board is not seen.")
       .def_property_readonly(
           "turned", [](const Result& r) { return r.frame.turned; },
           "Turned, where the board is out of view and the surroundings tell how the cameras "
-          "turned: the map may be captured with it, but nothing is drawn. Else None.")
+          "turned; with it the map may be captured, but nothing is drawn. Else None.")
       .def_property_readonly(
           "board_moved", [](const Result& r) { return r.frame.board_moved; },
-          "True in the frame in which it is clear that the board was turned by hand: the map was "
-          "turned to where it lies now.")
+          "True in the frame in which it became clear that the board was turned by hand; the map "
+          "was then turned to match the board.")
       .def_property_readonly(
           "back_taken", [](const Result& r) { return r.frame.back_taken; },
-          "Taken: how the back picture went into the map; None where it did not.")
+          "Taken: how the back picture was used for the map; None where it was not.")
       .def_property_readonly(
           "front_taken", [](const Result& r) { return r.frame.front_taken; },
-          "The same of the front picture.")
+          "Taken: how the front picture was used for the map; None where it was not.")
       .def_property_readonly(
           "environment",
           [](const Result& r) { return std::const_pointer_cast<Environment>(r.frame.environment); },
-          "Environment that the frame was lit by, or None before there is any.")
+          "Environment by which the frame was lit, or None before there is any.")
       .def_property_readonly("_lighting",
                              [](const Result& r) -> py::object {
                                return r.frame.lighting ? py::cast(*r.frame.lighting) : py::none();
@@ -121,7 +123,7 @@ picture, before it is encoded and clipped.)")
           "shadow_map", [](const Result& r) { return r.shadow; },
           "ShadowMap of the frame, or None where none was cast.")
       .def_property_readonly(
-          "plan", [](const Result& r) { return r.plan; }, "Plan by which the frame was made.")
+          "plan", [](const Result& r) { return r.plan; }, "The Plan by which the frame was made.")
       .def_property_readonly(
           "passes",
           [](const Result& r) {
@@ -205,18 +207,18 @@ picture, before it is encoded and clipped.)")
           py::arg("back_last_row") = py::none(), py::arg("attitude") = py::none())
       .def_property_readonly(
           "plan", [](Session& s) { return alone(s, [&] { return Plan(s.plan()); }); },
-          "Plan of the next frame, as it stands now: print it for the bill.")
+          "Plan of the next frame, as it stands now; print it to see the costs.")
       .def_property_readonly(
           "scene", [](Session& s) { return alone(s, [&] { return Scene(s.scene()); }); },
-          "A copy of the Scene that is drawn: what is done to it does not change the session.")
+          "A copy of the Scene that is drawn: changes to it do not change the session.")
       .def_property_readonly("shadow_map", [](Session& s) { return alone(s, [&] { return s.shadow_map(); }); },
                              "ShadowMap of the last frame: .image, .extent.")
       .def_property_readonly(
           "plane_gain", [](Session& s) { return alone(s, [&] { return s.plane_gain(); }); },
-          R"(ShadowMap of what the plane's picture was multiplied by in the last frame.
+          R"(ShadowMap by which the plane's picture was multiplied in the last frame.
 
-Its ratio is the shadow's as strength and colour have it, and the light that the object sends to the plane by what the
-plane gets without the object: it may exceed 1.)")
+Its ratio is the shadow's, changed by shadow strength and colour, plus the light that the object sends to the plane
+relative to what the plane gets without the object: it may exceed 1.)")
       .def(
           "set_shadow_look",
           [](Session& s, double strength, const py::object& color) {
@@ -224,29 +226,28 @@ plane gets without the object: it may exceed 1.)")
             alone(s, [&] { s.set_shadow_look(look); });
           },
           py::arg("strength") = 1.0, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
-          "Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. "
-          "Raises "
-          "ValueError for values outside [0, 1].")
+          "Draw the shadow with this strength and colour from the next frame on, see "
+          "Scene.shadow_strength and shadow_color. Raises ValueError for values outside [0, 1].")
       .def_property_readonly("object", [](Session& s) { return alone(s, [&] { return s.object(); }); }, "ObjectLayer of the last frame.")
       .def_property_readonly(
           "holdout", [](Session& s) { return alone(s, [&] { return s.holdout(); }); },
-          "ObjectLayer of the real objects before the virtual one in the last frame: what is left "
-          "of their light times coverage, and coverage.")
+          "ObjectLayer of the real objects in front of the virtual one in the last frame: the "
+          "share of their light that is left times coverage, and coverage.")
       .def_property_readonly(
           "layers", [](Session& s) { return alone(s, [&] { return s.layers(); }); },
-          R"(PictureLayers of the last frame: what its picture was put together from, as floats.
+          R"(PictureLayers of the last frame: the layers from which its picture was composed, as floats.
 
 Without a board in view nothing covers the picture, and the ratio is 1.)")
       .def_property_readonly("capture", &Session::capture,
                              py::return_value_policy::reference_internal,
-                             "Capture that the pictures go into.")
+                             "The Capture that receives the pictures.")
       .def_property_readonly(
           "backend", [](Session& s) { return std::string(s.renderer().backend()); },
           "\"cpu\" or \"gl\".")
       .def_property_readonly(
           "device", [](Session& s) { return s.renderer().device(); },
-          "The driver's name of what draws (GL_RENDERER): a graphics card, or \"llvmpipe …\" where "
-          "Mesa draws in software; \"\" on the CPU back end.")
+          "The driver's name for the device that draws (GL_RENDERER): a graphics card, or "
+          "\"llvmpipe …\" where Mesa draws in software; \"\" on the CPU back end.")
       .def(
           "set_material",
           [](Session& s, const Material& material) {
@@ -261,7 +262,8 @@ Without a board in view nothing covers the picture, and the ratio is 1.)")
             alone(s, [&] { s.move(marker_from_object); });
           },
           py::arg("marker_from_object"),
-          "Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is no pose.")
+          "Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is not a "
+          "pose.")
       .def(
           "_set_cast_shadow",
           [](Session& s, bool cast) { alone(s, [&] { s.set_cast_shadow(cast); }); },
@@ -286,8 +288,8 @@ Without a board in view nothing covers the picture, and the ratio is 1.)")
       .def("set_budgets", [](Session& s, double error, double milliseconds) {
            alone(s, [&] { s.set_budgets(error, milliseconds); }); }, py::arg("error") = 0.0,
            py::arg("milliseconds") = 0.0,
-           "Keep to other budgets from the next frame on, 0 for none. Raises ValueError for values "
-           "that are negative or not finite.")
+           "Keep to other budgets from the next frame on; 0 means no budget. Raises ValueError for "
+           "values that are negative or not finite.")
       .def(
           "_set_backend",
           [](Session& s, const std::string& backend) {

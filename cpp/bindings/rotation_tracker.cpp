@@ -42,8 +42,8 @@ void bind_turned(py::module_& module) {
   py::class_<Turned>(module, "Turned",
                      R"(A pose that rests on the captured map: the board is out of view.
 
-The rotation is measured; the camera's place is where the board was last seen from. Where nothing is to
-be seen of the map, it is a gyroscope's alone: features, residual and agreeing are 0.)")
+The rotation is measured; the camera's place is the one from which the board was last seen. Where nothing of the map can
+be seen, the rotation is a gyroscope's alone: features, residual and agreeing are 0.)")
       .def_readonly("back_from_marker", &Turned::back_from_marker, "Pose.")
       .def_property_readonly(
           "covariance",
@@ -52,19 +52,20 @@ be seen of the map, it is a gyroscope's alone: features, residual and agreeing a
             std::copy(t.covariance.begin(), t.covariance.end(), out.mutable_data());
             return out;
           },
-          "(3, 3) float64 of w where the true rotation is exp([w]x) R: rad^2, back camera's frame; "
-          "against the marker, with the drift of the map.")
+          "Covariance (3, 3) float64 of w, where the true rotation is exp([w]x) R: rad^2, back "
+          "camera's frame. It is relative to the marker and includes the drift of the map.")
       .def_readonly("drift", &Turned::drift,
                     "Standard deviation of the map's own rotation there, radians.")
       .def_readonly("position_deviation", &Turned::position_deviation,
-                    "Metres; standard deviation of the camera's place, which is kept.")
+                    "Standard deviation of the camera's place, which is kept; metres.")
       .def_readonly("residual", &Turned::residual,
-                    "Difference of the pictures from the map by what is expected.")
-      .def_readonly("agreeing", &Turned::agreeing, "Share of what was compared that agrees.")
+                    "Difference of the pictures from the map, divided by the expected difference.")
+      .def_readonly("agreeing", &Turned::agreeing, "Share of the compared texels that agrees.")
       .def_readonly("features", &Turned::features, "Texels of the map that were compared.")
       .def_readonly("back_gain", &Turned::back_gain,
-                    "By which the back picture is brighter than the map says; 1 without one.")
-      .def_readonly("front_gain", &Turned::front_gain, "That of the front picture.")
+                    "Factor by which the back picture is brighter than the map says; 1 without a "
+                    "back picture.")
+      .def_readonly("front_gain", &Turned::front_gain, "The same factor for the front picture.")
       .def_readonly("since", &Turned::since, "Seconds since the pose was last known.")
       .def_property_readonly(
           "velocity",
@@ -73,7 +74,7 @@ be seen of the map, it is a gyroscope's alone: features, residual and agreeing a
             for (int k = 0; k < 3; ++k) out.mutable_data()[k] = t.velocity[k];
             return out;
           },
-          "(3,) float64, rad/s, marker frame: t seconds later the rotation is R exp([t "
+          "(3,) float64, rad/s, marker frame: t seconds later, the rotation is R exp([t "
           "velocity]x).")
       .def(py::self == py::self)
       .def("__repr__",

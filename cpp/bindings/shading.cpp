@@ -111,25 +111,25 @@ void bind_shading(py::module_& module) {
         return py::array_t<float>(py::ssize_t(visibility.size()), visibility.data());
       },
       py::arg("mesh"), py::arg("rays") = 96, py::arg("spheres") = py::none(),
-      R"(P_V of Eq. 8: cosine-weighted share of each vertex's hemisphere that the mesh itself leaves free.
+      R"(P_V of Eq. 8: cosine-weighted share of each vertex's hemisphere that is not hidden by the mesh itself.
 
-rays: number a vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included;
-triangles hide from both sides. spheres: (m, 4), x y z radius in the mesh's frame, which hide instead of the
-triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster; RMS error 0.02 of
-spot, 0.05 of a figurine with thin parts, 0.4 of a laptop: fitted spheres do not fill thin things.
-Raises ValueError for rays < 1.)");
+rays: number per vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included; triangles
+hide from both sides. spheres: (m, 4), x y z radius in the mesh's frame, which hide instead of the triangles, except
+where a vertex is inside them. This is for objects that deform, and a hundred times faster; the RMS error is 0.02 for
+spot, 0.05 for a figurine with thin parts, 0.4 for a laptop, because fitted spheres do not fill thin things. Raises
+ValueError for rays < 1.)");
 
   py::class_<SelfShadow>(module, "SelfShadow",
-                         R"(The light that an object keeps from itself, by vertex.
+                         R"(The light that an object keeps from itself, per vertex.
 
-mesh: Mesh. size: cells of the sphere along an edge, 16, 32, 64 or 128 (64: 2.8 degrees, about 530 rays a vertex).
-Directions that the mesh blocks are worked out once; the light of a map is then summed over the free ones, whatever
-its lights. The marker plane is not included: below the horizon the map holds the table. Raises ValueError for
-another size.)")
+mesh: Mesh. size: cells of the sphere along an edge, 16, 32, 64 or 128 (64: 2.8 degrees, about 530 rays per vertex). The
+directions that the mesh blocks are computed once; the light of any map is then summed over the free directions. The
+marker plane is not included: below the horizon the map holds the table. Raises ValueError for another size.)")
       .def(py::init(&from_mesh), py::arg("mesh"), py::kw_only(), py::arg("size") = 64)
-      .def_static("from_spheres", &from_spheres, py::arg("mesh"), py::arg("spheres"), py::kw_only(),
-                  py::arg("size") = 16,
-                  R"(The same from spheres (m, 4) in the mesh's frame, for an object that deforms.
+      .def_static(
+          "from_spheres", &from_spheres, py::arg("mesh"), py::arg("spheres"), py::kw_only(),
+          py::arg("size") = 16,
+          R"(SelfShadow computed from spheres (m, 4) in the mesh's frame, for an object that deforms.
 
 A sphere that contains a vertex does not hide it; spheres that are not finite or have no radius are ignored.
 Raises ValueError for another shape or size.)")
@@ -140,10 +140,10 @@ Raises ValueError for another shape or size.)")
             return colours(one_at_a_time(&s, [&] { return s.shares(lighting, turn); }));
           },
           py::arg("lighting"), py::arg("marker_from_object") = py::none(),
-          R"(Share of the irradiance that reaches each vertex, by colour channel: (v, 3) float32 in [0, 1].
+          R"(Share of the irradiance that reaches each vertex, per colour channel: (v, 3) float32 in [0, 1].
 
 1 where nothing is blocked, and where there is no light. lighting: Lighting of a map in the marker frame.
-marker_from_object: Pose or (4, 4), where the mesh stands. Raises ValueError for what is no pose.)")
+marker_from_object: Pose or (4, 4), where the mesh stands. Raises ValueError for what is not a pose.)")
       .def(
           "irradiance",
           [](SelfShadow& s, const Lighting& lighting, const py::object& marker_from_object) {
@@ -156,19 +156,19 @@ marker_from_object: Pose or (4, 4), where the mesh stands. Raises ValueError for
             }));
           },
           py::arg("lighting"), py::arg("marker_from_object") = py::none(),
-          "Irradiance of each vertex with its self-shadow: (v, 3) float32. Arguments as of "
+          "Irradiance of each vertex with its self-shadow: (v, 3) float32. Arguments are those of "
           "`shares`.")
       .def(
           "glossy_shares", &glossy, py::arg("lighting"), py::arg("eye"), py::arg("exponent") = 64.0,
           py::arg("marker_from_object") = py::none(),
           R"(Share of the light in a glossy lobe of this half-vector exponent that reaches each vertex: (v,) float32.
 
-eye: (3,) where it is seen from, in the mesh's frame. In [0, 1]: the lobe times the map's radiance (mean of its
-channels), summed over the free directions by that over all; 1 where the lobe meets no light, and where the vertex is
-seen from behind. Raises ValueError for a negative exponent.)")
+eye: (3,) the place from which the object is seen, in the mesh's frame. The share is in [0, 1]: the sum of the lobe
+times the map's radiance (mean of its channels) over the free directions, divided by the sum over all directions; 1
+where the lobe meets no light, and where the vertex is seen from behind. Raises ValueError for a negative exponent.)")
       .def(
           "visible", &visible, py::arg("directions"),
-          R"(Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
+          R"(Whether each vertex sees out along directions (k, 3), mesh frame, at the precision of a cell: (v, k) bool.
 
 False below the vertex's tangent plane. Raises ValueError for another shape.)")
       .def_property_readonly(
@@ -179,7 +179,7 @@ False below the vertex's tangent plane. Raises ValueError for another shape.)")
           [](const SelfShadow& s) {
             return s.visibility.edges.size() * 2 + s.visibility.first.size() * 4;
           },
-          "Memory of the directions.")
+          "Memory of the directions, bytes.")
       .def("__repr__", [](const SelfShadow& s) {
         return "<fastibl.SelfShadow of " + std::to_string(s.vertices.size()) + " vertices, " +
                std::to_string(s.visibility.size) + " cells along an edge>";

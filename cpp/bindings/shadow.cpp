@@ -115,11 +115,11 @@ void bind_shadow(py::module_& module) {
         return out;
       },
       py::arg("mesh"), py::arg("count") = 50, py::arg("resolution") = 64, py::arg("seed") = 0u,
-      R"(Spheres that fill a mesh, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
+      R"(Fills a mesh with spheres, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
 
-resolution: voxels along the longest edge. seed: another gives another set, about as good; the same gives the same
-bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
-[8, 128].)");
+resolution: voxels along the longest edge. seed: another seed gives another set, about as good; the same seed gives the
+same bits. The mesh may be open, flipped or torn; a mesh that encloses nothing gets spheres spread over its surface.
+Raises ValueError for count < 1 or resolution outside [8, 128].)");
 
   const auto map_state = [](const ShadowMap& m) {
     return py::make_tuple(image_array(m.ratio), std::array{m.centre.x, m.centre.y}, m.extent,
@@ -144,8 +144,8 @@ bits. The mesh may be open, flipped or torn; one that encloses nothing gets sphe
       module, "ShadowMap",
       R"(Ratio of the light on the marker plane with and without the object.
 
-A fine map around the object and, by most methods, a coarse one around that; both have the same centre, and the fine
-one passes into the coarse one at its border. Beyond both the ratio is 1.)")
+It has a fine map around the object and, with most methods, a coarse one around that; both have the same centre, and the
+fine map blends into the coarse one at its border. Beyond both the ratio is 1.)")
       .def_property_readonly(
           "image",
           [](const py::object& self) {
@@ -168,16 +168,17 @@ one passes into the coarse one at its border. Beyond both the ratio is 1.)")
             const Image<float>& fine = self.cast<const ShadowMap&>().fine;
             return fine.empty() ? py::object(py::none()) : image_view(self, fine);
           },
-          "The map of a compact light's shadow (k, k, 3) float32, with all light; None where there "
-          "is none.")
+          "A finer map where a compact light casts its shadow, (k, k, 3) float32, with all light; "
+          "None where there is none.")
       .def_readonly("fine_extent", &ShadowMap::fine_extent,
                     "Half the edge of `fine` in metres; 0 where there is none.")
       .def_property_readonly(
           "fine_centre",
           [](const ShadowMap& map) { return py::make_tuple(map.fine_centre.x, map.fine_centre.y); },
           "(x, y) of the middle of `fine`, metres, marker frame.")
-      .def_property_readonly("reach", &ShadowMap::reach,
-                             "Half the edge in metres of all; outside the ratio is 1.")
+      .def_property_readonly(
+          "reach", &ShadowMap::reach,
+          "Half the edge of all maps together in metres; outside, the ratio is 1.")
       .def_property_readonly(
           "centre", [](const ShadowMap& map) { return py::make_tuple(map.centre.x, map.centre.y); },
           "(x, y) of the map's middle, metres, marker frame.")
@@ -202,7 +203,7 @@ one passes into the coarse one at its border. Beyond both the ratio is 1.)")
           py::arg("points"), py::arg("out") = py::none(),
           R"(Ratio (..., 3) float32 at plane points (..., 2) in metres, bilinear; 1 outside.
 
-out: C-contiguous float32 array for the result, which is returned; a new one is made without. Raises ValueError for
+out: C-contiguous float32 array for the result, which is returned; without it a new array is made. Raises ValueError for
 another shape, TypeError for another kind of array.)")
       .def(py::self == py::self)
       .def("__repr__", [](const ShadowMap& map) {
@@ -238,11 +239,11 @@ another shape, TypeError for another kind of array.)")
       R"(Ratio of the light on the plane z = 0 with and without spheres: (..., 3) float32 in [0, 1].
 
 spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "directions" (the default,
-"auto"; right where spheres overlap), or the paper's: "cap-sum" adds what the spheres hold back, "cap-product"
-multiplies what they let through. directions: how many stand for all light by the first, 8 to 4096; the root mean square
-error of the ratio against all texels is about 0.009, 0.0034, 0.0012 for 64, 256, 1024. A channel without light has ratio
-1, a point in a sphere 0; spheres that are not finite, have a radius of 0 or less, or lie below the plane are ignored.
-Raises ValueError for another shape, method or number, TypeError for integers.)");
+"auto"; correct where spheres overlap), or the paper's methods: "cap-sum" adds what the spheres hold back, "cap-product"
+multiplies what they let through. directions: how many directions stand for all light in the method "directions", 8 to
+4096; the root mean square error of the ratio against all texels is about 0.009, 0.0034, 0.0012 for 64, 256, 1024. A
+channel without light has ratio 1, a point in a sphere has 0; spheres that are not finite, have a radius of 0 or less,
+or lie below the plane are ignored. Raises ValueError for another shape, method or number, TypeError for integers.)");
   module.def(
       "cast_shadow",
       [](const CubeMap& cube, const py::object& spheres, const std::string& method, int resolution,
@@ -258,19 +259,18 @@ Raises ValueError for another shape, method or number, TypeError for integers.)"
       py::arg("outer") = true,
       R"(ShadowMap of spheres, see shadow_ratio.
 
-resolution: texels along an edge; 0 is the method's own: 128 for "directions", 64 for the others. extent: half the map's
-edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the middle of the
-spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510, but
-eight times the extent at most; without, and by the other methods, the ratio fades to 1 over the outer tenth of the map.
-Raises ValueError for another shape or method and for numbers out of range.)");
+resolution: texels along an edge; 0 means the method's default: 128 for "directions", 64 for the others. extent: half
+the map's edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the
+middle of the spheres. outer: whether "directions" adds a coarse map around it, large enough that what is left out is at
+most 1/510, but at most eight times the extent; without it, and with the other methods, the ratio fades to 1 over the
+outer tenth of the map. Raises ValueError for another shape or method and for numbers out of range.)");
   py::class_<DirectionShadow>(
       module, "DirectionShadow",
-      R"(Casts the shadows of one object, frame by frame, by method "directions".
+      R"(Casts the shadows of one object, frame by frame, with the method "directions".
 
-The directions stay where they are while the light changes, so that nothing flickers, and are chosen anew and faded in
-over 32 maps when the light has moved; what a pose hides is kept as long as it does not change; when nothing changed, the
-last map is returned. directions: how many stand for all light. Raises ValueError outside 8 to
-4096.)")
+The directions stay where they are while the light changes, so that nothing flickers; when the light has moved, they are
+chosen anew and faded in over 32 maps. What a pose hides is kept as long as the pose does not change; when nothing
+changed, the last map is returned. directions: how many stand for all light. Raises ValueError outside 8 to 4096.)")
       .def(py::init<int>(), py::arg("directions") = 256)
       .def(
           "cast",
@@ -290,9 +290,8 @@ last map is returned. directions: how many stand for all light. Raises ValueErro
           },
           py::arg("cube"), py::arg("spheres"), py::arg("resolution") = 0,
           py::arg("extent") = py::none(), py::arg("centre") = py::none(), py::arg("outer") = true,
-          "ShadowMap of spheres (m, 4) under a CubeMap, or an Environment, whose near lights cast "
-          "it "
-          "from where they are; see cast_shadow.")
+          "ShadowMap of spheres (m, 4) under a CubeMap or an Environment; near lights of an "
+          "Environment cast the shadow from where they are. See cast_shadow.")
       .def_property_readonly(
           "light",
           [](const DirectionShadow& self) {
@@ -315,8 +314,8 @@ last map is returned. directions: how many stand for all light. Raises ValueErro
       },
       py::arg("cube"), py::arg("count") = 256,
       R"(Directions that stand for all light on the plane z = 0: unit vectors (count, 3) towards it, marker frame, and their
-shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. float32; none, (0, 3), without
-light. Raises ValueError for a count outside [8, 4096].)");
+shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. Both are float32; there are
+none, (0, 3), without light. Raises ValueError for a count outside [8, 4096].)");
 }
 
 }  // namespace fastibl::bindings

@@ -77,8 +77,8 @@ void bind_edge_tracker(py::module_& module) {
 
 void bind_tracking(py::module_& module) {
   py::class_<DetectedTag>(module, "DetectedTag",
-                          "A tag found in a picture: id, and corners (4, 2) in pixels with centres "
-                          "at + 0.5, in the order of Tag.corners.")
+                          "A tag found in a picture: id, and corners (4, 2) in pixels whose "
+                          "centres are at + 0.5, in the order of Tag.corners.")
       .def(py::init([](int id, const py::object& corners) {
              return DetectedTag{id, require_corners(corners, "corners")};
            }),
@@ -97,41 +97,38 @@ void bind_tracking(py::module_& module) {
             return DetectedTag{t[0].cast<int>(), require_corners(t[1], "corners")};
           }));
 
-  py::class_<Tracked>(module, "Tracked", "Where the board is seen by a camera in one picture.")
-      .def_readonly(
-          "camera_from_marker", &Tracked::camera_from_marker,
-          "Pose at the picture's time; of a rolling shutter that of the first row, in the "
-          "middle of whose exposure that time is.")
-      .def_readonly(
-          "last_row", &Tracked::last_row,
-          "Pose when the last row was taken, `camera.readout` later, as Capture.add takes "
-          "it; None for a global shutter.")
-      .def_readonly(
-          "residual_px", &Tracked::residual_px,
-          "RMS distance in pixels between seen and expected corners of `tags`; with `edges`, the "
-          "median distance between seen and expected edges.")
+  py::class_<Tracked>(module, "Tracked", "Where a camera sees the board in one picture.")
+      .def_readonly("camera_from_marker", &Tracked::camera_from_marker,
+                    "Pose at the picture's time; for a rolling shutter, the pose of the first row, "
+                    "and the time is the middle of that row's exposure.")
+      .def_readonly("last_row", &Tracked::last_row,
+                    "Pose when the last row was taken, `camera.readout` later, for Capture.add; "
+                    "None for a global shutter.")
+      .def_readonly("residual_px", &Tracked::residual_px,
+                    "RMS distance in pixels between the seen and expected corners of `tags`; with "
+                    "`edges`, the median distance between seen and expected edges.")
       .def_readonly(
           "misfit_px", &Tracked::misfit_px,
           "With `edges`, standard deviation in x and y of the places of the board's parts about "
-          "the "
-          "fitted ones beyond their scatter: 0 where the print is flat and as the board says, and "
-          "the lens as calibrated. The covariance holds what it does to the pose.")
-      .def_readonly("edges", &Tracked::edges,
-                    "Stretches of edge that the pose rests on; 0 where it rests on corners.")
+          "the fitted places, beyond their scatter: 0 where the print is flat and matches the "
+          "board, and the lens is as calibrated. The covariance includes its effect on the pose.")
+      .def_readonly(
+          "edges", &Tracked::edges,
+          "Number of stretches of edge on which the pose rests; 0 where it rests on corners.")
       .def_readonly("pixels", &Tracked::pixels,
-                    "Pixels along edges whose light refined that pose; 0 where they contradict the "
-                    "edges or tell nothing.")
-      .def_readonly("tags", &Tracked::tags, "List of DetectedTag: those used.")
+                    "Number of pixels along edges whose light refined that pose; 0 where they "
+                    "contradict the edges or tell nothing.")
+      .def_readonly("tags", &Tracked::tags, "List of the DetectedTags that were used.")
       .def_property_readonly(
           "covariance", [](const Tracked& t) { return covariance_array(t.covariance); },
-          R"((6, 6) float64 of (w, d) where the true pose is {exp([w]x) R, t + d}: rotation first, in
-rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `ambiguous`.)")
+          R"((6, 6) float64 of (w, d), where the true pose is {exp([w]x) R, t + d}: rotation first, in rad^2, rad m and
+m^2, camera frame. It describes only the minimum that was chosen: see `ambiguous`.)")
       .def_readonly("ambiguous", &Tracked::ambiguous,
                     "True where the pose with the board's normal mirrored about the viewing "
                     "direction fits nearly as well.")
       .def_readonly("ambiguity", &Tracked::ambiguity,
-                    "Cost of this pose by that of the mirrored one, 0 to 1; 0 where there is no "
-                    "second minimum.")
+                    "Cost of this pose divided by the cost of the mirrored one, 0 to 1; 0 where "
+                    "there is no second minimum.")
       .def(py::self == py::self)
       .def("__repr__",
            [](const Tracked& t) {
