@@ -10,10 +10,10 @@ from ._fastibl import Camera, Capture, Pose
 
 
 def whole_periods(exposure: float, flicker: float, seconds_at_one: float = 0.01) -> float:
-    """The longest exposure of at most `exposure` that lasts whole periods of lamps that flicker, so that each picture
-    takes their mean; `exposure` itself where it is shorter than one, or flicker is 0.
+    """The longest exposure of at most `exposure` that lasts whole periods of flickering lamps, so that each picture
+    takes their mean; `exposure` itself where it is shorter than one period, or flicker is 0.
 
-    flicker: Hz, 100 or 120. seconds_at_one: exposure time of an exposure of 1. Raises ValueError for what is none.
+    flicker: Hz, 100 or 120. seconds_at_one: exposure time of an exposure of 1. Raises ValueError for invalid values.
     """
     if not (flicker >= 0 and np.isfinite(flicker) and seconds_at_one > 0 and np.isfinite(seconds_at_one)):
         raise ValueError(f"flicker must be 0 Hz or more and times positive, got {flicker} Hz, {seconds_at_one} s")
@@ -22,10 +22,10 @@ def whole_periods(exposure: float, flicker: float, seconds_at_one: float = 0.01)
 
 
 class Bracket:
-    """Exposures in turn, whatever they show: what CameraSource and simulate ask for the next one.
+    """Fixed exposures in turn, whatever they show; CameraSource and simulate ask it for the next one.
 
-    steps: by the first exposure, which the camera finds itself; each at least a 256th of the one before, or light that
-    clips in one drowns in the noise of the next.
+    steps: exposures relative to the first one, which the camera finds itself; each at least a 256th of the one before,
+    or light that clips in one is lost in the noise of the next.
     """
 
     def __init__(self, steps: Sequence[float] = (1.0, 1 / 16, 1 / 256)):
@@ -44,12 +44,12 @@ class Bracket:
 
 
 class AdaptiveExposure:
-    """Exposures by what the map still lacks where a camera looks, see Capture.next_exposure.
+    """Chooses exposures by what the map still lacks where a camera looks, see Capture.next_exposure.
 
-    camera: a perspective one. shortest, longest: what its driver can. Call `update` with what was captured; it is asked
-    as a Bracket is. Before the first update the exposure stays as it is. flicker: Hz of lamps on the mains, 100 or 120:
-    exposures that are long enough are made whole periods, see whole_periods; 0 for daylight. seconds_at_one: exposure
-    time of an exposure of 1, 10 ms of live cameras.
+    camera: a perspective one. shortest, longest: limits of its driver. Call `update` with what was captured; the next
+    exposure is asked for as with a Bracket. Before the first update the exposure stays as it is. flicker: Hz of lamps
+    on the mains, 100 or 120: exposures that are long enough are made whole periods, see whole_periods; 0 for daylight.
+    seconds_at_one: exposure time of an exposure of 1, 10 ms for live cameras.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class AdaptiveExposure:
         self._next: float | None = None
 
     def update(self, capture: Capture, camera_from_marker: Pose | None) -> None:
-        """Chooses the next exposure. camera_from_marker: where the camera looks now; None keeps what was chosen."""
+        """Chooses the next exposure. camera_from_marker: where the camera looks now; None keeps the last choice."""
         if camera_from_marker is not None:
             chosen = capture.next_exposure(self.camera, camera_from_marker, self.shortest, self.longest)
             steady = whole_periods(chosen, self.flicker, self.seconds_at_one)

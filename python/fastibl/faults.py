@@ -1,4 +1,4 @@
-"""What goes wrong with cameras, put into any source on purpose: to see what comes out of a session then."""
+"""Faults of cameras, put into any source on purpose, to see what a session makes of them."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ class _Event:
 
 
 class Faulty:
-    """A source with faults, drawn from a seed; the rest of it as it is. The same seed gives the same faults.
+    """A source with added faults, drawn from a seed; the rest stays as it is. The same seed gives the same faults.
 
-    kinds: share of pictures at which one begins, by name; a number is divided among all KINDS. `happened` names the
-    faults of the frame that was given last, by camera; `counts` all so far, by kind. Frames without any picture are not
-    given, as a camera's source would not.
+    kinds: share of pictures at which a fault begins, by its name; a single number is divided among all KINDS.
+    `happened` names the faults of the last frame, by camera; `counts` counts all so far, by kind. Frames without any
+    picture are not given, as from a real camera's source.
     """
 
     def __init__(self, source: Any, seed: int = 0, kinds: float | Mapping[str, float] = 0.1):
@@ -61,7 +61,7 @@ class Faulty:
         self.counts = dict.fromkeys(KINDS, 0)
 
     def close(self) -> None:
-        """Closes the source within."""
+        """Closes the wrapped source."""
         close(self.source)
 
     def __iter__(self) -> Iterator[Frame]:

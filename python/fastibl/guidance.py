@@ -16,10 +16,10 @@ from .panorama import panorama_rays
 class Guidance:
     """Where to look next.
 
-    direction: unit vector (3,), marker frame, in whose surroundings most light is thought to be unseen; None where
-    the sky was seen. share: of the sky's light that a picture there would add, as far as can be guessed. right, up:
-    degrees by which the camera has to turn, None where its pose was not given. image: (h, 2h, 3) uint8 RGB, the
-    map as an equirectangular picture (see docs/conventions.md), unseen parts striped, with the way to go.
+    direction: unit vector (3,), marker frame, around which most light is thought to be unseen; None where the whole sky
+    was seen. share: share of the sky's light that a picture there would add, as far as can be guessed. right, up:
+    degrees by which the camera has to turn, None where its pose was not given. image: (h, 2h, 3) uint8 RGB, the map as
+    an equirectangular picture (see docs/conventions.md), with unseen parts striped and the way to go.
     """
 
     direction: NDArray[np.float64] | None
@@ -44,11 +44,11 @@ def guide(
     camera_from_marker: Pose | None = None,
     height: int = 256,
 ) -> Guidance:
-    """Where to look next, and a picture that shows it.
+    """Says where to look next, with a picture that shows it.
 
-    environment: what was captured so far. camera, camera_from_marker: of the camera that is to be turned, as it is
-    now; without them the best place of the whole sky is given. height: of the picture, pixels. Raises ValueError for
-    a pose without a camera or the reverse, or a height below 16.
+    environment: what was captured so far. camera, camera_from_marker: the camera that is to be turned and its present
+    pose; without them the best place of the whole sky is given. height: of the picture, pixels. Raises ValueError for a
+    pose without a camera or the reverse, or a height below 16.
     """
     expect(environment, Environment, "environment", "what a Capture or a Session holds")
     if (camera is None) != (camera_from_marker is None):

@@ -1,4 +1,4 @@
-"""Gyroscopes beside a camera: logs as telephones write them, and the attitudes of the camera that they tell."""
+"""Gyroscopes fixed to a camera: logs as telephones write them, and the attitudes of the camera derived from them."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _UNIT = re.compile(r"[(\[]([^)\]]*)[)\]]")
 
 
 def read_gyroscope(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(times (n,) in seconds, rates (n, 3) in radians a second about the gyroscope's own axes) of a log.
+    """Reads a log: (times (n,) in seconds, rates (n, 3) in radians a second about the gyroscope's own axes).
 
-    path: text in columns that commas, semicolons, tabs or spaces separate. With a header, the time and the columns
-    whose names end in x, y and z are read (of several sensors, a gyroscope's), in the units that stand in parentheses;
-    without one, time and three rates. A time without a unit is in whichever of s, ms, us and ns makes 5 to 5000
-    readings a second. Readings are sorted, and of those at the same time one is kept. Raises ValueError that names what
-    was found for anything else.
+    path: text in columns separated by commas, semicolons, tabs or spaces. With a header, the time and the columns whose
+    names end in x, y and z are read (those of a gyroscope, if there are several sensors), in the units given in
+    parentheses; without one, time and three rates. A time without a unit is in whichever of s, ms, us and ns makes 5 to
+    5000 readings a second. Readings are sorted, and of those at the same time one is kept. Raises ValueError that names
+    what was found for anything else.
     """
     with open(path, encoding="utf-8-sig", errors="replace") as file:
         lines = [line.strip() for line in file if line.strip() and not line.startswith("#")]
@@ -100,9 +100,9 @@ class Gyroscope:
     """A gyroscope that is fixed to a camera, as calibrate_timing finds it.
 
     times: (n,) seconds of its own clock; rates: (n, 3) radians a second about its own axes. camera_from_gyro: (3, 3)
-    from its axes to the camera's; deviation: the largest standard deviation of that about any axis, radians. drift:
-    (3,) radians a second by which the camera's turns (as rotation vectors of now_from_before) are more than its rates
-    tell. clock_offset: seconds that its clock is ahead of the camera's.
+    from its axes to the camera's; deviation: its largest standard deviation about any axis, radians. drift: (3,)
+    radians a second by which the camera's turns (as rotation vectors of now_from_before) exceed what the rates tell.
+    clock_offset: seconds by which its clock is ahead of the camera's.
     """
 
     times: NDArray[np.float64]
@@ -113,9 +113,10 @@ class Gyroscope:
     clock_offset: float
 
     def attitudes(self, times: ArrayLike) -> list[NDArray[np.float64] | None]:
-        """Of the camera at its own times, seconds: Frame.attitude (3, 3), None where nothing was read.
+        """Attitudes of the camera at times of its own clock: Frame.attitude (3, 3), None where nothing was read.
 
-        Raises ValueError where the turns that it was found by do not tell how it lies in the camera within 2 degrees.
+        times: seconds. Raises ValueError where the turns from which the gyroscope was found do not tell how it lies in
+        the camera within 2 degrees.
         """
         if not self.deviation < _MOST_DEVIATION:
             raise ValueError(

@@ -12,20 +12,20 @@ from ._fastibl import Environment, texel_directions, texel_solid_angles
 
 @dataclass(frozen=True)
 class CameraRatio:
-    """ratio: (3,) what the front camera makes of a radiance by what the back one makes of it, by channel. unseen: share
-    of the light on the board that rests on what no camera saw."""
+    """ratio: (3,) the front camera's value for a radiance divided by the back camera's, per channel. unseen: share of
+    the light on the board that comes from where no camera looked."""
 
     ratio: NDArray[np.float64]
     unseen: float
 
 
 def camera_ratio(environment: Environment) -> CameraRatio:
-    """What the front camera makes of light by what the back camera makes of it.
+    """Measures the front camera's value for a light, divided by the back camera's.
 
-    environment: captured with a board, all around: what lies above the horizon by the front camera, and the board's
-    white by the back one (`environment.plane_irradiance`). Give the ratio to a Session as `front_ratio`, or to
-    Capture.add as `tint`. It is as exact as the albedo of the paper, see Capture. Raises LookupError where no picture
-    showed enough of the board's white, ValueError for a dark map.
+    environment: captured with a board, all around: what is above the horizon by the front camera, and the board's white
+    by the back camera (`environment.plane_irradiance`). Give the ratio to a Session as `front_ratio`, or to Capture.add
+    as `tint`. It is as exact as the albedo of the paper, see Capture. Raises LookupError where no picture showed enough
+    of the board's white, ValueError for a dark map.
     """
     measured = environment.plane_irradiance
     if measured is None:

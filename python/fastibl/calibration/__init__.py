@@ -1,7 +1,7 @@
-"""What a rig has to know of itself, measured: lenses, responses, the board, and how its cameras sit to each other
-and when they take what they show.
+"""Measures what a rig has to know about itself: lenses, responses, the board, how its cameras sit relative to each
+other, and when they take their pictures.
 
-Each figure comes with its standard deviation, and where the data cannot support it, with a refusal instead: a
+Each figure comes with its standard deviation; where the data cannot support it, there is a refusal instead: a
 ValueError that says what to photograph.
 """
 

@@ -1,4 +1,4 @@
-"""Where a board is, by the rays of its corners: for cameras in whose pictures no Tracker works."""
+"""Where a board is, from the rays of its corners: for cameras in whose pictures no Tracker works."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _MOST_OFF = 2.0  # pixels, median: beyond, it is another board, or not the camer
 
 
 def board_pose(picture: ArrayLike, board: Board, camera: Camera) -> Pose | None:
-    """camera_from_marker of a board in one picture of a camera of any model, a fisheye or one of 360 degrees.
+    """camera_from_marker of a board in one picture of a camera of any model, including fisheye and 360 degrees.
 
-    Each picture by itself. None where it shows fewer than three tags, or tags that no pose explains.
+    Each picture is used by itself. None where it shows fewer than three tags, or tags that no pose explains.
     """
     seen = find_corners(picture, board, camera)
     if len(seen.ids) < min(_LEAST_TAGS, len(board.tags)):

@@ -1,5 +1,5 @@
-"""Bundle adjustment of a lens and of boards' poses with what else pictures may tell: how the print departs from the
-board that it was said to be, and how the camera moved while a rolling shutter took its rows."""
+"""Bundle adjustment of a lens, of the board's poses, and of what else pictures may tell: how the print departs from the
+stated board, and how the camera moved while a rolling shutter took its rows."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ class Bundle:
     """One adjustment.
 
     lens: as OpenCV has it, in the order of CameraCalibration.deviations, and its standard deviations; poses:
-    camera_from_marker of each picture, of its middle row; residual: RMS of corners, pixels. bend: metres between the
-    print's highest and lowest corner above the mean plane; stretch: of its height against its width (1.002: 0.2 % too
-    high); bent: whether pictures tell these from a flat print as it was said to be. moved: pixels by which corners
-    move from the first to the last row, the median of the pictures; 0 where rows were taken to be taken at once.
+    camera_from_marker of each picture, for its middle row; residual: RMS of corners, pixels. bend: metres between the
+    print's highest and lowest corner above the mean plane; stretch: its height relative to its width (1.002: 0.2 % too
+    high); bent: whether pictures can tell these from a flat print of the stated size. moved: pixels by which corners
+    move from the first to the last row, the median of the pictures; 0 where rows were assumed to be taken at once.
     readout: seconds from the first to the last row, and its standard deviation, where times tell them.
-    squares, freedom: of the residuals, pixels squared; motions: parameters of the motion.
+    squares, freedom: sum of squares of the residuals, pixels squared, and its degrees of freedom; motions: number of
+    parameters of the motion.
     """
 
     lens: NDArray[np.float64]
@@ -51,13 +52,13 @@ class Bundle:
     motions: int
 
     def tells_motion(self, still: Bundle) -> bool:
-        """Whether pictures tell their motion from none, as in `still`."""
+        """Whether the pictures can tell their motion from none; `still` is the fit without motion."""
         if not (np.isfinite(self.lens).all() and (self.lens[:2] > 0).all()):
             return False
         return (still.squares - self.squares) * self.freedom > _SURE * self.squares * self.motions
 
     def fault(self, board: Board) -> str | None:
-        """What to do about a print that is too far from flat; None for one that is not."""
+        """What to do about a print that is too far from flat; None where it is not."""
         if not self.bent:
             return None
         if self.bend > most_bend(board):
@@ -71,13 +72,13 @@ class Bundle:
 
 
 def most_bend(board: Board) -> float:
-    """Metres that a print may bend without a warning: 0.3 mm of the default board."""
+    """Metres that a print may bend without a warning: 0.3 mm for the default board."""
     corners = np.concatenate([np.asarray(tag.corners) for tag in board.tags])
     return _MOST * float(np.ptp(corners, axis=0).max())
 
 
 def smooth_bend(corners: NDArray[np.float64], heights: NDArray[np.float64]) -> float:
-    """Metres between the highest and the lowest corner above the mean plane, of a smooth surface through noisy heights.
+    """Metres between the highest and lowest corner above the mean plane, on a smooth surface through noisy heights.
 
     corners: (n, 2), heights: (n,) metres.
     """
@@ -145,7 +146,8 @@ class _View:
 
 
 def neighbours(times: Sequence[float]) -> list[tuple[int, int, int] | None]:
-    """Of each picture of a film, itself in the middle or at an end of three in a row; None where there are none."""
+    """For each picture of a film, three pictures in a row with it in the middle or at an end; None where there are
+    none."""
     close = np.diff(times) < _GAP
     runs = [k for k in range(len(close) - 1) if close[k] and close[k + 1]]  # first of three
     out: list[tuple[int, int, int] | None] = []
@@ -166,12 +168,12 @@ def adjust(
     moves: bool = False,
     times: Sequence[float] | None = None,
 ) -> Bundle:
-    """Fits lens and poses by Gauss and Newton from a fit of a flat print and of cameras at rest.
+    """Fits lens and poses by Gauss-Newton, starting from a fit with a flat print and a camera at rest.
 
-    poses: camera_from_marker of each of `seen`. count: of the lens's parameters that were fitted. bends: whether the
-    print may be bent and stretched; moves: whether each picture's rows may be taken one after the other. times: seconds
-    of the pictures of a film, each of which has neighbours(): poses tell the motion then, and what is fitted is the
-    time from the first to the last row; else each picture has a motion of its own, as of a hand.
+    poses: camera_from_marker of each of `seen`. count: number of the lens's parameters that were fitted. bends: whether
+    the print may be bent and stretched; moves: whether each picture's rows may be taken one after the other. times:
+    seconds of the pictures of a film, each of which has neighbours(): the poses then tell the motion, and the time from
+    the first to the last row is fitted; otherwise each picture has a motion of its own, like that of a hand.
     """
     print_ = _Print.of(board)
     lens = np.array([camera.fx, camera.fy, *_opencv_centre(camera), *camera.distortion], np.float64)

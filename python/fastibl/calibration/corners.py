@@ -20,25 +20,25 @@ _TOLD = 3  # pictures of which an error says what they show: each takes some ten
 
 @dataclass(frozen=True)
 class Seen:
-    """Tags of one picture: ids, and their corners on the board (n, 4, 2) in metres and in the picture, pixels."""
+    """Tags of one picture: ids, and their corners (n, 4, 2) on the board, in metres, and in the picture, in pixels."""
 
     ids: tuple[int, ...]
     on_board: NDArray[np.float64]
     pixels: NDArray[np.float64]
 
     def points(self) -> NDArray[np.float32]:
-        """(4 n, 3) for OpenCV."""
+        """Points on the board (4 n, 3) for OpenCV."""
         return np.pad(self.on_board.reshape(-1, 2), ((0, 0), (0, 1))).astype(np.float32)
 
     def opencv_pixels(self) -> NDArray[np.float32]:
-        """(4 n, 2), counted from the centre of the upper left pixel as OpenCV does."""
+        """Pixels (4 n, 2), counted from the centre of the upper left pixel as OpenCV does."""
         return (self.pixels.reshape(-1, 2) - 0.5).astype(np.float32)
 
 
 def grey_of(picture: ArrayLike, camera: Camera) -> tuple[NDArray[np.uint8], Camera]:
     """(height, width) uint8, and the camera by whose response it is encoded.
 
-    uint16 pictures are brightened to white and encoded anew: 8 bits of dark ones, or of linear ones, show no tags.
+    uint16 pictures are brightened to white and encoded anew: 8 bits of dark or linear ones would show no tags.
     """
     pixels = np.asarray(picture)
     if pixels.dtype != np.uint16:
@@ -50,11 +50,11 @@ def grey_of(picture: ArrayLike, camera: Camera) -> tuple[NDArray[np.uint8], Came
 
 
 def find_corners(picture: ArrayLike, board: Board, camera: Camera, refine: bool = True) -> Seen:
-    """Tags of the board, their corners refined in linear light.
+    """Finds the tags of the board, with their corners refined in linear light.
 
     camera: its lens and response; a guess will do where lines are nearly straight, and a better one finds better
-    corners. refine: False for corners as they are detected, some 0.7 pixels off, where nothing is known of a lens that
-    bends lines. Tags that are too small to be refined are left out: one of them is as much off as a hundred others.
+    corners. refine: False keeps corners as detected, some 0.7 pixels off, for a lens that bends lines and of which
+    nothing is known. Tags that are too small to be refined are left out: one of them is as far off as a hundred others.
     """
     grey, camera = grey_of(picture, camera)
     known = {tag.id: np.asarray(tag.corners) for tag in board.tags}
@@ -74,7 +74,8 @@ def find_corners(picture: ArrayLike, board: Board, camera: Camera, refine: bool 
 
 
 def what_is_seen(pictures: Sequence[ArrayLike], left_out: Sequence[int], board: Board, camera: Camera) -> str:
-    """What the first pictures show that show too little, for the end of an error: ". In picture 2: ..." or nothing."""
+    """What is seen in the first of the pictures that show too little, to end an error: ". In picture 2: ..." or
+    nothing."""
     said: dict[str, tuple[str, list[int]]] = {}
     for k in left_out[:_TOLD]:
         grey, _ = grey_of(pictures[k], camera)

@@ -33,11 +33,12 @@ _DARK = 64  # codes up to which a picture may have been taken with the lens cove
 
 @dataclass(frozen=True)
 class ResponseCalibration:
-    """response, and how well it is known.
+    """A camera's response, and how well it is known.
 
-    deviations: (256,) standard deviation of the linear value at 256 even steps from its black to its white level,
-    relative to it, as values compare with that at 90 % of white. white_deviation: of the light of white itself,
-    relative to it, by which all values may be off together: a curve that is flat at its end hardly tells where it ends.
+    deviations: (256,) relative standard deviation of the linear value at 256 even steps from the black to the white
+    level, for values taken relative to the one at 90 % of white. white_deviation: relative standard deviation of the
+    light of white itself, by which all values may be off together: a curve that is flat at its end hardly tells where
+    it ends.
     """
 
     response: Response
@@ -57,12 +58,12 @@ class ResponseCalibration:
 def calibrate_response(
     pictures: Sequence[ArrayLike], exposures: Sequence[float], dark: ArrayLike | None = None
 ) -> ResponseCalibration:
-    """The curve from light to code (Debevec and Malik 1997), one for all channels.
+    """Finds the curve from light to code (Debevec and Malik 1997), one for all channels.
 
-    pictures: (h, w, 3) uint8 RGB of a still place by a still camera. exposures: of each, in any unit. dark: (h, w, 3)
-    uint8 with the lens covered, for the black level, which is taken to be 0 without it; the white level is the code
-    that the brightest picture clips at. Raises ValueError for fewer than three exposures, a place that does not show
-    nearly all codes, a dark picture that is not dark, or a curve that pixels do not agree on.
+    pictures: (h, w, 3) uint8 RGB of a still place by a still camera. exposures: that of each picture, in any unit.
+    dark: (h, w, 3) uint8 with the lens covered, for the black level, which is assumed to be 0 without it; the white
+    level is the code at which the brightest picture clips. Raises ValueError for fewer than three exposures, a place
+    that does not show nearly all codes, a dark picture that is not dark, or a curve on which the pixels do not agree.
     """
     size_of(pictures)
     times = np.asarray(exposures, np.float32)

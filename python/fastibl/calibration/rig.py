@@ -1,4 +1,4 @@
-"""How the front camera sits to the back camera, which share no view."""
+"""How the front camera sits relative to the back camera, where the two share no view."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _MOST_DEGREES, _MOST_METRES = 0.5, 0.005  # deviations that are accepted
 
 @dataclass(frozen=True)
 class RigCalibration:
-    """front_from_back, and how well it is known.
+    """The pose front_from_back, and how well it is known.
 
-    degrees, metres: standard deviations of its turn and of its shift (the largest of three axes).
-    front_board_from_back_board: how the two boards lie to each other. residual_degrees, residual_metres: RMS of what
-    the moments disagree by.
+    degrees, metres: standard deviations of its rotation and of its translation (the largest of three axes).
+    front_board_from_back_board: how the two boards lie relative to each other. residual_degrees, residual_metres: RMS
+    of the disagreement between the moments.
     """
 
     front_from_back: Pose
@@ -44,7 +44,8 @@ class RigCalibration:
 
 
 def calibrate_rig(back: Sequence[Pose | None], front: Sequence[Pose | None]) -> RigCalibration:
-    """From moments at which the back camera saw one board and the front camera another, both boards lying still.
+    """The rig from moments at which the back camera saw one board and the front camera another, both boards lying
+    still.
 
     back: back_from_marker of its board, front: front_from_marker of the other, moment by moment; None where a board was
     not seen. Solves front_from_front_board · Y = X · back_from_back_board for both unknowns (robot-world / hand-eye

@@ -35,9 +35,10 @@ class TimingCalibration:
     """Times of a camera, in seconds, each with its standard deviation.
 
     readout: from a picture's first row to its last. clock_offset: a picture stamped `time` begins at `time` +
-    clock_offset of the other clock; None where no other clock was given. frames: pictures that were used.
-    times, poses: of the tracked pictures, camera_from_marker of the first row: a clock for other cameras. gyroscope:
-    how the one whose rates were given is mounted, and what it says of the camera; None where there was none.
+    clock_offset of the other clock; None where no other clock was given. frames: number of pictures that were used.
+    times, poses: those of the tracked pictures, camera_from_marker of the first row; they can serve as a clock for
+    other cameras. gyroscope: how the gyroscope whose rates were given is mounted, and what it says of the camera; None
+    where there was none.
     """
 
     readout: float
@@ -57,10 +58,10 @@ class TimingCalibration:
 
 
 class PosePath:
-    """Poses of another clock, read at any time between the first and the last of them.
+    """Poses by another clock, which can be read at any time between the first and the last of them.
 
-    times: (n,) seconds, increasing. poses: n Pose, target_from_world. path(time) turns and moves the target evenly
-    between neighbours; ValueError outside the times.
+    times: (n,) seconds, increasing. poses: n Pose, target_from_world. path(time) interpolates rotation and position
+    evenly between neighbours; ValueError outside the times.
     """
 
     def __init__(self, times: ArrayLike, poses: Iterable[Pose | ArrayLike]):
@@ -94,23 +95,23 @@ def calibrate_timing(
     gyro: tuple[ArrayLike, ArrayLike] | None = None,
     longest_offset: float | None = 0.25,
 ) -> TimingCalibration:
-    """Readout of a camera, and its clock against another one, from pictures of a board while the camera moves.
+    """Readout of a camera, and its clock relative to another, from pictures of a board while the camera moves.
 
     frames: (time, (h, w, 3) uint8 RGB) in order, of the whole board if possible; one to three seconds of brisk
-    turns in several directions. camera: its lens; what it says of its readout does not count. poses: (times, Pose
-    or (n, 4, 4) or (n, 3, 3)) of anything that is fixed to the camera, target_from_world, by the other clock: a
-    motion capture system's, an arm's, or another camera's (`.times`, `.poses` of its calibration). gyro: (times,
-    (n, 3) radians a second) of a gyroscope fixed to the camera, about its own axes. How either is mounted need not
-    be known.
-    longest_offset: seconds to both sides in which the clock's offset is looked for. None: anywhere in a gyroscope's
-    log, whose clock counts from another moment (a telephone's start), by how fast both turn.
+    turns in several directions. camera: its lens; its stated readout is ignored. poses: (times, Pose or (n, 4, 4) or
+    (n, 3, 3)) of anything that is fixed to the camera, target_from_world, by the other clock: from a motion capture
+    system, an arm, or another camera (`.times`, `.poses` of its calibration). gyro: (times, (n, 3) radians a second) of
+    a gyroscope fixed to the camera, about its own axes. How either is mounted need not be known. longest_offset:
+    seconds on both sides of 0 within which the clock's offset is searched. None searches all of a gyroscope's log,
+    whose clock counts from another moment (a telephone's start), by how fast both turn.
 
     Each picture's edges say how far the board moved while its rows were read; the poses of the pictures before and
-    after say how fast it moved. The readout is the ratio. The offset is where the turns between pictures agree
-    with those of the other clock, whatever the fixed rotation in between.
+    after say how fast it moved. The readout is the ratio of the two. The offset is the one at which the turns between
+    pictures agree with those by the other clock, whatever the fixed rotation between the two.
 
-    Raises ValueError where the pictures cannot tell: fewer than 12 with a pose, a readout less certain than 2 ms
-    or from the last row up, an offset less certain than 5 ms, at the end of the range, or one among several.
+    Raises ValueError where the pictures cannot tell: fewer than 12 with a pose, a readout that is less certain than 2
+    ms or runs from the last row up, or an offset that is less certain than 5 ms, at the end of the range, or one among
+    several.
     """
     if poses is not None and gyro is not None:
         raise ValueError("give poses or gyro, not both")
