@@ -1,6 +1,6 @@
-"""The same work on many recordings or maps: in several processes, on several machines, and again where it broke off.
+"""The same work on many recordings or maps: in several processes, on several machines, resumed where it broke off.
 
-A function makes one result of one item, as a file or a folder at a path that it is given:
+A function makes one result from one item, as a file or a folder at a path that it is given:
 
     def light(recording, path):  # at the top of a module, so that other processes find it
         fastibl.export_light(fastibl.read_environment(recording), path)
@@ -10,15 +10,15 @@ A function makes one result of one item, as a file or a folder at a path that it
         print(summary)
 
 - A result appears in the folder `out` whole or not at all: it is written elsewhere, and renamed when the function has
-  returned. What is there is done: started again, after an error, a power cut or kill -9, a run does the rest. To do an
-  item again, delete its result.
-- An item that raises does not stop the others. The summary names it, why, and how long everything took; it is written
-  to out/summary.json, too.
-- By default processes of this machine work. Any executor with `submit` does, for other machines: with Dask
-  (`pip install distributed`), `executor=dask.distributed.Client("scheduler:8786")`, with `out` a folder that all of
-  them share.
+  returned. Items whose result is there are done: a run that is started again after an error, a power cut or kill -9
+  does only the rest. To do an item again, delete its result.
+- An item that raises does not stop the others. The summary says which failed and why, and how long everything took; it
+  is also written to out/summary.json.
+- By default, processes of this machine do the work. For other machines, use any executor with `submit`: with Dask (`pip
+  install distributed`), `executor=dask.distributed.Client("scheduler:8786")`, with `out` a folder that all of them
+  share.
 
-One run at a time works on one `out`.
+Only one run at a time may work on one `out`.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ _SUMMARY = "summary.json"
 
 @dataclass(frozen=True)
 class Item:
-    """What became of one item.
+    """The outcome of one item.
 
-    name: of its result in `out`. state: "done"; "kept", which an earlier run had done; "failed". seconds: that its
-    function took, 0 if kept. error: the last line of what it raised, "" if nothing; trace: all of it.
+    name: name of its result in `out`. state: "done"; "kept", if an earlier run had done it; "failed". seconds: time
+    taken by the function, 0 if kept. error: the last line of what it raised, "" if nothing; trace: all of it.
     """
 
     name: str
@@ -63,13 +63,13 @@ class Item:
 
 @dataclass(frozen=True)
 class Summary:
-    """What became of a run's items, in their order; seconds: of the whole run. print() shows it."""
+    """The outcome of a run's items, in their order; seconds: time of the whole run. print() shows the summary."""
 
     items: tuple[Item, ...]
     seconds: float
 
     def of(self, state: str) -> list[Item]:
-        """Items of a state: "done", "kept" or "failed"."""
+        """Items in this state: "done", "kept" or "failed"."""
         return [item for item in self.items if item.state == state]
 
     @property
@@ -101,14 +101,16 @@ def run(
 ) -> Summary:
     """Calls function(item, path) for every item without a result in the folder `out`.
 
-    function: writes a file or a folder at `path`, whose ending is that of the result; both it and the items go to other
-    processes by pickle. name: of an item's result; by default the item's file name without its ending, or str(item),
-    and `suffix`. workers: processes (default: one a core), where no executor is given. executor: anything with
-    submit(function, *arguments) whose futures have add_done_callback and result. threads: of fastibl in each call;
-    by default the cores are shared among the workers, and other executors' threads are left alone.
+    function: writes a file or a folder at `path`, whose ending is that of the result; the function and the items go to
+    other processes by pickle. name: function from an item to the name of its result; by default the item's file name
+    without its ending, or str(item), and `suffix`. workers: number of processes (default: one per core), where no
+    executor is given. executor: anything with submit(function, *arguments) whose futures have add_done_callback and
+    result. threads: number of fastibl's threads in each call; by default the cores are shared among the workers, and
+    other executors' threads are left alone.
 
-    Raises ValueError for two items of one name, a name that is no file name, or fewer than one worker or thread;
-    TypeError for one path instead of items, and for an executor that is none. What items raise is in the summary.
+    Raises ValueError for two items with the same name, a name that is not a file name, or fewer than one worker or
+    thread; TypeError for one path instead of items, and for what is not an executor. What items raise is in the
+    summary.
     """
     for number, what in ((workers, "workers"), (threads, "threads")):
         expect(number, (SupportsIndex, type(None)), what)

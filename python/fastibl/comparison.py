@@ -16,11 +16,11 @@ _FINEST, _BLOCKS = 256, 32  # texels and blocks along an edge that the irradianc
 
 @dataclass(frozen=True)
 class Comparison:
-    """Errors of what a matte (irradiance), a glossy (exponent 64) and a mirror sphere would show.
+    """Errors of the light that a matte (irradiance), a glossy (exponent 64) and a mirror sphere would show.
 
     rmse: relative to the true mean (1e-12 for a black one). scale_invariant_rmse: the same after the best
     common factor. angular: mean angle between estimated and true RGB, in degrees. median: median relative error of the
-    irradiance over normals. Printed, it is a line a sphere.
+    irradiance over normals. Printing it gives one line per sphere.
     """
 
     rmse: dict[str, float]
@@ -55,8 +55,8 @@ def level_at_most(source: Any, size: int) -> NDArray:
 def irradiance_over_sphere(source: Any, size: int = 8) -> NDArray:
     """Irradiance (6, size, size, 3) float64 over normals, of the map's level of at most 256 squared texels.
 
-    Summed over blocks of which each keeps its light's mean direction, by channel: wrong only where a block is both
-    above the horizon and below it.
+    It is summed over blocks, each of which keeps the mean direction of its light per channel: this is wrong only where
+    a block lies both above and below the horizon.
     """
     faces = level_at_most(source, _FINEST)
     pieces = max(1, _BLOCKS // faces.shape[1])
@@ -77,20 +77,20 @@ def irradiance_over_sphere(source: Any, size: int = 8) -> NDArray:
 
 
 def relative_errors(estimated: NDArray, true: NDArray) -> NDArray:
-    """RMS over RGB of the difference, by the true RGB mean at the same place; (...,)."""
+    """RMS over RGB of the difference, divided by the true RGB mean at the same place; (...,)."""
     scale = np.maximum(true.mean(axis=-1), 1e-12)
     return np.sqrt(((estimated - true) ** 2).mean(axis=-1)) / scale
 
 
 def irradiance_error(estimated: Any, true: Any) -> float:
-    """Median over normals of the relative error of the irradiance of two maps."""
+    """Median over normals of the relative error of the estimated map's irradiance."""
     return float(np.median(relative_errors(irradiance_over_sphere(estimated), irradiance_over_sphere(true))))
 
 
 def compare(estimated: Any, true: Any) -> Comparison:
     """Compare two maps (Environment, CubeMap or faces (6, n, n, 3)) by the spheres that they would light.
 
-    Raises ValueError or TypeError for what is no map.
+    Raises ValueError or TypeError for what is not a map.
     """
     from .lighting import Lighting
 

@@ -16,12 +16,12 @@ _APART = 1000.0  # times that a machine may be faster or slower than the built-i
 
 
 def default_costs() -> dict[str, float]:
-    """The built-in table: nanoseconds by name. What is chosen by error alone goes by it, the same on every machine."""
+    """The built-in table: nanoseconds by name. Choices by error alone use it, and so are the same on every machine."""
     return _default_costs()
 
 
 def costs_path() -> Path | None:
-    """Where this machine's table is kept: in the cache folder of baked shadows; None where FASTIBL_CACHE is 0."""
+    """Path of this machine's table, in the cache folder of baked shadows; None where FASTIBL_CACHE is 0."""
     folder = cache_folder()
     machine = hashlib.sha256(cpu().encode()).hexdigest()[:12]
     return None if folder is None else folder / f"costs-{__version__}-{machine}.json"
@@ -30,9 +30,9 @@ def costs_path() -> Path | None:
 def machine_costs(measure: bool = True) -> dict[str, float]:
     """This machine's table: nanoseconds of one core by name, for Session(costs=...) and make_plan(costs=...).
 
-    Read from costs_path(), or measured (some seconds) and written there; a file that is broken, or of other names, is
-    measured again, and one that cannot be written is no error. measure=False gives the built-in table instead of
-    measuring.
+    It is read from costs_path(), or measured (some seconds) and written there. If the file is broken or has other
+    names, the table is measured again; a file that cannot be written is no error. measure=False gives the built-in
+    table instead of measuring.
     """
     path = costs_path()
     kept = None if path is None else _read(path)

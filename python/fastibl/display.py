@@ -1,4 +1,4 @@
-"""How maps, light, shadows, plans and frames show themselves: in notebooks by themselves, elsewhere by `fastibl.plot`.
+"""How maps, light, shadows, plans and frames are shown: automatically in notebooks, elsewhere by `fastibl.plot`.
 
 `picture` needs nothing but OpenCV; `plot` needs matplotlib (pip install matplotlib), when it is called.
 """
@@ -28,10 +28,10 @@ _MATTE, _GLOSSY = 0.8, 64.0  # albedo and exponent of the spheres that show a Li
 def picture(thing: Any, height: int = 256) -> NDArray[np.uint8]:
     """A picture (h, w, 3) uint8 RGB of a CubeMap, Environment, Lighting, ShadowMap, FrameResult or Guidance.
 
-    height: in pixels; frames and guidance keep their own. Maps are shown as equirectangular pictures (z at the top,
-    +y in the middle), their median at a quarter of white; what no camera saw is dimmed. A Lighting is shown by a matte,
-    a glossy and a mirror sphere, seen along +y. Of a ShadowMap row 0 is the largest y, as the board is looked at.
-    Raises TypeError for anything else, ValueError for a height below 8.
+    height: in pixels; frames and guidance keep their own. Maps are shown as equirectangular pictures (z at the top, +y
+    in the middle), with their median at a quarter of white; what no camera saw is dimmed. A Lighting is shown by a
+    matte, a glossy and a mirror sphere, seen along +y. In the picture of a ShadowMap, row 0 is the largest y, as one
+    looks at the board. Raises TypeError for anything else, ValueError for a height below 8.
     """
     raise TypeError(f"no picture of {type(thing).__name__}; there are pictures of CubeMap, Environment, Lighting, "
                     "ShadowMap, FrameResult and Guidance")  # fmt: skip
@@ -94,7 +94,7 @@ def _(thing: Guidance, height: int = 256) -> NDArray[np.uint8]:
 
 
 def png(thing: Any) -> bytes:
-    """`picture` as a PNG file. Raises what it raises."""
+    """The result of `picture` as a PNG file. Raises what `picture` raises."""
     import cv2
 
     return cv2.imencode(".png", np.ascontiguousarray(picture(thing)[..., ::-1]))[1].tobytes()
@@ -143,9 +143,9 @@ def _(thing: Comparison) -> str:
 def plot(thing: Any, axes: Any = None, title: str | None = None) -> Any:
     """Draws a CubeMap, Environment, Lighting, ShadowMap, FrameResult, Guidance, Plan or Comparison; returns the axes.
 
-    axes: matplotlib's to draw into; None makes a figure. title: above it. Maps have their directions along the edges, a
-    ShadowMap metres; a Plan and a Comparison are bars. Raises TypeError for anything else, ImportError without
-    matplotlib.
+    axes: matplotlib's axes to draw into; None makes a figure. title: text above it. Maps have their directions along
+    the edges, a ShadowMap has metres; a Plan and a Comparison are drawn as bars. Raises TypeError for anything else,
+    ImportError without matplotlib.
     """
     try:
         from matplotlib import pyplot
@@ -243,7 +243,7 @@ def _html(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def attach() -> None:
-    """Lets notebooks show these classes by themselves."""
+    """Lets notebooks show these classes automatically."""
     pictured: tuple[Any, ...] = (CubeMap, Environment, Lighting, ShadowMap, FrameResult, Guidance)
     for kind in pictured:
         kind._repr_png_ = png

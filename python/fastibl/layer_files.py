@@ -1,4 +1,4 @@
-"""What a frame's picture was put together from, as a file for a compositing program."""
+"""The layers of a frame's picture, as a file for a compositing program."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def write_layers(
 ) -> None:
     """Writes the layers of a frame, `Session.layers`, as a linear .exr of half floats.
 
-    R, G, B, A is the object, premultiplied, and ratio.R, ratio.G, ratio.B what the plate is multiplied by before the
-    object is laid over it: plate * ratio * (1 - A) + RGB is the frame's picture in linear light, where 1 is the white
-    of the camera's response. plate: the back picture, (h, w, 3) RGB of 8 or 16 bits, or linear floats, as the session
-    was given it; plate.R, plate.G, plate.B is that in linear light. response: of the back camera (default: sRGB).
+    R, G, B, A is the object, premultiplied, and ratio.R, ratio.G, ratio.B is the factor on the plate before the object
+    is laid over it: plate * ratio * (1 - A) + RGB is the frame's picture in linear light, where 1 is the white of the
+    camera's response. plate: the back picture, (h, w, 3) RGB of 8 or 16 bits, or linear floats, as it was given to the
+    session; plate.R, plate.G, plate.B is this picture in linear light. response: of the back camera (default: sRGB).
     Raises ValueError for another ending or a plate of another size, ImportError without OpenEXR.
     """
     path = Path(path)

@@ -1,5 +1,5 @@
-"""One camera, live: read in a thread, stamped when grabbed, opened again when it was unplugged. A video file stands in
-for one: it plays once, at its own speed."""
+"""One live camera: read in a thread, stamped when grabbed, opened again after it was unplugged. A video file can stand
+in for a camera: it plays once, at its own speed."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _MANUAL = {"V4L2": 1.0, "DSHOW": 0.25, "MSMF": 0.25}  # CAP_PROP_AUTO_EXPOSURE
 @dataclass(frozen=True)
 class Shot:
     """A picture of one camera. time: seconds when it was grabbed. image: (h, w, 3) uint8 RGB. exposure: multiplier of
-    radiance, None where the camera does not tell. number: counts all pictures of the camera. setting: how many calls
-    of set_exposure it follows."""
+    radiance, None where the camera does not tell it. number: counts all pictures of the camera. setting: number of
+    set_exposure calls before it."""
 
     time: float
     image: NDArray[np.uint8]
@@ -97,7 +97,7 @@ class _Film:
 
 
 def open_camera(device: int | str) -> Any:
-    """A cv2.VideoCapture; one of the network gives up after some seconds, not half a minute."""
+    """Opens a cv2.VideoCapture; a network camera gives up after some seconds, not half a minute."""
     import cv2
 
     if isinstance(device, str) and "://" in device:
@@ -109,12 +109,12 @@ def open_camera(device: int | str) -> Any:
 class LiveCamera:
     """A camera by number, device path or URL, or a video file, read in a thread of its own; a context manager.
 
-    size: (width, height) asked for. name: in messages. open_capture: called with the device, gives what behaves like
-    a cv2.VideoCapture. retry: seconds between attempts to open a camera that is not there. clock: seconds, the same
-    for all cameras. news: notified when a picture comes; may be shared. log: called with one line when the camera
-    comes, goes, or cannot hold its exposure.
-    The camera first finds its exposure by itself; then exposure and white balance are held, for radiance is compared
-    between pictures. An exposure of 1 is 10 ms where the driver tells times.
+    size: (width, height) asked of the camera. name: its name in messages. open_capture: called with the device, returns
+    what behaves like a cv2.VideoCapture. retry: seconds between attempts to open a camera that is not there. clock:
+    function that gives seconds, the same for all cameras. news: condition that is notified when a picture comes; may be
+    shared. log: called with one line when the camera comes, goes, or cannot hold its exposure. The camera first finds
+    its exposure by itself; then exposure and white balance are held, because radiance is compared between pictures. An
+    exposure of 1 is 10 ms where the driver tells times.
     """
 
     def __init__(
@@ -150,27 +150,27 @@ class LiveCamera:
 
     @property
     def ended(self) -> bool:
-        """Whether it is a video file of which all pictures were handed out; a camera may always come back."""
+        """Whether this is a video file and all its pictures were handed out; a camera may always come back."""
         return self._ended and not self.has_news
 
     def rewind(self) -> None:
-        """Plays a video file that has ended from its begin."""
+        """Plays a video file that has ended from the beginning again."""
         if self.ended and not self._stop.is_set():
             self._ended = False
             self._start()
 
     @property
     def connected(self) -> bool:
-        """Whether it gives pictures now."""
+        """Whether the camera gives pictures now."""
         return self._connected
 
     @property
     def settable(self) -> bool:
-        """Whether its driver takes exposure times; known once it gives pictures."""
+        """Whether the camera's driver takes exposure times; known once it gives pictures."""
         return self._settable
 
     def set_exposure(self, exposure: float) -> None:
-        """Use another exposure from about the next picture on; pictures between are of unknown exposure."""
+        """Uses another exposure from about the next picture on; pictures taken in between have an unknown exposure."""
         if not (exposure > 0 and np.isfinite(exposure)):
             raise ValueError(f"an exposure must be positive and finite, got {exposure}")
         with self._changed:
@@ -179,11 +179,11 @@ class LiveCamera:
 
     @property
     def has_news(self) -> bool:
-        """Whether there is a picture that was not handed out yet."""
+        """Whether there is a picture that has not been handed out yet."""
         return self._shot is not None
 
     def newest(self, timeout: float = 0.0) -> Shot | None:
-        """The latest picture, each once; waits up to `timeout` seconds for it. None if there is no new one."""
+        """The latest picture; each is given once. Waits up to `timeout` seconds for it; None if there is no new one."""
         with self._changed:
             self._changed.wait_for(lambda: self._shot is not None or self._stop.is_set(), timeout)
             shot, self._shot = self._shot, None

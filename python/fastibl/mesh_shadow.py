@@ -1,4 +1,4 @@
-"""Shadow of a rigid object on the marker plane, from its triangles; what is baked is kept on disk."""
+"""Shadow of a rigid object on the marker plane, from its triangles; baked results are kept on disk."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _MOST_BYTES = 256 << 20  # of all files together; the ones that were used longes
 def cache_folder() -> Path | None:
     """Where baked shadows are kept: $XDG_CACHE_HOME/fastibl or ~/.cache/fastibl.
 
-    FASTIBL_CACHE may also name another folder. None where it is 0, or the user has no home.
+    The variable FASTIBL_CACHE may name another folder. None where it is 0, or the user has no home.
     """
     chosen = os.environ.get("FASTIBL_CACHE", "")
     if chosen == "0":
@@ -54,18 +54,18 @@ def cache_folder() -> Path | None:
 class MeshShadow:
     """Shadow of a rigid object on the marker plane, for any light.
 
-    What the object hides of each cell of the sky is worked out once, and kept in `cache_folder()` by the content of
-    the mesh; a light is then a sum of products, with the shadows of up to `directions` of its brightest parts drawn
-    from the triangles themselves.
+    How much of each cell of the sky the object hides is computed once, and kept in `cache_folder()` under the content
+    of the mesh. The shadow under a light is then a sum of products; for up to `directions` of the light's brightest
+    parts, shadows are drawn from the triangles themselves.
 
-    mesh: as it stands on the plane z = 0, metres; what is below casts no shadow, triangles hide from both sides.
-    resolution: texels along an edge of the map, 8 to 1024. extent: half the map's edge in metres, by default 1.5
-    times the object's largest extent; a coarse map of the same texels, 6 times as large, lies around it. rings,
-    samples: 4 rings^2 cells of the sky, and directions that each is made of (1 to 63). directions: for lights, 0 for
-    none. fine: texels along an edge of one more map where a compact light, a sun or lamp of a few degrees with a tenth
-    of the irradiance, casts its shadow; 0 for none. progress: a bar on stderr if that is a terminal and the work lasts;
-    or a function that is given the part done, and ends the work with KeyboardInterrupt by returning False. cache:
-    whether to keep the work on disk and to take it from there.
+    mesh: as it stands on the plane z = 0, metres; parts below it cast no shadow, triangles hide from both sides.
+    resolution: texels along an edge of the map, 8 to 1024. extent: half the map's edge in metres, by default 1.5 times
+    the object's largest extent; a coarse map of the same texels, 6 times as large, lies around it. rings, samples: the
+    sky has 4 rings^2 cells, each made of `samples` directions (1 to 63). directions: most directions for bright parts
+    of a light, 0 for none. fine: texels along an edge of one more map where a compact light, a sun or lamp of a few
+    degrees with a tenth of the irradiance, casts its shadow; 0 for none. progress: whether to show a bar on stderr if
+    that is a terminal and the work takes long; or a function that is given the part done, and ends the work with
+    KeyboardInterrupt by returning False. cache: whether to keep the work on disk and to take it from there.
 
     Raises ValueError for a mesh without triangles or with values that are not finite, and for options out of range.
     """
@@ -100,12 +100,12 @@ class MeshShadow:
 
     @property
     def baked(self) -> BakedShadow:
-        """What was baked; for Scene.baked_shadow."""
+        """The baked result, for Scene.baked_shadow."""
         return self._baked
 
     @property
     def bytes(self) -> int:
-        """Memory of the tables."""
+        """Memory of the tables, bytes."""
         return self._baked.bytes
 
     @property
@@ -114,7 +114,7 @@ class MeshShadow:
         return self._baked.extent
 
     def fits(self, marker_from_object: Pose | ArrayLike) -> bool:
-        """Whether an object that was moved so still stands as it was baked: shifted on the plane, turned about z."""
+        """Whether an object at this pose still stands as it was baked: only shifted on the plane and turned about z."""
         return self._baked.fits(marker_from_object)
 
     def cast(
@@ -124,10 +124,11 @@ class MeshShadow:
         *,
         follow: bool = False,
     ) -> ShadowMap:
-        """The shadow under this light; lights of an Environment whose place is known cast it from there.
+        """The shadow under this light; lights of an Environment whose place is known cast the shadow from there.
 
-        follow: keep the directions of lights of the last call with `follow` while they suit: steady from frame to
-        frame, and 20 to 100 times faster than to choose them anew. Raises ValueError for a pose that `fits` refuses.
+        follow: whether to keep the directions of lights of the last call with `follow` while they suit, which is steady
+        from frame to frame, and 20 to 100 times faster than choosing them anew. Raises ValueError for a pose that
+        `fits` refuses.
         """
         light = self._light if follow else MeshShadowLight(**self._settings)
         environment = cube if isinstance(cube, Environment) else None
@@ -136,7 +137,7 @@ class MeshShadow:
     def ratio(self, cube: CubeMap | Environment, points: ArrayLike) -> NDArray[np.float32]:
         """Ratio (..., 3) of the light at plane points (..., 2) in metres, with and without the object.
 
-        In [0, 1]; bilinear between the texels of the map, 1 outside of both and in a channel without light. Raises
+        In [0, 1]; bilinear between the texels of the map, 1 outside both maps and in a channel without light. Raises
         ValueError for another shape.
         """
         return self.cast(cube).sample(points)

@@ -22,17 +22,17 @@ _MOST = 4096  # texels along an edge
 def write_shadow(
     path: str | os.PathLike[str], shadow: ShadowMap, extent: float | None = None, resolution: int | None = None
 ) -> dict[str, Any]:
-    """Writes a shadow as seen from above: +y at the top, +x to the right; .exr or .png. Returns what is in the file.
+    """Writes a shadow as seen from above: +y at the top, +x to the right; .exr or .png. Returns the file's description.
 
-    .exr: R, G, B, A is a matte of black by the shadow's opacity, premultiplied: matte over plate, linear, is the
-    shadowed plate in grey. ratio.R, ratio.G, ratio.B is the ratio of the light with and without the object, which times
-    a linear plate is exact in colour. The header has the plane's "extent" (metres from the middle to an edge), "centre"
-    (metres, marker frame) and "metresPerPixel".
-    .png: 16 bits, RGB black, alpha the same opacity, which is linear: compose it in linear light, and the picture with
-    its description beside it as .json. Opacity is 1 less the ratio's Rec. 709 luminance.
-    extent: half the picture's edge in metres, by default all that the shadow reaches. resolution: pixels along an edge,
-    by default those of the shadow's finest map, at most 4096. Raises ValueError for another ending or what is not
-    positive, ImportError for .exr without OpenEXR.
+    .exr: R, G, B, A is a black matte with the shadow's opacity, premultiplied: laid over a linear plate, it gives the
+    plate with a grey shadow. ratio.R, ratio.G, ratio.B is the ratio of the light with and without the object; a linear
+    plate times this ratio is exact in colour. The header has the plane's "extent" (metres from the middle to an edge),
+    "centre" (metres, marker frame) and "metresPerPixel".
+    .png: 16 bits, RGB black, alpha the same opacity, which is linear, so compose it in linear light; the description is
+    beside the picture as .json. Opacity is 1 minus the Rec. 709 luminance of the ratio. extent: half the picture's edge
+    in metres, by default all that the shadow reaches. resolution: pixels along an edge, by default those of the
+    shadow's finest map, at most 4096. Raises ValueError for another ending or values that are not positive, ImportError
+    for .exr without OpenEXR.
     """
     path = Path(path)
     suffix = path.suffix.lower()

@@ -44,8 +44,7 @@ class RigCalibration:
 
 
 def calibrate_rig(back: Sequence[Pose | None], front: Sequence[Pose | None]) -> RigCalibration:
-    """The rig from moments at which the back camera saw one board and the front camera another, both boards lying
-    still.
+    """The rig from moments when the back camera saw one board and the front camera another, both boards at rest.
 
     back: back_from_marker of its board, front: front_from_marker of the other, moment by moment; None where a board was
     not seen. Solves front_from_front_board · Y = X · back_from_back_board for both unknowns (robot-world / hand-eye
