@@ -37,7 +37,7 @@ def _plain_warnings() -> Iterator[None]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs a command; the exit code is 0, 2 for bad input, 130 when interrupted."""
+    """Runs a command; the exit code is 0 for success, 2 for bad input, 130 when interrupted."""
     arguments = build_parser().parse_args(argv)
     try:
         with _plain_warnings():

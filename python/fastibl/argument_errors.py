@@ -1,4 +1,4 @@
-"""A call of the extension that its arguments do not fit: what is wrong with it, instead of all that would fit.
+"""Explains a call of the extension with arguments that do not fit: what is wrong, instead of all that would fit.
 
 pybind11 answers such a call with signatures; the extension gives that answer to `explain`
 (cpp/bindings/argument_errors.h).
@@ -105,7 +105,7 @@ def _parameters(signature: str) -> list[_Parameter]:
 
 
 def explain(message: str, args: tuple, kwargs: Mapping[str, Any]) -> str:
-    """What is wrong with the first argument that does not fit; pybind11's message where that cannot be told.
+    """Says what is wrong with the first argument that does not fit; pybind11's message where this cannot be told.
 
     args: with `self`.
     """

@@ -1,8 +1,8 @@
-"""Textures of several materials in one picture: where each lies, and what is around it.
+"""Textures of several materials in one picture: where each of them lies, and what is around it.
 
-Each keeps its texels where all fit, as a bilinear look-up of it then shows the same. It lies in a cell with a margin
-around it that shows how the texture goes on, so that coarse levels of the atlas do not mix it with its neighbours
-before it is seen smaller than 1/16. Cells lie on whole texels of those levels.
+Where all fit, each texture keeps its texels, so that a bilinear look-up still shows the same. It lies in a cell with a
+margin that continues the texture, so that coarse levels of the atlas do not mix it with its neighbours before it is
+seen smaller than 1/16. Cells lie on whole texels of those levels.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _TRIED = 16  # widths
 
 @dataclass(frozen=True)
 class Cell:
-    """A rectangle of texels, and in it that of a texture; rows from the top."""
+    """A rectangle of texels that contains the rectangle of a texture; rows from the top."""
 
     x: int
     y: int
@@ -33,7 +33,7 @@ class Cell:
 
     @property
     def left(self) -> int:
-        """Columns of the cell before those of the texture."""
+        """Number of columns of the cell before those of the texture."""
         return (self.width - self.columns) // 2
 
     @property
@@ -41,7 +41,7 @@ class Cell:
         return (self.height - self.rows) // 2
 
     def filled(self, picture: NDArray, wraps: tuple[str, str]) -> NDArray[np.float32]:
-        """(height, width, c): the picture (h, w, c) in its place, and how it goes on around it."""
+        """(height, width, c): the picture (h, w, c) in its place, continued into the margin around it."""
         import cv2
 
         size = min(self.columns, picture.shape[1]), min(self.rows, picture.shape[0])
@@ -78,7 +78,7 @@ class Atlas:
 def packed(sizes: Sequence[tuple[int, int]]) -> Atlas:
     """Cells for textures of these sizes (columns, rows); the largest are shrunk until all fit.
 
-    Raises ValueError for more than fit however small they are.
+    Raises ValueError for more textures than fit, however small they are.
     """
     longest = max(map(max, sizes))
     while True:
@@ -93,7 +93,8 @@ def packed(sizes: Sequence[tuple[int, int]]) -> Atlas:
 
 
 def folded(u: NDArray, triangles: NDArray, wrap: str) -> NDArray:
-    """Coordinates within 0 to 1 that show the same of a texture. Raises ValueError for a triangle across its border."""
+    """Coordinates within 0 to 1 that show the same texels. Raises ValueError for a triangle across the texture's
+    border."""
     corners = u[triangles]
     if wrap == "repeat":
         u = u - np.floor(corners.min() + 1e-4)

@@ -37,7 +37,7 @@ _FACES = np.array(
 
 
 def radiance_of(cube: CubeMap | Environment) -> CubeMap:
-    """The map itself. Raises TypeError for what is neither."""
+    """The CubeMap itself, or that of an Environment. Raises TypeError for what is neither."""
     radiance = cube.radiance if isinstance(cube, Environment) else cube
     expect(radiance, CubeMap, "cube")
     return radiance
@@ -46,7 +46,7 @@ def radiance_of(cube: CubeMap | Environment) -> CubeMap:
 def matrix(axes: str, picture: bool = False) -> NDArray[np.int_]:
     """(3, 3): a direction in the named axes is this matrix times the one in the marker frame.
 
-    picture: the frame of an equirectangular picture instead. Raises ValueError for another name.
+    picture: whether to use the frame of an equirectangular picture instead. Raises ValueError for another name.
     """
     if axes not in _AXES:
         raise ValueError(f"axes must be one of {', '.join(NAMES)}, got {axes!r}")
@@ -54,7 +54,8 @@ def matrix(axes: str, picture: bool = False) -> NDArray[np.int_]:
 
 
 def turned(cube: CubeMap, turn: NDArray[np.int_]) -> CubeMap:
-    """The map with every direction d of it at turn @ d; turn is a signed permutation, so that no value changes."""
+    """The map with each of its directions d moved to turn @ d; turn is a signed permutation, so that no value
+    changes."""
     n = cube.size
     # Texel centres in whole numbers: n along the major axis, 2 x + 1 - n across.
     to = texel_directions(n).astype(np.float64)
@@ -70,7 +71,7 @@ def turned(cube: CubeMap, turn: NDArray[np.int_]) -> CubeMap:
 
 
 def to_axes(cube: CubeMap, axes: str) -> CubeMap:
-    """A map of the marker frame as a map whose cube coordinates are the named axes."""
+    """Turns a map of the marker frame into a map whose cube coordinates are the named axes."""
     return turned(cube, matrix(axes))
 
 

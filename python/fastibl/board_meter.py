@@ -1,4 +1,4 @@
-"""How bright a given map is where the camera stands: the board's white tells."""
+"""How bright a given map has to be where the camera stands, as the board's white tells."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .tracking import Tracker
 
 
 def brightness_of(cube: CubeMap, rig: Rig, board: Any, frame: Frame, back_from_marker: Pose) -> float | None:
-    """Factor by which the map's light on the plane is that which the board's white shows in a frame; None where the
-    white cannot be read.
+    """Factor that brings the map's light on the plane to what the board's white shows in a frame; None where the white
+    cannot be read.
 
-    A map from a file has units of its own, a camera without calibration as well: their ratio is what composites need.
+    A map from a file has units of its own, and so has a camera without calibration: composites need their ratio.
     """
     capture = Capture(8, board=board)
     capture.add(frame.back, rig.back, back_from_marker, frame.back_exposure, frame.time)
@@ -29,7 +29,7 @@ def brightness_of(cube: CubeMap, rig: Rig, board: Any, frame: Frame, back_from_m
 
 
 def first_brightness(cube: CubeMap, rig: Rig, board: Any, frames: Iterable[Frame]) -> float | None:
-    """brightness_of in the first of the frames that tells it; None where none does."""
+    """brightness_of for the first of the frames that tells it; None where none does."""
     tracker = Tracker(board, rig.back)
     for frame in frames:
         pose = None if frame.back is None else tracker.track(frame.back)
@@ -40,5 +40,5 @@ def first_brightness(cube: CubeMap, rig: Rig, board: Any, frames: Iterable[Frame
 
 
 def scaled(cube: CubeMap, factor: float) -> Environment:
-    """The map as known everywhere, that much brighter."""
+    """The map as known everywhere, made brighter by this factor."""
     return Environment(CubeMap(cube.faces * np.float32(factor)))

@@ -1,6 +1,6 @@
-"""rig.yaml and board.yaml: what is known of cameras and of the printed board, as OpenCV's FileStorage has them.
+"""rig.yaml and board.yaml: what is known of cameras and of the printed board, in the form of OpenCV's FileStorage.
 
-They may come from anyone: what its parser crashes on or never ends with is refused before it reads.
+They may come from anyone: content on which OpenCV's parser crashes or never ends is refused before it reads.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def _reading(path: Path) -> Iterator[cv2.FileStorage]:
 
 
 def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
-    """Writes a rig as OpenCV's FileStorage; camera matrices are in OpenCV's convention."""
+    """Writes a rig in the form of OpenCV's FileStorage; camera matrices are in OpenCV's convention."""
     import cv2
 
     with _writing(Path(path)) as storage:
@@ -160,7 +160,7 @@ def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
 
 
 def read_rig(path: str | os.PathLike[str]) -> Rig:
-    """Rig of a rig.yaml. FileNotFoundError where there is none, ValueError that names what it lacks."""
+    """Reads the Rig of a rig.yaml. FileNotFoundError where there is none, ValueError that names what it lacks."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"the calibration {path} is missing")
@@ -221,7 +221,7 @@ def write_board(path: str | os.PathLike[str], board: Any) -> None:
 
 
 def read_board(path: str | os.PathLike[str]) -> Any:
-    """Board of a board.yaml; None where it lists no tags."""
+    """Reads the Board of a board.yaml; None where it lists no tags."""
     path = Path(path)
     with _reading(path) as storage:
         root = storage.root()

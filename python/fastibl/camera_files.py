@@ -1,7 +1,7 @@
-"""Pictures and films of a camera in files: the pixels of its sensor, as they lie in the file, and a film's own times.
+"""Pictures and films of a camera in files: the sensor's pixels as they lie in the file, and a film's own times.
 
-A telephone turns nothing in its pictures; it notes beside them how they are to be held (EXIF's orientation, a film's
-rotation). A lens belongs to the sensor's pixels, however the telephone was held: the note is not followed.
+A telephone does not turn its pictures; it notes beside them how they are to be held (EXIF's orientation, a film's
+rotation). A lens belongs to the sensor's pixels, however the telephone was held, so the note is not followed.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ _HDR = {16: "PQ", 18: "HLG"}  # transfer characteristics of ITU-T H.273
 def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArray[Any]:
     """RGB (height, width, 3) uint8 of a picture file.
 
-    any_depth: uint16 and float32 for files that hold more than 8 bits, which are cut to 8 otherwise. Raises ValueError,
-    with the path, for what cannot be read, or is larger than fastibl.file_limits allows.
+    any_depth: whether to give uint16 and float32 for files that hold more than 8 bits, which are otherwise cut to 8.
+    Raises ValueError, with the path, for what cannot be read, or is larger than fastibl.file_limits allows.
     """
     import cv2
 
@@ -48,7 +48,8 @@ def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArra
 
 
 def decode_pixels(data: NDArray[np.uint8], any_depth: bool = False) -> NDArray[Any] | None:
-    """BGR (height, width, 3) of an encoded picture, as read_pixels() has them. cv2.error for a size beyond belief."""
+    """BGR (height, width, 3) of an encoded picture, with the depth of read_pixels(). cv2.error for a size beyond
+    belief."""
     import cv2
 
     if not data.size:
@@ -58,12 +59,12 @@ def decode_pixels(data: NDArray[np.uint8], any_depth: bool = False) -> NDArray[A
 
 
 def as_bytes(picture: NDArray[Any]) -> NDArray[np.uint8]:
-    """A picture of 8 or 16 bits in 8, to be looked at."""
+    """Converts a picture of 8 or 16 bits to 8 bits, for viewing."""
     return picture if picture.dtype == np.uint8 else np.rint(picture / 257).astype(np.uint8)
 
 
 def open_film(path: str | os.PathLike[str]) -> Any:
-    """A cv2.VideoCapture of a film."""
+    """Opens a cv2.VideoCapture of a film."""
     import cv2
 
     film = cv2.VideoCapture(os.fspath(path))
@@ -72,7 +73,7 @@ def open_film(path: str | os.PathLike[str]) -> Any:
 
 
 def is_film(device: object) -> bool:
-    """Whether a camera is a film in a file: of a number, a URL or a device in /dev it is not."""
+    """Whether a camera is a film in a file; a number, a URL or a device in /dev is not."""
     return isinstance(device, str | os.PathLike) and Path(device).is_file()
 
 
@@ -87,12 +88,12 @@ def film_size(path: str | os.PathLike[str]) -> tuple[int, int]:
 
 
 def is_film_name(path: str | os.PathLike[str]) -> bool:
-    """Whether a file's name ends as films' names do."""
+    """Whether a file's name ends like that of a film."""
     return Path(path).suffix.lower() in _FILMS
 
 
 def hdr_curve(path: str | os.PathLike[str]) -> str | None:
-    """ "HLG" or "PQ" of an .mp4 or .mov file that says that its codes follow such a curve (ISO/IEC 14496-12, colr)."""
+    """ "HLG" or "PQ" for an .mp4 or .mov file that says that its codes follow such a curve (ISO/IEC 14496-12, colr)."""
     with open(path, "rb") as file:
         described = _film_description(file)
     at = described.find(b"colrnclx")
@@ -116,9 +117,10 @@ def _film_description(file: BinaryIO) -> bytes:
 
 
 class FilmTimes:
-    """Seconds since a film's first picture, by what the file says of each: telephones change their rate with the light.
+    """Seconds since a film's first picture, as the file says for each: telephones change their rate with the light.
 
-    A picture of which it says nothing new is a period after the one before. fps: used instead of the file's times.
+    A picture for which the file says nothing new is one period after the one before. fps: used instead of the file's
+    times.
     """
 
     def __init__(self, film: Any, fps: float | None = None):
@@ -131,7 +133,7 @@ class FilmTimes:
         self._last, self._count = 0.0, 0
 
     def next(self) -> float:
-        """Time of the picture that was just grabbed; each is to be asked for, once."""
+        """Time of the picture that was just grabbed; call it exactly once for each picture."""
         import cv2
 
         count, self._count = self._count, self._count + 1

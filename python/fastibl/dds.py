@@ -1,8 +1,8 @@
 """DDS files (.dds): cube maps of floats with their MIP levels.
 
 Microsoft, Programming Guide for DDS, https://learn.microsoft.com/windows/win32/direct3ddds/dx-graphics-dds-pguide.
-Faces and levels here are as they lie in the file: +x -x +y -y +z -z, row 0 on top. Plain texels are read here, as no
-kept library does; BC6H by OpenImageIO.
+Faces and levels here are as they lie in the file: +x -x +y -y +z -z, row 0 on top. Plain texels are read here, because
+no maintained library reads them; BC6H is read by OpenImageIO.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _CUBE, _ALL_FACES, _DX10_CUBE = 0x200, 0xFC00, 0x4
 
 
 def read_dds(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
-    """Levels of a cube map, faces (6, n, n, 3) float32 each, from the largest.
+    """Reads the levels of a cube map, faces (6, n, n, 3) float32 each, largest first.
 
-    Half, float, R11G11B10 and RGB9E5 texels; of BC6H, the largest level alone. Raises FileNotFoundError, ValueError for
-    what is no such file, or damaged, ImportError for BC6H without OpenImageIO.
+    Texels may be half, float, R11G11B10 or RGB9E5; of BC6H, only the largest level is read. Raises FileNotFoundError,
+    ValueError for a file that is not such a file, or is damaged, ImportError for BC6H without OpenImageIO.
     """
     path = Path(path)
     if not path.is_file():

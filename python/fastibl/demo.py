@@ -1,4 +1,4 @@
-"""The main job on the built-in room, with the truth beside it: what `fastibl demo` runs and measures."""
+"""The library's main task on the built-in room, with the truth beside it: what `fastibl demo` runs and measures."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SHOWN_EVERY = 15  # frames after which picture.jpg is written anew: there is so
 
 @dataclass
 class Still:
-    """One moment: its title, and the picture by each run; the true one if it is to be compared."""
+    """One moment: its title, the picture from each run, and the true picture if they are to be compared with it."""
 
     title: str
     index: int
@@ -45,7 +45,7 @@ class Still:
 
 @dataclass
 class Run:
-    """What one choice of methods made of the recording, frame by frame."""
+    """The results of one choice of methods on the recording, frame by frame."""
 
     name: str
     plan: str = ""

@@ -1,4 +1,4 @@
-"""Errors that name what was expected and what came, for what is no array."""
+"""Errors that name what was expected and what came, for arguments that are not arrays."""
 
 from __future__ import annotations
 
@@ -22,14 +22,16 @@ _HINTS = {
 
 
 def present(value: _T | None) -> _T:
-    """What may be None elsewhere, where it is known not to be. Raises ValueError if it is None after all."""
+    """The value, where it is known not to be None although its type allows it. Raises ValueError if it is None after
+    all."""
     if value is None:
         raise ValueError("expected a value, got None")
     return value
 
 
 def wrong_type(value: Any, kinds: tuple[type, ...], what: str, hint: str = "") -> str:
-    """That `what` must be one of these types, and what came. hint: what to do, in a few words, if not the usual."""
+    """The message that `what` must be one of these types, and what came. hint: what to do, in a few words, if not the
+    usual."""
     names = [_NAMES.get(kind, kind.__name__.lstrip("_")) for kind in kinds]
     expected = " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
     got = "None" if value is None else type(value).__name__

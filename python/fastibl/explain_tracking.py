@@ -1,4 +1,4 @@
-"""Why a picture gives no pose of the board, or no corners of it, in words for a person."""
+"""Explains in words why a picture gives no pose of the board, or none of its corners."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def explain(image: ArrayLike, tracker: Tracker) -> str:
 
 
 def why_no_pose(image: ArrayLike, board: Board, camera: Camera) -> str:
-    """The same of a picture in which no pose was found."""
+    """The explanation for a picture in which no pose was found, see Tracker.explain."""
     grey = _grey(image, camera)
     return explain_tags(grey, board) or (
         f"{seen_tags(grey, board)} are seen, but not where the board has them: is it the board that was printed, flat, "
@@ -63,7 +63,7 @@ def why_no_pose(image: ArrayLike, board: Board, camera: Camera) -> str:
 
 
 def explain_tags(grey: NDArray[np.uint8], board: Board) -> str | None:
-    """What is the matter with the tags in a picture, whatever its camera; None where several of the board's are seen.
+    """What is wrong with the tags in a picture, whatever its camera; None where several of the board's tags are seen.
 
     grey: (height, width) uint8, encoded values.
     """
@@ -81,7 +81,7 @@ def explain_tags(grey: NDArray[np.uint8], board: Board) -> str | None:
 
 
 def seen_tags(grey: NDArray[np.uint8], board: Board) -> str:
-    """ "Tags 0 to 3, 7": those of the board in a picture in which there are some."""
+    """ "Tags 0 to 3, 7": the board's tags that are seen in a picture, of which there must be some."""
     ids = {tag.id for tag in board.tags}
     return _named([tag for tag in find_tags(grey, border_bits=board.border_bits, subpixel=False) if tag[0] in ids])
 

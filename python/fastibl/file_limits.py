@@ -1,4 +1,4 @@
-"""What files may ask for: none is read that would take more memory than a large real one does."""
+"""Limits on files: none is read that would take more memory than a large real one does."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOST_CORNERS = 1024  # of a polygon, as the reader of .obj has it: cutting one t
 
 
 def file_bytes(path: Path) -> bytes:
-    """All of a file. Raises ValueError for one that is larger than `MOST_BYTES`."""
+    """All bytes of a file. Raises ValueError for one that is larger than `MOST_BYTES`."""
     check_file_size(path)
     return path.read_bytes()
 
@@ -38,7 +38,7 @@ class FolderFiles:
 
 
 def text_of(path: Path, most: int) -> str:
-    """All of a text file. ValueError for one that is larger than real ones, or not UTF-8."""
+    """All text of a file. ValueError for one that is larger than real ones, or is not UTF-8."""
     size = path.stat().st_size
     if size > most:
         raise ValueError(f"{path} has {size} bytes; such files of up to {most} bytes are read")

@@ -25,13 +25,13 @@ _COLOUR_NAMES = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "dif
 def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, colors: bool = False) -> Mesh:
     """Triangle mesh of a file (.obj, .ply, .glb, .gltf, .stl, .off), turned so that +z is up.
 
-    up: the file's upward axis, "y" (most files) or "z". Vertices at one place with one normal become one. Normals are
-    the file's own; without them they are smooth, across texture seams as well, but flat in glTF, as that format has it.
-    uvs: keep those of an .obj, for textures of Material.pbr; vertices are divided at their seams, corners without have
-    (0, 0), and a file without gives Mesh.uvs None. colors: keep the vertices' colours of an .obj (as MeshLab writes
-    them) or .ply, which are taken for sRGB; a file without gives Mesh.colors None. Polygons are cut into triangles.
-    Raises FileNotFoundError; ValueError for a file that is no such mesh, damaged, or larger than fastibl.file_limits
-    allows, and for the uvs or colours of other files.
+    up: the file's upward axis, "y" (most files) or "z". Vertices with the same place and normal become one. Normals are
+    the file's own; if it has none, they are smooth, across texture seams as well, but flat in glTF, as that format
+    requires. uvs: whether to keep those of an .obj, for textures of Material.pbr; vertices are divided at seams,
+    corners without uvs get (0, 0), and a file without uvs gives Mesh.uvs None. colors: whether to keep the vertices'
+    colours of an .obj (as MeshLab writes them) or .ply, which are taken as sRGB; a file without colours gives
+    Mesh.colors None. Polygons are cut into triangles. Raises FileNotFoundError; ValueError for a file that is not such
+    a mesh, is damaged, or is larger than fastibl.file_limits allows, and for the uvs or colours of other files.
     """
     path = _existing(path, up, "mesh")
     if path.suffix.lower() not in _READERS:  # others of trimesh's are archives, or fetch what they name

@@ -1,4 +1,4 @@
-"""Cameras that nobody calibrated, as they are found: which there are, and how large their pictures are."""
+"""Cameras that nobody calibrated: which there are, and how large their pictures are."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ class ScaledCapture:
 
 
 def scaled_opener(sizes: dict[int | str, tuple[int, int]], opener: Callable[[int | str], Any] = open_camera) -> Any:
-    """As LiveCamera's open_capture: each camera by its device gives pictures of its size."""
+    """A function for LiveCamera's open_capture, with which each camera, by its device, gives pictures of its size."""
     return lambda device: ScaledCapture(opener(device), sizes[device])
 
 
 def picture_size(
     device: int | str, asked: tuple[int, int], opener: Callable[[int | str], Any] = open_camera
 ) -> tuple[int, int]:
-    """Size (width, height) in which a camera's pictures are used: its own when asked for `asked`, scaled down to that
-    width where they are larger. Raises OSError that says what there is where it gives no picture.
+    """Size (width, height) in which a camera's pictures are used: the one it gives when asked for `asked`, scaled down
+    to that width where it is larger. Where it gives no picture, raises an OSError that says what there is.
     """
     with _quiet():
         capture = opener(device)

@@ -1,4 +1,4 @@
-"""Whether poses that a program gives can be meant as they are given: a word to the wise, once."""
+"""Checks whether poses given by a program can be meant as they are given, and warns once if not."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _BESIDE = 0.05  # of the picture's width, by which a board may lie beside where 
 
 
 class GivenPoses:
-    """Warns of poses that are the camera's in the marker's frame, have other axes, or do not go with the board that
-    their pictures show. camera: that of the poses; board: nothing where none was given."""
+    """Warns of poses that are the camera's in the marker's frame (the inverse), have other axes, or do not agree with
+    the board that their pictures show. camera: that of the poses; board: None where none was given."""
 
     def __init__(self, camera: Camera, board: Board | None):
         self._camera, self._board = camera, board
@@ -28,11 +28,12 @@ class GivenPoses:
 
     @property
     def due(self) -> bool:
-        """Whether there is anything left to ask."""
+        """Whether there is anything left to check."""
         return not self._asked or self._looks > 0
 
     def ask(self, pose: Pose, picture: Any, places: NDArray[np.float64], drawn: bool) -> None:
-        """Of one frame. places: (n, 3) of the marker and of the object, metres; drawn: whether any of that shows."""
+        """Checks one frame. places: (n, 3) points of the marker and the object, metres; drawn: whether any of them
+        shows."""
         if not self._asked:
             self._asked = drawn or self._ask_axes(pose, places)
         if self._looks and picture is not None and self._shows(pose, np.zeros((1, 3))):

@@ -1,4 +1,4 @@
-"""What backend="gl" draws with on this machine."""
+"""The device with which backend="gl" draws on this machine."""
 
 from __future__ import annotations
 

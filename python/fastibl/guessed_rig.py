@@ -1,4 +1,4 @@
-"""Cameras that nobody calibrated: what can be said of them."""
+"""Guesses for cameras that nobody calibrated."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ DEGREES = 65.0  # across the picture: between most webcams (55 to 78) and teleph
 
 
 def guessed_camera(size: tuple[int, int], degrees: float = DEGREES) -> Camera:
-    """A lens without distortion, its axis in the middle; size: (width, height). Raises ValueError for an angle that a
-    perspective picture cannot have."""
+    """A camera without distortion and with its axis in the middle; size: (width, height). Raises ValueError for an
+    angle that a perspective picture cannot have."""
     if not 5 <= degrees <= 150:
         raise ValueError(f"the angle across a picture must be 5 to 150 degrees, got {degrees:g}")
     width, height = size
@@ -25,8 +25,8 @@ def guessed_rig(
     degrees: float = DEGREES,
     front_degrees: float = DEGREES,
 ) -> Rig:
-    """Cameras of pictures of these sizes (width, height); the front one where the back one is, turned around as in a
-    telephone."""
+    """Cameras for pictures of these sizes (width, height); the front one is at the place of the back one, turned around
+    as in a telephone."""
     if front is None:
         return Rig(guessed_camera(back, degrees))
     turn = Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0])

@@ -30,8 +30,8 @@ _SUPERCOMPRESSION = {1: "BasisLZ", 2: "Zstandard", 3: "ZLIB"}
 def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32]]) -> None:
     """Writes a cube map of half floats (R16G16B16A16_SFLOAT, linear BT.709 primaries, alpha 1).
 
-    levels: faces (6, n, n, 3), each half as wide as the one before (n >> k, at least 1). What is brighter than 65504 is
-    cut there. Raises ValueError for other shapes.
+    levels: faces (6, n, n, 3), each half as wide as the one before (n >> k, at least 1). Values above 65504 are cut to
+    that. Raises ValueError for other shapes.
     """
     path = Path(path)
     if path.suffix.lower() != ".ktx2":
@@ -61,10 +61,10 @@ def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32
 
 
 def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
-    """Levels of a cube map, faces (6, n, n, 3) float32 each, from the largest.
+    """Reads the levels of a cube map, faces (6, n, n, 3) float32 each, largest first.
 
-    Half, float, R11G11B10 and RGB9E5 texels; plain, or packed by ZLIB or Zstandard. Raises FileNotFoundError,
-    ValueError for what is no such file, or damaged, ImportError for Zstandard without its package.
+    Texels may be half, float, R11G11B10 or RGB9E5; plain, or packed by ZLIB or Zstandard. Raises FileNotFoundError,
+    ValueError for a file that is not such a file, or is damaged, ImportError for Zstandard without its package.
     """
     path = Path(path)
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""What machine measurements were made on."""
+"""The machine on which measurements were made."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ HALF_MAX = 65504.0
 
 
 def decode(data: bytes, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """RGB (*shape, 3) float32 of texels as they lie in a file, little-endian. data: of the right length."""
+    """RGB (*shape, 3) float32 of texels as they lie in a file, little-endian. data: bytes of the right length."""
     if name == "r11g11b10f":
         return _r11g11b10f(np.frombuffer(data, "<u4")).reshape(*shape, 3)
     if name == "rgb9e5":
@@ -20,7 +20,7 @@ def decode(data: bytes, name: str, shape: tuple[int, ...]) -> NDArray[np.float32
 
 
 def encode_rgba16f(faces: NDArray[np.float32]) -> bytes:
-    """Half floats with alpha 1; what is brighter than `HALF_MAX` is cut there."""
+    """Half floats with alpha 1; values above `HALF_MAX` are cut to that."""
     out = np.ones((*faces.shape[:-1], 4), "<f2")
     out[..., :3] = np.clip(faces, 0, HALF_MAX)
     return out.tobytes()
