@@ -1,14 +1,14 @@
 """glTF 2.0 files (.glb, .gltf): one mesh with its material.
 
-All nodes of the file's scene are merged; skins show their rest pose; without normals triangles are flat, as glTF has
-it. Several materials become one. Those that look the same share their textures; those of the others are laid side by
-side in an atlas (fastibl.atlas), so that textures that repeat, or whose borders triangles cross, need a file of one
-look. What has to be shrunk there is told in a warning.
-Vertices' colours (COLOR_0) are the mesh's. Left out, with a warning that names them: transparency, morphs, and
-extensions that add to a material (clear coat, sheen, ...). Left out without: occlusion maps (P_V takes their place),
-points and lines, doubleSided (all is seen from both sides), further sets of colours. Tangents are those of the uvs; a
-warning tells where a file's own differ. Refused by name: specular-glossiness materials, compressed meshes, and a
-material whose textures lie in different ways on its mesh.
+All nodes of the file's scene are merged; skins show their rest pose; without normals triangles are flat, as glTF
+requires. Several materials become one. Materials that look the same share their textures; the textures of the others
+are laid side by side in an atlas (fastibl.atlas). Textures that repeat, or whose borders are crossed by triangles,
+therefore need a file with a single look. A warning says what has to be shrunk there. Vertices' colours (COLOR_0) become
+the mesh's. Left out, with a warning that names them: transparency, morphs, and extensions that add to a material (clear
+coat, sheen, ...). Left out without a warning: occlusion maps (P_V takes their place), points and lines, doubleSided
+(everything is seen from both sides), further sets of colours. Tangents are derived from the uvs; a warning tells where
+a file's own differ. Refused by name: specular-glossiness materials, compressed meshes, and a material whose textures
+lie in different ways on its mesh.
 """
 
 from __future__ import annotations
@@ -321,7 +321,7 @@ def _warn_of(path: Path, left_out: set[str], stacklevel: int) -> None:
 
 
 def read_geometry(path: Path) -> Mesh:
-    """The mesh alone, in the file's frame (y up). Raises ValueError for what cannot be read, and says why."""
+    """Reads the mesh alone, in the file's frame (y up). Raises ValueError for what cannot be read, and says why."""
     try:
         file = _File(path)
         mesh = mesh_of(file.parts())
@@ -332,7 +332,8 @@ def read_geometry(path: Path) -> Mesh:
 
 
 def read(path: Path) -> tuple[Mesh, Material]:
-    """Mesh in the file's frame (y up) and material. Raises ValueError for what cannot be read, and says why."""
+    """Reads the mesh, in the file's frame (y up), and the material. Raises ValueError for what cannot be read, and says
+    why."""
     try:
         file = _File(path, with_tangents=True)
         parts = file.parts()

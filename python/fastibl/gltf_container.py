@@ -1,4 +1,4 @@
-"""What a glTF 2.0 file (.glb, .gltf) is made of: JSON, bytes, and the tree of nodes; bounded, whatever it claims."""
+"""The parts of a glTF 2.0 file (.glb, .gltf): JSON, bytes, and the tree of nodes; bounded, whatever the file claims."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ DAMAGES = (
 
 
 class Container:
-    """json: content of the file. chunk: bytes of a .glb's second part. Raises ValueError for what is not glTF 2."""
+    """A file's json, its content, and chunk, bytes of a .glb's second part. Raises ValueError for what is not glTF
+    2."""
 
     def __init__(self, path: Path):
         self.path, data = path, file_bytes(path)
@@ -40,7 +41,7 @@ class Container:
             raise ValueError(f"expected glTF 2, got version {version}")
 
     def bytes(self, uri: str | None) -> bytes:
-        """What a uri names: without one, the chunk of a .glb; else data in the uri itself, or a file in the folder.
+        """Bytes of a uri: without one, the chunk of a .glb; else data in the uri itself, or a file in the folder.
 
         Raises ValueError for a uri that leaves the folder, and for more than fastibl.file_limits allows.
         """
@@ -56,7 +57,8 @@ class Container:
     def nodes(self) -> Iterator[tuple[int, dict[str, Any], NDArray[np.float64]]]:
         """Nodes of the scene, each once, by number, with the matrix (4, 4) that takes it to the scene.
 
-        Raises ValueError where they form no tree: glTF forbids it, and two children each would double at every step.
+        Raises ValueError where they do not form a tree: glTF forbids it, and nodes that share children would double the
+        work at every step.
         """
         every, scenes = self.json.get("nodes", []), self.json.get("scenes")
         if scenes:

@@ -1,9 +1,9 @@
 """glTF 2.0 files (.glb, .gltf) with a map as their light: extension EXT_lights_image_based.
 
 https://github.com/KhronosGroup/glTF/tree/main/extensions/2.0/Vendor/EXT_lights_image_based. Its text leaves open how
-RGBD is encoded, how faces are flipped, the sign of the harmonics and the handedness of the cube; here they are as
-Babylon.js reads them, which Microsoft and Adobe wrote the extension with. The light's intensity is, by the text, a
-"brightness multiplier for environment": both images and harmonics are of the map divided by it.
+RGBD is encoded, how faces are flipped, the sign of the harmonics and the handedness of the cube; here they follow
+Babylon.js, with which Microsoft and Adobe wrote the extension. According to the text, the light's intensity is a
+"brightness multiplier for environment": images and harmonics hold the map divided by it.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ def write_gltf_light(
     """Writes a map as the light of a glTF scene without objects: EXT_lights_image_based, in a .glb or .gltf.
 
     size: face edge of the sharpest level, a power of two of 32 or more; levels follow down to 16 texels, for roughness
-    0 to 1 in even steps, as PNG in RGBD: 8 bits a channel, up to 255 times the light's intensity; what is brighter is
-    cut there in the sharpest level, not in the others and the harmonics. The intensity is 1 for maps of a mean radiance
-    of 1/32 to 8, else a power of two near that mean; more where a rough level needs it. error: of the levels, see
-    Lighting.prefiltered. The map is in glTF's axes (y up).
-    Raises ValueError for another size or ending.
+    0 to 1 in even steps, as PNG in RGBD: 8 bits per channel, up to 255 times the light's intensity. What is brighter is
+    cut to that in the sharpest level, but not in the other levels and the harmonics. The intensity is 1 for maps with a
+    mean radiance of 1/32 to 8, else a power of two near that mean; it is larger where a rough level needs it. error:
+    that of the levels, see Lighting.prefiltered. The map is in glTF's axes (y up). Raises ValueError for another size
+    or ending.
     """
     path = Path(path)
     if path.suffix.lower() not in (".glb", ".gltf"):

@@ -1,4 +1,4 @@
-"""What pages share: the style, pictures and plots within the page, tables."""
+"""Shared parts of pages: the style, pictures and plots within the page, tables."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def plot(figure) -> str:
 
 
 def table(head: list[str], rows: Sequence[tuple[str, ...]], note_last: bool = False) -> str:
-    """Texts as a table. note_last: whether the last column is prose."""
+    """A table of texts. note_last: whether the last column is prose."""
     heads = [f"<th>{html.escape(h)}</th>" for h in head]
     if note_last:
         heads[-1] = f'<th class="note">{html.escape(head[-1])}</th>'

@@ -1,4 +1,4 @@
-"""Sizes of encoded pictures by their headers, so that a picture's size is known before memory is taken for it."""
+"""Sizes of encoded pictures from their headers, so that a picture's size is known before memory is taken for it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOF0 to SOF1
 
 
 def png_size(data: bytes) -> tuple[int, int]:
-    """(width, height) of a PNG file. Raises ValueError for what is none, or is cut off."""
+    """(width, height) of a PNG file. Raises ValueError for what is not PNG, or is cut off."""
     if data[:8] != b"\x89PNG\r\n\x1a\n" or data[12:16] != b"IHDR" or len(data) < 33:
         raise ValueError("it is no PNG picture")
     if data.rfind(b"IEND") < 33:
@@ -20,7 +20,7 @@ def png_size(data: bytes) -> tuple[int, int]:
 
 
 def jpeg_size(data: bytes) -> tuple[int, int]:
-    """(width, height) of a JPEG file. Raises ValueError for what is none, or is cut off."""
+    """(width, height) of a JPEG file. Raises ValueError for what is not JPEG, or is cut off."""
     if data[:2] != b"\xff\xd8":
         raise ValueError("it is no JPEG picture")
     at = 2
@@ -61,7 +61,7 @@ def _tiff_size(data: bytes) -> tuple[int, int]:
 
 
 def camera_picture_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) of a PNG, JPEG, BMP or TIFF file; None of other kinds. Raises ValueError for what is damaged."""
+    """(width, height) of a PNG, JPEG, BMP or TIFF file; None for other kinds. Raises ValueError for a damaged file."""
     size_of = next((size for start, size in _STARTS.items() if data.startswith(start)), None)
     try:
         return size_of(data) if size_of else None
@@ -70,7 +70,7 @@ def camera_picture_size(data: bytes) -> tuple[int, int] | None:
 
 
 def radiance_size(data: bytes) -> tuple[int, int]:
-    """(width, height) of a Radiance .hdr file. Raises ValueError for what is none."""
+    """(width, height) of a Radiance .hdr file. Raises ValueError for any other file."""
     found = _radiance_head(data)
     return int(found[4]), int(found[2])
 
@@ -78,9 +78,9 @@ def radiance_size(data: bytes) -> tuple[int, int]:
 def radiance_upright(data: bytes) -> tuple[bytes, tuple[int, ...], tuple[float, ...]]:
     """A Radiance .hdr file said to run from the upper left; the axes along which it does not; its exposures.
 
-    Of red, green and blue: the products of its EXPOSURE and COLORCORR lines. Values in the file are radiance times
-    them (Ward, Radiance picture files). Raises ValueError for what is no such file, or one that runs by columns, or of
-    XYZ.
+    The exposures of red, green and blue are the products of its EXPOSURE and COLORCORR lines. Values in the file are
+    radiance times these (Ward, Radiance picture files). Raises ValueError for any other file, or one that runs by
+    columns or holds XYZ.
     """
     found = _radiance_head(data)
     head = data[: found.start()]

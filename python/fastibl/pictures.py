@@ -1,4 +1,4 @@
-"""Pictures in files: linear Radiance .hdr and OpenEXR .exr, and encoded .png and .jpg by a camera's response."""
+"""Pictures in files: linear Radiance .hdr and OpenEXR .exr, and .png and .jpg encoded by a camera's response."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SIZES = {".hdr": radiance_size, ".png": png_size, ".jpg": jpeg_size, ".jpeg": j
 
 
 def openexr() -> Any:
-    """The module. Raises ImportError that says what to install."""
+    """The OpenEXR module. Raises an ImportError that says what to install."""
     try:
         import OpenEXR
     except ImportError as error:
@@ -29,11 +29,11 @@ def openexr() -> Any:
 
 
 def read_picture(path: Path, response: Response | None = None) -> NDArray[np.float32]:
-    """Linear RGB (height, width, 3) float32 of a picture: .hdr or .exr, or .png or .jpg with a response.
+    """Reads linear RGB (height, width, 3) float32 from a picture: .hdr or .exr, or .png or .jpg with a response.
 
-    response: of the camera, or other encoding, of a .png or .jpg; its white becomes 1. Raises FileNotFoundError,
-    ValueError for a file that is no such picture, that is cut off, or that is larger than fastibl.file_limits allows,
-    ImportError for .exr without OpenEXR.
+    response: the camera's response, or another encoding, of a .png or .jpg; its white becomes 1. Raises
+    FileNotFoundError, ValueError for a file that is not such a picture, is cut off, or is larger than
+    fastibl.file_limits allows, ImportError for .exr without OpenEXR.
     """
     if not path.is_file():
         raise FileNotFoundError(f"no environment map at {path}")
@@ -56,12 +56,12 @@ def read_picture(path: Path, response: Response | None = None) -> NDArray[np.flo
 
 
 def unit(picture: NDArray[Any]) -> NDArray[np.float32]:
-    """0 to 1 of a picture of whole numbers."""
+    """Scales a picture of whole numbers to 0 to 1."""
     return picture.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
 
 
 def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
-    """RGB (height, width, 3) of an encoded picture, in its own dtype; of the size that its header says.
+    """RGB (height, width, 3) of an encoded picture, in its own dtype, and of the size stated in its header.
 
     size_of: one of fastibl.picture_headers. Raises ValueError, with the name, for what cannot be read.
     """
@@ -108,7 +108,7 @@ def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> N
 def write_exr(path: Path, channels: dict[str, NDArray[Any]], attributes: dict[str, Any] | None = None) -> None:
     """Writes channels of float32 or float16, (height, width) or (height, width, 3 or 4), and header attributes.
 
-    Raises ImportError without OpenEXR, OSError where the file cannot be written, and leaves an older one then.
+    Raises ImportError without OpenEXR, OSError where the file cannot be written; an older file is then left as it was.
     """
     exr = openexr()
     header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage, **(attributes or {})}

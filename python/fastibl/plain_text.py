@@ -1,4 +1,4 @@
-"""What files of others say, as it may go to a terminal."""
+"""Text from files of others, made safe for a terminal."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import sys
 
 
 def plain_text(text: object) -> str:
-    """str(text) with control characters, but for line ends and tabs, as their escapes.
+    """str(text) with control characters, except line ends and tabs, replaced by their escapes.
 
-    A name in a file could else clear the screen, or colour a line as if the program had said it.
+    Otherwise, a name in a file could clear the screen, or colour a line as if the program had written it.
     """
     return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in str(text))
 
 
 def tell(line: str) -> None:
-    """A line of a command's on stderr, above its progress bars."""
+    """Writes a line of a command to stderr, above its progress bars."""
     from tqdm import tqdm
 
     tqdm.write(f"fastibl: {plain_text(line)}", file=sys.stderr)

@@ -59,7 +59,7 @@ def samples(source: Any, split: int = 1) -> tuple[NDArray, NDArray, NDArray]:
 
     source: CubeMap, Environment, cube faces (6, n, n, 3) or equirectangular picture (h, 2h, 3). split: pieces of a
     texel along each axis.
-    Cube faces may have 3 k channels, k maps side by side: what sums over them then returns (..., 3 k).
+    Cube faces may have 3 k channels, k maps side by side: functions that sum over them then return (..., 3 k).
     """
     if isinstance(source, Environment):
         source = source.radiance
@@ -104,7 +104,7 @@ def _pieces(source: Any) -> int:
 def irradiance(source: Any, normals: ArrayLike, split: int | None = None) -> NDArray:
     """Irradiance (..., 3) float64 on surfaces facing `normals` (..., 3): sum of L max(n.w, 0) dw over the map.
 
-    split: pieces of a texel along each axis; by default 64 along an edge at least, for coarse maps.
+    split: pieces of a texel along each axis; by default so many that an edge has at least 64, for coarse maps.
     """
     directions, angles, radiance = samples(source, _pieces(source) if split is None else split)
     n = _units(normals, "normals")
@@ -223,11 +223,11 @@ def ggx(
     normalization: str = "energy",
     split: int | None = None,
 ) -> NDArray:
-    """Radiance (..., 3) float64 that a GGX surface with Fresnel term 1 reflects: the sum over the map.
+    """Radiance (..., 3) float64 reflected by a GGX surface with Fresnel term 1: the sum over the map.
 
-    alpha: (alpha_x, alpha_y) in place of roughness and anisotropy. "energy" divides by the lobe's integral, "single"
-    keeps single scattering's loss. split: pieces along each axis of the texels where the lobe is above 1/1000 of its
-    height; by default enough for alpha.
+    alpha: (alpha_x, alpha_y) instead of roughness and anisotropy. "energy" divides by the lobe's integral, "single"
+    keeps the loss of single scattering. split: pieces along each axis of the texels where the lobe is above 1/1000 of
+    its height; by default enough for alpha.
     """
     if normalization not in ("energy", "single"):
         raise ValueError(f'normalization must be "energy" or "single", got {normalization!r}')
@@ -260,8 +260,8 @@ def ggx(
 def ggx_albedo(cos_view: float, alpha: tuple[float, float], azimuth: float = 0.0, count: int = 1500) -> float:
     """Directional albedo of single-scattering GGX with Fresnel term 1, by quadrature.
 
-    azimuth: of the view, from the tangent. Midpoints over the half vector: psi = atan(tan(its polar angle) / alpha) and
-    azimuth.
+    azimuth: that of the view, from the tangent. The quadrature takes midpoints over the half vector: psi = atan(tan(its
+    polar angle) / alpha) and its azimuth.
     """
     sine = np.sqrt(max(0.0, 1 - cos_view**2))
     v = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cos_view])
@@ -312,7 +312,7 @@ def directional_albedo(cos_view: ArrayLike, exponent: float, count: int = 400) -
 def shadow_ratio(source: Any, occluder: Any, points: ArrayLike) -> NDArray:
     """Ratio (..., 3) float64 of the light on plane points (..., 2) with and without occluders.
 
-    occluder: spheres (m, 4), or a Mesh whose triangles are met by rays. Every texel above the horizon counts, as one
+    occluder: spheres (m, 4), or a Mesh whose triangles are tested by rays. Every texel above the horizon counts, as one
     direction through its centre.
     """
     from ._fastibl import Bvh, Mesh

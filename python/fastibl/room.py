@@ -1,9 +1,8 @@
 """The built-in room: a box with windows, a ceiling light, a lamp and a table, ray-cast from any place in it.
 
-Its light is worked out once: what the windows, the ceiling light and the lamp send to every surface directly
-(in closed form), and a few reflections on a coarse grid of patches. Every surface is Lambertian, so radiance
-does not depend on where it is seen from, and what is kept is one picture of radiance a surface and a state of
-the lamp.
+Its light is computed once: the light that windows, ceiling light and lamp send directly to every surface (in closed
+form), and a few reflections on a coarse grid of patches. Every surface is Lambertian, so its radiance does not depend
+on the place from which it is seen: one picture of radiance is kept per surface and state of the lamp.
 
 World = marker frame: the board's plane z = 0 is the table top, and the floor beyond it lies at the same
 height.
@@ -455,7 +454,7 @@ class Room:
     def irradiance(self, points: ArrayLike, lamp: bool = False, reflected: bool = True) -> NDArray[np.float32]:
         """Irradiance (..., 3) of the table and the floor at points (..., 2) in metres.
 
-        reflected: False leaves out the light that came by a wall, the floor or the ceiling.
+        reflected: False leaves out the light reflected by walls, floor or ceiling.
         """
         p = np.asarray(points, np.float32)
         x = (p[..., 0] - LOWER[0]) * _DENSITY - 0.5
@@ -549,8 +548,8 @@ class Room:
     ) -> NDArray[np.float32]:
         """Radiance (..., 3) float32 that arrives at `position` from `directions` (..., 3), marker frame.
 
-        position: (3,) or as directions, metres, inside the room. unit: the directions have length 1 already.
-        Raises ValueError for a position outside.
+        position: (3,) or the shape of directions, metres, inside the room. unit: whether the directions have length 1
+        already. Raises ValueError for a position outside.
         """
         p = np.asarray(position, np.float64)
         d = np.asarray(directions, np.float32)
@@ -582,10 +581,9 @@ class Room:
     def truth(self, position: ArrayLike = OBJECT, size: int = 128, lamp: bool = False, samples: int = 4) -> CubeMap:
         """The true environment map at a place: radiance averaged over each texel by samples x samples rays.
 
-        position: (3,) metres, by default the middle of a virtual object on the board. Below the horizon the
-        map holds the table as it is without the printed board: what lights an object is the board, but its
-        mean albedo and the table's agree to a few per cent, and whoever measures masks the board and fills it
-        from around.
+        position: (3,) metres, by default the middle of a virtual object on the board. Below the horizon the map holds
+        the table as it is without the printed board. An object is really lit by the board, but its mean albedo and the
+        table's agree to a few per cent, and measurements mask the board and fill it from around.
         """
         return truth_map(lambda d: self.radiance(position, d, lamp), size, samples)
 

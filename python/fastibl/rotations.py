@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def rotations_from(w: NDArray) -> NDArray[np.float64]:
-    """(..., 3, 3) of rotation vectors (..., 3), by Rodrigues."""
+    """Rotations (..., 3, 3) from rotation vectors (..., 3), by Rodrigues' formula."""
     angle = np.linalg.norm(w, axis=-1)[..., None, None]
     zero = np.zeros(w.shape[:-1])
     x, y, z = w[..., 0], w[..., 1], w[..., 2]
@@ -16,7 +16,8 @@ def rotations_from(w: NDArray) -> NDArray[np.float64]:
 
 
 def rotation_vectors(r: NDArray) -> NDArray[np.float64]:
-    """Rotation vectors (..., 3) of rotations (..., 3, 3), of half a turn at most: then about either direction."""
+    """Rotation vectors (..., 3) of rotations (..., 3, 3), at most half a turn; half a turn may be about either
+    direction."""
     axis = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1)
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = np.arctan2(sine, np.trace(r, axis1=-2, axis2=-1)[..., None] - 1)
@@ -33,7 +34,7 @@ def rotation_vectors(r: NDArray) -> NDArray[np.float64]:
 
 
 def accumulated(w: NDArray) -> NDArray[np.float64]:
-    """(n + 1, 3, 3) from the identity on: each rotation the one before, turned by the next of (n, 3) vectors."""
+    """Rotations (n + 1, 3, 3) from the identity on: each is the one before, turned by the next of (n, 3) vectors."""
     rotations = [np.eye(3)]
     for step in rotations_from(w):
         rotations.append(step @ rotations[-1])
@@ -41,7 +42,7 @@ def accumulated(w: NDArray) -> NDArray[np.float64]:
 
 
 class RotationPath:
-    """Rotations (n, 3, 3) at increasing times (n,), read in between: evenly turning from each to the next."""
+    """Rotations (n, 3, 3) at increasing times (n,), interpolated in between: turning evenly from each to the next."""
 
     def __init__(self, times: NDArray, rotations: NDArray):
         self.times, self._rotations = times, rotations

@@ -28,9 +28,9 @@ def spherical_harmonics(cube: CubeMap | Environment, convention: str, axes: str 
     """Nine coefficients (9, 3) of a map in a renderer's convention, in the order L00, L1-1, L10, L11, L2-2, ..., L22.
 
     convention: "filament", as cmgen writes and `IndirectLight::Builder::irradiance` and shaders take them: irradiance
-    over pi, by the bare polynomials 1; y, z, x; xy, yz, 3 z^2 - 1, xz, x^2 - y^2. "three.js", as `SphericalHarmonics3`
-    of a `LightProbe`: radiance, by the orthonormal basis. Axes as in write_environment. Raises ValueError for another
-    convention or other axes.
+    over pi, by the bare polynomials 1; y, z, x; xy, yz, 3 z^2 - 1, xz, x^2 - y^2. "three.js", as in
+    `SphericalHarmonics3` of a `LightProbe`: radiance, by the orthonormal basis. Axes are those of write_environment.
+    Raises ValueError for another convention or other axes.
     """
     if convention not in CONVENTIONS:
         raise ValueError(f"convention must be one of {', '.join(CONVENTIONS)}, got {convention!r}")
@@ -45,9 +45,9 @@ def write_sh(
 ) -> None:
     """Writes nine spherical harmonics of a map as .txt or .json, in a renderer's convention.
 
-    convention: see `spherical_harmonics`. "filament", .txt: as cmgen's sh.txt. "three.js", .json: a LightProbe for
-    THREE.ObjectLoader. The others: nine rows of three numbers, .json with the convention and axes beside them as "sh".
-    Raises ValueError for another convention, other axes or another ending.
+    convention: see `spherical_harmonics`. "filament" as .txt is like cmgen's sh.txt; "three.js" as .json is a
+    LightProbe for THREE.ObjectLoader. The other combinations are nine rows of three numbers; .json holds them as "sh",
+    with the convention and axes beside them. Raises ValueError for another convention, other axes or another ending.
     """
     path = Path(path)
     rows = spherical_harmonics(cube, convention, axes)
@@ -80,5 +80,5 @@ def _light_probe(rows: NDArray[np.float64]) -> dict[str, object]:
 
 
 def rounded(rows: NDArray[Any]) -> list[list[float]]:
-    """Rows to nine significant digits, which float32 has at most: dim maps keep theirs."""
+    """Rows rounded to nine significant digits, which float32 has at most, so that dim maps keep their digits."""
     return [[float(f"{v:.9g}") for v in row] for row in rows]

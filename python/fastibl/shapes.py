@@ -15,12 +15,12 @@ Field = Callable[[NDArray], NDArray]  # (n, 3) points -> (n,): negative inside
 
 
 def surface_net(field: Field, lower: NDArray, upper: NDArray, cell: float) -> Mesh:
-    """Closed surface of field = 0, one vertex for each cell of a grid that it crosses.
+    """Closed surface where field = 0, with one vertex for each cell of a grid that it crosses.
 
     Gibson 1998, Constrained Elastic Surface Nets; the vertices are then moved onto the surface itself. The
-    surface must lie within lower and upper (3,), and be thicker than a cell. A cell that it crosses twice
-    would join two sheets in an edge; the grid is then shifted a little and tried again. Triangles are
-    counter-clockwise from outside. Raises ValueError where no shift helps.
+    surface must lie within lower and upper (3,), and be thicker than a cell. Where it crosses a cell twice, two sheets
+    would be joined in an edge; the grid is then shifted a little and tried again. Triangles are counter-clockwise from
+    outside. Raises ValueError where no shift helps.
     """
     for attempt in range(12):
         shift = cell * ((attempt * np.array([0.37, 0.59, 0.83])) % 1)
@@ -141,7 +141,7 @@ def figurine(height: float = 0.12, detail: float = 1.0) -> Mesh:
     """A little robot on the marker: one closed smooth surface with hollows, a handle and thin parts.
 
     height: metres. detail: 1 gives about 6700 triangles, 2 four times as many; below 0.9 the thin parts would
-    break. It looks along -y. Raises ValueError for a height or detail that it cannot have.
+    break. It looks along -y. Raises ValueError for an impossible height or detail.
     """
     if not 0.9 <= detail <= 4:
         raise ValueError(f"detail must be from 0.9 to 4, got {detail}")

@@ -1,6 +1,6 @@
 """The picture that a perfect system would make: a recording's true pose and map, visibility by rays, sums over the map.
 
-What it shares with the fast path is the mesh and its ray queries; light, shadow and coverage are worked out anew.
+It shares only the mesh and its ray queries with the fast path; light, shadow and coverage are computed independently.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ _ALIKE = 0.9995  # cosine between the normals of a pixel up to which one place s
 @dataclass
 class TruePicture:
     """image: (h, w, 3) uint8. linear: (h, w, 3) radiance times exposure before encoding. coverage: (h, w) of the
-    object. ratio: (h, w, 3) true shadow ratio where no object is, and gain: (h, w, 3) with the light that the object
-    sends to the plane."""
+    object. ratio: (h, w, 3) true shadow ratio where there is no object, and gain: (h, w, 3) the same with the light
+    that the object sends to the plane."""
 
     image: NDArray[np.uint8]
     linear: NDArray[np.float64]
@@ -48,7 +48,7 @@ class TruePicture:
 
 def picture_error(picture: NDArray[np.uint8], true: TruePicture, back: NDArray[np.uint8], response: Response) -> float:
     """RMS over RGB and over the pixels that the object covers or its shadow changes by more than 1/255, in linear
-    light, by the truth's mean there."""
+    light, relative to the truth's mean there."""
     where = (true.coverage > 0) | (np.abs(true.image.astype(int) - back).max(axis=-1) > 1)
     truth = np.clip(true.linear[where], 0, 1)
     difference = response.decode(picture / 255.0)[where] - truth
@@ -58,9 +58,9 @@ def picture_error(picture: NDArray[np.uint8], true: TruePicture, back: NDArray[n
 def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Texels (6, n, n) by which a captured map is judged at a recording's end, and those of them that never clipped.
 
-    last_seen: Capture.last_seen. Texels count that were seen since the lamp was switched on and not last while a hand
-    covered the front camera. What the darkest exposure can hold decides about clipping: the front camera's above the
-    horizon, the back camera's below it.
+    last_seen: Capture.last_seen. Texels count if they were seen since the lamp was switched on, and not last while a
+    hand covered the front camera. Whether a texel clips is decided by what the darkest exposure can hold: the front
+    camera's above the horizon, the back camera's below it.
     """
     truth, rig = truth_of(recording), recording.rig
     begin, end = truth.hand or (np.inf, -np.inf)
@@ -103,7 +103,7 @@ class PbrSurface:
 
 
 def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: NDArray | None) -> PbrSurface:
-    """The material where uvs (n, 2) read its textures: bilinear, without MIP levels. tangents: (n, 4)."""
+    """The material at the places where uvs (n, 2) read its textures: bilinear, without MIP levels. tangents: (n, 4)."""
     count = len(normals)
 
     def texels(i: NDArray, n: int, wrap: str) -> NDArray:
@@ -150,7 +150,7 @@ def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: ND
 
 
 def transmitted(a: NDArray, c: NDArray) -> NDArray:
-    """What a dielectric's surface does not keep of what its body sends out, by ggx_albedo's two parts (n,)."""
+    """The share of its body's light that a dielectric's surface lets out, from ggx_albedo's two parts (n,)."""
     return 1 - (0.04 * a + c) * (1 + 0.04 * (1 / np.maximum(a + c, 1e-4) - 1))
 
 
@@ -162,14 +162,15 @@ def _coarse(count: int) -> NDArray:
 
 
 class TrueRenderer:
-    """Brute force for one object on the plane; visibility is worked out once and used for every map.
+    """Brute force for one object on the plane; visibility is computed once and used for every map.
 
-    One bounce is in it: the plane sends out what the map has below the horizon, times the true ratio where a ray meets
-    it, and gets what the object sends out diffusely. Light between parts of the object, light that goes to and fro more
-    than once, and glossy light that the object sends to the plane are not. bounce=False leaves it out.
+    One bounce is included: the plane sends out the map's light below the horizon, times the true ratio where a ray
+    meets it, and receives the light that the object sends out diffusely. Light between parts of the object, light that
+    goes to and fro more than once, and glossy light that the object sends to the plane are not included. bounce=False
+    leaves the bounce out.
 
-    extent: half the edge in metres of the plane grid that shadows are worked out on; grid: its points along an edge.
-    Maps have at least 32 texels along a face.
+    extent: half the edge in metres of the plane grid on which shadows are computed; grid: its points along an edge.
+    Maps must have at least 32 texels along a face.
     """
 
     def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 64, bounce: bool = True):
@@ -206,7 +207,7 @@ class TrueRenderer:
         return out
 
     def vertex_irradiance(self, source: CubeMap | Environment) -> NDArray:
-        """Irradiance (v, 3) at the vertices with what the object hides of the map taken away."""
+        """Irradiance (v, 3) at the vertices, without the part of the map that the object hides."""
         mesh = self.scene.mesh
         return self._irradiance(source, mesh.vertices, mesh.normals, self.hidden_at_vertex)
 
@@ -225,7 +226,7 @@ class TrueRenderer:
     def lost_below(
         self, source: CubeMap | Environment, points: NDArray, normals: NDArray, hidden: NDArray[np.uint8]
     ) -> NDArray:
-        """Irradiance (n, 3) that the shadow on the plane keeps from points of the object."""
+        """Irradiance (n, 3) that points of the object lose because of the shadow on the plane."""
         import cv2
 
         d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
@@ -264,7 +265,7 @@ class TrueRenderer:
         return self._seen
 
     def exitance(self, source: CubeMap | Environment) -> NDArray:
-        """Light (v, 3) that the vertices send out diffusely: of radiance exitance / pi."""
+        """Light (v, 3) that the vertices send out diffusely: its radiance is exitance / pi."""
         material, mesh = self.scene.material, self.scene.mesh
         if material.model == "pbr":
             p = pbr_surface(material, mesh.normals, mesh.tangents, mesh.uvs)
@@ -285,7 +286,8 @@ class TrueRenderer:
         return reflectance * self.vertex_irradiance(source) + np.pi * emission
 
     def plane_gain(self, source: CubeMap | Environment) -> NDArray:
-        """The true ratio and what the object adds to the plane's light, by that without it (grid, grid, 3)."""
+        """The true ratio plus the light that the object adds, relative to the plane's light without it (grid, grid,
+        3)."""
         ratio = self.plane_ratio(source)
         if not self.bounce:
             return ratio

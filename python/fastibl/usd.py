@@ -1,6 +1,6 @@
 """OpenUSD files (.usda): a map as a dome light.
 
-The text form is written as it stands: an optional USD library would be of 60 MB for these lines.
+The text form is written directly: an optional USD library would take 60 MB for these lines.
 """
 
 from __future__ import annotations

@@ -25,9 +25,9 @@ class _NoPictures(Exception):
 class VideoWriter:
     """Writes RGB pictures (h, w, 3) uint8 of one size as a .webm; a context manager.
 
-    Colours are encoded by BT.709, as the file says. fps: pictures a second, of those that have no time of their own.
-    The file takes its place when it is closed, whatever was raised meanwhile: what it cannot hold any more, on a full
-    disk, leaves the older one.
+    Colours are encoded by BT.709, as the file says. fps: pictures per second, for pictures that have no time of their
+    own. The new file takes its place when it is closed, whatever was raised meanwhile; if it cannot be completed, on a
+    full disk, the older file stays.
 
     Raises ValueError for another ending or a picture of another size, OSError where the file cannot be written,
     ImportError where PyAV is missing.
@@ -59,7 +59,7 @@ class VideoWriter:
         context.color_range = _LIMITED
 
     def add(self, picture: NDArray[np.uint8], time: float | None = None) -> None:
-        """time: seconds, of any zero, increasing; without it the picture is shown a period after the one before."""
+        """time: seconds from any zero, increasing; without it the picture is shown a period after the one before."""
         if not self._shape:
             self._shape = picture.shape
             self._stream.height, self._stream.width = picture.shape[:2]

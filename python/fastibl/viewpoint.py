@@ -1,4 +1,4 @@
-"""Poses of cameras that look somewhere."""
+"""Poses of cameras that look in a given direction."""
 
 from __future__ import annotations
 

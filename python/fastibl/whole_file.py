@@ -1,4 +1,4 @@
-"""Files that are there whole, or as they were before."""
+"""Files that are either written completely or stay as they were before."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _STEM = 40  # characters: names may be as long as the file system lets them be
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A name to write under, that no other process or thread takes; it takes the file's place where nothing is raised.
+    """A name to write under that no other process or thread uses; the new file replaces the old if nothing is raised.
 
-    What is no file, a device or a pipe, is written to by its own name; links stay, and so does the mode of a file that
-    was there. The name is a new file's: nothing is written through a link that somebody laid there.
+    A device or a pipe, which is not a file, is written to under its own name; links stay, and so does the mode of a
+    file that was there. The name is that of a new file: nothing is written through a link that somebody placed there.
     """
     path = Path(path)
     if path.exists() and not path.is_file():
@@ -39,6 +39,6 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | str) -> None:
-    """Writes a file, text as UTF-8 with the line ends it has."""
+    """Writes a file; text is written as UTF-8 with its own line ends."""
     with whole_file(path) as part:
         part.write_bytes(data.encode() if isinstance(data, str) else data)
