@@ -78,7 +78,7 @@ void bind_mesh_shadow(py::module_& module) {
                              "How often directions were chosen.");
 
   py::class_<MeshShadow, std::shared_ptr<MeshShadow>>(
-      module, "BakedShadow", R"(What a rigid object hides of the sky, see fastibl.MeshShadow.)")
+      module, "BakedShadow", R"(How a rigid object hides the sky, see fastibl.MeshShadow.)")
       .def_static(
           "bake",
           [](const Mesh& mesh, int resolution, float extent, int rings, int samples,

@@ -69,7 +69,7 @@ stays the same, and so does the paper's P_V. Raises ValueError for negative numb
                 py::hasattr(given, "baked") ? py::object(given.attr("baked")) : given;
             s.baked_shadow = baked.cast<std::shared_ptr<MeshShadow>>();
           },
-          R"(What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
+          R"(How the mesh hides the sky, for the shadow method "mesh": None, or a MeshShadow of `mesh` that you set.
 
 Without it that method raises ValueError. Where an object that has one is tilted or lifted off the plane, its triangles
 are drawn for each direction of light instead, as the method "directions" draws its spheres.)")

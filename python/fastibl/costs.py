@@ -1,4 +1,4 @@
-"""What each pass takes on this machine: measured once, kept on disk."""
+"""The time that each pass takes on this machine: measured once, kept on disk."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def read_dds(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
     """Reads the levels of a cube map, faces (6, n, n, 3) float32 each, largest first.
 
     Texels may be half, float, R11G11B10 or RGB9E5; of BC6H, only the largest level is read. Raises FileNotFoundError,
-    ValueError for a file that is not such a file, or is damaged, ImportError for BC6H without OpenImageIO.
+    ValueError for another kind of file or a damaged one, ImportError for BC6H without OpenImageIO.
     """
     path = Path(path)
     if not path.is_file():

@@ -71,8 +71,7 @@ def export_light(
     environment_without_lights.<format>: as with `without_lights`, the rest of the map and the lights together are all
     of the light. light.json says which ("lights_in_maps"). picture: equirectangular picture (h, 2 h, 3) of the same
     light in those axes, to be written unchanged as environment.<format>: a picture made from the map is 2 face edges
-    high, and its small lights are blurred. Raises ValueError for what is none of these, ImportError for "exr" without
-    OpenEXR.
+    high, and its small lights are blurred. Raises ValueError for other values, ImportError for "exr" without OpenEXR.
     """
     if format not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}, got {format!r}")

@@ -332,8 +332,7 @@ def read_geometry(path: Path) -> Mesh:
 
 
 def read(path: Path) -> tuple[Mesh, Material]:
-    """Reads the mesh, in the file's frame (y up), and the material. Raises ValueError for what cannot be read, and says
-    why."""
+    """Reads mesh, in the file's frame (y up), and material. Raises ValueError for what cannot be read, and says why."""
     try:
         file = _File(path, with_tangents=True)
         parts = file.parts()

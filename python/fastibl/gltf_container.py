@@ -24,7 +24,7 @@ DAMAGES = (
 
 
 class Container:
-    """A file's json, its content, and chunk, bytes of a .glb's second part. Raises ValueError for what is not glTF
+    """A glTF file. json: its content. chunk: bytes of a .glb's second part. Raises ValueError for what is not glTF
     2."""
 
     def __init__(self, path: Path):

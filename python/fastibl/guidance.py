@@ -1,4 +1,4 @@
-"""What is still unseen of a place, and where to turn to see it."""
+"""Which parts of a place are still unseen, and where to turn to see them."""
 
 from __future__ import annotations
 

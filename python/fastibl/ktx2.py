@@ -64,7 +64,7 @@ def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
     """Reads the levels of a cube map, faces (6, n, n, 3) float32 each, largest first.
 
     Texels may be half, float, R11G11B10 or RGB9E5; plain, or packed by ZLIB or Zstandard. Raises FileNotFoundError,
-    ValueError for a file that is not such a file, or is damaged, ImportError for Zstandard without its package.
+    ValueError for another kind of file or a damaged one, ImportError for Zstandard without its package.
     """
     path = Path(path)
     if not path.is_file():

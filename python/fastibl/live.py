@@ -20,7 +20,7 @@ _ROWS = 61  # every which row is compared first
 @dataclass(frozen=True)
 class Played:
     """A frame as it was used, and the session's result. result: None where nothing of the frame could be used. refused:
-    why a picture ("back", "front") or the whole frame ("frame") was left out, by these names."""
+    by "back", "front" or "frame", the reason why this picture or the whole frame was left out."""
 
     frame: Frame
     result: FrameResult | None
