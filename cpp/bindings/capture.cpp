@@ -65,21 +65,27 @@ void bind_capture(py::module_& module) {
   py::class_<Capture>(module, "Capture",
                       R"(Measures the light of a place from camera pictures with known poses.
 
-size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
-(metres, marker frame, z > 0), from which the plane is seen. plane_albedo: albedo of the plane where no camera saw it.
+size: face edge of the map in texels.
+board: its page is masked out of the plane.
+centre: where the object stands (metres, marker frame, z > 0), from which the plane is seen.
+plane_albedo: albedo of the plane where no camera saw it.
 paper_albedo: albedo of the board's white, which is a light meter: unseen parts of the sky are made so bright that the
-map lights the plane as it is really lit. distance: metres to what is seen above the horizon; infinite (the default)
-treats all light as distant. box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres,
-marker frame, around the centre (Lagarde and Zanuttini 2012). locate_lights: whether lights that several pictures show
-are triangulated and put where the object sees them, whatever `distance` and `box` say. prior: CubeMap of the place from
-an earlier time; its sky stands in for what no picture has seen, scaled per channel to agree with what was seen, at
-confidence 0 (see Environment.knowledge). doubt_exposures: whether a picture of a perspective camera that is brighter or
-darker than the map by one factor everywhere is taken to be wrongly exposed, until this has lasted for 0.2 s.
+map lights the plane as it is really lit.
+distance: metres to what is seen above the horizon; infinite (the default) treats all light as distant.
+box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame, around the
+centre (Lagarde and Zanuttini 2012).
+locate_lights: whether lights that several pictures show are triangulated and put where the object sees them, whatever
+`distance` and `box` say.
+prior: CubeMap of the place from an earlier time; its sky stands in for what no picture has seen, scaled per channel to
+agree with what was seen, at confidence 0 (see Environment.knowledge).
+doubt_exposures: whether a picture of a perspective camera that is brighter or darker than the map by one factor
+everywhere is taken to be wrongly exposed, until this has lasted for 0.2 s.
 most_boost: for cameras that cannot bracket, the largest factor per channel by which light that clipped above the
 horizon in every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default)
 leaves it a lower bound. Everything that clips in all channels gets the same factor, since one reading cannot tell
 lights apart. Without a board, or where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says
-how much of the light was boosted. Raises ValueError for values out of range.)")
+how much of the light was boosted.
+Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
                        double plane_albedo, double distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,

@@ -59,19 +59,22 @@ def export_light(
 
     axes: "gltf" (y up, as three.js and Filament) or "marker" (z up); everything is turned to these axes except
     light.glb, which is y up as glTF asks, and light.usda's picture, which is in the frame of its dome: light.json says
-    each file's axes. size, levels, mapping, error: of the GGX set, see Lighting.prefiltered. irradiance: face edge of
-    the irradiance cube, which holds E(n) (pi for radiance 1).
+    each file's axes.
+    size, levels, mapping, error: of the GGX set, see Lighting.prefiltered.
+    irradiance: face edge of the irradiance cube, which holds E(n) (pi for radiance 1).
     format: "hdr" or "exr": the map as an equirectangular picture environment.<format>, cubes laid out as `layout` says,
     see write_environment. "ktx2": environment.ktx2, irradiance.ktx2, and all levels in one prefiltered.ktx2.
-    handedness: that of all cubes, as in write_environment. sh: which conventions of `write_sh` to write, as sh.txt and
-    sh.json ("filament"), probe.txt and probe.json ("three.js"). gltf: whether to write light.glb, see
-    `write_gltf_light`; usd: whether to write light.usda, see `write_usd`. lights_apart: by default the lights of
-    light.json are also in all maps, for renderers that take no lights beside them; adding them would count their light
-    twice. True takes them out of all files but environment.<format>, the map as it is seen, and writes
-    environment_without_lights.<format>: as with `without_lights`, the rest of the map and the lights together are all
-    of the light. light.json says which ("lights_in_maps"). picture: equirectangular picture (h, 2 h, 3) of the same
-    light in those axes, to be written unchanged as environment.<format>: a picture made from the map is 2 face edges
-    high, and its small lights are blurred. Raises ValueError for other values, ImportError for "exr" without OpenEXR.
+    handedness: that of all cubes, as in write_environment.
+    sh: which conventions of `write_sh` to write, as sh.txt and sh.json ("filament"), probe.txt and probe.json
+    ("three.js").
+    gltf: whether to write light.glb, see `write_gltf_light`; usd: whether to write light.usda, see `write_usd`.
+    lights_apart: by default the lights of light.json are also in all maps, for renderers that take no lights beside
+    them; adding them would count their light twice. True takes them out of all files but environment.<format>, the map
+    as it is seen, and writes environment_without_lights.<format>: as with `without_lights`, the rest of the map and the
+    lights together are all of the light. light.json says which ("lights_in_maps").
+    picture: equirectangular picture (h, 2 h, 3) of the same light in those axes, to be written unchanged as
+    environment.<format>: a picture made from the map is 2 face edges high, and its small lights are blurred.
+    Raises ValueError for other values, ImportError for "exr" without OpenEXR.
     """
     if format not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}, got {format!r}")

@@ -57,15 +57,19 @@ def make_plan(
     methods are tried on this light, at places of this scene whose true light is known from rays; their times come from
     `costs`.
 
-    environment: what is known of the light; a CubeMap counts as known everywhere. error, milliseconds: budgets, 0 for
-    none. methods: "auto", "paper", a mapping from step to method, or another plan's. track, capture: whether the poses
-    and the map come from pictures; by default capture is True when no environment is given. costs: this machine's costs
-    in nanoseconds by name, see fastibl.costs.machine_costs; a built-in table by default. offline: True for pictures
-    rather than a live view: "auto" may then choose methods that take tenths of a second per picture. camera,
-    camera_from_marker: those of the planned picture; errors are those of this picture. Without them, or where the
-    picture shows nothing of the object, the frame has 640 x 480 pixels, errors are those of eight views all round, and
-    what is promised holds for the worst view. A scene without a baked_shadow gets one, as in Session. Raises ValueError
-    for unknown names, negative budgets, or a camera without its pose.
+    environment: what is known of the light; a CubeMap counts as known everywhere.
+    error, milliseconds: budgets, 0 for none.
+    methods: "auto", "paper", a mapping from step to method, or another plan's.
+    track, capture: whether the poses and the map come from pictures; by default capture is True when no environment is
+    given.
+    costs: this machine's costs in nanoseconds by name, see fastibl.costs.machine_costs; a built-in table by default.
+    offline: True for pictures rather than a live view: "auto" may then choose methods that take tenths of a second per
+    picture.
+    camera, camera_from_marker: those of the planned picture; errors are those of this picture. Without them, or where
+    the picture shows nothing of the object, the frame has 640 x 480 pixels, errors are those of eight views all round,
+    and what is promised holds for the worst view.
+    A scene without a baked_shadow gets one, as in Session.
+    Raises ValueError for unknown names, negative budgets, or a camera without its pose.
     """
     if (camera is None) != (camera_from_marker is None):
         raise ValueError("camera and camera_from_marker must both be given, or neither")
@@ -126,26 +130,35 @@ def _known(environment: Environment | CubeMap | None) -> Environment | None:
 class Session(_Session):
     """Track, capture, light, shadow, shade and composite, frame by frame.
 
-    scene: Scene. rig: Rig (or only its back camera's). board: Board, or None if every frame comes with its pose.
-    environment: Environment or CubeMap to use instead of capturing. error, milliseconds: budgets of the plan: error as
-    a share of the picture's light (0.02 is 2 %), and processor time per frame. With a time budget one thread does the
-    work, because several take more processor time in all. methods: "auto", "paper" or a mapping from step to method.
-    backend: "cpu", "gl", or "auto" (the CPU). detector: function (grey, board, camera) -> (tags, start), OpenCV's by
-    default. size: face edge of the captured map. distance: rough distance of the walls in metres, where they are near;
-    infinite treats all light as distant. box: the room's walls, floor and ceiling instead of a distance: two corners
-    (2, 3), metres, marker frame. doubt_exposures: whether a picture that differs from the map by one factor everywhere
-    is at first taken to be wrongly exposed, see Capture. front_ratio: per channel, the front camera's value for a light
-    divided by the back camera's, see fastibl.white. follow_surroundings: whether the surroundings are used to tell how
-    the cameras turn while the board is out of view (FrameResult.turned; the map is captured on), and whether the board
-    was turned by hand (FrameResult.board_moved). prior: CubeMap of the place from an earlier time. paper_albedo: albedo
-    of the board's white. most_boost: largest factor on lights that clip in every exposure. All three are those of
-    Capture. adapt: whether frames that take longer than `milliseconds`, or much less, change the methods; switch it off
-    for a replay that gives the same bits. Choices by `error` alone never depend on time. costs: this machine's costs in
-    nanoseconds by name, used for `milliseconds`, see fastibl.costs.machine_costs; a built-in table by default. offline:
-    True for pictures rather than a live view: "auto" may then choose methods that take tenths of a second per picture.
+    scene: Scene.
+    rig: Rig (or only its back camera's).
+    board: Board, or None if every frame comes with its pose.
+    environment: Environment or CubeMap to use instead of capturing.
+    error, milliseconds: budgets of the plan: error as a share of the picture's light (0.02 is 2 %), and processor time
+    per frame. With a time budget one thread does the work, because several take more processor time in all.
+    methods: "auto", "paper" or a mapping from step to method.
+    backend: "cpu", "gl", or "auto" (the CPU).
+    detector: function (grey, board, camera) -> (tags, start), OpenCV's by default.
+    size: face edge of the captured map.
+    distance: rough distance of the walls in metres, where they are near; infinite treats all light as distant.
+    box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame.
+    doubt_exposures: whether a picture that differs from the map by one factor everywhere is at first taken to be
+    wrongly exposed, see Capture.
+    front_ratio: per channel, the front camera's value for a light divided by the back camera's, see fastibl.white.
+    follow_surroundings: whether the surroundings are used to tell how the cameras turn while the board is out of view
+    (FrameResult.turned; the map is captured on), and whether the board was turned by hand (FrameResult.board_moved).
+    prior: CubeMap of the place from an earlier time.
+    paper_albedo: albedo of the board's white.
+    most_boost: largest factor on lights that clip in every exposure. The last three are as in Capture.
+    adapt: whether frames that take longer than `milliseconds`, or much less, change the methods; switch it off for a
+    replay that gives the same bits. Choices by `error` alone never depend on time.
+    costs: this machine's costs in nanoseconds by name, used for `milliseconds`, see fastibl.costs.machine_costs; a
+    built-in table by default.
+    offline: True for pictures rather than a live view: "auto" may then choose methods that take tenths of a second per
+    picture.
     A scene that has spheres but no baked_shadow gets one, for the shadow methods "auto" and "mesh": its mesh is baked,
-    or the result is read from the cache on disk. Raises ValueError for unknown names, RuntimeError where the GL back
-    end cannot start.
+    or the result is read from the cache on disk.
+    Raises ValueError for unknown names, RuntimeError where the GL back end cannot start.
     """
 
     def __init__(

@@ -29,10 +29,10 @@ def write_shadow(
     plate times this ratio is exact in colour. The header has the plane's "extent" (metres from the middle to an edge),
     "centre" (metres, marker frame) and "metresPerPixel".
     .png: 16 bits, RGB black, alpha the same opacity, which is linear, so compose it in linear light; the description is
-    beside the picture as .json. Opacity is 1 minus the Rec. 709 luminance of the ratio. extent: half the picture's edge
-    in metres, by default all that the shadow reaches. resolution: pixels along an edge, by default those of the
-    shadow's finest map, at most 4096. Raises ValueError for another ending or values that are not positive, ImportError
-    for .exr without OpenEXR.
+    beside the picture as .json. Opacity is 1 minus the Rec. 709 luminance of the ratio.
+    extent: half the picture's edge in metres, by default all that the shadow reaches.
+    resolution: pixels along an edge, by default those of the shadow's finest map, at most 4096.
+    Raises ValueError for another ending or values that are not positive, ImportError for .exr without OpenEXR.
     """
     path = Path(path)
     suffix = path.suffix.lower()

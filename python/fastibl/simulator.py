@@ -402,22 +402,28 @@ def simulate(
     """Makes a recording of a place whose light is known.
 
     environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the path of
-    an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights; or a Place of your own. albedo:
-    the table's mean albedo, a number or RGB; by default about that of the printed page. board: the printed page
-    (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False is no board. size: width
-    and height of the pictures. rig: cameras of your own; `size` is then ignored. truth_size: texels along a face of the
-    true maps.
+    an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights; or a Place of your own.
+    albedo: the table's mean albedo, a number or RGB; by default about that of the printed page.
+    board: the printed page (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False is
+    no board.
+    size: width and height of the pictures.
+    rig: cameras of your own; `size` is then ignored.
+    truth_size: texels along a face of the true maps.
 
     The back camera circles the board as if held by a hand, at constant exposure; the front camera, which looks the
-    other way, takes one in three pictures 16 times darker and one in three 256 times darker. path: "hand" wanders,
-    "sweep" looks all around once with the front camera at the horizon, and once above; or back_from_marker as a
-    function of the time in seconds. lamp: whether, in the room, a lamp is switched on at half-time. hand: whether a
-    hand covers the front camera for one second after 30 % of the time. front_exposures: instead of these three
-    exposures in turn, a function from the exposure of a front picture to that of the next, such as Bracket or
-    AdaptiveExposure. auto_exposure: whether the back camera exposes by what its last picture shows, as most do where
-    nothing stops them, and not for the table. gyro: frames then have the back camera's attitude (Frame.attitude), which
-    drifts by this many radians per root of a second; phones have about 0.001, and 0 is exact. `truth` holds the maps at
-    `position` (the object: 6 cm above the board's centre), the poses, and the times of the lamp and the hand.
+    other way, takes one in three pictures 16 times darker and one in three 256 times darker.
+    path: "hand" wanders, "sweep" looks all around once with the front camera at the horizon, and once above; or
+    back_from_marker as a function of the time in seconds.
+    lamp: whether, in the room, a lamp is switched on at half-time.
+    hand: whether a hand covers the front camera for one second after 30 % of the time.
+    front_exposures: instead of these three exposures in turn, a function from the exposure of a front picture to that
+    of the next, such as Bracket or AdaptiveExposure.
+    auto_exposure: whether the back camera exposes by what its last picture shows, as most do where nothing stops them,
+    and not for the table.
+    gyro: frames then have the back camera's attitude (Frame.attitude), which drifts by this many radians per root of a
+    second; phones have about 0.001, and 0 is exact.
+    `truth` holds the maps at `position` (the object: 6 cm above the board's centre), the poses, and the times of the
+    lamp and the hand.
 
     Effects of time on pictures are left out unless you ask for them:
 
@@ -430,8 +436,8 @@ def simulate(
     - glare: share of a picture's light, 0 to 1, that lenses spread evenly over all of it; 0.01 is good, 0.03 common.
     - clock_offset: seconds; a picture stamped `time` begins at `time` + clock_offset of the truth's clock.
 
-    The truth's poses are those at the stated times, and, where these differ, when the first and the last row are
-    taken. Exposures and readouts longer than 1 / fps raise ValueError.
+    The truth's poses are those at the stated times, and, where these differ, when the first and the last row are taken.
+    Exposures and readouts longer than 1 / fps raise ValueError.
 
     live: whether to make each picture when the recording is iterated, and keep none; each iteration asks
     front_exposures anew. out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos
